@@ -1,0 +1,306 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Simulated visitors: they feed the sensors' topics, answer the robot, press buttons and leave."""
+
+from __future__ import annotations
+
+import math
+import sys
+import time
+from typing import Any
+
+import rclpy
+from rclpy.clock import Clock, ClockType
+from rclpy.node import Node
+from rclpy.publisher import Publisher
+from std_msgs.msg import Bool, Empty, String
+
+from bt_agents.errors import Refused
+from bt_agents.language.scene_reader import read_scene
+from bt_agents.language.script_reader import read_script
+from bt_agents.language.specs import BindingKind, Change, SceneSpec, Script, SourceSpec, Visit
+from bt_agents.ros import qos
+from bt_agents.ros.interfaces import fill, load_type, read_field
+from bt_agents.ros.parameters import declare, describe
+from bt_agents.ros.runner import run
+from bt_agents.trees_folder import find_trees
+from bt_agents_interfaces.msg import MarketStatus, Run
+from bt_agents_interfaces.msg import Scene as SceneMsg
+from bt_agents_robot.people import ANSWER_DELAY_S, field_value, nested, pause_after, readings
+from scene_layer.script import Market, Performance, answer
+
+SENSOR_PERIOD_S = 0.2
+"""Time between two readings of one sensor [s]."""
+
+SETTLE_S = 0.1
+"""Time for the first readings of a visitor to arrive before the scene is asked for [s]."""
+
+COMPLAIN_S = 5.0
+"""Time between two complaints that nobody listens [s]."""
+
+_TICK_S = 0.02
+
+
+class _Sensor:
+    """One topic that visitors are seen on, with all sources that read it."""
+
+    def __init__(self, node: Node, topic: str, sources: list[SourceSpec]) -> None:
+        self.sources = sources
+        self._type = load_type(sources[0].type, BindingKind.TOPIC)
+        self._examples = {source: self._example(source) for source in sources}
+        # Reliable, so that both kinds of subscription match.
+        self.publisher: Publisher = node.create_publisher(self._type, topic, qos.EVENTS)
+
+    def publish(self, values: dict[SourceSpec, float]) -> None:
+        """Publish one message with the readings of all sources, unless there are none."""
+        if any(not math.isnan(values[source]) for source in self.sources):
+            self.publisher.publish(self._message(values))
+
+    def _message(self, values: dict[SourceSpec, float]) -> Any:
+        message = self._type()
+        fields = (
+            (source.field, field_value(self._examples[source], values[source]))
+            for source in self.sources
+        )
+        fill(message, nested(fields))
+        return message
+
+    def _example(self, source: SourceSpec) -> Any:
+        try:
+            example = read_field(self._type(), source.field)
+            fill(self._type(), nested([(source.field, field_value(example, 0.0))]))
+        except (Refused, TypeError) as error:
+            raise Refused(
+                "UNKNOWN_FIELD",
+                f"{source.position}: visitors cannot write {source.field} of {source.type}: "
+                f"{error}",
+            ) from None
+        return example
+
+
+class VisitorsNode(Node):
+    """Plays a script as people who come, are sensed, react and leave.
+
+    Args:
+        spec: The scene parameters and the sources that read them.
+        script: The visits.
+        node_kwargs: For :class:`rclpy.node.Node`.
+
+    Raises:
+        Refused: A source has a type or field that cannot be written.
+    """
+
+    def __init__(self, spec: SceneSpec, script: Script, **node_kwargs: Any) -> None:
+        super().__init__("visitors", **node_kwargs)
+        self._spec = spec
+        self._script = script
+        self._declare()
+        self._performance = Performance(
+            script, wait_for_agents=self._wait_for_agents, pace=self._pace
+        )
+        self._values: dict[str, float] = {}
+        self._person = False
+        self._seen: set[str] = set()
+        self._trigger_at = math.inf
+        self._next_at = 0.0
+        self._complain_at = math.inf
+        self._awaiting_scene = False
+        self._sensing_pending = False
+        self._answering: list[tuple[float, str]] = []
+        self._publish_and_subscribe()
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self.create_timer(SENSOR_PERIOD_S, self._sense, clock=steady)
+        self._timer = self.create_timer(_TICK_S, self._tick, clock=steady)
+
+    def _declare(self) -> None:
+        pace = describe(
+            "speed of the visits relative to real time",
+            minimum=0.1,
+            maximum=1000.0,
+            read_only=True,
+        )
+        agents = describe(
+            "visitors come when the market has so many agents",
+            minimum=0,
+            maximum=1_000_000,
+            integer=True,
+            read_only=True,
+        )
+        self._pace = float(declare(self, "pace", 1.0, pace))
+        self._wait_for_agents = int(declare(self, "wait_for_agents", 1, agents))
+
+    def _publish_and_subscribe(self) -> None:
+        person = (self._spec.person,) if self._spec.person else ()
+        topics: dict[str, list[SourceSpec]] = {}
+        for source in (*self._spec.sources, *person):
+            topics.setdefault(source.topic, []).append(source)
+        self._sensors = [_Sensor(self, topic, sources) for topic, sources in topics.items()]
+        buttons = {topic for visit in self._script.visits for topic in visit.buttons}
+        self._buttons = {t: self.create_publisher(Bool, t, qos.EVENTS) for t in sorted(buttons)}
+        self._trigger = self.create_publisher(Empty, "scene_layer/trigger", qos.EVENTS)
+        self._answers = self.create_publisher(String, "answers", qos.EVENTS)
+        self._current = self.create_publisher(String, "visitors/current", qos.FACT)
+        self._done = self.create_publisher(Bool, "visitors/done", qos.FACT)
+        self.create_subscription(MarketStatus, "market", self._on_market, qos.FACT)
+        self.create_subscription(SceneMsg, "scene", self._on_scene, qos.EVENTS)
+        self.create_subscription(Run, "runs", self._on_run, qos.EVENTS)
+        self.create_subscription(String, "robot/questions", self._on_question, qos.EVENTS)
+
+    # What arrives
+
+    def _on_market(self, message: Any) -> None:
+        market = Market(
+            epoch=message.epoch,
+            idle=message.state == MarketStatus.IDLE,
+            agents=message.agents,
+            finished_scene_id=message.finished_scene_id,
+        )
+        self._performance.market(market, time.monotonic())
+
+    def _on_scene(self, message: Any) -> None:
+        if self._awaiting_scene:
+            self._awaiting_scene = False
+            self._performance.announced(message.scene_id)
+
+    def _on_run(self, message: Any) -> None:
+        if message.event == Run.STARTED:
+            self._performance.started(message.scene.scene_id, time.monotonic())
+
+    def _on_question(self, message: Any) -> None:
+        visit = self._performance.visit
+        text = answer(visit, message.data) if visit is not None else ""
+        if text:
+            self._answering.append((time.monotonic() + ANSWER_DELAY_S / self._pace, text))
+
+    # What is done
+
+    def _sense(self) -> None:
+        values = readings(self._spec, self._values, self._person)
+        for sensor in self._sensors:
+            sensor.publish(values)
+
+    def _tick(self) -> None:
+        now = time.monotonic()
+        if self._performance.over():
+            self._leave(now)
+        elif self._performance.not_taken(now):
+            self.get_logger().warning("nobody took the scene of the visit; it is begun again")
+            self._leave(now)
+        if self._performance.done:
+            self._finish()
+            return
+        if now >= self._next_at:
+            visit = self._performance.next(now)
+            if visit is not None:
+                self._arrive(visit, now)
+        self._trigger_when_sensed(now)
+        self._react(now)
+
+    def _arrive(self, visit: Visit, now: float) -> None:
+        self.get_logger().info(f"visit {self._performance.number}: {visit.label}")
+        self._current.publish(String(data=visit.label))
+        self._values, self._person = dict(visit.values), visit.person
+        self._seen = set(visit.values)
+        self._awaiting_scene = False
+        self._trigger_at = math.inf
+        self._complain_at = now + COMPLAIN_S
+        self._sensing_pending = True
+
+    def _trigger_when_sensed(self, now: float) -> None:
+        """Ask for the scene once every sensor in use has a reader and has been read."""
+        if self._sensing_pending:
+            silent = [p.topic_name for p in self._listened() if p.get_subscription_count() == 0]
+            if silent:
+                self._complain(silent, now)
+                return
+            self._sensing_pending = False
+            self._sense()
+            self._trigger_at = now + SETTLE_S
+        elif now >= self._trigger_at:
+            self._trigger_at = math.inf
+            self._awaiting_scene = True
+            self._trigger.publish(Empty())
+
+    def _listened(self) -> list[Publisher]:
+        values = readings(self._spec, self._values, self._person)
+        used = [
+            sensor.publisher
+            for sensor in self._sensors
+            if any(not math.isnan(values[source]) for source in sensor.sources)
+        ]
+        return [self._trigger, *used]
+
+    def _complain(self, silent: list[str], now: float) -> None:
+        if now >= self._complain_at:
+            self._complain_at = now + COMPLAIN_S
+            self.get_logger().warning(
+                f"nobody listens to {', '.join(silent)}; "
+                "does the scene layer run, without a script of its own?"
+            )
+
+    def _react(self, now: float) -> None:
+        changes, buttons = self._performance.due(now)
+        for change in changes:
+            self._change(change)
+        for topic in buttons:
+            self._buttons[topic].publish(Bool(data=True))
+        for at, text in list(self._answering):
+            if now >= at:
+                self._answering.remove((at, text))
+                self._answers.publish(String(data=text))
+
+    def _change(self, change: Change) -> None:
+        self._values.update(change.values)
+        self._seen.update(change.values)
+        if change.person is not None:
+            self._person = change.person
+        self._sense()
+
+    def _leave(self, now: float) -> None:
+        visits = self._script.visits
+        index = self._performance.number - 1
+        coming = visits[index] if index < len(visits) else None
+        self._next_at = now + pause_after(self._spec, self._seen, coming, self._pace)
+        self._values, self._person, self._answering = {}, False, []
+        self._sensing_pending = self._awaiting_scene = False
+        self._trigger_at = math.inf
+        self._current.publish(String(data=""))
+        self._sense()
+
+    def _finish(self) -> None:
+        self._timer.cancel()
+        self._done.publish(Bool(data=True))
+        self.get_logger().info("all visits are over")
+
+
+def make_node() -> VisitorsNode:
+    """Create the node as the parameters of its process ask for.
+
+    Raises:
+        BtAgentsError: The trees folder, ``scene.yaml`` or the script cannot be used.
+    """
+    trees = describe(
+        "folder with scene.yaml; empty searches ./trees, then the installed one", read_only=True
+    )
+    script = describe("script with the visits", read_only=True)
+    # What the node is made of stands in its own parameters, so they are read before it exists.
+    reader = rclpy.create_node("visitors", start_parameter_services=False, enable_rosout=False)
+    try:
+        spec = read_scene(find_trees(str(declare(reader, "trees", "", trees))) / "scene.yaml")
+        path = str(declare(reader, "script", "", script))
+        if not path:
+            raise Refused("EMPTY", "parameter script is empty; name a file of visits")
+        node = VisitorsNode(spec, read_script(path, spec.space))
+    finally:
+        reader.destroy_node()
+    declare(node, "trees", "", trees)
+    declare(node, "script", "", script)
+    return node
+
+
+def main() -> None:
+    """Entry point of ``ros2 run bt_agents_robot visitors``."""
+    sys.exit(run(make_node))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,54 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Which run the live scene is published for; old runs that a late joiner is told of are none."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, kw_only=True)
+class LiveRun:
+    """The run that a live scene belongs to."""
+
+    epoch: str
+    round: int
+    scene_id: str
+
+
+class Following:
+    """Follows the events of runs and the state of the market.
+
+    Attributes:
+        run: The run under way; None between runs.
+    """
+
+    def __init__(self) -> None:
+        self.run: LiveRun | None = None
+        self._ended: dict[str, int] = {}
+        self._market: tuple[str, int, bool] | None = None
+
+    def started(self, run: LiveRun) -> bool:
+        """Take the start of a run; return True when it is under way now."""
+        if run.round <= self._ended.get(run.epoch, 0) or self._is_over(run):
+            return False
+        self.run = run
+        return True
+
+    def ended(self, epoch: str, round_number: int) -> None:
+        """Take the end of a run."""
+        self._ended[epoch] = max(round_number, self._ended.get(epoch, 0))
+        if self.run is not None and (self.run.epoch, self.run.round) == (epoch, round_number):
+            self.run = None
+
+    def market(self, epoch: str, round_number: int, idle: bool) -> None:
+        """Take the state of the market; a restarted one has lost its runs."""
+        self._market = (epoch, round_number, idle)
+        if self.run is not None and (epoch != self.run.epoch or self._is_over(self.run)):
+            self.run = None
+
+    def _is_over(self, run: LiveRun) -> bool:
+        """Whether the market has gone past a run; another epoch says nothing about a new run."""
+        if self._market is None or self._market[0] != run.epoch:
+            return False
+        _, round_number, idle = self._market
+        return round_number > run.round or (idle and round_number == run.round)

@@ -1,0 +1,142 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The order of a scripted play: which visit is next, when it is over, what changes by when."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from bt_agents.language.specs import Change, Script, Visit
+
+TAKEN_WITHIN_S = 5.0
+"""A market that stays idle this long after a scene was sent has not got it [s]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Market:
+    """What a play needs to know of the market; the fields are those of ``MarketStatus.msg``."""
+
+    epoch: str
+    idle: bool
+    agents: int
+    finished_scene_id: str
+
+
+class Performance:
+    """Plays the visits of a script one after the other, each until the market has finished it.
+
+    A visit is begun again when the market was restarted meanwhile or did not take its scene, so a
+    play neither hangs nor skips a visit.
+
+    Example:
+        The owner reports what happens and asks what to do: ``market`` and ``over`` at every
+        status, ``next`` between visits, ``announced`` with the id of the visit's scene,
+        ``started`` and ``due`` during its run.
+    """
+
+    def __init__(self, script: Script, *, wait_for_agents: int = 1, pace: float = 1.0) -> None:
+        """Prepare the play.
+
+        Args:
+            script: The visits.
+            wait_for_agents: The market must have so many agents before a visit begins.
+            pace: Speed of the visits relative to real time.
+        """
+        self._script = script
+        self._pace = pace
+        self._wait_for_agents = wait_for_agents
+        self._market: Market | None = None
+        self._idle_since = math.inf
+        self._index = 0
+        self._epoch = ""
+        self._begun_at = math.inf
+        self._scene_id = ""
+        self._started_at: float | None = None
+        self._changes: list[Change] = []
+        self._buttons: list[tuple[float, str]] = []
+        self._under_way = False
+
+    @property
+    def done(self) -> bool:
+        """True when all visits are over."""
+        return self._index >= len(self._script.visits)
+
+    @property
+    def number(self) -> int:
+        """Number of the visit under way or next, from 1."""
+        return self._index + 1
+
+    @property
+    def visit(self) -> Visit | None:
+        """The visit under way."""
+        return self._script.visits[self._index] if self._under_way else None
+
+    def market(self, market: Market, now: float) -> None:
+        """Take the latest status of the market, at steady time ``now`` [s]."""
+        was_idle = self._market is not None and self._market.idle
+        if market.idle and not was_idle:
+            self._idle_since = now
+        self._market = market
+
+    def over(self) -> bool:
+        """Return True once when the visit under way is over."""
+        if not self._under_way or self._market is None:
+            return False
+        if self._market.epoch != self._epoch:
+            self._under_way = False
+        elif self._scene_id and self._market.finished_scene_id == self._scene_id:
+            self._under_way = False
+            self._index += 1
+        return not self._under_way
+
+    def not_taken(self, now: float) -> bool:
+        """Return True once when the market leaves the scene of the visit lying about."""
+        if not self._under_way or self._market is None or not self._market.idle:
+            return False
+        self._under_way = now - max(self._idle_since, self._begun_at) <= TAKEN_WITHIN_S
+        return not self._under_way
+
+    def next(self, now: float) -> Visit | None:
+        """Begin the next visit when the market is ready for it and return it, else None."""
+        if self._under_way or self.done or self._market is None:
+            return None
+        if not self._market.idle or self._market.agents < self._wait_for_agents:
+            return None
+        self._under_way = True
+        self._epoch = self._market.epoch
+        self._begun_at = now
+        self._scene_id = ""
+        self._started_at = None
+        return self.visit
+
+    def announced(self, scene_id: str) -> None:
+        """Take the id of the scene that the visit under way has led to; later ones are ignored."""
+        if self._under_way and not self._scene_id:
+            self._scene_id = scene_id
+
+    def started(self, scene_id: str, now: float) -> None:
+        """Take the start of a run; the first one of the visit starts its clock."""
+        visit = self.visit
+        if visit is None or not self._scene_id or scene_id != self._scene_id:
+            return
+        if self._started_at is None:
+            self._changes = sorted(visit.changes, key=lambda change: change.after_s)
+            self._buttons = sorted((at, topic) for topic, at in visit.buttons.items())
+            self._started_at = now
+
+    def due(self, now: float) -> tuple[list[Change], list[str]]:
+        """Return the changes and the topics of the buttons whose time has come, each once."""
+        if self._started_at is None or not self._under_way:
+            return [], []
+        elapsed = (now - self._started_at) * self._pace
+        changes = [change for change in self._changes if change.after_s <= elapsed]
+        buttons = [topic for at, topic in self._buttons if at <= elapsed]
+        self._changes = self._changes[len(changes) :]
+        self._buttons = self._buttons[len(buttons) :]
+        return changes, buttons
+
+
+def answer(visit: Visit, question: str) -> str:
+    """Return what the person of a visit answers to a question; empty when nothing fits."""
+    asked = question.casefold()
+    return next((text for word, text in visit.answers.items() if word.casefold() in asked), "")
