@@ -1,0 +1,263 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Where feedback comes from: mood rules of the run, people and programs, a simulated list."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from bt_agents.errors import Refused
+from bt_agents.scene import Scene, Vector
+from bt_agents.simulated import SimulatedFeedback
+from feedback_node.cards import Card
+from feedback_node.learning import Kind
+from feedback_node.profiles import Change, Delivery, Profiles
+from feedback_node.rules import Fired, Watch
+from feedback_node.runs import Run, Runs
+
+SETTLE_S = 0.5
+"""How long the rules of a run wait that was replayed from history: its end may follow."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Given:
+    """Feedback from outside, unchecked; see ``GiveFeedback.srv``."""
+
+    feedback_id: str = ""
+    agent: str = ""
+    kind: int
+    values: tuple[float, ...] = ()
+    source: str = ""
+    reason: str = ""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Stop:
+    """The market is to stop a run and to ask again for the scene as it is now."""
+
+    run: Run
+    reason: str
+    live: Scene
+
+
+@dataclass(frozen=True, kw_only=True)
+class Lesson:
+    """What follows from a rule that fired.
+
+    Attributes:
+        change: The recorded change; None when it was refused.
+        problem: Why it was refused, in words.
+        stop: Set when the rule also stops the run, whether or not the profile could move.
+    """
+
+    change: Change | None = None
+    problem: str = ""
+    stop: Stop | None = None
+
+
+class Teaching:
+    """Turns what happens around a run into changes of profiles."""
+
+    def __init__(
+        self,
+        profiles: Profiles,
+        *,
+        clock: Callable[[], float],
+        new_id: Callable[[], str],
+        simulated: SimulatedFeedback | None = None,
+    ) -> None:
+        """Start without any run.
+
+        Args:
+            profiles: The profiles to change.
+            clock: Steady time [s].
+            new_id: Returns a unique id for feedback that has none.
+            simulated: Feedback of an experiment.
+        """
+        self.profiles = profiles
+        self._clock = clock
+        self._new_id = new_id
+        self._simulated = simulated
+        self._runs = Runs()
+        self._watch: Watch | None = None
+        self._settle_s = 0.0
+        self._card_awaited = False
+
+    @property
+    def watching(self) -> bool:
+        """True while a rule may fire because time passes."""
+        return self._watch is not None and not self._watch.over
+
+    def introduce(self, card: Card) -> tuple[tuple[Delivery, ...], tuple[str, ...]]:
+        """Take a host's card; see :meth:`Profiles.introduce`."""
+        result = self.profiles.introduce(card)
+        self._begin()
+        return result
+
+    def started(self, run: Run, *, replayed: bool = False) -> None:
+        """Watch a run; one that is known to be over is not watched.
+
+        Args:
+            run: The run.
+            replayed: True when the event is older than this node.
+        """
+        if self._runs.started(run):
+            self._watch = None
+            self._settle_s = SETTLE_S if replayed else 0.0
+            self._card_awaited = True
+            self._begin()
+
+    def cancelling(self, run: Run) -> None:
+        """Watch a run no more: what the person does while it is being stopped teaches nothing."""
+        if self._runs.current is not None and self._runs.current.key == run.key:
+            self._stop_watching()
+
+    def ended(self, run: Run) -> None:
+        """Note the end of a run, including one that never started for this node."""
+        if self._runs.ended(run):
+            self._stop_watching()
+
+    def see(self, live: Scene) -> tuple[Lesson, ...]:
+        """Take a live scene; one of another scene than the run's is ignored."""
+        run = self._runs.current
+        if run is None or self._watch is None or live.scene_id != run.scene.scene_id:
+            return ()
+        return self._lessons(run, self._watch.see(live))
+
+    def tick(self) -> tuple[Lesson, ...]:
+        """Let time pass."""
+        run = self._runs.current
+        if run is None or self._watch is None:
+            return ()
+        return self._lessons(run, self._watch.tick())
+
+    def give(self, given: Given) -> Change:
+        """Apply feedback from a person, a button or a program.
+
+        Raises:
+            Refused: ``NO_AGENT``, ``UNKNOWN_AGENT``, ``UNKNOWN_KIND``, ``NO_SCENE``,
+                ``WRONG_LENGTH``, ``FEEDBACK_ID_TAKEN``, or as in :meth:`Profiles.apply`; nothing
+                has changed.
+        """
+        if given.feedback_id and (known := self.profiles.recorded(given.feedback_id)) is not None:
+            return _same(given, known)
+        agent = given.agent or self._agent()
+        self.profiles.agent(agent)
+        try:
+            kind = Kind(given.kind)
+        except ValueError:
+            raise Refused(
+                "UNKNOWN_KIND",
+                f"feedback: kind {given.kind}, expected 0 (direct), 1 (positive) or 2 (negative)",
+            ) from None
+        run = self._runs.last(agent)
+        return self.profiles.apply(
+            agent,
+            kind,
+            given.values if kind is Kind.DIRECT else _scene(given, agent, run),
+            feedback_id=given.feedback_id or self._new_id(),
+            source=given.source,
+            reason=given.reason,
+            run=run,
+        )
+
+    def collect(self, run: Run) -> Change | None:
+        """Apply the simulated feedback for a run that has ended; None when there is none.
+
+        Raises:
+            Refused: ``NO_RUN``, or as in :meth:`Profiles.apply`; nothing has changed.
+        """
+        if not run.epoch or not run.round:
+            raise Refused(
+                "NO_RUN",
+                f"feedback: epoch '{run.epoch}' and round {run.round} name no run; "
+                f"both come from the award",
+            )
+        self.profiles.agent(run.agent)
+        feedback_id = f"simulated/{run.epoch}/{run.round}/{run.agent}"
+        if (known := self.profiles.recorded(feedback_id)) is not None:
+            return known
+        wanted = self._simulated.next(run.agent) if self._simulated is not None else None
+        if wanted is None:
+            return None
+        return self.profiles.apply(
+            run.agent,
+            Kind.DIRECT,
+            wanted,
+            feedback_id=feedback_id,
+            source="simulated",
+            reason=f"prepared feedback for round {run.round}",
+            run=run,
+        )
+
+    def _begin(self) -> None:
+        run = self._runs.current
+        if run is not None and self._card_awaited and self.profiles.knows(run.agent):
+            self._card_awaited = False
+            self._watch = Watch(
+                self.profiles.agent(run.agent).rules,
+                run.scene,
+                self.profiles.space,
+                self._clock,
+                self._settle_s,
+            )
+
+    def _stop_watching(self) -> None:
+        self._watch = None
+        self._card_awaited = False
+
+    def _lessons(self, run: Run, fired: tuple[Fired, ...]) -> tuple[Lesson, ...]:
+        return tuple(self._lesson(run, one) for one in fired)
+
+    def _lesson(self, run: Run, fired: Fired) -> Lesson:
+        stop = Stop(run=run, reason=fired.reason, live=fired.live) if fired.rule.cancel else None
+        try:
+            change = self.profiles.apply(
+                run.agent,
+                fired.rule.kind,
+                run.scene.vector,
+                # The same after a restart of this node, so that a run teaches a rule only once.
+                feedback_id=f"rule/{run.epoch}/{run.round}/{run.agent}/{fired.index}",
+                source="mood rule",
+                reason=fired.reason,
+                run=run,
+                cancels=fired.rule.cancel,
+            )
+        except Refused as refusal:
+            return Lesson(problem=f"{run.agent}: {fired.reason}, but {refusal}", stop=stop)
+        return Lesson(change=change, stop=stop)
+
+    def _agent(self) -> str:
+        run = self._runs.last()
+        if run is None:
+            raise Refused(
+                "NO_AGENT", "feedback: no agent is named and none has run yet; name the agent"
+            )
+        return run.agent
+
+
+def _scene(given: Given, agent: str, run: Run | None) -> Vector:
+    if given.values:
+        raise Refused(
+            "WRONG_LENGTH",
+            f"feedback: {len(given.values)} values, expected none: positive and negative feedback "
+            f"take those of the scene; use DIRECT to name a profile",
+        )
+    if run is None:
+        raise Refused(
+            "NO_SCENE",
+            f"feedback: '{agent}' has not run yet, so there is no scene to move towards or away "
+            f"from; give DIRECT feedback",
+        )
+    return run.scene.vector
+
+
+def _same(given: Given, known: Change) -> Change:
+    agent, kind = known.revision.agent, known.revision.cause.kind
+    if (given.agent and given.agent != agent) or given.kind != kind:
+        raise Refused(
+            "FEEDBACK_ID_TAKEN",
+            f"feedback: the id '{given.feedback_id}' belongs to other feedback (kind {kind} for "
+            f"{agent}); every feedback needs its own id, or none",
+        )
+    return known
