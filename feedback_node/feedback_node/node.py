@@ -408,3 +408,7 @@ def main(args: Sequence[str] | None = None) -> int:
             return node
 
         return run(make, args)
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

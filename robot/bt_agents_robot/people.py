@@ -13,8 +13,8 @@ from scene_layer.sources import inverted
 PAUSE_S = 2.0
 """Time between two visits [s]."""
 
-ANSWER_DELAY_S = 1.0
-"""Time that people think about an answer [s]."""
+REACTION_S = 1.0
+"""Time that people think before they answer or press a button [s]."""
 
 _MARGIN_S = 0.1
 

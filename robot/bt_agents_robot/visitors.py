@@ -25,7 +25,7 @@ from bt_agents.ros.runner import run
 from bt_agents.trees_folder import find_trees
 from bt_agents_interfaces.msg import MarketStatus, Run
 from bt_agents_interfaces.msg import Scene as SceneMsg
-from bt_agents_robot.people import ANSWER_DELAY_S, field_value, nested, pause_after, readings
+from bt_agents_robot.people import REACTION_S, field_value, nested, pause_after, readings
 from scene_layer.script import Market, Performance, answer
 
 SENSOR_PERIOD_S = 0.2
@@ -105,7 +105,7 @@ class VisitorsNode(Node):
         self._complain_at = math.inf
         self._awaiting_scene = False
         self._sensing_pending = False
-        self._answering: list[tuple[float, str]] = []
+        self._reactions: list[tuple[float, Publisher, Any]] = []
         self._publish_and_subscribe()
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self.create_timer(SENSOR_PERIOD_S, self._sense, clock=steady)
@@ -144,6 +144,7 @@ class VisitorsNode(Node):
         self.create_subscription(SceneMsg, "scene", self._on_scene, qos.EVENTS)
         self.create_subscription(Run, "runs", self._on_run, qos.EVENTS)
         self.create_subscription(String, "robot/questions", self._on_question, qos.EVENTS)
+        self.create_subscription(String, "robot/transcript", self._on_act, qos.EVENTS)
 
     # What arrives
 
@@ -169,7 +170,16 @@ class VisitorsNode(Node):
         visit = self._performance.visit
         text = answer(visit, message.data) if visit is not None else ""
         if text:
-            self._answering.append((time.monotonic() + ANSWER_DELAY_S / self._pace, text))
+            self._react_soon(self._answers, String(data=text))
+
+    def _on_act(self, message: Any) -> None:
+        visit = self._performance.visit
+        for topic, words in (visit.buttons if visit is not None else {}).items():
+            if words.casefold() in message.data.casefold():
+                self._react_soon(self._buttons[topic], Bool(data=True))
+
+    def _react_soon(self, publisher: Publisher, message: Any) -> None:
+        self._reactions.append((time.monotonic() + REACTION_S / self._pace, publisher, message))
 
     # What is done
 
@@ -238,15 +248,13 @@ class VisitorsNode(Node):
             )
 
     def _react(self, now: float) -> None:
-        changes, buttons = self._performance.due(now)
-        for change in changes:
+        for change in self._performance.due(now):
             self._change(change)
-        for topic in buttons:
-            self._buttons[topic].publish(Bool(data=True))
-        for at, text in list(self._answering):
+        for reaction in list(self._reactions):
+            at, publisher, message = reaction
             if now >= at:
-                self._answering.remove((at, text))
-                self._answers.publish(String(data=text))
+                self._reactions.remove(reaction)
+                publisher.publish(message)
 
     def _change(self, change: Change) -> None:
         self._values.update(change.values)
@@ -260,7 +268,7 @@ class VisitorsNode(Node):
         index = self._performance.number - 1
         coming = visits[index] if index < len(visits) else None
         self._next_at = now + pause_after(self._spec, self._seen, coming, self._pace)
-        self._values, self._person, self._answering = {}, False, []
+        self._values, self._person, self._reactions = {}, False, []
         self._sensing_pending = self._awaiting_scene = False
         self._trigger_at = math.inf
         self._current.publish(String(data=""))

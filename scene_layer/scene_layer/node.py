@@ -275,7 +275,7 @@ class SceneLayerNode(Node):
             visit = performance.next(now)
             if visit is not None:
                 self._begin(performance, visit)
-        changes, _buttons = performance.due(now)
+        changes = performance.due(now)
         for change in changes:
             self._give(dict(change.values), change.person)
 

@@ -53,7 +53,6 @@ class Performance:
         self._scene_id = ""
         self._started_at: float | None = None
         self._changes: list[Change] = []
-        self._buttons: list[tuple[float, str]] = []
         self._under_way = False
 
     @property
@@ -121,19 +120,16 @@ class Performance:
             return
         if self._started_at is None:
             self._changes = sorted(visit.changes, key=lambda change: change.after_s)
-            self._buttons = sorted((at, topic) for topic, at in visit.buttons.items())
             self._started_at = now
 
-    def due(self, now: float) -> tuple[list[Change], list[str]]:
-        """Return the changes and the topics of the buttons whose time has come, each once."""
+    def due(self, now: float) -> list[Change]:
+        """Return the changes whose time has come, each once."""
         if self._started_at is None or not self._under_way:
-            return [], []
+            return []
         elapsed = (now - self._started_at) * self._pace
         changes = [change for change in self._changes if change.after_s <= elapsed]
-        buttons = [topic for at, topic in self._buttons if at <= elapsed]
         self._changes = self._changes[len(changes) :]
-        self._buttons = self._buttons[len(buttons) :]
-        return changes, buttons
+        return changes
 
 
 def answer(visit: Visit, question: str) -> str:

@@ -1,0 +1,156 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`bt-agents demo` and `bt-agents up`: the whole system as supervised processes."""
+
+from __future__ import annotations
+
+import os
+import sys
+import tempfile
+import time
+from collections.abc import Sequence
+from pathlib import Path
+
+import click
+from rich.console import Console
+
+from bt_agents.cli import system
+from bt_agents.cli.interrupt import Interrupt
+from bt_agents.cli.story import Story
+from bt_agents.cli.supervisor import Component, Supervisor, keep_local
+from bt_agents.domain import reserve_domain
+from bt_agents.errors import BtAgentsError
+from bt_agents.language.folder_reader import Trees, read_trees
+from bt_agents.trees_folder import find_trees
+
+_DEMO_LIMIT_S = 58.0
+_READY_LIMIT_S = 20.0
+_LOOK_S = 0.2
+
+
+@click.command()
+@click.option("--voice/--no-voice", default=True, help="Speak aloud when espeak-ng is installed.")
+@click.option(
+    "--script",
+    type=click.Path(path_type=Path),
+    help="Another list of visits than the morning at the airport.",
+)
+def demo(voice: bool, script: Path | None) -> None:
+    """Show a morning at an airport: five visitors, four agents, one robot; under a minute."""
+    interrupt = Interrupt()
+    if "ROS_DOMAIN_ID" not in os.environ:
+        os.environ["ROS_DOMAIN_ID"] = str(reserve_domain())
+    trees = find_trees()
+    script = script or trees / "scripts" / "airport_morning.yaml"
+    with tempfile.TemporaryDirectory(prefix="bt-agents-demo-") as folder:
+        components = [
+            system.robot(pace=1.0, voice="auto" if voice else "off"),
+            system.market(trees),
+            system.scene_layer(trees),
+            system.host(trees),
+            system.feedback(trees, ledger=str(Path(folder) / "ledger.sqlite")),
+            system.visitors(trees, script, agents=len(read_trees(trees).agents), pace=1.0),
+        ]
+        sys.exit(_run(components, trees, interrupt, demo=True))
+
+
+@click.command()
+@click.argument("directory", required=False, default="")
+@click.option("--robot/--no-robot", default=True, help="Start the simulated robot.")
+@click.option("--voice/--no-voice", default=True, help="Speak aloud when espeak-ng is installed.")
+@click.option("--ledger", default="", help="File of the learned profiles.")
+def up(directory: str, robot: bool, voice: bool, ledger: str) -> None:
+    """Keep the system of a trees DIRECTORY running until Ctrl-C.
+
+    In another terminal: bt-agents trigger age=4.5 mood=2, sense, cancel, status, why, feedback.
+    """
+    interrupt = Interrupt()
+    trees = find_trees(directory)
+    components = [
+        system.market(trees),
+        system.scene_layer(trees),
+        system.host(trees),
+        system.feedback(trees, ledger=ledger or str(system.state_folder() / "ledger.sqlite")),
+    ]
+    if robot:
+        components.append(system.robot(pace=1.0, voice="auto" if voice else "off"))
+    sys.exit(_run(components, trees, interrupt, demo=False))
+
+
+def _run(components: Sequence[Component], trees: Path, interrupt: Interrupt, demo: bool) -> int:
+    start = time.monotonic()
+    keep_local(os.environ)
+    from bt_agents.ros.observer import Observer, profiles_by_agent
+
+    console = Console()
+    folder = read_trees(trees)
+    _show_broken(console, folder)
+    supervisor = Supervisor(components, system.new_log_folder())
+    story = Story(console, folder.scene.space)
+    try:
+        supervisor.start()
+        observer = Observer(story)
+        try:
+            ready = observer.turn_until(
+                lambda: bool(
+                    interrupt
+                    or supervisor.dead()
+                    or (
+                        observer.market
+                        and observer.market.agents >= len(folder.agents)
+                        and observer.profiles
+                        and observer.cards
+                    )
+                ),
+                _READY_LIMIT_S,
+            )
+            if interrupt:
+                return 0
+            if supervisor.dead() or not ready:
+                raise BtAgentsError(
+                    supervisor.dead()
+                    or f"not ready after {_READY_LIMIT_S:g} s; the logs are in "
+                    f"{supervisor.log('agents').parent}"
+                )
+            story.profiles(profiles_by_agent(observer.profiles))
+            _welcome(console, observer.cards.values(), demo, time.monotonic() - start)
+            limit = start + _DEMO_LIMIT_S if demo else float("inf")
+            while not (interrupt or supervisor.dead() or observer.visits_done):
+                if time.monotonic() > limit:
+                    raise BtAgentsError(f"the demo did not end within {_DEMO_LIMIT_S:g} s")
+                observer.turn_until(lambda: bool(interrupt) or observer.visits_done, _LOOK_S)
+            if supervisor.dead():
+                raise BtAgentsError(supervisor.dead())
+            if demo and not interrupt:
+                story.summary()
+                console.print(f"done in {time.monotonic() - start:.0f} s")
+            return 0
+        finally:
+            killed = supervisor.stop()
+            observer.close()
+            if interrupt:
+                console.print("\nstopped")
+            if killed:
+                console.print(f"[yellow]had to be killed: {', '.join(killed)}[/]")
+    finally:
+        supervisor.stop()
+
+
+def _show_broken(console: Console, folder: Trees) -> None:
+    for broken in folder.broken:
+        console.print("[yellow]left out, the other agents run:[/]")
+        console.print(broken.error.report, markup=False, highlight=False)
+
+
+def _welcome(console: Console, cards: object, demo: bool, seconds: float) -> None:
+    names = [agent.title for card in cards for agent in card.agents]  # type: ignore[attr-defined]
+    console.print(
+        f"[green]ready[/] after {seconds:.1f} s: one robot, {len(names)} agents "
+        f"({', '.join(names)}), ROS domain {os.environ.get('ROS_DOMAIN_ID', '0')}, "
+        f"{os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE']} only",
+        highlight=False,
+    )
+    if not demo:
+        console.print(
+            "in another terminal: [bold]bt-agents trigger age=4.5 mood=2[/]   (Ctrl-C ends this)",
+            highlight=False,
+        )

@@ -1,0 +1,192 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What happens on the robot, told line by line for a terminal."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+
+from bt_agents.scene import SceneSpace
+
+_STATUS = {0: "[dim]·", 1: "[yellow]▶", 2: "[green]✔", 3: "[red]✘"}
+_OUTCOME = {1: "succeeded", 2: "failed", 3: "cancelled", 4: "lost"}
+_OUTCOME_STYLE = {1: "green", 2: "red", 3: "yellow", 4: "red"}
+_KIND = {0: "direct", 1: "positive", 2: "negative"}
+_MOOD_STEP = 0.25
+
+
+class Story:
+    """Prints events as they come and counts them for the summary.
+
+    Args:
+        console: Where to print.
+        space: The scene parameters, for their labels.
+    """
+
+    def __init__(self, console: Console, space: SceneSpace) -> None:
+        self._console = console
+        self._space = space
+        self._mood: float | None = None
+        self._start: dict[str, Sequence[float]] = {}
+        self._now: dict[str, Sequence[float]] = {}
+        self._names: dict[str, str] = {}
+        self.runs: list[tuple[str, int]] = []
+        self.rounds = 0
+        self.unanswered = 0
+        self.feedbacks: list[Any] = []
+        self.takeovers = 0
+
+    def profiles(self, profiles: Mapping[str, Sequence[float]]) -> None:
+        """Note the profiles as they were before anything happened."""
+        for agent, profile in profiles.items():
+            self._start.setdefault(agent, profile)
+            self._now.setdefault(agent, profile)
+
+    def visitor(self, label: str) -> None:
+        """Open a chapter; nobody there is none."""
+        if not label:
+            return
+        self._console.print()
+        self._console.rule(f"[bold]{escape(label)}", align="left", style="cyan")
+
+    def scene(self, message: Any) -> None:
+        """Say what the scene is."""
+        self._line("scene", self._describe(message))
+
+    def live(self, message: Any) -> None:
+        """Say when the mood has changed."""
+        if self._space.mood is None:
+            return
+        mood = next((v.value for v in message.values if v.name == self._space.mood), math.nan)
+        if math.isnan(mood) or self._mood is None or abs(mood - self._mood) < _MOOD_STEP:
+            return
+        style = "red" if mood < self._mood else "green"
+        word = "falls" if mood < self._mood else "rises"
+        self._line("mood", f"[{style}]{word} from {self._mood:g} to {mood:g}[/]")
+        self._mood = mood
+
+    def auction(self, message: Any) -> None:
+        """Show every bid and the reason of the decision."""
+        self.rounds += 1
+        self.takeovers += bool(message.follows and message.winner)
+        for bid in message.ranking:
+            style = "bold" if bid.agent == message.winner else "dim"
+            self._line(
+                f"bid {message.round}",
+                f"[{style}]{bid.agent:<22} {bid.distance:5.2f}[/] "
+                f"[dim]= {escape(_sum_only(bid.calculation))}[/]",
+            )
+        for bid in message.refused:
+            self._line(
+                f"bid {message.round}", f"[dim]{bid.agent:<22}   –   {escape(bid.reason)}[/]"
+            )
+        style = "bold green" if message.winner else "bold yellow"
+        title = f"{message.winner} wins" if message.winner else "nobody"
+        self._line("award", f"[{style}]{title}[/]  {escape(message.reason)}")
+        self.unanswered += not message.winner
+
+    def run(self, message: Any) -> None:
+        """Show start, cancel and end of a run."""
+        if message.event == message.STARTED:
+            moods = (v.value for v in message.scene.values if v.name == self._space.mood)
+            self._mood = next((mood for mood in moods if not math.isnan(mood)), None)
+            self._line("run", f"{message.agent} starts")
+        elif message.event == message.CANCELLING:
+            self._line("run", f"[yellow]stopping {message.agent}:[/] {escape(message.message)}")
+        elif message.event == message.REFUSED:
+            self._line("run", f"[yellow]{message.agent}: {escape(message.message)}[/]")
+        else:
+            self._mood = None
+            self.runs.append((message.agent, message.outcome))
+            style = _OUTCOME_STYLE.get(message.outcome, "red")
+            self._line(
+                "run",
+                f"[{style}]{message.agent} {_OUTCOME.get(message.outcome, '?')}[/] after "
+                f"{message.duration_s:.1f} s, {message.ticks} ticks: {escape(message.message)}"
+                + (f" [red]orphans: {', '.join(message.orphans)}[/]" if message.orphans else ""),
+            )
+
+    def tree(self, message: Any) -> None:
+        """Show the nodes that changed in a tick, and modifiers that made something fail."""
+        for change in message.changes:
+            modifier = "@" in change.path.rpartition("/")[2]
+            if change.status == change.INVALID or (modifier and change.status != change.FAILURE):
+                continue
+            depth = change.path.count("/")
+            words = f" [dim]{escape(change.message)}[/]" if change.message else ""
+            self._line(
+                "tree",
+                f"[dim]{message.tick:>4}[/] {'  ' * depth}{_STATUS[change.status]}[/] "
+                f"{escape(change.name)}{words}",
+            )
+
+    def act(self, words: str) -> None:
+        """Show what the robot does."""
+        self._line("robot", f"[bold magenta]{escape(words)}[/]")
+
+    def feedback(self, message: Any) -> None:
+        """Show the feedback and the profile before and after."""
+        self.feedbacks.append(message)
+        self._start.setdefault(message.agent, list(message.before))
+        self._now[message.agent] = list(message.after)
+        kind = _KIND.get(message.kind, "?")
+        style = {"positive": "green", "negative": "red"}.get(kind, "blue")
+        self._line(
+            "feedback",
+            f"[{style}]{kind}[/] for {message.agent} by {escape(message.source)}: "
+            f"{escape(message.reason)}",
+        )
+        self._line(
+            "profile",
+            f"{message.agent} {_vector(message.before)} → [bold]{_vector(message.after)}[/] "
+            f"[dim](revision {message.revision})[/]",
+        )
+
+    def summary(self) -> None:
+        """Print what happened in all, and every profile before and after."""
+        self._console.print()
+        self._console.rule("[bold]summary", align="left", style="cyan")
+        table = Table(box=None, pad_edge=False, header_style="dim")
+        for title in ("agent", "runs", "feedback", f"profile ({', '.join(self._space.names)})"):
+            table.add_column(title)
+        for agent in sorted(self._start):
+            runs = [o for name, o in self.runs if name == agent]
+            words = ", ".join(_OUTCOME.get(o, "?") for o in runs) or "–"
+            given = [_KIND[f.kind] for f in self.feedbacks if f.agent == agent]
+            before, after = self._start[agent], self._now[agent]
+            moved = _vector(before) + ("" if before == after else f" → {_vector(after)}")
+            table.add_row(agent, words, ", ".join(given) or "–", moved)
+        self._console.print(table)
+        self._console.print(
+            f"{self.rounds} rounds, {len(self.runs)} runs, {self.takeovers} taken over by another "
+            f"agent, {len(self.feedbacks)} times feedback, {self.unanswered} scenes without a bid"
+        )
+
+    def _describe(self, message: Any) -> str:
+        if not message.person and all(math.isnan(v.value) for v in message.values):
+            return "no person, nothing else is known"
+        words = []
+        for value in message.values:
+            parameter = next((p for p in self._space.parameters if p.name == value.name), None)
+            if math.isnan(value.value):
+                words.append(f"{value.name} [yellow]missing[/]")
+            else:
+                label = parameter.labels.get(value.value, "") if parameter else ""
+                words.append(f"{value.name} {value.value:g}" + (f" ({label})" if label else ""))
+        return ", ".join(words) + ("" if message.person else ", no person")
+
+    def _line(self, what: str, words: str) -> None:
+        self._console.print(f"[cyan]{what:>9}[/]  {words}", highlight=False, soft_wrap=True)
+
+
+def _vector(values: Sequence[float]) -> str:
+    return "[" + ", ".join(f"{value:.4g}" for value in values) + "]"
+
+
+def _sum_only(calculation: str) -> str:
+    return calculation.partition("= ")[2] or calculation

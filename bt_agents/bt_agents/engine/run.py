@@ -1,0 +1,237 @@
+# SPDX-License-Identifier: Apache-2.0
+"""One run of an agent's tree, from the first tick until every goal it sent has ended."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from enum import Enum
+
+from py_trees.behaviour import Behaviour
+from py_trees.common import Status
+
+from bt_agents.engine.builder import build
+from bt_agents.engine.context import RunContext
+from bt_agents.engine.scope import RunScope
+from bt_agents.engine.world import Clock, World
+from bt_agents.language.specs import AgentSpec, NodeSpec, Plain
+from bt_agents.scene import Scene, SceneSpace, Vector
+
+
+class Outcome(Enum):
+    """How a run ended."""
+
+    SUCCEEDED = "succeeded"
+    FAILED = "failed"
+    CANCELLED = "cancelled"
+
+
+@dataclass(frozen=True, kw_only=True)
+class StatusChange:
+    """A node's status changed in a tick."""
+
+    path: str
+    name: str
+    status: Status
+    message: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class RunResult:
+    """How a run ended.
+
+    Attributes:
+        outcome: See :class:`Outcome`.
+        message: Why, in words.
+        tip: Path of the node that decided; empty when the tree was never ticked.
+        orphans: Paths of the nodes whose goals were not confirmed ended.
+        ticks: Ticks of the tree and of its clean-up.
+        duration_s: On the tree's clock [s].
+    """
+
+    outcome: Outcome
+    message: str
+    tip: str
+    orphans: tuple[str, ...]
+    ticks: int
+    duration_s: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class RunLimits:
+    """Bounded waits at the end of a run, on the steady clock [s]."""
+
+    clean_up_s: float = 3.0
+    settle_s: float = 2.0
+
+
+class _Phase(Enum):
+    TICKING = 1
+    CLEANING = 2
+    SETTLING = 3
+    ENDED = 4
+
+
+class Run:
+    """Ticks a tree to its end; a cancel stops every leaf, cleans up and waits for open goals.
+
+    Args:
+        spec: The agent.
+        space: The scene parameters.
+        scene: As awarded.
+        profile: The agent's current profile.
+        live: Returns the scene as it is now.
+        tunables: Current values by name; may change between ticks.
+        world: What the tree can reach.
+        steady: Clock of the bounded waits, which never stands still [s].
+        limits: How long those waits are.
+    """
+
+    def __init__(
+        self,
+        spec: AgentSpec,
+        *,
+        space: SceneSpace,
+        scene: Scene,
+        profile: Vector,
+        live: Callable[[], Scene],
+        tunables: Mapping[str, Plain],
+        world: World,
+        steady: Clock,
+        limits: RunLimits | None = None,
+    ) -> None:
+        scope = RunScope(space=space, scene=scene, live=live, profile=profile, tunables=tunables)
+        self.spec = spec
+        self.ticks = 0
+        self.result: RunResult | None = None
+        self._context = RunContext(world, scope)
+        self._steady = steady
+        self._limits = limits or RunLimits()
+        self._root = build(spec.tree, self._context)
+        self._clean_up: Behaviour | None = None
+        self._statuses: dict[int, Status] = {}
+        self._phase = _Phase.TICKING
+        self._start = world.clock()
+        self._deadline = 0.0
+        self._end = (Outcome.CANCELLED, "", "")
+
+    @property
+    def tip(self) -> str:
+        """Path of the deepest node that decides the status of the tree."""
+        return _path_of((self._clean_up or self._root).tip())
+
+    def tick(self) -> list[StatusChange]:
+        """Tick once, in whatever phase the run is; return what changed, in order."""
+        match self._phase:
+            case _Phase.TICKING:
+                changes = self._tick(self._root)
+                if self._root.status is not Status.RUNNING:
+                    self._finish_tree()
+            case _Phase.CLEANING:
+                assert self._clean_up is not None
+                changes = self._tick(self._clean_up)
+                if self._clean_up.status is not Status.RUNNING:
+                    self._settle()
+                elif self._steady() >= self._deadline:
+                    self._clean_up.stop(Status.INVALID)
+                    changes += self._unvisited(self._clean_up, set())
+                    self._settle()
+            case _:
+                changes = []
+        if self._phase is _Phase.SETTLING:
+            self._try_end()
+        return changes
+
+    def cancel(self, reason: str, *, clean_up: bool = True) -> list[StatusChange]:
+        """Stop every running leaf now; later calls change nothing.
+
+        Args:
+            reason: Why, in words.
+            clean_up: False leaves the agent's ``on_cancel`` out.
+        """
+        if self._phase is not _Phase.TICKING:
+            return []
+        tip = self.tip
+        self._root.stop(Status.INVALID)
+        changes = self._unvisited(self._root, set())
+        self._end = (Outcome.CANCELLED, reason, tip)
+        if self.spec.on_cancel is None or not clean_up:
+            self._settle()
+            self._try_end()
+        else:
+            self._clean_up = build(self.spec.on_cancel, self._context)
+            self._phase = _Phase.CLEANING
+            self._deadline = self._steady() + self._limits.clean_up_s
+        return changes
+
+    def _finish_tree(self) -> None:
+        tip = self._root.tip()
+        succeeded = self._root.status is Status.SUCCESS
+        reason = "" if succeeded else _reason(self._root)
+        self._end = (
+            Outcome.SUCCEEDED if succeeded else Outcome.FAILED,
+            "the tree succeeded" if succeeded else reason,
+            _path_of(tip),
+        )
+        self._settle()
+
+    def _settle(self) -> None:
+        self._phase = _Phase.SETTLING
+        self._deadline = self._steady() + self._limits.settle_s
+
+    def _try_end(self) -> None:
+        open_goals = self._context.open_goals()
+        if open_goals and self._steady() < self._deadline:
+            return
+        outcome, message, tip = self._end
+        self.result = RunResult(
+            outcome=outcome,
+            message=message,
+            tip=tip,
+            orphans=open_goals,
+            ticks=self.ticks,
+            duration_s=self._context.clock() - self._start,
+        )
+        self._phase = _Phase.ENDED
+
+    def _tick(self, root: Behaviour) -> list[StatusChange]:
+        self.ticks += 1
+        changes = []
+        visited: set[int] = set()
+        for node in root.tick():
+            visited.add(id(node))
+            changes += self._change(node)
+        return changes + self._unvisited(root, visited)
+
+    def _unvisited(self, root: Behaviour, visited: set[int]) -> list[StatusChange]:
+        changes = []
+        for node in root.iterate():
+            if id(node) not in visited:
+                changes += self._change(node)
+        return changes
+
+    def _change(self, node: Behaviour) -> Iterator[StatusChange]:
+        if self._statuses.get(id(node), Status.INVALID) is not node.status:
+            self._statuses[id(node)] = node.status
+            yield StatusChange(
+                path=_path_of(node),
+                name=node.name,
+                status=node.status,
+                message=node.feedback_message,
+            )
+
+
+def _path_of(node: Behaviour | None) -> str:
+    spec = getattr(node, "spec", None)
+    return spec.path if isinstance(spec, NodeSpec) else ""
+
+
+def _reason(root: Behaviour) -> str:
+    """Return the message of the deepest node on the failing path that has one."""
+    message = ""
+    node: Behaviour | None = root
+    while node is not None:
+        message = node.feedback_message or message
+        failed = [child for child in node.children if child.status is Status.FAILURE]
+        node = failed[-1] if failed else None
+    return message or "the tree failed"

@@ -1,0 +1,98 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The seam between trees and the outside: what a leaf may do, none of which blocks."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from enum import Enum
+from typing import Protocol
+
+from bt_agents.language.specs import BindingKind, Plain
+
+Clock = Callable[[], float]
+"""Returns the time [s]; only differences mean something."""
+
+
+class GoalState(Enum):
+    """Where a goal is; the value is the word for people."""
+
+    PENDING = "not accepted yet"
+    ACTIVE = "running"
+    SUCCEEDED = "succeeded"
+    REJECTED = "rejected"
+    ABORTED = "aborted"
+    CANCELLED = "cancelled"
+    UNREACHABLE = "unreachable"
+
+    @property
+    def ended(self) -> bool:
+        """True when nothing more will happen to the goal."""
+        return self not in (GoalState.PENDING, GoalState.ACTIVE)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Goal:
+    """What a leaf wants of a server or of a topic's readers.
+
+    Attributes:
+        kind: Action, service or topic.
+        name: ROS name, relative unless it starts with a slash.
+        type: ROS type.
+        fields: Goal, request or message as plain nested data.
+    """
+
+    kind: BindingKind
+    name: str
+    type: str
+    fields: Mapping[str, Plain]
+
+
+class GoalRun(Protocol):
+    """A goal or request on its way; polled by the tick, never waited for."""
+
+    @property
+    def state(self) -> GoalState:
+        """Where it is now."""
+
+    @property
+    def message(self) -> str:
+        """Why it is there, in words; may be empty."""
+
+    @property
+    def result(self) -> Mapping[str, Plain]:
+        """Fields of the result or response; empty until it succeeded or aborted."""
+
+    def cancel(self) -> None:
+        """Ask for the end; a goal not accepted yet is cancelled on acceptance."""
+
+
+class Inbox(Protocol):
+    """Messages of a topic since it was opened."""
+
+    def take(self) -> Mapping[str, Plain] | None:
+        """Return the oldest message not taken yet, None when there is none."""
+
+    def close(self) -> None:
+        """Stop listening."""
+
+
+class World(Protocol):
+    """Everything a tree can reach."""
+
+    @property
+    def clock(self) -> Clock:
+        """The trees' clock, which may be simulated."""
+
+    def send(self, goal: Goal) -> GoalRun:
+        """Send a goal to an action server or a request to a service."""
+
+    def publish(self, goal: Goal) -> None:
+        """Publish a message.
+
+        Raises:
+            Refused: The fields do not fit the type.
+        """
+
+    def watch(self, topic: str, type_name: str) -> Inbox:
+        """Listen to a topic."""

@@ -1,0 +1,150 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Bindings to ROS actions, services and topics, of skills and of leaves that name one directly."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+
+from bt_agents.language.interfaces import Interfaces, read_ros_name, read_ros_type
+from bt_agents.language.names import FieldCheck, Names
+from bt_agents.language.shape import Fields, FileReading
+from bt_agents.language.specs import Binding, BindingKind, MapValue
+from bt_agents.language.values import read_condition, read_map
+from bt_agents.language.yaml_reader import Entry, Node, Sequence
+from bt_agents.language.yaml_reader import Mapping as MappingNode
+
+SENT = {
+    BindingKind.ACTION: "goal",
+    BindingKind.SERVICE: "request",
+    BindingKind.TOPIC: "message",
+}
+"""Key of what is sent, and the section of the type that it fills."""
+
+RECEIVED = {BindingKind.ACTION: "result", BindingKind.SERVICE: "response"}
+"""Section of the type that comes back; a topic has none."""
+
+_FIELD_PATH = re.compile(r"[a-z][a-z0-9_]*(\.[a-z0-9_]+)*")
+
+
+def binding_keys(kind: BindingKind, name_key: str = "name") -> tuple[str, ...]:
+    """Return the keys of a binding; what comes back can only be read where something does."""
+    keys = (name_key, "type", SENT[kind])
+    return (*keys, "succeed_when") if kind in RECEIVED else keys
+
+
+def read_binding(
+    reading: FileReading,
+    kind: BindingKind,
+    fields: Fields,
+    names: Names,
+    result_names: Names,
+    interfaces: Interfaces | None,
+    outputs: Mapping[str, str],
+    name_key: str = "name",
+) -> Binding | None:
+    """Return a binding; None when it is wrong, which is then reported.
+
+    Args:
+        reading: The file.
+        kind: Action, service or topic.
+        fields: Keys as in :func:`binding_keys`.
+        names: What the values that are sent may name.
+        result_names: What ``succeed_when`` may name besides ``result.*``.
+        interfaces: Installed types, None to leave them unchecked.
+        outputs: Output name → field of what comes back, read before.
+        name_key: Key of the ROS name.
+    """
+    name_node, type_node = fields.get(name_key), fields.get("type")
+    name = read_ros_name(reading, name_node, f"'{name_key}'") if name_node is not None else None
+    type_name = (
+        read_ros_type(reading, type_node, kind, interfaces) if type_node is not None else None
+    )
+    sent_node = fields.get(SENT[kind])
+    sent = MapValue(items={})
+    if sent_node is not None:
+        sent = read_map(reading, sent_node, names, f"'{SENT[kind]}'")
+        if interfaces is not None and type_name is not None:
+            _check_fields(reading, sent_node, kind, type_name, interfaces)
+    succeed_node = fields.get("succeed_when")
+    succeed_when = None
+    if succeed_node is not None:
+        check = result_check(kind, type_name, interfaces)
+        names = result_names.and_message("result", check)
+        succeed_when = read_condition(reading, succeed_node, names, "'succeed_when'")
+    if name is None or type_name is None:
+        return None
+    return Binding(
+        kind=kind,
+        name=name,
+        type=type_name,
+        fields=sent,
+        outputs=outputs,
+        succeed_when=succeed_when,
+    )
+
+
+def result_check(
+    kind: BindingKind, type_name: str | None, interfaces: Interfaces | None
+) -> FieldCheck:
+    """Return the check of the paths of what comes back."""
+
+    def check(path: str) -> str | None:
+        if interfaces is None or type_name is None or kind not in RECEIVED:
+            return None
+        return interfaces.field_problem(kind, type_name, RECEIVED[kind], path)
+
+    return check
+
+
+def read_output(reading: FileReading, node: Node, what: str, check: FieldCheck) -> str | None:
+    """Return the path of a field of what comes back, ``result.`` before it left out."""
+    text = reading.text(node, what)
+    if text is None:
+        return None
+    path = text.removeprefix("result.")
+    if not _FIELD_PATH.fullmatch(path) or len(path) > 255:
+        reading.error(
+            "bad-name",
+            node,
+            f"{what} is '{text[:60]}', expected the path of a field such as result.answer",
+            "write field names joined by points",
+        )
+        return None
+    problem = check(path)
+    if problem:
+        reading.error("unknown-ros-field", node, problem)
+        return None
+    return path
+
+
+def _check_fields(
+    reading: FileReading, node: Node, kind: BindingKind, type_name: str, interfaces: Interfaces
+) -> None:
+    open_nodes: list[tuple[Node, str]] = [(node, "")]
+    while open_nodes:
+        current, prefix = open_nodes.pop()
+        if isinstance(current, Sequence):
+            open_nodes += [(item, f"{prefix}{i}.") for i, item in enumerate(current.items)]
+        elif isinstance(current, MappingNode):
+            open_nodes += _checked(reading, current.entries, prefix, kind, type_name, interfaces)
+
+
+def _checked(
+    reading: FileReading,
+    entries: tuple[Entry, ...],
+    prefix: str,
+    kind: BindingKind,
+    type_name: str,
+    interfaces: Interfaces,
+) -> list[tuple[Node, str]]:
+    """Report entries that are no fields and return what is behind the others."""
+    behind: list[tuple[Node, str]] = []
+    for entry in entries:
+        path = f"{prefix}{entry.key.text}"
+        problem = interfaces.field_problem(kind, type_name, SENT[kind], path)
+        if problem:
+            reading.error("unknown-ros-field", entry.key, f"{type_name}: {problem}")
+        else:
+            behind.append((entry.value, f"{path}."))
+    return behind

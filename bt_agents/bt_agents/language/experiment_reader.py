@@ -1,0 +1,99 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Reads an experiment: which scenes are put on the market, and what feedback follows."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+from bt_agents.experiment import ExperimentSpec
+from bt_agents.language.shape import FileReading
+from bt_agents.language.source import Source
+from bt_agents.language.yaml_reader import Node
+from bt_agents.scene import SceneSpace, Vector
+from bt_agents.simulated import SimulatedFeedback
+
+MAX_ROUNDS = 1_000_000
+
+
+def read_experiment(path: Path, space: SceneSpace) -> ExperimentSpec:
+    """Return the experiment of a file.
+
+    Raises:
+        ReadError: There is a problem; it lists all of them.
+    """
+    return _read(FileReading.of(path), space)
+
+
+def read_experiment_text(text: str, file: str, space: SceneSpace) -> ExperimentSpec:
+    """Return the experiment of a text; as :func:`read_experiment`."""
+    return _read(FileReading(Source(file, text)), space)
+
+
+def read_simulated_feedback(path: Path, space: SceneSpace) -> SimulatedFeedback:
+    """Return the feedback of an experiment alone; as :func:`read_experiment`."""
+    return read_experiment(path, space).feedback
+
+
+def _read(reading: FileReading, space: SceneSpace) -> ExperimentSpec:
+    keys = ("title", "rounds", "seed", "scenes", "feedback")
+    fields = reading.document("an experiment", keys, ("rounds", "seed", "scenes", "feedback"))
+    title = fields.text("title")
+    rounds = fields.integer("rounds", 1, MAX_ROUNDS)
+    seed = fields.integer("seed", 0)
+    nodes = fields.items("scenes")
+    if not nodes and fields.get("scenes") is not None:
+        reading.error("missing-value", fields.nodes["scenes"], "there is no scene", "add one")
+    scenes = [reading.vector(node, "a scene", space) for node in nodes]
+    feedback_node = fields.get("feedback")
+    feedback = _feedback(reading, feedback_node, space) if feedback_node is not None else None
+    reading.problems.raise_if_any()
+    assert rounds is not None
+    assert seed is not None
+    assert feedback is not None
+    return ExperimentSpec(
+        title=title,
+        rounds=rounds,
+        seed=seed,
+        scenes=tuple(scene for scene in scenes if scene is not None),
+        feedback=feedback,
+    )
+
+
+def _feedback(reading: FileReading, node: Node, space: SceneSpace) -> SimulatedFeedback | None:
+    fields = reading.fields(node, "'feedback'", ("each", "sequence", "repeat"))
+    if fields is None:
+        return None
+    if fields.get("each") is None and fields.get("sequence") is None:
+        reading.error(
+            "missing-key",
+            node,
+            "'feedback' needs 'each' or 'sequence'",
+            "add 'each: {agent: {…}}'",
+        )
+    each: dict[str, Vector] = {}
+    for entry in fields.entries("each", "'each', a mapping of agents and their feedback"):
+        agent = reading.name(entry.key, "the name of an agent")
+        vector = _opinion(reading, entry.value, space)
+        if agent is not None and vector is not None:
+            each[agent] = vector
+    sequence = [_opinion(reading, item, space) for item in fields.items("sequence")]
+    repeat = fields.boolean("repeat")
+    return SimulatedFeedback(
+        each=each,
+        sequence=tuple(vector for vector in sequence if vector is not None),
+        repeat=bool(repeat),
+    )
+
+
+def _opinion(reading: FileReading, node: Node, space: SceneSpace) -> Vector | None:
+    """Return a feedback vector; a parameter that is left out is NaN, which means no opinion."""
+    before = len(reading.problems)
+    values = reading.values(node, "feedback", space)
+    if not values and len(reading.problems) == before:
+        reading.error(
+            "missing-value", node, "the feedback has no value", "add one, such as 'age: 3'"
+        )
+    if len(reading.problems) > before:
+        return None
+    return tuple(values.get(name, math.nan) for name in space.names)

@@ -1,0 +1,110 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Declared inputs of skills and subtrees: name, type and default."""
+
+from __future__ import annotations
+
+from bt_agents.language.diagnostics import did_you_mean, shown
+from bt_agents.language.names import RESERVED, Names
+from bt_agents.language.shape import FileReading
+from bt_agents.language.specs import (
+    FieldSpec,
+    FieldType,
+    ListValue,
+    Literal,
+    MapValue,
+    Plain,
+    Value,
+)
+from bt_agents.language.values import read_value
+from bt_agents.language.yaml_reader import Entry, Mapping, Node, Scalar
+
+TYPES = tuple(one.value for one in FieldType)
+"""Words for types in a file."""
+
+_OTHER_WORDS = {
+    "string": "text", "str": "text", "int": "integer", "float": "number", "double": "number",
+    "bool": "boolean", "time": "duration", "seconds": "duration", "list": "any", "object": "any",
+}  # fmt: skip
+
+
+def read_inputs(reading: FileReading, node: Node, what: str) -> tuple[FieldSpec, ...]:
+    """Return declared inputs; what is wrong with one is reported, the input kept if possible."""
+    inputs = (
+        _read_input(reading, entry)
+        for entry in reading.entries(node, f"the inputs of {what}, a mapping of name and type")
+    )
+    return tuple(one for one in inputs if one is not None)
+
+
+def _read_input(reading: FileReading, entry: Entry) -> FieldSpec | None:
+    name = read_new_name(reading, entry.key, "an input")
+    if name is None:
+        return None
+    if not isinstance(entry.value, Mapping):
+        return FieldSpec(name=name, type=read_type(reading, entry.value) or FieldType.ANY)
+    fields = reading.fields(
+        entry.value, f"input '{name}'", ("type", "default", "description"), ("type",)
+    )
+    assert fields is not None
+    type_node = fields.get("type")
+    field_type = read_type(reading, type_node) if type_node is not None else None
+    default = fields.get("default")
+    return FieldSpec(
+        name=name,
+        type=field_type or FieldType.ANY,
+        required=default is None,
+        default=(
+            read_constant(
+                reading, default, field_type or FieldType.ANY, f"the default of '{name}'"
+            )
+            if default is not None
+            else None
+        ),
+        description=fields.text("description"),
+    )
+
+
+def read_type(reading: FileReading, node: Node) -> FieldType | None:
+    """Return a type."""
+    text = reading.text(node, "the type")
+    if text is None:
+        return None
+    if text in TYPES:
+        return FieldType(text)
+    meant = _OTHER_WORDS.get(text.lower())
+    hint = f"write {meant}" if meant else did_you_mean(text, TYPES)
+    reading.error(
+        "bad-choice", node, f"there is no type {shown(text)}, expected {', '.join(TYPES)}", hint
+    )
+    return None
+
+
+def read_new_name(reading: FileReading, key: Scalar, what: str) -> str | None:
+    """Return a name that a file introduces; reserved words are refused."""
+    name = reading.name(key, f"the name of {what}")
+    if name is not None and name in RESERVED:
+        reading.error(
+            "name-taken",
+            key,
+            f"'{name}' has a meaning of its own",
+            f"choose another name for {what}",
+        )
+        return None
+    return name
+
+
+def read_constant(reading: FileReading, node: Node, field_type: FieldType, what: str) -> Plain:
+    """Return a value without names; None when it is wrong, which is then reported."""
+    value = read_value(reading, node, field_type, Names({}), what)
+    return None if value is None else _plain(value)
+
+
+def _plain(value: Value) -> Plain:
+    match value:
+        case Literal():
+            return value.value
+        case ListValue():
+            return tuple(_plain(item) for item in value.items)
+        case MapValue():
+            return {key: _plain(item) for key, item in value.items.items()}
+    return None

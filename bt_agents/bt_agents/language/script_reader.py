@@ -1,0 +1,93 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Reads a script: visits one after the other, for the demo and for experiments."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from bt_agents.language.interfaces import read_ros_name
+from bt_agents.language.shape import Fields, FileReading
+from bt_agents.language.source import Source
+from bt_agents.language.specs import Change, Script, Visit
+from bt_agents.language.yaml_reader import Node
+from bt_agents.scene import SceneSpace
+
+
+def read_script(path: Path, space: SceneSpace) -> Script:
+    """Return the script of a file.
+
+    Raises:
+        ReadError: There is a problem; it lists all of them.
+    """
+    return _read(FileReading.of(path), space)
+
+
+def read_script_text(text: str, file: str, space: SceneSpace) -> Script:
+    """Return the script of a text; as :func:`read_script`."""
+    return _read(FileReading(Source(file, text)), space)
+
+
+def _read(reading: FileReading, space: SceneSpace) -> Script:
+    fields = reading.document("a script", ("title", "visits"), ("visits",))
+    title = fields.text("title")
+    nodes = fields.items("visits")
+    if not nodes and fields.get("visits") is not None:
+        reading.error("missing-value", fields.nodes["visits"], "there is no visit", "add one")
+    visits = [_visit(reading, node, space) for node in nodes]
+    reading.problems.raise_if_any()
+    return Script(title=title, visits=tuple(visit for visit in visits if visit is not None))
+
+
+def _visit(reading: FileReading, node: Node, space: SceneSpace) -> Visit | None:
+    fields = reading.fields(
+        node, "a visit", ("label", "person", "scene", "changes", "answers", "buttons"), ("label",)
+    )
+    if fields is None:
+        return None
+    scene = fields.get("scene")
+    person = fields.boolean("person")
+    changes = [_change(reading, change, space) for change in fields.items("changes")]
+    return Visit(
+        label=fields.text("label"),
+        person=True if person is None else person,
+        values=reading.values(scene, "'scene'", space) if scene is not None else {},
+        changes=tuple(
+            sorted((c for c in changes if c is not None), key=lambda change: change.after_s)
+        ),
+        answers=_answers(reading, fields),
+        buttons=_buttons(reading, fields),
+    )
+
+
+def _change(reading: FileReading, node: Node, space: SceneSpace) -> Change | None:
+    fields = reading.fields(node, "a change", ("after", "scene", "person"), ("after",))
+    if fields is None:
+        return None
+    after_s = fields.duration("after")
+    scene = fields.get("scene")
+    person = fields.boolean("person")
+    values = reading.values(scene, "'scene'", space) if scene is not None else {}
+    if scene is None and fields.get("person") is None:
+        reading.error(
+            "missing-key", node, "a change needs 'scene' or 'person'", "add 'scene: {…}'"
+        )
+    return None if after_s is None else Change(after_s=after_s, values=values, person=person)
+
+
+def _answers(reading: FileReading, fields: Fields) -> dict[str, str]:
+    answers: dict[str, str] = {}
+    for entry in fields.entries("answers", "'answers', a mapping of words and answers"):
+        text = reading.text(entry.value, "an answer")
+        if text is not None:
+            answers[entry.key.text] = text
+    return answers
+
+
+def _buttons(reading: FileReading, fields: Fields) -> dict[str, str]:
+    buttons: dict[str, str] = {}
+    for entry in fields.entries("buttons", "'buttons', a mapping of topics and words"):
+        topic = read_ros_name(reading, entry.key, "the topic of a button")
+        words = reading.text(entry.value, "the words of the robot after which it is pressed")
+        if topic is not None and words is not None:
+            buttons[topic] = words
+    return buttons

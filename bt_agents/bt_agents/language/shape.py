@@ -1,0 +1,421 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Typed pieces read from located nodes; what does not fit becomes a problem with its place."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Collection, Iterable
+from pathlib import Path
+from typing import TypeVar
+
+from bt_agents.errors import Refused
+from bt_agents.language import quantities
+from bt_agents.language.diagnostics import Diagnostics, did_you_mean, shown
+from bt_agents.language.scalars import boolean
+from bt_agents.language.source import Source, read_source
+from bt_agents.language.specs import Position
+from bt_agents.language.yaml_reader import Entry, Mapping, Node, Scalar, Sequence, read_yaml
+from bt_agents.scene import SceneParameter, SceneSpace, Vector, check_value
+
+FORMAT = 1
+"""The version of the language that this package reads."""
+
+MAX_NAME = 64
+"""Characters of an agent's, skill's or tunable's name."""
+
+_NAME = re.compile(r"[a-z][a-z0-9_]*")
+
+T = TypeVar("T")
+
+
+class FileReading:
+    """One file while it is read: its source, its document and the problems found so far."""
+
+    def __init__(self, source: Source) -> None:
+        self.source = source
+        self.problems = Diagnostics(source)
+        self.root = read_yaml(source, self.problems)
+
+    @classmethod
+    def of(cls, path: Path) -> FileReading:
+        """Open a file.
+
+        Raises:
+            ReadError: It cannot be opened or is no text.
+        """
+        return cls(read_source(path))
+
+    def error(self, code: str, where: Node | Position, message: str, hint: str = "") -> None:
+        """Add a problem about a whole node, or at one position."""
+        if isinstance(where, Position):
+            self.problems.add(code, where, message, hint)
+        else:
+            end = self.source.position(where.span[1])
+            self.problems.add(code, where.position, message, hint, end)
+
+    def error_in(
+        self, code: str, scalar: Scalar, offset: int, width: int, message: str, hint: str = ""
+    ) -> None:
+        """Add a problem about ``width`` characters from ``offset`` on in the text of a scalar."""
+        start = self._index(scalar, offset)
+        last = self._index(scalar, offset + width - 1) if width > 1 else start
+        self.problems.add(
+            code, self.source.position(start), message, hint, self.source.position(last + 1)
+        )
+
+    def _index(self, scalar: Scalar, offset: int) -> int:
+        """Return the place in the file of a character of a scalar's text.
+
+        Folding, indentation and escapes make the two differ; every visible character is there in
+        the same order, though, so counting those leads to the place.
+        """
+        start, end = scalar.span
+        written = self.source.text[start:end]
+        whole = written.find(scalar.text) if scalar.text else -1
+        if whole >= 0:
+            return min(start + whole + offset, max(end - 1, start))
+        at = 0
+        for character in scalar.text[: offset + 1]:
+            if character.isspace():
+                continue
+            found = written.find(character, at)
+            if found < 0:
+                break
+            at = found + 1
+        return start + max(at - 1, 0)
+
+    def document(
+        self, what: str, known: Collection[str], required: Collection[str] = ()
+    ) -> Fields:
+        """Return the keys of the whole file, ``format`` checked.
+
+        Raises:
+            ReadError: The file is no mapping, so that nothing can be read from it.
+        """
+        if self.root is None:
+            self.problems.raise_if_any()
+        assert self.root is not None
+        fields = self.fields(
+            self.root, what, ("format", *known), ("format", *required), at_start=True
+        )
+        if fields is None:
+            raise self.problems.error()
+        version = fields.integer("format")
+        if version is not None and version != FORMAT:
+            self.error(
+                "wrong-format",
+                fields.nodes["format"],
+                f"the file has format {version}, this program reads format {FORMAT}",
+                "write format: 1",
+            )
+        return fields
+
+    def fields(
+        self,
+        node: Node,
+        what: str,
+        known: Collection[str],
+        required: Collection[str] = (),
+        at_start: bool = False,
+    ) -> Fields | None:
+        """Return the keys of a mapping; unknown and missing ones become problems.
+
+        Args:
+            node: Anything.
+            what: What the mapping is, for messages: ``a tunable``.
+            known: All possible keys.
+            required: Keys that must be there.
+            at_start: Report a missing key at the start instead of the whole mapping.
+        """
+        if not isinstance(node, Mapping):
+            self.wrong_type(node, f"{what} with the keys {_listed(known)}", "a mapping")
+            return None
+        for entry in node.entries:
+            if entry.key.text not in known:
+                self.error(
+                    "unknown-key",
+                    entry.key,
+                    f"{what} has no key {shown(entry.key.text)}",
+                    did_you_mean(entry.key.text, known),
+                )
+        nodes = {e.key.text: e.value for e in node.entries if e.key.text in known}
+        missing = [key for key in required if key not in nodes]
+        if missing:
+            self.error(
+                "missing-key",
+                node.position if at_start or not node.entries else node.entries[0].key,
+                f"{what} needs the key{'s' * (len(missing) > 1)} {_listed(missing)}",
+                f"add '{missing[0]}: …'",
+            )
+        keys = {entry.key.text: entry.key for entry in node.entries}
+        return Fields(self, what, node, nodes, keys)
+
+    def wrong_type(self, node: Node, expected: str, short: str = "") -> None:
+        """Report that something else than expected stands here."""
+        if isinstance(node, Scalar) and node.empty:
+            self.error("missing-value", node, f"nothing is written here, expected {expected}")
+            return
+        hint = ""
+        if isinstance(node, Mapping) and short != "a mapping":
+            hint = "if it is meant as text, put it in quotes"
+        self.error("wrong-type", node, f"expected {expected}, found {found(node)}", hint)
+
+    def text(self, node: Node, what: str, *, empty: bool = False) -> str | None:
+        """Return a text; a number or ``true`` is taken as it is written."""
+        if not isinstance(node, Scalar):
+            self.wrong_type(node, f"{what}, a text")
+            return None
+        if node.empty and node.text not in ("", "~") and not empty:
+            self.error(
+                "missing-value", node, f"{shown(node.text)} means nothing", 'quote it: "null"'
+            )
+            return None
+        if not node.text.strip() and not empty:
+            self.error("missing-value", node, f"{what} is empty", "write a text")
+            return None
+        return node.text
+
+    def name(self, node: Node, what: str) -> str | None:
+        """Return an identifier: small letters, digits and ``_``, a letter first."""
+        text = self.text(node, what)
+        if text is None:
+            return None
+        if _NAME.fullmatch(text) and len(text) <= MAX_NAME:
+            return text
+        meant = re.sub(r"[^a-z0-9_]+", "_", text.strip().lower()).strip("_")
+        hint = f"write {meant}" if _NAME.fullmatch(meant) and len(meant) <= MAX_NAME else ""
+        self.error(
+            "bad-name",
+            node,
+            f"{what} is {shown(text)}, expected small letters a-z, digits and '_', "
+            f"a letter first, at most {MAX_NAME} characters",
+            hint,
+        )
+        return None
+
+    def integer(
+        self, node: Node, what: str, minimum: int | None = None, maximum: int | None = None
+    ) -> int | None:
+        """Return a whole number in a range."""
+        value = self._quantity(node, what, "a whole number", quantities.integer, "bad-number")
+        return (
+            value if value is None or self.in_range(node, what, value, minimum, maximum) else None
+        )
+
+    def number(
+        self, node: Node, what: str, minimum: float | None = None, maximum: float | None = None
+    ) -> float | None:
+        """Return a finite number in a range."""
+        value = self._quantity(node, what, "a number", quantities.number, "bad-number")
+        return (
+            value if value is None or self.in_range(node, what, value, minimum, maximum) else None
+        )
+
+    def duration(self, node: Node, what: str) -> float | None:
+        """Return a time [s]."""
+        expected = "a time such as '8 s'"
+        return self._quantity(node, what, expected, quantities.duration, "bad-duration")
+
+    def _quantity(
+        self, node: Node, what: str, expected: str, convert: Callable[[str], T], code: str
+    ) -> T | None:
+        if not isinstance(node, Scalar) or node.empty:
+            self.wrong_type(node, f"{what}, {expected}")
+            return None
+        try:
+            return convert(node.text)
+        except quantities.QuantityError as error:
+            self.error(code, node, f"{what}: {error.message}", error.hint)
+            return None
+
+    def in_range(
+        self, node: Node, what: str, value: float, minimum: float | None, maximum: float | None
+    ) -> bool:
+        """Return whether a number is in a range; report it when not."""
+        if (minimum is None or value >= minimum) and (maximum is None or value <= maximum):
+            return True
+        if maximum is None:
+            expected = f"{minimum:g} or more"
+        elif minimum is None:
+            expected = f"{maximum:g} or less"
+        else:
+            expected = f"{minimum:g} to {maximum:g}"
+        self.error("out-of-range", node, f"{what} is {value:g}, expected {expected}")
+        return False
+
+    def boolean(self, node: Node, what: str) -> bool | None:
+        """Return true or false."""
+        if not isinstance(node, Scalar) or node.empty:
+            self.wrong_type(node, f"{what}, true or false")
+            return None
+        value = boolean(node.text)
+        if value is None:
+            meant = {"yes": "true", "on": "true", "no": "false", "off": "false"}
+            word = meant.get(node.text.lower(), "true or false")
+            self.error(
+                "wrong-type",
+                node,
+                f"{what}: expected true or false, found {shown(node.text)}",
+                f"write {word}",
+            )
+        return value
+
+    def choice(self, node: Node, what: str, words: Collection[str]) -> str | None:
+        """Return one of some words."""
+        text = self.text(node, what)
+        if text is None or text in words:
+            return text
+        self.error(
+            "bad-choice",
+            node,
+            f"{what} is {shown(text)}, expected {' or '.join(words)}",
+            did_you_mean(text, words),
+        )
+        return None
+
+    def items(self, node: Node, what: str) -> tuple[Node, ...]:
+        """Return the items of a list, none when it is no list."""
+        if isinstance(node, Sequence):
+            return node.items
+        self.wrong_type(node, f"{what}, a list")
+        return ()
+
+    def entries(self, node: Node, what: str) -> tuple[Entry, ...]:
+        """Return the entries of a mapping, none when it is no mapping."""
+        if isinstance(node, Mapping):
+            return node.entries
+        self.wrong_type(node, what, "a mapping")
+        return ()
+
+    def parameter(self, key: Scalar, space: SceneSpace) -> SceneParameter | None:
+        """Return the scene parameter that a key names."""
+        try:
+            return space.parameter(key.text)
+        except Refused:
+            self.error(
+                "unknown-name",
+                key,
+                f"there is no scene parameter {shown(key.text)}",
+                did_you_mean(key.text, space.names),
+            )
+            return None
+
+    def values(self, node: Node, what: str, space: SceneSpace) -> dict[str, float]:
+        """Return values of some scene parameters, each in its range."""
+        found: dict[str, float] = {}
+        for entry in self.entries(node, f"{what}, a value for each of {', '.join(space.names)}"):
+            parameter = self.parameter(entry.key, space)
+            value = self.number(entry.value, entry.key.text) if parameter else None
+            if parameter is None or value is None:
+                continue
+            try:
+                found[parameter.name] = check_value(parameter, value)
+            except Refused as refused:
+                self.error("out-of-range", entry.value, refused.reason)
+        return found
+
+    def vector(self, node: Node, what: str, space: SceneSpace) -> Vector | None:
+        """Return the values of all scene parameters."""
+        before = len(self.problems)
+        values = self.values(node, what, space)
+        if len(self.problems) > before:
+            return None
+        missing = [name for name in space.names if name not in values]
+        if missing:
+            self.error(
+                "missing-key",
+                node,
+                f"{what} has no value for {_listed(missing)}",
+                f"add '{missing[0]}: …'",
+            )
+            return None
+        return tuple(values[name] for name in space.names)
+
+
+class Fields:
+    """The keys of one mapping, each readable as the type that is expected of it.
+
+    Attributes:
+        mapping: The mapping itself.
+        nodes: Value of each key that is known.
+        keys: Every key as it stands in the file.
+    """
+
+    def __init__(
+        self,
+        reading: FileReading,
+        what: str,
+        mapping: Mapping,
+        nodes: dict[str, Node],
+        keys: dict[str, Scalar],
+    ) -> None:
+        self.mapping = mapping
+        self.nodes = nodes
+        self.keys = keys
+        self._reading = reading
+        self._what = what
+
+    def get(self, key: str) -> Node | None:
+        """Return what stands behind a key."""
+        return self.nodes.get(key)
+
+    def text(self, key: str, default: str = "") -> str:
+        """Return a text, ``default`` when it is not there or wrong."""
+        return self._read(key, self._reading.text) or default
+
+    def name(self, key: str) -> str | None:
+        """Return an identifier."""
+        return self._read(key, self._reading.name)
+
+    def integer(
+        self, key: str, minimum: int | None = None, maximum: int | None = None
+    ) -> int | None:
+        """Return a whole number."""
+        return self._read(key, lambda n, w: self._reading.integer(n, w, minimum, maximum))
+
+    def number(
+        self, key: str, minimum: float | None = None, maximum: float | None = None
+    ) -> float | None:
+        """Return a number."""
+        return self._read(key, lambda n, w: self._reading.number(n, w, minimum, maximum))
+
+    def duration(self, key: str) -> float | None:
+        """Return a time [s]."""
+        return self._read(key, self._reading.duration)
+
+    def boolean(self, key: str) -> bool | None:
+        """Return true or false."""
+        return self._read(key, self._reading.boolean)
+
+    def choice(self, key: str, words: Collection[str]) -> str | None:
+        """Return one of some words."""
+        return self._read(key, lambda n, w: self._reading.choice(n, w, words))
+
+    def items(self, key: str) -> tuple[Node, ...]:
+        """Return the items of a list, none when it is not there."""
+        return self._read(key, self._reading.items) or ()
+
+    def entries(self, key: str, what: str) -> tuple[Entry, ...]:
+        """Return the entries of a mapping, none when it is not there."""
+        node = self.nodes.get(key)
+        return () if node is None else self._reading.entries(node, what)
+
+    def _read(self, key: str, read: Callable[[Node, str], T | None]) -> T | None:
+        node = self.nodes.get(key)
+        return None if node is None else read(node, f"'{key}'")
+
+
+def found(node: Node) -> str:
+    """Return what a node is, in words for a message."""
+    match node:
+        case Sequence():
+            return "a list"
+        case Mapping():
+            return "a mapping"
+        case Scalar():
+            return "nothing" if node.empty else shown(node.text)
+
+
+def _listed(words: Iterable[str]) -> str:
+    listed = list(words)
+    return ", ".join(f"'{word}'" for word in listed[:12]) + (", …" if len(listed) > 12 else "")

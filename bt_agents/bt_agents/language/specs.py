@@ -1,0 +1,290 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a checked file says: frozen data that the engine and the nodes are built from."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import Enum
+
+from bt_agents.language.expressions import Expression
+from bt_agents.scene import SceneSpace, Vector
+
+Plain = None | bool | int | float | str | tuple["Plain", ...] | Mapping[str, "Plain"]
+"""A value without any name in it."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Position:
+    """Where something stands; line and column count from 1."""
+
+    file: str
+    line: int
+    column: int
+
+    def __str__(self) -> str:
+        return f"{self.file}:{self.line}:{self.column}"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Literal:
+    """A value as written; durations are seconds."""
+
+    value: Plain
+
+
+@dataclass(frozen=True, kw_only=True)
+class Reference:
+    """``${name}``: the value of a name, with its type, at the moment it is needed."""
+
+    name: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class Text:
+    """Text with names inside: ``Hello ${who}.``."""
+
+    parts: tuple[str | Reference, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class ListValue:
+    """A list of values."""
+
+    items: tuple[Value, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class MapValue:
+    """A mapping of values, for example the goal of an action."""
+
+    items: Mapping[str, Value]
+
+
+Value = Literal | Reference | Text | ListValue | MapValue
+
+
+class FieldType(Enum):
+    """Types of fields, tunables, inputs and outputs; the value is the word in a file."""
+
+    TEXT = "text"
+    NUMBER = "number"
+    INTEGER = "integer"
+    BOOLEAN = "boolean"
+    DURATION = "duration"
+    ANY = "any"
+
+
+@dataclass(frozen=True, kw_only=True)
+class FieldSpec:
+    """One typed input or output of a skill or subtree."""
+
+    name: str
+    type: FieldType
+    required: bool = True
+    default: Plain = None
+    description: str = ""
+
+
+class BindingKind(Enum):
+    """The kind of ROS interface a skill or leaf uses; the value is the word in a file."""
+
+    ACTION = "action"
+    SERVICE = "service"
+    TOPIC = "topic"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Binding:
+    """How a skill reaches the robot.
+
+    Attributes:
+        kind: Action, service or topic.
+        name: ROS name, relative unless it starts with a slash.
+        type: ROS type, for example ``bt_agents_interfaces/action/Say``.
+        fields: Goal, request or message; its references name inputs of the skill.
+        outputs: Output name → field of the result or response, for example ``answer``.
+        succeed_when: Condition over ``result.*``; None succeeds whenever ROS says so.
+    """
+
+    kind: BindingKind
+    name: str
+    type: str
+    fields: MapValue
+    outputs: Mapping[str, str] = field(default_factory=dict)
+    succeed_when: Expression | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class SkillSpec:
+    """A word of the authors' vocabulary and what it does on this robot.
+
+    Attributes:
+        name: The node key.
+        main: Input that a scalar stands for; None when there is none.
+        inputs: Typed inputs.
+        outputs: Names that later nodes may use.
+    """
+
+    name: str
+    description: str
+    main: str | None
+    inputs: tuple[FieldSpec, ...]
+    outputs: tuple[FieldSpec, ...]
+    binding: Binding
+    position: Position
+
+
+@dataclass(frozen=True, kw_only=True)
+class NodeSpec:
+    """One node of a tree; a modifier is a node around the one it modifies.
+
+    Attributes:
+        path: Stable position in the tree, for example ``tree/0.say`` or ``tree/1.ask@timeout``.
+        position: Where it stands in the file.
+        kind: Node key or modifier: ``sequence``, ``timeout``, ``say``.
+        name: Name for people.
+        fields: Values and conditions by field name; see ``nodes.py`` for the fields of a kind.
+        children: In order; of a modifier the modified node first.
+        skill: Set when ``kind`` is a skill.
+    """
+
+    path: str
+    position: Position
+    kind: str
+    name: str
+    fields: Mapping[str, Value | Expression] = field(default_factory=dict)
+    children: tuple[NodeSpec, ...] = ()
+    skill: SkillSpec | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Tunable:
+    """A value of a tree that may change while it runs; durations in seconds.
+
+    Attributes:
+        minimum: Smallest value of a number, integer or duration; None for texts and booleans.
+        maximum: Largest value.
+        step: Distance of the allowed values from ``minimum`` on; 0 allows all.
+    """
+
+    name: str
+    type: FieldType
+    default: bool | int | float | str
+    minimum: float | None
+    maximum: float | None
+    step: float
+    description: str
+    position: Position
+
+
+@dataclass(frozen=True, kw_only=True)
+class FeedbackRule:
+    """What a change of mood during a run teaches the agent.
+
+    Attributes:
+        when: Condition over ``mood.change``, ``scene.*`` and ``live.*``.
+        hold_s: How long it must hold [s].
+        positive: True moves the profile towards the scene, False away from it.
+        cancel: True also stops the run and lets the market ask again.
+    """
+
+    when: Expression
+    hold_s: float
+    positive: bool
+    cancel: bool
+    position: Position
+
+
+@dataclass(frozen=True, kw_only=True)
+class AgentSpec:
+    """One agent file."""
+
+    name: str
+    title: str
+    description: str
+    tags: tuple[str, ...]
+    profile: Vector
+    learning_rate: float
+    requires: Expression | None
+    tunables: tuple[Tunable, ...]
+    rules: tuple[FeedbackRule, ...]
+    tree: NodeSpec
+    on_cancel: NodeSpec | None
+    file: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class SourceSpec:
+    """Where the readings of a scene parameter, or of the presence of a person, come from.
+
+    Attributes:
+        parameter: Name of the scene parameter; ``person`` for the presence.
+        topic: ROS name, relative unless it starts with a slash.
+        type: ROS type, for example ``std_msgs/msg/Float64``.
+        field: Path of the field in the message.
+        points: Linear map from reading to parameter as (reading, value) pairs, readings rising;
+            empty takes the reading as it is.
+        stale_after_s: A reading older than this is missing [s].
+    """
+
+    parameter: str
+    topic: str
+    type: str
+    field: str
+    points: tuple[tuple[float, float], ...]
+    stale_after_s: float
+    position: Position
+
+
+@dataclass(frozen=True, kw_only=True)
+class SceneSpec:
+    """``scene.yaml``: the parameters of every scene and the sources that feed them."""
+
+    space: SceneSpace
+    sources: tuple[SourceSpec, ...]
+    person: SourceSpec | None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Change:
+    """Something that changes during a scripted visit.
+
+    Attributes:
+        after_s: Time since the agent's run started [s].
+        values: Scene parameters and their new values.
+        person: Whether the person is there now; None for unchanged.
+    """
+
+    after_s: float
+    values: Mapping[str, float]
+    person: bool | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Visit:
+    """One scripted scene, with what the person does in it.
+
+    Attributes:
+        label: Words for people.
+        person: False for a thing that only looks like an interaction.
+        values: Scene parameters that are measured; the others are missing.
+        changes: In order of time.
+        answers: Word in a question → answer; the first that fits counts.
+        buttons: Topic of a button → words that the robot says or shows before it is pressed.
+    """
+
+    label: str
+    person: bool
+    values: Mapping[str, float]
+    changes: tuple[Change, ...] = ()
+    answers: Mapping[str, str] = field(default_factory=dict)
+    buttons: Mapping[str, str] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Script:
+    """A list of visits, for the demo and for experiments."""
+
+    title: str
+    visits: tuple[Visit, ...]

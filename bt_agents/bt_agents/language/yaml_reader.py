@@ -1,0 +1,323 @@
+# SPDX-License-Identifier: Apache-2.0
+"""YAML text turned into nodes that know their place; what authors do not need is refused."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import yaml
+
+from bt_agents.language.diagnostics import Diagnostics, shown
+from bt_agents.language.source import MAX_BYTES, TOO_LARGE, Source
+from bt_agents.language.specs import Position
+from bt_agents.language.yaml_syntax import report_syntax
+
+MAX_DEPTH = 64
+"""Nesting of lists and mappings."""
+
+MAX_NODES = 50_000
+"""Scalars, lists and mappings of one file."""
+
+# Also what breaks lines in some programs only (U+0085, U+2028, U+2029), hides (U+FEFF) or turns
+# the reading direction: no script needs it, and nobody would see it.
+_BAD_CHARACTER = re.compile(
+    "[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f\ud800-\udfff\ufdd0-\ufdef\ufeff\ufffe\uffff"
+    "\u2028\u2029\u202a-\u202e\u2066-\u2069]"
+)
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Scalar:
+    """A text, number or word as written.
+
+    Attributes:
+        position: Its first character, of a quoted one the quotation mark.
+        span: Index of its first character in the file's text and of the one after its last.
+        text: Its content, quotes and line folding resolved.
+        style: Empty for a plain scalar, else ``'``, ``"``, ``|`` or ``>``.
+    """
+
+    position: Position
+    span: tuple[int, int]
+    text: str
+    style: str
+
+    @property
+    def plain(self) -> bool:
+        """True when it stands without quotes."""
+        return not self.style
+
+    @property
+    def empty(self) -> bool:
+        """True when nothing is written, or the word that means nothing."""
+        return self.plain and self.text in ("", "~", "null", "Null", "NULL")
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Sequence:
+    """A list."""
+
+    position: Position
+    span: tuple[int, int]
+    items: tuple[Node, ...]
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Entry:
+    """One key of a mapping and what stands behind it."""
+
+    key: Scalar
+    value: Node
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Mapping:
+    """A mapping; its keys are different from each other."""
+
+    position: Position
+    span: tuple[int, int]
+    entries: tuple[Entry, ...]
+
+    def get(self, key: str) -> Node | None:
+        """Return what stands behind a key, None when it is not there."""
+        return next((entry.value for entry in self.entries if entry.key.text == key), None)
+
+
+Node = Scalar | Sequence | Mapping
+
+
+def read_yaml(source: Source, problems: Diagnostics) -> Node | None:
+    """Return the one document of a file; every problem of its form goes to ``problems``.
+
+    Returns:
+        The document without what was refused in it; None when nothing can be made of it.
+    """
+    if len(source.text.encode("utf-8", "replace")) > MAX_BYTES:
+        problems.add("too-large", source.position(0), *TOO_LARGE)
+        return None
+    bad = _BAD_CHARACTER.search(source.text)
+    if bad is not None:
+        problems.add(
+            "bad-character",
+            source.position(bad.start()),
+            f"an invisible character (U+{ord(bad[0]):04X}) stands here",
+            "delete it; it may have come in by copying from another program",
+        )
+        return None
+    builder = _Builder(source, problems)
+    try:
+        builder.take(_events(source.text))
+    except yaml.MarkedYAMLError as error:
+        report_syntax(source, problems, error)
+        return None
+    except yaml.YAMLError as error:
+        problems.add("syntax", source.position(0), f"the file cannot be read: {shown(str(error))}")
+        return None
+    if builder.root is None and not problems:
+        problems.add(
+            "empty-file", source.position(0), "nothing is written here", "start with 'format: 1'"
+        )
+    return None if builder.hopeless else builder.root
+
+
+def _events(text: str) -> Iterator[yaml.Event]:
+    # The C parser is iterative, so that depth is checked here before anything recursive is built.
+    loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+    return yaml.parse(text, Loader=loader)
+
+
+class _Open:
+    """A list or mapping whose end has not come yet."""
+
+    def __init__(self, event: yaml.CollectionStartEvent) -> None:
+        self.event = event
+        self.items: list[Node] = []
+        self.entries: dict[str, Entry] = {}
+        self.key: Scalar | None = None
+        # A key that was refused still has a value, which must not be taken for the next key.
+        self.value_is_next = False
+
+
+class _Builder:
+    """Builds nodes from events without recursion."""
+
+    def __init__(self, source: Source, problems: Diagnostics) -> None:
+        self.root: Node | None = None
+        self.hopeless = False
+        self._source = source
+        self._problems = problems
+        self._open: list[_Open] = []
+        self._count = 0
+        self._documents = 0
+
+    def take(self, events: Iterator[yaml.Event]) -> None:
+        """Build from all events, or until the file turns out to be hopeless."""
+        for event in events:
+            self._event(event)
+            if self.hopeless:
+                return
+
+    def _event(self, event: yaml.Event) -> None:
+        match event:
+            case yaml.ScalarEvent():
+                self._refuse_extras(event)
+                self._refuse_escapes(event)
+                self._count_one(event)
+                self._add(
+                    Scalar(
+                        position=self._position(event),
+                        span=self._span(event),
+                        text=event.value,
+                        style=event.style or "",
+                    )
+                )
+            case yaml.CollectionStartEvent():
+                self._refuse_extras(event)
+                self._count_one(event)
+                self._open.append(_Open(event))
+                if len(self._open) > MAX_DEPTH:
+                    self._give_up(
+                        event,
+                        "too-deep",
+                        f"lists and mappings are nested more than {MAX_DEPTH} deep",
+                        "move inner parts to subtrees",
+                    )
+            case yaml.CollectionEndEvent():
+                self._close(event)
+            case yaml.AliasEvent():
+                self._give_up(
+                    event,
+                    "anchor",
+                    f"'*{event.anchor}' is an alias, which is not part of this language",
+                    "write the value again, use a tunable or subtree, or quote a text that starts "
+                    "with '*'",
+                )
+            case yaml.DocumentStartEvent():
+                self._documents += 1
+                if self._documents > 1:
+                    self._give_up(
+                        event,
+                        "several-documents",
+                        "a second document starts here",
+                        "put it into a file of its own, or remove the line '---'",
+                    )
+
+    def _count_one(self, event: yaml.Event) -> None:
+        self._count += 1
+        if self._count > MAX_NODES:
+            self._give_up(
+                event,
+                "too-many-values",
+                f"the file holds more than {MAX_NODES:,} values",
+                "split it over several files",
+            )
+
+    def _close(self, event: yaml.CollectionEndEvent) -> None:
+        opened = self._open.pop()
+        position = self._position(opened.event)
+        span = (_start(opened.event)[2], _end(event))
+        if isinstance(opened.event, yaml.SequenceStartEvent):
+            self._add(Sequence(position=position, span=span, items=tuple(opened.items)))
+        else:
+            self._add(
+                Mapping(position=position, span=span, entries=tuple(opened.entries.values()))
+            )
+
+    def _add(self, node: Node) -> None:
+        if not self._open:
+            self.root = node
+            return
+        parent = self._open[-1]
+        if isinstance(parent.event, yaml.SequenceStartEvent):
+            parent.items.append(node)
+        elif not parent.value_is_next:
+            parent.key = self._key(parent, node)
+            parent.value_is_next = True
+        else:
+            parent.value_is_next = False
+            if parent.key is not None:
+                parent.entries[parent.key.text] = Entry(key=parent.key, value=node)
+
+    def _key(self, parent: _Open, node: Node) -> Scalar | None:
+        """Return a key, or None when it is refused and its value is to be left out."""
+        if not isinstance(node, Scalar) or node.empty:
+            found = "nothing" if isinstance(node, Scalar) else "a list or mapping"
+            self._problems.add(
+                "bad-key",
+                node.position,
+                f"a word is expected before ':', found {found}",
+                "quote a text that starts with '{', '[' or '?'",
+            )
+            return None
+        if node.plain and node.text == "<<":
+            self._problems.add(
+                "merge-key",
+                node.position,
+                "'<<' is a merge key, which is not part of this language",
+                "write the keys out, or use a subtree",
+            )
+            return None
+        first = parent.entries.get(node.text)
+        if first is not None:
+            self._problems.add(
+                "duplicate-key",
+                node.position,
+                f"the key {shown(node.text)} stands here a second time "
+                f"(first in line {first.key.position.line})",
+                "remove one of them; a second node starts with a new '-' item",
+                self._source.position(node.span[1]),
+            )
+            return None
+        return node
+
+    def _refuse_extras(self, event: yaml.ScalarEvent | yaml.CollectionStartEvent) -> None:
+        if event.anchor is not None:
+            self._problems.add(
+                "anchor",
+                self._position(event),
+                f"'&{event.anchor}' is an anchor, which is not part of this language",
+                "remove it, or quote a text that starts with '&'",
+            )
+        if event.tag is not None:
+            self._problems.add(
+                "tag",
+                self._position(event),
+                f"{shown(event.tag)} is a tag, which is not part of this language",
+                "remove it, or quote a text that starts with '!'",
+            )
+
+    def _refuse_escapes(self, event: yaml.ScalarEvent) -> None:
+        bad = _BAD_CHARACTER.search(event.value) if event.style == '"' else None
+        if bad is not None:
+            self._problems.add(
+                "bad-character",
+                self._position(event),
+                f"the text holds an invisible character (U+{ord(bad[0]):04X})",
+                "remove the backslash and the code behind it",
+            )
+
+    def _give_up(self, event: yaml.Event, code: str, message: str, hint: str) -> None:
+        self._problems.add(code, self._position(event), message, hint)
+        self.hopeless = True
+
+    def _position(self, event: yaml.Event) -> Position:
+        line, column, _ = _start(event)
+        return Position(file=self._source.file, line=line + 1, column=column + 1)
+
+    def _span(self, event: yaml.Event) -> tuple[int, int]:
+        return _start(event)[2], _end(event)
+
+
+def _start(event: yaml.Event) -> tuple[int, int, int]:
+    """Return line, column and index of the first character of an event, each from 0."""
+    mark = event.start_mark
+    assert mark is not None
+    return mark.line, mark.column, mark.index
+
+
+def _end(event: yaml.Event) -> int:
+    mark = event.end_mark
+    assert mark is not None
+    return mark.index

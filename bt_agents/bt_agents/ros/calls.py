@@ -1,0 +1,99 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Service calls that always end: each one has an owner, a deadline and exactly one outcome."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+from rclpy.client import Client
+from rclpy.clock import Clock, ClockType
+from rclpy.node import Node
+
+_SWEEP_S = 0.02
+
+
+@dataclass(eq=False)
+class _Call:
+    client: Client
+    request: Any
+    deadline: float
+    on_answer: Callable[[Any], None]
+    on_failure: Callable[[str], None]
+    future: Any = field(default=None)
+
+
+class Calls:
+    """Sends service requests from the executor's thread and sweeps those that are overdue.
+
+    A request waits for its server until the deadline, so a server that is just starting is found.
+    A late answer is discarded.
+    """
+
+    def __init__(self, node: Node) -> None:
+        self._node = node
+        self._open: list[_Call] = []
+        self._timer = node.create_timer(
+            _SWEEP_S, self._sweep, clock=Clock(clock_type=ClockType.STEADY_TIME), autostart=False
+        )
+
+    def call(
+        self,
+        client: Client,
+        request: Any,
+        *,
+        deadline_s: float,
+        on_answer: Callable[[Any], None],
+        on_failure: Callable[[str], None],
+    ) -> None:
+        """Send a request; exactly one of the two callbacks follows, on the executor's thread.
+
+        Args:
+            client: Client of the service.
+            request: The request message.
+            deadline_s: Time for finding the server and getting the answer [s].
+            on_answer: Called with the response.
+            on_failure: Called with the reason in words.
+        """
+        call = _Call(client, request, time.monotonic() + deadline_s, on_answer, on_failure)
+        self._open.append(call)
+        self._send(call)
+        if call in self._open and self._timer.is_canceled():
+            self._timer.reset()
+
+    def __len__(self) -> int:
+        return len(self._open)
+
+    def _send(self, call: _Call) -> None:
+        if call.future is None and call.client.service_is_ready():
+            call.future = call.client.call_async(call.request)
+            call.future.add_done_callback(lambda future: self._answered(call, future))
+
+    def _answered(self, call: _Call, future: Any) -> None:
+        if call not in self._open:
+            return
+        self._open.remove(call)
+        error = future.exception()
+        if error is not None:
+            call.on_failure(f"{call.client.srv_name} failed: {error}")
+        elif future.result() is not None:
+            call.on_answer(future.result())
+        else:
+            call.on_failure(f"{call.client.srv_name} was cancelled")
+
+    def _sweep(self) -> None:
+        now = time.monotonic()
+        for call in list(self._open):
+            if now < call.deadline:
+                self._send(call)
+                continue
+            self._open.remove(call)
+            if call.future is None:
+                call.on_failure(f"{call.client.srv_name} is not there")
+            else:
+                call.client.remove_pending_request(call.future)
+                call.on_failure(f"{call.client.srv_name} did not answer in time")
+        if not self._open:
+            self._timer.cancel()

@@ -1,0 +1,80 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a command line can ask of a running system, each request bounded in time."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from bt_agents.ros import qos
+from bt_agents.ros.observer import Observer
+from bt_agents_interfaces.msg import Auction, Feedback
+from bt_agents_interfaces.srv import Analyze, CancelRun, GiveFeedback
+
+KINDS = {"direct": Feedback.DIRECT, "positive": Feedback.POSITIVE, "negative": Feedback.NEGATIVE}
+
+
+def analyze(
+    observer: Observer,
+    names: Sequence[str],
+    values: Sequence[float],
+    *,
+    label: str = "",
+    person: bool | None = None,
+    announce: bool,
+) -> Any:
+    """Ask the scene layer for a scene; return its response, None without an answer.
+
+    Args:
+        observer: In the graph of the system.
+        names: Parameters whose value is given.
+        values: Their values, same order.
+        label: Words for people.
+        person: Whether somebody is there; None takes what is measured.
+        announce: False changes the live scene only.
+    """
+    presence = Analyze.Request.AS_MEASURED
+    if person is not None:
+        presence = Analyze.Request.PRESENT if person else Analyze.Request.ABSENT
+    request = Analyze.Request(
+        label=label, names=names, values=values, person=presence, announce=announce
+    )
+    return observer.call(Analyze, "scene_layer/analyze", request)
+
+
+def cancel_run(observer: Observer, reason: str) -> Any:
+    """Stop whatever runs; return the market's response, None without an answer."""
+    return observer.call(CancelRun, "marketplace/cancel", CancelRun.Request(reason=reason))
+
+
+def give_feedback(
+    observer: Observer, agent: str, kind: str, values: Sequence[float], reason: str
+) -> Any:
+    """Give feedback; return the feedback node's response, None without an answer.
+
+    Args:
+        observer: In the graph of the system.
+        agent: Whose; empty means who runs, else who ran last.
+        kind: One of :data:`KINDS`.
+        values: The wanted profile of direct feedback, NaN for no opinion; otherwise empty.
+        reason: Why, in words.
+    """
+    request = GiveFeedback.Request(
+        agent=agent, kind=KINDS[kind], values=values, source="command line", reason=reason
+    )
+    return observer.call(GiveFeedback, "feedback/give", request)
+
+
+def decisions(observer: Observer) -> list[Any]:
+    """Return a list that fills with the last decisions while the observer is turned."""
+    heard: list[Any] = []
+    observer.node.create_subscription(Auction, "auctions", heard.append, qos.HISTORY)
+    return heard
+
+
+def record(
+    observer: Observer, auction: Callable[[Any], None], feedback: Callable[[Any], None]
+) -> None:
+    """Call back for every decision and every applied feedback."""
+    observer.node.create_subscription(Auction, "auctions", auction, qos.FACTS)
+    observer.node.create_subscription(Feedback, "feedback", feedback, qos.FACTS)

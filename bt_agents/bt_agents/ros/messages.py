@@ -1,0 +1,72 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Scenes between messages and the pure core; whatever comes in passes the one validator."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from builtin_interfaces.msg import Time
+
+from bt_agents.errors import Refused
+from bt_agents.scene import Origin, Scene, SceneSpace, SceneValue
+from bt_agents_interfaces.msg import Scene as SceneMsg
+from bt_agents_interfaces.msg import SceneValue as SceneValueMsg
+
+
+def seconds(stamp: Any) -> float:
+    """Return a ``builtin_interfaces/Time`` or ``Duration`` in seconds."""
+    return float(stamp.sec) + float(stamp.nanosec) * 1e-9
+
+
+def to_time(value: float) -> Time:
+    """Return seconds as a ``builtin_interfaces/Time``; negative and NaN become zero."""
+    nanoseconds = max(0, round(value * 1e9)) if math.isfinite(value) else 0
+    return Time(sec=nanoseconds // 1_000_000_000, nanosec=nanoseconds % 1_000_000_000)
+
+
+def scene_to_msg(scene: Scene) -> SceneMsg:
+    """Return the message of a scene."""
+    return SceneMsg(
+        stamp=to_time(scene.stamp),
+        scene_id=scene.scene_id,
+        label=scene.label,
+        person=scene.person,
+        values=[
+            SceneValueMsg(name=v.name, value=v.value, origin=int(v.origin), age_s=v.age_s)
+            for v in scene.values
+        ],
+    )
+
+
+def scene_from_msg(message: Any, space: SceneSpace) -> Scene:
+    """Check a scene message and return the scene.
+
+    Raises:
+        Refused: As in :meth:`SceneSpace.scene`; also ``EMPTY`` without a scene id and
+            ``UNKNOWN_ORIGIN``.
+    """
+    if not message.scene_id:
+        raise Refused("EMPTY", "scene: no scene_id; every scene needs a unique one")
+    values = []
+    for value in message.values:
+        if value.origin not in set(Origin):
+            raise Refused(
+                "UNKNOWN_ORIGIN",
+                f"scene: '{value.name}' has the origin {value.origin}, expected 0-2",
+            )
+        values.append(
+            SceneValue(
+                name=value.name,
+                value=value.value,
+                origin=Origin(value.origin),
+                age_s=value.age_s,
+            )
+        )
+    return Scene(
+        scene_id=message.scene_id,
+        label=message.label,
+        person=message.person,
+        values=space.scene(values),
+        stamp=seconds(message.stamp),
+    )

@@ -1,0 +1,53 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Declaration of ROS parameters with description and range, as ROS users expect them."""
+
+from __future__ import annotations
+
+from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
+from rclpy.node import Node
+
+Value = bool | int | float | str
+
+
+def describe(
+    description: str,
+    *,
+    minimum: float | None = None,
+    maximum: float | None = None,
+    step: float = 0.0,
+    integer: bool = False,
+    read_only: bool = False,
+    choices: tuple[str, ...] = (),
+) -> ParameterDescriptor:
+    """Return the descriptor of one parameter.
+
+    Args:
+        description: What it means, with its unit.
+        minimum: Smallest value; None declares no range.
+        maximum: Largest value; given together with ``minimum``.
+        step: Distance of the allowed values from ``minimum`` on; 0 allows all.
+        integer: True for a range of integers.
+        read_only: True when it is read once at the start.
+        choices: Allowed texts, named in the additional constraints.
+    """
+    descriptor = ParameterDescriptor(description=description, read_only=read_only)
+    if choices:
+        descriptor.additional_constraints = "one of: " + ", ".join(choices)
+    if minimum is not None and maximum is not None:
+        if integer:
+            descriptor.integer_range = [
+                IntegerRange(from_value=int(minimum), to_value=int(maximum), step=int(step))
+            ]
+        else:
+            descriptor.floating_point_range = [
+                FloatingPointRange(
+                    from_value=float(minimum), to_value=float(maximum), step=float(step)
+                )
+            ]
+    return descriptor
+
+
+def declare(node: Node, name: str, default: Value, descriptor: ParameterDescriptor) -> Value:
+    """Declare a parameter and return its value, which a launch file may have set."""
+    value: Value = node.declare_parameter(name, default, descriptor).value
+    return value

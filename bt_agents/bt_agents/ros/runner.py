@@ -1,0 +1,125 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The one way a node is run: guarded against exceptions, stopped cleanly by SIGINT and SIGTERM."""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import signal
+import sys
+import time
+import traceback
+from collections.abc import Callable, Sequence
+from types import FrameType
+from typing import Protocol, TypeVar
+
+import rclpy
+from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.signals import SignalHandlerOptions
+
+SUPERVISED = "BT_AGENTS_SUPERVISED"
+"""Environment variable that ties the life of a node's process to that of its parent."""
+
+_POLL_S = 0.1
+_STOP_LIMIT_S = 1.2
+_PR_SET_PDEATHSIG = 1
+
+
+class Stopping(Protocol):
+    """A node that needs some turns of the executor to end what it has under way."""
+
+    def request_stop(self) -> None:
+        """Start ending; called once."""
+
+    def stopped(self) -> bool:
+        """Return True when nothing is under way any more."""
+
+
+NodeT = TypeVar("NodeT", bound=Node)
+
+
+class Turner:
+    """Turns a single-threaded executor; an exception in a callback is reported and survived."""
+
+    def __init__(self, node: Node) -> None:
+        self.node = node
+        self.executor = SingleThreadedExecutor()
+        self.executor.add_node(node)
+
+    def turn(self, timeout_s: float = _POLL_S) -> None:
+        """Wait up to ``timeout_s`` seconds for work and do one piece of it."""
+        try:
+            self.executor.spin_once(timeout_sec=timeout_s)
+        except ExternalShutdownException:
+            raise
+        except Exception:
+            if not self.node.context.ok():
+                raise ExternalShutdownException from None
+            self.node.get_logger().error(
+                "a callback failed and was skipped:\n" + traceback.format_exc()
+            )
+
+    def turn_until(self, done: Callable[[], bool], limit_s: float) -> bool:
+        """Turn until ``done()`` is true or ``limit_s`` seconds have passed; return ``done()``."""
+        end = time.monotonic() + limit_s
+        while not done():
+            left = end - time.monotonic()
+            if left <= 0:
+                return False
+            self.turn(min(left, _POLL_S))
+        return True
+
+    def close(self) -> None:
+        """Stop the executor and destroy the node, in the order that Fast DDS survives."""
+        self.executor.shutdown(timeout_sec=0.5)
+        self.node.destroy_node()
+
+
+def run(make_node: Callable[[], NodeT], args: Sequence[str] | None = None) -> int:
+    """Create a node and turn it until SIGINT, SIGTERM or a shutdown of its context.
+
+    A node with the methods of :class:`Stopping` gets up to 1.2 s to end what it has under way.
+
+    Args:
+        make_node: Called after ``rclpy.init``; may raise, which ends the process with one line.
+        args: Command line as ROS expects it; None takes that of the process.
+
+    Returns:
+        Exit code: 0 after a clean stop, 1 when the node could not be created.
+    """
+    stop_asked = False
+
+    def ask_stop(_signal: int, _frame: FrameType | None) -> None:
+        nonlocal stop_asked
+        stop_asked = True
+
+    signal.signal(signal.SIGINT, ask_stop)
+    signal.signal(signal.SIGTERM, ask_stop)
+    _die_with_parent()
+    rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
+    try:
+        try:
+            node = make_node()
+        except Exception as error:
+            print(f"error: {error}", file=sys.stderr)
+            return 1
+        turner = Turner(node)
+        try:
+            while not stop_asked and rclpy.ok():
+                turner.turn()
+            if hasattr(node, "request_stop") and rclpy.ok():
+                node.request_stop()
+                turner.turn_until(node.stopped, _STOP_LIMIT_S)
+        except ExternalShutdownException:
+            pass
+        finally:
+            turner.close()
+        return 0
+    finally:
+        rclpy.try_shutdown()
+
+
+def _die_with_parent() -> None:
+    if os.environ.get(SUPERVISED) and sys.platform == "linux":
+        ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)

@@ -1,0 +1,127 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The agents of one host as the market sees them: who bids what for a scene, and who declines."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable, Mapping
+from dataclasses import dataclass, field
+
+from bt_agents.engine.scope import RunScope, holds
+from bt_agents.errors import Refused
+from bt_agents.language.expressions import EvaluationError, MissingValue
+from bt_agents.language.specs import AgentSpec, Plain
+from bt_agents.scene import Scene, SceneSpace, Vector
+
+
+@dataclass(kw_only=True)
+class Member:
+    """One agent and what has changed since its file was read.
+
+    Attributes:
+        spec: The file.
+        profile: What it bids now.
+        revision: Ledger revision of that profile; 0 for the one in the file.
+        learning_rate: 0..1.
+        tunables: Current values by name; a running tree reads the same mapping.
+        agent_id: Id from the market; 0 while it is not registered.
+        refusal: Why the market does not take it; empty when it does.
+    """
+
+    spec: AgentSpec
+    profile: Vector
+    revision: int = 0
+    learning_rate: float
+    tunables: dict[str, Plain] = field(default_factory=dict)
+    agent_id: int = 0
+    refusal: str = ""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Answer:
+    """A host's answer to a call for bids: who bids, and name → reason of those who do not."""
+
+    bids: tuple[Member, ...]
+    declined: Mapping[str, str]
+
+
+class Roster:
+    """All agents of a host by name."""
+
+    def __init__(self, space: SceneSpace, agents: Iterable[AgentSpec]) -> None:
+        self.space = space
+        self.members = {
+            spec.name: Member(
+                spec=spec,
+                profile=spec.profile,
+                learning_rate=spec.learning_rate,
+                tunables={tunable.name: tunable.default for tunable in spec.tunables},
+            )
+            for spec in agents
+        }
+
+    def member(self, name: str) -> Member:
+        """Return an agent.
+
+        Raises:
+            Refused: ``UNKNOWN_AGENT``.
+        """
+        if name not in self.members:
+            known = ", ".join(self.members) or "none"
+            raise Refused("UNKNOWN_AGENT", f"no agent '{name}' here; there are: {known}")
+        return self.members[name]
+
+    def enrol(self, names: Iterable[str], ids: Iterable[int], reasons: Iterable[str]) -> None:
+        """Take over the market's answer to a registration."""
+        for name, agent_id, reason in zip(names, ids, reasons, strict=True):
+            if name in self.members:
+                self.members[name].agent_id = agent_id
+                self.members[name].refusal = "" if agent_id else reason
+
+    def answer(self, scene: Scene, excluded: Collection[str] = ()) -> Answer:
+        """Return who bids for a scene; members that the market did not take stay silent."""
+        bids = []
+        declined = {}
+        for member in self.members.values():
+            if not member.agent_id or member.spec.name in excluded:
+                continue
+            reason = self._obstacle(member, scene)
+            if reason:
+                declined[member.spec.name] = reason
+            else:
+                bids.append(member)
+        return Answer(bids=tuple(bids), declined=declined)
+
+    def set_profile(self, name: str, values: Iterable[float], revision: int) -> Member:
+        """Give an agent a new profile; return the agent.
+
+        Raises:
+            Refused: ``UNKNOWN_AGENT``, ``STALE_REVISION``, or as in :meth:`SceneSpace.vector`.
+        """
+        member = self.member(name)
+        profile = self.space.vector(values, what=f"profile of {name}")
+        if revision < member.revision:
+            raise Refused(
+                "STALE_REVISION",
+                f"{name} has revision {member.revision} already, {revision} is older",
+            )
+        member.profile = profile
+        member.revision = revision
+        return member
+
+    def _obstacle(self, member: Member, scene: Scene) -> str:
+        requires = member.spec.requires
+        if requires is None:
+            return ""
+        scope = RunScope(
+            space=self.space,
+            scene=scene,
+            live=lambda: scene,
+            profile=member.profile,
+            tunables=member.tunables,
+        )
+        try:
+            return "" if holds(requires, scope) else f"needs {requires.text}"
+        except MissingValue as missing:
+            return f"needs {requires.text}, but {missing.name} is missing"
+        except EvaluationError as error:
+            return f"needs {requires.text}, but {error}"

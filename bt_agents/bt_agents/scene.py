@@ -1,0 +1,249 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Scene parameters, vectors and scenes: the one validator of every vector that comes in."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from enum import IntEnum
+from functools import cached_property
+
+from bt_agents.errors import Refused
+
+Vector = tuple[float, ...]
+"""Values of all scene parameters, in the order of the space; NaN marks a missing one."""
+
+MISSING = math.nan
+
+
+class Origin(IntEnum):
+    """Where a value of a scene comes from; the numbers are those of ``SceneValue.msg``."""
+
+    MISSING = 0
+    MEASURED = 1
+    GIVEN = 2
+
+
+@dataclass(frozen=True, kw_only=True)
+class SceneParameter:
+    """One named, ranged dimension of every scene and every profile.
+
+    Attributes:
+        name: Identifier used in files, expressions and messages.
+        minimum: Smallest value, in the parameter's own unit.
+        maximum: Largest value.
+        default: Value in the range that stands for "nothing special"; never used as a measurement.
+        description: What the dimension means, in words.
+        labels: Words for some values, for example ``{1.0: "child"}``.
+    """
+
+    name: str
+    minimum: float
+    maximum: float
+    default: float
+    description: str = ""
+    labels: Mapping[float, str] = field(default_factory=dict)
+
+    def clamp(self, value: float) -> float:
+        """Return ``value`` moved into the range; NaN stays NaN."""
+        return value if math.isnan(value) else min(max(value, self.minimum), self.maximum)
+
+
+@dataclass(frozen=True, kw_only=True)
+class SceneValue:
+    """One value of a scene; ``value`` is NaN exactly when ``origin`` is ``MISSING``."""
+
+    name: str
+    value: float
+    origin: Origin
+    age_s: float = 0.0
+
+    @classmethod
+    def missing(cls, name: str) -> SceneValue:
+        """Return the value of a parameter that nobody measured."""
+        return cls(name=name, value=MISSING, origin=Origin.MISSING, age_s=math.nan)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Scene:
+    """The vector that describes an interaction, with the origin of each value.
+
+    Attributes:
+        scene_id: Unique per analysed scene.
+        label: Words for people; may be empty.
+        person: True when a person is there.
+        values: Every parameter of the space once, in its order.
+        stamp: Time of the analysis [s].
+    """
+
+    scene_id: str
+    label: str
+    person: bool
+    values: tuple[SceneValue, ...]
+    stamp: float = 0.0
+
+    @cached_property
+    def vector(self) -> Vector:
+        """The values alone, in the order of the space, NaN where missing."""
+        return tuple(value.value for value in self.values)
+
+    def get(self, name: str) -> float:
+        """Return the value of a parameter, NaN when missing.
+
+        Raises:
+            KeyError: The scene has no such parameter.
+        """
+        for value in self.values:
+            if value.name == name:
+                return value.value
+        raise KeyError(name)
+
+    def with_id(self, scene_id: str) -> Scene:
+        """Return the same scene under another id."""
+        return replace(self, scene_id=scene_id)
+
+
+@dataclass(frozen=True, kw_only=True)
+class SceneSpace:
+    """The scene parameters that all parts of one system share, in order.
+
+    Attributes:
+        parameters: At least one, names unique.
+        mood: Name of the parameter that is the person's mood; None when there is none.
+    """
+
+    parameters: tuple[SceneParameter, ...]
+    mood: str | None = None
+
+    @cached_property
+    def names(self) -> tuple[str, ...]:
+        """Parameter names in order."""
+        return tuple(parameter.name for parameter in self.parameters)
+
+    def __len__(self) -> int:
+        return len(self.parameters)
+
+    def vector(self, values: Iterable[float], *, missing: bool = False, what: str = "") -> Vector:
+        """Check a sequence of values from outside and return it as a vector.
+
+        Args:
+            values: One finite number a parameter, in order, inside the range.
+            missing: True lets NaN stand for a missing value.
+            what: Subject of the error message, for example ``"bid of express"``.
+
+        Raises:
+            Refused: ``WRONG_LENGTH``, ``NOT_A_NUMBER``, ``NOT_FINITE`` or ``OUT_OF_RANGE``.
+        """
+        try:
+            vector = tuple(float(value) for value in values)
+        except (TypeError, ValueError, OverflowError) as error:
+            raise Refused(
+                "NOT_A_NUMBER", f"{_subject(what)}a value is not a number ({error})"
+            ) from None
+        if len(vector) != len(self.parameters):
+            raise Refused(
+                "WRONG_LENGTH",
+                f"{_subject(what)}{len(vector)} values, expected {len(self.parameters)}: "
+                f"{', '.join(self.names)}",
+            )
+        for parameter, value in zip(self.parameters, vector, strict=True):
+            if missing and math.isnan(value):
+                continue
+            check_value(parameter, value, what=what)
+        return vector
+
+    def from_mapping(self, values: Mapping[str, float], *, what: str = "") -> Vector:
+        """Check named values and return them in order.
+
+        Raises:
+            Refused: ``UNKNOWN_PARAMETER`` or ``WRONG_LENGTH``, else as in :meth:`vector`.
+        """
+        for name in values:
+            self.parameter(name, what=what)
+        absent = [name for name in self.names if name not in values]
+        if absent:
+            raise Refused(
+                "WRONG_LENGTH", f"{_subject(what)}no value for {', '.join(absent)}; all are needed"
+            )
+        return self.vector((values[name] for name in self.names), what=what)
+
+    def parameter(self, name: str, *, what: str = "") -> SceneParameter:
+        """Return the parameter of a name.
+
+        Raises:
+            Refused: ``UNKNOWN_PARAMETER``.
+        """
+        for parameter in self.parameters:
+            if parameter.name == name:
+                return parameter
+        raise Refused(
+            "UNKNOWN_PARAMETER",
+            f"{_subject(what)}no scene parameter '{name}'; there are {', '.join(self.names)}",
+        )
+
+    def clamp(self, vector: Sequence[float]) -> Vector:
+        """Return the vector moved into the ranges; NaN stays NaN."""
+        return tuple(p.clamp(v) for p, v in zip(self.parameters, vector, strict=True))
+
+    def scene(
+        self, values: Iterable[SceneValue], *, what: str = "scene"
+    ) -> tuple[SceneValue, ...]:
+        """Check the values of a scene from outside and return them in the order of the space.
+
+        Raises:
+            Refused: ``EMPTY``, ``UNKNOWN_PARAMETER``, ``DUPLICATE_PARAMETER``, ``WRONG_LENGTH``,
+                ``ORIGIN_MISMATCH``, ``NOT_FINITE`` or ``OUT_OF_RANGE``.
+        """
+        found: dict[str, SceneValue] = {}
+        for value in values:
+            parameter = self.parameter(value.name, what=what)
+            if value.name in found:
+                raise Refused(
+                    "DUPLICATE_PARAMETER", f"{_subject(what)}'{value.name}' stands twice"
+                )
+            if value.origin is Origin.MISSING:
+                if not math.isnan(value.value):
+                    raise Refused(
+                        "ORIGIN_MISMATCH",
+                        f"{_subject(what)}'{value.name}' is marked missing but has the value "
+                        f"{value.value:g}; a missing value is NaN",
+                    )
+            else:
+                check_value(parameter, value.value, what=what)
+            found[value.name] = value
+        if not found:
+            raise Refused("EMPTY", f"{_subject(what)}no values; expected {', '.join(self.names)}")
+        absent = [name for name in self.names if name not in found]
+        if absent:
+            raise Refused(
+                "WRONG_LENGTH",
+                f"{_subject(what)}no entry for {', '.join(absent)}; mark what is not "
+                "known as missing",
+            )
+        return tuple(found[name] for name in self.names)
+
+
+def check_value(parameter: SceneParameter, value: float, *, what: str = "") -> float:
+    """Return ``value`` when it is finite and inside the parameter's range.
+
+    Raises:
+        Refused: ``NOT_FINITE`` or ``OUT_OF_RANGE``.
+    """
+    if not math.isfinite(value):
+        raise Refused(
+            "NOT_FINITE",
+            f"{_subject(what)}{parameter.name} is {value}, expected a number between "
+            f"{parameter.minimum:g} and {parameter.maximum:g}",
+        )
+    if not parameter.minimum <= value <= parameter.maximum:
+        raise Refused(
+            "OUT_OF_RANGE",
+            f"{_subject(what)}{parameter.name} is {value:g}, expected "
+            f"{parameter.minimum:g} to {parameter.maximum:g}",
+        )
+    return value
+
+
+def _subject(what: str) -> str:
+    return f"{what}: " if what else ""

@@ -1,0 +1,172 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the market wants done: plain orders that the node carries out in the order they come."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import IntEnum
+
+from bt_agents.scene import Scene
+from marketplace_node.auction import Decision
+from marketplace_node.registry import HostEntry
+
+
+class State(IntEnum):
+    """What the market is doing; the numbers are those of ``MarketStatus.msg``."""
+
+    IDLE = 0
+    BIDDING = 1
+    AWARDING = 2
+    RUNNING = 3
+    CANCELLING = 4
+    COLLECTING = 5
+
+
+class RunEventKind(IntEnum):
+    """What happened to a run; the numbers are those of ``Run.msg``."""
+
+    STARTED = 1
+    CANCELLING = 2
+    ENDED = 3
+    REFUSED = 4
+
+
+class RunOutcome(IntEnum):
+    """How a run ended; the numbers are those of ``Run.msg``."""
+
+    NONE = 0
+    SUCCEEDED = 1
+    FAILED = 2
+    CANCELLED = 3
+    LOST = 4
+
+
+@dataclass(frozen=True, kw_only=True)
+class Goal:
+    """Identity of an award: an agent gets at most one goal a round."""
+
+    round: int
+    agent: str
+    agent_id: int
+    host: str
+    instance: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class Connect:
+    """Reach a host that is new, was restarted or has moved its interfaces."""
+
+    entry: HostEntry
+
+
+@dataclass(frozen=True, kw_only=True)
+class OpenCall:
+    """Publish the call for bids as soon as all hosts hear it, then report ``called``."""
+
+    round: int
+    scene: Scene
+    deadline_s: float
+    excluded: tuple[str, ...]
+    hosts: int
+
+
+@dataclass(frozen=True, kw_only=True)
+class PublishAuction:
+    """Publish the outcome of a round."""
+
+    decision: Decision
+    reason: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class SendGoal:
+    """Send the goal to the winner's host."""
+
+    goal: Goal
+    scene: Scene
+
+
+@dataclass(frozen=True, kw_only=True)
+class CancelGoal:
+    """Cancel a goal, or drop it when it has not been sent yet."""
+
+    goal: Goal
+
+
+@dataclass(frozen=True, kw_only=True)
+class AnnounceRun:
+    """Publish an event in the life of a run; ``duration_s`` counts from its start [s]."""
+
+    event: RunEventKind
+    outcome: RunOutcome
+    goal: Goal
+    scene: Scene
+    message: str
+    orphans: tuple[str, ...] = ()
+    ticks: int = 0
+    duration_s: float = 0.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Collect:
+    """Ask the feedback service for feedback on a run, within ``deadline_s`` seconds."""
+
+    goal: Goal
+    outcome: RunOutcome
+    scene: Scene
+    deadline_s: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class StatusChanged:
+    """Publish what the market is doing; fields as in ``MarketStatus.msg``."""
+
+    state: State
+    round: int
+    scene_id: str
+    agent: str
+    host: str
+    finished_scene_id: str
+    queued: int
+    hosts: int
+    agents: int
+    message: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class SceneRefused:
+    """A scene is not taken; together with :class:`SceneOver` the one end of every scene."""
+
+    scene_id: str
+    code: str
+    reason: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class SceneOver:
+    """The interaction that a scene started is over."""
+
+    scene_id: str
+    message: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class Note:
+    """Log something that is not as it should be."""
+
+    message: str
+
+
+Effect = (
+    Connect
+    | OpenCall
+    | PublishAuction
+    | SendGoal
+    | CancelGoal
+    | AnnounceRun
+    | Collect
+    | StatusChanged
+    | SceneRefused
+    | SceneOver
+    | Note
+)

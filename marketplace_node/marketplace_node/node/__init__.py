@@ -1,0 +1,355 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The marketplace node: turns messages into events of the market and its effects into messages."""
+
+from __future__ import annotations
+
+import time
+import uuid
+from collections import deque
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import rclpy
+from rcl_interfaces.msg import ParameterDescriptor, SetParametersResult
+from rclpy.clock import Clock, ClockType
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+
+from bt_agents.errors import Refused
+from bt_agents.language.scene_reader import read_scene
+from bt_agents.ros import qos
+from bt_agents.ros.calls import Calls
+from bt_agents.ros.messages import scene_from_msg, scene_to_msg
+from bt_agents.ros.parameters import declare, describe
+from bt_agents.ros.runner import run
+from bt_agents.scene import SceneSpace
+from bt_agents.trees_folder import find_trees
+from bt_agents_interfaces.msg import Auction as AuctionMsg
+from bt_agents_interfaces.msg import Bids as BidsMsg
+from bt_agents_interfaces.msg import CallForBids, MarketStatus
+from bt_agents_interfaces.msg import Run as RunMsg
+from bt_agents_interfaces.msg import Scene as SceneMsg
+from bt_agents_interfaces.srv import CancelRun, CollectFeedback, RegisterHost
+from marketplace_node.effects import (
+    AnnounceRun,
+    CancelGoal,
+    Collect,
+    Connect,
+    Effect,
+    Note,
+    OpenCall,
+    PublishAuction,
+    SceneOver,
+    SceneRefused,
+    SendGoal,
+    State,
+    StatusChanged,
+)
+from marketplace_node.interaction import Stop
+from marketplace_node.market import Market
+from marketplace_node.node.hosts import Hosts
+from marketplace_node.node.messages import (
+    auction_to_msg,
+    bids_from_msg,
+    registration_from_msg,
+    run_to_msg,
+    status_to_msg,
+)
+from marketplace_node.registry import HostEntry
+from marketplace_node.settings import MAX_QUEUE, ON_NEW_SCENE, SECONDS, TIE_BREAKS, Settings
+from marketplace_node.strategies import STRATEGIES
+
+_FAST_S = 0.02
+_LEASE_CHECK_S = 0.1
+_CALL_WAITS = 0.5  # at most this part of the bid deadline, for hosts that are just connecting
+
+_SETTINGS = {name.removesuffix("_s"): name for name in Settings.__dataclass_fields__}
+_MEANINGS = {
+    "bid_deadline": "from the call for bids to the close of the round [s]",
+    "host_lease": "a host without a heartbeat for this long is gone [s]",
+    "goal_deadline": "time for a host to take or refuse a run [s]",
+    "cancel_deadline": "time for a run to end after it was told to stop [s]",
+    "collect_deadline": "time for the feedback service to answer after a run [s]",
+}
+_TREES = describe("folder with scene.yaml; empty: ./trees, else the installed one", read_only=True)
+
+
+class MarketplaceNode(Node):
+    """Calls for bids on every scene, awards the run to the best and watches over it.
+
+    Args:
+        space: The scene parameters of the system.
+        epoch: Name of this start of the market; None makes one.
+        node_kwargs: For :class:`rclpy.node.Node`.
+    """
+
+    def __init__(self, space: SceneSpace, epoch: str | None = None, **node_kwargs: Any) -> None:
+        super().__init__("marketplace", **node_kwargs)
+        self._space = space
+        self._call: tuple[OpenCall, float] | None = None
+        self._due: deque[Effect] = deque()
+        self._carrying = False
+        self._state_entered: tuple[tuple[State, int], Any] | None = None
+        self._market = Market(space, epoch or uuid.uuid4().hex[:12], self._declare_settings())
+        self._hosts = Hosts(self, self._market, self._carry_out)
+        self.add_on_set_parameters_callback(self._check_parameters)
+        self.add_post_set_parameters_callback(self._take_parameters)
+        self._calls = self.create_publisher(CallForBids, "calls", qos.EVENTS)
+        self._auctions = self.create_publisher(AuctionMsg, "auctions", qos.HISTORY)
+        self._runs = self.create_publisher(RunMsg, "runs", qos.HISTORY)
+        self._status = self.create_publisher(MarketStatus, "market", qos.FACT)
+        self._feedback = self.create_client(
+            CollectFeedback, "feedback/collect", qos_profile=qos.SERVICE
+        )
+        self._requests = Calls(self)
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self._ticked = time.monotonic()
+        self._fast = self.create_timer(_FAST_S, self._tick, clock=steady, autostart=False)
+        self.create_timer(_LEASE_CHECK_S, self._tick, clock=steady)
+        self.create_service(RegisterHost, "~/register", self._register, qos_profile=qos.SERVICE)
+        self.create_service(CancelRun, "~/cancel", self._cancel, qos_profile=qos.SERVICE)
+        self.create_subscription(BidsMsg, "bids", self._take_bids, qos.EVENTS)
+        self.create_subscription(SceneMsg, "scene", self._take_scene, qos.EVENTS)
+        self._carry_out(self._market.tick(self._ticked))
+        self.get_logger().info(f"market '{self._market.epoch}' waits for scenes")
+
+    def request_stop(self) -> None:
+        """Stop the running tree, so that nobody is left alone with it."""
+        self._carry_out(self._market.shut("the marketplace is shutting down", time.monotonic()))
+
+    def stopped(self) -> bool:
+        """Return True when no tree runs."""
+        return self._market.state in (State.IDLE, State.COLLECTING)
+
+    def destroy_node(self) -> None:
+        """Destroy the node with its action clients, which rclpy would leave behind."""
+        self._hosts.close()
+        super().destroy_node()
+
+    def _declare_settings(self) -> Settings:
+        defaults = Settings()
+        descriptors: dict[str, ParameterDescriptor] = {
+            "strategy": describe("how bids are compared to the scene", choices=tuple(STRATEGIES)),
+            "on_new_scene": describe(
+                "what happens to a scene that comes during an interaction", choices=ON_NEW_SCENE
+            ),
+            "tie_break": describe("which of equally distant bids wins", choices=TIE_BREAKS),
+            "queue_limit": describe(
+                "how many scenes may wait", minimum=0, maximum=MAX_QUEUE, integer=True
+            ),
+        }
+        for name, meaning in _MEANINGS.items():
+            least, most = SECONDS[_SETTINGS[name]]
+            descriptors[name] = describe(meaning, minimum=least, maximum=most)
+        values: dict[str, Any] = {
+            field: declare(self, name, getattr(defaults, field), descriptors[name])
+            for name, field in _SETTINGS.items()
+        }
+        return Settings(**values)
+
+    def _with(self, parameters: list[Parameter[Any]]) -> Settings:
+        changes = {_SETTINGS[p.name]: p.value for p in parameters if p.name in _SETTINGS}
+        return replace(self._market.settings, **changes)
+
+    def _check_parameters(self, parameters: list[Parameter[Any]]) -> SetParametersResult:
+        try:
+            self._with(parameters)
+        except Refused as refused:
+            return SetParametersResult(successful=False, reason=str(refused))
+        return SetParametersResult(successful=True)
+
+    def _take_parameters(self, parameters: list[Parameter[Any]]) -> None:
+        self._carry_out(self._market.configure(self._with(parameters), time.monotonic()))
+
+    def _take_scene(self, message: SceneMsg) -> None:
+        try:
+            scene = scene_from_msg(message, self._space)
+        except Refused as refused:
+            self.get_logger().warning(f"scene '{message.scene_id}' refused: {refused}")
+            return
+        self._carry_out(self._market.scene(scene, time.monotonic()))
+
+    def _take_bids(self, message: BidsMsg) -> None:
+        self._carry_out(self._market.bids(bids_from_msg(message), time.monotonic()))
+
+    def _register(
+        self, request: RegisterHost.Request, response: RegisterHost.Response
+    ) -> RegisterHost.Response:
+        registration = registration_from_msg(request)
+        answer, effects = self._market.register(registration, time.monotonic())
+        self._carry_out(effects)
+        response.epoch = self._market.epoch
+        response.accepted = answer.accepted
+        response.agent_ids = list(answer.agent_ids)
+        response.reasons = list(answer.reasons)
+        response.message = answer.message
+        if answer.accepted and not self._hosts.reaches(request.host):
+            response.accepted = False
+            response.agent_ids = [0] * len(request.agents)
+            response.message = (
+                f"UNREACHABLE: {request.run_action} or {request.heartbeat} cannot be used, "
+                "as something else has the name; the log of the marketplace says more"
+            )
+            response.reasons = [response.message] * len(request.agents)
+        if not response.accepted:
+            self.get_logger().warning(f"host '{request.host}' refused: {response.message}")
+        return response
+
+    def _cancel(
+        self, request: CancelRun.Request, response: CancelRun.Response
+    ) -> CancelRun.Response:
+        scene, remark = None, ""
+        if request.again:
+            try:
+                scene = scene_from_msg(request.scene, self._space)
+            except Refused as refused:
+                # Whoever asks for a stop gets it, however bad the rest of the request is.
+                remark = f"; the scene as awarded is asked for again ({refused.reason})"
+        reason = request.reason or "somebody asked for it"
+        response.accepted, message, effects = self._market.cancel(
+            request.epoch,
+            request.round,
+            Stop(reason=reason, again=request.again, scene=scene),
+            time.monotonic(),
+        )
+        response.message = message + (remark if response.accepted else "")
+        self._carry_out(effects)
+        return response
+
+    def _tick(self) -> None:
+        now = time.monotonic()
+        if now - self._ticked > self._market.settings.host_lease_s / 2:
+            # This process was held up; the heartbeats of that time still wait to be read.
+            self._carry_out(self._market.excuse(self._ticked, now))
+        self._ticked = now
+        self._publish_call(now)
+        self._hosts.send_waiting()
+        self._carry_out(self._market.tick(now))
+
+    def _carry_out(self, effects: list[Effect]) -> None:
+        self._due.extend(effects)
+        if self._carrying:
+            return
+        self._carrying = True
+        try:
+            while self._due:
+                self._do(self._due.popleft())
+        finally:
+            self._carrying = False
+        if self._market.state in (State.IDLE, State.RUNNING):
+            self._fast.cancel()
+        elif self._fast.is_canceled():
+            self._fast.reset()
+
+    def _do(self, effect: Effect) -> None:
+        log = self.get_logger()
+        match effect:
+            case Connect():
+                self._connect(effect.entry)
+            case OpenCall():
+                now = time.monotonic()
+                self._call = (effect, now + _CALL_WAITS * effect.deadline_s)
+                self._publish_call(now)
+            case PublishAuction():
+                self._call = None
+                self._auctions.publish(auction_to_msg(effect, self._now()))
+                log.info(f"round {effect.decision.terms.round}: {effect.reason}")
+            case SendGoal():
+                self._hosts.send(effect)
+            case CancelGoal():
+                self._hosts.cancel(effect.goal)
+            case AnnounceRun():
+                self._runs.publish(run_to_msg(effect, self._market.epoch, self._now()))
+                words = f"{effect.goal.agent} {effect.event.name.lower()}: {effect.message}"
+                log.info(f"round {effect.goal.round}: {words}")
+            case Collect():
+                self._collect(effect)
+            case StatusChanged():
+                self._publish_status(effect)
+            case SceneRefused():
+                log.warning(f"scene '{effect.scene_id}' {effect.code}: {effect.reason}")
+            case SceneOver():
+                log.info(f"scene '{effect.scene_id}' is over: {effect.message}")
+            case Note():
+                log.warning(effect.message)
+
+    def _connect(self, entry: HostEntry) -> None:
+        try:
+            self._hosts.connect(entry)
+            self.get_logger().info(f"{entry.host} is registered: {', '.join(entry.agents)}")
+        except Refused as refused:
+            self.get_logger().error(refused.reason)
+            self._carry_out(self._market.disconnect(entry.host, time.monotonic()))
+
+    def _publish_call(self, now: float) -> None:
+        if self._call is None:
+            return
+        effect, latest = self._call
+        # A message to a host that is still being matched would be lost.
+        if self._calls.get_subscription_count() < effect.hosts and now < latest:
+            return
+        self._call = None
+        self._calls.publish(
+            CallForBids(
+                stamp=self._now(),
+                epoch=self._market.epoch,
+                round=effect.round,
+                scene=scene_to_msg(effect.scene),
+                parameters=list(self._space.names),
+                deadline_s=effect.deadline_s,
+                excluded=list(effect.excluded),
+            )
+        )
+        self._carry_out(self._market.called(effect.round, now))
+
+    def _collect(self, effect: Collect) -> None:
+        number = effect.goal.round
+
+        def report(message: str) -> None:
+            self._carry_out(self._market.collected(number, message, time.monotonic()))
+
+        self._requests.call(
+            self._feedback,
+            CollectFeedback.Request(
+                epoch=self._market.epoch,
+                round=number,
+                agent=effect.goal.agent,
+                outcome=int(effect.outcome),
+                scene=scene_to_msg(effect.scene),
+            ),
+            deadline_s=effect.deadline_s,
+            on_answer=lambda answer: report(answer.message),
+            on_failure=report,
+        )
+
+    def _publish_status(self, status: StatusChanged) -> None:
+        key = (status.state, status.round)
+        if self._state_entered is None or self._state_entered[0] != key:
+            self._state_entered = (key, self._now())
+        stamp = self._state_entered[1]
+        self._status.publish(status_to_msg(status, self._market.epoch, stamp))
+
+    def _now(self) -> Any:
+        return self.get_clock().now().to_msg()
+
+
+def _make_node() -> MarketplaceNode:
+    # The node's own parameter says what it is made of, so a short-lived one reads it.
+    reader = rclpy.create_node("marketplace", enable_rosout=False, start_parameter_services=False)
+    try:
+        trees = str(declare(reader, "trees", "", _TREES))
+    finally:
+        reader.destroy_node()
+    node = MarketplaceNode(read_scene(find_trees(trees) / "scene.yaml").space)
+    declare(node, "trees", "", _TREES)
+    return node
+
+
+def main(args: Sequence[str] | None = None) -> int:
+    """Run the marketplace until it is told to stop; return the exit code."""
+    return run(_make_node, args)
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

@@ -1,0 +1,173 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The market's end of every registered host: its heartbeat, its action and the goals under way."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+from rclpy.action import ActionClient
+from rclpy.node import Node
+
+from bt_agents.errors import Refused
+from bt_agents.ros import qos
+from bt_agents_interfaces.action import RunAgent
+from bt_agents_interfaces.msg import Heartbeat
+from marketplace_node.effects import Effect, Goal, SendGoal
+from marketplace_node.market import Market
+from marketplace_node.node.messages import goal_to_msg, run_end_from_msg
+from marketplace_node.registry import HostEntry
+
+
+@dataclass(eq=False, kw_only=True)
+class _Link:
+    entry: HostEntry
+    runs: Any
+    heartbeat: Any
+
+
+@dataclass(eq=False, kw_only=True)
+class _Sending:
+    """A goal that waits for its server, is sent, or has been taken when there is a handle."""
+
+    link: _Link
+    message: RunAgent.Goal
+    sent: bool = False
+    handle: Any = None
+
+
+class Hosts:
+    """Sends goals to hosts and reports to the market what becomes of them.
+
+    A goal waits for its server until the market gives it up; the market owns every deadline.
+
+    Args:
+        node: The marketplace node.
+        market: Who is told.
+        carry_out: Carries out the effects that the market answers with.
+    """
+
+    def __init__(
+        self, node: Node, market: Market, carry_out: Callable[[list[Effect]], None]
+    ) -> None:
+        self._node = node
+        self._market = market
+        self._carry_out = carry_out
+        self._links: dict[str, _Link] = {}
+        self._goals: dict[Goal, _Sending] = {}
+
+    def reaches(self, host: str) -> bool:
+        """Return True when the host is connected."""
+        return host in self._links
+
+    def connect(self, entry: HostEntry) -> None:
+        """Reach a host, instead of an earlier start of it.
+
+        Raises:
+            Refused: ``UNREACHABLE``, when its names cannot be used.
+        """
+        self.disconnect(entry.host)
+        runs = None
+        try:
+            runs = ActionClient(
+                self._node,
+                RunAgent,
+                entry.run_action,
+                goal_service_qos_profile=qos.SERVICE,
+                result_service_qos_profile=qos.SERVICE,
+                cancel_service_qos_profile=qos.SERVICE,
+                feedback_sub_qos_profile=qos.SERVICE,
+            )
+            heartbeat = self._node.create_subscription(
+                Heartbeat, entry.heartbeat, self._take_heartbeat, qos.EVENTS
+            )
+        except Exception as error:
+            # The names come from outside; rclpy has no common root for what it makes of bad ones.
+            if runs is not None:
+                runs.destroy()
+            raise Refused(
+                "UNREACHABLE",
+                f"{entry.host} cannot be reached at {entry.run_action} and {entry.heartbeat}, "
+                f"expected an action and a topic that nothing else is called: {error}",
+            ) from None
+        self._links[entry.host] = _Link(entry=entry, runs=runs, heartbeat=heartbeat)
+
+    def disconnect(self, host: str) -> None:
+        """Forget a host and all goals sent to it; the market knows from its heartbeat."""
+        link = self._links.pop(host, None)
+        if link is not None:
+            self._goals = {g: s for g, s in self._goals.items() if s.link is not link}
+            link.runs.destroy()
+            self._node.destroy_subscription(link.heartbeat)
+
+    def close(self) -> None:
+        """Forget all hosts."""
+        for host in list(self._links):
+            self.disconnect(host)
+
+    def send(self, effect: SendGoal) -> None:
+        """Send a goal, as soon as its server is there."""
+        goal = effect.goal
+        link = self._links.get(goal.host)
+        if link is None:
+            self._refuse(goal, f"{goal.host} is not connected")
+            return
+        message = goal_to_msg(effect, self._market.epoch)
+        self._goals[goal] = _Sending(link=link, message=message)
+        self.send_waiting()
+
+    def send_waiting(self) -> None:
+        """Send the goals whose server has been found since."""
+        for goal, sending in list(self._goals.items()):
+            # A goal for a server that is still being matched would be lost.
+            if not sending.sent and sending.link.runs.server_is_ready():
+                sending.sent = True
+                future = sending.link.runs.send_goal_async(sending.message)
+                future.add_done_callback(
+                    lambda done, goal=goal, sending=sending: self._answered(goal, sending, done)
+                )
+
+    def cancel(self, goal: Goal) -> None:
+        """Cancel a goal or drop it unsent; one that is not taken yet is the market's to cancel."""
+        sending = self._goals.get(goal)
+        if sending is None:
+            return
+        if sending.handle is not None:
+            sending.handle.cancel_goal_async()
+        elif not sending.sent:
+            del self._goals[goal]
+            self._refuse(goal, f"{sending.link.entry.run_action} is not there")
+
+    def _take_heartbeat(self, message: Heartbeat) -> None:
+        self._carry_out(
+            self._market.heartbeat(
+                message.host,
+                message.host_instance,
+                message.epoch,
+                message.round,
+                time.monotonic(),
+            )
+        )
+
+    def _answered(self, goal: Goal, sending: _Sending, future: Any) -> None:
+        if self._goals.get(goal) is not sending:
+            return
+        handle = future.result()
+        if not handle.accepted:
+            del self._goals[goal]
+            self._refuse(goal, f"{goal.host} refused it")
+            return
+        sending.handle = handle
+        handle.get_result_async().add_done_callback(lambda done: self._ended(goal, sending, done))
+        self._carry_out(self._market.goal_accepted(goal, time.monotonic()))
+
+    def _ended(self, goal: Goal, sending: _Sending, future: Any) -> None:
+        if self._goals.get(goal) is sending:
+            del self._goals[goal]
+            end = run_end_from_msg(future.result().result)
+            self._carry_out(self._market.run_ended(goal, end, time.monotonic()))
+
+    def _refuse(self, goal: Goal, reason: str) -> None:
+        self._carry_out(self._market.goal_refused(goal, reason, time.monotonic()))

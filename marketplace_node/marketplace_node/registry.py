@@ -1,0 +1,225 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Who may bid: the hosts and agents that entered themselves, and which of them are alive."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from bt_agents.errors import Refused
+
+_AGENT_NAME = re.compile(r"[a-z][a-z0-9_]*")
+_ROS_NAME = re.compile(r"(/(?!\w*__)[A-Za-z_][A-Za-z0-9_]*)+", re.ASCII)
+_MAX_NAME = 180
+
+
+@dataclass(frozen=True, kw_only=True)
+class Registration:
+    """A host's request to enter its agents.
+
+    Attributes:
+        host: Fully qualified name of the host node.
+        instance: This start of the host.
+        run_action: Fully qualified name of its action.
+        heartbeat: Fully qualified name of its heartbeat topic.
+        parameters: The scene parameters of its profiles, in order.
+        agents: Names of its agents.
+    """
+
+    host: str
+    instance: str
+    run_action: str
+    heartbeat: str
+    parameters: tuple[str, ...]
+    agents: tuple[str, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class HostEntry:
+    """A registered host; ``agents`` maps each of its agents to its id."""
+
+    host: str
+    instance: str
+    run_action: str
+    heartbeat: str
+    agents: Mapping[str, int]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Answer:
+    """What a host is told.
+
+    Attributes:
+        accepted: False when the host as a whole is refused.
+        agent_ids: Id of each agent of the request, 0 for a refused one.
+        reasons: Why each agent is refused, empty for an accepted one.
+        message: The answer in words.
+    """
+
+    accepted: bool
+    agent_ids: tuple[int, ...]
+    reasons: tuple[str, ...]
+    message: str
+
+
+class Registry:
+    """Hosts by name, with unique agents.
+
+    Ids count from 1 and stay with an agent's name for the life of the market.
+
+    Attributes:
+        lease_s: A host is alive this long after its last heartbeat or registration [s].
+    """
+
+    def __init__(self, parameters: tuple[str, ...], lease_s: float) -> None:
+        self.lease_s = lease_s
+        self._parameters = parameters
+        self._entries: dict[str, HostEntry] = {}
+        self._seen: dict[str, float] = {}
+        self._ids: dict[str, int] = {}
+
+    def register(self, registration: Registration, now: float) -> Answer:
+        """Enter, refresh or replace a host, or refuse it without any change."""
+        try:
+            self._check_host(registration, now)
+        except Refused as refused:
+            count = len(registration.agents)
+            return Answer(
+                accepted=False,
+                agent_ids=(0,) * count,
+                reasons=(refused.reason,) * count,
+                message=f"{refused.code}: {refused.reason}",
+            )
+        agents: dict[str, int] = {}
+        ids, reasons = [], []
+        for name in registration.agents:
+            try:
+                self._check_agent(name, registration.host, agents, now)
+            except Refused as refused:
+                ids.append(0)
+                reasons.append(f"{refused.code}: {refused.reason}")
+                continue
+            agents[name] = self._ids.setdefault(name, len(self._ids) + 1)
+            ids.append(agents[name])
+            reasons.append("")
+        self._take_from_the_dead(agents, registration.host)
+        self._entries[registration.host] = HostEntry(
+            host=registration.host,
+            instance=registration.instance,
+            run_action=registration.run_action,
+            heartbeat=registration.heartbeat,
+            agents=agents,
+        )
+        self._seen[registration.host] = now
+        refused_count = len(registration.agents) - len(agents)
+        message = f"{registration.host} is registered with {len(agents)} agents"
+        if refused_count:
+            message += f"; {refused_count} refused"
+        return Answer(accepted=True, agent_ids=tuple(ids), reasons=tuple(reasons), message=message)
+
+    def remove(self, host: str) -> None:
+        """Forget a host; its agents keep their ids."""
+        self._entries.pop(host, None)
+        self._seen.pop(host, None)
+
+    def beat(self, host: str, instance: str, now: float) -> bool:
+        """Note a heartbeat; return False when it is not from a registered start of a host."""
+        entry = self._entries.get(host)
+        if entry is None or entry.instance != instance:
+            return False
+        self._seen[host] = now
+        return True
+
+    def excuse(self, since: float, now: float) -> None:
+        """Renew the leases valid at ``since``, as nobody has listened to heartbeats after it."""
+        for host, seen in self._seen.items():
+            if since - seen < self.lease_s:
+                self._seen[host] = max(seen, now - self.lease_s / 2)
+
+    def entries(self) -> tuple[HostEntry, ...]:
+        """Return all registered hosts, dead or alive, in the order of their registration."""
+        return tuple(self._entries.values())
+
+    def get(self, host: str) -> HostEntry | None:
+        """Return the entry of a host, None when it is not registered."""
+        return self._entries.get(host)
+
+    def is_live(self, host: str, instance: str, now: float) -> bool:
+        """Return True when this start of the host is registered and within its lease."""
+        entry = self._entries.get(host)
+        return (
+            entry is not None
+            and entry.instance == instance
+            and now - self._seen[host] < self.lease_s
+        )
+
+    def live(self, now: float) -> tuple[HostEntry, ...]:
+        """Return the hosts within their lease."""
+        return tuple(e for e in self._entries.values() if self.is_live(e.host, e.instance, now))
+
+    def _check_host(self, registration: Registration, now: float) -> None:
+        for what, name in (
+            ("host", registration.host),
+            ("run_action", registration.run_action),
+            ("heartbeat", registration.heartbeat),
+        ):
+            if len(name) > _MAX_NAME or not _ROS_NAME.fullmatch(name):
+                raise Refused(
+                    "BAD_NAME",
+                    f"{what} is '{name[:_MAX_NAME]}', expected a fully qualified ROS name of at "
+                    f"most {_MAX_NAME} characters such as /agents/run",
+                )
+        if not registration.instance:
+            raise Refused(
+                "NO_INSTANCE", "host_instance is empty; give every start of the host another one"
+            )
+        if registration.parameters != self._parameters:
+            raise Refused(
+                "OTHER_PARAMETERS",
+                f"{registration.host} has the scene parameters "
+                f"{', '.join(registration.parameters) or '(none)'}, the market has "
+                f"{', '.join(self._parameters)}; both must read the same scene.yaml",
+            )
+        held = self._entries.get(registration.host)
+        if (
+            held is not None
+            and held.instance != registration.instance
+            and self.is_live(held.host, held.instance, now)
+        ):
+            raise Refused(
+                "HOST_EXISTS",
+                f"another {registration.host} is alive (instance {held.instance}); "
+                "start one host of a name, or give this one another name",
+            )
+
+    def _check_agent(self, name: str, host: str, accepted: Mapping[str, int], now: float) -> None:
+        if not _AGENT_NAME.fullmatch(name):
+            raise Refused(
+                "BAD_NAME",
+                f"'{name[:_MAX_NAME]}' is no agent name; it starts with a small letter and goes "
+                "on with small letters, digits and _",
+            )
+        if name in accepted:
+            raise Refused("DUPLICATE", f"'{name}' stands twice in the list of {host}")
+        for other in self._entries.values():
+            if (
+                other.host != host
+                and name in other.agents
+                and self.is_live(other.host, other.instance, now)
+            ):
+                raise Refused(
+                    "AGENT_EXISTS",
+                    f"'{name}' is held by {other.host}, which is alive; agent names are unique",
+                )
+
+    def _take_from_the_dead(self, agents: Mapping[str, int], host: str) -> None:
+        for other in tuple(self._entries.values()):
+            if other.host != host and not agents.keys().isdisjoint(other.agents):
+                self._entries[other.host] = HostEntry(
+                    host=other.host,
+                    instance=other.instance,
+                    run_action=other.run_action,
+                    heartbeat=other.heartbeat,
+                    agents={n: i for n, i in other.agents.items() if n not in agents},
+                )

@@ -1,0 +1,11 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Every test has a private ROS domain on this machine only; child processes inherit it."""
+
+from __future__ import annotations
+
+import os
+
+from bt_agents.domain import reserve_domain
+
+os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
+os.environ["ROS_DOMAIN_ID"] = str(reserve_domain())

@@ -1,0 +1,65 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Programs that are killed by pid at the end of each test."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import signal
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+from programs import ROOT, Program, children
+
+
+@pytest.fixture
+def environment(tmp_path: Path) -> dict[str, str]:
+    """An environment with its own state folder."""
+    return {
+        **os.environ,
+        "XDG_STATE_HOME": str(tmp_path / "state"),
+        "PYTHONUNBUFFERED": "1",
+        "COLUMNS": "120",
+    }
+
+
+@pytest.fixture
+def start(environment: dict[str, str]) -> Iterator[Callable[..., Program]]:
+    """Start ``bt-agents`` with arguments."""
+    programs: list[Program] = []
+
+    def start_one(*arguments: str) -> Program:
+        programs.append(Program(arguments, environment))
+        return programs[-1]
+
+    try:
+        yield start_one
+    finally:
+        for program in programs:
+            for pid in [*children(program.process.pid), program.process.pid]:
+                try:
+                    os.kill(pid, signal.SIGKILL)
+                except ProcessLookupError:
+                    continue
+            program.process.wait()
+
+
+@pytest.fixture
+def ask(start: Callable[..., Program]) -> Callable[..., str]:
+    """Run a short command to its end; return what it prints."""
+
+    def ask_one(*arguments: str, code: int = 0) -> str:
+        program = start(*arguments)
+        found = program.wait()
+        assert found == code, program.output
+        return program.output
+
+    return ask_one
+
+
+@pytest.fixture
+def trees(tmp_path: Path) -> Path:
+    """A copy of the shipped trees that a test may change."""
+    return Path(shutil.copytree(ROOT / "trees", tmp_path / "trees"))

@@ -1,0 +1,106 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The morning at the airport, from the command line, with real processes."""
+
+from __future__ import annotations
+
+import re
+import signal
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from programs import Program, alive, children
+
+pytestmark = pytest.mark.e2e
+
+Start = Callable[..., Program]
+
+
+def shared_memory() -> set[str]:
+    return {path.name for path in Path("/dev/shm").glob("*") if "rtps" in path.name}
+
+
+def test_the_demo_tells_the_whole_morning_and_ends_by_itself(start: Start) -> None:
+    before = shared_memory()
+    demo = start("demo", "--no-voice")
+    demo.until("ready")
+    pids = children(demo.process.pid)
+    assert len(pids) == 6
+    assert demo.wait() == 0
+    told = demo.output
+    chapters = re.split(r"^(?=\S.*─{5,})", told, flags=re.MULTILINE)[1:]
+    assert [chapter.partition(" ──")[0].strip() for chapter in chapters] == [
+        "an airport employee with tools",
+        "an elderly lady, first time",
+        "a curious child",
+        "a traveller whose mood falls",
+        "a ladder",
+        "summary",
+    ]
+    employee, lady, child, traveller, ladder, summary = chapters
+    for chapter, winner in (
+        (employee, "professional_express"),
+        (lady, "attentive_guide"),
+        (child, "playful_companion"),
+    ):
+        assert f"{winner} wins" in chapter
+        assert f"{winner} succeeded" in chapter
+        bids = re.findall(r"bid \d+ +(\w+) +(\d+\.\d\d) = ", chapter)
+        assert len(bids) == 4
+        assert bids[0][0] == winner
+        assert "✔" in chapter
+        assert "robot" in chapter
+    assert "drives to: Gate 12" in employee
+    assert "mood  rises" in lady
+    assert "positive for attentive_guide" in lady
+    steps = [
+        "attentive_guide wins",
+        "mood  falls from 3 to 1.5",
+        "negative for attentive_guide by mood rule",
+        "stopping attentive_guide",
+        "attentive_guide cancelled",
+        "silent_text wins",
+        "silent_text succeeded",
+    ]
+    places = [traveller.find(step) for step in steps]
+    assert -1 not in places, dict(zip(steps, places, strict=True))
+    assert places == sorted(places)
+    assert re.search(r"profile  attentive_guide \[.*\] → \[.*\]", traveller)
+    assert "nobody" in ladder
+    assert "scene.person" in ladder
+    assert "says" not in ladder
+    assert "1 taken over by another agent" in summary
+    assert not re.search("Traceback|had to be killed", told)
+    assert not [pid for pid in pids if alive(pid)]
+    assert shared_memory() <= before
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_in_the_middle_of_a_run_ends_everything_within_two_seconds(
+    start: Start, number: int
+) -> None:
+    before = shared_memory()
+    demo = start("demo", "--no-voice")
+    demo.until("says|asks")
+    pids = children(demo.process.pid)
+    code, seconds = demo.stop(number)
+    assert code == 0, demo.output
+    assert seconds < 2.0
+    assert "had to be killed" not in demo.output
+    assert "Traceback" not in demo.output
+    assert not [pid for pid in pids if alive(pid)]
+    assert shared_memory() <= before
+
+
+def test_killing_the_demo_leaves_no_process_behind(start: Start) -> None:
+    demo = start("demo", "--no-voice")
+    demo.until("ready")
+    pids = children(demo.process.pid)
+    demo.process.kill()
+    demo.process.wait()
+    for _ in range(500):
+        if not [pid for pid in pids if alive(pid)]:
+            return
+        signal.sigtimedwait([], 0.01)
+    pytest.fail(f"still alive: {[pid for pid in pids if alive(pid)]}")

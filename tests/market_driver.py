@@ -1,0 +1,218 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A market with a clock turned by hand, and the words for what happens to it in tests."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, TypeVar
+
+from bt_agents.scene import Origin, Scene, SceneParameter, SceneSpace, SceneValue
+from marketplace_node.auction import Bids
+from marketplace_node.effects import (
+    AnnounceRun,
+    Effect,
+    Goal,
+    OpenCall,
+    PublishAuction,
+    SceneOver,
+    SceneRefused,
+    SendGoal,
+    StatusChanged,
+)
+from marketplace_node.interaction import RunEnd, Stop
+from marketplace_node.market import Market
+from marketplace_node.registry import Answer, Registration
+from marketplace_node.settings import Settings
+
+SPACE = SceneSpace(
+    parameters=tuple(
+        SceneParameter(name=name, minimum=1.0, maximum=5.0, default=3.0)
+        for name in ("age", "familiarity", "mood")
+    ),
+    mood="mood",
+)
+GUIDE, EXPRESS, PLAIN = "attentive_guide", "professional_express", "plain"
+EffectT = TypeVar("EffectT")
+_STEP_S = 1 / 16  # exact in binary, so that sums of steps are
+
+
+def scene(scene_id: str = "s1", *values: float, label: str = "") -> Scene:
+    """Return a scene; NaN stands for a missing value, without values it is [5, 1, 3]."""
+    return Scene(
+        scene_id=scene_id,
+        label=label,
+        person=True,
+        values=tuple(
+            SceneValue.missing(name)
+            if math.isnan(value)
+            else SceneValue(name=name, value=value, origin=Origin.GIVEN)
+            for name, value in zip(SPACE.names, values or (5.0, 1.0, 3.0), strict=True)
+        ),
+    )
+
+
+def registration(
+    host: str = "/agents", agents: tuple[str, ...] = (GUIDE, EXPRESS), **changes: Any
+) -> Registration:
+    """Return a request that is in order but for ``changes``."""
+    values: dict[str, Any] = {
+        "host": host,
+        "instance": "first",
+        "run_action": f"{host}/run",
+        "heartbeat": f"{host}/heartbeat",
+        "parameters": SPACE.names,
+        "agents": agents,
+    }
+    return Registration(**(values | changes))
+
+
+class Driver:
+    """Drives one market and keeps every effect."""
+
+    def __init__(self, **settings: Any) -> None:
+        self.now = 100.0
+        self.market = Market(SPACE, "epoch", Settings(**settings))
+        self.effects: list[Effect] = []
+        self.ids: dict[str, dict[str, int]] = {}
+        self.busy: dict[str, int] = {}
+        self.instances: dict[str, str] = {}
+        self.do(self.market.tick(self.now))
+
+    def do(self, effects: list[Effect]) -> list[Effect]:
+        """Keep the effects, and publish calls at once as the node does."""
+        self.effects += effects
+        for effect in effects:
+            if isinstance(effect, OpenCall):
+                self.do(self.market.called(effect.round, self.now))
+        return effects
+
+    def register(self, host: str = "/agents", *agents: str, **changes: Any) -> Answer:
+        """Register a host that has a heartbeat from now on."""
+        request = registration(host, agents or (GUIDE, EXPRESS), **changes)
+        answer, effects = self.market.register(request, self.now)
+        if answer.accepted:
+            self.ids[host] = dict(zip(request.agents, answer.agent_ids, strict=True))
+            self.instances[host] = request.instance
+            self.busy[host] = 0
+        self.do(effects)
+        return answer
+
+    def scene(self, scene_id: str = "s1", *values: float) -> None:
+        self.do(self.market.scene(scene(scene_id, *values), self.now))
+
+    def bid(
+        self,
+        host: str = "/agents",
+        vectors: dict[str, tuple[float, ...]] | None = None,
+        declined: dict[str, str] | None = None,
+        **changes: Any,
+    ) -> None:
+        """Answer the current round; by default the guide at 1.5 beats the express at 6.5."""
+        vectors = (
+            {GUIDE: (4.0, 1.5, 3.0), EXPRESS: (3.0, 5.0, 3.5)} if vectors is None else vectors
+        )
+        declined = declined or {}
+        values: dict[str, Any] = {
+            "epoch": "epoch",
+            "round": self.status.round,
+            "host": host,
+            "instance": self.instances.get(host, ""),
+            "agents": tuple(vectors),
+            "agent_ids": tuple(self.ids.get(host, {}).get(name, 0) for name in vectors),
+            "vectors": tuple(value for vector in vectors.values() for value in vector),
+            "declined": tuple(declined),
+            "decline_reasons": tuple(declined.values()),
+        }
+        self.do(self.market.bids(Bids(**(values | changes)), self.now))
+
+    def accept(self, goal: Goal | None = None) -> None:
+        goal = goal or self.goal
+        self.busy[goal.host] = goal.round
+        self.do(self.market.goal_accepted(goal, self.now))
+
+    def refuse(self, goal: Goal | None = None, reason: str = "busy") -> None:
+        self.do(self.market.goal_refused(goal or self.goal, reason, self.now))
+
+    def end(self, outcome: int = 1, message: str = "done", goal: Goal | None = None) -> None:
+        goal = goal or self.goal
+        self.busy[goal.host] = 0
+        end = RunEnd(outcome=outcome, message=message, orphans=("tree/0.say",), ticks=7)
+        self.do(self.market.run_ended(goal, end, self.now))
+
+    def collect(self, message: str = "nothing to learn") -> None:
+        self.do(self.market.collected(self.status.round, message, self.now))
+
+    def cancel(
+        self,
+        reason: str = "enough",
+        again: bool = False,
+        scene: Scene | None = None,
+        epoch: str = "",
+        round_number: int = 0,
+    ) -> tuple[bool, str]:
+        stop = Stop(reason=reason, again=again, scene=scene)
+        accepted, message, effects = self.market.cancel(epoch, round_number, stop, self.now)
+        self.do(effects)
+        return accepted, message
+
+    def wait(self, seconds: float) -> None:
+        """Let time pass in steps of a heartbeat; hosts in ``busy`` are alive."""
+        for _ in range(round(seconds / _STEP_S)):
+            self.now += _STEP_S
+            for host in list(self.busy):
+                self.beat(host)
+            self.do(self.market.tick(self.now))
+
+    def beat(self, host: str = "/agents", epoch: str = "epoch", **changes: Any) -> None:
+        number = changes.get("round_number", self.busy.get(host, 0))
+        instance = changes.get("instance", self.instances[host])
+        self.do(self.market.heartbeat(host, instance, epoch, number, self.now))
+
+    def die(self, host: str = "/agents") -> None:
+        """Let a host fall silent."""
+        self.busy.pop(host)
+
+    def run(self, scene_id: str = "s1") -> Goal:
+        """Bring the guide to run."""
+        if not self.ids:
+            self.register()
+        self.scene(scene_id)
+        self.bid()
+        self.accept()
+        return self.goal
+
+    def all(self, kind: type[EffectT]) -> list[EffectT]:
+        return [effect for effect in self.effects if isinstance(effect, kind)]
+
+    @property
+    def status(self) -> StatusChanged:
+        return self.all(StatusChanged)[-1]
+
+    @property
+    def goal(self) -> Goal:
+        return self.all(SendGoal)[-1].goal
+
+    @property
+    def auction(self) -> PublishAuction:
+        return self.all(PublishAuction)[-1]
+
+    @property
+    def calls(self) -> list[OpenCall]:
+        return self.all(OpenCall)
+
+    @property
+    def over(self) -> list[str]:
+        return [effect.scene_id for effect in self.all(SceneOver)]
+
+    @property
+    def refused(self) -> list[tuple[str, str]]:
+        return [(effect.scene_id, effect.code) for effect in self.all(SceneRefused)]
+
+    @property
+    def events(self) -> list[str]:
+        """Every run event so far: ``"1 attentive_guide ENDED SUCCEEDED"``."""
+        return [
+            f"{run.goal.round} {run.goal.agent} {run.event.name}"
+            + (f" {run.outcome.name}" if run.outcome else "")
+            for run in self.all(AnnounceRun)
+        ]

@@ -1,0 +1,142 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The distribution built and installed both ways, once for all tests of this folder."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from checkout import ROOT
+
+COLCON = [
+    "colcon-bash",
+    "colcon-library-path",
+    "colcon-output",
+    "colcon-parallel-executor",
+    "colcon-ros",
+    "setuptools<80",  # the last that installs by setup.py, as colcon does
+]
+
+
+class Installation:
+    """One installed copy of the project, and its programs run in an empty folder."""
+
+    def __init__(self, bin_folder: Path, prelude: str, empty: Path) -> None:
+        self._bin = bin_folder
+        self._prelude = prelude
+        self._empty = empty
+
+    def run(self, command: str, *arguments: str) -> str:
+        """Return what a program of this installation prints; fail unless it ends well."""
+        script = f'{self._prelude} exec "$@"'
+        return run(["bash", "-c", script, "-", command, *arguments], self._bin, self._empty)
+
+    def python(self, code: str, *arguments: str) -> list[str]:
+        """Return the lines that a piece of Python prints."""
+        return self.run("python", "-c", code, *arguments).splitlines()
+
+    def data(self, package: str) -> set[str]:
+        """Return the YAML files of a package, found through the ament index."""
+        code = (
+            "import sys; from ament_index_python import get_package_share_directory as share\n"
+            "print(share(sys.argv[1]))"
+        )
+        (share,) = self.python(code, package)
+        return {str(path.relative_to(share)) for path in Path(share).rglob("*.yaml")}
+
+
+@pytest.fixture(scope="session")
+def pyproject() -> dict[str, Any]:
+    """The project's ``pyproject.toml``."""
+    return tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+
+
+@pytest.fixture(scope="session")
+def source(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A copy of the checkout without anything built or hidden."""
+    copy = tmp_path_factory.mktemp("source") / "bt agents"
+    unwanted = shutil.ignore_patterns(".*", "__pycache__", "build", "install", "log", "dist")
+    return shutil.copytree(ROOT, copy, ignore=unwanted)
+
+
+@pytest.fixture(scope="session")
+def tools(tmp_path_factory: pytest.TempPathFactory, pyproject: dict[str, Any]) -> Path:
+    """The programs of an environment that can build the project but has not installed it."""
+    folder = tmp_path_factory.mktemp("tools")
+    needed = [*pyproject["build-system"]["requires"], *pyproject["project"]["dependencies"]]
+    return _environment(folder, [*needed, *COLCON, "cmake>=3.24", "ninja"])
+
+
+@pytest.fixture(scope="session")
+def build(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Where both ways build, so that the C++ of the interfaces is compiled once."""
+    return tmp_path_factory.mktemp("workspace")
+
+
+@pytest.fixture(scope="session")
+def wheel(source: Path, tools: Path, build: Path) -> Path:
+    """The one wheel of the project."""
+    shared = f"build-dir={build / 'build' / 'bt_agents_interfaces'}"
+    pip = ["python", "-m", "pip", "wheel", "--no-deps", "--no-build-isolation", "-C", shared]
+    run([*pip, "--wheel-dir", str(build / "dist"), str(source)], tools, build)
+    (found,) = (build / "dist").iterdir()
+    return found
+
+
+@pytest.fixture(scope="session")
+def installed(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> Installation:
+    """The wheel in an environment of its own."""
+    programs = _environment(tmp_path_factory.mktemp("installed"), [str(wheel)])
+    return Installation(programs, "", tmp_path_factory.mktemp("empty"))
+
+
+@pytest.fixture(scope="session")
+def install_space(wheel: Path, source: Path, tools: Path, build: Path) -> Path:
+    """What ``colcon build`` makes of the same sources, after the wheel: see ``build``."""
+    cmake = [
+        "-GNinja",
+        f"-DCMAKE_PROJECT_TOP_LEVEL_INCLUDES={source / 'cmake' / 'ros_wheels.cmake'}",
+        f"-DPython3_EXECUTABLE={tools / 'python'}",
+        "-DBUILD_TESTING=OFF",
+    ]
+    run(["colcon", "build", "--base-paths", str(source), "--cmake-args", *cmake], tools, build)
+    return build / "install"
+
+
+@pytest.fixture(scope="session")
+def sourced(
+    install_space: Path, tools: Path, tmp_path_factory: pytest.TempPathFactory
+) -> Installation:
+    """A shell with the install space of ``colcon build`` sourced."""
+    prelude = f'source "{install_space / "setup.bash"}";'
+    return Installation(tools, prelude, tmp_path_factory.mktemp("empty"))
+
+
+def run(command: list[str], programs: Path, cwd: Path) -> str:
+    """Return what a command prints, with ``programs`` first on its path; fail unless it ends well.
+
+    The environment of these tests runs on ROS wheels too, and would hand down its own paths.
+    """
+    own = {"_ROS_WHEELS_BOOTSTRAP_COMPLETE", "AMENT_PREFIX_PATH", "LD_LIBRARY_PATH", "PYTHONPATH"}
+    environment = {name: value for name, value in os.environ.items() if name not in own}
+    environment["PATH"] = f"{programs}:/usr/bin:/bin"
+    done = subprocess.run(
+        command, cwd=cwd, env=environment, capture_output=True, text=True, check=False
+    )
+    if done.returncode:
+        pytest.fail(f"{command} in {cwd} ended with {done.returncode}\n{done.stdout}{done.stderr}")
+    return done.stdout
+
+
+def _environment(folder: Path, requirements: list[str]) -> Path:
+    run([sys.executable, "-m", "venv", str(folder)], folder, folder)
+    programs = folder / "bin"
+    run(["python", "-m", "pip", "install", "--quiet", *requirements], programs, folder)
+    return programs

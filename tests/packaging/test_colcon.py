@@ -1,0 +1,51 @@
+# SPDX-License-Identifier: Apache-2.0
+"""``colcon build`` of the same sources: the packages, executables and data of a workspace."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from checkout import DATA_PACKAGES, PACKAGES, PYTHON_PACKAGES
+
+pytestmark = pytest.mark.packaging
+
+
+def test_every_package_is_built(install_space: Path):
+    built = {path.parents[1].name for path in install_space.glob("*/share/*/package.xml")}
+    assert built == {package.name for package in PACKAGES}
+
+
+def test_every_executable_is_where_ros_looks_for_it(install_space: Path):
+    for package in PYTHON_PACKAGES:
+        folder = install_space / package.name / "lib" / package.name
+        assert {path.name for path in folder.iterdir()} == set(package.executables())
+
+
+def test_the_command_of_the_workspace_says_its_version(
+    sourced: Any, install_space: Path, pyproject: dict[str, Any]
+):
+    command = install_space / "bt_agents" / "lib" / "bt_agents" / "bt-agents"
+    assert pyproject["project"]["version"] in sourced.run(str(command), "--version")
+    sourced.run(str(command), "check")
+
+
+@pytest.mark.parametrize("package", PYTHON_PACKAGES, ids=lambda package: package.name)
+def test_every_executable_finds_its_function_in_the_workspace(
+    sourced: Any, install_space: Path, package: Any
+):
+    code = (
+        "import importlib.metadata, sys\n"
+        "entry = importlib.metadata.EntryPoint('', sys.argv[1], '')\n"
+        "print(entry.load().__code__.co_filename)"
+    )
+    for target in package.executables().values():
+        (path,) = sourced.python(code, target)
+        assert Path(path).is_relative_to(install_space / package.name)
+
+
+@pytest.mark.parametrize("package", DATA_PACKAGES, ids=lambda package: package.name)
+def test_the_data_of_a_package_is_installed_with_its_folders(sourced: Any, package: Any):
+    assert sourced.data(package.name) == package.data

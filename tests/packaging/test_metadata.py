@@ -1,0 +1,130 @@
+# SPDX-License-Identifier: Apache-2.0
+"""One version, one licence and complete metadata in every package."""
+
+from __future__ import annotations
+
+import ast
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from checkout import DATA_PACKAGES, PACKAGES, PYTHON_PACKAGES, ROOT, RosPackage
+
+pytestmark = pytest.mark.packaging
+
+KEYS = {
+    "click": ("python3-click", "click"),
+    "numpy": ("python3-numpy", "numpy"),
+    "py_trees": ("py_trees", "py_trees>=2.4,<3"),
+    "rich": ("python3-rich", "rich"),
+    "yaml": ("python3-yaml", "pyyaml"),
+}
+"""What a module that is no ROS package is called by rosdep and on PyPI."""
+
+every_package = pytest.mark.parametrize("package", PACKAGES, ids=lambda package: package.name)
+every_python_package = pytest.mark.parametrize(
+    "package", PYTHON_PACKAGES, ids=lambda package: package.name
+)
+
+
+@every_package
+def test_a_manifest_is_complete_and_agrees_with_the_distribution(
+    package: RosPackage, pyproject: dict[str, Any]
+):
+    project = pyproject["project"]
+    manifest = package.manifest
+    assert manifest.get("format") == "3"
+    assert manifest.findtext("version") == project["version"]
+    assert manifest.findtext("license") == project["license"]
+    assert (manifest.findtext("description") or "").endswith(".")
+    assert manifest.find("maintainer") is not None
+    assert package.build_type in {"ament_cmake", "ament_python"}
+
+
+@every_package
+def test_a_package_declares_how_it_is_built(package: RosPackage):
+    by_python = package.build_type == "ament_python"
+    assert (package.folder / "setup.py").exists() == by_python
+    assert (package.folder / "CMakeLists.txt").exists() != by_python
+
+
+@every_python_package
+def test_setup_py_says_what_the_manifest_says(package: RosPackage):
+    setup, manifest = package.setup(), package.manifest
+    maintainer = manifest.find("maintainer")
+    assert maintainer is not None
+    assert setup["name"] == package.name
+    assert setup["version"] == manifest.findtext("version")
+    assert setup["description"] == manifest.findtext("description")
+    assert setup["license"] == manifest.findtext("license")
+    assert setup["maintainer"] == maintainer.text
+    assert setup["maintainer_email"] == maintainer.get("email")
+
+
+@every_python_package
+def test_a_python_package_is_registered_in_the_ament_index(package: RosPackage):
+    marker = f"resource/{package.name}"
+    assert (package.folder / marker).is_file()
+    assert package.setup()["data_files"] == [
+        ("share/ament_index/resource_index/packages", [marker]),
+        (f"share/{package.name}", ["package.xml"]),
+    ]
+
+
+@every_python_package
+def test_executables_call_functions_that_exist_and_go_where_ros_looks(package: RosPackage):
+    settings = (package.folder / "setup.cfg").read_text(encoding="utf-8")
+    assert settings.count(f"=$base/lib/{package.name}\n") == 2
+    for target in package.executables().values():
+        module, _, function = target.partition(":")
+        stem = module.replace(".", "/")
+        (path,) = {Path(f"{stem}.py"), Path(f"{stem}/__init__.py")} & package.modules
+        defined = ast.parse((package.folder / path).read_text(encoding="utf-8")).body
+        assert function in {node.name for node in defined if isinstance(node, ast.FunctionDef)}
+
+
+@every_python_package
+def test_a_manifest_names_what_the_package_imports_and_nothing_else(package: RosPackage):
+    imported = {KEYS.get(module, (module,))[0] for module in _imports(package)}
+    assert package.dependencies == imported
+
+
+def test_the_wheel_requires_what_the_packages_import(pyproject: dict[str, Any]):
+    imported = {module for package in PYTHON_PACKAGES for module in _imports(package)}
+    own = {package.name for package in PACKAGES}
+    required = set(pyproject["project"]["dependencies"])
+    for module in imported - own:
+        ros_wheel = f"ros-jazzy-{module.replace('_', '-')}"
+        assert KEYS.get(module, ("", ros_wheel))[1] in required
+
+
+def test_the_wheel_holds_every_python_package(pyproject: dict[str, Any]):
+    folders = {
+        package.name: str((package.folder / package.name).relative_to(ROOT))
+        for package in PYTHON_PACKAGES
+    }
+    assert pyproject["tool"]["scikit-build"]["wheel"]["packages"] == folders
+    assert set(pyproject["tool"]["importlinter"]["root_packages"]) == set(folders)
+
+
+def test_the_scripts_link_every_data_package():
+    script = (ROOT / "scripts" / "setup.bash").read_text(encoding="utf-8")
+    folders = " ".join(sorted(package.folder.name for package in DATA_PACKAGES))
+    assert f"for folder in {folders}; do" in script
+
+
+def _imports(package: RosPackage) -> set[str]:
+    """Return the top-level modules that a package imports from elsewhere."""
+    found: set[str] = set()
+    for module in package.modules:
+        found |= _imports_of(package.folder / module)
+    return found - sys.stdlib_module_names - {package.name}
+
+
+def _imports_of(path: Path) -> set[str]:
+    nodes = list(ast.walk(ast.parse(path.read_text(encoding="utf-8"))))
+    plain = [name.name for node in nodes if isinstance(node, ast.Import) for name in node.names]
+    named = [node.module or "" for node in nodes if isinstance(node, ast.ImportFrom)]
+    return {module.partition(".")[0] for module in plain + named}

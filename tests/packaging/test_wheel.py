@@ -1,0 +1,55 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The wheel: one file that holds all packages, and works in an environment of its own."""
+
+from __future__ import annotations
+
+import zipfile
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from checkout import DATA_PACKAGES, PACKAGES, PYTHON_PACKAGES
+
+pytestmark = pytest.mark.packaging
+
+
+def test_the_project_builds_into_one_wheel_with_every_module(
+    wheel: Path, pyproject: dict[str, Any]
+):
+    assert wheel.name.startswith(f"bt_agents-{pyproject['project']['version']}-cp3")
+    held = {Path(name) for name in zipfile.ZipFile(wheel).namelist()}
+    for package in PYTHON_PACKAGES:
+        assert package.modules <= held
+    assert {Path("bt_agents/py.typed"), Path("bt_agents/ros/loopback.xml")} <= held
+
+
+def test_the_installed_command_says_its_version(installed: Any, pyproject: dict[str, Any]):
+    assert pyproject["project"]["version"] in installed.run("bt-agents", "--version")
+
+
+def test_the_installed_interfaces_can_be_used(installed: Any):
+    code = (
+        "from bt_agents_interfaces import action, msg, srv\n"
+        "print(action.RunAgent.Goal(scene=msg.Scene(scene_id='hall')).scene.scene_id)\n"
+        "print(srv.Analyze.Request().get_fields_and_field_types())"
+    )
+    assert installed.python(code) == ["hall", "{}"]
+
+
+def test_the_ament_index_knows_every_package_of_the_wheel(installed: Any):
+    code = (
+        "import sys; from ament_index_python import get_package_share_directory as share\n"
+        "for name in sys.argv[1:]: print(name, share(name).removeprefix(sys.prefix))"
+    )
+    names = [package.name for package in PACKAGES]
+    assert installed.python(code, *names) == [f"{name} /share/{name}" for name in names]
+
+
+@pytest.mark.parametrize("package", DATA_PACKAGES, ids=lambda package: package.name)
+def test_the_data_of_a_package_is_installed_with_its_folders(installed: Any, package: Any):
+    assert installed.data(package.name) == package.data
+
+
+def test_the_installed_trees_have_no_errors(installed: Any):
+    installed.run("bt-agents", "check")

@@ -1,0 +1,406 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The feedback node between a host, a market and people, over real DDS."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import pytest
+
+from bt_agents.ros import qos
+from bt_agents.ros.messages import scene_to_msg
+from bt_agents.scene import Origin, Scene, SceneParameter, SceneSpace, SceneValue
+from bt_agents.simulated import SimulatedFeedback
+from bt_agents_interfaces.msg import AgentCard, Feedback, HostCard, MoodRule, Profiles, Run
+from bt_agents_interfaces.msg import Scene as SceneMsg
+from bt_agents_interfaces.srv import CancelRun, CollectFeedback, GiveFeedback, SetProfile
+from feedback_node.ledger import Ledger
+from feedback_node.node import FeedbackNode
+
+pytestmark = pytest.mark.ros
+
+NAN = math.nan
+SPACE = SceneSpace(
+    parameters=tuple(
+        SceneParameter(name=name, minimum=1.0, maximum=5.0, default=3.0)
+        for name in ("age", "familiarity", "mood")
+    ),
+    mood="mood",
+)
+WORSE = MoodRule(when="mood.change <= -1.0", hold_s=0.1, give=MoodRule.NEGATIVE, cancel=True)
+
+
+def scene(mood: float, scene_id: str = "s1") -> SceneMsg:
+    values = zip(SPACE.names, (5.0, 1.0, mood), strict=True)
+    return scene_to_msg(
+        Scene(
+            scene_id=scene_id,
+            label="",
+            person=True,
+            values=tuple(
+                SceneValue.missing(name)
+                if math.isnan(value)
+                else SceneValue(name=name, value=value, origin=Origin.MEASURED)
+                for name, value in values
+            ),
+        )
+    )
+
+
+class FakeHost:
+    """Introduces two agents and takes what it is told."""
+
+    def __init__(self, ros: Any, *, answers: bool = True) -> None:
+        self.agents = {"guide": [4.0, 1.5, 3.0], "express": [2.0, 4.5, 3.0]}
+        self.revisions = dict.fromkeys(self.agents, 0)
+        self.told: list[SetProfile.Request] = []
+        self.cards = ros.node.create_publisher(HostCard, "cards", qos.FACT)
+        if answers:
+            ros.node.create_service(
+                SetProfile, "/agents/set_profile", self._set, qos_profile=qos.SERVICE
+            )
+
+    def _set(self, request: Any, response: Any) -> Any:
+        self.told.append(request)
+        response.accepted = True
+        return response
+
+    def card(self, *rules: MoodRule, instance: str = "i1", **fields: Any) -> HostCard:
+        agents = [
+            AgentCard(
+                name=name,
+                profile=profile,
+                current=profile,
+                revision=self.revisions[name],
+                learning_rate=0.5,
+                rules=rules,
+            )
+            for name, profile in self.agents.items()
+        ]
+        return HostCard(
+            **{
+                "host": "/agents",
+                "host_instance": instance,
+                "parameters": SPACE.names,
+                "agents": agents,
+                **fields,
+            }
+        )
+
+
+class Scenario:
+    """The node under test with everything around it faked by the probe node."""
+
+    def __init__(
+        self,
+        ros: Any,
+        ledger: Ledger,
+        simulated: SimulatedFeedback | None = None,
+        *,
+        answers: bool = True,
+    ) -> None:
+        self.ros = ros
+        self.host = FakeHost(ros, answers=answers)
+        self.runs = ros.node.create_publisher(Run, "runs", qos.HISTORY)
+        self.live = ros.node.create_publisher(SceneMsg, "scene/live", qos.SENSOR)
+        self.cancels: list[CancelRun.Request] = []
+        ros.node.create_service(
+            CancelRun, "marketplace/cancel", self._cancel, qos_profile=qos.SERVICE
+        )
+        self.feedback: list[Feedback] = ros.collect(Feedback, "feedback", qos.HISTORY)
+        self.profiles: list[Profiles] = ros.collect(Profiles, "profiles", qos.FACT)
+        self.collect_client = ros.node.create_client(
+            CollectFeedback, "feedback/collect", qos_profile=qos.SERVICE
+        )
+        self.give_client = ros.node.create_client(
+            GiveFeedback, "feedback/give", qos_profile=qos.SERVICE
+        )
+        self.node = ros.add(FeedbackNode(SPACE, ledger, simulated))
+
+    def _cancel(self, request: Any, response: Any) -> Any:
+        self.cancels.append(request)
+        response.accepted = True
+        return response
+
+    def introduce(self, *rules: MoodRule, **fields: Any) -> None:
+        seen = len(self.profiles)
+        self.host.cards.publish(self.host.card(*rules, **fields))
+        self.ros.until(lambda: len(self.profiles) > seen)
+
+    def event(self, event: int, number: int = 1, mood: float = 4.0) -> None:
+        self.runs.publish(
+            Run(epoch="e", round=number, event=event, agent="guide", scene=scene(mood))
+        )
+
+    def run(self) -> None:
+        self.event(Run.STARTED)
+        self.ros.until(lambda: self.node._teaching._runs.current is not None)
+
+    def give(self, **fields: Any) -> GiveFeedback.Response:
+        return self.ros.call(self.give_client, GiveFeedback.Request(**fields))
+
+    def collect(self, number: int = 1, **fields: Any) -> CollectFeedback.Response:
+        request = {
+            "epoch": "e",
+            "round": number,
+            "agent": "guide",
+            "outcome": 1,
+            "scene": scene(4.0),
+        }
+        return self.ros.call(self.collect_client, CollectFeedback.Request(**{**request, **fields}))
+
+    def table(self) -> dict[str, tuple[int, list[float]]]:
+        last = self.profiles[-1]
+        width = len(last.parameters)
+        return {
+            name: (last.revisions[row], list(last.vectors[row * width : (row + 1) * width]))
+            for row, name in enumerate(last.agents)
+        }
+
+
+@pytest.fixture
+def ledger() -> Iterator[Ledger]:
+    with Ledger(":memory:") as ledger:
+        yield ledger
+
+
+@pytest.fixture
+def scenario(ros: Any, ledger: Ledger) -> Callable[..., Scenario]:
+    return lambda *args, **fields: Scenario(ros, ledger, *args, **fields)
+
+
+def test_a_card_makes_agents_known_with_the_profiles_of_their_files(scenario):
+    room = scenario()
+    room.introduce()
+    assert room.table() == {"guide": (0, [4.0, 1.5, 3.0]), "express": (0, [2.0, 4.5, 3.0])}
+    assert room.host.told == []
+
+
+def test_collected_feedback_is_answered_after_the_host_has_the_new_profile(scenario):
+    room = scenario(SimulatedFeedback(sequence=((5.0, NAN, 1.0),)))
+    room.introduce()
+    answer = room.collect()
+    assert (answer.accepted, answer.applied) == (True, True)
+    assert [list(one.values) for one in room.host.told] == [[4.5, 1.5, 2.0]]
+    assert list(answer.feedback.after) == [4.5, 1.5, 2.0]
+    assert list(answer.feedback.before) == [4.0, 1.5, 3.0]
+    assert math.isnan(answer.feedback.target[1])
+    assert (answer.feedback.source, answer.feedback.revision) == ("simulated", 1)
+    room.ros.until(lambda: room.feedback and room.table()["guide"][0] == 1)
+    assert [str(one) for one in room.feedback] == [str(answer.feedback)]
+
+
+def test_collecting_twice_for_one_round_applies_once(scenario):
+    room = scenario(SimulatedFeedback(sequence=((5.0, 5.0, 5.0),), repeat=True))
+    room.introduce()
+    first, again = room.collect(), room.collect()
+    assert again.applied
+    assert again.feedback.revision == first.feedback.revision == 1
+    assert again.feedback.after == first.feedback.after
+    assert room.collect(2).feedback.revision == 2
+    assert len(room.feedback) == 2
+
+
+def test_without_a_list_there_is_nothing_to_collect(scenario):
+    room = scenario()
+    room.introduce()
+    answer = room.collect()
+    assert (answer.accepted, answer.applied, answer.message) == (
+        True,
+        False,
+        "no feedback for guide",
+    )
+
+
+@pytest.mark.parametrize(
+    ("fields", "code"),
+    [
+        ({"agent": "ghost"}, "UNKNOWN_AGENT"),
+        ({"number": 0}, "NO_RUN"),
+        ({"epoch": ""}, "NO_RUN"),
+        ({"outcome": 9}, "UNKNOWN_OUTCOME"),
+        ({"scene": SceneMsg()}, "EMPTY"),
+    ],
+)
+def test_a_collection_that_makes_no_sense_is_refused(scenario, fields, code):
+    room = scenario(SimulatedFeedback(each={"guide": (5.0, 5.0, 5.0)}))
+    room.introduce()
+    answer = room.collect(**fields)
+    assert (answer.accepted, answer.applied, answer.code) == (False, False, code)
+    assert room.table()["guide"] == (0, [4.0, 1.5, 3.0])
+
+
+def test_people_push_the_last_agent_towards_and_away_from_its_scene(scenario):
+    room = scenario()
+    room.introduce()
+    room.run()
+    room.event(Run.ENDED)
+    room.ros.until(lambda: room.node._teaching._runs.current is None)
+    towards = room.give(kind=Feedback.POSITIVE, source="button")
+    assert list(towards.feedback.after) == [4.5, 1.25, 3.5]
+    away = room.give(kind=Feedback.NEGATIVE, source="button")
+    assert list(away.feedback.after) == [4.25, 1.375, 3.25]
+    direct = room.give(agent="express", kind=Feedback.DIRECT, values=[NAN, NAN, 5.0])
+    assert list(direct.feedback.after) == [2.0, 4.5, 4.0]
+    assert [(one.agent, one.revision) for one in room.host.told] == [
+        ("guide", 1),
+        ("guide", 2),
+        ("express", 1),
+    ]
+
+
+@pytest.mark.parametrize(
+    ("fields", "code"),
+    [
+        ({"kind": 1}, "NO_AGENT"),
+        ({"kind": 1, "agent": "guide"}, "NO_SCENE"),
+        ({"kind": 1, "agent": "ghost"}, "UNKNOWN_AGENT"),
+        ({"kind": 200, "agent": "guide"}, "UNKNOWN_KIND"),
+        ({"kind": 0, "agent": "guide", "values": []}, "WRONG_LENGTH"),
+        ({"kind": 0, "agent": "guide", "values": [1.0] * 5000}, "WRONG_LENGTH"),
+        ({"kind": 0, "agent": "guide", "values": [NAN, NAN, NAN]}, "NO_OPINION"),
+        ({"kind": 0, "agent": "guide", "values": [math.inf, 1.0, 1.0]}, "NOT_FINITE"),
+        ({"kind": 0, "agent": "guide", "values": [6.0, 1.0, 1.0]}, "OUT_OF_RANGE"),
+    ],
+)
+def test_hostile_feedback_is_refused_with_a_reason_and_changes_nothing(scenario, fields, code):
+    room = scenario()
+    room.introduce()
+    answer = room.give(**fields)
+    assert (answer.accepted, answer.code) == (False, code)
+    assert answer.message
+    assert room.table()["guide"] == (0, [4.0, 1.5, 3.0])
+    assert room.host.told == room.feedback == []
+    assert room.give(agent="guide", kind=0, values=[5.0, 5.0, 5.0]).accepted
+
+
+def test_a_mood_that_falls_teaches_the_agent_and_asks_the_market_again(scenario):
+    room = scenario()
+    room.introduce(WORSE)
+    room.run()
+    room.ros.until(lambda: room.live.get_subscription_count() == 1)
+    for mood in (4.0, 2.5):
+        room.live.publish(scene(mood))
+    room.ros.until(lambda: room.cancels and room.host.told and room.feedback)
+    cancel, feedback = room.cancels[0], room.feedback[0]
+    assert (cancel.epoch, cancel.round, cancel.again) == ("e", 1, True)
+    assert cancel.scene == scene(2.5)
+    assert cancel.reason == "mood.change <= -1.0 held 0.1 s: mood 4 → 2.5"
+    assert (feedback.source, feedback.kind, feedback.cancels) == ("mood rule", 2, True)
+    assert feedback.reason == cancel.reason
+    assert list(feedback.after) == list(room.host.told[0].values) == [3.5, 1.75, 2.5]
+    room.ros.turns()
+    assert (len(room.cancels), len(room.feedback)) == (1, 1)
+
+
+def test_a_run_replayed_from_history_that_is_over_is_not_watched(ros, ledger):
+    runs = ros.node.create_publisher(Run, "runs", qos.HISTORY)
+    for event in (Run.STARTED, Run.ENDED):
+        runs.publish(Run(epoch="e", round=1, event=event, agent="guide", scene=scene(4.0)))
+    eager = MoodRule(when="live.mood < 3", hold_s=0.0, give=MoodRule.NEGATIVE, cancel=True)
+    room = Scenario(ros, ledger)
+    room.introduce(eager)
+    ros.until(lambda: room.live.get_subscription_count() == 1)
+    room.live.publish(scene(1.0))
+    ros.until(lambda: room.node._teaching._runs.last() is not None)
+    room.live.publish(scene(1.0))
+    ros.turns()
+    assert room.cancels == room.feedback == []
+    assert room.give(kind=Feedback.POSITIVE).feedback.agent == "guide"
+
+
+def test_a_host_that_is_not_there_gets_its_profile_when_its_card_comes_again(scenario):
+    room = scenario(answers=False)
+    room.introduce()
+    answer = room.give(agent="guide", kind=0, values=[5.0, 5.0, 5.0])
+    assert answer.accepted
+    assert "when its card shows up again" in answer.message
+    host = FakeHost(room.ros)
+    host.cards.publish(host.card(instance="i2"))
+    room.ros.until(lambda: host.told)
+    assert (list(host.told[0].values), host.told[0].revision) == ([4.5, 3.25, 4.0], 1)
+
+
+def test_a_restarted_node_gives_back_what_was_learned(ros, tmp_path):
+    path = tmp_path / "ledger.sqlite"
+    with Ledger(path) as ledger:
+        room = Scenario(ros, ledger)
+        room.introduce()
+        room.give(agent="guide", kind=0, values=[5.0, 5.0, 5.0])
+        ros.remove(room.node)
+    with Ledger(path) as ledger:
+        # The latched card is still there, so nobody has to introduce anybody.
+        room.node = ros.add(FeedbackNode(SPACE, ledger))
+        ros.until(lambda: len(room.host.told) == 2)
+        ros.until(lambda: room.table()["guide"] == (1, [4.5, 3.25, 4.0]))
+        ros.remove(room.node)
+    assert room.host.told[0].values == room.host.told[1].values
+
+
+def test_a_host_that_already_has_its_profiles_is_not_told_again(scenario):
+    room = scenario()
+    room.introduce()
+    room.give(agent="guide", kind=0, values=[5.0, 5.0, 5.0])
+    room.host.revisions["guide"] = 1
+    room.host.cards.publish(room.host.card())
+    room.ros.turns()
+    assert len(room.host.told) == 1
+
+
+@pytest.mark.parametrize(
+    "fields",
+    [
+        {"parameters": ["age"]},
+        {"parameters": ["mood", "familiarity", "age"]},
+        {"host": ""},
+        {"host": "/not a name"},
+        {"host": "//"},
+    ],
+)
+def test_a_hostile_card_is_refused_and_the_node_lives(scenario, fields):
+    room = scenario()
+    room.host.cards.publish(room.host.card(**fields))
+    room.ros.until(lambda: room.node._problems)
+    assert room.node._profiles.table() == ()
+    room.introduce()
+    assert set(room.table()) == {"guide", "express"}
+
+
+def test_a_rule_that_cannot_be_read_leaves_the_agent_and_its_other_rules_working(scenario):
+    room = scenario()
+    broken = MoodRule(when="mood.change <=", hold_s=0.1, give=MoodRule.NEGATIVE, cancel=True)
+    room.introduce(broken, WORSE)
+    assert "the rule is skipped" in room.node._problems["/agents"][0]
+    room.run()
+    room.ros.until(lambda: room.live.get_subscription_count() == 1)
+    room.live.publish(scene(2.0))
+    room.ros.until(lambda: room.cancels)
+
+
+def test_hostile_scenes_and_runs_are_refused_and_the_rule_still_fires(scenario):
+    room = scenario()
+    room.introduce(WORSE)
+    room.runs.publish(Run(event=Run.STARTED, agent="guide"))
+    room.runs.publish(Run(event=200, agent="guide", scene=scene(4.0)))
+    room.run()
+    room.ros.until(lambda: room.live.get_subscription_count() == 1)
+    wrong = scene(4.0)
+    wrong.values[0].value = math.inf
+    short = scene(4.0)
+    short.values = short.values[:1]
+    for message in (SceneMsg(), wrong, short, scene(2.0)):
+        room.live.publish(message)
+    room.ros.until(lambda: room.cancels)
+
+
+def test_two_who_give_at_once_are_both_answered_in_order(scenario):
+    room = scenario()
+    room.introduce()
+    room.ros.until(room.give_client.service_is_ready)
+    request = GiveFeedback.Request(agent="guide", kind=0, values=[5.0, 5.0, 5.0])
+    futures = [room.give_client.call_async(request) for _ in range(5)]
+    room.ros.until(lambda: all(future.done() for future in futures))
+    assert sorted(future.result().feedback.revision for future in futures) == [1, 2, 3, 4, 5]
+    assert [one.revision for one in room.host.told] == [1, 2, 3, 4, 5]

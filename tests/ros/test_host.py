@@ -1,0 +1,453 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The host node: registration, bids, runs, cancels and tuning, with a probe as market."""
+
+from __future__ import annotations
+
+import math
+import shutil
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import pytest
+from action_msgs.msg import GoalStatus
+from rcl_interfaces.msg import Parameter as ParameterMsg
+from rcl_interfaces.msg import ParameterType, ParameterValue
+from rcl_interfaces.srv import DescribeParameters, SetParameters
+from rclpy.action import ActionClient, ActionServer, CancelResponse, GoalResponse
+from rclpy.task import Future
+
+from bt_agents.language.folder_reader import read_trees
+from bt_agents.ros import qos
+from bt_agents.ros.host import HostNode
+from bt_agents.ros.interfaces import InstalledInterfaces
+from bt_agents.ros.messages import scene_to_msg
+from bt_agents_interfaces.action import RunAgent, Say
+from bt_agents_interfaces.msg import (
+    Bids,
+    CallForBids,
+    Heartbeat,
+    HostCard,
+    MarketStatus,
+    StatusChange,
+    Trees,
+    TreeStatus,
+)
+from bt_agents_interfaces.srv import RegisterHost, SetProfile
+from stage import scene
+
+pytestmark = pytest.mark.ros
+
+NAN = math.nan
+ROOT = Path(__file__).parents[2]
+
+TALKER = """
+format: 1
+agent: talker
+title: Talker
+description: says one thing
+profile: {age: 3, familiarity: 3, mood: 3}
+requires: scene.person
+tunables:
+  patience: {default: 8 s, min: 1 s, max: 60 s, description: how long it may take}
+  rounds: {default: 2, min: 1, max: 5, description: how often}
+tree:
+  say: hello
+  timeout: ${patience}
+on_cancel:
+  wait: 0 s
+"""
+
+QUICK = """
+format: 1
+agent: quick
+title: Quick
+description: ends at once
+profile: {age: 1, familiarity: 1, mood: 1}
+tree: {wait: 0 s}
+"""
+
+
+class Mouth:
+    """A ``say`` server that speaks until it is told to end, and counts what it hears."""
+
+    def __init__(self, ros: Any) -> None:
+        self.texts: list[str] = []
+        self.cancelled = 0
+        self.end: Any = None
+        self._ros = ros
+        node = ros.node
+        self.server = ActionServer(
+            node,
+            Say,
+            "say",
+            execute_callback=self._speak,
+            goal_callback=lambda _goal: GoalResponse.ACCEPT,
+            cancel_callback=self._cancel,
+        )
+
+    def _cancel(self, _handle: Any) -> CancelResponse:
+        self.cancelled += 1
+        self.end.set_result("cancel")
+        return CancelResponse.ACCEPT
+
+    async def _speak(self, handle: Any) -> Any:
+        self.texts.append(handle.request.text)
+        self.end = Future(executor=self._ros.executor)
+        how = await self.end
+        if how == "cancel":
+            handle.canceled()
+        elif how == "abort":
+            handle.abort()
+        else:
+            handle.succeed()
+        return Say.Result(message="" if how == "succeed" else "no breath")
+
+
+class Market:
+    """A probe that does what a marketplace does, one message at a time."""
+
+    def __init__(self, ros: Any) -> None:
+        self.ros = ros
+        node = ros.node
+        self.requests: list[Any] = []
+        self.refuse: dict[str, str] = {}
+        self._status = node.create_publisher(MarketStatus, "market", qos.FACT)
+        self._calls = node.create_publisher(CallForBids, "calls", qos.EVENTS)
+        self.bids = ros.collect(Bids, "bids", qos.EVENTS)
+        node.create_service(
+            RegisterHost, "marketplace/register", self._register, qos_profile=qos.SERVICE
+        )
+        self.action = ActionClient(node, RunAgent, "agents/run")
+
+    def _register(self, request: Any, response: Any) -> Any:
+        self.requests.append(request)
+        response.accepted = True
+        response.epoch = "e1"
+        response.reasons = [self.refuse.get(name, "") for name in request.agents]
+        response.agent_ids = [
+            0 if reason else index for index, reason in enumerate(response.reasons, start=1)
+        ]
+        return response
+
+    def open(self) -> None:
+        self._status.publish(MarketStatus(epoch="e1"))
+
+    def call(self, round_number: int = 1, **changes: Any) -> None:
+        message = CallForBids(
+            epoch="e1",
+            round=round_number,
+            scene=scene_to_msg(scene(age=3, familiarity=3, mood=3)),
+            parameters=["age", "familiarity", "mood"],
+            deadline_s=0.5,
+        )
+        for name, value in changes.items():
+            setattr(message, name, value)
+        self.ros.until(lambda: self._calls.get_subscription_count() > 0)
+        self._calls.publish(message)
+
+    def goal(self, host: HostNode, agent: str = "talker", **changes: Any) -> RunAgent.Goal:
+        goal = RunAgent.Goal(
+            epoch="e1",
+            round=1,
+            host_instance=host.instance,
+            agent=agent,
+            agent_id=host.roster.members[agent].agent_id,
+            scene=scene_to_msg(scene(age=3, familiarity=3, mood=3)),
+        )
+        for name, value in changes.items():
+            setattr(goal, name, value)
+        return goal
+
+    def send(self, goal: RunAgent.Goal) -> Any:
+        self.ros.until(self.action.server_is_ready)
+        future = self.action.send_goal_async(goal)
+        self.ros.until(future.done)
+        return future.result()
+
+    def result(self, handle: Any) -> Any:
+        future = handle.get_result_async()
+        self.ros.until(future.done)
+        return future.result()
+
+
+def folder(tmp_path: Path, *agents: str) -> Path:
+    trees = tmp_path / "trees"
+    shutil.copytree(ROOT / "trees" / "skills", trees / "skills")
+    shutil.copy(ROOT / "trees" / "scene.yaml", trees)
+    (trees / "agents").mkdir()
+    for number, text in enumerate(agents):
+        (trees / "agents" / f"{number}.yaml").write_text(text)
+    return trees
+
+
+def make_host(path: Path, **arguments: Any) -> HostNode:
+    return HostNode(read_trees(path, InstalledInterfaces()), **arguments)
+
+
+@pytest.fixture
+def market(ros: Any) -> Market:
+    return Market(ros)
+
+
+@pytest.fixture
+def host(ros: Any, market: Market, tmp_path: Path) -> HostNode:
+    node: HostNode = ros.add(make_host(folder(tmp_path, TALKER, QUICK)))
+    market.open()
+    ros.until(lambda: node.registered)
+    return node
+
+
+def test_a_host_registers_all_agents_with_the_parameters_it_speaks(
+    host: HostNode, market: Market
+) -> None:
+    request = market.requests[0]
+    assert request.host == "/agents"
+    assert request.run_action == "/agents/run"
+    assert list(request.agents) == ["quick", "talker"]
+    assert list(request.parameters) == ["age", "familiarity", "mood"]
+
+
+def test_all_agents_bid_in_one_message_and_one_that_does_not_fit_declines(
+    ros: Any, host: HostNode, market: Market
+) -> None:
+    market.call(scene=scene_to_msg(scene(person=False, age=3)))
+    ros.until(lambda: market.bids)
+    bids = market.bids[0]
+    assert list(bids.agents) == ["quick"]
+    assert list(bids.vectors) == [1.0, 1.0, 1.0]
+    assert list(bids.declined) == ["talker"]
+    assert "scene.person" in bids.decline_reasons[0]
+    assert bids.host_instance == host.instance
+
+
+def test_an_excluded_agent_stays_silent_and_a_foreign_call_is_not_answered(
+    ros: Any, host: HostNode, market: Market
+) -> None:
+    market.call(round_number=1, epoch="e0")
+    market.call(round_number=2, parameters=["size"])
+    market.call(round_number=3, excluded=["talker"])
+    ros.until(lambda: market.bids)
+    assert [bids.round for bids in market.bids] == [3]
+    assert list(market.bids[0].agents) == ["quick"]
+
+
+def test_an_agent_that_the_market_refuses_does_not_bid_and_its_card_says_why(
+    ros: Any, market: Market, tmp_path: Path
+) -> None:
+    market.refuse["quick"] = "already registered by /other"
+    cards = ros.collect(HostCard, "cards", qos.FACTS)
+    ros.add(make_host(folder(tmp_path, TALKER, QUICK)))
+    market.open()
+    ros.until(lambda: any("already registered" in p for card in cards for p in card.problems))
+    market.call()
+    ros.until(lambda: market.bids)
+    assert list(market.bids[0].agents) == ["talker"]
+
+
+def test_a_run_ticks_the_tree_tells_what_changed_and_succeeds(
+    ros: Any, host: HostNode, market: Market
+) -> None:
+    mouth = Mouth(ros)
+    statuses = ros.collect(TreeStatus, "agents/status", qos.EVENTS)
+    handle = market.send(market.goal(host))
+    assert handle.accepted
+    ros.until(lambda: mouth.end)
+    mouth.end.set_result("succeed")
+    answer = market.result(handle)
+    assert answer.status == GoalStatus.STATUS_SUCCEEDED
+    assert answer.result.outcome == RunAgent.Result.SUCCEEDED
+    assert mouth.texts == ["hello"]
+    changes = [(c.path, c.status) for s in statuses for c in s.changes]
+    assert changes == [
+        ("tree", StatusChange.RUNNING),
+        ("tree@timeout", StatusChange.RUNNING),
+        ("tree", StatusChange.SUCCESS),
+        ("tree@timeout", StatusChange.SUCCESS),
+    ]
+
+
+def test_a_failing_tree_aborts_with_the_reason_in_words(
+    ros: Any, host: HostNode, market: Market
+) -> None:
+    mouth = Mouth(ros)
+    handle = market.send(market.goal(host))
+    ros.until(lambda: mouth.end)
+    mouth.end.set_result("abort")
+    answer = market.result(handle)
+    assert answer.status == GoalStatus.STATUS_ABORTED
+    assert answer.result.outcome == RunAgent.Result.FAILED
+    assert "say aborted: no breath" in answer.result.message
+
+
+def test_a_skill_without_a_server_fails_in_words(ros: Any, host: HostNode, market: Market) -> None:
+    handle = market.send(market.goal(host))
+    answer = market.result(handle)
+    assert answer.result.outcome == RunAgent.Result.FAILED
+    assert "say unreachable: is not there within 3 s" in answer.result.message
+
+
+def test_a_cancel_stops_the_leaf_and_its_goal(ros: Any, host: HostNode, market: Market) -> None:
+    mouth = Mouth(ros)
+    handle = market.send(market.goal(host))
+    ros.until(lambda: mouth.end)
+    cancel = handle.cancel_goal_async()
+    ros.until(cancel.done)
+    answer = market.result(handle)
+    assert answer.status == GoalStatus.STATUS_CANCELED
+    assert answer.result.outcome == RunAgent.Result.CANCELLED
+    assert list(answer.result.orphans) == []
+    assert mouth.cancelled == 1
+
+
+def test_one_tree_at_a_time_and_only_for_this_instance_and_a_known_agent(
+    ros: Any, host: HostNode, market: Market
+) -> None:
+    bad_scene = scene_to_msg(scene(age=3, familiarity=3, mood=3))
+    bad_scene.values[0].value = NAN
+    for wrong in (
+        {"host_instance": "another"},
+        {"agent": "nobody"},
+        {"agent_id": 99},
+        {"scene": bad_scene},
+    ):
+        assert not market.send(market.goal(host, **wrong)).accepted
+    mouth = Mouth(ros)
+    first = market.send(market.goal(host))
+    assert first.accepted
+    assert not market.send(market.goal(host, agent="quick")).accepted
+    ros.until(lambda: mouth.end)
+    mouth.end.set_result("succeed")
+    market.result(first)
+    assert market.send(market.goal(host, agent="quick")).accepted
+
+
+def test_a_stopping_host_cancels_its_run_and_takes_no_more(
+    ros: Any, host: HostNode, market: Market
+) -> None:
+    mouth = Mouth(ros)
+    handle = market.send(market.goal(host))
+    ros.until(lambda: mouth.end)
+    host.request_stop()
+    ros.until(host.stopped)
+    assert mouth.cancelled == 1
+    assert market.result(handle).result.outcome == RunAgent.Result.CANCELLED
+    assert not market.send(market.goal(host, agent="quick")).accepted
+
+
+def set_parameter(ros: Any, name: str, value: Any) -> Any:
+    kinds = {
+        float: (ParameterType.PARAMETER_DOUBLE, "double_value"),
+        int: (ParameterType.PARAMETER_INTEGER, "integer_value"),
+    }
+    kind, attribute = kinds[type(value)]
+    message = ParameterMsg(name=name, value=ParameterValue(type=kind, **{attribute: value}))
+    client = ros.node.create_client(SetParameters, "agents/set_parameters")
+    return ros.call(client, SetParameters.Request(parameters=[message])).results[0]
+
+
+def test_a_tunable_is_a_ranged_parameter_that_acts_on_the_running_tree(
+    ros: Any, host: HostNode, market: Market
+) -> None:
+    client = ros.node.create_client(DescribeParameters, "agents/describe_parameters")
+    described = ros.call(client, DescribeParameters.Request(names=["talker.patience"]))
+    descriptor = described.descriptors[0]
+    assert descriptor.description.startswith("how long it may take")
+    assert descriptor.floating_point_range[0].to_value == 60.0
+    assert not set_parameter(ros, "talker.patience", 61.0).successful
+    assert not set_parameter(ros, "talker.patience", NAN).successful
+    mouth = Mouth(ros)
+    handle = market.send(market.goal(host))
+    ros.until(lambda: mouth.end)
+    assert set_parameter(ros, "talker.patience", 1.0).successful
+    answer = market.result(handle)
+    assert "not done within 1 s" in answer.result.message
+    assert mouth.cancelled == 1
+
+
+def test_a_learning_rate_is_a_parameter_and_stands_on_the_card(ros: Any, host: HostNode) -> None:
+    cards = ros.collect(HostCard, "cards", qos.FACTS)
+    assert not set_parameter(ros, "talker.learning_rate", 1.5).successful
+    assert not set_parameter(ros, "talker.learning_rate", NAN).successful
+    assert set_parameter(ros, "talker.learning_rate", 0.5).successful
+    ros.until(lambda: cards and cards[-1].agents[1].learning_rate == 0.5)
+
+
+@pytest.mark.parametrize(
+    ("values", "code"),
+    [
+        ([NAN, 3, 3], "NOT_FINITE"),
+        ([math.inf, 3, 3], "NOT_FINITE"),
+        ([], "WRONG_LENGTH"),
+        ([3, 3], "WRONG_LENGTH"),
+        ([3, 3, 3, 3], "WRONG_LENGTH"),
+        ([3, 3, 6], "OUT_OF_RANGE"),
+    ],
+)
+def test_a_bad_profile_is_refused_by_name_and_nothing_changes(
+    ros: Any, host: HostNode, values: Sequence[float], code: str
+) -> None:
+    client = ros.node.create_client(SetProfile, "agents/set_profile")
+    request = SetProfile.Request(agent="talker", values=[float(v) for v in values], revision=1)
+    answer = ros.call(client, request)
+    assert (answer.accepted, answer.code) == (False, code)
+    assert host.roster.members["talker"].profile == (3.0, 3.0, 3.0)
+
+
+def test_a_profile_is_taken_and_an_older_revision_is_not(ros: Any, host: HostNode) -> None:
+    client = ros.node.create_client(SetProfile, "agents/set_profile")
+
+    def give(value: float, revision: int) -> Any:
+        request = SetProfile.Request(agent="talker", values=[value, 3.0, 3.0], revision=revision)
+        return ros.call(client, request)
+
+    assert give(4.0, 2).accepted
+    assert give(5.0, 1).code == "STALE_REVISION"
+    assert host.roster.members["talker"].profile == (4.0, 3.0, 3.0)
+
+
+def test_heartbeats_say_what_runs(ros: Any, host: HostNode, market: Market) -> None:
+    beats = ros.collect(Heartbeat, "agents/heartbeat", qos.EVENTS)
+    ros.until(lambda: beats)
+    assert beats[-1].agent == ""
+    Mouth(ros)
+    market.send(market.goal(host))
+    ros.until(lambda: beats[-1].agent == "talker")
+    assert beats[-1].round == 1
+
+
+def test_late_joiners_get_the_structure_of_every_tree(ros: Any, host: HostNode) -> None:
+    trees = ros.collect(Trees, "agents/trees", qos.FACT)
+    ros.until(lambda: trees)
+    talker = next(tree for tree in trees[-1].trees if tree.agent == "talker")
+    assert [(n.path, n.kind, n.parent) for n in talker.nodes] == [
+        ("tree@timeout", "timeout", -1),
+        ("tree", "say", 0),
+        ("on_cancel", "wait", -1),
+    ]
+    assert talker.nodes[1].line == 12
+
+
+def test_a_host_notices_a_market_that_starts_again(
+    ros: Any, host: HostNode, market: Market
+) -> None:
+    before = len(market.requests)
+    market._status.publish(MarketStatus(epoch="e2"))
+    ros.until(lambda: len(market.requests) > before)
+
+
+def test_hostile_messages_leave_the_host_alive(ros: Any, host: HostNode, market: Market) -> None:
+    market.call(scene=scene_to_msg(scene(age=3)).__class__())
+    market.call(epoch="", parameters=[])
+    request = ParameterMsg(name="talker.patience", value=ParameterValue(type=200))
+    client = ros.node.create_client(SetParameters, "agents/set_parameters")
+    ros.until(client.service_is_ready)
+    client.call_async(SetParameters.Request(parameters=[request]))
+    for _ in range(50):
+        try:
+            ros.executor.spin_once(timeout_sec=0.01)
+        except Exception:
+            continue
+    market.call(round_number=7)
+    ros.until(lambda: market.bids)
+    assert market.bids[-1].round == 7

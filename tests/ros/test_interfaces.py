@@ -1,0 +1,223 @@
+# SPDX-License-Identifier: Apache-2.0
+"""ROS types by name, and messages from plain data: strict, atomic, with words that help."""
+
+from __future__ import annotations
+
+import math
+import sys
+
+import pytest
+from builtin_interfaces.msg import Duration, Time
+from geometry_msgs.msg import PoseWithCovarianceStamped
+from std_msgs.msg import Bool, Byte, Empty, Float32, Float64, Int8, String, UInt16MultiArray
+
+from bt_agents.errors import Refused
+from bt_agents.language.specs import BindingKind
+from bt_agents.ros.interfaces import InstalledInterfaces, fill, load_type, read_field, to_plain
+from bt_agents_interfaces.action import Say
+from bt_agents_interfaces.msg import Scene
+
+pytestmark = pytest.mark.ros
+
+POSE = "geometry_msgs/msg/PoseWithCovarianceStamped"
+
+
+def refusal(call, *arguments):
+    with pytest.raises(Refused) as refused:
+        call(*arguments)
+    return refused.value
+
+
+def test_installed_types_of_every_kind_are_found():
+    assert load_type("std_msgs/msg/Bool", BindingKind.TOPIC) is Bool
+    assert load_type("bt_agents_interfaces/action/Say", BindingKind.ACTION) is Say
+    assert load_type("std_srvs/srv/SetBool").Request().data is False
+
+
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [
+        ("nav2_msgs/action/NavigateToPose", "apt install ros-jazzy-nav2-msgs, or source"),
+        ("std_msg/msg/Bool", "did you mean std_msgs/msg/Bool?"),
+        ("std_msgs/msg/Boolean", "did you mean std_msgs/msg/Bool?"),
+        ("std_msgs/Bool", "std_msgs/msg/Bool"),
+        ("Bool", "expected package/msg/Name"),
+        ("", "expected package/msg/Name"),
+        ("std_msgs.msg/msg/Bool", "expected package/msg/Name"),
+        ("../../etc/msg/Passwd", "expected package/msg/Name"),
+        ("std_msgs/msg/Bool\n", "expected package/msg/Name"),
+        (None, "expected package/msg/Name"),
+    ],
+)
+def test_a_type_that_is_not_there_says_how_to_get_it(name, words):
+    refused = refusal(load_type, name)
+    assert refused.code == "UNKNOWN_TYPE"
+    assert words in refused.reason
+
+
+def test_a_package_without_interfaces_is_never_imported(tmp_path, monkeypatch):
+    (tmp_path / "trap").mkdir()
+    (tmp_path / "trap" / "__init__.py").write_text("raise SystemExit('imported')")
+    (tmp_path / "trap" / "msg.py").write_text("")
+    monkeypatch.syspath_prepend(tmp_path)
+    assert refusal(load_type, "trap/msg/Bool").code == "UNKNOWN_TYPE"
+    assert "trap" not in sys.modules
+
+
+def test_a_listed_package_without_python_code_says_so(tmp_path, monkeypatch):
+    entry = tmp_path / "share/ament_index/resource_index/rosidl_interfaces/half_msgs"
+    entry.parent.mkdir(parents=True)
+    entry.write_text("msg/Half.idl\nmsg/Half.msg\n")
+    monkeypatch.setenv("AMENT_PREFIX_PATH", str(tmp_path))
+    assert refusal(load_type, "half_msgs/msg/Half").code == "TYPE_NOT_LOADABLE"
+
+
+def test_a_type_of_another_kind_is_refused():
+    assert refusal(load_type, "std_msgs/msg/Bool", BindingKind.ACTION).code == "WRONG_KIND"
+
+
+def test_nested_fields_are_set_and_the_others_stay():
+    message = PoseWithCovarianceStamped()
+    message.header.frame_id = "map"
+    fill(message, {"header": {"stamp": 2.5}, "pose": {"pose": {"position": {"x": 1}}}})
+    assert message.header.frame_id == "map"
+    assert message.header.stamp == Time(sec=2, nanosec=500_000_000)
+    assert message.pose.pose.position.x == 1.0
+    assert message.pose.pose.orientation.w == 1.0
+
+
+@pytest.mark.parametrize(
+    ("message", "values", "code", "words"),
+    [
+        (Bool(), {"dat": True}, "UNKNOWN_FIELD", "no field 'dat'; did you mean data?"),
+        (Empty(), {"data": 1}, "UNKNOWN_FIELD", "the message has no fields"),
+        (Bool(), {"data": 1}, "WRONG_TYPE", "'data' is 1, expected true or false"),
+        (Float64(), {"data": True}, "WRONG_TYPE", "'data' is true, expected a number"),
+        (Float64(), {"data": "1"}, "WRONG_TYPE", "'data' is '1', expected a number"),
+        (Float32(), {"data": 1e39}, "OUT_OF_RANGE", "too large"),
+        (Float64(), {"data": 10**400}, "OUT_OF_RANGE", "too large"),
+        (Int8(), {"data": 1.0}, "WRONG_TYPE", "expected a whole number"),
+        (Int8(), {"data": 128}, "OUT_OF_RANGE", "-128 to 127"),
+        (Byte(), {"data": 256}, "OUT_OF_RANGE", "0 to 255"),
+        (String(), {"data": 5}, "WRONG_TYPE", "'data' is 5, expected text"),
+        (String(), {"data": None}, "WRONG_TYPE", "'data' is empty, expected text"),
+        (String(), {"data": "a\0b"}, "WRONG_TYPE", "character"),
+        (String(), {"data": "\ud800"}, "WRONG_TYPE", "character"),
+        (Bool(), True, "WRONG_TYPE", "expected a mapping of fields"),
+        (UInt16MultiArray(), {"data": 5}, "WRONG_TYPE", "expected a list"),
+        (UInt16MultiArray(), {"data": [1, -1]}, "OUT_OF_RANGE", "'data.1'"),
+        (Duration(), math.nan, "NOT_FINITE", "expected seconds"),
+        (Time(), -1.0, "OUT_OF_RANGE", "-1 s"),
+        (
+            PoseWithCovarianceStamped(),
+            {"pose": {"pose": {"positon": {}}}},
+            "UNKNOWN_FIELD",
+            "no field 'positon' in 'pose.pose'; did you mean position?",
+        ),
+        (
+            PoseWithCovarianceStamped(),
+            {"pose": {"covariance": [1.0]}},
+            "WRONG_LENGTH",
+            "'pose.covariance' has 1 items, expected 36",
+        ),
+        (Scene(), {"values": [{"nam": "x"}]}, "UNKNOWN_FIELD", "in 'values.0'"),
+    ],
+)
+def test_values_that_do_not_fit_are_refused_with_the_path_of_the_field(
+    message, values, code, words
+):
+    before = str(message)
+    refused = refusal(fill, message, values)
+    assert refused.code == code
+    assert words in refused.reason
+    assert str(message) == before
+
+
+def test_on_an_error_no_field_is_set():
+    message = Scene()
+    refusal(fill, message, {"label": "new", "stamp": {"sec": 5}, "person": "yes"})
+    assert message == Scene()
+
+
+def test_numbers_that_are_no_numbers_pass_in_floats():
+    message = Float64()
+    fill(message, {"data": math.nan})
+    assert math.isnan(message.data)
+    fill(message, {"data": math.inf})
+    assert message.data == math.inf
+
+
+def test_a_negative_duration_has_positive_nanoseconds():
+    message = Duration()
+    fill(message, -1.5)
+    assert (message.sec, message.nanosec) == (-2, 500_000_000)
+
+
+def test_a_message_becomes_plain_data_and_back():
+    plain = {
+        "stamp": {"sec": 1, "nanosec": 2},
+        "scene_id": "s",
+        "label": "words",
+        "person": True,
+        "values": [{"name": "mood", "value": 2.0, "origin": 2, "age_s": 0.0}],
+    }
+    message = Scene()
+    fill(message, plain)
+    assert to_plain(message) == plain
+    byte = Byte()
+    fill(byte, {"data": 200})
+    assert to_plain(byte) == {"data": 200}
+    assert to_plain(PoseWithCovarianceStamped())["pose"]["covariance"] == [0.0] * 36
+
+
+def test_a_field_is_read_by_its_path():
+    message = Scene()
+    fill(message, {"values": [{"name": "mood"}], "stamp": 3})
+    assert read_field(message, "values.0.name") == "mood"
+    assert read_field(message, "stamp") == {"sec": 3, "nanosec": 0}
+    assert read_field(PoseWithCovarianceStamped(), "pose.covariance.35") == 0.0
+
+
+@pytest.mark.parametrize(
+    ("path", "code"),
+    [
+        ("values.1.name", "NO_SUCH_ITEM"),
+        ("values.name", "UNKNOWN_FIELD"),
+        ("person.x", "UNKNOWN_FIELD"),
+        ("persn", "UNKNOWN_FIELD"),
+        ("__class__", "UNKNOWN_FIELD"),
+        ("", "UNKNOWN_FIELD"),
+    ],
+)
+def test_a_path_to_nothing_is_refused(path, code):
+    message = Scene()
+    fill(message, {"values": [{"name": "mood"}]})
+    assert refusal(read_field, message, path).code == code
+
+
+@pytest.mark.parametrize(
+    ("kind", "type_name", "section", "path", "words"),
+    [
+        (BindingKind.TOPIC, POSE, "message", "pose.pose.position.x", None),
+        (BindingKind.TOPIC, POSE, "message", "pose.covariance.35", None),
+        (BindingKind.TOPIC, POSE, "message", "pose.covariance.36", "at most 36 items"),
+        (BindingKind.TOPIC, POSE, "message", "pose.covariance.x", "is a list"),
+        (BindingKind.TOPIC, POSE, "message", "pose.pose.position.x.y", "single value"),
+        (BindingKind.TOPIC, POSE, "message", "pose.position", "there are pose, covariance"),
+        (BindingKind.TOPIC, "bt_agents_interfaces/msg/Scene", "message", "values.7.name", None),
+        (BindingKind.ACTION, "bt_agents_interfaces/action/Ask", "result", "answer", None),
+        (BindingKind.ACTION, "bt_agents_interfaces/action/Ask", "goal", "answer", "no field"),
+        (BindingKind.SERVICE, "std_srvs/srv/SetBool", "request", "data", None),
+        (BindingKind.SERVICE, "std_srvs/srv/SetBool", "goal", "data", "has no goal"),
+        (BindingKind.TOPIC, "no_msgs/msg/Thing", "message", "data", "not installed"),
+    ],
+)
+def test_paths_are_checked_without_a_message(kind, type_name, section, path, words):
+    problem = InstalledInterfaces().field_problem(kind, type_name, section, path)
+    assert problem is None if words is None else words in problem
+
+
+def test_a_type_is_checked_for_what_it_is_needed_for():
+    interfaces = InstalledInterfaces()
+    assert interfaces.type_problem(BindingKind.TOPIC, "std_msgs/msg/Bool") is None
+    assert "not the type" in interfaces.type_problem(BindingKind.SERVICE, "std_msgs/msg/Bool")

@@ -1,0 +1,454 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The marketplace node among hosts that behave well, badly or not at all."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+from rcl_interfaces.msg import Parameter as ParameterMsg
+from rcl_interfaces.msg import ParameterType, ParameterValue
+from rcl_interfaces.srv import DescribeParameters, SetParameters
+from rclpy.action import ActionServer, CancelResponse, GoalResponse
+from rclpy.clock import Clock, ClockType
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from rclpy.task import Future
+
+from bt_agents.ros import qos
+from bt_agents.ros.messages import scene_to_msg
+from bt_agents_interfaces.action import RunAgent
+from bt_agents_interfaces.msg import (
+    Auction,
+    Bids,
+    CallForBids,
+    Heartbeat,
+    MarketStatus,
+    Run,
+    Scene,
+    SceneValue,
+)
+from bt_agents_interfaces.srv import CancelRun, CollectFeedback, RegisterHost
+from market_driver import EXPRESS, GUIDE, PLAIN, SPACE, scene
+from marketplace_node.node import MarketplaceNode
+
+pytestmark = pytest.mark.ros
+
+NEAR, FAR = (4.0, 1.5, 3.0), (3.0, 5.0, 3.5)
+
+
+class FakeHost(Node):
+    """A host that does what a test tells it to."""
+
+    def __init__(self, name: str = "agents", **bids: tuple[float, ...]) -> None:
+        super().__init__(name)
+        self.host = self.get_fully_qualified_name()
+        self.bids_of = bids or {GUIDE: NEAR, EXPRESS: FAR}
+        self.agent_ids: list[int] = []
+        self.silent = False
+        self.refuses: set[str] = set()
+        self.distort: Callable[[Bids], None] = lambda _: None
+        self.calls: list[CallForBids] = []
+        self.goal: Any = None
+        self.log: list[str] = []
+        self.ended: Any = None
+        self.answers = self.create_publisher(Bids, "bids", qos.EVENTS)
+        self.heartbeats = self.create_publisher(Heartbeat, "~/heartbeat", qos.EVENTS)
+        self.create_subscription(CallForBids, "calls", self.answer, qos.EVENTS)
+        self.create_timer(0.1, self.beat, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        self.server = ActionServer(
+            self,
+            RunAgent,
+            "~/run",
+            execute_callback=self.execute,
+            goal_callback=self.judge,
+            cancel_callback=self.stop,
+            goal_service_qos_profile=qos.SERVICE,
+            result_service_qos_profile=qos.SERVICE,
+            cancel_service_qos_profile=qos.SERVICE,
+            result_timeout=5,
+        )
+
+    def request(self, **changes: Any) -> RegisterHost.Request:
+        values = {
+            "host": self.host,
+            "host_instance": "first",
+            "run_action": f"{self.host}/run",
+            "heartbeat": f"{self.host}/heartbeat",
+            "parameters": list(SPACE.names),
+            "agents": list(self.bids_of),
+        }
+        return RegisterHost.Request(**(values | changes))
+
+    def beat(self) -> None:
+        goal = self.goal
+        self.heartbeats.publish(
+            Heartbeat(
+                host=self.host,
+                host_instance="first",
+                epoch=goal.epoch if goal else "",
+                round=goal.round if goal else 0,
+            )
+        )
+
+    def answer(self, call: CallForBids) -> None:
+        self.calls.append(call)
+        if self.silent:
+            return
+        names = [name for name in self.bids_of if name not in call.excluded]
+        ids = dict(zip(self.bids_of, self.agent_ids, strict=True))
+        message = Bids(
+            epoch=call.epoch,
+            round=call.round,
+            host=self.host,
+            host_instance="first",
+            agents=names,
+            agent_ids=[ids[name] for name in names],
+            vectors=[value for name in names for value in self.bids_of[name]],
+        )
+        self.distort(message)
+        self.answers.publish(message)
+
+    def judge(self, goal: Any) -> GoalResponse:
+        if goal.agent in self.refuses or self.goal is not None:
+            return GoalResponse.REJECT
+        self.goal = goal
+        self.log.append(f"start {goal.agent}")
+        return GoalResponse.ACCEPT
+
+    def stop(self, _handle: Any) -> CancelResponse:
+        if self.ended is not None and not self.ended.done():
+            self.ended.set_result(RunAgent.Result.CANCELLED)
+        return CancelResponse.ACCEPT
+
+    async def execute(self, handle: Any) -> RunAgent.Result:
+        self.ended = Future(executor=self.executor)
+        outcome = await self.ended
+        self.log.append(f"end {self.goal.agent}")
+        self.goal = None
+        if outcome == RunAgent.Result.CANCELLED:
+            handle.canceled()
+        else:
+            handle.succeed()
+        return RunAgent.Result(outcome=outcome, message="as told", ticks=3)
+
+    def finish(self, outcome: int = RunAgent.Result.SUCCEEDED) -> None:
+        self.ended.set_result(outcome)
+
+    def destroy_node(self) -> None:
+        self.server.destroy()
+        super().destroy_node()
+
+
+class Stage:
+    """A market, what it says, and the ways to talk to it."""
+
+    def __init__(self, ros: Any, **parameters: Any) -> None:
+        self.ros = ros
+        overrides = [
+            Parameter(name, value=value)
+            for name, value in ({"collect_deadline": 0.1} | parameters).items()
+        ]
+        self.market = ros.add(MarketplaceNode(SPACE, "epoch", parameter_overrides=overrides))
+        self.auctions = ros.collect(Auction, "auctions", qos.HISTORY)
+        self.runs = ros.collect(Run, "runs", qos.HISTORY)
+        self.statuses = ros.collect(MarketStatus, "market", qos.FACT)
+        self.scenes = ros.node.create_publisher(Scene, "scene", qos.EVENTS)
+        self.registering = ros.node.create_client(
+            RegisterHost, "marketplace/register", qos_profile=qos.SERVICE
+        )
+        self.cancelling = ros.node.create_client(
+            CancelRun, "marketplace/cancel", qos_profile=qos.SERVICE
+        )
+        ros.until(lambda: self.scenes.get_subscription_count() and self.statuses)
+
+    def host(self, name: str = "agents", **bids: tuple[float, ...]) -> FakeHost:
+        host = self.ros.add(FakeHost(name, **bids))
+        answer = self.ros.call(self.registering, host.request())
+        assert answer.accepted, answer.message
+        host.agent_ids = list(answer.agent_ids)
+        return host
+
+    def scene(self, scene_id: str = "s1") -> None:
+        self.scenes.publish(scene_to_msg(scene(scene_id)))
+
+    def cancel(self, **fields: Any) -> CancelRun.Response:
+        return self.ros.call(self.cancelling, CancelRun.Request(**fields))
+
+    def until_event(self, event: int, count: int = 1) -> Run:
+        def found() -> list[Run]:
+            return [run for run in self.runs if run.event == event]
+
+        self.ros.until(lambda: len(found()) >= count)
+        return found()[count - 1]
+
+    def until_over(self, scene_id: str = "s1") -> MarketStatus:
+        self.ros.until(lambda: self.statuses[-1].finished_scene_id == scene_id)
+        return self.statuses[-1]
+
+
+@pytest.fixture
+def stage(ros: Any) -> Stage:
+    return Stage(ros)
+
+
+def test_a_scene_leads_to_a_run_of_the_closest_agent(stage: Stage) -> None:
+    host = stage.host()
+    stage.scene()
+    started = stage.until_event(Run.STARTED)
+    host.finish()
+    ended = stage.until_event(Run.ENDED)
+    status = stage.until_over()
+
+    auction = stage.auctions[0]
+    assert auction.reason == (
+        "attentive_guide 1.5 = |4−5| + |1.5−1| + |3−3|; "
+        "next: professional_express 6.5 (margin 5.0)"
+    )
+    assert (auction.winner, auction.winner_id, auction.host) == (GUIDE, 1, "/agents")
+    assert auction.ranking[1].calculation == "6.5 = |3−5| + |5−1| + |3.5−3|"
+    assert auction.outcome == Auction.AWARDED
+    assert auction.closed_by == Auction.ALL_ANSWERED
+    assert (started.agent, started.host_instance, started.epoch) == (GUIDE, "first", "epoch")
+    assert (ended.outcome, ended.ticks, ended.message) == (Run.SUCCEEDED, 3, "as told")
+    assert status.state == MarketStatus.IDLE
+    assert (status.hosts, status.agents) == (1, 2)
+    assert host.log == ["start attentive_guide", "end attentive_guide"]
+
+
+def test_feedback_is_collected_from_the_service(ros: Any) -> None:
+    stage = Stage(ros, collect_deadline=5.0)
+    requests: list[CollectFeedback.Request] = []
+
+    def collect(
+        request: CollectFeedback.Request, response: CollectFeedback.Response
+    ) -> CollectFeedback.Response:
+        requests.append(request)
+        response.message = "the guide has learned"
+        return response
+
+    ros.node.create_service(CollectFeedback, "feedback/collect", collect, qos_profile=qos.SERVICE)
+    host = stage.host()
+    stage.scene()
+    stage.until_event(Run.STARTED)
+    host.finish(RunAgent.Result.FAILED)
+    status = stage.until_over()
+
+    assert [(r.round, r.agent, r.outcome) for r in requests] == [(1, GUIDE, Run.FAILED)]
+    assert status.message.endswith("the guide has learned")
+
+
+def test_a_refused_goal_goes_to_the_next_best(stage: Stage) -> None:
+    host = stage.host()
+    host.refuses = {GUIDE}
+    stage.scene()
+
+    assert stage.until_event(Run.REFUSED).agent == GUIDE
+    assert stage.until_event(Run.STARTED).agent == EXPRESS
+
+
+def test_a_silent_host_does_not_hold_up_the_round(stage: Stage) -> None:
+    stage.host()
+    silent = stage.host("others", **{PLAIN: FAR})
+    silent.silent = True
+    stage.scene()
+    stage.until_event(Run.STARTED)
+
+    auction = stage.auctions[0]
+    assert auction.closed_by == Auction.DEADLINE
+    assert list(auction.silent_hosts) == ["/others"]
+    assert auction.duration_s >= 0.5
+
+
+def wrong_length(message: Bids) -> None:
+    message.vectors = list(message.vectors)[:-1]
+
+
+def endless(message: Bids) -> None:
+    message.vectors = [1.0] * 100_000
+
+
+def not_a_number(message: Bids) -> None:
+    message.vectors = [math.nan] * len(message.vectors)
+
+
+def infinite(message: Bids) -> None:
+    message.vectors = [math.inf] * len(message.vectors)
+
+
+def without_reasons(message: Bids) -> None:
+    message.declined = ["somebody"]
+
+
+@pytest.mark.parametrize(
+    ("distort", "code"),
+    [
+        (wrong_length, "WRONG_LENGTH"),
+        (endless, "WRONG_LENGTH"),
+        (not_a_number, "NOT_FINITE"),
+        (infinite, "NOT_FINITE"),
+        (without_reasons, "WRONG_LENGTH"),
+    ],
+)
+def test_malformed_bids_are_refused_and_the_next_round_is_fine(
+    stage: Stage, distort: Callable[[Bids], None], code: str
+) -> None:
+    host = stage.host()
+    host.distort = distort
+    stage.scene()
+    stage.until_over()
+    assert {bid.code for bid in stage.auctions[0].refused} == {code}
+    assert stage.auctions[0].outcome == Auction.NO_BIDS
+
+    host.distort = lambda _: None
+    stage.scene("s2")
+    assert stage.until_event(Run.STARTED).agent == GUIDE
+
+
+def test_a_cancel_stops_the_tree_and_ends_the_interaction(stage: Stage) -> None:
+    host = stage.host()
+    stage.scene()
+    stage.until_event(Run.STARTED)
+    answer = stage.cancel(reason="button")
+    ended = stage.until_event(Run.ENDED)
+    stage.until_over()
+
+    assert (answer.accepted, answer.message) == (True, "attentive_guide is told to stop")
+    assert ended.outcome == Run.CANCELLED
+    assert host.log == ["start attentive_guide", "end attentive_guide"]
+
+
+def test_a_change_of_mood_hands_over_to_another_agent(stage: Stage) -> None:
+    host = stage.host()
+    stage.scene()
+    stage.until_event(Run.STARTED)
+    live = scene_to_msg(scene("s1", 5.0, 1.0, 1.0))
+    assert stage.cancel(epoch="epoch", round=1, reason="bored", again=True, scene=live).accepted
+    assert stage.until_event(Run.STARTED, count=2).agent == EXPRESS
+    host.finish()
+    stage.until_over("s1")
+
+    assert host.log == [
+        "start attentive_guide",
+        "end attentive_guide",
+        "start professional_express",
+        "end professional_express",
+    ]
+    assert list(host.calls[1].excluded) == [GUIDE]
+    assert stage.auctions[1].follows == 1
+    assert stage.auctions[1].scene.scene_id == "s1+1"
+
+
+def test_a_host_that_disappears_is_lost_and_the_rest_is_asked(ros: Any) -> None:
+    stage = Stage(ros, host_lease=0.5)
+    host = stage.host()
+    stage.host("others", **{PLAIN: FAR})
+    stage.scene()
+    assert stage.until_event(Run.STARTED).agent == GUIDE
+    ros.remove(host)
+
+    ended = stage.until_event(Run.ENDED)
+    assert ended.outcome == Run.LOST
+    assert "no heartbeat" in ended.message
+    assert stage.until_event(Run.STARTED, count=2).agent == PLAIN
+
+
+def test_a_scene_without_agents_is_over_at_once(stage: Stage) -> None:
+    stage.scene()
+    stage.until_over()
+
+    assert stage.auctions[0].reason == "no agents are registered"
+
+
+def test_hostile_scenes_are_refused_and_a_good_one_is_taken(stage: Stage) -> None:
+    good = scene_to_msg(scene("s1"))
+    strange = SceneValue(name="x", value=1.0, origin=SceneValue.GIVEN)
+    infinite = [SceneValue(name=name, value=math.inf, origin=2) for name in SPACE.names]
+    unknown = [SceneValue(name=name, value=1.0, origin=77) for name in SPACE.names]
+    for values in ([], [strange], good.values[:2], infinite, unknown, [*good.values] * 2):
+        stage.scenes.publish(Scene(scene_id="bad", values=values))
+    stage.scenes.publish(Scene(scene_id="", values=good.values))
+    stage.scene("s1")
+    stage.until_over("s1")
+
+    assert [auction.scene.scene_id for auction in stage.auctions] == ["s1"]
+
+
+def test_hostile_registrations_are_refused_and_a_good_one_is_taken(stage: Stage) -> None:
+    host = stage.ros.add(FakeHost())
+    for changes, code in (
+        ({"host": ""}, "BAD_NAME"),
+        ({"run_action": "no such name"}, "BAD_NAME"),
+        ({"heartbeat": "/" + "x" * 10_000}, "BAD_NAME"),
+        ({"host_instance": ""}, "NO_INSTANCE"),
+        ({"parameters": []}, "OTHER_PARAMETERS"),
+        ({"heartbeat": "/scene"}, "UNREACHABLE"),
+    ):
+        answer = stage.ros.call(stage.registering, host.request(**changes))
+        assert not answer.accepted
+        assert answer.message.startswith(code), answer.message
+        assert list(answer.agent_ids) == [0, 0]
+        assert answer.epoch == "epoch"
+    answer = stage.ros.call(stage.registering, host.request(agents=["Bad", GUIDE]))
+
+    assert answer.accepted
+    assert [bool(agent_id) for agent_id in answer.agent_ids] == [False, True]
+
+
+def test_hostile_cancels_are_refused_and_a_bad_scene_still_stops(stage: Stage) -> None:
+    host = stage.host()
+    assert stage.cancel().message == "nothing runs"
+    stage.scene()
+    stage.until_event(Run.STARTED)
+    assert not stage.cancel(epoch="earlier").accepted
+    assert not stage.cancel(round=2**32 - 1).accepted
+    assert host.log == ["start attentive_guide"]
+
+    answer = stage.cancel(again=True, reason="x" * 10_000)
+    assert answer.accepted
+    assert "the scene as awarded is asked for again" in answer.message
+    assert stage.until_event(Run.STARTED, count=2).agent == EXPRESS
+
+
+def test_parameters_are_described_and_checked_before_they_count(stage: Stage) -> None:
+    describing = stage.ros.node.create_client(
+        DescribeParameters, "marketplace/describe_parameters"
+    )
+    setting = stage.ros.node.create_client(SetParameters, "marketplace/set_parameters")
+    names = ["strategy", "bid_deadline", "on_new_scene", "tie_break", "queue_limit"]
+    described = stage.ros.call(describing, DescribeParameters.Request(names=names)).descriptors
+
+    assert all(descriptor.description for descriptor in described)
+    assert described[1].floating_point_range[0].to_value == 60.0
+    assert described[2].additional_constraints == "one of: queue, refuse, preempt"
+
+    def set_to(name: str, **value: Any) -> Any:
+        parameter = ParameterMsg(name=name, value=ParameterValue(**value))
+        request = SetParameters.Request(parameters=[parameter])
+        return stage.ros.call(setting, request).results[0]
+
+    double, string = ParameterType.PARAMETER_DOUBLE, ParameterType.PARAMETER_STRING
+    assert "magic" in set_to("strategy", type=string, string_value="magic").reason
+    assert not set_to("bid_deadline", type=double, double_value=-1.0).successful
+    assert not set_to("bid_deadline", type=double, double_value=math.nan).successful
+    assert not set_to("bid_deadline", type=string, string_value="soon").successful
+    assert set_to("on_new_scene", type=string, string_value="refuse").successful
+    assert set_to("bid_deadline", type=double, double_value=0.1).successful
+
+    stage.host().silent = True
+    stage.scene()
+    stage.until_over()
+    assert 0.1 <= stage.auctions[0].duration_s < 0.5
+
+
+def test_stopping_the_market_stops_the_tree(stage: Stage) -> None:
+    host = stage.host()
+    stage.scene()
+    stage.until_event(Run.STARTED)
+    assert not stage.market.stopped()
+    stage.market.request_stop()
+    stage.ros.until(stage.market.stopped)
+
+    assert host.log == ["start attentive_guide", "end attentive_guide"]

@@ -1,0 +1,263 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The simulated robot behind its real actions, services and topics."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import pytest
+from action_msgs.msg import GoalStatus
+from rclpy.action import ActionClient
+from rclpy.parameter import Parameter
+from std_msgs.msg import String
+
+from bt_agents.ros import qos
+from bt_agents_interfaces.action import Ask, Drive, Say, Show
+from bt_agents_interfaces.srv import SetLight
+from bt_agents_robot.robot import MOST_WAITING, RobotNode
+from bt_agents_robot.speech import Voice
+
+pytestmark = pytest.mark.ros
+
+ACTIONS = {"say": Say, "ask": Ask, "show": Show, "drive": Drive}
+
+
+class Robot:
+    """A robot, its transcript, and clients of its actions."""
+
+    def __init__(self, ros, pace: float = 100.0, voice: Voice | None = None) -> None:
+        self.ros = ros
+        self.transcript = ros.collect(String, "robot/transcript", qos.EVENTS)
+        self.questions = ros.collect(String, "robot/questions", qos.EVENTS)
+        self.answers = ros.node.create_publisher(String, "answers", qos.EVENTS)
+        self.clients = {n: ActionClient(ros.node, kind, n) for n, kind in ACTIONS.items()}
+        overrides = [Parameter("pace", value=pace)]
+        if voice is None:
+            overrides.append(Parameter("voice", value="off"))
+        self.node = ros.add(RobotNode(voice=voice, parameter_overrides=overrides))
+        ros.until(lambda: all(c.server_is_ready() for c in self.clients.values()))
+        ros.until(self.answers.get_subscription_count)
+        ros.until(lambda: self.node.count_subscribers("robot/transcript"))
+        ros.until(lambda: self.node.count_subscribers("robot/questions"))
+
+    @property
+    def lines(self) -> list[str]:
+        return [line.data for line in self.transcript]
+
+    def send(self, action: str, feedback: list[Any] | None = None, **goal: Any) -> Any:
+        """Send a goal and return its accepted handle."""
+        client = self.clients[action]
+        heard = (lambda m: feedback.append(m.feedback)) if feedback is not None else None
+        future = client.send_goal_async(ACTIONS[action].Goal(**goal), feedback_callback=heard)
+        self.ros.until(future.done)
+        assert future.result().accepted
+        return future.result()
+
+    def result(self, handle: Any) -> tuple[int, Any]:
+        """Wait for the end of a goal; return its status and result."""
+        future = handle.get_result_async()
+        self.ros.until(future.done)
+        return future.result().status, future.result().result
+
+    def do(self, action: str, **goal: Any) -> tuple[int, Any]:
+        return self.result(self.send(action, **goal))
+
+    def cancel(self, handle: Any) -> tuple[int, Any]:
+        answer = handle.cancel_goal_async()
+        self.ros.until(answer.done)
+        assert len(answer.result().goals_canceling) == 1
+        return self.result(handle)
+
+
+def test_a_text_is_said(ros):
+    robot = Robot(ros)
+    status, result = robot.do("say", text="Hello", rate=1.0)
+    assert status == GoalStatus.STATUS_SUCCEEDED
+    assert result.message == ""
+    assert result.duration_s > 0.0
+    ros.until(lambda: robot.lines == ["says: Hello"])
+
+
+def test_a_clip_is_shown(ros):
+    robot = Robot(ros)
+    status, result = robot.do("show", clip="first_time")
+    assert (status, result.message) == (GoalStatus.STATUS_SUCCEEDED, "")
+    ros.until(lambda: robot.lines == ["shows: first_time"])
+
+
+def test_a_drive_tells_what_is_left(ros):
+    robot = Robot(ros, pace=50.0)
+    feedback: list[Any] = []
+    status, result = robot.result(robot.send("drive", feedback, destination="gate"))
+    assert (status, result.distance_m, result.message) == (GoalStatus.STATUS_SUCCEEDED, 12.0, "")
+    left = [f.remaining_m for f in feedback]
+    assert left
+    assert left == sorted(left, reverse=True)
+    ros.until(lambda: robot.lines == ["drives to: gate"])
+
+
+def test_an_answer_is_the_result_of_a_question(ros):
+    robot = Robot(ros, pace=20.0)
+    handle = robot.send("ask", text="Shall we go?", choices=["Yes", "No"], wait_s=1000.0)
+    ros.until(lambda: robot.questions)
+    assert robot.questions[0].data == "Shall we go?"
+    robot.answers.publish(String(data="perhaps"))
+    robot.answers.publish(String(data="yes"))
+    status, result = robot.result(handle)
+    assert (status, result.answer, result.message) == (GoalStatus.STATUS_SUCCEEDED, "Yes", "")
+
+
+def test_a_question_without_answer_succeeds_and_says_so(ros):
+    robot = Robot(ros)
+    status, result = robot.do("ask", text="Anybody?", wait_s=1.0)
+    assert (status, result.answer) == (GoalStatus.STATUS_SUCCEEDED, "")
+    assert result.message == "no answer"
+
+
+@pytest.mark.parametrize(
+    ("action", "goal", "words"),
+    [
+        ("say", {"text": " "}, "empty"),
+        ("say", {"text": "x" * 5000}, "characters"),
+        ("say", {"text": "Hi", "rate": math.nan}, "rate is nan"),
+        ("say", {"text": "Hi", "rate": -1.0}, "expected 0.5 to 2"),
+        ("ask", {"text": ""}, "empty"),
+        ("ask", {"text": "Hi?", "wait_s": math.inf}, "wait_s is inf"),
+        ("show", {}, "empty"),
+        ("show", {"clip": "a", "duration_s": math.nan}, "duration_s is nan"),
+        ("drive", {"destination": "nowhere"}, "no way to 'nowhere'"),
+        ("drive", {"destination": ""}, "empty"),
+    ],
+)
+def test_a_goal_that_makes_no_sense_is_aborted_with_words(ros, action, goal, words):
+    robot = Robot(ros)
+    status, result = robot.do(action, **goal)
+    assert status == GoalStatus.STATUS_ABORTED
+    assert words in result.message
+    assert robot.lines == []
+
+
+@pytest.mark.parametrize(
+    ("action", "goal"),
+    [
+        ("say", {"text": "A long story."}),
+        ("ask", {"text": "Well?"}),
+        ("show", {"clip": "first_time"}),
+        ("drive", {"destination": "gate"}),
+    ],
+)
+def test_a_cancel_ends_what_is_under_way(ros, action, goal):
+    robot = Robot(ros, pace=0.1)
+    handle = robot.send(action, **goal)
+    ros.until(lambda: robot.lines)
+    status, result = robot.cancel(handle)
+    assert status == GoalStatus.STATUS_CANCELED
+    assert result.message == "cancelled"
+
+
+def test_two_texts_are_said_one_after_the_other(ros):
+    robot = Robot(ros, pace=0.5)
+    first = robot.send("say", text="One, two, three.")
+    second = robot.send("say", text="Four.")
+    third = robot.send("ask", text="Five?", wait_s=0.1)
+    ros.turns()
+    assert robot.lines == ["says: One, two, three."]
+    robot.cancel(first)
+    assert robot.result(second)[0] == GoalStatus.STATUS_SUCCEEDED
+    assert robot.result(third)[0] == GoalStatus.STATUS_SUCCEEDED
+    assert robot.lines == ["says: One, two, three.", "says: Four.", "asks: Five?"]
+
+
+def test_a_text_that_waits_can_be_cancelled(ros):
+    robot = Robot(ros, pace=0.1)
+    robot.send("say", text="A long story.")
+    waiting = robot.send("say", text="Never said.")
+    assert robot.cancel(waiting)[0] == GoalStatus.STATUS_CANCELED
+    assert robot.lines == ["says: A long story."]
+
+
+def test_more_texts_than_a_few_are_not_kept_waiting(ros):
+    robot = Robot(ros, pace=0.1)
+    for _ in range(1 + MOST_WAITING):
+        robot.send("say", text="A long story.")
+    status, result = robot.do("say", text="One too many.")
+    assert status == GoalStatus.STATUS_ABORTED
+    assert "waiting to be said" in result.message
+
+
+def test_a_robot_drives_to_one_place_at_a_time(ros):
+    robot = Robot(ros, pace=0.1)
+    robot.send("drive", destination="gate")
+    status, result = robot.do("drive", destination="lift")
+    assert status == GoalStatus.STATUS_ABORTED
+    assert "driving to gate" in result.message
+
+
+def test_speaking_and_showing_go_together(ros):
+    robot = Robot(ros, pace=0.1)
+    robot.send("say", text="A long story.")
+    robot.send("show", clip="first_time")
+    ros.until(lambda: robot.lines == ["says: A long story.", "shows: first_time"])
+
+
+def test_switching_off_ends_everything(ros):
+    robot = Robot(ros, pace=0.1)
+    handles = [robot.send("say", text="A long story."), robot.send("drive", destination="gate")]
+    robot.node.request_stop()
+    for handle in handles:
+        status, result = robot.result(handle)
+        assert status == GoalStatus.STATUS_ABORTED
+        assert "switched off" in result.message
+    ros.until(robot.node.stopped)
+    assert robot.do("say", text="More.")[0] == GoalStatus.STATUS_ABORTED
+
+
+@pytest.mark.parametrize(
+    ("colour", "accepted"), [("green", True), ("Off", True), ("pink", False), ("", False)]
+)
+def test_the_light_knows_its_colours(ros, colour, accepted):
+    robot = Robot(ros)
+    client = ros.node.create_client(SetLight, "set_light", qos_profile=qos.SERVICE)
+    answer = ros.call(client, SetLight.Request(colour=colour, blink=True))
+    assert answer.accepted is accepted
+    assert answer.message
+    if accepted:
+        ros.until(lambda: robot.lines == [f"light: {colour.lower()}, blinking"])
+
+
+def test_a_sound_is_heard_and_an_empty_one_is_not(ros):
+    robot = Robot(ros)
+    sound = ros.node.create_publisher(String, "sound", qos.EVENTS)
+    ros.until(sound.get_subscription_count)
+    sound.publish(String(data=""))
+    sound.publish(String(data="chi\x1bme"))
+    ros.until(lambda: robot.lines == ["sound: chi?me"])
+
+
+class FakeProcess:
+    """A speech program that never ends by itself."""
+
+    def __init__(self) -> None:
+        self.code: int | None = None
+
+    def poll(self) -> int | None:
+        return self.code
+
+    def terminate(self) -> None:
+        self.code = -15
+
+
+def test_a_cancelled_text_falls_silent(ros):
+    processes: list[FakeProcess] = []
+
+    def start(_command, _text):
+        processes.append(FakeProcess())
+        return processes[-1]
+
+    voice = Voice(warn=print, find=lambda name: name, start=start)
+    robot = Robot(ros, pace=0.1, voice=voice)
+    handle = robot.send("say", text="A long story.")
+    ros.until(lambda: processes)
+    assert robot.cancel(handle)[0] == GoalStatus.STATUS_CANCELED
+    assert processes[0].code == -15

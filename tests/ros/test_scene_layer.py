@@ -1,0 +1,362 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The scene layer over real topics and services."""
+
+from __future__ import annotations
+
+import math
+from itertools import count
+
+import pytest
+from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
+from rcl_interfaces.srv import SetParameters
+from std_msgs.msg import Bool, Empty, Float64
+
+from bt_agents.errors import Refused
+from bt_agents.language.specs import Change, Position, SceneSpec, Script, SourceSpec, Visit
+from bt_agents.ros import qos
+from bt_agents.scene import SceneParameter, SceneSpace
+from bt_agents_interfaces.msg import MarketStatus, Run, Scene, SceneValue
+from bt_agents_interfaces.srv import Analyze
+from scene_layer.node import SceneLayerNode
+
+pytestmark = pytest.mark.ros
+
+SPACE = SceneSpace(
+    parameters=tuple(
+        SceneParameter(name=name, minimum=1.0, maximum=5.0, default=3.0)
+        for name in ("age", "mood")
+    ),
+    mood="mood",
+)
+
+
+def source(
+    parameter: str, type_name: str = "std_msgs/msg/Float64", field: str = "data"
+) -> SourceSpec:
+    return SourceSpec(
+        parameter=parameter,
+        topic=f"sensors/{parameter}",
+        type=type_name,
+        field=field,
+        points=(),
+        stale_after_s=60.0,
+        position=Position(file="scene.yaml", line=1, column=1),
+    )
+
+
+SPEC = SceneSpec(
+    space=SPACE,
+    sources=(source("age"), source("mood")),
+    person=source("person", "std_msgs/msg/Bool"),
+)
+
+
+def plain(scene: Scene) -> dict[str, float]:
+    return {value.name: value.value for value in scene.values if value.origin}
+
+
+class Layer:
+    """A scene layer with everything around it."""
+
+    def __init__(self, ros, script: Script | None = None) -> None:
+        self.ros = ros
+        numbers = count(1)
+        self.runs = ros.node.create_publisher(Run, "runs", qos.HISTORY)
+        self.market = ros.node.create_publisher(MarketStatus, "market", qos.FACT)
+        self.trigger = ros.node.create_publisher(Empty, "scene_layer/trigger", qos.EVENTS)
+        self.mood = ros.node.create_publisher(Float64, "sensors/mood", qos.EVENTS)
+        self.person = ros.node.create_publisher(Bool, "sensors/person", qos.SENSOR)
+        self.analyze_client = ros.node.create_client(
+            Analyze, "scene_layer/analyze", qos_profile=qos.SERVICE
+        )
+        self.scenes = ros.collect(Scene, "scene", qos.EVENTS)
+        self.live = ros.collect(Scene, "scene/live", qos.SENSOR)
+        self.node = ros.add(SceneLayerNode(SPEC, script, ids=lambda: f"s{next(numbers)}"))
+        self.wait_matched(script is None)
+
+    def wait_matched(self, sensors: bool) -> None:
+        publishers = [self.runs, self.market, self.trigger]
+        publishers += [self.mood, self.person] if sensors else []
+        self.ros.until(lambda: all(p.get_subscription_count() for p in publishers))
+        self.ros.until(lambda: self.node.count_subscribers("scene/live"))
+        self.ros.turns(20)
+
+    def analyze(self, **values) -> Analyze.Response:
+        return self.ros.call(self.analyze_client, Analyze.Request(**values))
+
+    def read_mood(self, value: float) -> None:
+        """Publish a reading and wait until the layer has it."""
+        self.mood.publish(Float64(data=value))
+        self.ros.until(lambda: plain(self.analyze().scene).get("mood") == value)
+
+    def run(
+        self, event: int, number: int = 1, scene: Scene | None = None, epoch: str = "e"
+    ) -> None:
+        self.runs.publish(
+            Run(epoch=epoch, round=number, event=event, scene=scene or self.scenes[-1])
+        )
+
+    def status(self, state: int = MarketStatus.IDLE, **more) -> None:
+        self.market.publish(MarketStatus(epoch="e", state=state, **more))
+
+
+def test_a_trigger_publishes_what_was_read(ros):
+    layer = Layer(ros)
+    layer.person.publish(Bool(data=True))
+    layer.read_mood(4.0)
+    layer.trigger.publish(Empty())
+    ros.until(lambda: layer.scenes)
+    scene = layer.scenes[0]
+    assert scene.scene_id == "s1"
+    assert scene.person
+    age, mood = scene.values
+    assert (age.name, age.origin) == ("age", SceneValue.MISSING)
+    assert math.isnan(age.value)
+    assert (mood.name, mood.value, mood.origin) == ("mood", 4.0, SceneValue.MEASURED)
+    assert mood.age_s >= 0.0
+
+
+def test_a_hundred_triggers_in_a_row_are_a_hundred_scenes(ros):
+    layer = Layer(ros)
+    for _ in range(100):
+        layer.trigger.publish(Empty())
+    ros.until(lambda: len(layer.scenes) >= 100)
+    ros.turns()
+    assert [scene.scene_id for scene in layer.scenes] == [f"s{n}" for n in range(1, 101)]
+
+
+def test_a_late_market_is_told_the_last_scene_only(ros):
+    layer = Layer(ros)
+    for _ in range(3):
+        layer.trigger.publish(Empty())
+    ros.until(lambda: len(layer.scenes) == 3)
+    late = ros.collect(Scene, "scene", qos.FACT)
+    ros.until(lambda: late)
+    ros.turns()
+    assert [scene.scene_id for scene in late] == ["s3"]
+
+
+@pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf, 99.0])
+def test_a_hostile_reading_leaves_the_last_good_one(ros, bad):
+    layer = Layer(ros)
+    layer.read_mood(4.0)
+    layer.mood.publish(Float64(data=bad))
+    layer.trigger.publish(Empty())
+    ros.until(lambda: layer.scenes)
+    assert plain(layer.scenes[0]) == {"mood": 4.0}
+
+
+def test_given_values_make_a_scene(ros):
+    layer = Layer(ros)
+    answer = layer.analyze(
+        label="child",
+        names=["age"],
+        values=[1.0],
+        person=Analyze.Request.PRESENT,
+        announce=True,
+    )
+    assert (answer.accepted, answer.code) == (True, "")
+    ros.until(lambda: layer.scenes)
+    assert str(answer.scene) == str(layer.scenes[0])
+    assert (answer.scene.label, answer.scene.person) == ("child", True)
+    assert plain(answer.scene) == {"age": 1.0}
+    assert answer.scene.values[0].origin == SceneValue.GIVEN
+
+
+def test_a_scene_without_announcement_stays_in_the_layer(ros):
+    layer = Layer(ros)
+    answer = layer.analyze(names=["age"], values=[1.0], announce=False)
+    assert answer.accepted
+    ros.turns()
+    assert layer.scenes == []
+
+
+@pytest.mark.parametrize(
+    ("request_fields", "code"),
+    [
+        ({"names": ["mod"], "values": [1.0]}, "UNKNOWN_PARAMETER"),
+        ({"names": ["mood"], "values": [math.nan]}, "NOT_FINITE"),
+        ({"names": ["mood"], "values": [math.inf]}, "NOT_FINITE"),
+        ({"names": ["mood", "age"], "values": [1.0]}, "WRONG_LENGTH"),
+        ({"names": [], "values": [1.0]}, "WRONG_LENGTH"),
+        ({"names": ["mood"], "values": [9.0]}, "OUT_OF_RANGE"),
+        ({"names": ["mood", "mood"], "values": [1.0, 2.0]}, "DUPLICATE_PARAMETER"),
+        ({"names": ["mood"], "values": [1.0], "person": 7}, "UNKNOWN_PERSON"),
+    ],
+)
+def test_a_hostile_analysis_changes_nothing(ros, request_fields, code):
+    layer = Layer(ros)
+    layer.analyze(names=["mood"], values=[3.0], announce=True)
+    refused = layer.analyze(**request_fields, announce=True)
+    assert (refused.accepted, refused.code) == (False, code)
+    assert refused.message
+    assert plain(layer.analyze().scene) == {"mood": 3.0}
+    ros.turns()
+    assert len(layer.scenes) == 1
+
+
+def test_the_live_scene_is_published_from_the_start_to_the_end_of_a_run(ros):
+    layer = Layer(ros)
+    layer.read_mood(4.0)
+    layer.trigger.publish(Empty())
+    ros.until(lambda: layer.scenes)
+    ros.turns()
+    assert layer.live == []
+    layer.run(Run.STARTED)
+    ros.until(lambda: len(layer.live) >= 3)
+    assert {scene.scene_id for scene in layer.live} == {"s1"}
+    layer.run(Run.CANCELLING)
+    layer.run(Run.ENDED)
+    ros.turns()
+    published = len(layer.live)
+    layer.read_mood(1.0)
+    ros.turns(40)
+    assert len(layer.live) == published
+
+
+def test_a_change_during_a_run_is_live_at_once(ros):
+    layer = Layer(ros)
+    layer.analyze(names=["mood"], values=[4.0], announce=True)
+    ros.until(lambda: layer.scenes)
+    slow = Parameter(
+        name="live_rate",
+        value=ParameterValue(type=ParameterType.PARAMETER_DOUBLE, double_value=1.0),
+    )
+    parameters = ros.node.create_client(SetParameters, "scene_layer/set_parameters")
+    assert ros.call(parameters, SetParameters.Request(parameters=[slow])).results[0].successful
+    layer.run(Run.STARTED)
+    ros.until(lambda: layer.live)
+    before = len(layer.live)
+    layer.mood.publish(Float64(data=2.0))
+    ros.until(lambda: len(layer.live) > before, limit_s=0.5)
+    assert plain(layer.live[-1]) == {"mood": 2.0}
+    layer.analyze(names=["mood"], values=[5.0])
+    ros.until(lambda: plain(layer.live[-1]) == {"mood": 5.0}, limit_s=0.5)
+
+
+def test_many_readings_are_sent_together(ros):
+    layer = Layer(ros)
+    layer.trigger.publish(Empty())
+    ros.until(lambda: layer.scenes)
+    layer.run(Run.STARTED)
+    ros.until(lambda: layer.live)
+    before = len(layer.live)
+    for number in range(200):
+        layer.mood.publish(Float64(data=1.0 + number / 100))
+    ros.until(lambda: plain(layer.live[-1]) == {"mood": 2.99})
+    assert len(layer.live) - before < 50
+
+
+def test_a_waiting_scene_does_not_change_the_live_one(ros):
+    layer = Layer(ros)
+    layer.analyze(names=["mood"], values=[4.0], announce=True)
+    ros.until(lambda: layer.scenes)
+    layer.run(Run.STARTED)
+    ros.until(lambda: layer.live)
+    layer.analyze(names=["mood"], values=[1.0], announce=True)
+    ros.until(lambda: len(layer.scenes) == 2)
+    before = len(layer.live)
+    ros.until(lambda: len(layer.live) >= before + 2)
+    assert plain(layer.live[-1]) == {"mood": 4.0}
+
+
+def test_old_runs_start_nothing(ros):
+    runs = ros.node.create_publisher(Run, "runs", qos.HISTORY)
+    market = ros.node.create_publisher(MarketStatus, "market", qos.FACT)
+    values = [SceneValue(name=name, value=3.0, origin=2) for name in SPACE.names]
+    scene = Scene(scene_id="old", values=values)
+    for number in range(1, 11):
+        for event in (Run.STARTED, Run.ENDED):
+            runs.publish(Run(epoch="e", round=number, event=event, scene=scene))
+    market.publish(MarketStatus(epoch="e", round=10, state=MarketStatus.IDLE))
+    layer = Layer(ros)
+    ros.turns(40)
+    assert layer.live == []
+
+
+def test_a_run_of_a_restarted_market_is_not_live_any_more(ros):
+    layer = Layer(ros)
+    layer.trigger.publish(Empty())
+    ros.until(lambda: layer.scenes)
+    layer.run(Run.STARTED)
+    ros.until(lambda: layer.live)
+    layer.market.publish(MarketStatus(epoch="new"))
+    ros.turns()
+    published = len(layer.live)
+    ros.turns(40)
+    assert len(layer.live) == published
+
+
+def test_a_run_with_a_malformed_scene_is_survived(ros):
+    layer = Layer(ros)
+    layer.run(Run.STARTED, scene=Scene(scene_id="x", values=[SceneValue(name="mod")]))
+    layer.run(Run.STARTED, scene=Scene())
+    ros.turns()
+    assert layer.live == []
+    assert layer.analyze().accepted
+
+
+def test_a_live_rate_that_is_no_number_is_refused(ros):
+    Layer(ros)
+    nan = Parameter(
+        name="live_rate",
+        value=ParameterValue(type=ParameterType.PARAMETER_DOUBLE, double_value=math.nan),
+    )
+    parameters = ros.node.create_client(SetParameters, "scene_layer/set_parameters")
+    assert not ros.call(parameters, SetParameters.Request(parameters=[nan])).results[0].successful
+
+
+@pytest.mark.parametrize(
+    ("bad", "words"),
+    [
+        (source("mood", "no_msgs/msg/Face"), "apt install ros-jazzy-no-msgs"),
+        (source("mood", field="dta"), "did you mean data?"),
+    ],
+)
+def test_a_source_that_is_not_installed_ends_the_start_with_words(ros, bad, words):
+    with pytest.raises(Refused, match=words.replace("?", r"\?")):
+        SceneLayerNode(SceneSpec(space=SPACE, sources=(bad,), person=None))
+
+
+def visit(label: str, mood: float, *changes: Change) -> Visit:
+    return Visit(label=label, person=True, values={"mood": mood}, changes=changes)
+
+
+def test_a_script_is_played_visit_by_visit(ros):
+    change = Change(after_s=0.0, values={"mood": 1.0}, person=False)
+    script = Script(title="", visits=(visit("a", 4.0, change), visit("b", 2.0)))
+    layer = Layer(ros, script=script)
+    ros.turns(20)
+    assert layer.scenes == []
+    layer.status(agents=0)
+    ros.turns(20)
+    assert layer.scenes == []
+    layer.status(agents=1)
+    # The reader of scenes and the writer of the status are one node here, as in a market.
+    ros.until(lambda: len(layer.scenes) == 1)
+    assert (layer.scenes[0].label, plain(layer.scenes[0])) == ("a", {"mood": 4.0})
+    layer.status(MarketStatus.RUNNING, round=1, agents=1)
+    layer.run(Run.STARTED)
+    ros.until(lambda: layer.live and plain(layer.live[-1]) == {"mood": 1.0})
+    assert not layer.live[-1].person
+    layer.run(Run.ENDED)
+    layer.status(round=1, agents=1, finished_scene_id="s1")
+    ros.until(lambda: len(layer.scenes) == 2)
+    assert (layer.scenes[1].label, plain(layer.scenes[1])) == ("b", {"mood": 2.0})
+    layer.status(round=2, agents=1, finished_scene_id="s2")
+    ros.turns(40)
+    assert len(layer.scenes) == 2
+
+
+def test_a_long_script_is_played_at_full_speed(ros):
+    script = Script(title="", visits=tuple(visit(str(n), 3.0) for n in range(150)))
+    layer = Layer(ros, script=script)
+
+    def finish(scene: Scene) -> None:
+        layer.status(agents=1, finished_scene_id=scene.scene_id)
+
+    ros.node.create_subscription(Scene, "scene", finish, qos.EVENTS)
+    layer.status(agents=1)
+    ros.until(lambda: len(layer.scenes) == 150)
+    ros.turns()
+    assert [scene.label for scene in layer.scenes] == [str(n) for n in range(150)]

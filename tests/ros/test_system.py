@@ -1,0 +1,246 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The whole system in one process: every part real, and hostile input at every door."""
+
+from __future__ import annotations
+
+import math
+import shutil
+from pathlib import Path
+from typing import Any
+
+import pytest
+from rclpy.parameter import Parameter
+
+from bt_agents.language.folder_reader import read_trees
+from bt_agents.ros import qos
+from bt_agents.ros.host import HostNode
+from bt_agents.ros.interfaces import InstalledInterfaces
+from bt_agents_interfaces.msg import (
+    Auction,
+    Bids,
+    HostCard,
+    MarketStatus,
+    Profiles,
+    Run,
+    Scene,
+    SceneValue,
+)
+from bt_agents_interfaces.srv import Analyze, GiveFeedback, RegisterHost, SetProfile
+from feedback_node.ledger import Ledger
+from feedback_node.node import FeedbackNode
+from marketplace_node.node import MarketplaceNode
+from scene_layer.node import SceneLayerNode
+
+pytestmark = pytest.mark.ros
+
+ROOT = Path(__file__).parents[2]
+NAN, INF = math.nan, math.inf
+
+AGENT = """
+format: 1
+agent: {name}
+title: {name}
+description: d
+profile: {{age: {age}, familiarity: 3, mood: 3}}
+requires: scene.person
+feedback:
+  - {{when: mood.change <= -1, for: 0 s, give: negative, then: cancel}}
+tree: {{wait: "{wait}"}}
+"""
+
+
+def write_agents(tmp_path: Path, wait: str = "0 s", **ages: float) -> Path:
+    trees = tmp_path / f"trees{len(list(tmp_path.iterdir()))}"
+    shutil.copytree(ROOT / "trees" / "skills", trees / "skills")
+    shutil.copy(ROOT / "trees" / "scene.yaml", trees)
+    (trees / "agents").mkdir()
+    for name, age in ages.items():
+        text = AGENT.format(name=name, age=age, wait=wait)
+        (trees / "agents" / f"{name}.yaml").write_text(text)
+    return trees
+
+
+class System:
+    """Market, scene layer, feedback and one host on one executor."""
+
+    def __init__(self, ros: Any, trees: Path) -> None:
+        self.ros = ros
+        self.folder = read_trees(trees, InstalledInterfaces())
+        space = self.folder.scene.space
+        self.market = ros.add(MarketplaceNode(space, "epoch"))
+        self.scene_layer = ros.add(SceneLayerNode(self.folder.scene))
+        self.feedback = ros.add(FeedbackNode(space, Ledger(":memory:")))
+        self.host = ros.add(HostNode(self.folder))
+        self.auctions = ros.collect(Auction, "auctions", qos.HISTORY)
+        self.runs = ros.collect(Run, "runs", qos.HISTORY)
+        self.statuses = ros.collect(MarketStatus, "market", qos.FACT)
+        self.profiles = ros.collect(Profiles, "profiles", qos.FACT)
+        ros.until(lambda: self.host.registered)
+        ros.until(
+            lambda: self.profiles and len(self.profiles[-1].agents) >= len(self.folder.agents)
+        )
+
+    def analyze(self, announce: bool = True, **values: float) -> Any:
+        client = self.ros.node.create_client(Analyze, "scene_layer/analyze")
+        request = Analyze.Request(
+            names=list(values),
+            values=[float(value) for value in values.values()],
+            person=Analyze.Request.PRESENT,
+            announce=announce,
+        )
+        return self.ros.call(client, request)
+
+    def finished(self, scene_id: str) -> bool:
+        return any(status.finished_scene_id == scene_id for status in self.statuses)
+
+    def interact(self, **values: float) -> str:
+        """Trigger a scene and wait until it is over; return the last winner."""
+        scene_id = self.analyze(**values).scene.scene_id
+        self.ros.until(lambda: self.finished(scene_id))
+        return str(self.auctions[-1].winner)
+
+
+def test_the_nearest_agent_wins_and_runs(ros: Any, tmp_path: Path) -> None:
+    system = System(ros, write_agents(tmp_path, young=1.5, old=4.5))
+    assert system.interact(age=1, familiarity=3, mood=3) == "young"
+    assert system.interact(age=5, familiarity=3, mood=3) == "old"
+    assert [run.event for run in system.runs] == [Run.STARTED, Run.ENDED] * 2
+    assert {run.outcome for run in system.runs if run.event == Run.ENDED} == {Run.SUCCEEDED}
+    assert "0.5 = |4.5" in system.auctions[-1].reason
+
+
+def test_missing_values_are_marked_and_left_out_of_the_distance(ros: Any, tmp_path: Path) -> None:
+    system = System(ros, write_agents(tmp_path, young=1.5, old=4.5))
+    answer = system.analyze(age=5)
+    origins = {value.name: value.origin for value in answer.scene.values}
+    assert origins == {
+        "age": SceneValue.GIVEN,
+        "familiarity": SceneValue.MISSING,
+        "mood": SceneValue.MISSING,
+    }
+    ros.until(lambda: system.auctions)
+    assert [bid.distance for bid in system.auctions[0].ranking] == [0.5, 3.5]
+
+
+def test_falling_mood_becomes_feedback_stops_the_run_and_another_agent_takes_over(
+    ros: Any, tmp_path: Path
+) -> None:
+    system = System(ros, write_agents(tmp_path, wait="30 s", young=1.5, old=4.5))
+    scene_id = system.analyze(age=5, familiarity=3, mood=4).scene.scene_id
+    ros.until(lambda: any(run.event == Run.STARTED for run in system.runs))
+    assert system.analyze(announce=False, mood=2).accepted
+    ros.until(lambda: sum(run.event == Run.STARTED for run in system.runs) == 2)
+    first, second = system.auctions[:2]
+    assert (first.winner, second.winner) == ("old", "young")
+    assert second.follows == first.round
+    ended = next(run for run in system.runs if run.event == Run.ENDED)
+    assert ended.outcome == Run.CANCELLED
+    ros.until(lambda: max(system.profiles[-1].revisions) == 1)
+    assert not system.finished(scene_id)
+
+
+def test_a_second_host_with_the_same_agent_name_is_refused(ros: Any, tmp_path: Path) -> None:
+    system = System(ros, write_agents(tmp_path, young=1.5))
+    other = write_agents(tmp_path, young=5.0, other=5.0)
+    second = ros.add(
+        HostNode(
+            read_trees(other, InstalledInterfaces()), cli_args=["--ros-args", "-r", "__node:=b"]
+        )
+    )
+    ros.until(lambda: second.roster.members["other"].agent_id)
+    assert "young" in second.roster.members["young"].refusal
+    assert "/agents" in second.roster.members["young"].refusal
+    assert system.interact(age=5, familiarity=3, mood=3) == "other"
+    assert "young" in {bid.agent for bid in system.auctions[-1].ranking}
+
+
+def test_a_market_that_starts_again_finds_its_hosts(ros: Any, tmp_path: Path) -> None:
+    system = System(ros, write_agents(tmp_path, young=1.5))
+    ros.remove(system.market)
+    ros.add(MarketplaceNode(system.folder.scene.space, "epoch-2"))
+    ros.until(lambda: system.statuses[-1].epoch == "epoch-2" and system.statuses[-1].agents == 1)
+    assert system.interact(age=5, familiarity=3, mood=3) == "young"
+
+
+def test_parameters_have_descriptions_and_bad_ones_are_refused(ros: Any, tmp_path: Path) -> None:
+    system = System(ros, write_agents(tmp_path, young=1.5))
+    for node, name in (
+        (system.market, "bid_deadline"),
+        (system.market, "strategy"),
+        (system.market, "on_new_scene"),
+        (system.market, "tie_break"),
+        (system.scene_layer, "live_rate"),
+        (system.host, "tick_rate"),
+    ):
+        assert node.describe_parameter(name).description
+    for node, name, value in (
+        (system.market, "bid_deadline", NAN),
+        (system.market, "strategy", "coin"),
+        (system.market, "on_new_scene", "panic"),
+        (system.scene_layer, "live_rate", 0.0),
+        (system.host, "tick_rate", 1e9),
+    ):
+        assert not node.set_parameters([Parameter(name, value=value)])[0].successful
+
+
+def scene_message(*values: float, scene_id: str = "x") -> Scene:
+    names = ["age", "familiarity", "mood", "more"]
+    return Scene(
+        scene_id=scene_id,
+        person=True,
+        values=[
+            SceneValue(name=name, value=float(value), origin=SceneValue.GIVEN)
+            for name, value in zip(names, values, strict=False)
+        ],
+    )
+
+
+BAD_VECTORS = ([NAN, 3, 3], [INF, 3, 3], [], [3], [3, 3, 3, 3], [3, 3, 99])
+
+
+def test_bad_vectors_at_every_door_are_refused_and_the_system_lives_on(
+    ros: Any, tmp_path: Path
+) -> None:
+    system = System(ros, write_agents(tmp_path, young=1.5))
+    node = ros.node
+    scenes = node.create_publisher(Scene, "scene", qos.FACT)
+    live = node.create_publisher(Scene, "scene/live", qos.SENSOR)
+    bids = node.create_publisher(Bids, "bids", qos.EVENTS)
+    cards = node.create_publisher(HostCard, "cards", qos.FACT)
+    for publisher in (scenes, live, bids, cards):
+        ros.until(lambda p=publisher: p.get_subscription_count() > 0)
+    give = node.create_client(GiveFeedback, "feedback/give")
+    set_profile = node.create_client(SetProfile, "agents/set_profile")
+    register = node.create_client(RegisterHost, "marketplace/register")
+    for vector in BAD_VECTORS:
+        values = [float(value) for value in vector]
+        scenes.publish(scene_message(*values))
+        live.publish(scene_message(*values))
+        bids.publish(
+            Bids(
+                epoch="epoch",
+                round=1,
+                host="/agents",
+                host_instance=system.host.instance,
+                agents=["young"],
+                agent_ids=[1],
+                vectors=values,
+            )
+        )
+        # NaN is "no opinion" in direct feedback, and only there.
+        wanted = [NAN, NAN, NAN] if any(math.isnan(v) for v in values) else values
+        given = ros.call(give, GiveFeedback.Request(agent="young", kind=0, values=wanted))
+        assert not given.accepted
+        assert given.code in ("NO_OPINION", "NOT_FINITE", "WRONG_LENGTH", "OUT_OF_RANGE")
+        kept = ros.call(set_profile, SetProfile.Request(agent="young", values=values, revision=9))
+        assert not kept.accepted
+        assert kept.code in ("NOT_FINITE", "WRONG_LENGTH", "OUT_OF_RANGE")
+    cards.publish(HostCard(host="/evil", parameters=["x"]))
+    assert not ros.call(register, RegisterHost.Request(host="/evil", parameters=["x"])).accepted
+    for values in ({"age": NAN}, {"age": INF}, {"age": 99}, {"size": 1}):
+        answer = system.analyze(**values)
+        assert not answer.accepted
+        assert answer.code
+    ros.turns()
+    assert system.auctions == []
+    assert system.interact(age=1, familiarity=3, mood=3) == "young"

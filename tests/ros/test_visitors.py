@@ -1,0 +1,193 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Simulated visitors with a real scene layer, and a market played by the test."""
+
+from __future__ import annotations
+
+import pytest
+from rclpy.parameter import Parameter
+from std_msgs.msg import Bool, String
+
+from bt_agents.errors import Refused
+from bt_agents.language.specs import Change, Position, SceneSpec, Script, SourceSpec, Visit
+from bt_agents.ros import qos
+from bt_agents.scene import SceneParameter, SceneSpace
+from bt_agents_interfaces.msg import MarketStatus, Run, Scene, SceneValue
+from bt_agents_robot.visitors import VisitorsNode
+from scene_layer.node import SceneLayerNode
+
+pytestmark = pytest.mark.ros
+
+SPACE = SceneSpace(
+    parameters=tuple(
+        SceneParameter(name=name, minimum=1.0, maximum=5.0, default=3.0)
+        for name in ("age", "mood")
+    ),
+    mood="mood",
+)
+
+
+def source(parameter: str, type_name: str, *points: tuple[float, float]) -> SourceSpec:
+    return SourceSpec(
+        parameter=parameter,
+        topic=f"sensors/{parameter}",
+        type=type_name,
+        field="data",
+        points=points,
+        stale_after_s=0.5,
+        position=Position(file="scene.yaml", line=1, column=1),
+    )
+
+
+SPEC = SceneSpec(
+    space=SPACE,
+    sources=(
+        source("age", "std_msgs/msg/Int32", (0.0, 1.0), (80.0, 5.0)),
+        source("mood", "std_msgs/msg/Float64", (-1.0, 1.0), (1.0, 5.0)),
+    ),
+    person=source("person", "std_msgs/msg/Bool"),
+)
+
+
+def measured(scene: Scene) -> dict[str, float]:
+    assert all(value.origin != SceneValue.GIVEN for value in scene.values)
+    return {v.name: v.value for v in scene.values if v.origin == SceneValue.MEASURED}
+
+
+class Street:
+    """Visitors, a scene layer, and a market in the test's hands."""
+
+    def __init__(self, ros, *visits: Visit, pace: float = 20.0) -> None:
+        self.ros = ros
+        self.scenes = ros.collect(Scene, "scene", qos.EVENTS)
+        self.live = ros.collect(Scene, "scene/live", qos.SENSOR)
+        self.current = ros.collect(String, "visitors/current", qos.FACTS)
+        self.done = ros.collect(Bool, "visitors/done", qos.FACT)
+        self.said = ros.collect(String, "answers", qos.EVENTS)
+        self.market = ros.node.create_publisher(MarketStatus, "market", qos.FACT)
+        self.runs = ros.node.create_publisher(Run, "runs", qos.HISTORY)
+        self.questions = ros.node.create_publisher(String, "robot/questions", qos.EVENTS)
+        self.acts = ros.node.create_publisher(String, "robot/transcript", qos.EVENTS)
+        self.layer = ros.add(SceneLayerNode(SPEC))
+        self.node = ros.add(
+            VisitorsNode(
+                SPEC,
+                Script(title="", visits=visits),
+                parameter_overrides=[Parameter("pace", value=pace)],
+            )
+        )
+        publishers = (self.market, self.runs, self.questions, self.acts)
+        ros.until(lambda: all(p.get_subscription_count() for p in publishers))
+        ros.until(lambda: self.runs.get_subscription_count() == 2)
+        ros.turns(20)
+
+    def idle(self, finished: str = "") -> None:
+        self.market.publish(MarketStatus(epoch="e", agents=1, finished_scene_id=finished))
+
+    def start(self, number: int) -> None:
+        status = MarketStatus(epoch="e", agents=1, round=number, state=MarketStatus.RUNNING)
+        self.market.publish(status)
+        self.runs.publish(
+            Run(epoch="e", round=number, event=Run.STARTED, scene=self.scenes[number - 1])
+        )
+
+    def finish(self, number: int) -> None:
+        scene = self.scenes[number - 1]
+        self.runs.publish(Run(epoch="e", round=number, event=Run.ENDED, scene=scene))
+        self.idle(scene.scene_id)
+
+
+def visit(label: str, *, person: bool = True, **values: float) -> Visit:
+    return Visit(label=label, person=person, values=values)
+
+
+def test_visitors_are_sensed_one_after_the_other(ros):
+    street = Street(ros, visit("a", age=3.0, mood=4.0), visit("ladder", person=False, mood=2.0))
+    ros.turns(20)
+    assert street.scenes == []
+    street.idle()
+    ros.until(lambda: len(street.scenes) == 1)
+    assert measured(street.scenes[0]) == {"age": 3.0, "mood": 4.0}
+    assert street.scenes[0].person
+    street.start(1)
+    street.finish(1)
+    ros.until(lambda: len(street.scenes) == 2)
+    assert measured(street.scenes[1]) == {"mood": 2.0}, "the age of the first visitor is stale"
+    assert not street.scenes[1].person
+    street.start(2)
+    street.finish(2)
+    ros.until(lambda: street.done)
+    assert [label.data for label in street.current] == ["a", "", "ladder", ""]
+    assert len(street.scenes) == 2
+
+
+def test_what_changes_during_the_run_is_sensed(ros):
+    change = Change(after_s=1.0, values={"mood": 1.0}, person=False)
+    angry = Visit(label="a", person=True, values={"mood": 4.0}, changes=(change,))
+    street = Street(ros, angry)
+    street.idle()
+    ros.until(lambda: street.scenes)
+    street.start(1)
+    ros.until(lambda: street.live and measured(street.live[-1]) == {"mood": 1.0})
+    ros.until(lambda: not street.live[-1].person)
+
+
+def test_a_question_is_answered_by_its_key_word(ros):
+    polite = Visit(label="a", person=True, values={"mood": 4.0}, answers={"go": "yes"})
+    street = Street(ros, polite)
+    street.questions.publish(String(data="Shall we go?"))
+    ros.turns()
+    street.idle()
+    ros.until(lambda: street.scenes)
+    street.start(1)
+    street.questions.publish(String(data="What time is it?"))
+    street.questions.publish(String(data="Shall we go?"))
+    ros.until(lambda: street.said)
+    ros.turns()
+    assert [said.data for said in street.said] == ["yes"], "nobody was there for the first one"
+
+
+def test_a_button_is_pressed_once_after_the_robot_has_named_it(ros):
+    pressed = ros.collect(Bool, "buttons/ok", qos.EVENTS)
+    presser = Visit(
+        label="a", person=True, values={"mood": 4.0}, buttons={"buttons/ok": "green button"}
+    )
+    street = Street(ros, presser)
+    ros.until(lambda: street.node.count_subscribers("buttons/ok"))
+    street.idle()
+    ros.until(lambda: street.scenes)
+    ros.turns()
+    assert pressed == []
+    street.start(1)
+    street.acts.publish(String(data="shows: Good morning."))
+    street.acts.publish(String(data="shows: Press the green button to start."))
+    ros.until(lambda: pressed)
+    ros.turns()
+    assert [button.data for button in pressed] == [True]
+
+
+def test_visitors_wait_for_a_scene_layer(ros):
+    street = Street(ros, visit("a", mood=4.0))
+    ros.remove(street.layer)
+    ros.until(lambda: street.node.count_subscribers("scene_layer/trigger") == 0)
+    street.idle()
+    ros.turns(20)
+    assert street.scenes == []
+    ros.add(SceneLayerNode(SPEC))
+    ros.until(lambda: len(street.scenes) == 1)
+    assert measured(street.scenes[0]) == {"mood": 4.0}
+
+
+def test_a_restarted_market_meets_the_same_visitor_again(ros):
+    street = Street(ros, visit("a", mood=4.0))
+    street.idle()
+    ros.until(lambda: len(street.scenes) == 1)
+    street.market.publish(MarketStatus(epoch="new", agents=1))
+    ros.until(lambda: len(street.scenes) == 2)
+    assert measured(street.scenes[1]) == {"mood": 4.0}
+    assert street.done == []
+
+
+def test_a_source_that_carries_text_ends_the_start_with_words(ros):
+    spec = SceneSpec(space=SPACE, sources=(source("mood", "std_msgs/msg/String"),), person=None)
+    with pytest.raises(Refused, match=r"scene\.yaml:1:1.*expected a boolean or a number"):
+        VisitorsNode(spec, Script(title="", visits=()))

@@ -1,0 +1,120 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A stage for trees: an agent written in a test, a scripted world, a clock turned by hand."""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+from bt_agents.engine.run import Run, RunLimits, StatusChange
+from bt_agents.engine.scripted_world import Answer, ScriptedWorld
+from bt_agents.language.agent_reader import read_agent_text
+from bt_agents.language.scene_reader import read_scene
+from bt_agents.language.skills_reader import read_skills
+from bt_agents.language.specs import AgentSpec, Plain
+from bt_agents.language.vocabulary import Vocabulary
+from bt_agents.scene import Origin, Scene, SceneSpace, SceneValue
+
+TREES = Path(__file__).parents[1] / "trees"
+SPACE: SceneSpace = read_scene(TREES / "scene.yaml").space
+VOCABULARY = Vocabulary(
+    space=SPACE, skills=read_skills([TREES / "skills" / "robot.yaml"]), interfaces=None
+)
+
+
+def scene(scene_id: str = "s1", person: bool = True, **values: float) -> Scene:
+    """Return a scene; parameters that are not named are missing."""
+    return Scene(
+        scene_id=scene_id,
+        label="",
+        person=person,
+        values=tuple(
+            SceneValue(name=name, value=values[name], origin=Origin.GIVEN)
+            if name in values
+            else SceneValue.missing(name)
+            for name in SPACE.names
+        ),
+    )
+
+
+def agent(tree: str, head: str = "") -> AgentSpec:
+    """Return the agent of a tree, and of more top-level keys in ``head``."""
+    text = (
+        "format: 1\nagent: a\ntitle: A\ndescription: d\n"
+        "profile: {age: 3, familiarity: 3, mood: 3}\n"
+        + textwrap.dedent(head)
+        + "\ntree:\n"
+        + textwrap.indent(textwrap.dedent(tree), "  ")
+    )
+    return read_agent_text(text, "a.yaml", VOCABULARY)
+
+
+class Stage:
+    """One run of a tree that a test watches tick by tick."""
+
+    def __init__(
+        self,
+        tree: str,
+        *,
+        head: str = "",
+        answers: Mapping[str, Sequence[Answer]] | None = None,
+        awarded: Scene | None = None,
+        limits: RunLimits | None = None,
+    ) -> None:
+        self.spec = agent(tree, head)
+        self.world = ScriptedWorld(
+            answers, result={"message": "", "answer": "yes", "accepted": True}
+        )
+        self.scene = awarded or scene(age=3, familiarity=3, mood=3)
+        self.live = self.scene
+        self.tunables: dict[str, Plain] = {t.name: t.default for t in self.spec.tunables}
+        self.run = Run(
+            self.spec,
+            space=SPACE,
+            scene=self.scene,
+            profile=self.spec.profile,
+            live=lambda: self.live,
+            tunables=self.tunables,
+            world=self.world,
+            steady=self.world.clock,
+            limits=limits,
+        )
+        self.changes: list[StatusChange] = []
+
+    def tick(self, times: int = 1, step_s: float = 0.0) -> str:
+        """Tick, moving the clock on before each tick but the first; return how it stands."""
+        for number in range(times):
+            if number:
+                self.world.clock.advance(step_s)
+            self.changes += self.run.tick()
+        return self.outcome
+
+    def after(self, seconds: float) -> str:
+        """Move the clock on and tick once."""
+        self.world.clock.advance(seconds)
+        return self.tick()
+
+    def set_mood(self, mood: float) -> None:
+        """Let the live mood change."""
+        values = tuple(
+            replace(v, value=mood, origin=Origin.MEASURED) if v.name == "mood" else v
+            for v in self.live.values
+        )
+        self.live = replace(self.live, values=values)
+
+    @property
+    def outcome(self) -> str:
+        """``running``, or the outcome of the run."""
+        return self.run.result.outcome.value if self.run.result else "running"
+
+    @property
+    def said(self) -> list[Plain]:
+        """Texts of all ``say`` goals so far, in order."""
+        return [g.goal.fields["text"] for g in self.world.goals if g.goal.name == "say"]
+
+    @property
+    def asked(self) -> list[str]:
+        """Names of everything sent so far, in order."""
+        return [g.goal.name for g in self.world.goals]

@@ -1,0 +1,225 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Scenes from readings and given values: missing is never zero, the newer of two holds."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from bt_agents.errors import Refused
+from bt_agents.language.specs import Position, SceneSpec, SourceSpec
+from bt_agents.scene import Origin, Scene, SceneParameter, SceneSpace, SceneValue
+from scene_layer.estimate import KEPT, Estimate, check_given
+from scene_layer.live import Following, LiveRun
+from scene_layer.sources import Sources
+
+SPACE = SceneSpace(
+    parameters=tuple(
+        SceneParameter(name=name, minimum=1.0, maximum=5.0, default=3.0)
+        for name in ("age", "mood")
+    ),
+    mood="mood",
+)
+
+
+def source(parameter: str) -> SourceSpec:
+    return SourceSpec(
+        parameter=parameter,
+        topic=f"sensors/{parameter}",
+        type="std_msgs/msg/Float64",
+        field="data",
+        points=(),
+        stale_after_s=2.0,
+        position=Position(file="scene.yaml", line=1, column=1),
+    )
+
+
+AGE, MOOD, PERSON = source("age"), source("mood"), source("person")
+
+
+class Lab:
+    """An estimate with its sources, and scenes as short texts."""
+
+    def __init__(self, person: SourceSpec | None = None) -> None:
+        spec = SceneSpec(space=SPACE, sources=(AGE, MOOD), person=person)
+        self.sources = Sources(spec)
+        self.estimate = Estimate(spec, self.sources)
+
+    def scene(self, now: float, scene_id: str = "s") -> Scene:
+        return self.estimate.scene(scene_id, now=now, stamp=0.0)
+
+    def values(self, now: float, scene_id: str = "s") -> list[str]:
+        return [
+            "missing" if v.origin is Origin.MISSING else f"{v.origin.name.lower()} {v.value:g}"
+            for v in self.scene(now, scene_id).values
+        ]
+
+
+def test_what_nobody_read_is_missing():
+    lab = Lab()
+    scene = lab.scene(0.0)
+    assert lab.values(0.0) == ["missing", "missing"]
+    assert all(math.isnan(value.value) and math.isnan(value.age_s) for value in scene.values)
+    assert SPACE.scene(scene.values) == scene.values
+
+
+def test_a_reading_has_an_age_and_goes_stale():
+    lab = Lab()
+    lab.sources.read(MOOD, 4.0, 10.0)
+    assert lab.values(11.5) == ["missing", "measured 4"]
+    assert lab.scene(11.5).values[1].age_s == pytest.approx(1.5)
+    assert lab.values(12.0) == ["missing", "measured 4"]
+    assert lab.values(12.1) == ["missing", "missing"]
+
+
+def test_a_given_value_holds_until_a_newer_reading_arrives():
+    lab = Lab()
+    lab.sources.read(MOOD, 4.0, 1.0)
+    lab.estimate.begin("s", "", {"mood": 2.0}, None, 2.0)
+    assert lab.values(1000.0) == ["missing", "given 2"]
+    lab.sources.read(MOOD, 5.0, 1001.0)
+    assert lab.values(1001.5) == ["missing", "measured 5"]
+    assert lab.values(1010.0) == ["missing", "missing"], "the sensor lived, and has fallen silent"
+
+
+def test_a_given_value_counts_for_its_own_interaction_only():
+    lab = Lab()
+    lab.estimate.begin("running", "", {"mood": 4.0}, None, 1.0)
+    lab.estimate.begin("waiting", "", {"mood": 1.0}, None, 2.0)
+    assert lab.values(3.0, "running") == ["missing", "given 4"]
+    assert lab.values(3.0, "waiting") == ["missing", "given 1"]
+
+
+def test_values_given_later_are_added():
+    lab = Lab()
+    lab.estimate.begin("s", "words", {"mood": 4.0}, True, 1.0)
+    lab.estimate.give("s", {"age": 2.0}, None, 2.0)
+    assert lab.values(3.0) == ["given 2", "given 4"]
+    assert lab.scene(3.0).label == "words"
+    assert lab.scene(3.0).person
+
+
+def test_a_foreign_scene_is_adopted_with_what_was_given_in_it():
+    lab = Lab()
+    values = (
+        SceneValue(name="age", value=4.0, origin=Origin.MEASURED, age_s=0.1),
+        SceneValue(name="mood", value=2.0, origin=Origin.GIVEN),
+    )
+    foreign = Scene(scene_id="s", label="from elsewhere", person=True, values=values)
+    lab.estimate.adopt(foreign, 1.0)
+    assert lab.values(2.0) == ["missing", "given 2"]
+    assert lab.scene(2.0).label == "from elsewhere"
+
+
+def test_adopting_a_known_scene_keeps_what_was_given_since():
+    lab = Lab()
+    lab.estimate.begin("s", "", {"mood": 4.0}, None, 1.0)
+    awarded = lab.scene(1.0)
+    lab.estimate.give("s", {"mood": 2.0}, None, 2.0)
+    lab.estimate.adopt(awarded, 3.0)
+    assert lab.values(4.0) == ["missing", "given 2"]
+
+
+def test_old_interactions_are_forgotten_one_by_one():
+    lab = Lab()
+    for number in range(KEPT + 1):
+        lab.estimate.begin(str(number), "", {"mood": 4.0}, None, 0.0)
+    assert lab.values(0.0, "0") == ["missing", "missing"]
+    assert lab.values(0.0, "1") == ["missing", "given 4"]
+
+
+def test_without_a_person_source_somebody_is_there_when_anything_is_known():
+    lab = Lab()
+    assert not lab.scene(0.0).person
+    lab.sources.read(MOOD, 4.0, 0.0)
+    assert lab.scene(1.0).person
+    assert not lab.scene(9.0).person
+
+
+def test_a_person_source_that_is_silent_or_stale_sees_nobody():
+    lab = Lab(PERSON)
+    lab.sources.read(MOOD, 4.0, 0.0)
+    assert not lab.scene(0.0).person
+    lab.sources.read(PERSON, True, 1.0)
+    assert lab.scene(2.0).person
+    assert not lab.scene(3.5).person
+
+
+@pytest.mark.parametrize(("raw", "there"), [(0, False), (0.4, False), (0.5, True), (3, True)])
+def test_a_person_may_be_read_as_a_count_or_a_confidence(raw, there):
+    lab = Lab(PERSON)
+    lab.sources.read(PERSON, raw, 0.0)
+    assert lab.scene(0.0).person is there
+
+
+def test_a_given_person_holds_until_the_source_speaks_again():
+    lab = Lab(PERSON)
+    lab.sources.read(PERSON, True, 0.0)
+    lab.estimate.begin("s", "ladder", {}, False, 1.0)
+    assert not lab.scene(1.5).person
+    lab.sources.read(PERSON, True, 2.0)
+    assert lab.scene(2.5).person
+
+
+@pytest.mark.parametrize(
+    ("names", "values", "code"),
+    [
+        (["mood"], [], "WRONG_LENGTH"),
+        ([], [1.0], "WRONG_LENGTH"),
+        (["mood", "mood"], [1.0, 1.0], "DUPLICATE_PARAMETER"),
+        (["mod"], [1.0], "UNKNOWN_PARAMETER"),
+        (["mood"], [math.nan], "NOT_FINITE"),
+        (["mood"], [math.inf], "NOT_FINITE"),
+        (["mood"], [0.99], "OUT_OF_RANGE"),
+        (["mood"], [5.01], "OUT_OF_RANGE"),
+    ],
+)
+def test_hostile_given_values_are_refused_by_name(names, values, code):
+    with pytest.raises(Refused) as refused:
+        check_given(SPACE, names, values)
+    assert refused.value.code == code
+
+
+def run(number: int, epoch: str = "e") -> LiveRun:
+    return LiveRun(epoch=epoch, round=number, scene_id=f"s{number}")
+
+
+def test_a_run_is_live_from_its_start_to_its_end():
+    following = Following()
+    assert following.started(run(1))
+    assert following.run == run(1)
+    following.ended("e", 1)
+    assert following.run is None
+
+
+def test_the_end_of_another_run_ends_nothing():
+    following = Following()
+    following.started(run(2))
+    following.ended("e", 1)
+    following.ended("other", 2)
+    assert following.run == run(2)
+
+
+def test_a_start_that_arrives_after_its_end_starts_nothing():
+    following = Following()
+    following.ended("e", 1)
+    assert not following.started(run(1))
+    assert following.started(run(2))
+
+
+def test_an_old_start_is_no_run_when_the_market_has_gone_past_it():
+    following = Following()
+    following.market("e", 3, idle=True)
+    assert not following.started(run(2))
+    assert not following.started(run(3)), "idle: the last round is over"
+    assert following.started(run(4)), "its status may be on the way"
+    following.market("e", 4, idle=False)
+    assert following.run == run(4)
+
+
+def test_a_restarted_market_has_lost_its_runs():
+    following = Following()
+    following.started(run(1))
+    following.market("new", 0, idle=True)
+    assert following.run is None

@@ -1,0 +1,59 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The closed form of the paper's learning rule and the seeded order of scenes."""
+
+from __future__ import annotations
+
+import pytest
+
+from bt_agents.experiment import ExperimentSpec, Record, closed_form, deviation
+from bt_agents.simulated import SimulatedFeedback
+
+
+def spec(seed: int) -> ExperimentSpec:
+    return ExperimentSpec(
+        title="t",
+        rounds=30,
+        seed=seed,
+        scenes=((1.0,), (3.0,), (5.0,)),
+        feedback=SimulatedFeedback(each={"a": (5.0,)}),
+    )
+
+
+def test_the_closed_form_is_the_update_applied_again_and_again() -> None:
+    profile = (2.5, 2.5, 2.5)
+    target = (5.0, 4.0, 1.0)
+    for cycle in range(1, 101):
+        profile = tuple(p + 0.2 * (f - p) for p, f in zip(profile, target, strict=True))
+        assert closed_form((2.5, 2.5, 2.5), target, 0.2, cycle) == pytest.approx(
+            profile, abs=1e-12
+        )
+
+
+@pytest.mark.parametrize(("rate", "cycles"), [(0.05, 92), (0.2, 22), (0.5, 7)])
+def test_an_l1_error_below_0_05_takes_as_many_cycles_as_the_rate_says(
+    rate: float, cycles: int
+) -> None:
+    target = (5.0, 4.0, 1.0)
+
+    def error(n: int) -> float:
+        profile = closed_form((2.5, 2.5, 2.5), target, rate, n)
+        return sum(abs(p - f) for p, f in zip(profile, target, strict=True))
+
+    assert error(cycles) < 0.05 <= error(cycles - 1)
+
+
+def test_the_same_seed_gives_the_same_order_and_another_seed_another() -> None:
+    assert spec(1).order() == spec(1).order()
+    assert spec(1).order() != spec(2).order()
+    assert set(spec(1).order()) == {(1.0,), (3.0,), (5.0,)}
+
+
+def test_the_deviation_finds_the_one_round_that_is_off() -> None:
+    good = [
+        Record(round=1, scene=(5.0,), winner="a", before=(1.0,), after=(3.0,)),
+        Record(round=2, scene=(5.0,), winner="a", before=(3.0,), after=(4.0,)),
+    ]
+    arguments = ({"a": (5.0,)}, {"a": (1.0,)}, {"a": 0.5})
+    assert deviation(good, *arguments) == 0.0
+    off = [good[0], Record(round=2, scene=(5.0,), winner="a", before=(3.0,), after=(4.001,))]
+    assert deviation(off, *arguments) == pytest.approx(0.001)

@@ -1,0 +1,181 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Cards of hosts, current profiles, and what a host has yet to learn."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import Any
+
+import pytest
+
+from bt_agents.errors import Refused
+from bt_agents.scene import SceneParameter, SceneSpace
+from feedback_node.cards import AgentEntry, Card, RuleEntry, read_card
+from feedback_node.learning import Kind
+from feedback_node.ledger import Ledger
+from feedback_node.profiles import Change, Delivery, Profiles
+
+NAN = math.nan
+SPACE = SceneSpace(
+    parameters=tuple(
+        SceneParameter(name=name, minimum=1.0, maximum=5.0, default=3.0)
+        for name in ("age", "mood")
+    ),
+    mood="mood",
+)
+GUIDE = AgentEntry(name="guide", profile=(4.0, 3.0), revision=0, learning_rate=0.5)
+EXPRESS = AgentEntry(name="express", profile=(2.0, 3.0), revision=0, learning_rate=0.2)
+
+
+def card(*agents: AgentEntry, host: str = "/agents") -> Card:
+    return Card(host=host, parameters=SPACE.names, agents=agents)
+
+
+def profiles(*agents: AgentEntry) -> Profiles:
+    known = Profiles(SPACE, Ledger(":memory:"))
+    known.introduce(card(*agents))
+    return known
+
+
+def teach(known: Profiles, agent: str = "guide", feedback_id: str = "f1") -> Change:
+    return known.apply(
+        agent, Kind.DIRECT, (5.0, NAN), feedback_id=feedback_id, source="t", reason="", run=None
+    )
+
+
+@pytest.mark.parametrize(
+    ("entry", "code"),
+    [
+        (replace(GUIDE, name=""), "BAD_NAME"),
+        (replace(GUIDE, name="express"), "BAD_NAME"),
+        (replace(GUIDE, profile=(4.0,)), "WRONG_LENGTH"),
+        (replace(GUIDE, profile=(4.0, NAN)), "NOT_FINITE"),
+        (replace(GUIDE, profile=(4.0, 7.0)), "OUT_OF_RANGE"),
+        (replace(GUIDE, learning_rate=NAN), "BAD_RATE"),
+        (replace(GUIDE, learning_rate=1.5), "BAD_RATE"),
+    ],
+)
+def test_a_bad_entry_of_a_card_is_named_and_spoils_no_other(entry, code):
+    agents, problems = read_card(card(EXPRESS, entry), SPACE)
+    assert [agent.name for agent in agents] == ["express"]
+    assert len(problems) == 1
+    assert problems[0].startswith(f"{code}: card of /agents: agent '{entry.name}'")
+
+
+def test_a_rule_that_cannot_be_read_is_skipped_and_the_agent_keeps_the_others():
+    good = RuleEntry(when="mood.change >= 1", hold_s=1.0, give=1, cancel=False)
+    bad = replace(good, when="mood.change >=")
+    agents, problems = read_card(card(replace(GUIDE, rules=(bad, good))), SPACE)
+    assert [rule.text for rule in agents[0].rules] == ["mood.change >= 1"]
+    assert len(problems) == 1
+    assert "the rule is skipped" in problems[0]
+
+
+@pytest.mark.parametrize("parameters", [(), ("age",), ("mood", "age"), ("age", "stress")])
+def test_a_card_with_other_parameters_is_refused(parameters):
+    with pytest.raises(Refused, match="FOREIGN_PARAMETERS"):
+        read_card(replace(card(GUIDE), parameters=parameters), SPACE)
+
+
+@pytest.mark.parametrize("host", ["", "agents"])
+def test_a_card_without_a_full_host_name_is_refused(host):
+    with pytest.raises(Refused, match="BAD_NAME"):
+        read_card(card(GUIDE, host=host), SPACE)
+
+
+def test_a_new_agent_has_nothing_to_learn():
+    known = Profiles(SPACE, Ledger(":memory:"))
+    assert known.introduce(card(GUIDE)) == ((), ())
+    assert known.table() == (("guide", 0, (4.0, 3.0)),)
+
+
+def test_feedback_moves_the_profile_by_the_rate_of_the_card():
+    known = profiles(GUIDE, EXPRESS)
+    change = teach(known)
+    assert (change.before, change.after) == ((4.0, 3.0), (4.5, 3.0))
+    assert change.target == pytest.approx((5.0, NAN), nan_ok=True)
+    assert change.revision.cause.rate == 0.5
+    assert known.delivery("guide") == Delivery(
+        host="/agents", agent="guide", values=(4.5, 3.0), revision=1
+    )
+    assert known.table() == (("express", 0, (2.0, 3.0)), ("guide", 1, (4.5, 3.0)))
+
+
+def test_a_host_that_starts_again_is_told_what_was_learned():
+    known = profiles(GUIDE, EXPRESS)
+    teach(known)
+    deliveries, _ = known.introduce(card(GUIDE, EXPRESS))
+    assert deliveries == (known.delivery("guide"),)
+    assert known.introduce(card(replace(GUIDE, revision=1), EXPRESS)) == ((), ())
+
+
+def test_an_author_who_edits_the_profile_wins():
+    known = profiles(GUIDE)
+    teach(known)
+    deliveries, _ = known.introduce(card(replace(GUIDE, profile=(1.0, 1.0), revision=1)))
+    assert [(one.values, one.revision) for one in deliveries] == [((1.0, 1.0), 2)]
+
+
+def test_an_agent_that_left_its_host_is_unknown_and_comes_back_with_what_it_learned():
+    known = profiles(GUIDE, EXPRESS)
+    teach(known)
+    known.introduce(card(EXPRESS))
+    with pytest.raises(Refused, match="known are: express"):
+        teach(known, feedback_id="f2")
+    deliveries, _ = known.introduce(card(GUIDE, EXPRESS))
+    assert [one.values for one in deliveries] == [(4.5, 3.0)]
+
+
+def test_an_agent_at_a_second_host_is_reported_and_learns_there():
+    known = profiles(GUIDE)
+    _, problems = known.introduce(card(GUIDE, host="/others"))
+    assert [problem.split(":")[0] for problem in problems] == ["TWO_HOSTS"]
+    assert known.delivery("guide").host == "/others"
+
+
+def test_a_host_that_holds_more_than_the_ledger_is_reported():
+    known = Profiles(SPACE, Ledger(":memory:"))
+    deliveries, problems = known.introduce(card(replace(GUIDE, revision=12)))
+    assert deliveries == ()
+    assert [problem.split(":")[0] for problem in problems] == ["STALE_LEDGER"]
+
+
+def test_the_same_id_is_applied_once_and_returns_the_recorded_change():
+    known = profiles(GUIDE)
+    first, again = teach(known), teach(known)
+    assert (first.fresh, again.fresh) == (True, False)
+    assert again.revision == first.revision
+    assert (again.before, again.after) == (first.before, first.after)
+    assert known.table() == (("guide", 1, (4.5, 3.0)),)
+
+
+def test_a_smaller_range_than_when_it_was_learned_clamps_the_profile():
+    ledger = Ledger(":memory:")
+    known = Profiles(SPACE, ledger)
+    known.introduce(card(GUIDE))
+    teach(known)
+    narrow = SceneSpace(
+        parameters=tuple(replace(parameter, maximum=4.2) for parameter in SPACE.parameters)
+    )
+    restarted = Profiles(narrow, ledger)
+    assert [one.values for one in restarted.introduce(card(GUIDE))[0]] == [(4.2, 3.0)]
+
+
+@pytest.mark.parametrize("field", ["feedback_id", "source", "reason"])
+def test_a_text_without_end_is_refused(field):
+    known = profiles(GUIDE)
+    texts: dict[str, Any] = {"feedback_id": "f", "source": "", "reason": "", field: "x" * 1001}
+    with pytest.raises(Refused, match=f"TOO_LONG: feedback: {field}"):
+        known.apply("guide", Kind.DIRECT, (5.0, 3.0), run=None, **texts)
+    assert known.table()[0][1] == 0
+
+
+def test_a_ledger_that_cannot_write_leaves_the_profile_as_it_was():
+    ledger = Ledger(":memory:")
+    known = Profiles(SPACE, ledger)
+    known.introduce(card(GUIDE))
+    ledger._database.execute("PRAGMA query_only = ON")
+    with pytest.raises(Refused, match="LEDGER_FAILED"):
+        teach(known)
+    assert known.table() == (("guide", 0, (4.0, 3.0)),)

@@ -1,0 +1,337 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Which feedback reaches which profile: rules of the run, people, prepared lists."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from dataclasses import replace
+
+import pytest
+
+from bt_agents.errors import Refused
+from bt_agents.scene import Origin, Scene, SceneParameter, SceneSpace, SceneValue
+from bt_agents.simulated import SimulatedFeedback
+from feedback_node.cards import AgentEntry, Card, RuleEntry
+from feedback_node.learning import Kind
+from feedback_node.ledger import Ledger
+from feedback_node.profiles import Profiles
+from feedback_node.runs import Run, Runs
+from feedback_node.teaching import SETTLE_S, Given, Teaching
+
+NAN = math.nan
+SPACE = SceneSpace(
+    parameters=tuple(
+        SceneParameter(name=name, minimum=1.0, maximum=5.0, default=3.0)
+        for name in ("age", "mood")
+    ),
+    mood="mood",
+)
+WORSE = RuleEntry(when="mood.change <= -1", hold_s=1.0, give=2, cancel=True)
+GUIDE = AgentEntry(name="guide", profile=(3.0, 3.0), revision=0, learning_rate=0.5, rules=(WORSE,))
+EXPRESS = AgentEntry(name="express", profile=(2.0, 3.0), revision=0, learning_rate=0.5)
+CARD = Card(host="/agents", parameters=SPACE.names, agents=(GUIDE, EXPRESS))
+
+
+def scene(age: float, mood: float, scene_id: str = "s1") -> Scene:
+    values = tuple(
+        SceneValue.missing(name)
+        if math.isnan(value)
+        else SceneValue(name=name, value=value, origin=Origin.MEASURED)
+        for name, value in (("age", age), ("mood", mood))
+    )
+    return Scene(scene_id=scene_id, label="", person=True, values=values)
+
+
+def run(number: int = 1, agent: str = "guide", awarded: Scene | None = None) -> Run:
+    return Run(epoch="e", round=number, agent=agent, scene=awarded or scene(5.0, 4.0))
+
+
+class Room:
+    """A teaching core on a manual clock."""
+
+    def __init__(
+        self, simulated: SimulatedFeedback | None = None, card: Card | None = CARD
+    ) -> None:
+        self.now = 0.0
+        self.profiles = Profiles(SPACE, Ledger(":memory:"))
+        ids = itertools.count(1)
+        self.teaching = Teaching(
+            self.profiles,
+            clock=lambda: self.now,
+            new_id=lambda: f"new{next(ids)}",
+            simulated=simulated,
+        )
+        if card is not None:
+            self.teaching.introduce(card)
+
+    def profile(self, agent: str = "guide") -> tuple[float, ...]:
+        return self.profiles.profile(agent)
+
+
+# --- runs ---------------------------------------------------------------------------------
+
+
+def test_a_start_that_is_replayed_after_its_end_does_not_run():
+    runs = Runs()
+    assert not runs.ended(run())
+    assert not runs.started(run())
+    assert runs.current is None
+    assert runs.last() == run()
+
+
+def test_a_newer_start_takes_over_from_a_run_whose_end_was_never_told():
+    runs = Runs()
+    assert runs.started(run(1))
+    assert runs.started(run(2, "express"))
+    assert not runs.ended(run(1))
+    assert runs.current == run(2, "express")
+    assert (runs.last(), runs.last("guide")) == (run(2, "express"), run(1))
+
+
+def test_the_next_best_agent_may_run_in_the_round_of_a_lost_one():
+    runs = Runs()
+    runs.started(run(1))
+    runs.ended(run(1))
+    assert runs.started(run(1, "express"))
+
+
+# --- mood rules ---------------------------------------------------------------------------
+
+
+def test_a_rule_that_fires_moves_the_profile_away_from_the_awarded_scene_and_stops_the_run():
+    room = Room()
+    room.teaching.started(run())
+    assert room.teaching.watching
+    assert room.teaching.see(scene(5.0, 2.5)) == ()
+    room.now = 1.0
+    (lesson,) = room.teaching.tick()
+    assert lesson.change is not None
+    cause = lesson.change.revision.cause
+    assert lesson.change.after == (2.0, 2.5)
+    assert (cause.source, cause.kind, cause.cancels) == ("mood rule", Kind.NEGATIVE, True)
+    assert cause.reason == "mood.change <= -1 held 1 s: mood 4 → 2.5"
+    assert (cause.epoch, cause.round, cause.scene_id) == ("e", 1, "s1")
+    assert lesson.stop is not None
+    assert (lesson.stop.run, lesson.stop.live) == (run(), scene(5.0, 2.5))
+    assert not room.teaching.watching
+
+
+def test_a_rule_stops_the_run_even_when_the_profile_cannot_move():
+    room = Room()
+    awarded = scene(NAN, NAN)
+    room.teaching.started(run(awarded=awarded))
+    room.teaching.see(scene(5.0, 4.0))
+    room.teaching.see(scene(5.0, 2.0))
+    room.now = 1.0
+    (lesson,) = room.teaching.tick()
+    assert lesson.change is None
+    assert "NO_SCENE" in lesson.problem
+    assert lesson.stop is not None
+
+
+def test_a_live_scene_of_another_interaction_is_ignored():
+    room = Room()
+    room.teaching.started(run())
+    room.teaching.see(scene(5.0, 1.0, scene_id="s0"))
+    room.now = 2.0
+    assert room.teaching.tick() == ()
+
+
+@pytest.mark.parametrize("end", ["ended", "cancelling"])
+def test_a_run_that_ends_or_is_being_stopped_is_watched_no_more(end):
+    room = Room()
+    room.teaching.started(run())
+    room.teaching.see(scene(5.0, 2.0))
+    getattr(room.teaching, end)(run())
+    room.now = 2.0
+    assert room.teaching.tick() == room.teaching.see(scene(5.0, 2.0)) == ()
+    assert not room.teaching.watching
+
+
+def test_the_events_of_another_run_change_nothing():
+    room = Room()
+    room.teaching.started(run(2))
+    room.teaching.cancelling(run(1))
+    room.teaching.ended(run(1))
+    assert room.teaching.watching
+
+
+def test_a_replayed_run_whose_end_follows_teaches_nothing_even_without_a_hold():
+    eager = replace(WORSE, hold_s=0.0)
+    room = Room(card=replace(CARD, agents=(replace(GUIDE, rules=(eager,)),)))
+    room.teaching.started(run(), replayed=True)
+    assert room.teaching.see(scene(5.0, 1.0)) == ()
+    room.teaching.ended(run())
+    room.now = SETTLE_S
+    assert room.teaching.tick() == ()
+
+
+def test_a_replayed_run_that_still_goes_on_is_watched_after_it_has_settled():
+    room = Room()
+    room.teaching.started(run(), replayed=True)
+    room.teaching.see(scene(5.0, 1.0))
+    room.now = SETTLE_S
+    room.teaching.tick()
+    room.now = SETTLE_S + 1.0
+    assert len(room.teaching.tick()) == 1
+
+
+def test_a_run_that_started_before_its_card_came_is_watched_from_the_card_on():
+    room = Room(card=None)
+    room.teaching.started(run())
+    assert not room.teaching.watching
+    room.teaching.introduce(CARD)
+    assert room.teaching.watching
+
+
+def test_a_card_that_comes_again_during_a_run_does_not_make_a_rule_fire_again():
+    room = Room()
+    room.teaching.started(run())
+    room.teaching.see(scene(5.0, 2.0))
+    room.now = 1.0
+    assert len(room.teaching.tick()) == 1
+    room.teaching.introduce(CARD)
+    room.teaching.see(scene(5.0, 2.0))
+    room.now = 2.5
+    assert room.teaching.tick() == ()
+
+
+def test_a_rule_teaches_a_run_once_even_when_the_node_starts_again_in_between():
+    room = Room()
+    for _ in range(2):
+        teaching = Teaching(room.profiles, clock=lambda: room.now, new_id=str)
+        teaching.introduce(CARD)
+        teaching.started(run())
+        teaching.see(scene(5.0, 2.0))
+        room.now += 1.0
+        (lesson,) = teaching.tick()
+        assert lesson.stop is not None
+    assert lesson.change is not None
+    assert not lesson.change.fresh
+    assert room.profile() == (2.0, 2.5)
+
+
+# --- given feedback -----------------------------------------------------------------------
+
+
+def test_feedback_without_a_name_goes_to_the_running_agent_else_the_last():
+    room = Room()
+    room.teaching.started(run(1))
+    room.teaching.ended(run(1))
+    assert room.teaching.give(Given(kind=1)).revision.agent == "guide"
+    room.teaching.started(run(2, "express"))
+    assert room.teaching.give(Given(kind=1)).revision.agent == "express"
+
+
+def test_positive_and_negative_feedback_take_the_last_scene_of_the_named_agent():
+    room = Room()
+    room.teaching.started(run(1))
+    room.teaching.started(run(2, "express", scene(1.0, 1.0)))
+    change = room.teaching.give(Given(agent="guide", kind=1, source="button"))
+    assert change.after == (4.0, 3.5)
+    assert change.revision.cause.round == 1
+    assert room.teaching.give(Given(agent="guide", kind=2)).after == (3.5, 3.25)
+
+
+def test_direct_feedback_needs_no_run():
+    room = Room()
+    change = room.teaching.give(Given(agent="guide", kind=0, values=(5.0, NAN)))
+    assert change.after == (4.0, 3.0)
+    assert change.revision.cause.feedback_id == "new1"
+    assert (change.revision.cause.epoch, change.revision.cause.round) == ("", 0)
+
+
+@pytest.mark.parametrize(
+    ("given", "code"),
+    [
+        (Given(kind=0, values=(5.0, 3.0)), "NO_AGENT"),
+        (Given(agent="ghost", kind=1), "UNKNOWN_AGENT"),
+        (Given(agent="guide", kind=1), "NO_SCENE"),
+        (Given(agent="guide", kind=2), "NO_SCENE"),
+        (Given(agent="guide", kind=7), "UNKNOWN_KIND"),
+        (Given(agent="guide", kind=1, values=(3.0, 3.0)), "WRONG_LENGTH"),
+        (Given(agent="guide", kind=0), "WRONG_LENGTH"),
+        (Given(agent="guide", kind=0, values=(1.0, 2.0, 3.0)), "WRONG_LENGTH"),
+        (Given(agent="guide", kind=0, values=(NAN, NAN)), "NO_OPINION"),
+        (Given(agent="guide", kind=0, values=(math.inf, 3.0)), "NOT_FINITE"),
+        (Given(agent="guide", kind=0, values=(3.0, 0.9)), "OUT_OF_RANGE"),
+    ],
+)
+def test_feedback_that_cannot_be_applied_is_refused_and_changes_nothing(given, code):
+    room = Room()
+    before = room.profiles.table()
+    with pytest.raises(Refused) as refusal:
+        room.teaching.give(given)
+    assert refusal.value.code == code
+    assert room.profiles.table() == before
+
+
+def test_an_unknown_agent_is_answered_with_the_known_ones():
+    with pytest.raises(Refused, match="known are: express, guide"):
+        Room().teaching.give(Given(agent="ghost", kind=1))
+
+
+def test_the_same_id_is_applied_once_also_when_another_agent_runs_meanwhile():
+    room = Room()
+    room.teaching.started(run(1))
+    first = room.teaching.give(Given(feedback_id="b1", kind=1))
+    room.teaching.started(run(2, "express"))
+    again = room.teaching.give(Given(feedback_id="b1", kind=1))
+    assert (again.fresh, again.revision) == (False, first.revision)
+    assert room.profile("express") == (2.0, 3.0)
+
+
+@pytest.mark.parametrize("other", [{"agent": "express", "kind": 1}, {"kind": 2}])
+def test_an_id_that_belongs_to_other_feedback_is_refused(other):
+    room = Room()
+    room.teaching.started(run(1))
+    room.teaching.give(Given(feedback_id="b1", kind=1))
+    with pytest.raises(Refused, match="FEEDBACK_ID_TAKEN"):
+        room.teaching.give(Given(feedback_id="b1", **other))
+
+
+# --- prepared feedback --------------------------------------------------------------------
+
+
+def test_a_prepared_list_teaches_once_a_run_and_uses_up_one_row():
+    room = Room(SimulatedFeedback(sequence=((5.0, 5.0), (1.0, 1.0))))
+    first, again = room.teaching.collect(run(1)), room.teaching.collect(run(1))
+    assert first is not None
+    assert again is not None
+    assert (first.after, first.revision.cause.source) == ((4.0, 4.0), "simulated")
+    assert (again.fresh, again.revision) == (False, first.revision)
+    assert room.profile() == (4.0, 4.0)
+    second = room.teaching.collect(run(2))
+    assert second is not None
+    assert second.after == (2.5, 2.5)
+
+
+@pytest.mark.parametrize("simulated", [None, SimulatedFeedback(each={"express": (5.0, 5.0)})])
+def test_without_prepared_feedback_nothing_is_applied(simulated):
+    assert Room(simulated).teaching.collect(run(1)) is None
+
+
+@pytest.mark.parametrize(
+    ("asked", "code"),
+    [
+        (run(0), "NO_RUN"),
+        (replace(run(1), epoch=""), "NO_RUN"),
+        (run(1, "ghost"), "UNKNOWN_AGENT"),
+    ],
+)
+def test_a_collection_for_no_run_uses_up_no_row(asked, code):
+    room = Room(SimulatedFeedback(sequence=((5.0, 5.0),)))
+    with pytest.raises(Refused) as refusal:
+        room.teaching.collect(asked)
+    assert refusal.value.code == code
+    assert room.teaching.collect(run(1)) is not None
+
+
+def test_the_third_experiment_of_the_paper_keeps_each_agent_on_its_own_feedback():
+    simulated = SimulatedFeedback(each={"guide": (5.0, 5.0), "express": (1.0, 1.0)})
+    room = Room(simulated)
+    for number in range(1, 41):
+        room.teaching.collect(run(number, "guide" if number % 2 else "express"))
+    assert room.profile("guide") == pytest.approx((5.0, 5.0), abs=1e-4)
+    assert room.profile("express") == pytest.approx((1.0, 1.0), abs=1e-4)

@@ -1,0 +1,201 @@
+# SPDX-License-Identifier: Apache-2.0
+"""When a mood rule fires, on a manual clock."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from bt_agents.errors import Refused
+from bt_agents.scene import Origin, Scene, SceneParameter, SceneSpace, SceneValue
+from feedback_node.learning import Kind
+from feedback_node.rules import Fired, Rule, Watch, read_rule
+
+NAN = math.nan
+SPACE = SceneSpace(
+    parameters=tuple(
+        SceneParameter(name=name, minimum=1.0, maximum=5.0, default=3.0)
+        for name in ("age", "mood")
+    ),
+    mood="mood",
+)
+
+
+class Clock:
+    """Steady time that only a test moves."""
+
+    def __init__(self) -> None:
+        self.now = 100.0
+
+    def __call__(self) -> float:
+        return self.now
+
+
+def scene(mood: float, *, age: float = 3.0, person: bool = True) -> Scene:
+    values = tuple(
+        SceneValue.missing(name)
+        if math.isnan(value)
+        else SceneValue(name=name, value=value, origin=Origin.MEASURED)
+        for name, value in (("age", age), ("mood", mood))
+    )
+    return Scene(scene_id="s1", label="", person=person, values=values)
+
+
+def rule(when: str, hold_s: float = 1.0, *, cancel: bool = False) -> Rule:
+    return read_rule(when, hold_s, Kind.NEGATIVE, cancel, SPACE)
+
+
+class Story:
+    """A run of which each line is told by the time since its start."""
+
+    def __init__(self, *rules: Rule, awarded: Scene | None = None, settle_s: float = 0.0) -> None:
+        self.clock = Clock()
+        self.watch = Watch(rules, awarded or scene(4.0), SPACE, self.clock, settle_s)
+
+    def see(self, at: float, live: Scene) -> list[tuple[int, str]]:
+        self.clock.now = 100.0 + at
+        return self._told(self.watch.see(live))
+
+    def tick(self, at: float) -> list[tuple[int, str]]:
+        self.clock.now = 100.0 + at
+        return self._told(self.watch.tick())
+
+    @staticmethod
+    def _told(fired: tuple[Fired, ...]) -> list[tuple[int, str]]:
+        return [(one.index, one.reason) for one in fired]
+
+
+WORSE = "mood.change <= -1.0"
+
+
+def test_a_condition_that_holds_long_enough_fires_with_its_reason():
+    story = Story(rule(WORSE))
+    assert story.see(0.0, scene(2.5)) == []
+    assert story.tick(0.99) == []
+    assert story.tick(1.0) == [(0, "mood.change <= -1.0 held 1 s: mood 4 → 2.5")]
+
+
+def test_a_rule_fires_once_in_a_run():
+    story = Story(rule(WORSE, 0.0))
+    assert len(story.see(0.0, scene(2.0))) == 1
+    assert story.see(1.0, scene(4.0)) == []
+    assert story.see(2.0, scene(1.0)) == []
+    assert story.watch.over
+
+
+def test_a_condition_that_breaks_starts_its_time_again():
+    story = Story(rule(WORSE))
+    story.see(0.0, scene(2.5))
+    story.see(0.9, scene(3.5))
+    story.see(1.0, scene(2.5))
+    assert story.tick(1.9) == []
+    assert len(story.tick(2.0)) == 1
+
+
+@pytest.mark.parametrize("gap", [scene(NAN), scene(2.5, person=False)])
+def test_an_unknown_mood_starts_the_time_again(gap):
+    story = Story(rule(WORSE))
+    story.see(0.0, scene(2.5))
+    assert story.see(0.5, gap) == []
+    assert story.tick(2.0) == []
+    story.see(2.0, scene(2.5))
+    assert story.tick(2.9) == []
+    assert len(story.tick(3.0)) == 1
+
+
+def test_a_scene_layer_that_falls_silent_leaves_nothing_known():
+    story = Story(rule(WORSE, 4.0))
+    story.see(0.0, scene(2.5))
+    assert story.tick(3.1) == story.tick(9.0) == []
+    story.see(10.0, scene(2.5))
+    story.see(12.0, scene(2.5))
+    assert story.tick(13.9) == []
+    assert len(story.tick(14.0)) == 1
+
+
+def test_a_hold_that_was_complete_before_the_next_scene_still_fires_on_the_scene_it_held_in():
+    story = Story(rule(WORSE))
+    story.see(0.0, scene(2.5))
+    assert story.see(2.0, scene(4.0)) == [(0, "mood.change <= -1.0 held 1 s: mood 4 → 2.5")]
+
+
+def test_nothing_fires_before_the_first_live_scene():
+    story = Story(rule("scene.age >= 1", 0.0))
+    assert story.tick(10.0) == []
+    assert len(story.see(11.0, scene(4.0))) == 1
+
+
+def test_rules_fire_in_their_order_and_none_after_one_that_cancels():
+    rules = (rule(WORSE, 1.0), rule(WORSE, 1.0, cancel=True), rule(WORSE, 2.0))
+    story = Story(*rules)
+    story.see(0.0, scene(2.0))
+    assert [index for index, _ in story.tick(1.0)] == [0, 1]
+    assert story.watch.over
+    assert story.tick(5.0) == []
+
+
+def test_a_replayed_run_settles_before_a_rule_may_hold():
+    story = Story(rule(WORSE, 0.0), settle_s=0.5)
+    assert story.see(0.1, scene(2.0)) == []
+    assert story.tick(0.4) == []
+    assert len(story.tick(0.5)) == 1
+
+
+@pytest.mark.parametrize(
+    ("when", "live", "fires"),
+    [
+        ("live.mood < 2", scene(1.5), True),
+        ("live.mood < 2", scene(2.0), False),
+        ("scene.mood == 4 and live.age == 5", scene(3.0, age=5.0), True),
+        ("live.person", scene(3.0), True),
+        ("not live.person", scene(3.0, person=False), True),
+        ("scene.person and not live.person", scene(NAN, person=False), True),
+        ("live.age >= 1", scene(3.0, age=NAN), False),
+        ("not live.age >= 1", scene(3.0, age=NAN), False),
+        ("1 / mood.change < 0", scene(4.0), False),
+        ("1 / mood.change < 0", scene(3.0), True),
+    ],
+)
+def test_a_condition_names_the_awarded_and_the_live_scene(when, live, fires):
+    assert bool(Story(rule(when, 0.0)).see(0.0, live)) is fires
+
+
+def test_a_missing_awarded_mood_is_replaced_by_the_first_live_one():
+    story = Story(rule(WORSE, 0.0), awarded=scene(NAN))
+    assert story.see(0.0, scene(3.0)) == []
+    assert story.see(1.0, scene(2.0)) == [(0, "mood.change <= -1.0 held 0 s: mood 3 → 2")]
+
+
+def test_a_run_without_rules_is_over_at_once():
+    assert Story().watch.over
+
+
+@pytest.mark.parametrize(
+    ("when", "hold_s", "give"),
+    [
+        ("mood.change <=", 1.0, 2),
+        ("", 1.0, 2),
+        ("mood.chnage <= 1", 1.0, 2),
+        ("live.stress >= 1", 1.0, 2),
+        ("__import__('os')", 1.0, 2),
+        ("live.mood", 1.0, 2),
+        ("mood.change and live.person", 1.0, 2),
+        (WORSE, -1.0, 2),
+        (WORSE, NAN, 2),
+        (WORSE, math.inf, 2),
+        (WORSE, 1.0, 0),
+        (WORSE, 1.0, 3),
+    ],
+)
+def test_a_rule_that_cannot_be_meant_is_refused(when, hold_s, give):
+    with pytest.raises(Refused) as refusal:
+        read_rule(when, hold_s, give, False, SPACE)
+    assert refusal.value.code == "BAD_RULE"
+    assert when in refusal.value.reason
+
+
+def test_a_space_without_a_mood_knows_no_mood_change():
+    space = SceneSpace(parameters=SPACE.parameters, mood=None)
+    with pytest.raises(Refused, match="BAD_RULE"):
+        read_rule(WORSE, 1.0, Kind.NEGATIVE, False, space)

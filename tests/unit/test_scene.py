@@ -1,0 +1,99 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The one validator of vectors: what it takes, and the name of every refusal."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from bt_agents.errors import Refused
+from bt_agents.scene import Origin, SceneParameter, SceneSpace, SceneValue
+
+NAN, INF = math.nan, math.inf
+
+SPACE = SceneSpace(
+    parameters=(
+        SceneParameter(name="age", minimum=1, maximum=5, default=3),
+        SceneParameter(name="mood", minimum=1, maximum=5, default=3),
+    ),
+    mood="mood",
+)
+
+
+def measured(name: str, value: float) -> SceneValue:
+    return SceneValue(name=name, value=value, origin=Origin.MEASURED)
+
+
+@pytest.mark.parametrize(
+    ("values", "code"),
+    [
+        ([NAN, 3], "NOT_FINITE"),
+        ([INF, 3], "NOT_FINITE"),
+        ([-INF, 3], "NOT_FINITE"),
+        ([], "WRONG_LENGTH"),
+        ([3], "WRONG_LENGTH"),
+        ([3, 3, 3], "WRONG_LENGTH"),
+        ([0.99, 3], "OUT_OF_RANGE"),
+        ([3, 5.01], "OUT_OF_RANGE"),
+        (["three", 3], "NOT_A_NUMBER"),
+        ([None, 3], "NOT_A_NUMBER"),
+    ],
+)
+def test_a_bad_vector_is_refused_with_its_name(values: list[float], code: str) -> None:
+    with pytest.raises(Refused) as refused:
+        SPACE.vector(values, what="bid of guide")
+    assert refused.value.code == code
+    assert refused.value.reason.startswith("bid of guide: ")
+
+
+def test_a_good_vector_is_returned_as_floats() -> None:
+    assert SPACE.vector([1, 5]) == (1.0, 5.0)
+
+
+def test_nan_stands_for_a_missing_value_only_where_that_is_allowed() -> None:
+    assert math.isnan(SPACE.vector([NAN, 5], missing=True)[0])
+    with pytest.raises(Refused):
+        SPACE.vector([INF, 5], missing=True)
+
+
+def test_named_values_are_put_in_order_and_every_name_is_needed() -> None:
+    assert SPACE.from_mapping({"mood": 2, "age": 4}) == (4.0, 2.0)
+    with pytest.raises(Refused, match="no value for mood"):
+        SPACE.from_mapping({"age": 4})
+    with pytest.raises(Refused, match="no scene parameter 'moood'; there are age, mood"):
+        SPACE.from_mapping({"age": 4, "moood": 2})
+
+
+@pytest.mark.parametrize(
+    ("values", "code"),
+    [
+        ([], "EMPTY"),
+        ([measured("age", 3)], "WRONG_LENGTH"),
+        ([measured("age", 3), measured("age", 3)], "DUPLICATE_PARAMETER"),
+        ([measured("age", 3), measured("size", 3)], "UNKNOWN_PARAMETER"),
+        ([measured("age", NAN), measured("mood", 3)], "NOT_FINITE"),
+        ([measured("age", 6), measured("mood", 3)], "OUT_OF_RANGE"),
+        (
+            [SceneValue(name="age", value=3, origin=Origin.MISSING), measured("mood", 3)],
+            "ORIGIN_MISMATCH",
+        ),
+    ],
+)
+def test_a_bad_scene_is_refused_with_its_name(values: list[SceneValue], code: str) -> None:
+    with pytest.raises(Refused) as refused:
+        SPACE.scene(values)
+    assert refused.value.code == code
+
+
+def test_a_scene_comes_back_in_the_order_of_the_space() -> None:
+    values = SPACE.scene([SceneValue.missing("mood"), measured("age", 4)])
+    assert [value.name for value in values] == ["age", "mood"]
+    assert values[0].value == 4
+    assert math.isnan(values[1].value)
+
+
+def test_clamping_moves_into_the_range_and_keeps_what_is_missing() -> None:
+    low, high = SPACE.clamp((0.0, 9.0))
+    assert (low, high) == (1.0, 5.0)
+    assert math.isnan(SPACE.clamp((NAN, 3.0))[0])

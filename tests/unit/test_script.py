@@ -1,0 +1,151 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A scripted play: one visit after the other, none skipped, none twice, none for ever."""
+
+from __future__ import annotations
+
+from bt_agents.language.specs import Change, Script, Visit
+from scene_layer.script import TAKEN_WITHIN_S, Market, Performance, answer
+
+
+def visit(label: str, **more: object) -> Visit:
+    return Visit(label=label, person=True, values={"mood": 3.0}, **more)
+
+
+def market(finished: str = "", *, idle: bool = True, agents: int = 1, epoch: str = "e") -> Market:
+    return Market(epoch=epoch, idle=idle, agents=agents, finished_scene_id=finished)
+
+
+def play(*visits: Visit, **more: object) -> Performance:
+    return Performance(Script(title="", visits=visits), **more)
+
+
+def begin(performance: Performance, scene_id: str, now: float = 0.0) -> Visit | None:
+    found = performance.next(now)
+    if found is not None:
+        performance.announced(scene_id)
+    return found
+
+
+def test_each_visit_begins_when_the_market_has_finished_the_one_before():
+    a, b = visit("a"), visit("b")
+    performance = play(a, b)
+    performance.market(market(), 0.0)
+    assert begin(performance, "s1") is a
+    performance.market(market(idle=False), 0.1)
+    assert not performance.over()
+    performance.market(market("s1"), 0.2)
+    assert performance.over()
+    assert begin(performance, "s2", 0.2) is b
+    assert not performance.over(), "the scene that is finished is the one before"
+    performance.market(market("s2"), 0.3)
+    assert performance.over()
+    assert performance.done
+    assert performance.next(0.4) is None
+
+
+def test_nothing_begins_before_the_market_is_known_idle_and_has_agents():
+    performance = play(visit("a"), wait_for_agents=3)
+    assert performance.next(0.0) is None
+    performance.market(market(agents=2), 0.0)
+    assert performance.next(0.0) is None
+    performance.market(market(agents=3, idle=False), 0.0)
+    assert performance.next(0.0) is None
+    performance.market(market(agents=3), 0.0)
+    assert performance.next(0.0) is not None
+
+
+def test_a_visit_is_over_though_the_market_has_turned_to_another_scene_already():
+    performance = play(visit("a"), visit("b"))
+    performance.market(market(), 0.0)
+    begin(performance, "s1")
+    performance.market(market("s1", idle=False), 1.0)
+    assert performance.over()
+    assert performance.next(1.0) is None
+    performance.market(market("foreign"), 2.0)
+    assert performance.next(2.0) is not None
+
+
+def test_a_restarted_market_gets_the_same_visit_again():
+    a = visit("a")
+    performance = play(a)
+    performance.market(market(), 0.0)
+    begin(performance, "s1")
+    performance.market(market(epoch="new"), 1.0)
+    assert performance.over()
+    assert not performance.done
+    assert begin(performance, "s2", 1.0) is a
+    performance.market(market("s2", epoch="new"), 2.0)
+    assert performance.over()
+    assert performance.done
+
+
+def test_a_scene_that_an_idle_market_leaves_lying_is_sent_again():
+    performance = play(visit("a"))
+    performance.market(market(), 0.0)
+    begin(performance, "s1", 10.0)
+    assert not performance.not_taken(10.0 + TAKEN_WITHIN_S)
+    assert performance.not_taken(10.1 + TAKEN_WITHIN_S)
+    assert not performance.not_taken(99.0)
+    assert begin(performance, "s2", 16.0) is not None
+
+
+def test_a_busy_market_may_take_as_long_as_it_likes():
+    performance = play(visit("a"))
+    performance.market(market(), 0.0)
+    begin(performance, "s1", 0.0)
+    performance.market(market(idle=False), 0.1)
+    assert not performance.not_taken(1000.0)
+
+
+def test_changes_come_once_at_their_time_after_the_run_started():
+    late = Change(after_s=3.0, values={"mood": 1.0})
+    early = Change(after_s=1.0, values={"mood": 2.0})
+    performance = play(visit("a", changes=(late, early)))
+    performance.market(market(), 0.0)
+    begin(performance, "s1")
+    assert performance.due(100.0) == []
+    performance.started("foreign", 100.0)
+    assert performance.due(200.0) == []
+    performance.started("s1", 200.0)
+    assert performance.due(200.9) == []
+    assert performance.due(201.0) == [early]
+    performance.started("s1", 202.6)
+    assert performance.due(203.0) == [late], "a second run of the scene starts no new clock"
+    assert performance.due(300.0) == []
+
+
+def test_a_faster_pace_brings_changes_sooner():
+    change = Change(after_s=10.0, values={"mood": 2.0})
+    performance = play(visit("a", changes=(change,)), pace=5.0)
+    performance.market(market(), 0.0)
+    begin(performance, "s1")
+    performance.started("s1", 0.0)
+    assert performance.due(1.9) == []
+    assert performance.due(2.0) == [change]
+
+
+def test_what_was_to_change_in_a_visit_that_is_over_does_not():
+    change = Change(after_s=1.0, values={"mood": 2.0})
+    performance = play(visit("a", changes=(change,)), visit("b"))
+    performance.market(market(), 0.0)
+    begin(performance, "s1")
+    performance.started("s1", 0.0)
+    performance.market(market("s1"), 0.5)
+    assert performance.over()
+    assert performance.due(5.0) == []
+    begin(performance, "s2", 6.0)
+    assert performance.due(9.0) == []
+
+
+def test_a_script_without_visits_is_done_at_once():
+    performance = play()
+    performance.market(market(), 0.0)
+    assert performance.done
+    assert performance.next(0.0) is None
+
+
+def test_the_first_word_that_occurs_in_a_question_decides_the_answer():
+    who = visit("a", answers={"Luggage": "yes", "go": "later"})
+    assert answer(who, "May I carry your luggage? Shall we go?") == "yes"
+    assert answer(who, "Shall we GO?") == "later"
+    assert answer(who, "What time is it?") == ""

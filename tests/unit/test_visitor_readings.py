@@ -1,0 +1,81 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What sensors read of a simulated visitor."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from bt_agents.language.specs import Position, SceneSpec, SourceSpec, Visit
+from bt_agents.scene import SceneParameter, SceneSpace
+from bt_agents_robot.people import PAUSE_S, field_value, nested, pause_after, readings
+
+SPACE = SceneSpace(
+    parameters=tuple(
+        SceneParameter(name=name, minimum=1.0, maximum=5.0, default=3.0)
+        for name in ("age", "mood")
+    )
+)
+
+
+def source(parameter: str, *points: tuple[float, float], stale_after_s: float = 5.0) -> SourceSpec:
+    return SourceSpec(
+        parameter=parameter,
+        topic=f"sensors/{parameter}",
+        type="std_msgs/msg/Float64",
+        field="data",
+        points=points,
+        stale_after_s=stale_after_s,
+        position=Position(file="scene.yaml", line=1, column=1),
+    )
+
+
+AGE = source("age", (0.0, 1.0), (80.0, 5.0))
+MOOD = source("mood")
+PERSON = source("person")
+SPEC = SceneSpec(space=SPACE, sources=(AGE, MOOD), person=PERSON)
+
+
+def test_values_are_turned_back_into_readings():
+    found = readings(SPEC, {"age": 3.0, "mood": 4.5}, person=True)
+    assert found == {AGE: 40.0, MOOD: 4.5, PERSON: 1.0}
+
+
+def test_what_nobody_knows_of_a_visitor_is_not_read():
+    found = readings(SPEC, {"mood": 4.5}, person=False)
+    assert math.isnan(found[AGE])
+    assert found[PERSON] == 0.0
+
+
+@pytest.mark.parametrize(
+    ("example", "reading", "value"),
+    [(False, 1.0, True), (False, 0.0, False), (0, 2.6, 3), (0, math.nan, 0), (0.0, 2.6, 2.6)],
+)
+def test_a_reading_takes_the_type_of_its_field(example, reading, value):
+    found = field_value(example, reading)
+    assert (found, type(found)) == (value, type(value))
+
+
+def test_a_field_of_text_cannot_carry_a_reading():
+    with pytest.raises(TypeError, match="boolean or a number"):
+        field_value("", 1.0)
+
+
+def test_paths_become_nested_fields():
+    fields = [("a.b", 1), ("a.c", 2), ("d", 3)]
+    assert nested(fields) == {"a": {"b": 1, "c": 2}, "d": 3}
+
+
+def visit(**values: float) -> Visit:
+    return Visit(label="", person=True, values=values)
+
+
+def test_the_next_visitor_comes_after_a_short_pause():
+    assert pause_after(SPEC, {"age", "mood"}, visit(age=1.0, mood=1.0), pace=1.0) == PAUSE_S
+    assert pause_after(SPEC, {"age"}, visit(age=1.0), pace=10.0) == pytest.approx(PAUSE_S / 10)
+
+
+def test_readings_of_the_last_visitor_are_stale_before_one_comes_who_is_less_known():
+    assert pause_after(SPEC, {"age", "mood"}, visit(mood=1.0), pace=10.0) > AGE.stale_after_s
+    assert pause_after(SPEC, {"age"}, None, pace=10.0) > AGE.stale_after_s
