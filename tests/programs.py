@@ -34,7 +34,8 @@ class Program:
             cwd=ROOT,
             start_new_session=True,
         )
-        threading.Thread(target=self._read, daemon=True).start()
+        self._reader = threading.Thread(target=self._read, daemon=True)
+        self._reader.start()
 
     def _read(self) -> None:
         assert self.process.stdout is not None
@@ -59,9 +60,16 @@ class Program:
             code = self.process.wait(limit_s)
         except subprocess.TimeoutExpired:
             pytest.fail(f"still running after {limit_s} s; its output:\n{self.output}")
+        self.close()
         while not self._lines.empty():
             self.output += self._lines.get()
         return code
+
+    def close(self) -> None:
+        """Read what is left once the process has ended."""
+        self._reader.join()
+        assert self.process.stdout is not None
+        self.process.stdout.close()
 
     def stop(self, number: int = signal.SIGINT) -> tuple[int, float]:
         """Send a signal; return the exit code and the time it took [s]."""

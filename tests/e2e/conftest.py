@@ -44,6 +44,7 @@ def start(environment: dict[str, str]) -> Iterator[Callable[..., Program]]:
                 except ProcessLookupError:
                     continue
             program.process.wait()
+            program.close()
 
 
 @pytest.fixture

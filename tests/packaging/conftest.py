@@ -126,7 +126,7 @@ def run(command: list[str], programs: Path, cwd: Path) -> str:
     """
     own = {"_ROS_WHEELS_BOOTSTRAP_COMPLETE", "AMENT_PREFIX_PATH", "LD_LIBRARY_PATH", "PYTHONPATH"}
     environment = {name: value for name, value in os.environ.items() if name not in own}
-    environment["PATH"] = f"{programs}:/usr/bin:/bin"
+    environment |= {"PATH": f"{programs}:/usr/bin:/bin", "XDG_STATE_HOME": str(cwd)}
     done = subprocess.run(
         command, cwd=cwd, env=environment, capture_output=True, text=True, check=False
     )

@@ -14,7 +14,7 @@ pytestmark = pytest.mark.packaging
 
 
 def test_every_package_is_built(install_space: Path):
-    built = {path.parents[1].name for path in install_space.glob("*/share/*/package.xml")}
+    built = {path.parent.name for path in install_space.glob("*/share/*/package.xml")}
     assert built == {package.name for package in PACKAGES}
 
 
@@ -24,12 +24,13 @@ def test_every_executable_is_where_ros_looks_for_it(install_space: Path):
         assert {path.name for path in folder.iterdir()} == set(package.executables())
 
 
-def test_the_command_of_the_workspace_says_its_version(
+def test_the_programs_of_the_workspace_play_an_experiment_together(
     sourced: Any, install_space: Path, pyproject: dict[str, Any]
 ):
-    command = install_space / "bt_agents" / "lib" / "bt_agents" / "bt-agents"
-    assert pyproject["project"]["version"] in sourced.run(str(command), "--version")
-    sourced.run(str(command), "check")
+    command = str(install_space / "bt_agents" / "lib" / "bt_agents" / "bt-agents")
+    assert pyproject["project"]["version"] in sourced.run(command, "--version")
+    sourced.run(command, "check")
+    assert "Experiment 1" in sourced.run(command, "experiment", "1")
 
 
 @pytest.mark.parametrize("package", PYTHON_PACKAGES, ids=lambda package: package.name)

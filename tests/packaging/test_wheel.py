@@ -32,9 +32,9 @@ def test_the_installed_interfaces_can_be_used(installed: Any):
     code = (
         "from bt_agents_interfaces import action, msg, srv\n"
         "print(action.RunAgent.Goal(scene=msg.Scene(scene_id='hall')).scene.scene_id)\n"
-        "print(srv.Analyze.Request().get_fields_and_field_types())"
+        "print(srv.Analyze.Request().label)"
     )
-    assert installed.python(code) == ["hall", "{}"]
+    assert installed.python(code) == ["hall", ""]
 
 
 def test_the_ament_index_knows_every_package_of_the_wheel(installed: Any):
@@ -53,3 +53,7 @@ def test_the_data_of_a_package_is_installed_with_its_folders(installed: Any, pac
 
 def test_the_installed_trees_have_no_errors(installed: Any):
     installed.run("bt-agents", "check")
+
+
+def test_the_installed_programs_play_an_experiment_together(installed: Any):
+    assert "Experiment 1" in installed.run("bt-agents", "experiment", "1")

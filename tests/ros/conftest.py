@@ -61,7 +61,13 @@ class Ros:
         return received
 
     def close(self) -> None:
-        """Destroy everything."""
+        """End what is under way, as the runner does, and destroy everything."""
+        for node in self.nodes:
+            if hasattr(node, "request_stop"):
+                node.request_stop()
+                end = time.monotonic() + 2.0
+                while not node.stopped() and time.monotonic() < end:
+                    self.executor.spin_once(timeout_sec=0.05)
         for node in list(self.nodes):
             self.remove(node)
         self.executor.shutdown()

@@ -21,7 +21,6 @@ if TYPE_CHECKING:
 
 _FIND_LIMIT_S = 3.0
 _DECIDE_LIMIT_S = 5.0
-_HISTORY_S = 1.0
 
 _STATES = ("idle", "bidding", "awarding", "running", "cancelling", "collecting feedback")
 
@@ -130,25 +129,18 @@ def cancel(reason: str) -> None:
 def status() -> None:
     """Show what runs, all agents with their profiles, and every problem."""
     with _system() as observer:
-        from bt_agents.ros.observer import profiles_by_agent
-
-        observer.turn_until(lambda: bool(observer.profiles and observer.cards), _HISTORY_S)
+        observer.turn_until(lambda: bool(observer.cards), _FIND_LIMIT_S)
         market = observer.market
         click.echo(f"market    {_STATES[market.state]}: {market.message}")
         click.echo(
             f"          round {market.round}, {market.queued} scenes waiting, "
             f"{market.hosts} hosts, {market.agents} agents"
         )
-        profiles = profiles_by_agent(observer.profiles) if observer.profiles else {}
         for host, card in sorted(observer.cards.items()):
             click.echo(f"host      {host}")
             for agent in card.agents:
-                vector = profiles.get(agent.name, agent.current)
-                values = ", ".join(
-                    f"{name} {value:.4g}"
-                    for name, value in zip(card.parameters, vector, strict=False)
-                )
-                click.echo(f"  {agent.name:<22} {values}  (revision {agent.revision})")
+                profile = _row(card.parameters, agent.current)
+                click.echo(f"  {agent.name:<22} {profile}  (revision {agent.revision})")
             for problem in card.problems:
                 click.echo(f"  problem: {problem}")
 
@@ -162,7 +154,8 @@ def why(round_number: int | None) -> None:
 
         auctions = client.decisions(observer)
         observer.turn_until(
-            lambda: bool(auctions) and auctions[-1].round >= observer.market.round, _HISTORY_S
+            lambda: (auctions[-1].round if auctions else 0) >= observer.market.round,
+            _FIND_LIMIT_S,
         )
         found = [a for a in auctions if round_number is None or a.round == round_number]
         if not found:
@@ -201,7 +194,7 @@ def feedback(kind: str, values: tuple[tuple[str, float], ...], agent: str, reaso
     with _system() as observer:
         from bt_agents.ros import client
 
-        observer.turn_until(lambda: observer.profiles is not None, _HISTORY_S)
+        observer.turn_until(lambda: observer.profiles is not None, _FIND_LIMIT_S)
         wanted = _wanted(observer, values) if kind == "direct" else _columns(values)[1]
         answer = client.give_feedback(observer, agent, kind, wanted, reason)
         change = _accepted(answer, "the feedback node").feedback

@@ -19,7 +19,7 @@ from rich.table import Table
 
 from bt_agents.cli import system
 from bt_agents.cli.interrupt import Interrupt
-from bt_agents.cli.supervisor import Supervisor, keep_local
+from bt_agents.cli.supervisor import Component, Supervisor, keep_local
 from bt_agents.domain import reserve_domain
 from bt_agents.errors import BtAgentsError
 from bt_agents.experiment import ExperimentSpec, Record, deviation
@@ -94,23 +94,26 @@ def _through_ros(
     with tempfile.TemporaryDirectory(prefix="bt-agents-experiment-") as scratch:
         script = Path(scratch) / "script.yaml"
         script.write_text(_script(spec, folder.scene.space))
-        supervisor = Supervisor(
-            [
+        supervisor = Supervisor(system.new_log_folder())
+        try:
+            supervisor.start(
                 system.market(path),
                 system.host(path),
                 system.feedback(path, ledger=":memory:", simulated=path / "experiment.yaml"),
-                system.scene_layer(path, script, agents=len(folder.agents)),
-            ],
-            system.new_log_folder(),
-        )
-        try:
-            supervisor.start()
-            return _record(supervisor, spec, interrupt)
+            )
+            scenes = system.scene_layer(path, script, agents=len(folder.agents))
+            return _record(supervisor, scenes, len(folder.agents), spec, interrupt)
         finally:
             supervisor.stop()
 
 
-def _record(supervisor: Supervisor, spec: ExperimentSpec, interrupt: Interrupt) -> list[Record]:
+def _record(
+    supervisor: Supervisor,
+    scenes: Component,
+    agents: int,
+    spec: ExperimentSpec,
+    interrupt: Interrupt,
+) -> list[Record]:
     from bt_agents.ros import client
     from bt_agents.ros.observer import Observer
 
@@ -118,6 +121,9 @@ def _record(supervisor: Supervisor, spec: ExperimentSpec, interrupt: Interrupt) 
     recorder = _Recorder()
     client.record(observer, recorder.auction, recorder.feedback)
     try:
+        if not observer.turn_until(lambda: bool(interrupt) or observer.ready(agents), _STALL_S):
+            raise BtAgentsError(supervisor.dead() or f"not ready after {_STALL_S:g} s")
+        supervisor.start(scenes)
         with Progress(transient=True) as progress:
             task = progress.add_task(spec.title, total=spec.rounds)
             last_change = time.monotonic()

@@ -79,28 +79,22 @@ def up(directory: str, robot: bool, voice: bool, ledger: str) -> None:
 def _run(components: Sequence[Component], trees: Path, interrupt: Interrupt, demo: bool) -> int:
     start = time.monotonic()
     keep_local(os.environ)
+    from bt_agents.ros.interfaces import InstalledInterfaces
     from bt_agents.ros.observer import Observer, profiles_by_agent
 
     console = Console()
-    folder = read_trees(trees)
+    folder = read_trees(trees, InstalledInterfaces())
     _show_broken(console, folder)
-    supervisor = Supervisor(components, system.new_log_folder())
+    if not folder.agents:
+        raise BtAgentsError(f"there is no agent to run in {trees / 'agents'}")
+    supervisor = Supervisor(system.new_log_folder())
     story = Story(console, folder.scene.space)
     try:
-        supervisor.start()
+        supervisor.start(*components)
         observer = Observer(story)
         try:
             ready = observer.turn_until(
-                lambda: bool(
-                    interrupt
-                    or supervisor.dead()
-                    or (
-                        observer.market
-                        and observer.market.agents >= len(folder.agents)
-                        and observer.profiles
-                        and observer.cards
-                    )
-                ),
+                lambda: bool(interrupt or supervisor.dead()) or observer.ready(len(folder.agents)),
                 _READY_LIMIT_S,
             )
             if interrupt:
@@ -138,7 +132,7 @@ def _run(components: Sequence[Component], trees: Path, interrupt: Interrupt, dem
 def _show_broken(console: Console, folder: Trees) -> None:
     for broken in folder.broken:
         console.print("[yellow]left out, the other agents run:[/]")
-        console.print(broken.error.report, markup=False, highlight=False)
+        console.print(broken.error.report, markup=False, highlight=False, soft_wrap=True)
 
 
 def _welcome(console: Console, cards: object, demo: bool, seconds: float) -> None:

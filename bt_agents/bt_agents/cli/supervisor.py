@@ -71,17 +71,16 @@ class Supervisor:
     """Starts components, each with its own log file, and ends them in order.
 
     Args:
-        components: In the order of starting.
         logs: Folder for the log files; made when absent.
     """
 
-    def __init__(self, components: Sequence[Component], logs: Path) -> None:
-        self._components = components
+    def __init__(self, logs: Path) -> None:
+        self._components: list[Component] = []
         self._logs = logs
         self._processes: dict[str, subprocess.Popen[bytes]] = {}
 
-    def start(self) -> None:
-        """Start all processes; they get their own session, so that a Ctrl-C reaches only us."""
+    def start(self, *components: Component) -> None:
+        """Start processes; they get their own session, so that a Ctrl-C reaches only us."""
         self._logs.mkdir(parents=True, exist_ok=True)
         environment = {
             **os.environ,
@@ -89,7 +88,8 @@ class Supervisor:
             "RCUTILS_COLORIZED_OUTPUT": "0",
             "PYTHONUNBUFFERED": "1",
         }
-        for component in self._components:
+        for component in components:
+            self._components.append(component)
             with self.log(component.name).open("wb") as log:
                 self._processes[component.name] = subprocess.Popen(
                     component.command(),

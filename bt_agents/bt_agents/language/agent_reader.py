@@ -102,7 +102,7 @@ class _AgentFile:
     def _tunables(self) -> dict[str, Tunable | None]:
         """Return the tunables by name; of one that is wrong only the name is known."""
         tunables: dict[str, Tunable | None] = {}
-        for entry in self._fields.entries("tunables", "'tunables', a mapping of names"):
+        for entry in self._fields.entries("tunables", "names and tunables"):
             name = read_new_name(self._reading, entry.key, "a tunable")
             if name == "learning_rate":
                 self._reading.error(
@@ -192,7 +192,7 @@ class _AgentFile:
             return None, None
         left = MAX_NODES
         if tree is not None:
-            expanded = expansion.expand(tree, left)
+            expanded = expansion.expand(tree)
             tree, size = expanded if expanded is not None else (None, 0)
             left -= size
         if on_cancel is not None:
@@ -202,7 +202,7 @@ class _AgentFile:
 
     def _subtree_entries(self) -> dict[str, Fields]:
         subtrees: dict[str, Fields] = {}
-        for entry in self._fields.entries("subtrees", "'subtrees', a mapping of names"):
+        for entry in self._fields.entries("subtrees", "names and subtrees"):
             name = self._reading.name(entry.key, "the name of a subtree")
             fields = self._reading.fields(
                 entry.value,
@@ -245,7 +245,7 @@ class _AgentFile:
     def _refuse_unused(
         self, name: str, fields: Fields, inputs: tuple[FieldSpec, ...], inner: Names
     ) -> None:
-        declared = fields.entries("inputs", "'inputs'")
+        declared = fields.entries("inputs", "names and types")
         keys = {entry.key.text: entry.key for entry in declared}
         for one in inputs:
             if one.name not in inner.used:

@@ -23,6 +23,7 @@ CODES = {
     "too-deep": "Lists and mappings are nested more than 64 deep.",
     "too-many-values": "The file holds more than 50,000 values.",
     "anchor": "Anchors (&name) and aliases (*name) are not part of this language.",
+    "too-long": "One text has more than 20,000 characters.",
     "tag": "Tags (!name) are not part of this language.",
     "merge-key": "The merge key (<<) is not part of this language.",
     "several-documents": "A second document starts in the file (---).",
@@ -67,6 +68,9 @@ CODES = {
 
 MAX_SHOWN = 100
 """So many errors of one file are shown; more help nobody."""
+
+MAX_COLLECTED = 500
+"""After so many errors reading ends: what is being read is no script."""
 
 _EXCERPT_WIDTH = 96
 _LONGEST_WORD = 64
@@ -119,13 +123,19 @@ class Diagnostics:
         hint: str = "",
         end: Position | None = None,
     ) -> None:
-        """Add a problem; the same one at the same place counts once."""
+        """Add a problem; as :meth:`append`."""
         self.append(Diagnostic(code=code, position=position, message=message, hint=hint, end=end))
 
     def append(self, diagnostic: Diagnostic) -> None:
-        """Add a problem; the same one at the same place counts once."""
+        """Add a problem; the same one at the same place counts once.
+
+        Raises:
+            ReadError: There are so many that reading on makes no sense.
+        """
         key = (diagnostic.position, diagnostic.code, diagnostic.message)
         self._found.setdefault(key, diagnostic)
+        if len(self._found) >= MAX_COLLECTED:
+            raise self.error()
 
     def sorted(self) -> list[Diagnostic]:
         """Return the problems in the order of the file."""
@@ -151,7 +161,8 @@ def as_error(problems: Iterable[tuple[Diagnostic, SourceText | None]]) -> ReadEr
     blocks = [render(diagnostic, source) for diagnostic, source in listed[:MAX_SHOWN]]
     lines = [str(diagnostic) for diagnostic, _ in listed[:MAX_SHOWN]]
     if len(listed) > MAX_SHOWN:
-        more = f"{listed[0][0].position.file}: … and {len(listed) - MAX_SHOWN} more errors"
+        count = len(listed) - MAX_SHOWN
+        more = f"{listed[0][0].position.file}: … and {count} or more other errors"
         blocks.append(more)
         lines.append(more)
     return ReadError("\n".join(blocks), tuple(lines))
@@ -209,21 +220,27 @@ def shown(text: str) -> str:
     return f"'{flat}'" if len(flat) <= 40 else f"'{flat[:39]}…'"
 
 
+def nearest(word: str, known: Iterable[str]) -> str | None:
+    """Return the known word that is most like another one, None when none is."""
+    if len(word) > _LONGEST_WORD:
+        return None
+    words = list(known)
+    tail = next((other for other in words if other.rpartition(".")[2] == word), None)
+    if tail is not None:
+        return tail
+    folded = {other.casefold(): other for other in reversed(words)}
+    alike = difflib.get_close_matches(word.casefold(), list(folded), n=1, cutoff=0.6)
+    return folded[alike[0]] if alike else None
+
+
 def did_you_mean(word: str, known: Iterable[str]) -> str:
     """Return a hint for a word that is not known: the most similar one, else all of a few."""
     words = list(known)
-    folded = {other.casefold(): other for other in reversed(words)}
-    near: str | None = None
-    if len(word) <= _LONGEST_WORD:
-        tail = [other for other in words if other.rpartition(".")[2] == word]
-        alike = difflib.get_close_matches(word.casefold(), list(folded), n=1, cutoff=0.6)
-        near = tail[0] if tail else folded[alike[0]] if alike else None
-    strange = next((c for c in word if not c.isascii() and c.isalpha()), None)
+    near = nearest(word, words)
     if near is not None:
-        hint = f"did you mean '{near}'?"
-        if strange is not None:
-            hint += f" ('{strange}' is {unicodedata.name(strange, 'not a plain letter')})"
-        return hint
+        strange = next((c for c in word if not c.isascii()), None)
+        name = unicodedata.name(strange, "an unusual character") if strange is not None else ""
+        return f"did you mean '{near}'?" + (f" ('{strange}' is {name})" if name else "")
     if not words:
         return ""
     return f"possible here: {', '.join(words[:16])}{', …' if len(words) > 16 else ''}"

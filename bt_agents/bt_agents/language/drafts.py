@@ -143,7 +143,7 @@ def _children(
         options = {e.key.text: e for e in listed.entries if e.value is not written}
         listed = written
     if not isinstance(listed, Sequence):
-        reading.wrong_type(listed, f"the children of '{kind.key}', a list of nodes")
+        reading.wrong_type(listed, f"the children of '{kind.key}'", "a list of nodes")
         return options, ()
     if not listed.items:
         reading.error("no-children", listed, f"'{kind.key}' has no children", "add a '-' item")

@@ -72,7 +72,7 @@ def _feedback(reading: FileReading, node: Node, space: SceneSpace) -> SimulatedF
             "add 'each: {agent: {…}}'",
         )
     each: dict[str, Vector] = {}
-    for entry in fields.entries("each", "'each', a mapping of agents and their feedback"):
+    for entry in fields.entries("each", "agents and their feedback"):
         agent = reading.name(entry.key, "the name of an agent")
         vector = _opinion(reading, entry.value, space)
         if agent is not None and vector is not None:

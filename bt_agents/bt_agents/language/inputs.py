@@ -31,7 +31,7 @@ def read_inputs(reading: FileReading, node: Node, what: str) -> tuple[FieldSpec,
     """Return declared inputs; what is wrong with one is reported, the input kept if possible."""
     inputs = (
         _read_input(reading, entry)
-        for entry in reading.entries(node, f"the inputs of {what}, a mapping of name and type")
+        for entry in reading.entries(node, f"the inputs of {what}", "names and types")
     )
     return tuple(one for one in inputs if one is not None)
 

@@ -73,6 +73,6 @@ def _outputs(
     check = result_check(kind, type_name, interfaces)
     paths = {
         entry.key.text: read_output(reading, entry.value, f"output '{entry.key.text[:40]}'", check)
-        for entry in fields.entries("outputs", "'outputs', a mapping of names and fields")
+        for entry in fields.entries("outputs", "names and fields")
     }
     return {name: path for name, path in paths.items() if path is not None}

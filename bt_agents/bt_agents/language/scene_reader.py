@@ -37,7 +37,7 @@ def read_scene_text(text: str, file: str, interfaces: Interfaces | None = None) 
 
 def _read(reading: FileReading, interfaces: Interfaces | None) -> SceneSpec:
     fields = reading.document("scene.yaml", ("parameters", "mood", "sources"), ("parameters",))
-    entries = fields.entries("parameters", "'parameters', a mapping of names")
+    entries = fields.entries("parameters", "names and parameters")
     if not entries and fields.get("parameters") is not None:
         reading.error(
             "missing-value", fields.nodes["parameters"], "there is no parameter", "add one"
@@ -47,7 +47,7 @@ def _read(reading: FileReading, interfaces: Interfaces | None) -> SceneSpec:
     names = [name for name, _ in read]
     mood = _mood(reading, fields, names)
     sources: dict[str, SourceSpec] = {}
-    for entry in fields.entries("sources", "'sources', a mapping of parameters"):
+    for entry in fields.entries("sources", "parameters and sources"):
         if entry.key.text != PERSON and entry.key.text not in names:
             reading.error(
                 "unknown-name",
@@ -90,7 +90,7 @@ def _parameter(reading: FileReading, entry: Entry) -> SceneParameter | None:
             "out-of-range",
             fields.nodes["max"],
             f"'max' of {what} is {maximum:g}, which is not more than 'min', {minimum:g}",
-            "swap the two",
+            "make 'max' the larger one",
         )
         minimum = maximum = None
     default = fields.number("default", minimum, maximum)
@@ -112,7 +112,7 @@ def _labels(
     reading: FileReading, fields: Fields, minimum: float | None, maximum: float | None
 ) -> dict[float, str]:
     labels: dict[float, str] = {}
-    for entry in fields.entries("labels", "'labels', a mapping of values and words"):
+    for entry in fields.entries("labels", "values and words"):
         value = reading.number(entry.key, "the value of a label", minimum, maximum)
         text = reading.text(entry.value, "a label")
         if value is not None and text is not None:
@@ -201,7 +201,7 @@ def _points(
 ) -> tuple[tuple[float, float], ...]:
     """Return a linear map as (reading, value) pairs, readings rising."""
     points: dict[float, float] = {}
-    entries = reading.entries(node, "'map', a mapping of readings and values")
+    entries = reading.entries(node, "'map'", "readings and values")
     limits = (parameter.minimum, parameter.maximum) if parameter is not None else (None, None)
     for entry in entries:
         value = reading.number(entry.value, "a value of 'map'", *limits)

@@ -76,7 +76,7 @@ def _change(reading: FileReading, node: Node, space: SceneSpace) -> Change | Non
 
 def _answers(reading: FileReading, fields: Fields) -> dict[str, str]:
     answers: dict[str, str] = {}
-    for entry in fields.entries("answers", "'answers', a mapping of words and answers"):
+    for entry in fields.entries("answers", "words and answers"):
         text = reading.text(entry.value, "an answer")
         if text is not None:
             answers[entry.key.text] = text
@@ -85,7 +85,7 @@ def _answers(reading: FileReading, fields: Fields) -> dict[str, str]:
 
 def _buttons(reading: FileReading, fields: Fields) -> dict[str, str]:
     buttons: dict[str, str] = {}
-    for entry in fields.entries("buttons", "'buttons', a mapping of topics and words"):
+    for entry in fields.entries("buttons", "topics and words"):
         topic = read_ros_name(reading, entry.key, "the topic of a button")
         words = reading.text(entry.value, "the words of the robot after which it is pressed")
         if topic is not None and words is not None:

@@ -10,7 +10,7 @@ from typing import TypeVar
 
 from bt_agents.errors import Refused
 from bt_agents.language import quantities
-from bt_agents.language.diagnostics import Diagnostics, did_you_mean, shown
+from bt_agents.language.diagnostics import Diagnostics, did_you_mean, nearest, shown
 from bt_agents.language.scalars import boolean
 from bt_agents.language.source import Source, read_source
 from bt_agents.language.specs import Position
@@ -35,6 +35,8 @@ class FileReading:
         self.source = source
         self.problems = Diagnostics(source)
         self.root = read_yaml(source, self.problems)
+        self._aligned_span = (-1, -1)
+        self._aligned: list[int] = []
 
     @classmethod
     def of(cls, path: Path) -> FileReading:
@@ -64,25 +66,11 @@ class FileReading:
         )
 
     def _index(self, scalar: Scalar, offset: int) -> int:
-        """Return the place in the file of a character of a scalar's text.
-
-        Folding, indentation and escapes make the two differ; every visible character is there in
-        the same order, though, so counting those leads to the place.
-        """
-        start, end = scalar.span
-        written = self.source.text[start:end]
-        whole = written.find(scalar.text) if scalar.text else -1
-        if whole >= 0:
-            return min(start + whole + offset, max(end - 1, start))
-        at = 0
-        for character in scalar.text[: offset + 1]:
-            if character.isspace():
-                continue
-            found = written.find(character, at)
-            if found < 0:
-                break
-            at = found + 1
-        return start + max(at - 1, 0)
+        """Return the place in the file of a character of a scalar's text."""
+        if scalar.span != self._aligned_span:
+            self._aligned_span = scalar.span
+            self._aligned = _aligned(scalar, self.source.text[slice(*scalar.span)])
+        return scalar.span[0] + self._aligned[min(max(offset, 0), len(self._aligned) - 1)]
 
     def document(
         self, what: str, known: Collection[str], required: Collection[str] = ()
@@ -128,8 +116,11 @@ class FileReading:
             at_start: Report a missing key at the start instead of the whole mapping.
         """
         if not isinstance(node, Mapping):
-            self.wrong_type(node, f"{what} with the keys {_listed(known)}", "a mapping")
+            keys = required or known
+            self.wrong_type(node, what, f"a mapping with the keys {_listed(keys)}")
             return None
+        nodes = {e.key.text: e.value for e in node.entries if e.key.text in known}
+        missing = [key for key in required if key not in nodes]
         for entry in node.entries:
             if entry.key.text not in known:
                 self.error(
@@ -138,8 +129,9 @@ class FileReading:
                     f"{what} has no key {shown(entry.key.text)}",
                     did_you_mean(entry.key.text, known),
                 )
-        nodes = {e.key.text: e.value for e in node.entries if e.key.text in known}
-        missing = [key for key in required if key not in nodes]
+                # A key that is there with a slip in it is not missing as well.
+                meant = nearest(entry.key.text, missing)
+                missing = [key for key in missing if key != meant]
         if missing:
             self.error(
                 "missing-key",
@@ -150,20 +142,21 @@ class FileReading:
         keys = {entry.key.text: entry.key for entry in node.entries}
         return Fields(self, what, node, nodes, keys)
 
-    def wrong_type(self, node: Node, expected: str, short: str = "") -> None:
+    def wrong_type(self, node: Node, what: str, expected: str) -> None:
         """Report that something else than expected stands here."""
         if isinstance(node, Scalar) and node.empty:
-            self.error("missing-value", node, f"nothing is written here, expected {expected}")
+            self.error(
+                "missing-value", node, f"{what}: nothing is written here, expected {expected}"
+            )
             return
-        hint = ""
-        if isinstance(node, Mapping) and short != "a mapping":
-            hint = "if it is meant as text, put it in quotes"
-        self.error("wrong-type", node, f"expected {expected}, found {found(node)}", hint)
+        meant = isinstance(node, Mapping) and expected == "a text"
+        hint = "if it is meant as text, put it in quotes" if meant else ""
+        self.error("wrong-type", node, f"{what}: expected {expected}, found {found(node)}", hint)
 
     def text(self, node: Node, what: str, *, empty: bool = False) -> str | None:
         """Return a text; a number or ``true`` is taken as it is written."""
         if not isinstance(node, Scalar):
-            self.wrong_type(node, f"{what}, a text")
+            self.wrong_type(node, what, "a text")
             return None
         if node.empty and node.text not in ("", "~") and not empty:
             self.error(
@@ -220,7 +213,7 @@ class FileReading:
         self, node: Node, what: str, expected: str, convert: Callable[[str], T], code: str
     ) -> T | None:
         if not isinstance(node, Scalar) or node.empty:
-            self.wrong_type(node, f"{what}, {expected}")
+            self.wrong_type(node, what, expected)
             return None
         try:
             return convert(node.text)
@@ -246,7 +239,7 @@ class FileReading:
     def boolean(self, node: Node, what: str) -> bool | None:
         """Return true or false."""
         if not isinstance(node, Scalar) or node.empty:
-            self.wrong_type(node, f"{what}, true or false")
+            self.wrong_type(node, what, "true or false")
             return None
         value = boolean(node.text)
         if value is None:
@@ -277,14 +270,14 @@ class FileReading:
         """Return the items of a list, none when it is no list."""
         if isinstance(node, Sequence):
             return node.items
-        self.wrong_type(node, f"{what}, a list")
+        self.wrong_type(node, what, "a list")
         return ()
 
-    def entries(self, node: Node, what: str) -> tuple[Entry, ...]:
-        """Return the entries of a mapping, none when it is no mapping."""
+    def entries(self, node: Node, what: str, of: str) -> tuple[Entry, ...]:
+        """Return the entries of a mapping of something, none when it is no mapping."""
         if isinstance(node, Mapping):
             return node.entries
-        self.wrong_type(node, what, "a mapping")
+        self.wrong_type(node, what, f"a mapping of {of}")
         return ()
 
     def parameter(self, key: Scalar, space: SceneSpace) -> SceneParameter | None:
@@ -303,7 +296,7 @@ class FileReading:
     def values(self, node: Node, what: str, space: SceneSpace) -> dict[str, float]:
         """Return values of some scene parameters, each in its range."""
         found: dict[str, float] = {}
-        for entry in self.entries(node, f"{what}, a value for each of {', '.join(space.names)}"):
+        for entry in self.entries(node, what, f"values of {', '.join(space.names)}"):
             parameter = self.parameter(entry.key, space)
             value = self.number(entry.value, entry.key.text) if parameter else None
             if parameter is None or value is None:
@@ -395,14 +388,31 @@ class Fields:
         """Return the items of a list, none when it is not there."""
         return self._read(key, self._reading.items) or ()
 
-    def entries(self, key: str, what: str) -> tuple[Entry, ...]:
-        """Return the entries of a mapping, none when it is not there."""
-        node = self.nodes.get(key)
-        return () if node is None else self._reading.entries(node, what)
+    def entries(self, key: str, of: str) -> tuple[Entry, ...]:
+        """Return the entries of a mapping of something, none when it is not there."""
+        return self._read(key, lambda n, w: self._reading.entries(n, w, of)) or ()
 
     def _read(self, key: str, read: Callable[[Node, str], T | None]) -> T | None:
         node = self.nodes.get(key)
         return None if node is None else read(node, f"'{key}'")
+
+
+def _aligned(scalar: Scalar, written: str) -> list[int]:
+    """Return the place in ``written`` of every character of a scalar's text, and of its end.
+
+    Folding, indentation and escapes make the two differ; every visible character is there in the
+    same order, though, so looking for one after the other finds them.
+    """
+    whole = written.find(scalar.text)
+    if whole >= 0:
+        return [whole + i for i in range(len(scalar.text) + 1)]
+    places: list[int] = []
+    at = 0
+    for character in scalar.text:
+        place = -1 if character.isspace() else written.find(character, at)
+        places.append(place if place >= 0 else min(at, len(written) - 1))
+        at = place + 1 if place >= 0 else at
+    return [*places, min(at, len(written) - 1)]
 
 
 def found(node: Node) -> str:

@@ -67,7 +67,7 @@ def _read_file(
     reading: FileReading, interfaces: Interfaces | None, skills: dict[str, SkillSpec]
 ) -> None:
     fields = reading.document("a skills file", ("skills",), ("skills",))
-    for entry in fields.entries("skills", "'skills', a mapping of names and skills"):
+    for entry in fields.entries("skills", "names and skills"):
         name = read_new_name(reading, entry.key, "a skill")
         if name is not None and not _is_free(reading, entry, skills):
             name = None
@@ -192,7 +192,7 @@ def _read_outputs(
     check = result_check(kind, known_type, interfaces)
     outputs: list[FieldSpec] = []
     paths: dict[str, str] = {}
-    for entry in fields.entries("outputs", "'outputs', a mapping of names and fields"):
+    for entry in fields.entries("outputs", "names and fields"):
         name = read_new_name(reading, entry.key, "an output")
         one = reading.fields(
             entry.value, f"output '{entry.key.text[:40]}'", ("type", "from", "description")

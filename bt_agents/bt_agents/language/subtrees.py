@@ -37,21 +37,29 @@ class Expansion:
         self._sizes: dict[str, tuple[int, int]] = {}
 
     def refuse_recursion(self) -> bool:
-        """Report every subtree that contains itself; return whether there is one."""
+        """Report every subtree that contains itself; return whether there is one.
+
+        Subtrees are finished, and measured, after all that they call: no chain is too long for it.
+        """
         called = {name: self._called(body) for name, body in self._bodies.items()}
         found = False
         finished: set[str] = set()
         for start in self._bodies:
-            chain = [start]
-            iterators = [iter(called[start].items())]
-            while iterators:
-                name, position = next(iterators[-1], (None, None))
-                if name is None or position is None:
-                    iterators.pop()
-                    finished.add(chain.pop())
+            if start in finished:
+                continue
+            # The subtrees that lead to the current one, each with the calls still to be followed.
+            chain = {start: iter(called[start].items())}
+            while chain:
+                current, calls = next(reversed(chain.items()))
+                name, position = next(calls, ("", None))
+                if position is None:
+                    del chain[current]
+                    finished.add(current)
+                    self._sizes[current] = self._size(self._bodies[current])
                 elif name in chain:
                     found = True
-                    loop = " → ".join([*chain[chain.index(name) :], name])
+                    names = list(chain)
+                    loop = " → ".join([*names[names.index(name) :], name])
                     self._reading.error(
                         "recursion",
                         position,
@@ -59,8 +67,7 @@ class Expansion:
                         "use 'repeat' to do something again",
                     )
                 elif name not in finished:
-                    chain.append(name)
-                    iterators.append(iter(called[name].items()))
+                    chain[name] = iter(called[name].items())
         return found
 
     def expand(self, root: NodeSpec, budget: int = MAX_NODES) -> tuple[NodeSpec, int] | None:
@@ -71,12 +78,12 @@ class Expansion:
         """
         size, depth = self._size(root)
         if size > budget or depth > MAX_DEPTH:
-            found = f"{size} nodes" if size > budget else f"{depth} levels"
+            limit = f"{MAX_NODES:,} nodes" if size > budget else f"{MAX_DEPTH} levels"
             self._reading.error(
                 "tree-too-large",
                 root.position,
-                f"the tree has {found} with its subtrees, at most {MAX_NODES} nodes in "
-                f"{MAX_DEPTH} levels are possible",
+                f"the trees of this agent have more than {limit}, subtrees counted wherever they "
+                "are used",
                 "use 'repeat', or split the agent",
             )
             return None
@@ -98,11 +105,7 @@ class Expansion:
         """Return how many nodes and levels a tree has with its subtrees in place."""
         sizes = [self._size(child) for child in spec.children]
         if spec.kind == "subtree":
-            name = self._calls[spec.position]
-            if name in self._bodies:
-                if name not in self._sizes:
-                    self._sizes[name] = self._size(self._bodies[name])
-                sizes.append(self._sizes[name])
+            sizes.append(self._sizes.get(self._calls[spec.position], (0, 0)))
         return 1 + sum(s for s, _ in sizes), 1 + max((d for _, d in sizes), default=0)
 
     def _expanded(self, spec: NodeSpec, prefix: str) -> NodeSpec:

@@ -233,7 +233,7 @@ class TreeReader:
         return check
 
     def _set(self, draft: Draft, path: str, names: Names) -> NodeSpec | None:
-        entries = self._reading.entries(draft.value, "'set', a mapping of names and values")
+        entries = self._reading.entries(draft.value, "'set'", "names and values")
         if isinstance(draft.value, MappingNode) and not entries:
             self._reading.error(
                 "missing-value", draft.value, "'set' sets nothing", "write set: {name: value}"
@@ -265,10 +265,8 @@ class TreeReader:
             nodes = fields.nodes if fields is not None else {}
         elif not self._all_defaults(draft):
             if skill.main is None:
-                known_words = ", ".join(f"{one.name}: …" for one in skill.inputs)
-                self._reading.wrong_type(
-                    value, f"'{skill.name}' with its fields {{{known_words}}}"
-                )
+                words = ", ".join(f"{one.name}: …" for one in skill.inputs)
+                self._reading.wrong_type(value, f"'{skill.name}'", f"its fields {{{words}}}")
                 return None
             nodes = {skill.main: value}
             missing = [o.name for o in skill.inputs if o.required and o.name != skill.main]

@@ -34,7 +34,7 @@ def read_tunable(reading: FileReading, entry: Entry, name: str) -> Tunable | Non
     if fields is None or default is None:
         return None
     if not isinstance(default, Scalar) or default.empty:
-        reading.wrong_type(default, f"the default of {what}, a number, time, text, true or false")
+        reading.wrong_type(default, f"the default of {what}", "a number, time or text")
         return None
     before = len(reading.problems)
     field_type = _type(default, [fields.get(key) for key in _RANGE])
@@ -146,7 +146,7 @@ def _range(
             "out-of-range",
             fields.nodes["max"],
             f"'max' of {what} is {maximum:g}, which is not more than 'min', {minimum:g}",
-            "swap the two",
+            "make 'max' the larger one",
         )
     if step is not None and (step <= 0 or minimum is None):
         reading.error(

@@ -70,7 +70,7 @@ def read_value(
         return _read_any(reading, node, names, what)
     expected = _EXPECTED[field_type]
     if not isinstance(node, Scalar):
-        reading.wrong_type(node, f"{what}, {expected}")
+        reading.wrong_type(node, what, expected)
         return None
     parts = split(reading, node)
     if parts is None or not _known(reading, node, names):
@@ -179,7 +179,7 @@ def read_map(reading: FileReading, node: Node, names: Names, what: str) -> MapVa
     """Return a mapping of values of any type; what is wrong in it is reported and left out."""
     values = {
         entry.key.text: _read_any(reading, entry.value, names, f"'{entry.key.text}'")
-        for entry in reading.entries(node, f"{what}, a mapping of fields")
+        for entry in reading.entries(node, what, "fields and values")
     }
     return MapValue(items={key: value for key, value in values.items() if value is not None})
 
@@ -245,7 +245,7 @@ def _known(reading: FileReading, node: Scalar, names: Names) -> bool:
 def read_condition(reading: FileReading, node: Node, names: Names, what: str) -> Expression | None:
     """Return a condition; None when it is none, which is then reported."""
     if not isinstance(node, Scalar) or node.empty:
-        reading.wrong_type(node, f"{what}, a condition such as scene.age >= 4")
+        reading.wrong_type(node, what, "a condition such as scene.age >= 4")
         return None
     try:
         expression = parse_expression(node.text, kind_of=names.kind_of)

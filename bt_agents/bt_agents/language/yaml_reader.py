@@ -20,6 +20,9 @@ MAX_DEPTH = 64
 MAX_NODES = 50_000
 """Scalars, lists and mappings of one file."""
 
+MAX_TEXT = 20_000
+"""Characters of one scalar."""
+
 # Also what breaks lines in some programs only (U+0085, U+2028, U+2029), hides (U+FEFF) or turns
 # the reading direction: no script needs it, and nobody would see it.
 _BAD_CHARACTER = re.compile(
@@ -164,6 +167,7 @@ class _Builder:
             case yaml.ScalarEvent():
                 self._refuse_extras(event)
                 self._refuse_escapes(event)
+                self._refuse_length(event)
                 self._count_one(event)
                 self._add(
                     Scalar(
@@ -296,6 +300,15 @@ class _Builder:
                 self._position(event),
                 f"the text holds an invisible character (U+{ord(bad[0]):04X})",
                 "remove the backslash and the code behind it",
+            )
+
+    def _refuse_length(self, event: yaml.ScalarEvent) -> None:
+        if len(event.value) > MAX_TEXT:
+            self._give_up(
+                event,
+                "too-long",
+                f"one text has {len(event.value):,} characters, at most {MAX_TEXT:,} are possible",
+                "split it; close a quotation mark that is still open",
             )
 
     def _give_up(self, event: yaml.Event, code: str, message: str, hint: str) -> None:

@@ -45,9 +45,15 @@ def report_syntax(source: Source, problems: Diagnostics, error: yaml.MarkedYAMLE
 
 def _second_colon(source: Source, error: yaml.MarkedYAMLError, index: int) -> Explanation:
     line = source.line(source.position(index).line)
-    before = line[: source.position(index).column - 1]
+    column = source.position(index).column
+    before = line[: column - 1]
     if ":" not in before:
-        return index, "this line is indented deeper than the one it follows", _FIT
+        start = index - len(before.lstrip())
+        return (
+            start,
+            "this line is indented deeper than the one it follows",
+            "write it below the first letter of the line above",
+        )
     return index, "a second ':' stands in this line", "quote a text with ': ' in it: \"…: …\""
 
 
@@ -142,6 +148,19 @@ def _no_content(source: Source, error: yaml.MarkedYAMLError, index: int) -> Expl
     )
 
 
+def _after_the_end(source: Source, error: yaml.MarkedYAMLError, index: int) -> Explanation:
+    return (
+        index,
+        "something stands behind the end of the file's one value",
+        "put quotes around a whole text; write everything below keys of the file",
+    )
+
+
+def _directive(source: Source, error: yaml.MarkedYAMLError, index: int) -> Explanation:
+    at = error.context_mark.index if error.context_mark is not None else index
+    return at, "a line cannot start with '%'", "quote the text, or indent it"
+
+
 def _indentation_marks(source: Source, error: yaml.MarkedYAMLError, index: int) -> Explanation:
     return index, "a text block ('|' or '>') starts wrongly", "write only '|' or '>' in that line"
 
@@ -158,5 +177,7 @@ _EXPLANATIONS: dict[str, Callable[[Source, yaml.MarkedYAMLError, int], Explanati
     "unknown escape character": _escape,
     "did not find expected node content": _no_content,
     "did not find expected comment or line break": _indentation_marks,
+    "did not find expected <document start>": _after_the_end,
+    "directive": _directive,
 }
 """Part of the parser's message → what it means."""

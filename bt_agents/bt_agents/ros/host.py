@@ -127,6 +127,11 @@ class HostNode(Node):
         """Return True when no tree runs."""
         return not self._runs.busy
 
+    def destroy_node(self) -> None:
+        """Leave the graph, the action first."""
+        self._runs.destroy()
+        super().destroy_node()
+
     def _prepare(self, spec: NodeSpec) -> None:
         if spec.skill is not None:
             binding: Binding = spec.skill.binding

@@ -27,13 +27,16 @@ def to_time(value: float) -> Time:
 
 def scene_to_msg(scene: Scene) -> SceneMsg:
     """Return the message of a scene."""
+    # rclpy writes an int in a float field as garbage without a word.
     return SceneMsg(
         stamp=to_time(scene.stamp),
         scene_id=scene.scene_id,
         label=scene.label,
         person=scene.person,
         values=[
-            SceneValueMsg(name=v.name, value=v.value, origin=int(v.origin), age_s=v.age_s)
+            SceneValueMsg(
+                name=v.name, value=float(v.value), origin=int(v.origin), age_s=float(v.age_s)
+            )
             for v in scene.values
         ],
     )

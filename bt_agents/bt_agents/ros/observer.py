@@ -3,10 +3,13 @@
 
 from __future__ import annotations
 
+import heapq
+import time
 from collections.abc import Callable, Sequence
 from typing import Any, Protocol
 
 import rclpy
+from rclpy.clock import Clock, ClockType
 from rclpy.signals import SignalHandlerOptions
 from std_msgs.msg import Bool, String
 
@@ -52,6 +55,36 @@ class Listener(Protocol):
         """A profile moved."""
 
 
+_SETTLE_S = 0.1
+"""How long an event waits for one of another topic that was sent before it [s]."""
+
+
+class _InOrder:
+    """Passes events of several topics on in the order in which they were sent."""
+
+    def __init__(self, node: Any) -> None:
+        self._waiting: list[tuple[int, int, Callable[[], None]]] = []
+        self._count = 0
+        node.create_timer(
+            _SETTLE_S / 2, self._pass_on, clock=Clock(clock_type=ClockType.STEADY_TIME)
+        )
+
+    def take(self, deliver: Callable[[Any], None]) -> Callable[[Any, Any], None]:
+        """Return a callback of a subscription that delivers in order."""
+
+        def callback(message: Any, info: Any) -> None:
+            self._count += 1
+            sent = int(info["source_timestamp"])
+            heapq.heappush(self._waiting, (sent, self._count, lambda: deliver(message)))
+
+        return callback
+
+    def _pass_on(self) -> None:
+        settled = time.time_ns() - int(_SETTLE_S * 1e9)
+        while self._waiting and self._waiting[0][0] <= settled:
+            heapq.heappop(self._waiting)[2]()
+
+
 class Observer:
     """Listens while it is turned.
 
@@ -73,21 +106,25 @@ class Observer:
         self._subscribe(MarketStatus, "market", self._take_market, qos.FACT)
         self._subscribe(HostCard, "cards", self._take_card, qos.FACTS)
         self._subscribe(Profiles, "profiles", self._take_profiles, qos.FACT)
-        self._subscribe(Bool, "visitors/done", self._take_done, qos.FACT)
         if listener is not None:
             self._tell(listener)
 
     def _tell(self, listener: Listener) -> None:
-        self._subscribe(String, "visitors/current", lambda m: listener.visitor(m.data), qos.FACT)
-        self._subscribe(Scene, "scene", listener.scene, qos.EVENTS)
-        self._subscribe(Scene, "scene/live", listener.live, qos.SENSOR)
-        self._subscribe(Auction, "auctions", listener.auction, qos.EVENTS)
-        self._subscribe(Run, "runs", listener.run, qos.EVENTS)
-        self._subscribe(TreeStatus, "agents/status", listener.tree, qos.EVENTS)
-        self._subscribe(String, "robot/transcript", lambda m: listener.act(m.data), qos.EVENTS)
-        self._subscribe(Feedback, "feedback", listener.feedback, qos.EVENTS)
+        order = _InOrder(self.node)
+        for kind, topic, deliver, profile in (
+            (String, "visitors/current", lambda m: listener.visitor(m.data), qos.FACT),
+            (Bool, "visitors/done", self._take_done, qos.FACT),
+            (Scene, "scene", listener.scene, qos.EVENTS),
+            (Scene, "scene/live", listener.live, qos.SENSOR),
+            (Auction, "auctions", listener.auction, qos.EVENTS),
+            (Run, "runs", listener.run, qos.EVENTS),
+            (TreeStatus, "agents/status", listener.tree, qos.EVENTS),
+            (String, "robot/transcript", lambda m: listener.act(m.data), qos.EVENTS),
+            (Feedback, "feedback", listener.feedback, qos.EVENTS),
+        ):
+            self._subscribe(kind, topic, order.take(deliver), profile)
 
-    def _subscribe(self, kind: Any, topic: str, take: Callable[[Any], None], profile: Any) -> None:
+    def _subscribe(self, kind: Any, topic: str, take: Callable[..., None], profile: Any) -> None:
         self.node.create_subscription(kind, topic, take, profile)
 
     def _take_market(self, message: Any) -> None:
@@ -101,6 +138,15 @@ class Observer:
 
     def _take_done(self, message: Any) -> None:
         self.visits_done = bool(message.data)
+
+    def ready(self, agents: int) -> bool:
+        """Return True when so many agents are registered and bid with what they have learned."""
+        if self.market is None or self.profiles is None or self.market.agents < agents:
+            return False
+        bidding = {a.name: a.revision for card in self.cards.values() for a in card.agents}
+        learned = zip(self.profiles.agents, self.profiles.revisions, strict=True)
+        known = {name for name, revision in learned if bidding.get(name, -1) >= revision}
+        return len(known & set(bidding)) >= agents
 
     def turn_until(self, done: Callable[[], bool], limit_s: float) -> bool:
         """Turn until ``done()`` is true or the time is up; return ``done()``."""

@@ -103,6 +103,10 @@ class RunServer:
             self._cancel_reason = self._cancel_reason or reason
             self._wake.trigger()
 
+    def destroy(self) -> None:
+        """Take the action off the graph."""
+        self._server.destroy()
+
     def _answer_goal(self, goal: Any) -> GoalResponse:
         try:
             self._check(goal)
@@ -170,7 +174,6 @@ class RunServer:
                 duration_s=result.duration_s,
             )
         finally:
-            self._timer.cancel()
             self.goal = self._run = self._handle = None
             self._cancel_reason = ""
 
@@ -185,6 +188,7 @@ class RunServer:
         if changes:
             self._publish(run, changes)
         if run.result is not None:
+            self._timer.cancel()
             self._ended.set_result(run.result)
 
     def _publish(self, run: Run, changes: list[StatusChange]) -> None:
