@@ -6,6 +6,7 @@ from __future__ import annotations
 import math
 import sys
 import time
+from pathlib import Path
 from typing import Any
 
 import rclpy
@@ -297,7 +298,7 @@ def make_node() -> VisitorsNode:
         path = str(declare(reader, "script", "", script))
         if not path:
             raise Refused("EMPTY", "parameter script is empty; name a file of visits")
-        node = VisitorsNode(spec, read_script(path, spec.space))
+        node = VisitorsNode(spec, read_script(Path(path), spec.space))
     finally:
         reader.destroy_node()
     declare(node, "trees", "", trees)

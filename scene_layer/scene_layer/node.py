@@ -8,6 +8,7 @@ import time
 import uuid
 from collections.abc import Callable
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 import rclpy
@@ -314,7 +315,7 @@ def make_node() -> SceneLayerNode:
     try:
         spec = read_scene(find_trees(str(declare(reader, "trees", "", trees))) / "scene.yaml")
         path = str(declare(reader, "script", "", script))
-        node = SceneLayerNode(spec, read_script(path, spec.space) if path else None)
+        node = SceneLayerNode(spec, read_script(Path(path), spec.space) if path else None)
     finally:
         reader.destroy_node()
     declare(node, "trees", "", trees)

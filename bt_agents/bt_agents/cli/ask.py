@@ -7,7 +7,7 @@ import math
 import os
 import sys
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -25,22 +25,23 @@ _DECIDE_LIMIT_S = 5.0
 _STATES = ("idle", "bidding", "awarding", "running", "cancelling", "collecting feedback")
 
 
-class Assignments(click.ParamType):
-    """``name=value`` arguments with numbers as values."""
+Assignments = tuple[tuple[str, float], ...]
 
-    name = "name=value"
 
-    def convert(
-        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
-    ) -> tuple[str, float]:
-        """Return one argument as name and number."""
-        name, equals, number = str(value).partition("=")
-        if equals and name:
-            with suppress(ValueError):
-                return name, float(number)
-        return self.fail(
-            f"'{value}' is not of the form name=number, for example age=4.5", param, ctx
-        )
+def _assignments(
+    _context: click.Context, _parameter: click.Parameter, words: tuple[str, ...]
+) -> Assignments:
+    """Return ``name=number`` arguments as names and numbers."""
+    assignments = []
+    for word in words:
+        name, equals, number = word.partition("=")
+        try:
+            assignments.append((name, float(number if equals and name else "")))
+        except ValueError:
+            raise click.BadParameter(
+                f"'{word}' is not of the form name=number, for example age=4.5"
+            ) from None
+    return tuple(assignments)
 
 
 @contextmanager
@@ -74,11 +75,14 @@ def _accepted(answer: Any, who: str) -> Any:
 
 
 @click.command()
-@click.argument("values", nargs=-1, type=Assignments())
+@click.argument("values", nargs=-1, callback=_assignments)
 @click.option("--label", default="", help="Words for people.")
 @click.option("--person/--no-person", default=True, help="Whether somebody is there.")
-def trigger(values: tuple[tuple[str, float], ...], label: str, person: bool) -> None:
-    """Put a scene on the market, for example: bt-agents trigger age=4.5 mood=2."""
+def trigger(values: Assignments, label: str, person: bool) -> None:
+    """Put a scene on the market.
+
+    For example: bt-agents trigger age=4.5 mood=2. What is not named is as measured, or missing.
+    """
     with _system() as observer:
         from bt_agents.ros import client
 
@@ -102,10 +106,13 @@ def trigger(values: tuple[tuple[str, float], ...], label: str, person: bool) -> 
 
 
 @click.command()
-@click.argument("values", nargs=-1, required=True, type=Assignments())
+@click.argument("values", nargs=-1, required=True, callback=_assignments)
 @click.option("--person/--no-person", default=None, help="Whether somebody is there.")
-def sense(values: tuple[tuple[str, float], ...], person: bool | None) -> None:
-    """Change the live scene while an agent runs, for example: bt-agents sense mood=1.5."""
+def sense(values: Assignments, person: bool | None) -> None:
+    """Change the live scene of a run.
+
+    For example: bt-agents sense mood=1.5.
+    """
     with _system() as observer:
         from bt_agents.ros import client
 
@@ -127,7 +134,7 @@ def cancel(reason: str) -> None:
 
 @click.command()
 def status() -> None:
-    """Show what runs, all agents with their profiles, and every problem."""
+    """Show what runs, all agents, and every problem."""
     with _system() as observer:
         observer.turn_until(lambda: bool(observer.cards), _FIND_LIMIT_S)
         market = observer.market
@@ -148,7 +155,7 @@ def status() -> None:
 @click.command()
 @click.argument("round_number", metavar="[ROUND]", required=False, type=int)
 def why(round_number: int | None) -> None:
-    """Say why an agent won: the last decision, or that of a ROUND."""
+    """Say why an agent won, last or in a ROUND."""
     with _system() as observer:
         from bt_agents.ros import client
 
@@ -183,11 +190,13 @@ def _explain(auction: Any) -> None:
 
 @click.command()
 @click.argument("kind", type=click.Choice(["positive", "negative", "direct"]))
-@click.argument("values", nargs=-1, type=Assignments())
+@click.argument("values", nargs=-1, callback=_assignments)
 @click.option("--agent", default="", help="Whose; default: who runs, else who ran last.")
 @click.option("--reason", default="", help="Why, in words.")
-def feedback(kind: str, values: tuple[tuple[str, float], ...], agent: str, reason: str) -> None:
-    """Tell an agent how it did, for example: bt-agents feedback positive.
+def feedback(kind: str, values: Assignments, agent: str, reason: str) -> None:
+    """Tell an agent how it did.
+
+    For example: bt-agents feedback positive.
 
     Direct feedback names the wanted profile: bt-agents feedback direct age=5 mood=2.
     """
@@ -204,11 +213,11 @@ def feedback(kind: str, values: tuple[tuple[str, float], ...], agent: str, reaso
         )
 
 
-def _columns(values: tuple[tuple[str, float], ...]) -> tuple[list[str], list[float]]:
+def _columns(values: Assignments) -> tuple[list[str], list[float]]:
     return [name for name, _ in values], [value for _, value in values]
 
 
-def _wanted(observer: Observer, values: tuple[tuple[str, float], ...]) -> list[float]:
+def _wanted(observer: Observer, values: Assignments) -> list[float]:
     names = list(observer.profiles.parameters) if observer.profiles else []
     given = dict(values)
     unknown = [name for name in given if name not in names]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`bt-agents check`: every problem of a trees folder, without ROS and without a robot."""
+"""`bt-agents check`: every problem of a trees folder, without a robot and even without ROS."""
 
 from __future__ import annotations
 
@@ -8,16 +8,29 @@ import sys
 import click
 
 from bt_agents.language.folder_reader import read_trees
+from bt_agents.language.interfaces import Interfaces
 from bt_agents.trees_folder import find_trees
 
 
 @click.command()
 @click.argument("directory", required=False, default="")
 def check(directory: str) -> None:
-    """Check scene, skills and agents of a trees DIRECTORY; exit code 1 when something is wrong."""
-    folder = read_trees(find_trees(directory))
+    """List every problem of a trees DIRECTORY.
+
+    Exit code 1 when there is one. ROS types are looked up where ROS is installed.
+    """
+    folder = read_trees(find_trees(directory), _installed())
     for broken in folder.broken:
         click.echo(broken.error.report)
     for agent in folder.agents:
         click.echo(f"{agent.file}: {agent.name} is fine")
     sys.exit(1 if folder.broken else 0)
+
+
+def _installed() -> Interfaces | None:
+    """Return the installed ROS types; None without ROS, where types stay unchecked."""
+    try:
+        from bt_agents.ros.interfaces import InstalledInterfaces
+    except ImportError:
+        return None
+    return InstalledInterfaces()

@@ -60,7 +60,11 @@ class _Recorder:
 @click.option("--csv", "csv_file", type=click.Path(path_type=Path), help="Write every round here.")
 @click.option("--seed", type=int, help="Another seed for the order of the scenes.")
 def experiment(name: str, csv_file: Path | None, seed: int | None) -> None:
-    """Run experiment NAME (1, 3, or a folder) and compare every profile with its closed form."""
+    """Run experiment NAME through the real ROS graph.
+
+    NAME is 1 or 3, as in the paper, or a folder. Every recorded profile is compared with the
+    closed form of the learning rule.
+    """
     interrupt = Interrupt()
     folder_path = find_experiment(name)
     folder = read_trees(folder_path)

@@ -35,7 +35,7 @@ _LOOK_S = 0.2
     help="Another list of visits than the morning at the airport.",
 )
 def demo(voice: bool, script: Path | None) -> None:
-    """Show a morning at an airport: five visitors, four agents, one robot; under a minute."""
+    """Show a morning at an airport, in a minute."""
     interrupt = Interrupt()
     if "ROS_DOMAIN_ID" not in os.environ:
         os.environ["ROS_DOMAIN_ID"] = str(reserve_domain())
@@ -59,7 +59,7 @@ def demo(voice: bool, script: Path | None) -> None:
 @click.option("--voice/--no-voice", default=True, help="Speak aloud when espeak-ng is installed.")
 @click.option("--ledger", default="", help="File of the learned profiles.")
 def up(directory: str, robot: bool, voice: bool, ledger: str) -> None:
-    """Keep the system of a trees DIRECTORY running until Ctrl-C.
+    """Keep the agents of a trees DIRECTORY running.
 
     In another terminal: bt-agents trigger age=4.5 mood=2, sense, cancel, status, why, feedback.
     """

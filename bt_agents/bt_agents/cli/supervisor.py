@@ -8,7 +8,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping, MutableMapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -57,7 +57,7 @@ def _yaml(value: str | float | bool | int) -> str:
             return str(value)
 
 
-def keep_local(environment: dict[str, str]) -> None:
+def keep_local(environment: MutableMapping[str, str]) -> None:
     """Set what keeps all traffic on this machine, unless the user has set it otherwise.
 
     A whitelist of loopback addresses goes with the range ``LOCALHOST`` only.

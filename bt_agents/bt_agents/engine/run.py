@@ -196,7 +196,7 @@ class Run:
 
     def _tick(self, root: Behaviour) -> list[StatusChange]:
         self.ticks += 1
-        changes = []
+        changes: list[StatusChange] = []
         visited: set[int] = set()
         for node in root.tick():
             visited.add(id(node))
@@ -204,7 +204,7 @@ class Run:
         return changes + self._unvisited(root, visited)
 
     def _unvisited(self, root: Behaviour, visited: set[int]) -> list[StatusChange]:
-        changes = []
+        changes: list[StatusChange] = []
         for node in root.iterate():
             if id(node) not in visited:
                 changes += self._change(node)
