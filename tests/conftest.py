@@ -5,7 +5,9 @@ from __future__ import annotations
 
 import os
 
+from bt_agents.cli.supervisor import keep_local
 from bt_agents.domain import reserve_domain
 
 os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
 os.environ["ROS_DOMAIN_ID"] = str(reserve_domain())
+keep_local(os.environ)

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import re
 import signal
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 
 import pytest
@@ -17,16 +17,35 @@ pytestmark = pytest.mark.e2e
 Start = Callable[..., Program]
 
 
-def shared_memory() -> set[str]:
-    return {path.name for path in Path("/dev/shm").glob("*") if "rtps" in path.name}
+def shared_memory(pids: Iterable[int]) -> set[Path]:
+    """Return the files in /dev/shm that processes have mapped."""
+    found: set[Path] = set()
+    for pid in pids:
+        try:
+            maps = Path(f"/proc/{pid}/maps").read_text()
+        except OSError:
+            continue
+        found |= {Path(name) for name in re.findall(r"/dev/shm/\S*rtps\S*", maps)}
+    return found
+
+
+def in_shared_memory() -> set[Path]:
+    return set(Path("/dev/shm").glob("*rtps*"))
+
+
+def left_over(files: set[Path]) -> set[Path]:
+    """Return those files that still exist although no process uses them any more."""
+    pids = (int(path.name) for path in Path("/proc").glob("[0-9]*"))
+    return {path for path in files - shared_memory(pids) if path.exists()}
 
 
 def test_the_demo_tells_the_whole_morning_and_ends_by_itself(start: Start) -> None:
-    before = shared_memory()
+    before = in_shared_memory()
     demo = start("demo", "--no-voice")
     demo.until("ready")
     pids = children(demo.process.pid)
     assert len(pids) == 6
+    shared = shared_memory([demo.process.pid, *pids])
     assert demo.wait() == 0
     told = demo.output
     chapters = re.split(r"^(?=\S.*─{5,})", told, flags=re.MULTILINE)[1:]
@@ -73,24 +92,27 @@ def test_the_demo_tells_the_whole_morning_and_ends_by_itself(start: Start) -> No
     assert "1 taken over by another agent" in summary
     assert not re.search("Traceback|had to be killed", told)
     assert not [pid for pid in pids if alive(pid)]
-    assert shared_memory() <= before
+    assert shared
+    assert not left_over(shared - before)
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_a_signal_in_the_middle_of_a_run_ends_everything_within_two_seconds(
     start: Start, number: int
 ) -> None:
-    before = shared_memory()
+    before = in_shared_memory()
     demo = start("demo", "--no-voice")
     demo.until("says|asks")
     pids = children(demo.process.pid)
+    shared = shared_memory([demo.process.pid, *pids])
     code, seconds = demo.stop(number)
     assert code == 0, demo.output
     assert seconds < 2.0
     assert "had to be killed" not in demo.output
     assert "Traceback" not in demo.output
     assert not [pid for pid in pids if alive(pid)]
-    assert shared_memory() <= before
+    assert shared
+    assert not left_over(shared - before)
 
 
 def test_killing_the_demo_leaves_no_process_behind(start: Start) -> None:

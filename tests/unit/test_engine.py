@@ -135,6 +135,20 @@ def test_wait_for_takes_the_first_message_that_fits() -> None:
     assert stage.tick() == "succeeded"
 
 
+def test_a_condition_can_look_at_an_item_of_a_list_and_one_too_far_is_not_there() -> None:
+    tree = "wait_for: {topic: scan, type: sensor_msgs/msg/LaserScan, until: msg.ranges.1 < 1}"
+    stage = Stage(tree)
+    assert stage.tick() == "running"
+    stage.world.arrive("scan", {"ranges": [0.2, 3.0]})
+    assert stage.tick() == "running"
+    stage.world.arrive("scan", {"ranges": [3.0, 0.2]})
+    assert stage.tick() == "succeeded"
+    short = Stage(tree)
+    short.tick()
+    short.world.arrive("scan", {"ranges": [0.2]})
+    assert short.tick() == "failed"
+
+
 def test_the_output_of_a_skill_can_be_used_by_later_nodes() -> None:
     stage = Stage(
         """

@@ -122,16 +122,19 @@ class MessageScope:
 
 
 def field_of(message: Mapping[str, Plain], path: str, name: str) -> Plain:
-    """Return a field of a plain message by its dotted path.
+    """Return a field of a plain message by its dotted path; a number names an item of a list.
 
     Raises:
-        MissingValue: There is no such field; it names ``name``.
+        MissingValue: There is no such field or item; it names ``name``.
     """
     value: Plain = message
     for part in path.split("."):
-        if not isinstance(value, Mapping) or part not in value:
+        if isinstance(value, Mapping) and part in value:
+            value = value[part]
+        elif isinstance(value, (list, tuple)) and part.isdecimal() and int(part) < len(value):
+            value = value[int(part)]
+        else:
             raise MissingValue(name)
-        value = value[part]
     return value
 
 

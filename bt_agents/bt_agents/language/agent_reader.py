@@ -10,6 +10,7 @@ from bt_agents.language.drafts import Draft, read_draft
 from bt_agents.language.expressions import Expression
 from bt_agents.language.inputs import read_inputs, read_new_name
 from bt_agents.language.names import Names, mood_names, scene_names
+from bt_agents.language.scene_values import read_vector
 from bt_agents.language.shape import Fields, FileReading
 from bt_agents.language.source import Source
 from bt_agents.language.specs import (
@@ -69,7 +70,7 @@ class _AgentFile:
         name = fields.name("agent")
         profile_node = fields.get("profile")
         profile = (
-            self._reading.vector(profile_node, "'profile'", self._space)
+            read_vector(self._reading, profile_node, "'profile'", self._space)
             if profile_node is not None
             else None
         )

@@ -7,6 +7,7 @@ import math
 from pathlib import Path
 
 from bt_agents.experiment import ExperimentSpec
+from bt_agents.language.scene_values import read_values, read_vector
 from bt_agents.language.shape import FileReading
 from bt_agents.language.source import Source
 from bt_agents.language.yaml_reader import Node
@@ -44,7 +45,7 @@ def _read(reading: FileReading, space: SceneSpace) -> ExperimentSpec:
     nodes = fields.items("scenes")
     if not nodes and fields.get("scenes") is not None:
         reading.error("missing-value", fields.nodes["scenes"], "there is no scene", "add one")
-    scenes = [reading.vector(node, "a scene", space) for node in nodes]
+    scenes = [read_vector(reading, node, "a scene", space) for node in nodes]
     feedback_node = fields.get("feedback")
     feedback = _feedback(reading, feedback_node, space) if feedback_node is not None else None
     reading.problems.raise_if_any()
@@ -89,7 +90,7 @@ def _feedback(reading: FileReading, node: Node, space: SceneSpace) -> SimulatedF
 def _opinion(reading: FileReading, node: Node, space: SceneSpace) -> Vector | None:
     """Return a feedback vector; a parameter that is left out is NaN, which means no opinion."""
     before = len(reading.problems)
-    values = reading.values(node, "feedback", space)
+    values = read_values(reading, node, "feedback", space)
     if not values and len(reading.problems) == before:
         reading.error(
             "missing-value", node, "the feedback has no value", "add one, such as 'age: 3'"

@@ -11,8 +11,8 @@ from bt_agents.errors import BtAgentsError
 MAX_DURATION_S = 365 * 24 * 3600.0
 """No interaction takes longer than a year."""
 
-UNITS = {"ms": 0.001, "s": 1.0, "min": 60.0, "h": 3600.0}
-"""Units of time and their seconds."""
+UNITS = {"ms": (1, 1000), "s": (1, 1), "min": (60, 1), "h": (3600, 1)}
+"""Units of time and their seconds as a fraction, which keeps 700 ms at 0.7 s exactly."""
 
 _NUMBER = r"[-+]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][-+]?[0-9]+)?"
 _NUMBER_ONLY = re.compile(_NUMBER)
@@ -97,7 +97,8 @@ def duration(text: str) -> float:
         near = near or (unit.lower() if unit.lower() in UNITS else None)
         hint = f"write {amount} {near}" if near else "use ms, s, min or h"
         raise QuantityError(f"'{_short(unit)}' is not a unit of time", hint)
-    seconds = _finite(amount) * UNITS.get(unit, 1.0)
+    times, over = UNITS[unit or "s"]
+    seconds = _finite(amount) * times / over
     if seconds < 0:
         raise QuantityError(f"a time cannot be negative, found '{_short(text)}'")
     if seconds > MAX_DURATION_S:

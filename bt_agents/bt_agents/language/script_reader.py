@@ -6,6 +6,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from bt_agents.language.interfaces import read_ros_name
+from bt_agents.language.scene_values import read_values
 from bt_agents.language.shape import Fields, FileReading
 from bt_agents.language.source import Source
 from bt_agents.language.specs import Change, Script, Visit
@@ -50,7 +51,7 @@ def _visit(reading: FileReading, node: Node, space: SceneSpace) -> Visit | None:
     return Visit(
         label=fields.text("label"),
         person=True if person is None else person,
-        values=reading.values(scene, "'scene'", space) if scene is not None else {},
+        values=read_values(reading, scene, "'scene'", space) if scene is not None else {},
         changes=tuple(
             sorted((c for c in changes if c is not None), key=lambda change: change.after_s)
         ),
@@ -66,7 +67,7 @@ def _change(reading: FileReading, node: Node, space: SceneSpace) -> Change | Non
     after_s = fields.duration("after")
     scene = fields.get("scene")
     person = fields.boolean("person")
-    values = reading.values(scene, "'scene'", space) if scene is not None else {}
+    values = read_values(reading, scene, "'scene'", space) if scene is not None else {}
     if scene is None and fields.get("person") is None:
         reading.error(
             "missing-key", node, "a change needs 'scene' or 'person'", "add 'scene: {…}'"

@@ -8,14 +8,12 @@ from collections.abc import Callable, Collection, Iterable
 from pathlib import Path
 from typing import TypeVar
 
-from bt_agents.errors import Refused
 from bt_agents.language import quantities
 from bt_agents.language.diagnostics import Diagnostics, did_you_mean, nearest, shown
 from bt_agents.language.scalars import boolean
 from bt_agents.language.source import Source, read_source
 from bt_agents.language.specs import Position
 from bt_agents.language.yaml_reader import Entry, Mapping, Node, Scalar, Sequence, read_yaml
-from bt_agents.scene import SceneParameter, SceneSpace, Vector, check_value
 
 FORMAT = 1
 """The version of the language that this package reads."""
@@ -117,7 +115,7 @@ class FileReading:
         """
         if not isinstance(node, Mapping):
             keys = required or known
-            self.wrong_type(node, what, f"a mapping with the keys {_listed(keys)}")
+            self.wrong_type(node, what, f"a mapping with the keys {listed(keys)}")
             return None
         nodes = {e.key.text: e.value for e in node.entries if e.key.text in known}
         missing = [key for key in required if key not in nodes]
@@ -136,7 +134,7 @@ class FileReading:
             self.error(
                 "missing-key",
                 node.position if at_start or not node.entries else node.entries[0].key,
-                f"{what} needs the key{'s' * (len(missing) > 1)} {_listed(missing)}",
+                f"{what} needs the key{'s' * (len(missing) > 1)} {listed(missing)}",
                 f"add '{missing[0]}: …'",
             )
         keys = {entry.key.text: entry.key for entry in node.entries}
@@ -280,50 +278,6 @@ class FileReading:
         self.wrong_type(node, what, f"a mapping of {of}")
         return ()
 
-    def parameter(self, key: Scalar, space: SceneSpace) -> SceneParameter | None:
-        """Return the scene parameter that a key names."""
-        try:
-            return space.parameter(key.text)
-        except Refused:
-            self.error(
-                "unknown-name",
-                key,
-                f"there is no scene parameter {shown(key.text)}",
-                did_you_mean(key.text, space.names),
-            )
-            return None
-
-    def values(self, node: Node, what: str, space: SceneSpace) -> dict[str, float]:
-        """Return values of some scene parameters, each in its range."""
-        found: dict[str, float] = {}
-        for entry in self.entries(node, what, f"values of {', '.join(space.names)}"):
-            parameter = self.parameter(entry.key, space)
-            value = self.number(entry.value, entry.key.text) if parameter else None
-            if parameter is None or value is None:
-                continue
-            try:
-                found[parameter.name] = check_value(parameter, value)
-            except Refused as refused:
-                self.error("out-of-range", entry.value, refused.reason)
-        return found
-
-    def vector(self, node: Node, what: str, space: SceneSpace) -> Vector | None:
-        """Return the values of all scene parameters."""
-        before = len(self.problems)
-        values = self.values(node, what, space)
-        if len(self.problems) > before:
-            return None
-        missing = [name for name in space.names if name not in values]
-        if missing:
-            self.error(
-                "missing-key",
-                node,
-                f"{what} has no value for {_listed(missing)}",
-                f"add '{missing[0]}: …'",
-            )
-            return None
-        return tuple(values[name] for name in space.names)
-
 
 class Fields:
     """The keys of one mapping, each readable as the type that is expected of it.
@@ -426,6 +380,7 @@ def found(node: Node) -> str:
             return "nothing" if node.empty else shown(node.text)
 
 
-def _listed(words: Iterable[str]) -> str:
-    listed = list(words)
-    return ", ".join(f"'{word}'" for word in listed[:12]) + (", …" if len(listed) > 12 else "")
+def listed(words: Iterable[str]) -> str:
+    """Return words in quotes for a message, shortened when there are many."""
+    every = list(words)
+    return ", ".join(f"'{word}'" for word in every[:12]) + (", …" if len(every) > 12 else "")

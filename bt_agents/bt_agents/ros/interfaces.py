@@ -17,14 +17,8 @@ import rclpy
 from rosidl_parser import definition as idl
 
 from bt_agents.errors import Refused
+from bt_agents.language.interfaces import FOLDERS
 from bt_agents.language.specs import BindingKind
-
-FOLDERS = {
-    BindingKind.ACTION: "action",
-    BindingKind.SERVICE: "srv",
-    BindingKind.TOPIC: "msg",
-}
-"""The middle part of a type's name for each kind of interface."""
 
 SECTIONS = {
     "goal": "Goal",

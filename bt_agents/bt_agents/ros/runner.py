@@ -22,7 +22,8 @@ SUPERVISED = "BT_AGENTS_SUPERVISED"
 """Environment variable that ties the life of a node's process to that of its parent."""
 
 _POLL_S = 0.1
-_STOP_LIMIT_S = 1.2
+_STOP_LIMIT_S = 1.0
+_LAST_RESULTS_S = 0.05
 _PR_SET_PDEATHSIG = 1
 
 
@@ -111,6 +112,8 @@ def run(make_node: Callable[[], NodeT], args: Sequence[str] | None = None) -> in
             if hasattr(node, "request_stop") and rclpy.ok():
                 node.request_stop()
                 turner.turn_until(node.stopped, _STOP_LIMIT_S)
+                # The executor still has to send the results of what has just ended.
+                turner.turn_until(lambda: False, _LAST_RESULTS_S)
         except ExternalShutdownException:
             pass
         finally:

@@ -1,0 +1,78 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Experiments: scenes and the feedback that follows them."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import pytest
+
+from bt_agents.errors import ReadError
+from bt_agents.language.experiment_reader import (
+    read_experiment,
+    read_experiment_text,
+    read_simulated_feedback,
+)
+from bt_agents.language.folder_reader import read_trees
+from bt_agents.scene import SceneParameter, SceneSpace
+
+EXPERIMENTS = Path(__file__).parents[2] / "experiments"
+SPACE = SceneSpace(
+    parameters=tuple(
+        SceneParameter(name=name, minimum=1, maximum=5, default=3) for name in ("age", "mood")
+    )
+)
+TEXT = """\
+format: 1
+title: T
+rounds: 4
+seed: 7
+scenes: [{mood: 2, age: 1}]
+feedback:
+  each: {guide: {age: 5, mood: 4}}
+  sequence: [{age: 3}]
+  repeat: true
+"""
+
+
+def test_an_experiment_is_read():
+    spec = read_experiment_text(TEXT, "e.yaml", SPACE)
+    assert (spec.title, spec.rounds, spec.seed, spec.scenes) == ("T", 4, 7, ((1.0, 2.0),))
+    assert spec.order() == ((1.0, 2.0),) * 4
+    assert spec.feedback.next("guide") == (5.0, 4.0)
+    for _ in range(2):
+        age, mood = spec.feedback.next("another") or ()
+        assert age == 3.0
+        # What is left out of feedback is no opinion.
+        assert math.isnan(mood)
+
+
+@pytest.mark.parametrize(
+    "path", sorted(EXPERIMENTS.glob("*/experiment.yaml")), ids=lambda path: path.parent.name
+)
+def test_shipped_experiments_are_read(path):
+    trees = read_trees(path.parent)
+    assert trees.broken == ()
+    spec = read_experiment(path, trees.scene.space)
+    feedback = read_simulated_feedback(path, trees.scene.space)
+    assert set(feedback.each) == set(spec.feedback.each) == {one.name for one in trees.agents}
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "place"),
+    [
+        ("rounds: 4", "rounds: many", "3:9"),
+        ("seed: 7", "seed: -1", "4:7"),
+        ("[{mood: 2, age: 1}]", "[]", "5:9"),
+        ("{age: 3}", "{}", "8:14"),
+        ("guide:", "Guide 1:", "7:10"),
+        ("age: 5", "age: 6", "7:23"),
+        ("repeat: true", "repeat: yes", "9:11"),
+    ],
+)
+def test_what_is_wrong_is_told_with_its_place(old, new, place):
+    with pytest.raises(ReadError) as error:
+        read_experiment_text(TEXT.replace(old, new), "e.yaml", SPACE)
+    (line,) = error.value.lines
+    assert line.startswith(f"e.yaml:{place}: error[")

@@ -1,0 +1,49 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Scripts of visits: what a visit becomes."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from bt_agents.language.script_reader import read_script, read_script_text
+from bt_agents.language.specs import Change, Visit
+from stage import SPACE, TREES
+
+
+def test_a_visit_knows_what_the_person_does():
+    text = """\
+format: 1
+title: A day
+visits:
+  - label: a person
+    scene: {mood: 3, age: 4}
+    answers: {where to: Gate 12, shall we: yes}
+    buttons: {buttons/confirm: green button}
+    changes:
+      - {after: 3 s, person: false}
+      - {after: 500 ms, scene: {mood: 1.5}}
+  - {label: a ladder, person: false}
+"""
+    script = read_script_text(text, "s.yaml", SPACE)
+    assert script.title == "A day"
+    assert script.visits == (
+        Visit(
+            label="a person",
+            person=True,
+            values={"mood": 3.0, "age": 4.0},
+            changes=(
+                Change(after_s=0.5, values={"mood": 1.5}),
+                Change(after_s=3.0, values={}, person=False),
+            ),
+            answers={"where to": "Gate 12", "shall we": "yes"},
+            buttons={"buttons/confirm": "green button"},
+        ),
+        Visit(label="a ladder", person=False, values={}),
+    )
+
+
+@pytest.mark.parametrize("path", sorted((TREES / "scripts").glob("*.yaml")), ids=lambda p: p.stem)
+def test_shipped_scripts_are_read(path: Path):
+    assert read_script(path, SPACE).visits

@@ -1,0 +1,186 @@
+# SPDX-License-Identifier: Apache-2.0
+"""YAML with places: what the nodes know, what is refused, and that nothing makes it fall over."""
+
+from __future__ import annotations
+
+import os
+
+import pytest
+
+from bt_agents.errors import ReadError
+from bt_agents.language.diagnostics import Diagnostics
+from bt_agents.language.quantities import QuantityError
+from bt_agents.language.scalars import plain_value
+from bt_agents.language.source import MAX_BYTES, Source, read_source
+from bt_agents.language.yaml_reader import MAX_DEPTH, Mapping, Scalar, Sequence, read_yaml
+
+
+def read(text: str) -> Mapping:
+    problems = Diagnostics(None)
+    node = read_yaml(Source("a.yaml", text), problems)
+    problems.raise_if_any()
+    assert isinstance(node, Mapping)
+    return node
+
+
+def codes(text: str) -> list[str]:
+    with pytest.raises(ReadError) as error:
+        read(text)
+    return [line.partition("error[")[2].partition("]")[0] for line in error.value.lines]
+
+
+def scalar(text: str) -> Scalar:
+    node = read(f"k: {text}\n").get("k")
+    assert isinstance(node, Scalar)
+    return node
+
+
+def test_nodes_know_their_place():
+    text = "a: 1\nb:\n  - x\n  - {c: 'y z'}\n"
+    root = read(text)
+    listed = root.get("b")
+    assert isinstance(listed, Sequence)
+    inner = listed.items[1]
+    assert isinstance(inner, Mapping)
+    value = inner.get("c")
+    assert isinstance(value, Scalar)
+    assert str(value.position) == "a.yaml:4:9"
+    assert text[slice(*value.span)] == "'y z'"
+    assert text[slice(*inner.span)] == "{c: 'y z'}"
+    assert (value.text, value.style) == ("y z", "'")
+
+
+def test_places_count_characters_not_bytes():
+    text = "grüße: 👋\nname: x\n"
+    root = read(text)
+    for entry in root.entries:
+        assert text[slice(*entry.key.span)] == entry.key.text
+    assert root.entries[1].key.position.column == 1
+
+
+def test_windows_line_ends_and_a_byte_order_mark_are_taken(tmp_path):
+    path = tmp_path / "a.yaml"
+    path.write_bytes("\ufeffa: 1\r\nb: x\r\n".encode())
+    source = read_source(path)
+    problems = Diagnostics(source)
+    root = read_yaml(source, problems)
+    assert isinstance(root, Mapping)
+    assert [(e.key.text, e.key.position.line, e.key.position.column) for e in root.entries] == [
+        ("a", 1, 1),
+        ("b", 2, 1),
+    ]
+    assert source.line(2) == "b: x"
+
+
+@pytest.mark.parametrize(
+    ("text", "value"),
+    [
+        ("1", 1),
+        ("-5", -5),
+        ("1.5", 1.5),
+        ("1e3", 1000.0),
+        (".5", 0.5),
+        ("true", True),
+        ("False", False),
+        ("~", None),
+        ("null", None),
+        ("0x1F", 31),
+        ("0o17", 15),
+        ("5 s", 5.0),
+        ("'5 s'", "5 s"),
+        ('"1"', "1"),
+        ("yes", "yes"),
+        ("on", "on"),
+        ("No", "No"),
+        ("010", "010"),
+        ("1:30", "1:30"),
+        ("1_000", "1_000"),
+        ("2026-11-21", "2026-11-21"),
+        ("5 m", "5 m"),
+    ],
+)
+def test_plain_words_mean_what_yaml_1_2_says(text, value):
+    found = plain_value(scalar(text))
+    assert found == value
+    assert type(found) is type(value)
+
+
+@pytest.mark.parametrize("text", [".inf", "-.INF", ".nan", "1e999", "9" * 30])
+def test_numbers_that_are_none_are_refused_where_anything_may_stand(text):
+    with pytest.raises(QuantityError):
+        plain_value(scalar(text))
+
+
+def test_a_nesting_of_64_is_taken_and_one_more_is_refused():
+    deep = MAX_DEPTH - 1
+    read("k: " + "[" * deep + "]" * deep)
+    assert codes("k: " + "[" * (deep + 1) + "]" * (deep + 1)) == ["too-deep"]
+
+
+@pytest.mark.parametrize(
+    ("text", "code"),
+    [
+        ("[" * 1_000_000, "too-deep"),
+        ("{" * 1_000_000, "too-deep"),
+        ("- " * 500_000, "too-deep"),
+        ("? " * 500_000, "too-deep"),
+        ("{a: " * 250_000, "too-deep"),
+        ("- a\n" * 100_000, "too-many-values"),
+        ("a" * 1_000_000, "too-long"),
+        ('k: "' + "\\t" * 400_000 + '"', "too-long"),
+        ("&a " * 300_000, "anchor"),
+        ("a" * (MAX_BYTES + 1), "too-large"),
+    ],
+    ids=lambda value: value if len(value) < 20 else value[:6],
+)
+def test_a_bomb_is_one_error_not_a_crash(text, code):
+    assert codes(text)[0] == code
+
+
+def test_a_file_of_one_error_a_line_is_not_read_to_its_end():
+    assert len(codes("a: 1\n" * 200_000)) < 200
+
+
+def test_an_escaped_half_of_a_character_is_an_error():
+    assert codes('a: "\\ud800"') == ["syntax"]
+
+
+@pytest.mark.parametrize("name", ["absent.yaml", "a\0b", "x" * 5000])
+def test_a_file_that_is_not_there_is_an_error(tmp_path, name):
+    with pytest.raises(ReadError, match=r"1:1: error\[no-file\]"):
+        read_source(tmp_path / name)
+
+
+def test_a_folder_is_no_file(tmp_path):
+    with pytest.raises(ReadError, match=r"error\[not-a-file\]: this is a folder"):
+        read_source(tmp_path)
+
+
+def test_a_pipe_is_refused_without_waiting_for_a_writer(tmp_path):
+    os.mkfifo(tmp_path / "a.yaml")
+    with pytest.raises(ReadError, match=r"error\[not-a-file\]"):
+        read_source(tmp_path / "a.yaml")
+
+
+def test_an_endless_device_is_refused():
+    with pytest.raises(ReadError, match=r"error\[not-a-file\]"):
+        read_source("/dev/zero")
+
+
+def test_a_circle_of_links_is_an_error(tmp_path):
+    (tmp_path / "a.yaml").symlink_to(tmp_path / "b.yaml")
+    (tmp_path / "b.yaml").symlink_to(tmp_path / "a.yaml")
+    with pytest.raises(ReadError, match=r"error\[no-file\]: the file cannot be read"):
+        read_source(tmp_path / "a.yaml")
+
+
+def test_a_link_to_a_file_is_taken(tmp_path):
+    (tmp_path / "a.yaml").write_text("a: 1")
+    (tmp_path / "b.yaml").symlink_to(tmp_path / "a.yaml")
+    assert read_source(tmp_path / "b.yaml").text == "a: 1"
+
+
+def test_a_file_that_is_too_large_is_refused_before_it_is_understood(tmp_path):
+    (tmp_path / "a.yaml").write_bytes(b"[" * (MAX_BYTES + 1))
+    with pytest.raises(ReadError, match=r"error\[too-large\]"):
+        read_source(tmp_path / "a.yaml")
