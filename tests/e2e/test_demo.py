@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from programs import Program, alive, children
+from programs import ROOT, Program, alive, children
 
 pytestmark = pytest.mark.e2e
 
@@ -90,6 +90,11 @@ def test_the_demo_tells_the_whole_morning_and_ends_by_itself(start: Start) -> No
     assert "scene.person" in ladder
     assert "says" not in ladder
     assert "1 taken over by another agent" in summary
+    readme = (ROOT / "README.md").read_text().partition("```text\n")[2].partition("```")[0]
+    shown = re.findall(r"^ +(?:scene|bid|award|feedback|profile).*$", readme, re.MULTILINE)
+    assert len(shown) > 10
+    for line in shown:
+        assert line in traveller, "README shows something else"
     assert not re.search("Traceback|had to be killed", told)
     assert not [pid for pid in pids if alive(pid)]
     assert shared

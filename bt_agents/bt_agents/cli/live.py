@@ -142,6 +142,7 @@ def _welcome(console: Console, cards: object, demo: bool, seconds: float) -> Non
         f"({', '.join(names)}), ROS domain {os.environ.get('ROS_DOMAIN_ID', '0')}, "
         f"{os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE']} only",
         highlight=False,
+        soft_wrap=True,
     )
     if not demo:
         console.print(

@@ -74,6 +74,8 @@ class Story:
         """Show every bid and the reason of the decision."""
         self.rounds += 1
         self.takeovers += bool(message.follows and message.winner)
+        if message.follows:
+            self._line("scene", self._describe(message.scene))
         for bid in message.ranking:
             style = "bold" if bid.agent == message.winner else "dim"
             self._line(
@@ -112,8 +114,13 @@ class Story:
             )
 
     def tree(self, message: Any) -> None:
-        """Show the nodes that changed in a tick, and modifiers that made something fail."""
-        for change in message.changes:
+        """Show the nodes that changed in a tick, and modifiers that made something fail.
+
+        First what ended, in the order of ending, then what began, parents before children.
+        """
+        ended = [change for change in message.changes if change.status != change.RUNNING]
+        begun = [change for change in message.changes if change.status == change.RUNNING]
+        for change in [*ended, *sorted(begun, key=lambda change: _place(change.path))]:
             modifier = "@" in change.path.rpartition("/")[2]
             if change.status == change.INVALID or (modifier and change.status != change.FAILURE):
                 continue
@@ -182,6 +189,12 @@ class Story:
 
     def _line(self, what: str, words: str) -> None:
         self._console.print(f"[cyan]{what:>9}[/]  {words}", highlight=False, soft_wrap=True)
+
+
+def _place(path: str) -> list[int]:
+    """Return where a node stands in the tree, so that parents sort before children."""
+    numbers = (part.partition(".")[0] for part in path.split("/"))
+    return [int(number) if number.isdecimal() else 0 for number in numbers]
 
 
 def _vector(values: Sequence[float]) -> str:

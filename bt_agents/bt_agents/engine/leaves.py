@@ -16,6 +16,7 @@ from bt_agents.engine.scope import (
     evaluate,
     field_of,
     holds,
+    spoken,
 )
 from bt_agents.engine.world import Goal, GoalRun, GoalState, Inbox
 from bt_agents.errors import Refused
@@ -26,7 +27,6 @@ from bt_agents.language.specs import (
     MapValue,
     NodeSpec,
     Plain,
-    Value,
 )
 
 
@@ -193,17 +193,19 @@ class SkillLeaf(Leaf):
     """Uses an action, service or topic, directly or through a skill."""
 
     _run: GoalRun | None = None
+    _meant = ""
 
     def begin(self) -> None:
         """Send."""
         self._run = None
         skill = self.spec.skill
         assert skill is not None
-        fields: dict[str, Value] = {}
+        fields: dict[str, Literal] = {}
         for spec in skill.inputs:
             value = self.spec.fields[spec.name]
             assert not isinstance(value, Expression)
             fields[spec.name] = Literal(value=evaluate(value, self.scope))
+        self._meant = _meant(self.spec, fields)
         inputs = InputScope(inputs=fields, caller=self.scope)
         binding = skill.binding
         goal = Goal(
@@ -223,6 +225,7 @@ class SkillLeaf(Leaf):
             return Status.SUCCESS
         state = self._run.state
         if not state.ended:
+            self.feedback_message = self._meant
             return Status.RUNNING
         if state is GoalState.SUCCEEDED:
             return self._succeeded(self._run.result)
@@ -252,6 +255,15 @@ class SkillLeaf(Leaf):
         """Cancel what has not ended."""
         if self._run is not None and not self._run.state.ended:
             self._run.cancel()
+
+
+def _meant(spec: NodeSpec, inputs: Mapping[str, Literal]) -> str:
+    """Return what the main input means now, for a node that is named by references."""
+    assert spec.skill is not None
+    main = spec.skill.main
+    if main is None or isinstance(spec.fields[main], Literal):
+        return ""
+    return spoken(inputs[main].value)
 
 
 def _mapping(value: MapValue, scope: Scope) -> Mapping[str, Plain]:

@@ -1,0 +1,124 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the terminal shows of an event, line by line."""
+
+from __future__ import annotations
+
+import io
+import math
+from types import SimpleNamespace as Message
+from typing import Any
+
+from rich.console import Console
+
+from bt_agents.cli.story import Story
+from stage import SPACE
+
+
+def told(*events: tuple[str, Any]) -> list[str]:
+    output = io.StringIO()
+    story = Story(Console(file=output, width=100, color_system=None), SPACE)
+    for name, argument in events:
+        getattr(story, name)(argument)
+    return [line.rstrip() for line in output.getvalue().splitlines() if line.strip()]
+
+
+def scene(mood: float = 3.0, age: float = 1.0, person: bool = True) -> Message:
+    values = {"age": age, "familiarity": math.nan, "mood": mood}
+    return Message(person=person, values=[Message(name=n, value=v) for n, v in values.items()])
+
+
+def run_event(event: int, **more: Any) -> Message:
+    return Message(
+        STARTED=1, CANCELLING=2, ENDED=3, REFUSED=4, event=event, agent="a", scene=scene(), **more
+    )
+
+
+def change(path: str, status: int, message: str = "") -> Message:
+    return Message(
+        path=path, name=path.rpartition("/")[2], status=status, message=message,
+        INVALID=0, RUNNING=1, SUCCESS=2, FAILURE=3,
+    )  # fmt: skip
+
+
+def test_a_scene_says_the_words_of_its_values_and_what_is_missing() -> None:
+    assert told(("scene", scene())) == [
+        "    scene  age 1 (a child), familiarity missing, mood 3 (neutral)"
+    ]
+
+
+def test_nothing_known_and_nobody_there_is_said_in_words() -> None:
+    nobody = scene(mood=math.nan, age=math.nan, person=False)
+    assert told(("scene", nobody)) == ["    scene  no person, nothing else is known"]
+
+
+def test_an_auction_shows_each_bid_each_refusal_and_the_reason() -> None:
+    auction = Message(
+        round=2,
+        follows=0,
+        winner="a",
+        reason="a 1.0 = |4−3|",
+        ranking=[Message(agent="a", distance=1.0, calculation="1.0 = |4−3|")],
+        refused=[Message(agent="b", reason="needs scene.person")],
+    )
+    assert told(("auction", auction)) == [
+        "    bid 2  a                       1.00 = |4−3|",
+        "    bid 2  b                        –   needs scene.person",
+        "    award  a wins  a 1.0 = |4−3|",
+    ]
+
+
+def test_mood_is_told_only_during_a_run_and_only_when_it_has_changed() -> None:
+    assert told(
+        ("live", scene(mood=1.0)),
+        ("run", run_event(1)),
+        ("live", scene(mood=3.1)),
+        ("live", scene(mood=1.5)),
+        ("live", scene(mood=1.5)),
+        ("live", scene(mood=4.0)),
+    ) == [
+        "      run  a starts",
+        "     mood  falls from 3 to 1.5",
+        "     mood  rises from 1.5 to 4",
+    ]
+
+
+def test_a_tick_shows_first_what_ended_then_what_began_parents_first() -> None:
+    changes = [
+        change("tree/0.say", 2),
+        change("tree/1.sequence/0.ask", 1, "Where to?"),
+        change("tree/1.sequence", 1),
+        change("tree/1.sequence@timeout", 1),
+        change("tree/2.wait", 0),
+    ]
+    assert told(("tree", Message(tick=7, changes=changes))) == [
+        "     tree     7   ✔ 0.say",
+        "     tree     7   ▶ 1.sequence",
+        "     tree     7     ▶ 0.ask Where to?",
+    ]
+
+
+def test_a_modifier_is_shown_when_it_made_something_fail() -> None:
+    changes = [change("tree/0.say@timeout", 3, "not done within 5 s")]
+    assert told(("tree", Message(tick=7, changes=changes))) == [
+        "     tree     7   ✘ 0.say@timeout not done within 5 s"
+    ]
+
+
+def test_feedback_shows_the_profile_before_and_after() -> None:
+    feedback = Message(
+        agent="a",
+        kind=2,
+        source="mood rule",
+        reason="mood.change <= -1 held 1 s",
+        before=[4.0, 1.5, 3.0],
+        after=[4.1, 1.4, 3.0],
+        revision=3,
+    )
+    assert told(("feedback", feedback)) == [
+        " feedback  negative for a by mood rule: mood.change <= -1 held 1 s",
+        "  profile  a [4, 1.5, 3] → [4.1, 1.4, 3] (revision 3)",
+    ]
+
+
+def test_what_a_person_wrote_is_never_taken_for_markup() -> None:
+    assert told(("act", "says: [red]hello[/red]")) == ["    robot  says: [red]hello[/red]"]
