@@ -6,7 +6,7 @@ from __future__ import annotations
 import os
 import time
 import uuid
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
@@ -25,8 +25,8 @@ from bt_agents.language.scene_reader import read_scene
 from bt_agents.ros import qos
 from bt_agents.ros.calls import Calls
 from bt_agents.ros.messages import scene_from_msg, scene_to_msg, to_time
-from bt_agents.ros.parameters import declare, describe
 from bt_agents.ros.runner import run
+from bt_agents.ros.startup import TREES, StartParameter, make_from_parameters
 from bt_agents.scene import SceneSpace
 from bt_agents.simulated import SimulatedFeedback
 from bt_agents.trees_folder import find_trees
@@ -364,50 +364,34 @@ def _feedback(change: Change, space: SceneSpace) -> Feedback:
     )
 
 
-def _start_parameters(node: Node) -> tuple[str, str, str]:
-    trees = declare(
-        node,
-        "trees",
-        "",
-        describe("folder with scene.yaml; empty: ./trees, else the installed one", read_only=True),
-    )
-    ledger = declare(
-        node,
-        "ledger",
-        "",
-        describe(
-            "SQLite file of all learned profiles; empty: bt-agents/ledger.sqlite in the user's "
-            "state folder; :memory: keeps nothing",
-            read_only=True,
-        ),
-    )
-    simulated = declare(
-        node,
-        "simulated_feedback",
-        "",
-        describe("YAML file with feedback for experiments; empty: none", read_only=True),
-    )
-    return str(trees), str(ledger), str(simulated)
+_START = (
+    TREES,
+    StartParameter(
+        name="ledger",
+        description="SQLite file of all learned profiles; empty: bt-agents/ledger.sqlite in the "
+        "user's state folder; :memory: keeps nothing",
+    ),
+    StartParameter(
+        name="simulated_feedback",
+        description="YAML file with feedback for experiments; empty: none",
+    ),
+)
 
 
 def main(args: Sequence[str] | None = None) -> int:
     """Run the feedback node until it is told to stop; return the exit code."""
     with ExitStack() as owned:
 
-        def make() -> FeedbackNode:
-            # The node's own parameters say what it is made of, so a short-lived one reads them.
-            reader = Node("feedback", enable_rosout=False, start_parameter_services=False)
-            trees, ledger, simulated = _start_parameters(reader)
-            reader.destroy_node()
-            space = read_scene(find_trees(trees) / "scene.yaml").space
-            rows = read_simulated_feedback(Path(simulated), space) if simulated else None
-            book = owned.enter_context(Ledger(ledger_path(ledger, os.environ)))
+        def make(values: Mapping[str, str]) -> FeedbackNode:
+            space = read_scene(find_trees(values["trees"]) / "scene.yaml").space
+            path = values["simulated_feedback"]
+            rows = read_simulated_feedback(Path(path), space) if path else None
+            book = owned.enter_context(Ledger(ledger_path(values["ledger"], os.environ)))
             node = FeedbackNode(space, book, rows)
-            _start_parameters(node)
             node.get_logger().info(f"the ledger is {book.path}")
             return node
 
-        return run(make, args)
+        return run(lambda: make_from_parameters("feedback", _START, make), args)
 
 
 if __name__ == "__main__":

@@ -3,9 +3,8 @@
 
 from __future__ import annotations
 
-import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
@@ -311,10 +310,10 @@ def _drive_result(act: Act | None, now: float, message: str) -> Any:
     return DriveAction.Result(distance_m=driven, message=message)
 
 
-def main() -> None:
-    """Entry point of ``ros2 run bt_agents_robot robot``."""
-    sys.exit(run(RobotNode))
+def main(args: Sequence[str] | None = None) -> int:
+    """Run the robot until it is told to stop; return the exit code."""
+    return run(RobotNode, args)
 
 
 if __name__ == "__main__":
-    main()
+    raise SystemExit(main())

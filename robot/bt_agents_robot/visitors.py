@@ -4,12 +4,11 @@
 from __future__ import annotations
 
 import math
-import sys
 import time
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-import rclpy
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.publisher import Publisher
@@ -23,6 +22,7 @@ from bt_agents.ros import qos
 from bt_agents.ros.interfaces import fill, load_type, read_field
 from bt_agents.ros.parameters import declare, describe
 from bt_agents.ros.runner import run
+from bt_agents.ros.startup import TREES, StartParameter, make_from_parameters
 from bt_agents.trees_folder import find_trees
 from bt_agents_interfaces.msg import MarketStatus, Run
 from bt_agents_interfaces.msg import Scene as SceneMsg
@@ -287,29 +287,21 @@ def make_node() -> VisitorsNode:
     Raises:
         BtAgentsError: The trees folder, ``scene.yaml`` or the script cannot be used.
     """
-    trees = describe(
-        "folder with scene.yaml; empty searches ./trees, then the installed one", read_only=True
-    )
-    script = describe("script with the visits", read_only=True)
-    # What the node is made of stands in its own parameters, so they are read before it exists.
-    reader = rclpy.create_node("visitors", start_parameter_services=False, enable_rosout=False)
-    try:
-        spec = read_scene(find_trees(str(declare(reader, "trees", "", trees))) / "scene.yaml")
-        path = str(declare(reader, "script", "", script))
-        if not path:
+
+    def make(values: Mapping[str, str]) -> VisitorsNode:
+        spec = read_scene(find_trees(values["trees"]) / "scene.yaml")
+        if not values["script"]:
             raise Refused("EMPTY", "parameter script is empty; name a file of visits")
-        node = VisitorsNode(spec, read_script(Path(path), spec.space))
-    finally:
-        reader.destroy_node()
-    declare(node, "trees", "", trees)
-    declare(node, "script", "", script)
-    return node
+        return VisitorsNode(spec, read_script(Path(values["script"]), spec.space))
+
+    script = StartParameter(name="script", description="script with the visits")
+    return make_from_parameters("visitors", (TREES, script), make)
 
 
-def main() -> None:
-    """Entry point of ``ros2 run bt_agents_robot visitors``."""
-    sys.exit(run(make_node))
+def main(args: Sequence[str] | None = None) -> int:
+    """Run the visitors until they are told to stop; return the exit code."""
+    return run(make_node, args)
 
 
 if __name__ == "__main__":
-    main()
+    raise SystemExit(main())

@@ -3,15 +3,13 @@
 
 from __future__ import annotations
 
-import sys
 import time
 import uuid
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
 
-import rclpy
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from std_msgs.msg import Empty
@@ -25,6 +23,7 @@ from bt_agents.ros.interfaces import InstalledInterfaces, load_type, read_field
 from bt_agents.ros.messages import scene_from_msg, scene_to_msg
 from bt_agents.ros.parameters import declare, describe
 from bt_agents.ros.runner import run
+from bt_agents.ros.startup import TREES, StartParameter, make_from_parameters
 from bt_agents.scene import Scene
 from bt_agents.trees_folder import find_trees
 from bt_agents_interfaces.msg import MarketStatus, Run
@@ -304,29 +303,22 @@ def make_node() -> SceneLayerNode:
     Raises:
         BtAgentsError: The trees folder, ``scene.yaml`` or the script cannot be used.
     """
-    trees = describe(
-        "folder with scene.yaml; empty searches ./trees, then the installed one", read_only=True
+
+    def make(values: Mapping[str, str]) -> SceneLayerNode:
+        spec = read_scene(find_trees(values["trees"]) / "scene.yaml")
+        path = values["script"]
+        return SceneLayerNode(spec, read_script(Path(path), spec.space) if path else None)
+
+    script = StartParameter(
+        name="script", description="script to play instead of listening to sensors; empty for none"
     )
-    script = describe(
-        "script to play instead of listening to sensors; empty for none", read_only=True
-    )
-    # What the node is made of stands in its own parameters, so they are read before it exists.
-    reader = rclpy.create_node("scene_layer", start_parameter_services=False, enable_rosout=False)
-    try:
-        spec = read_scene(find_trees(str(declare(reader, "trees", "", trees))) / "scene.yaml")
-        path = str(declare(reader, "script", "", script))
-        node = SceneLayerNode(spec, read_script(Path(path), spec.space) if path else None)
-    finally:
-        reader.destroy_node()
-    declare(node, "trees", "", trees)
-    declare(node, "script", "", script)
-    return node
+    return make_from_parameters("scene_layer", (TREES, script), make)
 
 
-def main() -> None:
-    """Entry point of ``ros2 run scene_layer scene_layer``."""
-    sys.exit(run(make_node))
+def main(args: Sequence[str] | None = None) -> int:
+    """Run the scene layer until it is told to stop; return the exit code."""
+    return run(make_node, args)
 
 
 if __name__ == "__main__":
-    main()
+    raise SystemExit(main())

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import uuid
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from rclpy.clock import Clock, ClockType
@@ -23,6 +23,7 @@ from bt_agents.ros.messages import scene_from_msg
 from bt_agents.ros.parameters import declare, describe
 from bt_agents.ros.run_server import RunServer
 from bt_agents.ros.runner import run
+from bt_agents.ros.startup import TREES, make_from_parameters
 from bt_agents.ros.tunables import TunableParameters
 from bt_agents.roster import Roster
 from bt_agents.scene import Scene
@@ -47,22 +48,12 @@ class HostNode(Node):
     """Offers the agents of a trees folder: registers them, bids for them, ticks the winner's tree.
 
     Args:
-        folder: What the trees folder says; None reads the folder that the parameter names.
+        folder: What the trees folder says.
         node_kwargs: For :class:`rclpy.node.Node`.
     """
 
-    def __init__(self, folder: TreesFolder | None = None, **node_kwargs: Any) -> None:
+    def __init__(self, folder: TreesFolder, **node_kwargs: Any) -> None:
         super().__init__("agents", **node_kwargs)
-        if folder is None:
-            trees = declare(
-                self,
-                "trees",
-                "",
-                describe(
-                    "trees folder; empty means ./trees, else the installed one", read_only=True
-                ),
-            )
-            folder = read_trees(find_trees(str(trees)), InstalledInterfaces())
         self.instance = uuid.uuid4().hex[:12]
         self.roster = Roster(folder.scene.space, folder.agents)
         self._folder = folder
@@ -270,9 +261,22 @@ class HostNode(Node):
         )
 
 
+def make_node() -> HostNode:
+    """Create the node with the agents of the folder that its parameter names.
+
+    Raises:
+        BtAgentsError: There is no such folder, or its scene or skills are broken.
+    """
+
+    def make(values: Mapping[str, str]) -> HostNode:
+        return HostNode(read_trees(find_trees(values["trees"]), InstalledInterfaces()))
+
+    return make_from_parameters("agents", (TREES,), make)
+
+
 def main(args: Sequence[str] | None = None) -> int:
-    """Run a host until it is told to stop."""
-    return run(HostNode, args)
+    """Run a host until it is told to stop; return the exit code."""
+    return run(make_node, args)
 
 
 if __name__ == "__main__":

@@ -10,7 +10,6 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
-import rclpy
 from rcl_interfaces.msg import ParameterDescriptor, SetParametersResult
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
@@ -23,6 +22,7 @@ from bt_agents.ros.calls import Calls
 from bt_agents.ros.messages import scene_from_msg, scene_to_msg
 from bt_agents.ros.parameters import declare, describe
 from bt_agents.ros.runner import run
+from bt_agents.ros.startup import TREES, make_from_parameters
 from bt_agents.scene import SceneSpace
 from bt_agents.trees_folder import find_trees
 from bt_agents_interfaces.msg import Auction as AuctionMsg
@@ -72,7 +72,6 @@ _MEANINGS = {
     "cancel_deadline": "time for a run to end after it was told to stop [s]",
     "collect_deadline": "time for the feedback service to answer after a run [s]",
 }
-_TREES = describe("folder with scene.yaml; empty: ./trees, else the installed one", read_only=True)
 
 
 class MarketplaceNode(Node):
@@ -335,21 +334,15 @@ class MarketplaceNode(Node):
 
 
 def _make_node() -> MarketplaceNode:
-    # The node's own parameter says what it is made of, so a short-lived one reads it.
-    reader = rclpy.create_node("marketplace", enable_rosout=False, start_parameter_services=False)
-    try:
-        trees = str(declare(reader, "trees", "", _TREES))
-    finally:
-        reader.destroy_node()
-    node = MarketplaceNode(read_scene(find_trees(trees) / "scene.yaml").space)
-    declare(node, "trees", "", _TREES)
-    return node
+    return make_from_parameters(
+        "marketplace",
+        (TREES,),
+        lambda values: MarketplaceNode(
+            read_scene(find_trees(values["trees"]) / "scene.yaml").space
+        ),
+    )
 
 
 def main(args: Sequence[str] | None = None) -> int:
     """Run the marketplace until it is told to stop; return the exit code."""
     return run(_make_node, args)
-
-
-if __name__ == "__main__":
-    raise SystemExit(main())
