@@ -42,7 +42,7 @@ def left_over(files: set[Path]) -> set[Path]:
 def test_the_demo_tells_the_whole_morning_and_ends_by_itself(start: Start) -> None:
     before = in_shared_memory()
     demo = start("demo", "--no-voice")
-    demo.until("ready")
+    demo.until("an airport employee")
     pids = children(demo.process.pid)
     assert len(pids) == 6
     shared = shared_memory([demo.process.pid, *pids])

@@ -3,12 +3,14 @@
 
 from __future__ import annotations
 
+import math
 import os
 import sys
 import tempfile
 import time
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import click
 from rich.console import Console
@@ -22,7 +24,10 @@ from bt_agents.errors import BtAgentsError
 from bt_agents.language.folder_reader import Trees, read_trees
 from bt_agents.trees_folder import find_trees
 
-_DEMO_LIMIT_S = 58.0
+if TYPE_CHECKING:
+    from bt_agents.ros.observer import Observer
+
+_DEMO_LIMIT_S = 55.0
 _READY_LIMIT_S = 20.0
 _LOOK_S = 0.2
 
@@ -48,9 +53,9 @@ def demo(voice: bool, script: Path | None) -> None:
             system.scene_layer(trees),
             system.host(trees),
             system.feedback(trees, ledger=str(Path(folder) / "ledger.sqlite")),
-            system.visitors(trees, script, agents=len(read_trees(trees).agents), pace=1.0),
         ]
-        sys.exit(_run(components, trees, interrupt, demo=True))
+        visitors = system.visitors(trees, script, pace=1.0)
+        sys.exit(_run(components, trees, interrupt, visitors))
 
 
 @click.command()
@@ -73,14 +78,19 @@ def up(directory: str, robot: bool, voice: bool, ledger: str) -> None:
     ]
     if robot:
         components.append(system.robot(pace=1.0, voice="auto" if voice else "off"))
-    sys.exit(_run(components, trees, interrupt, demo=False))
+    sys.exit(_run(components, trees, interrupt))
 
 
-def _run(components: Sequence[Component], trees: Path, interrupt: Interrupt, demo: bool) -> int:
+def _run(
+    components: Sequence[Component],
+    trees: Path,
+    interrupt: Interrupt,
+    visitors: Component | None = None,
+) -> int:
+    """Run a system until it is told to stop, or until the visitors are done."""
     start = time.monotonic()
     keep_local(os.environ)
     from bt_agents.ros.interfaces import InstalledInterfaces
-    from bt_agents.ros.observer import Observer, profiles_by_agent
 
     console = Console()
     folder = read_trees(trees, InstalledInterfaces())
@@ -91,42 +101,73 @@ def _run(components: Sequence[Component], trees: Path, interrupt: Interrupt, dem
     story = Story(console, folder.scene.space)
     try:
         supervisor.start(*components)
-        observer = Observer(story)
+        observer = graph.Observer(story)
         try:
-            ready = observer.turn_until(
-                lambda: bool(interrupt or supervisor.dead()) or observer.ready(len(folder.agents)),
-                _READY_LIMIT_S,
-            )
-            if interrupt:
-                return 0
-            if supervisor.dead() or not ready:
-                raise BtAgentsError(
-                    supervisor.dead()
-                    or f"not ready after {_READY_LIMIT_S:g} s; the logs are in "
-                    f"{supervisor.log('agents').parent}"
-                )
-            story.profiles(profiles_by_agent(observer.profiles))
-            _welcome(console, observer.cards.values(), demo, time.monotonic() - start)
-            limit = start + _DEMO_LIMIT_S if demo else float("inf")
-            while not (interrupt or supervisor.dead() or observer.visits_done):
-                if time.monotonic() > limit:
-                    raise BtAgentsError(f"the demo did not end within {_DEMO_LIMIT_S:g} s")
-                observer.turn_until(lambda: bool(interrupt) or observer.visits_done, _LOOK_S)
-            if supervisor.dead():
-                raise BtAgentsError(supervisor.dead())
-            if demo and not interrupt:
+            _get_ready(observer, supervisor, len(folder.agents), interrupt)
+            if not interrupt:
+                story.profiles(graph.profiles_by_agent(observer.profiles))
+                _welcome(console, observer.cards.values(), time.monotonic() - start)
+                _follow(console, observer, supervisor, interrupt, visitors)
+            if visitors is not None and not interrupt:
                 story.summary()
                 console.print(f"done in {time.monotonic() - start:.0f} s")
-            return 0
         finally:
             killed = supervisor.stop()
             observer.close()
-            if interrupt:
-                console.print("\nstopped")
-            if killed:
-                console.print(f"[yellow]had to be killed: {', '.join(killed)}[/]")
     finally:
         supervisor.stop()
+    if interrupt:
+        console.print("\nstopped")
+    if killed:
+        console.print(f"[yellow]had to be killed: {', '.join(killed)}[/]")
+    return 0
+
+
+def _get_ready(
+    observer: Observer, supervisor: Supervisor, agents: int, interrupt: Interrupt
+) -> None:
+    """Wait until all agents are registered.
+
+    Raises:
+        BtAgentsError: A process has ended, or it takes too long.
+    """
+    observer.turn_until(
+        lambda: bool(interrupt or supervisor.dead()) or observer.ready(agents), _READY_LIMIT_S
+    )
+    if supervisor.dead():
+        raise BtAgentsError(supervisor.dead())
+    if not interrupt and not observer.ready(agents):
+        logs = supervisor.log("agents").parent
+        raise BtAgentsError(f"not ready after {_READY_LIMIT_S:g} s; the logs are in {logs}")
+
+
+def _follow(
+    console: Console,
+    observer: Observer,
+    supervisor: Supervisor,
+    interrupt: Interrupt,
+    visitors: Component | None,
+) -> None:
+    """Tell what happens, until the visitors are done or the user ends it.
+
+    Raises:
+        BtAgentsError: A process has ended by itself, or the visitors take too long.
+    """
+    limit = math.inf
+    if visitors is not None:
+        limit = time.monotonic() + _DEMO_LIMIT_S
+        supervisor.start(visitors)
+    else:
+        console.print(
+            "in another terminal: [bold]bt-agents trigger age=4.5 mood=2[/]   (Ctrl-C ends this)",
+            highlight=False,
+        )
+    while not (interrupt or observer.visits_done):
+        if supervisor.dead():
+            raise BtAgentsError(supervisor.dead())
+        if time.monotonic() > limit:
+            raise BtAgentsError(f"the visits did not end within {_DEMO_LIMIT_S:g} s")
+        observer.turn_until(lambda: bool(interrupt) or observer.visits_done, _LOOK_S)
 
 
 def _show_broken(console: Console, folder: Trees) -> None:
@@ -135,8 +176,8 @@ def _show_broken(console: Console, folder: Trees) -> None:
         console.print(broken.error.report, markup=False, highlight=False, soft_wrap=True)
 
 
-def _welcome(console: Console, cards: object, demo: bool, seconds: float) -> None:
-    names = [agent.title for card in cards for agent in card.agents]  # type: ignore[attr-defined]
+def _welcome(console: Console, cards: Iterable[Any], seconds: float) -> None:
+    names = [agent.title for card in cards for agent in card.agents]
     console.print(
         f"[green]ready[/] after {seconds:.1f} s: one robot, {len(names)} agents "
         f"({', '.join(names)}), ROS domain {os.environ.get('ROS_DOMAIN_ID', '0')}, "
@@ -144,8 +185,3 @@ def _welcome(console: Console, cards: object, demo: bool, seconds: float) -> Non
         highlight=False,
         soft_wrap=True,
     )
-    if not demo:
-        console.print(
-            "in another terminal: [bold]bt-agents trigger age=4.5 mood=2[/]   (Ctrl-C ends this)",
-            highlight=False,
-        )

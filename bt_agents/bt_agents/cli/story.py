@@ -160,7 +160,7 @@ class Story:
         self._console.rule("[bold]summary", align="left", style="cyan")
         table = Table(box=None, pad_edge=False, header_style="dim")
         for title in ("agent", "runs", "feedback", f"profile ({', '.join(self._space.names)})"):
-            table.add_column(title)
+            table.add_column(title, no_wrap=True)
         for agent in sorted(self._start):
             runs = [o for name, o in self.runs if name == agent]
             words = ", ".join(_OUTCOME.get(o, "?") for o in runs) or "–"
@@ -168,10 +168,11 @@ class Story:
             before, after = self._start[agent], self._now[agent]
             moved = _vector(before) + ("" if before == after else f" → {_vector(after)}")
             table.add_row(agent, words, ", ".join(given) or "–", moved)
-        self._console.print(table)
+        self._console.print(table, width=max(self._console.width, 100), crop=False)
         self._console.print(
             f"{self.rounds} rounds, {len(self.runs)} runs, {self.takeovers} taken over by another "
-            f"agent, {len(self.feedbacks)} times feedback, {self.unanswered} scenes without a bid"
+            f"agent, {len(self.feedbacks)} times feedback, {self.unanswered} scenes without a bid",
+            soft_wrap=True,
         )
 
     def _describe(self, message: Any) -> str:

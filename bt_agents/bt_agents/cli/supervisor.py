@@ -84,7 +84,7 @@ class Supervisor:
         self._logs.mkdir(parents=True, exist_ok=True)
         environment = {
             **os.environ,
-            "BT_AGENTS_SUPERVISED": "1",
+            "BT_AGENTS_SUPERVISED": str(os.getpid()),
             "RCUTILS_COLORIZED_OUTPUT": "0",
             "PYTHONUNBUFFERED": "1",
         }

@@ -63,7 +63,7 @@ def robot(pace: float, voice: str) -> Component:
     )
 
 
-def visitors(trees: Path, script: Path, agents: int, pace: float) -> Component:
+def visitors(trees: Path, script: Path, pace: float) -> Component:
     """Return the scripted visitors."""
     return Component(
         name="visitors",
@@ -71,7 +71,6 @@ def visitors(trees: Path, script: Path, agents: int, pace: float) -> Component:
         parameters={
             "trees": str(trees),
             "script": str(script),
-            "wait_for_agents": agents,
             "pace": pace,
         },
     )

@@ -19,7 +19,7 @@ from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
 SUPERVISED = "BT_AGENTS_SUPERVISED"
-"""Environment variable that ties the life of a node's process to that of its parent."""
+"""Environment variable with the pid of the parent to whose life a node's process is tied."""
 
 _POLL_S = 0.1
 _STOP_LIMIT_S = 1.0
@@ -124,5 +124,9 @@ def run(make_node: Callable[[], NodeT], args: Sequence[str] | None = None) -> in
 
 
 def _die_with_parent() -> None:
-    if os.environ.get(SUPERVISED) and sys.platform == "linux":
+    parent = os.environ.get(SUPERVISED)
+    if parent and sys.platform == "linux":
         ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)
+        if os.getppid() != int(parent):
+            # It has died before it could be watched.
+            os.kill(os.getpid(), signal.SIGTERM)
