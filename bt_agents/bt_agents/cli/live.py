@@ -90,6 +90,7 @@ def _run(
     """Run a system until it is told to stop, or until the visitors are done."""
     start = time.monotonic()
     keep_local(os.environ)
+    from bt_agents.ros import observer as graph
     from bt_agents.ros.interfaces import InstalledInterfaces
 
     console = Console()
