@@ -8,6 +8,10 @@ class BtAgentsError(Exception):
     """Root of every error that this project raises on purpose."""
 
 
+LONGEST_REASON = 500
+"""Characters of a reason; what comes from outside may be as long as it likes."""
+
+
 class Refused(BtAgentsError):
     """Input that is not taken; nothing has changed.
 
@@ -17,6 +21,8 @@ class Refused(BtAgentsError):
     """
 
     def __init__(self, code: str, reason: str) -> None:
+        if len(reason) > LONGEST_REASON:
+            reason = reason[: LONGEST_REASON - 1] + "…"
         super().__init__(f"{code}: {reason}")
         self.code = code
         self.reason = reason

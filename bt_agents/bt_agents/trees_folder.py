@@ -25,7 +25,7 @@ def find_experiment(name: str) -> Path:
     Raises:
         BtAgentsError: There is no such experiment.
     """
-    explicit = name if "/" in name else ""
+    explicit = name if "/" in name or (Path(name) / "experiment.yaml").exists() else ""
     if explicit:
         return _find("", explicit, "", "experiment.yaml")
     root = _find("experiments", "", "bt_agents_experiments", "")

@@ -33,7 +33,7 @@ def test_a_system_is_triggered_explained_tuned_by_feedback_cancelled_and_remembe
     assert "Mrs Smith" in why
     assert re.search(r"attentive_guide +1 = |attentive_guide 1", why)
     moved = ask("feedback", "positive", "--reason", "kind")
-    assert re.search(r"attentive_guide: age 4,.* → age 4\.1,.*\(revision 1\)", moved)
+    assert re.search(r"attentive_guide: age 4 → 4\.1.*\(revision 1\)", moved)
     assert "age 4.1" in ask("status")
     code, _ = up.stop()
     assert code == 0, up.output

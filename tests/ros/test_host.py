@@ -289,6 +289,21 @@ def test_a_skill_without_a_server_fails_in_words(ros: Any, host: HostNode, marke
     assert "within 3 s" in answer.result.message
 
 
+def test_a_fault_of_the_engine_ends_the_run_and_the_host_goes_on(
+    ros: Any, host: HostNode, market: Market, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def broken(_run: object) -> None:
+        raise RuntimeError("cogwheel")
+
+    with monkeypatch.context() as patch:
+        patch.setattr("bt_agents.engine.run.Run.tick", broken)
+        answer = market.result(market.send(market.goal(host)))
+    assert answer.result.outcome == RunAgent.Result.FAILED
+    assert answer.result.message == "RuntimeError: cogwheel"
+    again = market.result(market.send(market.goal(host, agent="quick")))
+    assert again.result.outcome == RunAgent.Result.SUCCEEDED
+
+
 def test_a_cancel_stops_the_leaf_and_its_goal(ros: Any, host: HostNode, market: Market) -> None:
     mouth = Mouth(ros)
     handle = market.send(market.goal(host))

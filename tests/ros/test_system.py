@@ -25,7 +25,7 @@ from bt_agents_interfaces.msg import (
     Scene,
     SceneValue,
 )
-from bt_agents_interfaces.srv import Analyze, GiveFeedback, RegisterHost, SetProfile
+from bt_agents_interfaces.srv import Analyze, CancelRun, GiveFeedback, RegisterHost, SetProfile
 from feedback_node.ledger import Ledger
 from feedback_node.node import FeedbackNode
 from marketplace_node.node import MarketplaceNode
@@ -152,6 +152,57 @@ def test_a_second_host_with_the_same_agent_name_is_refused(ros: Any, tmp_path: P
     assert "/agents" in second.roster.members["young"].refusal
     assert system.interact(age=5, familiarity=3, mood=3) == "other"
     assert "young" in {bid.agent for bid in system.auctions[-1].ranking}
+
+
+def test_a_second_host_of_the_same_name_takes_no_goals_and_the_first_goes_on(
+    ros: Any, tmp_path: Path
+) -> None:
+    trees = write_agents(tmp_path, wait="30 s", young=1.5)
+    system = System(ros, trees)
+    second = ros.add(HostNode(system.folder))
+    ros.until(lambda: second.roster.members["young"].refusal)
+    assert not second.registered
+    scene_id = system.analyze(age=1, familiarity=3, mood=3).scene.scene_id
+    ros.until(lambda: any(run.event == Run.STARTED for run in system.runs))
+    ros.turns(50)
+    assert [run.event for run in system.runs] == [Run.STARTED]
+    client = ros.node.create_client(CancelRun, "marketplace/cancel")
+    assert ros.call(client, CancelRun.Request(reason="enough")).accepted
+    ros.until(lambda: system.finished(scene_id))
+    assert system.host.stopped()
+    assert second.stopped()
+
+
+def test_an_agent_that_the_market_refused_is_on_no_card_so_that_it_cannot_take_the_learning(
+    ros: Any, tmp_path: Path
+) -> None:
+    system = System(ros, write_agents(tmp_path, young=1.5))
+    other = write_agents(tmp_path, young=5.0, other=5.0)
+    second = ros.add(
+        HostNode(
+            read_trees(other, InstalledInterfaces()), cli_args=["--ros-args", "-r", "__node:=b"]
+        )
+    )
+    ros.until(lambda: second.roster.members["other"].agent_id)
+    ros.until(lambda: "other" in system.profiles[-1].agents)
+    give = ros.node.create_client(GiveFeedback, "feedback/give")
+    request = GiveFeedback.Request(agent="young", kind=0, values=[5.0, 5.0, 5.0])
+    assert ros.call(give, request).accepted
+    assert system.host.roster.members["young"].revision == 1
+    assert second.roster.members["young"].revision == 0
+
+
+def test_a_market_that_starts_again_ends_the_run_of_the_one_before_it(
+    ros: Any, tmp_path: Path
+) -> None:
+    system = System(ros, write_agents(tmp_path, wait="30 s", young=1.5))
+    system.analyze(age=1, familiarity=3, mood=3)
+    ros.until(lambda: any(run.event == Run.STARTED for run in system.runs))
+    ros.remove(system.market)
+    assert not system.host.stopped()
+    ros.add(MarketplaceNode(system.folder.scene.space, "epoch-2"))
+    ros.until(system.host.stopped)
+    ros.until(lambda: system.statuses[-1].epoch == "epoch-2" and system.statuses[-1].agents == 1)
 
 
 def test_a_market_that_starts_again_finds_its_hosts(ros: Any, tmp_path: Path) -> None:

@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from bt_agents.cli.supervisor import LOOPBACK_PROFILE, Component, Supervisor, keep_local
+from bt_agents.errors import BtAgentsError
 
 
 def test_parameters_are_handed_over_with_their_types() -> None:
@@ -67,3 +68,24 @@ def test_a_process_that_does_not_end_when_asked_is_killed(
     while "deaf" not in supervisor.log("deaf").read_text():
         assert not supervisor.dead()
     assert supervisor.stop() == ["deaf"]
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"ROS_DOMAIN_ID": "abc"},
+        {"ROS_DOMAIN_ID": "999"},
+        {"ROS_DOMAIN_ID": "-1"},
+        {"ROS_AUTOMATIC_DISCOVERY_RANGE": "everywhere"},
+    ],
+)
+def test_an_environment_that_ros_does_not_know_is_refused_in_words(wrong: dict[str, str]) -> None:
+    name, value = next(iter(wrong.items()))
+    with pytest.raises(BtAgentsError, match=f"{name} is '{value}', expected"):
+        keep_local(dict(wrong))
+
+
+def test_a_folder_that_cannot_be_written_is_named(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    with pytest.raises(BtAgentsError, match="set XDG_STATE_HOME"):
+        Supervisor(tmp_path / "file" / "logs").start(Component(name="n", module="m"))

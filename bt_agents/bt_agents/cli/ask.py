@@ -102,7 +102,7 @@ def trigger(values: Assignments, label: str, person: bool) -> None:
             click.echo(f"round {auction.round}: {auction.winner or 'nobody'}")
             click.echo(auction.reason)
         else:
-            click.echo("the scene is queued: an agent is running ('bt-agents status')")
+            click.echo(f"not decided yet, the market says: {observer.market.message}")
 
 
 @click.command()
@@ -206,11 +206,8 @@ def feedback(kind: str, values: Assignments, agent: str, reason: str) -> None:
         observer.turn_until(lambda: observer.profiles is not None, _FIND_LIMIT_S)
         wanted = _wanted(observer, values) if kind == "direct" else _columns(values)[1]
         answer = client.give_feedback(observer, agent, kind, wanted, reason)
-        change = _accepted(answer, "the feedback node").feedback
-        click.echo(
-            f"{change.agent}: {_row(change.parameters, change.before)} → "
-            f"{_row(change.parameters, change.after)} (revision {change.revision})"
-        )
+        answer = _accepted(answer, "the feedback node")
+        click.echo(f"{answer.message} (revision {answer.feedback.revision})")
 
 
 def _columns(values: Assignments) -> tuple[list[str], list[float]]:

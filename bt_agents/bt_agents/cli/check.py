@@ -7,8 +7,10 @@ import sys
 
 import click
 
+from bt_agents.errors import BtAgentsError, ReadError
 from bt_agents.language.folder_reader import read_trees
 from bt_agents.language.interfaces import Interfaces
+from bt_agents.language.script_reader import read_script
 from bt_agents.trees_folder import find_trees
 
 
@@ -19,12 +21,24 @@ def check(directory: str) -> None:
 
     Exit code 1 when there is one. ROS types are looked up where ROS is installed.
     """
+    if directory.endswith((".yaml", ".yml")):
+        raise BtAgentsError(
+            f"'{directory}' is a file; name the trees folder, whose scene and skills it needs"
+        )
     folder = read_trees(find_trees(directory), _installed())
-    for broken in folder.broken:
-        click.echo(broken.error.report)
+    reports = [broken.error.report for broken in folder.broken]
+    for script in sorted((folder.folder / "scripts").glob("*.yaml")):
+        try:
+            read_script(script, folder.scene.space)
+        except ReadError as error:
+            reports.append(error.report)
     for agent in folder.agents:
         click.echo(f"{agent.file}: {agent.name} is fine")
-    sys.exit(1 if folder.broken else 0)
+    if not folder.agents:
+        reports.append(f"there is no agent that works in {folder.folder / 'agents'}")
+    for report in reports:
+        click.echo(report)
+    sys.exit(1 if reports else 0)
 
 
 def _installed() -> Interfaces | None:

@@ -9,6 +9,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -72,13 +73,7 @@ def experiment(name: str, csv_file: Path | None, seed: int | None) -> None:
         raise BtAgentsError(folder.broken[0].error.report)
     spec = read_experiment(folder_path / "experiment.yaml", folder.scene.space)
     if seed is not None:
-        spec = ExperimentSpec(
-            title=spec.title,
-            rounds=spec.rounds,
-            seed=seed,
-            scenes=spec.scenes,
-            feedback=spec.feedback,
-        )
+        spec = replace(spec, seed=seed)
     if "ROS_DOMAIN_ID" not in os.environ:
         os.environ["ROS_DOMAIN_ID"] = str(reserve_domain())
     keep_local(os.environ)
@@ -88,7 +83,10 @@ def experiment(name: str, csv_file: Path | None, seed: int | None) -> None:
         click.echo("stopped")
         return
     if csv_file is not None:
-        _write_csv(csv_file, records, folder.scene.space)
+        try:
+            _write_csv(csv_file, records, folder.scene.space)
+        except OSError as error:
+            click.echo(f"error: {csv_file} cannot be written: {error.strerror}", err=True)
     sys.exit(_report(folder, spec, records, time.monotonic() - start))
 
 
@@ -125,8 +123,15 @@ def _record(
     recorder = _Recorder()
     client.record(observer, recorder.auction, recorder.feedback)
     try:
-        if not observer.turn_until(lambda: bool(interrupt) or observer.ready(agents), _STALL_S):
-            raise BtAgentsError(supervisor.dead() or f"not ready after {_STALL_S:g} s")
+        observer.turn_until(
+            lambda: bool(interrupt or supervisor.dead()) or observer.ready(agents), _STALL_S
+        )
+        if not interrupt and not observer.ready(agents):
+            raise BtAgentsError(
+                supervisor.dead()
+                or f"not ready after {_STALL_S:g} s; the logs are in "
+                f"{supervisor.log('agents').parent}"
+            )
         supervisor.start(scenes)
         with Progress(transient=True) as progress:
             task = progress.add_task(spec.title, total=spec.rounds)
@@ -150,7 +155,7 @@ def _record(
 
 
 def _script(spec: ExperimentSpec, space: SceneSpace) -> str:
-    lines = ["format: 1", f'title: "{spec.title}"', "visits:"]
+    lines = ["format: 1", "title: an experiment", "visits:"]
     for number, vector in enumerate(spec.order(), start=1):
         scene = ", ".join(f"{n}: {v!r}" for n, v in zip(space.names, vector, strict=True))
         lines.append(f"  - {{label: scene {number}, scene: {{{scene}}}}}")

@@ -30,6 +30,7 @@ if TYPE_CHECKING:
 _DEMO_LIMIT_S = 55.0
 _READY_LIMIT_S = 20.0
 _LOOK_S = 0.2
+_NEIGHBOUR_S = 0.5
 
 
 @click.command()
@@ -100,10 +101,15 @@ def _run(
         raise BtAgentsError(f"there is no agent to run in {trees / 'agents'}")
     supervisor = Supervisor(system.new_log_folder())
     story = Story(console, folder.scene.space)
+    observer = graph.Observer(story)
     try:
-        supervisor.start(*components)
-        observer = graph.Observer(story)
+        if observer.turn_until(lambda: observer.market is not None, _NEIGHBOUR_S):
+            raise BtAgentsError(
+                f"a system already runs on ROS domain {os.environ.get('ROS_DOMAIN_ID', '0')}; "
+                "end it, or set ROS_DOMAIN_ID to another number"
+            )
         try:
+            supervisor.start(*components)
             _get_ready(observer, supervisor, len(folder.agents), interrupt)
             if not interrupt:
                 story.profiles(graph.profiles_by_agent(observer.profiles))
@@ -114,9 +120,8 @@ def _run(
                 console.print(f"done in {time.monotonic() - start:.0f} s")
         finally:
             killed = supervisor.stop()
-            observer.close()
     finally:
-        supervisor.stop()
+        observer.close()
     if interrupt:
         console.print("\nstopped")
     if killed:
@@ -132,12 +137,14 @@ def _get_ready(
     Raises:
         BtAgentsError: A process has ended, or it takes too long.
     """
-    observer.turn_until(
-        lambda: bool(interrupt or supervisor.dead()) or observer.ready(agents), _READY_LIMIT_S
-    )
+
+    def ready() -> bool:
+        return observer.ready(agents) and observer.can_be_asked()
+
+    observer.turn_until(lambda: bool(interrupt or supervisor.dead()) or ready(), _READY_LIMIT_S)
     if supervisor.dead():
         raise BtAgentsError(supervisor.dead())
-    if not interrupt and not observer.ready(agents):
+    if not interrupt and not ready():
         logs = supervisor.log("agents").parent
         raise BtAgentsError(f"not ready after {_READY_LIMIT_S:g} s; the logs are in {logs}")
 

@@ -34,7 +34,6 @@ class Story:
         self._mood: float | None = None
         self._start: dict[str, Sequence[float]] = {}
         self._now: dict[str, Sequence[float]] = {}
-        self._names: dict[str, str] = {}
         self.runs: list[tuple[str, int]] = []
         self.rounds = 0
         self.unanswered = 0
@@ -145,8 +144,8 @@ class Story:
         style = {"positive": "green", "negative": "red"}.get(kind, "blue")
         self._line(
             "feedback",
-            f"[{style}]{kind}[/] for {message.agent} by {escape(message.source)}: "
-            f"{escape(message.reason)}",
+            f"[{style}]{kind}[/] for {message.agent} by {escape(message.source)}"
+            + (f": {escape(message.reason)}" if message.reason else ""),
         )
         self._line(
             "profile",
@@ -185,7 +184,9 @@ class Story:
                 words.append(f"{value.name} [yellow]missing[/]")
             else:
                 label = parameter.labels.get(value.value, "") if parameter else ""
-                words.append(f"{value.name} {value.value:g}" + (f" ({label})" if label else ""))
+                words.append(
+                    f"{value.name} {value.value:g}" + (f" ({escape(label)})" if label else "")
+                )
         return ", ".join(words) + ("" if message.person else ", no person")
 
     def _line(self, what: str, words: str) -> None:

@@ -13,8 +13,12 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import bt_agents
+from bt_agents.errors import BtAgentsError
 
 LOOPBACK_PROFILE = Path(bt_agents.__file__).parent / "ros" / "loopback.xml"
+
+RANGES = ("LOCALHOST", "SUBNET", "OFF", "SYSTEM_DEFAULT")
+LAST_DOMAIN = 232
 
 _FIRST_LIMIT_S = 1.2
 _STOP_LIMIT_S = 1.7
@@ -61,7 +65,20 @@ def keep_local(environment: MutableMapping[str, str]) -> None:
     """Set what keeps all traffic on this machine, unless the user has set it otherwise.
 
     A whitelist of loopback addresses goes with the range ``LOCALHOST`` only.
+
+    Raises:
+        BtAgentsError: The user has set something that ROS does not know.
     """
+    domain = environment.get("ROS_DOMAIN_ID", "") or "0"
+    if not domain.isdecimal() or int(domain) > LAST_DOMAIN:
+        raise BtAgentsError(
+            f"ROS_DOMAIN_ID is '{domain}', expected a number from 0 to {LAST_DOMAIN}"
+        )
+    reach = environment.get("ROS_AUTOMATIC_DISCOVERY_RANGE", RANGES[0])
+    if reach not in RANGES:
+        raise BtAgentsError(
+            f"ROS_AUTOMATIC_DISCOVERY_RANGE is '{reach}', expected one of {', '.join(RANGES)}"
+        )
     environment.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
     if environment["ROS_AUTOMATIC_DISCOVERY_RANGE"] == "LOCALHOST":
         environment.setdefault("FASTRTPS_DEFAULT_PROFILES_FILE", str(LOOPBACK_PROFILE))
@@ -81,7 +98,13 @@ class Supervisor:
 
     def start(self, *components: Component) -> None:
         """Start processes; they get their own session, so that a Ctrl-C reaches only us."""
-        self._logs.mkdir(parents=True, exist_ok=True)
+        try:
+            self._logs.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise BtAgentsError(
+                f"no place for the logs: {self._logs} ({error.strerror}); set XDG_STATE_HOME to a "
+                "folder that can be written"
+            ) from None
         environment = {
             **os.environ,
             "BT_AGENTS_SUPERVISED": str(os.getpid()),

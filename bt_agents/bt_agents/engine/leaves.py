@@ -156,8 +156,12 @@ class Wait(Leaf):
 
     def step(self) -> Status:
         """Look at the clock."""
-        left = self._start + self.seconds("duration") - self.context.clock()
-        return Status.RUNNING if left > 0 else Status.SUCCESS
+        whole = self.seconds("duration")
+        if self._start + whole <= self.context.clock():
+            return Status.SUCCESS
+        if not isinstance(self.spec.fields["duration"], Literal):
+            self.feedback_message = f"{whole:g} s"
+        return Status.RUNNING
 
 
 class WaitFor(Leaf):

@@ -164,6 +164,17 @@ class Run:
             self._deadline = self._steady() + self._limits.clean_up_s
         return changes
 
+    def give_up(self, reason: str) -> RunResult:
+        """Stop every leaf and end at once, without clean-up or waiting; return how it ended."""
+        self._root.stop(Status.INVALID)
+        if self._clean_up is not None:
+            self._clean_up.stop(Status.INVALID)
+        self._end = (Outcome.FAILED, reason, "")
+        self._deadline = self._steady()
+        self._try_end()
+        assert self.result is not None
+        return self.result
+
     def _finish_tree(self) -> None:
         tip = self._root.tip()
         succeeded = self._root.status is Status.SUCCESS

@@ -63,9 +63,6 @@ class Calls:
         if call in self._open and self._timer.is_canceled():
             self._timer.reset()
 
-    def __len__(self) -> int:
-        return len(self._open)
-
     def _send(self, call: _Call) -> None:
         if call.future is None and call.client.service_is_ready():
             call.future = call.client.call_async(call.request)

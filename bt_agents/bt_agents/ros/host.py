@@ -68,6 +68,8 @@ class HostNode(Node):
         self._runs = RunServer(self, self.roster, self.instance, self._live_scene)
         for member in self.roster.members.values():
             self._prepare(member.spec.tree)
+            if member.spec.on_cancel is not None:
+                self._prepare(member.spec.on_cancel)
         TunableParameters(self, self.roster, self._introduce)
         rate = declare(
             self,
@@ -120,7 +122,7 @@ class HostNode(Node):
 
     def destroy_node(self) -> None:
         """Leave the graph, the action first."""
-        self._runs.destroy()
+        self._runs.close()
         super().destroy_node()
 
     def _prepare(self, spec: NodeSpec) -> None:
@@ -153,7 +155,8 @@ class HostNode(Node):
         request = RegisterHost.Request(
             host=self.host,
             host_instance=self.instance,
-            run_action=self.resolve_service_name("~/run"),
+            # Actions are not remapped by rclpy, so neither is the name that the market is told.
+            run_action=f"{self.host}/run",
             heartbeat=self.resolve_topic_name("~/heartbeat"),
             parameters=list(self.roster.space.names),
             agents=names,
@@ -172,21 +175,24 @@ class HostNode(Node):
             if self._epoch != answer.epoch:
                 self.get_logger().error(f"the market refuses this host: {answer.message}")
             self._epoch = answer.epoch
+            self._runs.close()
             refused = [answer.message] * len(names)
             self._enrol(names, [0] * len(names), refused)
             return
         self._epoch = answer.epoch
+        self._runs.open()
+        self._runs.end_orphan(answer.epoch)
         self._enrol(names, answer.agent_ids, answer.reasons)
 
     def _enrol(self, names: Sequence[str], ids: Sequence[int], reasons: Sequence[str]) -> None:
-        before = {name: member.refusal for name, member in self.roster.members.items()}
+        before = {n: (m.agent_id, m.refusal) for n, m in self.roster.members.items()}
         if not len(names) == len(ids) == len(reasons):
             self.get_logger().error("the market's answer to the registration is malformed")
             return
         self.roster.enrol(names, ids, reasons)
-        after = {name: member.refusal for name, member in self.roster.members.items()}
-        for name, refusal in after.items():
-            if refusal and refusal != before[name]:
+        after = {n: (m.agent_id, m.refusal) for n, m in self.roster.members.items()}
+        for name, (_, refusal) in after.items():
+            if refusal and refusal != before[name][1]:
                 self.get_logger().error(f"agent '{name}' is not registered: {refusal}")
         if after != before:
             self._introduce()

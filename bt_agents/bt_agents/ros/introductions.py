@@ -12,7 +12,7 @@ from bt_agents_interfaces.msg import AgentCard, HostCard, MoodRule, Tree, TreeNo
 
 
 def host_card(host: str, instance: str, roster: Roster, folder: TreesFolder) -> HostCard:
-    """Return the card of a host with all of its agents and every problem of its files."""
+    """Return the card of a host: its registered agents, and every problem of its files."""
     problems = [line for broken in folder.broken for line in broken.error.lines]
     problems += [
         f"{member.spec.file}: {member.refusal}"
@@ -23,7 +23,7 @@ def host_card(host: str, instance: str, roster: Roster, folder: TreesFolder) -> 
         host=host,
         host_instance=instance,
         parameters=list(roster.space.names),
-        agents=[_agent_card(member) for member in roster.members.values()],
+        agents=[_agent_card(m) for m in roster.members.values() if m.agent_id],
         broken_files=[str(broken.file) for broken in folder.broken],
         problems=problems,
     )

@@ -25,6 +25,7 @@ from bt_agents_interfaces.msg import (
     Scene,
     TreeStatus,
 )
+from bt_agents_interfaces.srv import Analyze, GiveFeedback
 
 
 class Listener(Protocol):
@@ -106,6 +107,10 @@ class Observer:
         self._subscribe(MarketStatus, "market", self._take_market, qos.FACT)
         self._subscribe(HostCard, "cards", self._take_card, qos.FACTS)
         self._subscribe(Profiles, "profiles", self._take_profiles, qos.FACT)
+        self._services = [
+            self.node.create_client(Analyze, "scene_layer/analyze", qos_profile=qos.SERVICE),
+            self.node.create_client(GiveFeedback, "feedback/give", qos_profile=qos.SERVICE),
+        ]
         if listener is not None:
             self._tell(listener)
 
@@ -147,6 +152,10 @@ class Observer:
         learned = zip(self.profiles.agents, self.profiles.revisions, strict=True)
         known = {name for name, revision in learned if bidding.get(name, -1) >= revision}
         return len(known & set(bidding)) >= agents
+
+    def can_be_asked(self) -> bool:
+        """Return True when scene layer and feedback node answer requests."""
+        return all(service.service_is_ready() for service in self._services)
 
     def turn_until(self, done: Callable[[], bool], limit_s: float) -> bool:
         """Turn until ``done()`` is true or the time is up; return ``done()``."""

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import time
+import traceback
 from collections.abc import Callable
 from typing import Any
 
@@ -73,19 +74,30 @@ class RunServer:
         self._status = node.create_publisher(TreeStatus, "~/status", qos.EVENTS)
         self._steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._timer = node.create_timer(0.05, self._tick, clock=self._steady, autostart=False)
-        self._server = ActionServer(
-            node,
-            RunAgent,
-            "~/run",
-            execute_callback=self._execute,
-            goal_callback=self._answer_goal,
-            cancel_callback=self._answer_cancel,
-            goal_service_qos_profile=qos.SERVICE,
-            result_service_qos_profile=qos.SERVICE,
-            cancel_service_qos_profile=qos.SERVICE,
-            feedback_pub_qos_profile=qos.EVENTS,
-            result_timeout=RESULT_KEPT_S,
-        )
+        self._server: ActionServer | None = None
+
+    def open(self) -> None:
+        """Take goals; two servers of one name would each take every goal."""
+        if self._server is None:
+            self._server = ActionServer(
+                self._node,
+                RunAgent,
+                "~/run",
+                execute_callback=self._execute,
+                goal_callback=self._answer_goal,
+                cancel_callback=self._answer_cancel,
+                goal_service_qos_profile=qos.SERVICE,
+                result_service_qos_profile=qos.SERVICE,
+                cancel_service_qos_profile=qos.SERVICE,
+                feedback_pub_qos_profile=qos.EVENTS,
+                result_timeout=RESULT_KEPT_S,
+            )
+
+    def close(self) -> None:
+        """Take the action off the graph."""
+        if self._server is not None:
+            self._server.destroy()
+            self._server = None
 
     @property
     def busy(self) -> bool:
@@ -96,23 +108,25 @@ class RunServer:
         """Tick this often from the next tick on."""
         self._timer.timer_period_ns = int(1e9 / hertz)
 
+    def end_orphan(self, epoch: str) -> None:
+        """Stop a tree that another epoch of the market has started, as that one cannot do it."""
+        if self.goal is not None and self.goal.epoch != epoch:
+            self._cancel_reason = self._cancel_reason or "its market is gone"
+            self._wake.trigger()
+
     def stop(self, reason: str) -> None:
         """Stop the running tree from within the host, without its clean-up."""
         self._stopping = True
-        if self._run is not None:
+        if self.busy:
             self._cancel_reason = self._cancel_reason or reason
             self._wake.trigger()
-
-    def destroy(self) -> None:
-        """Take the action off the graph."""
-        self._server.destroy()
 
     def _answer_goal(self, goal: Any) -> GoalResponse:
         try:
             self._check(goal)
         except Refused as refused:
             self._node.get_logger().warning(
-                f"goal for '{goal.agent}' (round {goal.round}) refused: {refused}"
+                f"goal for '{goal.agent[:80]}' (round {goal.round}) refused: {refused}"
             )
             return GoalResponse.REJECT
         self.goal = goal
@@ -181,6 +195,15 @@ class RunServer:
         run = self._run
         if run is None or run.result is not None:
             return
+        try:
+            self._advance(run)
+        except Exception as error:
+            # What a node raises is its FAILURE; this is a fault of the engine, and ends the run.
+            self._node.get_logger().error(traceback.format_exc())
+            self._timer.cancel()
+            self._ended.set_result(run.give_up(f"{type(error).__name__}: {error}"))
+
+    def _advance(self, run: Run) -> None:
         changes = []
         if self._cancel_reason:
             changes += run.cancel(self._cancel_reason, clean_up=not self._stopping)

@@ -80,7 +80,7 @@ class Turner:
 def run(make_node: Callable[[], NodeT], args: Sequence[str] | None = None) -> int:
     """Create a node and turn it until SIGINT, SIGTERM or a shutdown of its context.
 
-    A node with the methods of :class:`Stopping` gets up to 1.2 s to end what it has under way.
+    A node with the methods of :class:`Stopping` gets up to a second to end what it has under way.
 
     Args:
         make_node: Called after ``rclpy.init``; may raise, which ends the process with one line.

@@ -47,8 +47,10 @@ class RosWorld:
 
     @property
     def clock(self) -> Clock:
-        """The node's clock, which follows ``use_sim_time``."""
-        return lambda: float(self._node.get_clock().now().nanoseconds) * 1e-9
+        """The simulated time under ``use_sim_time``, else one that no clock setting can move."""
+        if self._node.get_parameter("use_sim_time").value:
+            return lambda: float(self._node.get_clock().now().nanoseconds) * 1e-9
+        return time.monotonic
 
     def prepare(self, kind: BindingKind, name: str, type_name: str) -> None:
         """Make the client or publisher ahead of its first use, so that discovery is over by then.
@@ -170,15 +172,22 @@ class _ActionRun(_RosRun):
             self._handle.cancel_goal_async()
 
     def _poll(self, now: float) -> None:
-        if self._state is not GoalState.PENDING:
-            return
-        if not self._sent and self._client.server_is_ready():
+        if self._state is GoalState.ACTIVE:
+            self._watch_server(now)
+        elif not self._sent and self._client.server_is_ready():
             self._sent = True
             future = self._client.send_goal_async(self._goal)
             future.add_done_callback(self._answered)
         elif now >= self._deadline:
             found = "did not answer" if self._sent else "is not there"
             self._end(GoalState.UNREACHABLE, f"{found} within {SERVER_LIMIT_S:g} s")
+
+    def _watch_server(self, now: float) -> None:
+        """End a goal whose server has left the graph: its result would be waited for for ever."""
+        if self._client.server_is_ready():
+            self._deadline = now + SERVER_LIMIT_S
+        elif now >= self._deadline:
+            self._end(GoalState.UNREACHABLE, f"has been gone for {SERVER_LIMIT_S:g} s")
 
     def _answered(self, future: Any) -> None:
         if future.exception() is not None:

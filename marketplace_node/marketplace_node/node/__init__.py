@@ -165,7 +165,7 @@ class MarketplaceNode(Node):
         try:
             scene = scene_from_msg(message, self._space)
         except Refused as refused:
-            self.get_logger().warning(f"scene '{message.scene_id}' refused: {refused}")
+            self.get_logger().warning(f"scene '{message.scene_id[:80]}' refused: {refused}")
             return
         self._carry_out(self._market.scene(scene, time.monotonic()))
 

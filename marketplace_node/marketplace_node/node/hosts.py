@@ -8,6 +8,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
+from action_msgs.msg import GoalStatus
 from rclpy.action import ActionClient
 from rclpy.node import Node
 
@@ -165,8 +166,11 @@ class Hosts:
 
     def _ended(self, goal: Goal, sending: _Sending, future: Any) -> None:
         if self._goals.get(goal) is sending:
+            answer = future.result()
+            if answer.status == GoalStatus.STATUS_UNKNOWN:
+                return  # from another server of this name; the heartbeat knows how it goes on
             del self._goals[goal]
-            end = run_end_from_msg(future.result().result)
+            end = run_end_from_msg(answer.result)
             self._carry_out(self._market.run_ended(goal, end, time.monotonic()))
 
     def _refuse(self, goal: Goal, reason: str) -> None:
