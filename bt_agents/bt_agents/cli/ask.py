@@ -5,14 +5,12 @@ from __future__ import annotations
 
 import math
 import os
-import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from bt_agents.cli.interrupt import Interrupt
 from bt_agents.cli.supervisor import keep_local
 from bt_agents.errors import BtAgentsError, Refused
 
@@ -47,15 +45,12 @@ def _assignments(
 @contextmanager
 def _system() -> Iterator[Observer]:
     """Join the ROS graph of a running system."""
-    interrupt = Interrupt()
     keep_local(os.environ)
     from bt_agents.ros.observer import Observer
 
     observer = Observer()
     try:
-        observer.turn_until(lambda: bool(interrupt or observer.market), _FIND_LIMIT_S)
-        if interrupt:
-            sys.exit(130)
+        observer.turn_until(lambda: observer.market is not None, _FIND_LIMIT_S)
         if observer.market is None:
             raise BtAgentsError(
                 f"no running system on ROS domain {os.environ.get('ROS_DOMAIN_ID', '0')}; start "
