@@ -19,11 +19,11 @@ from rich.progress import Progress
 from rich.table import Table
 
 from bt_agents.cli import system
-from bt_agents.cli.interrupt import Interrupt
 from bt_agents.cli.supervisor import Component, Supervisor, keep_local
 from bt_agents.domain import reserve_domain
 from bt_agents.errors import BtAgentsError
 from bt_agents.experiment import ExperimentSpec, Record, deviation
+from bt_agents.interrupt import Interrupt
 from bt_agents.language.experiment_reader import read_experiment
 from bt_agents.language.folder_reader import Trees, read_trees
 from bt_agents.scene import SceneSpace, Vector

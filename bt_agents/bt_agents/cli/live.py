@@ -16,11 +16,11 @@ import click
 from rich.console import Console
 
 from bt_agents.cli import system
-from bt_agents.cli.interrupt import Interrupt
 from bt_agents.cli.story import Story
 from bt_agents.cli.supervisor import Component, Supervisor, keep_local
 from bt_agents.domain import reserve_domain
 from bt_agents.errors import BtAgentsError
+from bt_agents.interrupt import Interrupt
 from bt_agents.language.folder_reader import Trees, read_trees
 from bt_agents.trees_folder import find_trees
 
@@ -114,7 +114,7 @@ def _run(
             if not interrupt:
                 story.profiles(graph.profiles_by_agent(observer.profiles))
                 _welcome(console, observer.cards.values(), time.monotonic() - start)
-                _follow(console, observer, supervisor, interrupt, visitors)
+                _follow(console, observer, supervisor, interrupt, visitors, start)
             if visitors is not None and not interrupt:
                 story.summary()
                 console.print(f"done in {time.monotonic() - start:.0f} s")
@@ -155,6 +155,7 @@ def _follow(
     supervisor: Supervisor,
     interrupt: Interrupt,
     visitors: Component | None,
+    start: float,
 ) -> None:
     """Tell what happens, until the visitors are done or the user ends it.
 
@@ -163,7 +164,7 @@ def _follow(
     """
     limit = math.inf
     if visitors is not None:
-        limit = time.monotonic() + _DEMO_LIMIT_S
+        limit = start + _DEMO_LIMIT_S
         supervisor.start(visitors)
     else:
         console.print(
@@ -174,7 +175,7 @@ def _follow(
         if supervisor.dead():
             raise BtAgentsError(supervisor.dead())
         if time.monotonic() > limit:
-            raise BtAgentsError(f"the visits did not end within {_DEMO_LIMIT_S:g} s")
+            raise BtAgentsError(f"the demo did not end within {_DEMO_LIMIT_S:g} s")
         observer.turn_until(lambda: bool(interrupt) or observer.visits_done, _LOOK_S)
 
 

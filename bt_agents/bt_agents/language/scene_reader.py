@@ -85,13 +85,7 @@ def _parameter(reading: FileReading, entry: Entry) -> SceneParameter | None:
     if fields is None:
         return None
     minimum, maximum = fields.number("min"), fields.number("max")
-    if minimum is not None and maximum is not None and minimum >= maximum:
-        reading.error(
-            "out-of-range",
-            fields.nodes["max"],
-            f"'max' of {what} is {maximum:g}, which is not more than 'min', {minimum:g}",
-            "make 'max' the larger one",
-        )
+    if not fields.check_range(what, minimum, maximum):
         minimum = maximum = None
     default = fields.number("default", minimum, maximum)
     labels = _labels(reading, fields, minimum, maximum)

@@ -306,6 +306,18 @@ class Fields:
         """Return what stands behind a key."""
         return self.nodes.get(key)
 
+    def check_range(self, what: str, minimum: float | None, maximum: float | None) -> bool:
+        """Return whether 'min' is below 'max', as far as both are known; note it when not."""
+        if minimum is None or maximum is None or minimum < maximum:
+            return True
+        self._reading.error(
+            "out-of-range",
+            self.nodes["max"],
+            f"'max' of {what} is {maximum:g}, which is not more than 'min', {minimum:g}",
+            "make 'max' the larger one",
+        )
+        return False
+
     def text(self, key: str, default: str = "") -> str:
         """Return a text, ``default`` when it is not there or wrong."""
         return self._read(key, self._reading.text) or default

@@ -141,13 +141,7 @@ def _range(
             _amount(reading, node, field_type, f"'{key}' of {what}") if node is not None else None
         )
     minimum, maximum, step = limits["min"], limits["max"], limits["step"]
-    if minimum is not None and maximum is not None and minimum >= maximum:
-        reading.error(
-            "out-of-range",
-            fields.nodes["max"],
-            f"'max' of {what} is {maximum:g}, which is not more than 'min', {minimum:g}",
-            "make 'max' the larger one",
-        )
+    fields.check_range(what, minimum, maximum)
     if step is not None and (step <= 0 or minimum is None):
         reading.error(
             "out-of-range",

@@ -92,6 +92,9 @@ class HostNode(Node):
         self.create_timer(HEARTBEAT_S, self._beat, clock=steady)
         self.create_timer(_REGISTER_AGAIN_S, self._register_again, clock=steady)
         self._introduce()
+        self._trees.publish(
+            tree_structures(self.host, self.instance, self.roster.members.values())
+        )
         self.get_logger().info(
             f"{len(self.roster.members)} agents: {', '.join(self.roster.members)}"
         )
@@ -135,9 +138,6 @@ class HostNode(Node):
     def _introduce(self) -> None:
         card = host_card(self.host, self.instance, self.roster, self._folder)
         self._cards.publish(card)
-        self._trees.publish(
-            tree_structures(self.host, self.instance, self.roster.members.values())
-        )
 
     def _meet_market(self, status: MarketStatus) -> None:
         if status.epoch != self._epoch:

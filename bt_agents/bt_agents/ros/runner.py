@@ -10,13 +10,14 @@ import sys
 import time
 import traceback
 from collections.abc import Callable, Sequence
-from types import FrameType
 from typing import Protocol, TypeVar
 
 import rclpy
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
+
+from bt_agents.interrupt import Interrupt
 
 SUPERVISED = "BT_AGENTS_SUPERVISED"
 """Environment variable with the pid of the parent to whose life a node's process is tied."""
@@ -89,14 +90,7 @@ def run(make_node: Callable[[], NodeT], args: Sequence[str] | None = None) -> in
     Returns:
         Exit code: 0 after a clean stop, 1 when the node could not be created.
     """
-    stop_asked = False
-
-    def ask_stop(_signal: int, _frame: FrameType | None) -> None:
-        nonlocal stop_asked
-        stop_asked = True
-
-    signal.signal(signal.SIGINT, ask_stop)
-    signal.signal(signal.SIGTERM, ask_stop)
+    interrupt = Interrupt()
     _die_with_parent()
     rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
     try:
@@ -107,7 +101,7 @@ def run(make_node: Callable[[], NodeT], args: Sequence[str] | None = None) -> in
             return 1
         turner = Turner(node)
         try:
-            while not stop_asked and rclpy.ok():
+            while not interrupt and rclpy.ok():
                 turner.turn()
             if hasattr(node, "request_stop") and rclpy.ok():
                 node.request_stop()
