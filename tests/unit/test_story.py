@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import io
 import math
+import re
 from types import SimpleNamespace as Message
 from typing import Any
 
@@ -122,3 +123,26 @@ def test_feedback_shows_the_profile_before_and_after() -> None:
 
 def test_what_a_person_wrote_is_never_taken_for_markup() -> None:
     assert told(("act", "says: [red]hello[/red]")) == ["    robot  says: [red]hello[/red]"]
+
+
+def test_the_summary_shows_every_profile_whole_on_a_narrow_terminal() -> None:
+    output = io.StringIO()
+    story = Story(Console(file=output, width=80, color_system=None), SPACE)
+    story.profiles({"professional_express": [3.0, 5.0, 3.0], "attentive_guide": [4.0, 1.5, 3.0]})
+    story.feedback(
+        Message(
+            agent="attentive_guide",
+            kind=2,
+            source="mood rule",
+            reason="",
+            before=[4.0, 1.5, 3.0],
+            after=[4.12, 1.28, 3.0],
+            revision=1,
+        )
+    )
+    story.summary()
+    shown = output.getvalue()
+    assert re.search(
+        r"attentive_guide +– +negative +\[4, 1\.5, 3\] → \[4\.12, 1\.28, 3\]\n", shown
+    )
+    assert re.search(r"professional_express +– +– +\[3, 5, 3\]\n", shown)

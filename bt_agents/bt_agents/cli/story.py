@@ -9,7 +9,6 @@ from typing import Any
 
 from rich.console import Console
 from rich.markup import escape
-from rich.table import Table
 
 from bt_agents.scene import SceneSpace
 
@@ -157,17 +156,14 @@ class Story:
         """Print what happened in all, and every profile before and after."""
         self._console.print()
         self._console.rule("[bold]summary", align="left", style="cyan")
-        table = Table(box=None, pad_edge=False, header_style="dim")
-        for title in ("agent", "runs", "feedback", f"profile ({', '.join(self._space.names)})"):
-            table.add_column(title, no_wrap=True)
+        self._row("agent", "runs", "feedback", f"profile ({', '.join(self._space.names)})")
         for agent in sorted(self._start):
             runs = [o for name, o in self.runs if name == agent]
             words = ", ".join(_OUTCOME.get(o, "?") for o in runs) or "–"
             given = [_KIND[f.kind] for f in self.feedbacks if f.agent == agent]
             before, after = self._start[agent], self._now[agent]
             moved = _vector(before) + ("" if before == after else f" → {_vector(after)}")
-            table.add_row(agent, words, ", ".join(given) or "–", moved)
-        self._console.print(table, width=max(self._console.width, 100), crop=False)
+            self._row(agent, words, ", ".join(given) or "–", moved)
         self._console.print(
             f"{self.rounds} rounds, {len(self.runs)} runs, {self.takeovers} taken over by another "
             f"agent, {len(self.feedbacks)} times feedback, {self.unanswered} scenes without a bid",
@@ -188,6 +184,10 @@ class Story:
                     f"{value.name} {value.value:g}" + (f" ({escape(label)})" if label else "")
                 )
         return ", ".join(words) + ("" if message.person else ", no person")
+
+    def _row(self, agent: str, runs: str, feedback: str, profile: str) -> None:
+        row = f"{agent:<22} {runs:<21} {feedback:<19} {profile}"
+        self._console.print(row, markup=False, highlight=False, soft_wrap=True)
 
     def _line(self, what: str, words: str) -> None:
         self._console.print(f"[cyan]{what:>9}[/]  {words}", highlight=False, soft_wrap=True)
