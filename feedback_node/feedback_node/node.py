@@ -43,6 +43,7 @@ from feedback_node.runs import Run
 from feedback_node.teaching import Given, Lesson, Stop, Teaching
 
 _TICK_S = 0.025
+_TIDY_S = 1.0
 _CALL_LIMIT_S = 1.0
 _OUTCOMES = (RunMsg.SUCCEEDED, RunMsg.FAILED, RunMsg.CANCELLED, RunMsg.LOST)
 
@@ -67,6 +68,8 @@ class FeedbackNode(Node):
         """
         super().__init__("feedback", **node_kwargs)
         self._space = space
+        self._ledger = ledger
+        self._untidy = True
         self._profiles = Profiles(space, ledger)
         self._teaching = Teaching(
             self._profiles,
@@ -85,6 +88,7 @@ class FeedbackNode(Node):
         self._timer = self.create_timer(
             _TICK_S, self._on_tick, clock=Clock(clock_type=ClockType.STEADY_TIME), autostart=False
         )
+        self.create_timer(_TIDY_S, self._on_idle, clock=Clock(clock_type=ClockType.STEADY_TIME))
         self.create_subscription(HostCard, "cards", self._on_card, qos.FACTS)
         self.create_subscription(RunMsg, "runs", self._on_run, qos.HISTORY)
         self.create_subscription(SceneMsg, "scene/live", self._on_live, qos.SENSOR)
@@ -141,6 +145,11 @@ class FeedbackNode(Node):
     def _on_tick(self) -> None:
         self._follow(self._teaching.tick())
 
+    def _on_idle(self) -> None:
+        if self._untidy and not self._teaching.watching:
+            self._ledger.tidy()
+            self._untidy = False
+
     def _follow(self, lessons: Iterable[Lesson]) -> None:
         for lesson in lessons:
             if lesson.problem:
@@ -191,6 +200,7 @@ class FeedbackNode(Node):
         """Publish a change unless it was published when it was new; return its message."""
         message = _feedback(change, self._space)
         if change.fresh:
+            self._untidy = True
             self._feedback.publish(message)
             self._publish_table()
             self.get_logger().info(

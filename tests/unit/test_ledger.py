@@ -7,6 +7,7 @@ import sqlite3
 import subprocess
 import sys
 from collections.abc import Iterator
+from contextlib import closing
 from pathlib import Path
 
 import pytest
@@ -301,3 +302,17 @@ def test_every_acknowledged_revision_survives_kill_9(tmp_path):
 )
 def test_the_ledger_lies_where_it_is_told_or_in_the_state_folder(explicit, environment, expected):
     assert ledger_path(explicit, environment) == expected
+
+
+def test_a_tidy_ledger_has_nothing_left_to_write_when_it_is_closed(tmp_path):
+    path = tmp_path / "ledger.sqlite"
+    with Ledger(path) as ledger:
+        ledger.enter({"guide": {"age": 3.0}})
+        log = path.with_name(path.name + "-wal")
+        assert log.stat().st_size > 0
+        ledger.tidy()
+        # What a reader of the database file alone sees, with the log out of the way.
+        alone = tmp_path / "alone.sqlite"
+        alone.write_bytes(path.read_bytes())
+        with closing(sqlite3.connect(alone)) as database:
+            assert database.execute("SELECT count(*) FROM revision").fetchone() == (1,)

@@ -17,7 +17,7 @@ from rich.console import Console
 
 from bt_agents.cli import system
 from bt_agents.cli.story import Story
-from bt_agents.cli.supervisor import Component, Supervisor, keep_local
+from bt_agents.cli.supervisor import STOP_LIMIT_S, Component, Supervisor, keep_local
 from bt_agents.domain import reserve_domain
 from bt_agents.errors import BtAgentsError
 from bt_agents.interrupt import Interrupt
@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from bt_agents.ros.observer import Observer
 
 _DEMO_LIMIT_S = 55.0
+_OWN_END_LIMIT_S = 5.0
 _READY_LIMIT_S = 20.0
 _LOOK_S = 0.2
 _NEIGHBOUR_S = 0.5
@@ -119,7 +120,7 @@ def _run(
                 story.summary()
                 console.print(f"done in {time.monotonic() - start:.0f} s")
         finally:
-            killed = supervisor.stop()
+            killed = supervisor.stop(STOP_LIMIT_S if interrupt else _OWN_END_LIMIT_S)
     finally:
         observer.close()
     if interrupt:

@@ -20,8 +20,10 @@ LOOPBACK_PROFILE = Path(bt_agents.__file__).parent / "ros" / "loopback.xml"
 RANGES = ("LOCALHOST", "SUBNET", "OFF", "SYSTEM_DEFAULT")
 LAST_DOMAIN = 232
 
-_FIRST_LIMIT_S = 1.2
-_STOP_LIMIT_S = 1.7
+STOP_LIMIT_S = 1.7
+"""How long a person who pressed Ctrl-C waits at most [s]."""
+
+_FIRST_SHARE = 0.7
 _LOOK_S = 0.01
 
 
@@ -136,11 +138,16 @@ class Supervisor:
                 return "\n".join([f"{name} ended with exit code {code}; its last words:", *words])
         return ""
 
-    def stop(self) -> list[str]:
-        """End all processes within 1.7 s; return the names of those that had to be killed."""
+    def stop(self, limit_s: float = STOP_LIMIT_S) -> list[str]:
+        """End all processes; return the names of those that had to be killed.
+
+        Args:
+            limit_s: For all of them together [s]; a person who pressed Ctrl-C is not kept waiting.
+        """
         start = time.monotonic()
-        self._end([c.name for c in self._components if c.first], start + _FIRST_LIMIT_S)
-        stuck = self._end([c.name for c in self._components], start + _STOP_LIMIT_S)
+        first = start + limit_s * _FIRST_SHARE
+        self._end([c.name for c in self._components if c.first], first)
+        stuck = self._end([c.name for c in self._components], start + limit_s)
         for name in stuck:
             self._processes[name].kill()
             self._processes[name].wait()
