@@ -6,9 +6,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from bt_agents.errors import Refused
+from bt_agents.rules import Rule, read_rule
 from bt_agents.scene import SceneSpace, Vector
 from feedback_node.learning import checked_rate
-from feedback_node.rules import Rule, read_rule
 
 
 @dataclass(frozen=True, kw_only=True)

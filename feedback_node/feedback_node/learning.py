@@ -11,18 +11,10 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from enum import IntEnum
 
 from bt_agents.errors import Refused
+from bt_agents.feedback import Kind
 from bt_agents.scene import SceneSpace, Vector
-
-
-class Kind(IntEnum):
-    """What feedback asks for; the numbers are those of ``Feedback.msg``."""
-
-    DIRECT = 0
-    POSITIVE = 1
-    NEGATIVE = 2
 
 
 @dataclass(frozen=True, kw_only=True)

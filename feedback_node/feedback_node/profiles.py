@@ -8,10 +8,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from bt_agents.errors import Refused
+from bt_agents.feedback import Kind
 from bt_agents.scene import MISSING, SceneSpace, Vector
 from feedback_node import learning
 from feedback_node.cards import Agent, Card, read_card
-from feedback_node.learning import Kind
 from feedback_node.ledger import Cause, Ledger, Revision
 from feedback_node.runs import Run
 

@@ -7,12 +7,12 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from bt_agents.errors import Refused
+from bt_agents.feedback import Kind
+from bt_agents.rules import Fired, Watch
 from bt_agents.scene import Scene, Vector
 from bt_agents.simulated import SimulatedFeedback
 from feedback_node.cards import Card
-from feedback_node.learning import Kind
 from feedback_node.profiles import Change, Delivery, Profiles
-from feedback_node.rules import Fired, Watch
 from feedback_node.runs import Run, Runs
 
 SETTLE_S = 0.5

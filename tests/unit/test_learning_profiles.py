@@ -10,9 +10,9 @@ from typing import Any
 import pytest
 
 from bt_agents.errors import Refused
+from bt_agents.feedback import Kind
 from bt_agents.scene import SceneParameter, SceneSpace
 from feedback_node.cards import AgentEntry, Card, RuleEntry, read_card
-from feedback_node.learning import Kind
 from feedback_node.ledger import Ledger
 from feedback_node.profiles import Change, Delivery, Profiles
 

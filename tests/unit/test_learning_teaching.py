@@ -10,10 +10,10 @@ from dataclasses import replace
 import pytest
 
 from bt_agents.errors import Refused
+from bt_agents.feedback import Kind
 from bt_agents.scene import Origin, Scene, SceneParameter, SceneSpace, SceneValue
 from bt_agents.simulated import SimulatedFeedback
 from feedback_node.cards import AgentEntry, Card, RuleEntry
-from feedback_node.learning import Kind
 from feedback_node.ledger import Ledger
 from feedback_node.profiles import Profiles
 from feedback_node.runs import Run, Runs

@@ -7,8 +7,8 @@ import math
 
 import pytest
 
+from bt_agents import mood
 from bt_agents.scene import Origin, Scene, SceneParameter, SceneSpace, SceneValue
-from feedback_node import mood
 
 NAN = math.nan
 SPACE = SceneSpace(

@@ -8,9 +8,9 @@ import math
 import pytest
 
 from bt_agents.errors import Refused
+from bt_agents.feedback import Kind
+from bt_agents.rules import Fired, Rule, Watch, read_rule
 from bt_agents.scene import Origin, Scene, SceneParameter, SceneSpace, SceneValue
-from feedback_node.learning import Kind
-from feedback_node.rules import Fired, Rule, Watch, read_rule
 
 NAN = math.nan
 SPACE = SceneSpace(

@@ -7,7 +7,9 @@ import math
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
+from bt_agents import mood
 from bt_agents.errors import Refused
+from bt_agents.feedback import Kind
 from bt_agents.language.expressions import (
     EvaluationError,
     Expression,
@@ -16,8 +18,6 @@ from bt_agents.language.expressions import (
     parse_expression,
 )
 from bt_agents.scene import Scene, SceneSpace
-from feedback_node import mood
-from feedback_node.learning import Kind
 
 SILENCE_S = 3.0
 """The live scene is stale after this time; the scene layer sends one at least every second [s]."""
