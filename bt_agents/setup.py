@@ -22,6 +22,7 @@ setup(
         "console_scripts": [
             "agents = bt_agents.ros.host:main",
             "bt-agents = bt_agents.cli.main:main",
-        ]
+        ],
+        "pytest11": ["bt_agents = bt_agents.pytest_plugin"],
     },
 )

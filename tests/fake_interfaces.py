@@ -3,11 +3,17 @@
 
 from __future__ import annotations
 
-from bt_agents.language.specs import BindingKind
+from collections.abc import Mapping
+
+from bt_agents.language.specs import BindingKind, FieldType, Plain
 
 
 class FakeInterfaces:
     """Knows the types of ``known_msgs``; every section of one has the field ``good``."""
+
+    def has_package(self, package: str) -> bool:
+        """Return whether a package is installed."""
+        return package != "absent_msgs"
 
     def type_problem(self, kind: BindingKind, type_name: str) -> str | None:
         """Return why a type cannot be used."""
@@ -19,3 +25,13 @@ class FakeInterfaces:
         """Return why a type has no such field."""
         good = all(part == "good" or part.isdigit() for part in path.split("."))
         return None if good else f"no field '{path}' in the {section}"
+
+    def field_type(self, kind: BindingKind, type_name: str, section: str, path: str) -> FieldType:
+        """Return the type of a field's value."""
+        return FieldType.ANY
+
+    def value_problem(
+        self, kind: BindingKind, type_name: str, section: str, values: Mapping[str, Plain]
+    ) -> str | None:
+        """Return why values do not fit; only 'wrong' never does."""
+        return "a wrong value" if "wrong" in str(values) else None

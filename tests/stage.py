@@ -7,21 +7,23 @@ import textwrap
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
+from random import Random
+
+from py_trees.behaviour import Behaviour
+from py_trees.common import Status
 
 from bt_agents.engine.run import Run, RunLimits, StatusChange
 from bt_agents.engine.scripted_world import Answer, ScriptedWorld
 from bt_agents.language.agent_reader import read_agent_text
+from bt_agents.language.folder_reader import read_vocabulary
 from bt_agents.language.scene_reader import read_scene
-from bt_agents.language.skills_reader import read_skills
-from bt_agents.language.specs import AgentSpec, Plain
+from bt_agents.language.specs import AgentSpec, NodeSpec, Plain
 from bt_agents.language.vocabulary import Vocabulary
 from bt_agents.scene import Origin, Scene, SceneSpace, SceneValue
 
 TREES = Path(__file__).parents[1] / "trees"
 SPACE: SceneSpace = read_scene(TREES / "scene.yaml").space
-VOCABULARY = Vocabulary(
-    space=SPACE, skills=read_skills([TREES / "skills" / "robot.yaml"]), interfaces=None
-)
+VOCABULARY: Vocabulary = read_vocabulary(TREES, read_scene(TREES / "scene.yaml"))
 
 
 def scene(scene_id: str = "s1", person: bool = True, **values: float) -> Scene:
@@ -52,18 +54,31 @@ def agent(tree: str, head: str = "") -> AgentSpec:
 
 
 class Stage:
-    """One run of a tree that a test watches tick by tick."""
+    """One run of a tree that a test watches tick by tick.
+
+    Args:
+        tree: As an author writes it, or what the reader would make of it.
+        head: More top-level keys of the agent's file.
+        answers: See :class:`ScriptedWorld`.
+        awarded: The scene; None takes one without anything special.
+        limits: See :class:`Run`.
+        random: See :class:`Run`.
+    """
 
     def __init__(
         self,
-        tree: str,
+        tree: str | NodeSpec,
         *,
         head: str = "",
         answers: Mapping[str, Sequence[Answer]] | None = None,
         awarded: Scene | None = None,
         limits: RunLimits | None = None,
+        random: Random | None = None,
     ) -> None:
-        self.spec = agent(tree, head)
+        if isinstance(tree, NodeSpec):
+            self.spec = replace(agent("wait: 0 s", head), tree=tree)
+        else:
+            self.spec = agent(tree, head)
         self.world = ScriptedWorld(
             answers, result={"message": "", "answer": "yes", "accepted": True}
         )
@@ -80,6 +95,7 @@ class Stage:
             world=self.world,
             steady=self.world.clock,
             limits=limits,
+            random=random,
         )
         self.changes: list[StatusChange] = []
 
@@ -98,11 +114,43 @@ class Stage:
 
     def set_mood(self, mood: float) -> None:
         """Let the live mood change."""
+        self.set_live("mood", mood)
+
+    def set_live(self, name: str, value: float) -> None:
+        """Let a value of the live scene change."""
         values = tuple(
-            replace(v, value=mood, origin=Origin.MEASURED) if v.name == "mood" else v
+            replace(v, value=value, origin=Origin.MEASURED) if v.name == name else v
             for v in self.live.values
         )
         self.live = replace(self.live, values=values)
+
+    def interrupt(self) -> None:
+        """Stop the tree from above; the next tick starts it afresh."""
+        self.root.stop(Status.INVALID)
+
+    @property
+    def root(self) -> Behaviour:
+        """The outermost node."""
+        return self.run._root
+
+    def status(self, path: str) -> str:
+        """Return the status of the node with this path, or with this end of its path."""
+        [found] = [
+            node.status.name
+            for node in self.root.iterate()
+            if node.spec.path == path or node.spec.path.endswith(f"/{path}")
+        ]
+        return found
+
+    def told(self, path: str) -> list[tuple[str, str]]:
+        """Return status and message of each change of a node so far."""
+        return [(c.status.name, c.message) for c in self.changes if c.path == path]
+
+    @property
+    def message(self) -> str:
+        """Why the run has ended so."""
+        assert self.run.result is not None
+        return self.run.result.message
 
     @property
     def outcome(self) -> str:

@@ -3,6 +3,11 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from bt_agents.language.diagnostics import Diagnostic
+
 
 class BtAgentsError(Exception):
     """Root of every error that this project raises on purpose."""
@@ -34,9 +39,13 @@ class ReadError(BtAgentsError):
     Attributes:
         report: All problems as text, one block each, ready for a terminal.
         lines: One line a problem: ``file:line:col: error[code]: message``.
+        diagnostics: The problems themselves, for other ways of showing them.
     """
 
-    def __init__(self, report: str, lines: tuple[str, ...]) -> None:
+    def __init__(
+        self, report: str, lines: tuple[str, ...], diagnostics: tuple[Diagnostic, ...]
+    ) -> None:
         super().__init__(report)
+        self.diagnostics = diagnostics
         self.report = report
         self.lines = lines

@@ -109,19 +109,28 @@ class Roster:
         return member
 
     def _obstacle(self, member: Member, scene: Scene) -> str:
-        requires = member.spec.requires
-        if requires is None:
-            return ""
-        scope = RunScope(
-            space=self.space,
-            scene=scene,
-            live=lambda: scene,
-            profile=member.profile,
-            tunables=member.tunables,
-        )
-        try:
-            return "" if holds(requires, scope) else f"needs {requires.text}"
-        except MissingValue as missing:
-            return f"needs {requires.text}, but {missing.name} is missing"
-        except EvaluationError as error:
-            return f"needs {requires.text}, but {error}"
+        if member.spec.unoffered:
+            return "; ".join(member.spec.unoffered)
+        return unmet(member.spec, self.space, scene, member.profile, member.tunables)
+
+
+def unmet(
+    spec: AgentSpec,
+    space: SceneSpace,
+    scene: Scene,
+    profile: Vector,
+    tunables: Mapping[str, Plain],
+) -> str:
+    """Return what an agent requires of a scene and does not find, in words; empty for nothing."""
+    requires = spec.requires
+    if requires is None:
+        return ""
+    scope = RunScope(
+        space=space, scene=scene, live=lambda: scene, profile=profile, tunables=tunables
+    )
+    try:
+        return "" if holds(requires, scope) else f"needs {requires.text}"
+    except MissingValue as missing:
+        return f"needs {requires.text}, but {missing.name} is missing"
+    except EvaluationError as error:
+        return f"needs {requires.text}, but {error}"

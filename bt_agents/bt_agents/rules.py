@@ -129,6 +129,18 @@ class Watch:
         """True when no rule can fire any more."""
         return len(self._done) == len(self._rules)
 
+    @property
+    def due(self) -> float:
+        """When the next rule fires if nothing changes [s]; infinite when none holds."""
+        return min(
+            (
+                max(since + self._rules[index].hold_s, self._not_before)
+                for index, since in self._since.items()
+                if index not in self._done
+            ),
+            default=math.inf,
+        )
+
     def see(self, live: Scene) -> tuple[Fired, ...]:
         """Take a new live scene and return the rules that fire, in their order."""
         fired = self.tick()

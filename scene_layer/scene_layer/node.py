@@ -19,7 +19,8 @@ from bt_agents.language.scene_reader import read_scene
 from bt_agents.language.script_reader import read_script
 from bt_agents.language.specs import BindingKind, SceneSpec, Script, SourceSpec, Visit
 from bt_agents.ros import qos
-from bt_agents.ros.interfaces import InstalledInterfaces, load_type, read_field
+from bt_agents.ros.installed import InstalledInterfaces
+from bt_agents.ros.interfaces import load_type, read_field
 from bt_agents.ros.messages import scene_from_msg, scene_to_msg
 from bt_agents.ros.parameters import declare, describe
 from bt_agents.ros.runner import run

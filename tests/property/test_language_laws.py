@@ -146,7 +146,6 @@ def check_node(spec: NodeSpec, seen: set[str]) -> None:
     needed = {
         "check": {"condition"},
         "wait": {"duration"},
-        "wait_for": {"topic", "type"},
         "when": {"condition", "otherwise"},
         "retry": {"attempts"},
         "repeat": {"times"},

@@ -11,8 +11,8 @@ from typing import Any
 
 import pytest
 from action_msgs.msg import GoalStatus
+from rcl_interfaces.msg import Log, ParameterType, ParameterValue
 from rcl_interfaces.msg import Parameter as ParameterMsg
-from rcl_interfaces.msg import ParameterType, ParameterValue
 from rcl_interfaces.srv import DescribeParameters, SetParameters
 from rclpy.action import ActionClient, ActionServer, CancelResponse, GoalResponse
 from rclpy.task import Future
@@ -20,7 +20,7 @@ from rclpy.task import Future
 from bt_agents.language.folder_reader import read_trees
 from bt_agents.ros import qos
 from bt_agents.ros.host import HostNode
-from bt_agents.ros.interfaces import InstalledInterfaces
+from bt_agents.ros.installed import InstalledInterfaces
 from bt_agents.ros.messages import scene_to_msg
 from bt_agents_interfaces.action import RunAgent, Say
 from bt_agents_interfaces.msg import (
@@ -33,7 +33,7 @@ from bt_agents_interfaces.msg import (
     Trees,
     TreeStatus,
 )
-from bt_agents_interfaces.srv import RegisterHost, SetProfile
+from bt_agents_interfaces.srv import GiveFeedback, RegisterHost, SetProfile
 from stage import scene
 
 pytestmark = pytest.mark.ros
@@ -65,6 +65,19 @@ title: Quick
 description: ends at once
 profile: {age: 1, familiarity: 1, mood: 1}
 tree: {wait: 0 s}
+"""
+
+
+CRITIC = """
+format: 1
+agent: critic
+title: Critic
+description: says what it thinks of itself
+profile: {age: 3, familiarity: 3, mood: 3}
+tree:
+  sequence:
+    - log: {message: "The person is ${scene.age}.", level: warning}
+    - give_feedback: {kind: direct, values: {mood: 4}, reason: they smiled}
 """
 
 
@@ -287,6 +300,34 @@ def test_a_skill_without_a_server_fails_in_words(ros: Any, host: HostNode, marke
     assert answer.result.outcome == RunAgent.Result.FAILED
     assert "say unreachable: " in answer.result.message
     assert "within 3 s" in answer.result.message
+
+
+def test_a_tree_logs_and_gives_feedback_in_the_name_of_its_agent(
+    ros: Any, market: Market, tmp_path: Path
+) -> None:
+    requests: list[GiveFeedback.Request] = []
+
+    def take(request: Any, response: Any) -> Any:
+        requests.append(request)
+        response.accepted = True
+        return response
+
+    ros.node.create_service(GiveFeedback, "feedback/give", take, qos_profile=qos.SERVICE)
+    lines = ros.collect(Log, "/rosout", qos.HISTORY)
+    statuses = ros.collect(TreeStatus, "agents/status", qos.EVENTS)
+    host = ros.add(make_host(folder(tmp_path, CRITIC)))
+    market.open()
+    ros.until(lambda: host.registered)
+    answer = market.result(market.send(market.goal(host, agent="critic")))
+    assert answer.result.outcome == RunAgent.Result.SUCCEEDED
+    [request] = requests
+    assert (request.agent, request.source, request.reason) == ("critic", "tree", "they smiled")
+    assert [value for value in request.values if not math.isnan(value)] == [4.0]
+    ros.until(lambda: any(line.name == "agents.critic" for line in lines))
+    ros.until(lambda: any(s.changes[-1].path == "tree" for s in statuses))
+    told = [(c.path, c.message) for s in statuses for c in s.changes]
+    assert ("tree/0.log", "The person is 3.") in told
+    assert ("tree/1.give_feedback", "direct feedback given") in told
 
 
 def test_a_fault_of_the_engine_ends_the_run_and_the_host_goes_on(

@@ -5,17 +5,21 @@ from __future__ import annotations
 
 import math
 import sys
+from dataclasses import replace
 
 import pytest
 from builtin_interfaces.msg import Duration, Time
 from geometry_msgs.msg import PoseWithCovarianceStamped
 from std_msgs.msg import Bool, Byte, Empty, Float32, Float64, Int8, String, UInt16MultiArray
 
-from bt_agents.errors import Refused
+from bt_agents.errors import ReadError, Refused
+from bt_agents.language.agent_reader import read_agent_text
 from bt_agents.language.specs import BindingKind
-from bt_agents.ros.interfaces import InstalledInterfaces, fill, load_type, read_field, to_plain
+from bt_agents.ros.installed import InstalledInterfaces
+from bt_agents.ros.interfaces import fill, load_type, read_field, to_plain
 from bt_agents_interfaces.action import Say
 from bt_agents_interfaces.msg import Scene
+from stage import VOCABULARY
 
 pytestmark = pytest.mark.ros
 
@@ -221,3 +225,49 @@ def test_a_type_is_checked_for_what_it_is_needed_for():
     interfaces = InstalledInterfaces()
     assert interfaces.type_problem(BindingKind.TOPIC, "std_msgs/msg/Bool") is None
     assert "not the type" in interfaces.type_problem(BindingKind.SERVICE, "std_msgs/msg/Bool")
+
+
+def test_fields_have_types_as_far_as_one_value_has_one():
+    known = InstalledInterfaces()
+
+    def of(path: str, type_name: str = "geometry_msgs/msg/PoseWithCovarianceStamped") -> str:
+        return known.field_type(BindingKind.TOPIC, type_name, "message", path).value
+
+    assert of("header.frame_id") == "text"
+    assert of("pose.pose.position.x") == "number"
+    assert of("header.stamp.sec") == "integer"
+    assert of("pose.covariance") == "any"
+    assert of("pose.covariance.3") == "number"
+    assert of("pose.nothing") == "any"
+    assert of("data", "std_msgs/msg/Bool") == "boolean"
+
+
+@pytest.mark.parametrize(
+    ("tree", "expected"),
+    [
+        ("publish: {topic: t, type: std_msgs/msg/Bool, message: {data: 'yes'}}", "wrong-value"),
+        ("publish: {topic: t, type: std_msgs/msg/UInt8, message: {data: 300}}", "wrong-value"),
+        (
+            "publish: {topic: t, type: geometry_msgs/msg/Pose, "
+            "message: {position: {x: 1.0, y: left, z: '${scene.age}'}}}",
+            "wrong-value",
+        ),
+        ("wait_for: {topic: t, type: std_msgs/msg/Bool, until: msg.data > 3}", "bad-expression"),
+        ("wait_for: {topic: t, type: std_msgs/msg/Float64, until: msg.data}", "bad-expression"),
+        (
+            "service: {name: s, type: std_srvs/srv/SetBool, request: {data: 1}}",
+            "wrong-value",
+        ),
+        (
+            "service: {name: s, type: std_srvs/srv/SetBool, succeed_when: result.message}",
+            "bad-expression",
+        ),
+    ],
+)
+def test_values_and_conditions_are_checked_against_the_installed_types(tree, expected):
+    vocabulary = replace(VOCABULARY, interfaces=InstalledInterfaces())
+    head = "format: 1\nagent: a\nprofile: {age: 3, familiarity: 3, mood: 3}\ntree: {"
+    with pytest.raises(ReadError) as caught:
+        read_agent_text(head + tree + "}\n", "a.yaml", vocabulary)
+    assert [line.split("error[")[1].split("]")[0] for line in caught.value.lines] == [expected]
+    read_agent_text(head + "say: x}\n", "a.yaml", vocabulary)

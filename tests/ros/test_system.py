@@ -14,7 +14,7 @@ from rclpy.parameter import Parameter
 from bt_agents.language.folder_reader import read_trees
 from bt_agents.ros import qos
 from bt_agents.ros.host import HostNode
-from bt_agents.ros.interfaces import InstalledInterfaces
+from bt_agents.ros.installed import InstalledInterfaces
 from bt_agents_interfaces.msg import (
     Auction,
     Bids,

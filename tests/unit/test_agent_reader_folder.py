@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from bt_agents.errors import ReadError
+from bt_agents.errors import BtAgentsError, ReadError
 from bt_agents.language.folder_reader import read_trees
 from stage import TREES
 
@@ -34,7 +34,7 @@ def test_the_shipped_folder_is_sound():
     trees = read_trees(TREES)
     assert trees.broken == ()
     assert len(trees.agents) >= 4
-    assert "say" in trees.skills
+    assert "say" in trees.vocabulary.skills
     assert trees.scene.space.mood == "mood"
 
 
@@ -79,7 +79,7 @@ def test_a_folder_that_is_called_like_a_file_is_broken(folder):
 def test_a_folder_without_skills_and_agents_is_empty(tmp_path):
     (tmp_path / "scene.yaml").write_text(SCENE)
     trees = read_trees(tmp_path)
-    assert (trees.agents, trees.broken, dict(trees.skills)) == ((), (), {})
+    assert (trees.agents, trees.broken, dict(trees.vocabulary.skills)) == ((), (), {})
 
 
 def test_a_broken_scene_stops_all(folder):
@@ -103,3 +103,13 @@ def test_broken_skills_stop_all_and_every_file_tells_its_errors(folder):
     first, second = error.value.lines
     assert "a.yaml:1:9: error[wrong-format]" in first
     assert "robot.yaml:3:3: error[duplicate-skill]: there is a skill 'beep' already" in second
+
+
+def test_agents_can_be_picked_by_their_tags():
+    trees = read_trees(TREES)
+    names = {agent.name for agent in trees.tagged("care_home").agents}
+    assert names == {"cheerful_voice", "large_print", "evening_round"}
+    assert len(trees.tagged("care_home, intralogistics").agents) == 5
+    assert trees.tagged("") == trees
+    with pytest.raises(BtAgentsError, match="no agent has the tag 'home'; there are airport, "):
+        trees.tagged("home")

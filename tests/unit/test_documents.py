@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import re
+from importlib.metadata import EntryPoint
 from pathlib import Path
 
 import pytest
@@ -11,8 +12,14 @@ import yaml
 
 from bt_agents.cli.main import bt_agents
 from bt_agents.language.agent_reader import read_agent_text
+from bt_agents.language.folder_reader import read_trees
+from bt_agents.language.libraries import FolderLibraries
 from bt_agents.language.nodes import KINDS, MODIFIERS
-from stage import SPACE, VOCABULARY
+from bt_agents.language.plugins import GROUP, read_plugins
+from bt_agents.language.skills_reader import read_skills
+from bt_agents.language.test_reader import read_test_text
+from bt_agents.rehearsal.suite import failure, run_case
+from stage import SPACE, TREES, VOCABULARY
 
 ROOT = Path(__file__).parents[2]
 DOCUMENTS = sorted([ROOT / "README.md", *(ROOT / "docs").glob("*.md")])
@@ -35,11 +42,31 @@ def blocks(language: str) -> list[tuple[str, str]]:
 
 
 @pytest.mark.parametrize(("document", "text"), blocks("yaml"))
-def test_every_yaml_example_can_be_read(document: str, text: str) -> None:
+def test_every_yaml_example_can_be_read(document: str, text: str, tmp_path: Path) -> None:
     keys = yaml.safe_load(text)
+    if {"test", "cases"} <= keys.keys():
+        _check_test(text, document)
+        return
+    if {"skills", "bindings"} & keys.keys():
+        path = tmp_path / "their.yaml"
+        path.write_text(text)
+        assert read_skills([TREES / "skills" / "robot.yaml", path])
+        return
+    if "format" in keys and "tree" not in keys:
+        (tmp_path / "libraries").mkdir()
+        (tmp_path / "libraries" / "their.yaml").write_text(text)
+        assert FolderLibraries(tmp_path, VOCABULARY).load("libraries/their.yaml").subtrees
+        return
     missing = [line for line in AGENT.splitlines() if line and line.split(":")[0] not in keys]
     agent = read_agent_text("\n".join(missing) + "\n" + text, document, VOCABULARY)
     assert len(agent.profile) == len(SPACE)
+
+
+def _check_test(text: str, document: str) -> None:
+    """Run the cases of a test file for one of the shipped agents."""
+    test = read_test_text(text, document, read_trees(TREES).agents, SPACE)
+    results = [run_case(test.agent, SPACE, case) for case in test.cases]
+    assert not [failure(result) for result in results if not result.passed]
 
 
 @pytest.mark.parametrize(("document", "text"), blocks("console"))
@@ -54,12 +81,24 @@ def test_every_command_exists_with_its_options(document: str, text: str) -> None
 
 
 def test_the_reference_names_every_node_and_every_modifier_in_order() -> None:
-    text = (ROOT / "docs" / "agents.md").read_text()
+    text = (ROOT / "docs" / "language.md").read_text()
     for kind in KINDS:
         assert re.search(rf"^\| .*`{kind}[:` ]", text, re.MULTILINE), kind
-    table = text.partition("## Modifiers")[2]
+    table = text.partition("## Modifiers")[2].partition("\n## ")[0]
     written = re.findall(r"^\| `(\w+):", table, re.MULTILINE)
     assert written == ["name", *MODIFIERS]
+
+
+@pytest.mark.parametrize(("document", "text"), blocks("python"))
+def test_every_python_example_runs_and_is_a_node(document: str, text: str) -> None:
+    found: dict[str, object] = {}
+    exec(compile(text, document, "exec"), found)
+    classes = [one for one in found.values() if isinstance(one, type) and "fields" in vars(one)]
+    assert len(classes) == 1
+    point = EntryPoint(name="example", value=document, group=GROUP)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(EntryPoint, "load", lambda _: classes[0])
+        assert read_plugins([point]).problems == ()
 
 
 def test_links_between_documents_lead_somewhere() -> None:

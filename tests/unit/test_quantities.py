@@ -1,11 +1,25 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Numbers and times as people write them."""
+"""Numbers, times, lengths and angles as people write them."""
 
 from __future__ import annotations
 
+import math
+
 import pytest
 
-from bt_agents.language.quantities import QuantityError, duration, integer, number
+from bt_agents.language.quantities import (
+    QuantityError,
+    angle,
+    duration,
+    integer,
+    is_clock,
+    length,
+    meant_type,
+    number,
+    quantity_type,
+    spoken,
+)
+from bt_agents.language.specs import FieldType
 
 
 @pytest.mark.parametrize(
@@ -29,21 +43,53 @@ def test_times_are_seconds(text, seconds):
 
 
 @pytest.mark.parametrize(
+    ("text", "metres"),
+    [
+        ("1.5 m", 1.5),
+        ("150 cm", 1.5),
+        ("7 mm", 0.007),
+        ("2 km", 2000.0),
+        ("0.8m", 0.8),
+        ("-2 m", -2.0),
+        ("3", 3.0),
+    ],
+)
+def test_lengths_are_metres(text, metres):
+    assert length(text) == metres
+
+
+@pytest.mark.parametrize(
+    ("text", "radians"),
+    [
+        ("180 deg", math.pi),
+        ("90deg", math.pi / 2),
+        ("-45 deg", -math.pi / 4),
+        ("1.5 rad", 1.5),
+        ("0.1", 0.1),
+    ],
+)
+def test_angles_are_radians(text, radians):
+    assert angle(text) == pytest.approx(radians, rel=1e-15)
+
+
+@pytest.mark.parametrize(
     ("text", "hint"),
     [
         ("8 sec", "write 8 s"),
         ("8 seconds", "write 8 s"),
-        ("2 m", "write 2 min"),
         ("2 Min", "write 2 min"),
-        ("5 km", "use ms, s, min or h"),
+        ("8 S", "write 8 s"),
         ("1:30", "for example 90 s"),
+        ("1 min 30 s", "write one number with one unit"),
         ("1,5 s", "use a point: 1.5 s"),
         ("08 s", "write 8"),
         ("-1 s", ""),
         (".inf", "finite"),
         ("nan", "finite"),
         ("1e999 s", "finite"),
+        ("1e308 h", "finite"),
         ("1e9 h", "shorter"),
+        ("5 parsecs", "use ms, s, min or h"),
         ("s", ""),
         ("", ""),
         ("soon", ""),
@@ -56,6 +102,34 @@ def test_what_is_no_time_is_refused_with_a_way_to_mend_it(text, hint):
         duration(text)
     assert hint in error.value.hint
     assert len(error.value.message) < 150
+
+
+@pytest.mark.parametrize(
+    ("read", "text", "message", "hint"),
+    [
+        (
+            duration,
+            "5 m",
+            "a time such as '8 s', found the length '5 m'",
+            "5 min for minutes; m is",
+        ),
+        (duration, "2 M", "found the length '2 M'", "write 2 min for minutes; m is metres"),
+        (duration, "90 deg", "found the angle '90 deg'", "use ms, s, min or h"),
+        (length, "5 s", "a length such as '1.5 m', found the time '5 s'", "use mm, cm, m or km"),
+        (length, "5 min", "found the time '5 min'", "write 5 m for metres; min is minutes"),
+        (length, "5 meters", "'meters' is not a unit of length", "write 5 m"),
+        (length, "6 ft", "'ft' is not a unit of length", "use mm, cm, m or km"),
+        (angle, "1 m", "an angle such as '90 deg', found the length '1 m'", "use deg or rad"),
+        (angle, "90°", "'°' is not a unit of angle", "write 90 deg"),
+        (angle, "90 degrees", "'degrees' is not a unit of angle", "write 90 deg"),
+        (length, "far", "expected a length such as '1.5 m', found 'far'", ""),
+    ],
+)
+def test_a_quantity_of_another_dimension_is_refused_by_what_it_is(read, text, message, hint):
+    with pytest.raises(QuantityError) as error:
+        read(text)
+    assert message in error.value.message
+    assert hint in error.value.hint
 
 
 @pytest.mark.parametrize(
@@ -72,6 +146,8 @@ def test_numbers_are_read(text, value):
         ("00.5", "write 0.5"),
         ("-07", "write -7"),
         ("1,5", "use a point: 1.5"),
+        ("1,000", "write 1000, or with a point 1.000"),
+        ("1,000,000", "1000000"),
         ("1_000", "1000"),
         ("1 000", "1000"),
         ("0x10", "decimal"),
@@ -103,3 +179,64 @@ def test_whole_numbers_are_read(text, value):
 def test_what_is_no_whole_number_is_refused(text):
     with pytest.raises(QuantityError):
         integer(text)
+
+
+@pytest.mark.parametrize(
+    ("text", "exact", "meant"),
+    [
+        ("5 s", FieldType.DURATION, FieldType.DURATION),
+        ("1.5 m", FieldType.LENGTH, FieldType.LENGTH),
+        ("90 deg", FieldType.ANGLE, FieldType.ANGLE),
+        ("5 seconds", None, FieldType.DURATION),
+        ("2 metres", None, FieldType.LENGTH),
+        ("90°", None, FieldType.ANGLE),
+        ("5", None, None),
+        ("5 apples", None, None),
+        ("m", None, None),
+        ("5 s later", None, None),
+    ],
+)
+def test_the_unit_says_what_a_quantity_measures(text, exact, meant):
+    assert quantity_type(text) is exact
+    assert meant_type(text) is meant
+
+
+def test_times_of_a_clock_are_known():
+    assert is_clock("1:30")
+    assert is_clock("12:30:59")
+    assert not is_clock("1:300")
+
+
+@pytest.mark.parametrize(
+    ("value", "field_type", "words"),
+    [
+        (0.0, FieldType.DURATION, "0 s"),
+        (0.25, FieldType.DURATION, "250 ms"),
+        (0.9999, FieldType.DURATION, "1 s"),
+        (8.0, FieldType.DURATION, "8 s"),
+        (8, FieldType.DURATION, "8 s"),
+        (12.345, FieldType.DURATION, "12.3 s"),
+        (60.0, FieldType.DURATION, "1 min"),
+        (75.0, FieldType.DURATION, "75 s"),
+        (90.0, FieldType.DURATION, "1.5 min"),
+        (100.0, FieldType.DURATION, "100 s"),
+        (1000.0, FieldType.DURATION, "16.7 min"),
+        (5400.0, FieldType.DURATION, "1.5 h"),
+        (86400.0, FieldType.DURATION, "24 h"),
+        (0.0, FieldType.LENGTH, "0 m"),
+        (1.5, FieldType.LENGTH, "1.5 m"),
+        (-1.5, FieldType.LENGTH, "-1.5 m"),
+        (0.8, FieldType.LENGTH, "80 cm"),
+        (0.007, FieldType.LENGTH, "7 mm"),
+        (1234.0, FieldType.LENGTH, "1.23 km"),
+        (math.pi / 2, FieldType.ANGLE, "90 deg"),
+        (-math.pi, FieldType.ANGLE, "-180 deg"),
+        (0.0, FieldType.ANGLE, "0 deg"),
+        (1e300, FieldType.LENGTH, "1e+297 km"),
+        (math.inf, FieldType.DURATION, "inf"),
+        (2.0, FieldType.NUMBER, "2"),
+        (1234567, FieldType.INTEGER, "1234567"),
+    ],
+)
+def test_values_are_spoken_with_a_pleasant_unit(value, field_type, words):
+    assert spoken(value, field_type) == words

@@ -96,7 +96,10 @@ def test_windows_line_ends_and_a_byte_order_mark_are_taken(tmp_path):
         ("1:30", "1:30"),
         ("1_000", "1_000"),
         ("2026-11-21", "2026-11-21"),
-        ("5 m", "5 m"),
+        ("5 m", 5.0),
+        ("25 cm", 0.25),
+        ("2 rad", 2.0),
+        ("5 metres", "5 metres"),
     ],
 )
 def test_plain_words_mean_what_yaml_1_2_says(text, value):

@@ -41,7 +41,8 @@ _NEIGHBOUR_S = 0.5
     type=click.Path(path_type=Path),
     help="Another list of visits than the morning at the airport.",
 )
-def demo(voice: bool, script: Path | None) -> None:
+@click.option("--tags", default="airport", show_default=True, help="Agents with these tags.")
+def demo(voice: bool, script: Path | None, tags: str) -> None:
     """Show a morning at an airport, in a minute."""
     interrupt = Interrupt()
     if "ROS_DOMAIN_ID" not in os.environ:
@@ -53,19 +54,21 @@ def demo(voice: bool, script: Path | None) -> None:
             system.robot(pace=1.0, voice="auto" if voice else "off"),
             system.market(trees),
             system.scene_layer(trees),
-            system.host(trees),
+            system.host(trees, tags),
             system.feedback(trees, ledger=str(Path(folder) / "ledger.sqlite")),
         ]
         visitors = system.visitors(trees, script, pace=1.0)
-        sys.exit(_run(components, trees, interrupt, visitors))
+        sys.exit(_run(components, trees, tags, interrupt, visitors))
 
 
 @click.command()
 @click.argument("directory", required=False, default="")
 @click.option("--robot/--no-robot", default=True, help="Start the simulated robot.")
+@click.option("--tags", default="", help="Only agents with one of these tags, as in a,b.")
+@click.option("--bindings", default="", help="Robot whose bindings of skills are preferred.")
 @click.option("--voice/--no-voice", default=True, help="Speak aloud when espeak-ng is installed.")
 @click.option("--ledger", default="", help="File of the learned profiles.")
-def up(directory: str, robot: bool, voice: bool, ledger: str) -> None:
+def up(directory: str, robot: bool, tags: str, bindings: str, voice: bool, ledger: str) -> None:
     """Keep the agents of a trees DIRECTORY running.
 
     In another terminal: bt-agents trigger age=4.5 mood=2, sense, cancel, status, why, feedback.
@@ -75,17 +78,18 @@ def up(directory: str, robot: bool, voice: bool, ledger: str) -> None:
     components = [
         system.market(trees),
         system.scene_layer(trees),
-        system.host(trees),
+        system.host(trees, tags, bindings),
         system.feedback(trees, ledger=ledger or str(system.state_folder() / "ledger.sqlite")),
     ]
     if robot:
         components.append(system.robot(pace=1.0, voice="auto" if voice else "off"))
-    sys.exit(_run(components, trees, interrupt))
+    sys.exit(_run(components, trees, tags, interrupt))
 
 
 def _run(
     components: Sequence[Component],
     trees: Path,
+    tags: str,
     interrupt: Interrupt,
     visitors: Component | None = None,
 ) -> int:
@@ -93,10 +97,10 @@ def _run(
     start = time.monotonic()
     keep_local(os.environ)
     from bt_agents.ros import observer as graph
-    from bt_agents.ros.interfaces import InstalledInterfaces
+    from bt_agents.ros.installed import InstalledInterfaces
 
     console = Console()
-    folder = read_trees(trees, InstalledInterfaces())
+    folder = read_trees(trees, InstalledInterfaces()).tagged(tags)
     _show_broken(console, folder)
     if not folder.agents:
         raise BtAgentsError(f"there is no agent to run in {trees / 'agents'}")

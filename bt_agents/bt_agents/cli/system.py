@@ -36,12 +36,12 @@ def scene_layer(trees: Path, script: Path | None = None, agents: int = 1) -> Com
     return Component(name="scene_layer", module="scene_layer.node", parameters=parameters)
 
 
-def host(trees: Path) -> Component:
+def host(trees: Path, tags: str = "", bindings: str = "") -> Component:
     """Return the host of all agents of a folder; it ends first, while the robot still listens."""
     return Component(
         name="agents",
         module="bt_agents.ros.host",
-        parameters={"trees": str(trees)},
+        parameters={"trees": str(trees), "tags": tags, "robot": bindings},
         first=True,
     )
 

@@ -6,25 +6,83 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 
 from py_trees.behaviour import Behaviour
-from py_trees.common import ParallelPolicy
-from py_trees.composites import Composite, Parallel, Selector, Sequence
+from py_trees.composites import Composite, Selector, Sequence
 
+from bt_agents.engine.choices import Case, Choose, RandomChoice, Weight
+from bt_agents.engine.concurrency import CountingParallel
 from bt_agents.engine.context import RunContext
-from bt_agents.engine.leaves import Check, Leaf, Set, SkillLeaf, Wait, WaitFor
-from bt_agents.engine.modifiers import Invert, Modifier, Repeat, Retry, Timeout, When
-from bt_agents.engine.scope import InputScope, Scope
-from bt_agents.language.expressions import Expression
-from bt_agents.language.specs import Literal, NodeSpec
+from bt_agents.engine.feedback_leaf import GiveFeedback
+from bt_agents.engine.fields import Fields
+from bt_agents.engine.gates import Cooldown, Once, When
+from bt_agents.engine.leaves import Check, Leaf, Log, Set
+from bt_agents.engine.loops import Repeat, Retry
+from bt_agents.engine.modifiers import Fail, Invert, Modifier, Succeed, Timeout, While
+from bt_agents.engine.plugin_leaf import PluginLeaf
+from bt_agents.engine.scope import Scope
+from bt_agents.engine.skill_leaf import SkillLeaf
+from bt_agents.engine.subtree import Subtree, subtree_scope
+from bt_agents.engine.waits import Wait, wait_for
+from bt_agents.language.specs import NodeSpec
 
-_LEAVES: Mapping[str, type[Leaf]] = {"check": Check, "set": Set, "wait": Wait, "wait_for": WaitFor}
 
-_MODIFIERS: Mapping[str, type[Modifier]] = {
+def _sequence(
+    spec: NodeSpec, context: RunContext, scope: Scope, children: list[Behaviour]
+) -> Composite:
+    return Sequence(spec.name, memory=_memory(spec, scope), children=children)
+
+
+def _selector(
+    spec: NodeSpec, context: RunContext, scope: Scope, children: list[Behaviour]
+) -> Composite:
+    return Selector(spec.name, memory=_memory(spec, scope), children=children)
+
+
+def _memory(spec: NodeSpec, scope: Scope) -> bool:
+    return bool(Fields(spec=spec, names=scope).constant("memory", True))
+
+
+LEAVES: Mapping[str, Callable[[NodeSpec, RunContext, Scope], Leaf]] = {
+    "check": Check,
+    "set": Set,
+    "wait": Wait,
+    "wait_for": wait_for,
+    "log": Log,
+    "give_feedback": GiveFeedback,
+    "action": SkillLeaf,
+    "service": SkillLeaf,
+    "publish": SkillLeaf,
+}
+"""Kinds without children; skills and plug-ins come on top of these."""
+
+MODIFIERS: Mapping[str, type[Modifier]] = {
     "when": When,
+    "once": Once,
+    "cooldown": Cooldown,
+    "succeed": Succeed,
+    "fail": Fail,
+    "while": While,
     "retry": Retry,
     "repeat": Repeat,
     "timeout": Timeout,
     "invert": Invert,
+    "case": Case,
+    "weight": Weight,
 }
+"""Kinds around one child, which they change."""
+
+COMPOSITES: Mapping[str, Callable[[NodeSpec, RunContext, Scope, list[Behaviour]], Composite]] = {
+    "sequence": _sequence,
+    "selector": _selector,
+    # Handled means: try the node, and after a FAILURE what is written to be done instead.
+    "on_failure": _selector,
+    "parallel": CountingParallel,
+    "choose": Choose,
+    "random": RandomChoice,
+}
+"""Kinds with several children."""
+
+SUBTREE = "subtree"
+"""The kind whose child has names of its own."""
 
 
 def build(spec: NodeSpec, context: RunContext) -> Behaviour:
@@ -33,47 +91,18 @@ def build(spec: NodeSpec, context: RunContext) -> Behaviour:
 
 
 def _build(spec: NodeSpec, context: RunContext, scope: Scope) -> Behaviour:
+    if spec.plugin is not None:
+        return PluginLeaf(spec, context, scope)
     if spec.skill is not None:
         return SkillLeaf(spec, context, scope)
-    if spec.kind in _LEAVES:
-        return _LEAVES[spec.kind](spec, context, scope)
-    if spec.kind == "subtree":
-        inputs = {k: v for k, v in spec.fields.items() if not isinstance(v, Expression)}
-        scope = InputScope(inputs=inputs, caller=scope)
+    if spec.kind in LEAVES:
+        return LEAVES[spec.kind](spec, context, scope)
+    if spec.kind == SUBTREE:
+        inside = subtree_scope(spec, context, scope)
+        return Subtree(spec, context, scope, inside, _build(spec.children[0], context, inside))
     children = [_build(child, context, scope) for child in spec.children]
-    if spec.kind in _MODIFIERS:
-        return _MODIFIERS[spec.kind](spec, context, scope, children[0])
-    composite = _COMPOSITES[spec.kind](spec)
+    if spec.kind in MODIFIERS:
+        return MODIFIERS[spec.kind](spec, context, scope, children[0])
+    composite = COMPOSITES[spec.kind](spec, context, scope, children)
     composite.spec = spec
-    composite.add_children(children)
     return composite
-
-
-def _option(spec: NodeSpec, name: str, default: object) -> object:
-    value = spec.fields.get(name)
-    return value.value if isinstance(value, Literal) else default
-
-
-def _sequence(spec: NodeSpec) -> Composite:
-    return Sequence(spec.name, memory=bool(_option(spec, "memory", True)))
-
-
-def _selector(spec: NodeSpec) -> Composite:
-    return Selector(spec.name, memory=bool(_option(spec, "memory", True)))
-
-
-def _parallel(spec: NodeSpec) -> Composite:
-    one = _option(spec, "succeed_on", "all") == "one"
-    policy = ParallelPolicy.SuccessOnOne() if one else ParallelPolicy.SuccessOnAll()
-    return Parallel(spec.name, policy=policy)
-
-
-_COMPOSITES: Mapping[str, Callable[[NodeSpec], Composite]] = {
-    "sequence": _sequence,
-    "selector": _selector,
-    "parallel": _parallel,
-    # Handled means: try the node, and after a FAILURE what is written to be done instead.
-    "on_failure": _selector,
-    # A subtree has one child, so a sequence passes its status on.
-    "subtree": _sequence,
-}

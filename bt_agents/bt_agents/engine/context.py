@@ -1,13 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the nodes of one run share: the world, the clock and the goals that are under way."""
+"""What the nodes of one run share: world, clock, chance and the goals that are under way."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from random import Random
 
 from bt_agents.engine.scope import RunScope
 from bt_agents.engine.world import Clock, Goal, GoalRun, Inbox, World
-from bt_agents.language.specs import Position
+from bt_agents.feedback import Kind
 
 
 @dataclass(frozen=True)
@@ -17,10 +19,22 @@ class _OpenGoal:
 
 
 class RunContext:
-    """Gives leaves access to the world and remembers every goal until it has ended."""
+    """Gives leaves access to the world and remembers every goal until it has ended.
 
-    def __init__(self, world: World, scope: RunScope) -> None:
+    Args:
+        world: What the tree can reach.
+        scope: The names of the run.
+        random: Where nodes that leave something to chance draw their numbers.
+
+    Attributes:
+        wakes: Paths of nodes → when the next tick will make a difference to them although
+            nothing comes from outside, on the trees' clock [s]; those of the last tick.
+    """
+
+    def __init__(self, world: World, scope: RunScope, random: Random) -> None:
         self.scope = scope
+        self.random = random
+        self.wakes: dict[str, float] = {}
         self._world = world
         self._goals: list[_OpenGoal] = []
 
@@ -29,11 +43,20 @@ class RunContext:
         """The trees' clock."""
         return self._world.clock
 
+    def wake(self, path: str, at: float) -> None:
+        """Note when time alone will make a difference to the node at ``path`` [s]."""
+        self.wakes[path] = at
+
+    def reached(self, path: str, at: float) -> bool:
+        """Return whether a time has come for the node at ``path`` [s]; if not, note it."""
+        if self.clock() >= at:
+            return True
+        self.wake(path, at)
+        return False
+
     def send(self, path: str, goal: Goal) -> GoalRun:
         """Send a goal in the name of the node at ``path``."""
-        run = self._world.send(goal)
-        self._goals.append(_OpenGoal(path, run))
-        return run
+        return self._opened(path, self._world.send(goal))
 
     def publish(self, goal: Goal) -> None:
         """Publish a message."""
@@ -43,12 +66,22 @@ class RunContext:
         """Listen to a topic."""
         return self._world.watch(topic, type_name)
 
+    def log(self, level: str, text: str) -> None:
+        """Write a line into the log."""
+        self._world.log(level, text)
+
+    def give_feedback(
+        self, path: str, kind: Kind, values: Mapping[str, float], reason: str
+    ) -> GoalRun:
+        """Ask for a change of the profile in the name of the node at ``path``."""
+        return self._opened(path, self._world.give_feedback(kind, values, reason))
+
     def open_goals(self) -> tuple[str, ...]:
         """Return the node paths of all goals that have not ended."""
         self._goals = [goal for goal in self._goals if not goal.run.state.ended]
         return tuple(goal.path for goal in self._goals)
 
-
-def place(path: str, position: Position) -> str:
-    """Return where a node is, for messages: its path and its place in the file."""
-    return f"{path}, {position}"
+    def _opened(self, path: str, run: GoalRun) -> GoalRun:
+        under_way = [goal for goal in self._goals if not goal.run.state.ended]
+        self._goals = [*under_way, _OpenGoal(path, run)]
+        return run

@@ -1,46 +1,38 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The leaves of a tree: what it checks, remembers, waits for and asks of the robot."""
+"""The leaves of a tree, and those that only look, remember and note."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from typing import ClassVar
 
 import py_trees
 from py_trees.common import Status
 
-from bt_agents.engine.context import RunContext, place
-from bt_agents.engine.scope import (
-    InputScope,
-    MessageScope,
-    Scope,
-    evaluate,
-    field_of,
-    holds,
-    spoken,
-)
-from bt_agents.engine.world import Goal, GoalRun, GoalState, Inbox
-from bt_agents.errors import Refused
-from bt_agents.language.expressions import EvaluationError, Expression, MissingValue
-from bt_agents.language.specs import (
-    BindingKind,
-    Literal,
-    MapValue,
-    NodeSpec,
-    Plain,
-)
+from bt_agents.engine.context import RunContext
+from bt_agents.engine.faults import located, why
+from bt_agents.engine.fields import Fields
+from bt_agents.engine.scope import Scope
+from bt_agents.language.specs import NodeSpec
 
 
 class Leaf(py_trees.behaviour.Behaviour):
     """A leaf made from a spec; whatever it raises is a FAILURE that says where and why.
 
     Subclasses override :meth:`begin`, :meth:`step` and :meth:`end`, each of which may raise.
+
+    Attributes:
+        acts: True when it does something outside of the tree, so that each of its ends is told,
+            even when it ends twice in the same way.
     """
+
+    acts: ClassVar[bool] = False
 
     def __init__(self, spec: NodeSpec, context: RunContext, scope: Scope) -> None:
         super().__init__(spec.name)
         self.spec = spec
         self.context = context
         self.scope = scope
+        self.fields = Fields(spec=spec, names=scope)
         self._fault = ""
 
     def begin(self) -> None:
@@ -51,27 +43,7 @@ class Leaf(py_trees.behaviour.Behaviour):
         raise NotImplementedError
 
     def end(self) -> None:
-        """Stop whatever is under way: called when it is interrupted, maybe more than once."""
-
-    def condition(self, name: str) -> Expression:
-        """Return the condition of a field."""
-        value = self.spec.fields[name]
-        assert isinstance(value, Expression)
-        return value
-
-    def value(self, name: str) -> Plain:
-        """Return what a field means now."""
-        value = self.spec.fields[name]
-        assert not isinstance(value, Expression)
-        return evaluate(value, self.scope)
-
-    def seconds(self, name: str) -> float:
-        """Return what a duration field means now [s].
-
-        Raises:
-            Refused: It is not a number that can be waited for.
-        """
-        return duration(self.value(name), name)
+        """Leave nothing under way: called whenever it ends, maybe without having begun."""
 
     def initialise(self) -> None:
         """Begin, keeping any error for :meth:`update`."""
@@ -89,40 +61,15 @@ class Leaf(py_trees.behaviour.Behaviour):
                 return self.step()
             except Exception as error:
                 self._fault = why(error)
-        self.feedback_message = f"{self._fault} ({place(self.spec.path, self.spec.position)})"
+        self.feedback_message = located(self._fault, self.spec)
         return Status.FAILURE
 
     def terminate(self, new_status: Status) -> None:
-        """End when interrupted, and after an error."""
-        if new_status is Status.INVALID or self._fault:
-            try:
-                self.end()
-            except Exception as error:
-                self.feedback_message = why(error)
-
-
-def why(error: Exception) -> str:
-    """Return an error as a reason in words."""
-    match error:
-        case MissingValue():
-            return f"'{error.name}' has no value"
-        case Refused():
-            return error.reason
-        case EvaluationError():
-            return str(error)
-        case _:
-            return f"{type(error).__name__}: {error}"
-
-
-def duration(value: Plain, name: str) -> float:
-    """Return a duration [s].
-
-    Raises:
-        Refused: ``NOT_A_DURATION``; it is no number, or negative.
-    """
-    if isinstance(value, bool) or not isinstance(value, (int, float)) or not value >= 0:
-        raise Refused("NOT_A_DURATION", f"{name} is {value!r}, expected a time such as '5 s'")
-    return float(value)
+        """End."""
+        try:
+            self.end()
+        except Exception as error:
+            self.feedback_message = located(why(error), self.spec)
 
 
 class Check(Leaf):
@@ -130,150 +77,30 @@ class Check(Leaf):
 
     def step(self) -> Status:
         """Look at the condition."""
-        condition = self.condition("condition")
-        if holds(condition, self.scope):
+        if self.fields.holds("condition"):
             return Status.SUCCESS
-        self.feedback_message = f"not so: {condition.text}"
+        self.feedback_message = f"not so: {self.fields.condition('condition').text}"
         return Status.FAILURE
 
 
 class Set(Leaf):
-    """Writes values to the blackboard of the run."""
+    """Gives names values, one after the other."""
 
     def step(self) -> Status:
         """Write."""
         for name in self.spec.fields:
-            self.context.scope.blackboard[name] = self.value(name)
+            self.scope.write(name, self.fields.value(name))
         return Status.SUCCESS
 
 
-class Wait(Leaf):
-    """SUCCESS after a time; the time may be tuned while it passes."""
+class Log(Leaf):
+    """Writes a line into the log; whoever watches the run sees it as the node's message."""
 
-    def begin(self) -> None:
-        """Note the start."""
-        self._start = self.context.clock()
+    acts = True
 
     def step(self) -> Status:
-        """Look at the clock."""
-        whole = self.seconds("duration")
-        if self._start + whole <= self.context.clock():
-            return Status.SUCCESS
-        if not isinstance(self.spec.fields["duration"], Literal):
-            self.feedback_message = f"{whole:g} s"
-        return Status.RUNNING
-
-
-class WaitFor(Leaf):
-    """SUCCESS when a message arrives, or one for which the condition is true."""
-
-    _inbox: Inbox | None = None
-
-    def begin(self) -> None:
-        """Listen."""
-        self._inbox = self.context.watch(str(self.value("topic")), str(self.value("type")))
-
-    def step(self) -> Status:
-        """Look at what has come."""
-        assert self._inbox is not None
-        while (message := self._inbox.take()) is not None:
-            if "until" not in self.spec.fields or self._fits(message):
-                self.end()
-                return Status.SUCCESS
-        return Status.RUNNING
-
-    def _fits(self, message: Mapping[str, Plain]) -> bool:
-        scope = MessageScope(prefix="msg", message=message, around=self.scope)
-        return holds(self.condition("until"), scope)
-
-    def end(self) -> None:
-        """Stop listening."""
-        if self._inbox is not None:
-            self._inbox.close()
-            self._inbox = None
-
-
-class SkillLeaf(Leaf):
-    """Uses an action, service or topic, directly or through a skill."""
-
-    _run: GoalRun | None = None
-    _meant = ""
-
-    def begin(self) -> None:
-        """Send."""
-        self._run = None
-        skill = self.spec.skill
-        assert skill is not None
-        fields: dict[str, Literal] = {}
-        for spec in skill.inputs:
-            value = self.spec.fields[spec.name]
-            assert not isinstance(value, Expression)
-            fields[spec.name] = Literal(value=evaluate(value, self.scope))
-        self._meant = _meant(self.spec, fields)
-        inputs = InputScope(inputs=fields, caller=self.scope)
-        binding = skill.binding
-        goal = Goal(
-            kind=binding.kind,
-            name=binding.name,
-            type=binding.type,
-            fields=_mapping(binding.fields, inputs),
-        )
-        if binding.kind is BindingKind.TOPIC:
-            self.context.publish(goal)
-        else:
-            self._run = self.context.send(self.spec.path, goal)
-
-    def step(self) -> Status:
-        """Look where it is."""
-        if self._run is None:
-            return Status.SUCCESS
-        state = self._run.state
-        if not state.ended:
-            self.feedback_message = self._meant
-            return Status.RUNNING
-        if state is GoalState.SUCCEEDED:
-            return self._succeeded(self._run.result)
-        assert self.spec.skill is not None
-        reason = self._run.message or _result_message(self._run.result)
-        self.feedback_message = f"{self.spec.skill.binding.name} {state.value}" + (
-            f": {reason}" if reason else ""
-        )
-        return Status.FAILURE
-
-    def _succeeded(self, result: Mapping[str, Plain]) -> Status:
-        skill = self.spec.skill
-        assert skill is not None
-        binding = skill.binding
-        if binding.succeed_when is not None:
-            scope = MessageScope(prefix="result", message=result, around=self.scope)
-            if not holds(binding.succeed_when, scope):
-                self.feedback_message = _result_message(result) or (
-                    f"{binding.name} answered, but not so: {binding.succeed_when.text}"
-                )
-                return Status.FAILURE
-        for name, path in binding.outputs.items():
-            self.context.scope.blackboard[name] = field_of(result, path, f"result.{path}")
+        """Write."""
+        text = str(self.fields.value("message"))
+        self.context.log(str(self.fields.constant("level", "info")), text)
+        self.feedback_message = text
         return Status.SUCCESS
-
-    def end(self) -> None:
-        """Cancel what has not ended."""
-        if self._run is not None and not self._run.state.ended:
-            self._run.cancel()
-
-
-def _meant(spec: NodeSpec, inputs: Mapping[str, Literal]) -> str:
-    """Return what the main input means now, for a node that is named by references."""
-    assert spec.skill is not None
-    main = spec.skill.main
-    if main is None or isinstance(spec.fields[main], Literal):
-        return ""
-    return spoken(inputs[main].value)
-
-
-def _mapping(value: MapValue, scope: Scope) -> Mapping[str, Plain]:
-    return {key: evaluate(item, scope) for key, item in value.items.items()}
-
-
-def _result_message(result: Mapping[str, Plain]) -> str:
-    message = result.get("message", "")
-    return message if isinstance(message, str) else ""

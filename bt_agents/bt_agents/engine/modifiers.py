@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Modifiers: decorators written as a key beside the node they change."""
+"""Modifiers: decorators written as a key beside the node, and those that change how it ends."""
 
 from __future__ import annotations
 
@@ -9,16 +9,18 @@ import py_trees
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
-from bt_agents.engine.context import RunContext, place
-from bt_agents.engine.leaves import duration, why
-from bt_agents.engine.scope import Scope, evaluate, holds
-from bt_agents.errors import Refused
-from bt_agents.language.expressions import Expression, MissingValue
-from bt_agents.language.specs import Literal, NodeSpec, Plain
+from bt_agents.engine.context import RunContext
+from bt_agents.engine.faults import located, why
+from bt_agents.engine.fields import Fields
+from bt_agents.engine.scope import Scope
+from bt_agents.language.specs import NodeSpec
 
 
 class Modifier(py_trees.decorators.Decorator):
-    """A decorator made from a spec; whatever it raises is a FAILURE that says where and why."""
+    """A decorator made from a spec; whatever it raises is a FAILURE that says where and why.
+
+    As it stands it passes on the status of its node; subclasses override :meth:`decide`.
+    """
 
     def __init__(
         self, spec: NodeSpec, context: RunContext, scope: Scope, child: Behaviour
@@ -26,11 +28,11 @@ class Modifier(py_trees.decorators.Decorator):
         super().__init__(name=spec.name, child=child)
         self.spec = spec
         self.context = context
-        self.scope = scope
+        self.fields = Fields(spec=spec, names=scope)
 
     def decide(self) -> Status:
-        """Return the status after the child was ticked; may raise."""
-        raise NotImplementedError
+        """Return the status after the node was ticked; may raise."""
+        return self.decorated.status
 
     def update(self) -> Status:
         """Decide; an error is a FAILURE."""
@@ -38,108 +40,44 @@ class Modifier(py_trees.decorators.Decorator):
         try:
             return self.decide()
         except Exception as error:
+            self.drop()
             return self.fail(why(error))
 
     def fail(self, reason: str) -> Status:
         """Note the reason and return FAILURE."""
-        self.feedback_message = f"{reason} ({place(self.spec.path, self.spec.position)})"
+        self.feedback_message = located(reason, self.spec)
         return Status.FAILURE
 
-    def value(self, name: str) -> Plain:
-        """Return what a field means now."""
-        value = self.spec.fields[name]
-        assert not isinstance(value, Expression)
-        return evaluate(value, self.scope)
-
-    def count(self, name: str) -> int:
-        """Return what a counting field means now.
-
-        Raises:
-            Refused: ``NOT_A_COUNT``; it is no whole number from 1 on.
-        """
-        value = self.value(name)
-        if isinstance(value, bool) or not isinstance(value, int) or value < 1:
-            raise Refused("NOT_A_COUNT", f"{name} is {value!r}, expected a whole number from 1 on")
-        return value
+    def drop(self) -> None:
+        """Stop the node, also one that has ended: how it ended has no say in what comes now."""
+        if self.decorated.status is not Status.INVALID:
+            self.decorated.stop(Status.INVALID)
 
 
-class When(Modifier):
-    """Leaves the node out unless the condition is true when it would start.
+class While(Modifier):
+    """FAILURE as soon as the condition is not true; it is looked at at each tick, before the node.
 
-    Left out means SUCCESS, or FAILURE below a selector, so that the next alternative is tried.
+    A condition whose value is missing is not true.
     """
 
-    _left_out = False
-
     def tick(self) -> Iterator[Behaviour]:
-        """Tick the child only when it takes part."""
-        if self.status is not Status.RUNNING:
-            self._left_out = not self._takes_part()
-        if not self._left_out:
-            yield from super().tick()
+        """Tick the node only while the condition is true."""
+        reason = self._obstacle()
+        if reason:
+            self.drop()
+            self.stop(self.fail(reason))
+            yield self
             return
-        otherwise = self.spec.fields["otherwise"]
-        failure = isinstance(otherwise, Literal) and otherwise.value == "failure"
-        self.stop(Status.FAILURE if failure else Status.SUCCESS)
-        yield self
+        yield from super().tick()
 
-    def _takes_part(self) -> bool:
-        condition = self.spec.fields["condition"]
-        assert isinstance(condition, Expression)
-        self.feedback_message = f"left out: {condition.text}"
+    def _obstacle(self) -> str:
         try:
-            return holds(condition, self.scope)
-        except MissingValue as missing:
-            self.feedback_message = f"left out: '{missing.name}' has no value"
+            if self.fields.holds("condition"):
+                return ""
         except Exception as error:
-            self.fail(why(error))
-        return False
-
-    def decide(self) -> Status:
-        """Return the child's status."""
-        return self.decorated.status
-
-
-class Retry(Modifier):
-    """Starts the node again after a FAILURE, up to a number of attempts in all."""
-
-    _attempt = 1
-
-    def initialise(self) -> None:
-        """Count from the first attempt."""
-        self._attempt = 1
-
-    def decide(self) -> Status:
-        """Count failures."""
-        if self.decorated.status is not Status.FAILURE:
-            return self.decorated.status
-        attempts = self.count("attempts")
-        if self._attempt >= attempts:
-            return self.fail(f"failed {self._attempt} times")
-        self._attempt += 1
-        self.feedback_message = f"attempt {self._attempt} of {attempts}"
-        return Status.RUNNING
-
-
-class Repeat(Modifier):
-    """Starts the node again after a SUCCESS, a number of times in all."""
-
-    _round = 1
-
-    def initialise(self) -> None:
-        """Count from the first round."""
-        self._round = 1
-
-    def decide(self) -> Status:
-        """Count successes."""
-        if self.decorated.status is not Status.SUCCESS:
-            return self.decorated.status
-        times = self.count("times")
-        if self._round >= times:
-            return Status.SUCCESS
-        self._round += 1
-        self.feedback_message = f"round {self._round} of {times}"
-        return Status.RUNNING
+            return why(error)
+        more = " any more" if self.status is Status.RUNNING else ""
+        return f"not so{more}: {self.fields.condition('condition').text}"
 
 
 class Timeout(Modifier):
@@ -155,10 +93,10 @@ class Timeout(Modifier):
         """Look at the clock."""
         if self.decorated.status is not Status.RUNNING:
             return self.decorated.status
-        limit = duration(self.value("limit"), "timeout")
-        if self.context.clock() - self._start < limit:
-            return Status.RUNNING
-        return self.fail(f"not done within {limit:g} s")
+        limit = self.fields.seconds("limit")
+        if self.context.reached(self.spec.path, self._start + limit):
+            return self.fail(f"not done within {limit:g} s")
+        return Status.RUNNING
 
 
 class Invert(Modifier):
@@ -173,3 +111,22 @@ class Invert(Modifier):
                 return Status.SUCCESS
             case status:
                 return status
+
+
+class Succeed(Modifier):
+    """SUCCESS however the node ends."""
+
+    def decide(self) -> Status:
+        """Turn a FAILURE round."""
+        status = self.decorated.status
+        return Status.SUCCESS if status is Status.FAILURE else status
+
+
+class Fail(Modifier):
+    """FAILURE however the node ends."""
+
+    def decide(self) -> Status:
+        """Turn a SUCCESS round."""
+        if self.decorated.status is Status.SUCCESS:
+            return self.fail("succeeded, and counts as failed")
+        return self.decorated.status

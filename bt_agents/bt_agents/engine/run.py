@@ -3,19 +3,25 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from enum import Enum
+from random import Random
 
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
 from bt_agents.engine.builder import build
 from bt_agents.engine.context import RunContext
+from bt_agents.engine.leaves import Leaf
 from bt_agents.engine.scope import RunScope
 from bt_agents.engine.world import Clock, World
 from bt_agents.language.specs import AgentSpec, NodeSpec, Plain
 from bt_agents.scene import Scene, SceneSpace, Vector
+
+TREE_SUCCEEDED = "the tree succeeded"
+"""Message of a run that nothing more is to be said about."""
 
 
 class Outcome(Enum):
@@ -28,7 +34,7 @@ class Outcome(Enum):
 
 @dataclass(frozen=True, kw_only=True)
 class StatusChange:
-    """A node's status changed in a tick."""
+    """A node's status or its message changed in a tick, or it did something and ended again."""
 
     path: str
     name: str
@@ -85,6 +91,13 @@ class Run:
         world: What the tree can reach.
         steady: Clock of the bounded waits, which never stands still [s].
         limits: How long those waits are.
+        random: Where nodes that leave something to chance draw their numbers; None takes a fresh
+            source.
+
+    Attributes:
+        ticks: Ticks so far, of the tree and of its clean-up.
+        ticked: Nodes of the last tick in the order in which they answered, and how.
+        result: How it ended; None until then.
     """
 
     def __init__(
@@ -99,17 +112,19 @@ class Run:
         world: World,
         steady: Clock,
         limits: RunLimits | None = None,
+        random: Random | None = None,
     ) -> None:
         scope = RunScope(space=space, scene=scene, live=live, profile=profile, tunables=tunables)
         self.spec = spec
         self.ticks = 0
+        self.ticked: list[tuple[Behaviour, Status]] = []
         self.result: RunResult | None = None
-        self._context = RunContext(world, scope)
+        self._context = RunContext(world, scope, random or Random())
         self._steady = steady
         self._limits = limits or RunLimits()
         self._root = build(spec.tree, self._context)
         self._clean_up: Behaviour | None = None
-        self._statuses: dict[int, Status] = {}
+        self._told: dict[int, tuple[Status, str]] = {}
         self._phase = _Phase.TICKING
         self._start = world.clock()
         self._deadline = 0.0
@@ -120,8 +135,20 @@ class Run:
         """Path of the deepest node that decides the status of the tree."""
         return _path_of((self._clean_up or self._root).tip())
 
+    @property
+    def wakes(self) -> Mapping[str, float]:
+        """Paths of nodes → when time alone makes a difference to them, as of the last tick [s]."""
+        return self._context.wakes
+
+    @property
+    def deadline(self) -> float:
+        """When the wait at its end is over, on the steady clock [s]; infinite before."""
+        return self._deadline if self._phase in (_Phase.CLEANING, _Phase.SETTLING) else math.inf
+
     def tick(self) -> list[StatusChange]:
         """Tick once, in whatever phase the run is; return what changed, in order."""
+        self.ticked = []
+        self._context.wakes.clear()
         match self._phase:
             case _Phase.TICKING:
                 changes = self._tick(self._root)
@@ -134,7 +161,7 @@ class Run:
                     self._settle()
                 elif self._steady() >= self._deadline:
                     self._clean_up.stop(Status.INVALID)
-                    changes += self._unvisited(self._clean_up, set())
+                    changes += self._untold(self._clean_up)
                     self._settle()
             case _:
                 changes = []
@@ -153,7 +180,7 @@ class Run:
             return []
         tip = self.tip
         self._root.stop(Status.INVALID)
-        changes = self._unvisited(self._root, set())
+        changes = self._untold(self._root)
         self._end = (Outcome.CANCELLED, reason, tip)
         if self.spec.on_cancel is None or not clean_up:
             self._settle()
@@ -181,7 +208,7 @@ class Run:
         reason = "" if succeeded else _reason(self._root)
         self._end = (
             Outcome.SUCCEEDED if succeeded else Outcome.FAILED,
-            "the tree succeeded" if succeeded else reason,
+            TREE_SUCCEEDED if succeeded else reason,
             _path_of(tip),
         )
         self._settle()
@@ -208,28 +235,23 @@ class Run:
     def _tick(self, root: Behaviour) -> list[StatusChange]:
         self.ticks += 1
         changes: list[StatusChange] = []
-        visited: set[int] = set()
         for node in root.tick():
-            visited.add(id(node))
-            changes += self._change(node)
-        return changes + self._unvisited(root, visited)
+            self.ticked.append((node, node.status))
+            acted = isinstance(node, Leaf) and node.acts and node.status is not Status.RUNNING
+            changes += self._change(node, again=acted)
+        return changes + self._untold(root)
 
-    def _unvisited(self, root: Behaviour, visited: set[int]) -> list[StatusChange]:
-        changes: list[StatusChange] = []
-        for node in root.iterate():
-            if id(node) not in visited:
-                changes += self._change(node)
-        return changes
+    def _untold(self, root: Behaviour) -> list[StatusChange]:
+        """Return what changed without an answer of the node itself: mostly that it was stopped."""
+        return [change for node in root.iterate() for change in self._change(node)]
 
-    def _change(self, node: Behaviour) -> Iterator[StatusChange]:
-        if self._statuses.get(id(node), Status.INVALID) is not node.status:
-            self._statuses[id(node)] = node.status
-            yield StatusChange(
-                path=_path_of(node),
-                name=node.name,
-                status=node.status,
-                message=node.feedback_message,
-            )
+    def _change(self, node: Behaviour, *, again: bool = False) -> Iterator[StatusChange]:
+        """Give what is new about a node; ``again`` tells it even when nothing differs."""
+        status, message = node.status, node.feedback_message
+        before, told = self._told.get(id(node), (Status.INVALID, ""))
+        if again or status is not before or (message != told and status is not Status.INVALID):
+            self._told[id(node)] = (status, message)
+            yield StatusChange(path=_path_of(node), name=node.name, status=status, message=message)
 
 
 def _path_of(node: Behaviour | None) -> str:

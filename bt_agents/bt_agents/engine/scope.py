@@ -3,13 +3,18 @@
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Protocol
+from typing import Protocol, cast
 
+from bt_agents.errors import Refused
+from bt_agents.language import quantities
 from bt_agents.language.expressions import Expression, MissingValue
 from bt_agents.language.specs import (
+    Computed,
+    FieldType,
     ListValue,
     Literal,
     MapValue,
@@ -20,9 +25,12 @@ from bt_agents.language.specs import (
 )
 from bt_agents.scene import Scene, SceneSpace, Vector
 
+_LONGEST_JSON = 100_000
+_QUANTITIES = (FieldType.DURATION, FieldType.LENGTH, FieldType.ANGLE)
 
-class Scope(Protocol):
-    """Resolves names."""
+
+class Names(Protocol):
+    """Says what names mean."""
 
     def lookup(self, name: str) -> Plain:
         """Return the value of a name.
@@ -30,6 +38,13 @@ class Scope(Protocol):
         Raises:
             MissingValue: Nothing has given it a value yet, or the scene does not know it.
         """
+
+
+class Scope(Names, Protocol):
+    """Names of a tree, of which its nodes give values to some."""
+
+    def write(self, name: str, value: Plain) -> None:
+        """Give a name a value."""
 
 
 @dataclass(kw_only=True)
@@ -42,7 +57,8 @@ class RunScope:
         live: Returns the scene as it is now.
         profile: The agent's own vector.
         tunables: Current values by name, shared with whoever tunes them.
-        blackboard: Outputs of leaves and what ``set`` wrote, private to the run.
+        blackboard: Outputs of leaves and what ``set`` wrote, private to the run; what subtrees
+            write is not there.
     """
 
     space: SceneSpace
@@ -53,11 +69,19 @@ class RunScope:
     blackboard: dict[str, Plain] = field(default_factory=dict)
 
     def lookup(self, name: str) -> Plain:
-        """Return the value of a name; see :class:`Scope`."""
-        if name in self.tunables:
-            return self.tunables[name]
+        """Return the value of a name; see :class:`Names`."""
         if name in self.blackboard:
             return self.blackboard[name]
+        return self.fact(name)
+
+    def write(self, name: str, value: Plain) -> None:
+        """Give a name a value."""
+        self.blackboard[name] = value
+
+    def fact(self, name: str) -> Plain:
+        """Return the value of a name that no node writes; see :class:`Names`."""
+        if name in self.tunables:
+            return self.tunables[name]
         group, _, member = name.partition(".")
         if group == "scene":
             return _of_scene(self.scene, name, member)
@@ -87,34 +111,61 @@ def _known(name: str, value: float) -> float:
 
 
 @dataclass(frozen=True, kw_only=True)
-class InputScope:
-    """The names inside a subtree or a skill's binding: its inputs, then those around it.
+class BindingNames:
+    """The names inside the binding of a skill: its inputs, then those of the tree."""
+
+    inputs: Mapping[str, Plain]
+    around: Names
+
+    def lookup(self, name: str) -> Plain:
+        """Return the value of a name; see :class:`Names`."""
+        return self.inputs[name] if name in self.inputs else self.around.lookup(name)
+
+
+@dataclass(kw_only=True)
+class SubtreeScope:
+    """The names inside a subtree: its inputs, what it writes itself, and the facts of the run.
 
     Attributes:
         inputs: Values as the caller wrote them; they mean what they mean to the caller.
-        caller: Scope in which the inputs are evaluated.
+        caller: Names in which the inputs are evaluated.
+        run: Gives tunables, scene, live scene, mood and profile.
+        own: Names that nodes of the subtree write.
+        written: Those that have a value since it started.
     """
 
     inputs: Mapping[str, Value]
-    caller: Scope
+    caller: Names
+    run: RunScope
+    own: frozenset[str]
+    written: dict[str, Plain] = field(default_factory=dict)
 
     def lookup(self, name: str) -> Plain:
-        """Return the value of a name; see :class:`Scope`."""
+        """Return the value of a name; see :class:`Names`."""
+        if name in self.written:
+            return self.written[name]
         if name in self.inputs:
             return evaluate(self.inputs[name], self.caller)
-        return self.caller.lookup(name)
+        if name in self.own:
+            # A tunable of the same name belongs to another file.
+            raise MissingValue(name)
+        return self.run.fact(name)
+
+    def write(self, name: str, value: Plain) -> None:
+        """Give a name a value, which only the subtree sees."""
+        self.written[name] = value
 
 
 @dataclass(frozen=True, kw_only=True)
-class MessageScope:
+class MessageNames:
     """Names of a message (``msg.data``, ``result.answer``) over those of the tree."""
 
     prefix: str
     message: Mapping[str, Plain]
-    around: Scope
+    around: Names
 
     def lookup(self, name: str) -> Plain:
-        """Return the value of a name; see :class:`Scope`."""
+        """Return the value of a name; see :class:`Names`."""
         group, _, path = name.partition(".")
         if group != self.prefix:
             return self.around.lookup(name)
@@ -124,10 +175,18 @@ class MessageScope:
 def field_of(message: Mapping[str, Plain], path: str, name: str) -> Plain:
     """Return a field of a plain message by its dotted path; a number names an item of a list.
 
+    Behind a ``#`` the path goes on inside of the JSON text that the field holds.
+
     Raises:
         MissingValue: There is no such field or item; it names ``name``.
+        Refused: ``NOT_JSON``.
     """
-    value: Plain = message
+    outer, _, inner = path.partition("#")
+    value = _walk(message, outer, name)
+    return _walk(_parsed(value, name), inner, name) if inner else value
+
+
+def _walk(value: Plain, path: str, name: str) -> Plain:
     for part in path.split("."):
         if isinstance(value, Mapping) and part in value:
             value = value[part]
@@ -138,41 +197,75 @@ def field_of(message: Mapping[str, Plain], path: str, name: str) -> Plain:
     return value
 
 
-def evaluate(value: Value, scope: Scope) -> Plain:
+def _parsed(text: Plain, name: str) -> Plain:
+    if not isinstance(text, str) or len(text) > _LONGEST_JSON:
+        raise Refused(
+            "NOT_JSON", f"'{name}' needs a JSON text of at most {_LONGEST_JSON:,} characters"
+        )
+    try:
+        return cast(Plain, json.loads(text, parse_constant=_refuse_constant))
+    except (ValueError, RecursionError) as error:
+        raise Refused("NOT_JSON", f"'{name}' needs a JSON text, but: {error}") from None
+
+
+def _refuse_constant(word: str) -> float:
+    raise ValueError(f"{word} is no number")
+
+
+def evaluate(value: Value, names: Names) -> Plain:
     """Return what a written value means now.
 
     Raises:
         MissingValue: A name in it has no value.
+        EvaluationError: An expression in it cannot be computed.
     """
     match value:
         case Literal():
             return value.value
         case Reference():
-            return scope.lookup(value.name)
+            return names.lookup(value.name)
+        case Computed():
+            return _computed(value, names)
         case Text():
-            return "".join(
-                part if isinstance(part, str) else spoken(scope.lookup(part.name))
-                for part in value.parts
-            )
+            return "".join(_said(part, names) for part in value.parts)
         case ListValue():
-            return tuple(evaluate(item, scope) for item in value.items)
+            return tuple(evaluate(item, names) for item in value.items)
         case MapValue():
-            return {key: evaluate(item, scope) for key, item in value.items.items()}
+            return {key: evaluate(item, names) for key, item in value.items.items()}
 
 
-def holds(condition: Expression, scope: Scope) -> bool:
+def holds(condition: Expression, names: Names) -> bool:
     """Return whether a condition is true now; see :meth:`Expression.evaluate` for its errors."""
-    return condition.evaluate(scope.lookup) is True
+    return condition.evaluate(names.lookup) is True
 
 
-def spoken(value: Plain) -> str:
-    """Return a value as it stands inside a text: ``2`` for 2.0, ``yes`` for true."""
+def _computed(value: Computed, names: Names) -> Plain:
+    # All that an expression gives comes from plain values.
+    return cast(Plain, value.expression.evaluate(names.lookup))
+
+
+def _said(part: str | Reference | Computed, names: Names) -> str:
+    match part:
+        case str():
+            return part
+        case Reference():
+            return spoken(names.lookup(part.name), part.type)
+        case Computed():
+            return spoken(_computed(part, names), FieldType.ANY)
+
+
+def spoken(value: Plain, field_type: FieldType) -> str:
+    """Return a value as it stands inside a text: ``2`` for 2.0, ``yes`` for true, ``1.5 min``."""
     match value:
         case bool():
             return "yes" if value else "no"
+        case int() | float() if field_type in _QUANTITIES:
+            return quantities.spoken(value, field_type)
         case float():
             return f"{value:g}"
         case None:
             return ""
+        case tuple() | list():
+            return ", ".join(spoken(item, field_type) for item in value)
         case _:
             return str(value)

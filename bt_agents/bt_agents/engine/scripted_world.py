@@ -3,12 +3,14 @@
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
-from bt_agents.engine.world import Clock, Goal, GoalState
-from bt_agents.language.specs import Plain
+from bt_agents.engine.world import GIVE_FEEDBACK, Clock, Goal, GoalState
+from bt_agents.feedback import Kind
+from bt_agents.language.specs import BindingKind, Plain
 
 
 class ManualClock:
@@ -47,6 +49,15 @@ class Answer:
     cancel_s: float = 0.0
 
 
+@dataclass(frozen=True, kw_only=True)
+class GivenFeedback:
+    """Feedback that a tree has given."""
+
+    kind: Kind
+    values: Mapping[str, float]
+    reason: str
+
+
 class ScriptedGoal:
     """One goal of a :class:`ScriptedWorld`."""
 
@@ -55,23 +66,36 @@ class ScriptedGoal:
         self.cancelled_at: float | None = None
         self._answer = answer
         self._clock = clock
-        self._sent = clock()
+        self._accepted = clock() + answer.accept_s
+        self._ends = clock() + answer.after_s
 
     @property
     def state(self) -> GoalState:
         """Where it is now."""
-        now = self._clock() - self._sent
-        if self.cancelled_at is not None:
-            # A cancel that comes before acceptance takes effect on acceptance.
-            seen = max(self.cancelled_at - self._sent, self._answer.accept_s)
-            ends = seen + self._answer.cancel_s
-            if ends < self._answer.after_s:
-                if now >= ends:
-                    return GoalState.CANCELLED
-                return GoalState.ACTIVE if now >= self._answer.accept_s else GoalState.PENDING
-        if now >= self._answer.after_s:
+        now = self._clock()
+        cancelled = self._cancelled
+        if cancelled < self._ends and now >= cancelled:
+            return GoalState.CANCELLED
+        if now >= self._ends and self._ends <= cancelled:
             return self._answer.state
-        return GoalState.ACTIVE if now >= self._answer.accept_s else GoalState.PENDING
+        return GoalState.ACTIVE if now >= self._accepted else GoalState.PENDING
+
+    @property
+    def _cancelled(self) -> float:
+        """When a cancel takes effect [s]; one that comes before acceptance does so on it."""
+        if self.cancelled_at is None:
+            return math.inf
+        return max(self.cancelled_at, self._accepted) + self._answer.cancel_s
+
+    @property
+    def next_change(self) -> float:
+        """When it next becomes something else, unless it is cancelled [s]; infinite for never."""
+        match self.state:
+            case GoalState.PENDING:
+                return min(self._accepted, self._ends)
+            case GoalState.ACTIVE:
+                return min(self._cancelled, self._ends)
+        return math.inf
 
     @property
     def message(self) -> str:
@@ -125,13 +149,14 @@ class ScriptedWorld:
         self.clock = clock or ManualClock()
         self.goals: list[ScriptedGoal] = []
         self.published: list[Goal] = []
+        self.logged: list[tuple[str, str]] = []
+        self.feedback_given: list[GivenFeedback] = []
         self._answers = {name: deque(queue) for name, queue in (answers or {}).items()}
         self._inboxes: list[tuple[str, ScriptedInbox]] = []
 
     def send(self, goal: Goal) -> ScriptedGoal:
         """Take a goal or request."""
-        queue = self._answers.get(goal.name) or deque([Answer()])
-        answer = queue.popleft() if len(queue) > 1 else queue[0]
+        answer = self._answer(goal.name)
         answer = replace(answer, result={**self._result, **answer.result})
         run = ScriptedGoal(goal, answer, self.clock)
         self.goals.append(run)
@@ -147,6 +172,17 @@ class ScriptedWorld:
         self._inboxes.append((topic, inbox))
         return inbox
 
+    def log(self, level: str, text: str) -> None:
+        """Remember a line."""
+        self.logged.append((level, text))
+
+    def give_feedback(self, kind: Kind, values: Mapping[str, float], reason: str) -> ScriptedGoal:
+        """Remember feedback; it is taken unless the service of this name answers otherwise."""
+        self.feedback_given.append(GivenFeedback(kind=kind, values=values, reason=reason))
+        fields: dict[str, Plain] = {"kind": int(kind), "values": values, "reason": reason}
+        goal = Goal(kind=BindingKind.SERVICE, name=GIVE_FEEDBACK, type="", fields=fields)
+        return ScriptedGoal(goal, self._answer(GIVE_FEEDBACK), self.clock)
+
     def arrive(self, topic: str, message: Mapping[str, Plain]) -> None:
         """Let a message arrive in the open inboxes of a topic."""
         for name, inbox in self._inboxes:
@@ -156,3 +192,7 @@ class ScriptedWorld:
     def running(self) -> list[str]:
         """Return the names of the goals that have not ended."""
         return [run.goal.name for run in self.goals if not run.state.ended]
+
+    def _answer(self, name: str) -> Answer:
+        queue = self._answers.get(name) or deque([Answer()])
+        return queue.popleft() if len(queue) > 1 else queue[0]

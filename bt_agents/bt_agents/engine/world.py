@@ -8,7 +8,11 @@ from dataclasses import dataclass
 from enum import Enum
 from typing import Protocol
 
+from bt_agents.feedback import Kind
 from bt_agents.language.specs import BindingKind, Plain
+
+GIVE_FEEDBACK = "feedback/give"
+"""ROS name of the service that takes feedback."""
 
 Clock = Callable[[], float]
 """Returns the time [s]; only differences mean something."""
@@ -40,12 +44,14 @@ class Goal:
         name: ROS name, relative unless it starts with a slash.
         type: ROS type.
         fields: Goal, request or message as plain nested data.
+        sender: Path of the node that sends it; empty when none does.
     """
 
     kind: BindingKind
     name: str
     type: str
     fields: Mapping[str, Plain]
+    sender: str = ""
 
 
 class GoalRun(Protocol):
@@ -96,3 +102,19 @@ class World(Protocol):
 
     def watch(self, topic: str, type_name: str) -> Inbox:
         """Listen to a topic."""
+
+    def log(self, level: str, text: str) -> None:
+        """Write a line into the log; the level is ``info``, ``warning`` or ``error``."""
+
+    def give_feedback(self, kind: Kind, values: Mapping[str, float], reason: str) -> GoalRun:
+        """Ask for a change of the running agent's profile.
+
+        Args:
+            kind: What it asks for.
+            values: Wanted values by scene parameter, of direct feedback only; about parameters
+                that are not named there is no opinion.
+            reason: Why, in words; may be empty.
+
+        Returns:
+            The request; rejected, with the words why, when nothing was changed.
+        """

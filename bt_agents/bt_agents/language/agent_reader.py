@@ -6,37 +6,32 @@ from __future__ import annotations
 from collections.abc import Mapping
 from pathlib import Path
 
-from bt_agents.language.drafts import Draft, read_draft
 from bt_agents.language.expressions import Expression
-from bt_agents.language.inputs import read_inputs, read_new_name
+from bt_agents.language.imports import read_imports
+from bt_agents.language.inputs import read_new_name
 from bt_agents.language.names import Names, mood_names, scene_names
 from bt_agents.language.scene_values import read_vector
-from bt_agents.language.shape import Fields, FileReading
+from bt_agents.language.shape import FileReading
 from bt_agents.language.source import Source
 from bt_agents.language.specs import (
     AgentSpec,
     FeedbackRule,
-    FieldSpec,
     FieldType,
     NodeSpec,
-    Position,
     Tunable,
 )
-from bt_agents.language.subtrees import MAX_NODES, Expansion
-from bt_agents.language.tree_reader import TreeReader
+from bt_agents.language.trees_reader import TreesReader
 from bt_agents.language.tunables import read_tunable
 from bt_agents.language.values import read_condition
 from bt_agents.language.vocabulary import Vocabulary
-from bt_agents.language.written_names import written_names
-from bt_agents.language.yaml_reader import Mapping as MappingNode
-from bt_agents.language.yaml_reader import Node
+from bt_agents.language.yaml_reader import Node, entries_of
 
 DEFAULT_LEARNING_RATE = 0.2
 """The paper's Experiment 3."""
 
 _KEYS = (
-    "agent", "title", "description", "tags", "profile", "learning_rate", "requires", "tunables",
-    "feedback", "tree", "on_cancel", "subtrees",
+    "agent", "title", "description", "tags", "imports", "profile", "learning_rate", "requires",
+    "tunables", "feedback", "tree", "on_cancel", "subtrees",
 )  # fmt: skip
 _REQUIRED = ("agent", "profile", "tree")
 
@@ -98,6 +93,7 @@ class _AgentFile:
             tree=tree,
             on_cancel=on_cancel,
             file=self._reading.source.file,
+            unoffered=_unoffered(tree, on_cancel),
         )
 
     def _tunables(self) -> dict[str, Tunable | None]:
@@ -157,132 +153,31 @@ class _AgentFile:
     def _trees(
         self, tunables: Mapping[str, Tunable | None]
     ) -> tuple[NodeSpec | None, NodeSpec | None]:
-        subtrees = self._subtree_entries()
-        roots = {
-            key: self._draft(self._fields.get(key), "the tree" if key == "tree" else f"'{key}'")
-            for key in ("tree", "on_cancel")
-        }
-        inputs = {name: self._inputs(name, fields) for name, fields in subtrees.items()}
-        bodies = {
-            name: self._draft(fields.get("tree"), f"subtree '{name}'")
-            for name, fields in subtrees.items()
-        }
-        names = self._names(tunables, [*roots.values(), *bodies.values()])
-        self._refuse_shadows(subtrees, tunables, names)
-        reader = TreeReader(self._reading, self._vocabulary, inputs)
-        specs = {
-            key: reader.read(draft, key, names) if draft is not None else None
-            for key, draft in roots.items()
-        }
-        read_bodies = {
-            name: self._body(reader, name, draft, subtrees[name], inputs[name], names)
-            for name, draft in bodies.items()
-        }
-        return self._expanded(reader.calls, specs, read_bodies)
-
-    def _expanded(
-        self,
-        calls: Mapping[Position, str],
-        specs: Mapping[str, NodeSpec | None],
-        bodies: Mapping[str, NodeSpec | None],
-    ) -> tuple[NodeSpec | None, NodeSpec | None]:
-        sound = {name: body for name, body in bodies.items() if body is not None}
-        expansion = Expansion(self._reading, sound, calls)
-        tree, on_cancel = specs["tree"], specs["on_cancel"]
-        if expansion.refuse_recursion():
-            return None, None
-        left = MAX_NODES
-        if tree is not None:
-            expanded = expansion.expand(tree)
-            tree, size = expanded if expanded is not None else (None, 0)
-            left -= size
-        if on_cancel is not None:
-            expanded = expansion.expand(on_cancel, left)
-            on_cancel = expanded[0] if expanded is not None else None
-        return tree, on_cancel
-
-    def _subtree_entries(self) -> dict[str, Fields]:
-        subtrees: dict[str, Fields] = {}
-        for entry in self._fields.entries("subtrees", "names and subtrees"):
-            name = self._reading.name(entry.key, "the name of a subtree")
-            fields = self._reading.fields(
-                entry.value,
-                f"subtree '{entry.key.text[:40]}'",
-                ("description", "inputs", "tree"),
-                ("tree",),
-            )
-            if name is not None and fields is not None:
-                fields.text("description")
-                subtrees[name] = fields
-        return subtrees
-
-    def _inputs(self, name: str, fields: Fields) -> tuple[FieldSpec, ...]:
-        node = fields.get("inputs")
-        return () if node is None else read_inputs(self._reading, node, f"subtree '{name}'")
-
-    def _draft(self, node: Node | None, where: str) -> Draft | None:
-        if node is None:
-            return None
-        return read_draft(self._reading, node, self._vocabulary.skills, where)
-
-    def _body(
-        self,
-        reader: TreeReader,
-        name: str,
-        draft: Draft | None,
-        fields: Fields,
-        inputs: tuple[FieldSpec, ...],
-        names: Names,
-    ) -> NodeSpec | None:
-        if draft is None:
-            return None
-        before = len(self._reading.problems)
-        inner = names.and_these({one.name: one.type for one in inputs})
-        body = reader.read(draft, name, inner)
-        if len(self._reading.problems) == before:
-            self._refuse_unused(name, fields, inputs, inner)
-        return body
-
-    def _refuse_unused(
-        self, name: str, fields: Fields, inputs: tuple[FieldSpec, ...], inner: Names
-    ) -> None:
-        declared = fields.entries("inputs", "names and types")
-        keys = {entry.key.text: entry.key for entry in declared}
-        for one in inputs:
-            if one.name not in inner.used:
-                self._reading.error(
-                    "unused-input",
-                    keys[one.name],
-                    f"subtree '{name}' never uses its input '{one.name}'",
-                    f"write ${{{one.name}}} where it is needed, or remove the input",
-                )
-
-    def _names(self, tunables: Mapping[str, Tunable | None], drafts: list[Draft | None]) -> Names:
-        """Return what every node may name."""
+        fields = self._fields
+        vocabulary, imported = read_imports(self._reading, fields, self._vocabulary)
         types = {
-            **scene_names(self._space, ("scene", "live", "profile")),
-            **mood_names(self._space),
+            name: tunable.type if tunable is not None else FieldType.ANY
+            for name, tunable in tunables.items()
         }
-        for name, tunable in tunables.items():
-            types[name] = tunable.type if tunable is not None else FieldType.ANY
-        written = written_names(self._reading, drafts, tunables)
-        return Names({**written, **types})
+        declared = entries_of(fields.get("tunables"))
+        sound = fields.get("tunables") is None or len(declared) == len(tunables) > 0
+        trees = TreesReader(
+            self._reading,
+            fields.entries("subtrees", "names and subtrees"),
+            vocabulary,
+            imported,
+            types if sound else None,
+        )
+        return trees.trees(fields.get("tree"), fields.get("on_cancel"))
 
-    def _refuse_shadows(
-        self,
-        subtrees: Mapping[str, Fields],
-        tunables: Mapping[str, Tunable | None],
-        names: Names,
-    ) -> None:
-        for fields in subtrees.values():
-            node = fields.get("inputs")
-            for entry in node.entries if isinstance(node, MappingNode) else ():
-                name = entry.key.text
-                if name in tunables or ("." not in name and names.type_of(name) is not None):
-                    kind = "tunable" if name in tunables else "value that a node writes"
-                    self._reading.error(
-                        "name-taken",
-                        entry.key,
-                        f"there is a {kind} '{name}' already",
-                        "rename the input",
-                    )
+
+def _unoffered(*trees: NodeSpec | None) -> tuple[str, ...]:
+    """Return the skills of trees that no robot offers, each with the reason."""
+    found: dict[str, str] = {}
+    open_specs = [tree for tree in trees if tree is not None]
+    while open_specs:
+        spec = open_specs.pop()
+        open_specs += spec.children
+        if spec.skill is not None and spec.skill.binding is None:
+            found[spec.skill.name] = f"skill '{spec.skill.name}': {spec.skill.unoffered}"
+    return tuple(found[name] for name in sorted(found))

@@ -6,12 +6,12 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 
-from bt_agents.language.interfaces import Interfaces, read_ros_name, read_ros_type
-from bt_agents.language.names import FieldCheck, Names
+from bt_agents.language.interfaces import Interfaces, MessageFields, read_ros_name, read_ros_type
+from bt_agents.language.names import Names
 from bt_agents.language.shape import Fields, FileReading
-from bt_agents.language.specs import Binding, BindingKind, MapValue
-from bt_agents.language.values import read_condition, read_map
-from bt_agents.language.yaml_reader import Entry, Node, Sequence
+from bt_agents.language.specs import Binding, BindingKind, MapValue, Plain
+from bt_agents.language.values import is_plain, plain, read_condition, read_map
+from bt_agents.language.yaml_reader import Entry, Node, Sequence, entries_of
 from bt_agents.language.yaml_reader import Mapping as MappingNode
 
 SENT = {
@@ -24,7 +24,7 @@ SENT = {
 RECEIVED = {BindingKind.ACTION: "result", BindingKind.SERVICE: "response"}
 """Section of the type that comes back; a topic has none."""
 
-_FIELD_PATH = re.compile(r"[a-z][a-z0-9_]*(\.[a-z0-9_]+)*")
+_FIELD_PATH = re.compile(r"[a-z][a-z0-9_]*(\.[a-z0-9_]+)*(#[A-Za-z_]\w*)?")
 
 
 def binding_keys(kind: BindingKind, name_key: str = "name") -> tuple[str, ...]:
@@ -66,11 +66,12 @@ def read_binding(
         sent = read_map(reading, sent_node, names, f"'{SENT[kind]}'")
         if interfaces is not None and type_name is not None:
             _check_fields(reading, sent_node, kind, type_name, interfaces)
+            _check_values(reading, sent_node, sent, kind, type_name, interfaces)
     succeed_node = fields.get("succeed_when")
     succeed_when = None
     if succeed_node is not None:
-        check = result_check(kind, type_name, interfaces)
-        names = result_names.and_message("result", check)
+        result = result_fields(kind, type_name, interfaces)
+        names = result_names.and_message("result", result)
         succeed_when = read_condition(reading, succeed_node, names, "'succeed_when'")
     if name is None or type_name is None:
         return None
@@ -84,34 +85,39 @@ def read_binding(
     )
 
 
-def result_check(
+def result_fields(
     kind: BindingKind, type_name: str | None, interfaces: Interfaces | None
-) -> FieldCheck:
-    """Return the check of the paths of what comes back."""
-
-    def check(path: str) -> str | None:
-        if interfaces is None or type_name is None or kind not in RECEIVED:
-            return None
-        return interfaces.field_problem(kind, type_name, RECEIVED[kind], path)
-
-    return check
+) -> MessageFields:
+    """Return the fields of what comes back."""
+    known = interfaces if kind in RECEIVED else None
+    return MessageFields(known, kind, type_name or "", RECEIVED.get(kind, ""))
 
 
-def read_output(reading: FileReading, node: Node, what: str, check: FieldCheck) -> str | None:
-    """Return the path of a field of what comes back, ``result.`` before it left out."""
+def read_output(
+    reading: FileReading, node: Node, what: str, fields: MessageFields, message: str = "result"
+) -> str | None:
+    """Return the path of a field of what comes back, the word for the message left out."""
     text = reading.text(node, what)
     if text is None:
         return None
-    path = text.removeprefix("result.")
+    path = text.removeprefix(f"{message}.")
+    if path == message:
+        reading.error(
+            "bad-name",
+            node,
+            f"{what}: '{message}' is the whole {'message' if message == 'msg' else message}",
+            f"name a field: {message}.data",
+        )
+        return None
     if not _FIELD_PATH.fullmatch(path) or len(path) > 255:
         reading.error(
             "bad-name",
             node,
-            f"{what} is '{text[:60]}', expected the path of a field such as result.answer",
+            f"{what} is '{text[:60]}', expected the path of a field such as {message}.data",
             "write field names joined by points",
         )
         return None
-    problem = check(path)
+    problem = fields.problem(path.partition("#")[0])
     if problem:
         reading.error("unknown-ros-field", node, problem)
         return None
@@ -148,3 +154,32 @@ def _checked(
         else:
             behind.append((entry.value, f"{path}."))
     return behind
+
+
+def _check_values(
+    reading: FileReading,
+    node: Node,
+    sent: MapValue,
+    kind: BindingKind,
+    type_name: str,
+    interfaces: Interfaces,
+) -> None:
+    """Report values that their ROS fields cannot take, as far as they are plain."""
+    open_fields: list[tuple[tuple[str, ...], Node, MapValue]] = [
+        ((entry.key.text,), entry.value, sent) for entry in entries_of(node)
+    ]
+    while open_fields:
+        path, written, around = open_fields.pop()
+        value = around.items.get(path[-1])
+        if isinstance(value, MapValue):
+            below = [((*path, e.key.text), e.value, value) for e in entries_of(written)]
+            open_fields += below
+        elif value is not None and is_plain(value):
+            nested: Plain = plain(value)
+            for part in reversed(path):
+                nested = {part: nested}
+            assert isinstance(nested, Mapping)
+            unknown = interfaces.field_problem(kind, type_name, SENT[kind], ".".join(path))
+            problem = interfaces.value_problem(kind, type_name, SENT[kind], nested)
+            if problem and not unknown:
+                reading.error("wrong-value", written, f"{type_name}: {problem}")

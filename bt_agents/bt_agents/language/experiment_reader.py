@@ -10,7 +10,7 @@ from bt_agents.experiment import ExperimentSpec
 from bt_agents.language.scene_values import read_values, read_vector
 from bt_agents.language.shape import FileReading
 from bt_agents.language.source import Source
-from bt_agents.language.yaml_reader import Node
+from bt_agents.language.yaml_reader import Node, Sequence
 from bt_agents.scene import SceneSpace, Vector
 from bt_agents.simulated import SimulatedFeedback
 
@@ -43,7 +43,7 @@ def _read(reading: FileReading, space: SceneSpace) -> ExperimentSpec:
     rounds = fields.integer("rounds", 1, MAX_ROUNDS)
     seed = fields.integer("seed", 0)
     nodes = fields.items("scenes")
-    if not nodes and fields.get("scenes") is not None:
+    if not nodes and isinstance(fields.get("scenes"), Sequence):
         reading.error("missing-value", fields.nodes["scenes"], "there is no scene", "add one")
     scenes = [read_vector(reading, node, "a scene", space) for node in nodes]
     feedback_node = fields.get("feedback")

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The words of a condition: numbers, quoted texts, names and operators, each with its column."""
+"""The words of an expression: numbers, quoted texts, names, operators, each with its column."""
 
 from __future__ import annotations
 
@@ -9,42 +9,66 @@ from dataclasses import dataclass
 from enum import Enum
 
 from bt_agents.errors import BtAgentsError
+from bt_agents.language.units import dimension_of
 
-WORDS = ("and", "or", "not")
+MAX_TOKENS = 400
+"""Words of an expression; evaluation nests at most half as deep."""
+
+OPERATOR_WORDS = ("and", "or", "not", "in", "between")
 """Operators that are words."""
 
 _TOKEN = re.compile(
     r"""
     (?P<space>\s+)
     | (?P<number>(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][-+]?[0-9]+)?)
+    | (?P<not_in>not\s+in\b)
     | (?P<name>[^\W\d]\w*(?:\.\w+)*)
     | (?P<text>"[^"]*"|'[^']*')
-    | (?P<operator>==|!=|<=|>=|<|>|\+|-|\*|/|%|\(|\))
+    | (?P<operator>==|!=|<=|>=|<|>|\+|-|\*|/|%|\(|\)|\[|\]|,)
     """,
     re.VERBOSE,
 )
+_NUMBER_LIKE = re.compile(r"[\w.]*")
+_UNIT = re.compile(r"([0-9.]+)([^\W\d_]+)")
+_STRAIGHT_DOUBLE = 'use straight quotation marks: "…"'
+_STRAIGHT_SINGLE = "use straight quotation marks: '…'"
 _SLIPS = {
     "=": "compare with ==",
     "&": "write and",
     "|": "write or",
     "!": "write not",
-    "$": "in conditions names stand alone, without ${ }",
-    "{": "in conditions names stand alone, without ${ }",
-    "^": "powers are not possible",
-    "'": "close the text with '",
-    '"': 'close the text with "',
-    "“": 'use straight quotes: "…"',
-    "”": 'use straight quotes: "…"',
-    "„": 'use straight quotes: "…"',
-    "’": "use straight quotes: '…'",
+    "~": "write not",
+    "$": "in an expression names stand alone, without ${ }",
+    "{": "write a list in square brackets: [1, 2]",
+    "^": "powers are not possible, write a * a",
+    "“": _STRAIGHT_DOUBLE,
+    "”": _STRAIGHT_DOUBLE,
+    "„": _STRAIGHT_DOUBLE,
+    "«": _STRAIGHT_DOUBLE,
+    "»": _STRAIGHT_DOUBLE,
+    "\u2018": _STRAIGHT_SINGLE,
+    "’": _STRAIGHT_SINGLE,
+    "`": _STRAIGHT_SINGLE,
     "≤": "write <=",
     "≥": "write >=",
     "≠": "write !=",
     "−": "write the plain minus sign -",
     "–": "write the plain minus sign -",
-    ",": "write decimals with a point: 1.5",
+    "×": "write *",
+    "·": "write *",
+    "÷": "write /",
+    "∈": "write in",
+    ";": "join conditions with 'and' or 'or'",
+    ".": "a point stands only inside of names and numbers",
+    "?": "a choice between two values is not possible; use two nodes with 'when'",
 }
-_COMPARISON_SLIPS = {"=<": "<=", "=>": ">=", "<>": "!=", "===": "=="}
+_OPERATOR_SLIPS = {
+    "===": "write ==", "!==": "write !=", "=<": "write <=", "=>": "write >=", "<>": "write !=",
+    "**": "powers are not possible, write a * a", "//": "write round(a / b)",
+    "+=": "write x + 1; the node 'set' gives the result a name",
+    "-=": "write x - 1; the node 'set' gives the result a name",
+    "&&": "write and", "||": "write or",
+}  # fmt: skip
 
 
 class ExpressionError(BtAgentsError):
@@ -54,13 +78,15 @@ class ExpressionError(BtAgentsError):
         message: What was found and what is expected.
         column: Where, counted from 1 in the text that was parsed.
         hint: How to mend it; may be empty.
+        width: How many characters are wrong.
     """
 
-    def __init__(self, message: str, column: int, hint: str = "") -> None:
+    def __init__(self, message: str, column: int, hint: str = "", width: int = 1) -> None:
         super().__init__(message)
         self.message = message
         self.column = column
         self.hint = hint
+        self.width = max(width, 1)
 
 
 class TokenKind(Enum):
@@ -83,23 +109,33 @@ class Token:
     column: int
     value: bool | int | float | str = ""
 
+    def error(self, message: str, hint: str = "") -> ExpressionError:
+        """Return an error about this word."""
+        return ExpressionError(message, self.column, hint, len(self.text))
+
 
 def tokenize(text: str) -> list[Token]:
     """Return the words of an expression, the end marked by a last one.
 
     Raises:
-        ExpressionError: There is something that is no word.
+        ExpressionError: There is something that is no word, or there are too many.
     """
     tokens: list[Token] = []
     at = 0
     while at < len(text):
         match = _TOKEN.match(text, at)
+        _refuse_slip(text, at)
         if match is None:
             raise _unreadable(text, at)
-        _refuse_slip(text, at)
         at = match.end()
         if match.lastgroup != "space":
             tokens.append(_token(match, text))
+        if len(tokens) > MAX_TOKENS:
+            raise ExpressionError(
+                f"the expression has more than {MAX_TOKENS} words and signs",
+                tokens[-1].column,
+                "split it over several nodes",
+            )
     tokens.append(Token(TokenKind.END, "", len(text.rstrip()) + 1))
     return tokens
 
@@ -108,57 +144,99 @@ def _token(match: re.Match[str], text: str) -> Token:
     word, column = match[0], match.start() + 1
     match match.lastgroup:
         case "number":
-            following = text[match.end() : match.end() + 1]
-            if following.isalnum() or following in ("_", "."):
-                raise ExpressionError(
-                    f"'{word}{following}…' is neither a number nor a name",
-                    column,
-                    "times in conditions are seconds, without a unit",
-                )
+            rest = _NUMBER_LIKE.match(text, match.end())
+            if rest is not None and rest[0]:
+                raise _number_slip(word + rest[0], column)
             return Token(TokenKind.NUMBER, word, column, _number(word, column))
         case "text":
+            _refuse_protected_quote(match, text)
             return Token(TokenKind.TEXT, word, column, word[1:-1])
+        case "not_in":
+            return Token(TokenKind.OPERATOR, "not in", column)
         case "operator":
             return Token(TokenKind.OPERATOR, word, column)
-    if word in WORDS:
+    if word in OPERATOR_WORDS:
         return Token(TokenKind.OPERATOR, word, column)
     if word in ("true", "false"):
         return Token(TokenKind.BOOLEAN, word, column, word == "true")
-    if word.lower() in (*WORDS, "true", "false"):
+    if word.lower() in (*OPERATOR_WORDS, "true", "false"):
         raise ExpressionError(
-            f"'{word}' is written with capital letters", column, f"write {word.lower()}"
+            f"'{word}' is written with capital letters",
+            column,
+            f"write {word.lower()}",
+            len(word),
         )
     return Token(TokenKind.NAME, word, column)
+
+
+def unit_hint(amount: str, unit: str) -> str:
+    """Return how to write a number that has a unit behind it; empty when that is no unit."""
+    dimension = dimension_of(unit)
+    if dimension is None:
+        return ""
+    value = dimension.si_value(float(amount), unit)
+    return f"numbers have no unit here: write {value:g} ({dimension.si})"
+
+
+def _number_slip(word: str, column: int) -> ExpressionError:
+    hint = ""
+    unit = _UNIT.fullmatch(word)
+    if re.fullmatch("[0-9][0-9_]*", word):
+        hint = f"write {word.replace('_', '')}"
+    elif re.fullmatch("0[xX][0-9a-fA-F]{1,12}", word):
+        hint = f"write {int(word, 16)}"
+    elif unit and unit[1].count(".") < 2 and unit[1] != ".":
+        hint = unit_hint(unit[1], unit[2]) or "names start with a letter"
+    return ExpressionError(
+        f"'{_short(word)}' is neither a number nor a name", column, hint, len(word)
+    )
 
 
 def _number(word: str, column: int) -> int | float:
     if re.match("0[0-9]", word):
         raise ExpressionError(
-            f"'{word}' starts with a zero, which some programs read as another number",
+            f"'{_short(word)}' starts with a zero, which some programs read as another number",
             column,
-            f"write {word.lstrip('0') or '0'}",
+            f"write {_short(word.lstrip('0') or '0')}",
+            len(word),
         )
     if word.isdigit() and len(word) <= 18:
         return int(word)
     value = float(word)
     if not math.isfinite(value):
-        raise ExpressionError(f"'{word}' is too large for a number", column)
+        raise ExpressionError(f"'{_short(word)}' is too large for a number", column, "", len(word))
     return value
 
 
+def _refuse_protected_quote(match: re.Match[str], text: str) -> None:
+    """Refuse a quotation mark behind a backslash, which fails only far behind its cause."""
+    following = text[match.end() : match.end() + 1]
+    if match[0][-2] == "\\" and following.isalnum():
+        other = '"' if match[0][0] == "'" else "'"
+        raise ExpressionError(
+            "a backslash does not protect the quotation mark behind it",
+            match.end() - 1,
+            f"put the whole text in {other}…{other}",
+        )
+
+
 def _refuse_slip(text: str, at: int) -> None:
-    for slip, meant in _COMPARISON_SLIPS.items():
+    for slip, hint in _OPERATOR_SLIPS.items():
         if text.startswith(slip, at):
-            raise ExpressionError(f"there is no operator '{slip}'", at + 1, f"write {meant}")
+            raise ExpressionError(f"there is no operator '{slip}'", at + 1, hint, len(slip))
 
 
 def _unreadable(text: str, at: int) -> ExpressionError:
-    for slip, meant in _COMPARISON_SLIPS.items():
-        if text.startswith(slip, at):
-            return ExpressionError(f"there is no operator '{slip}'", at + 1, f"write {meant}")
     character = text[at]
     if character in "'\"":
-        return ExpressionError("this quotation mark is not closed", at + 1, _SLIPS[character])
-    return ExpressionError(
-        f"'{character}' means nothing in a condition", at + 1, _SLIPS.get(character, "")
-    )
+        return ExpressionError(
+            "this quotation mark is not closed", at + 1, f"close the text with {character}"
+        )
+    hint = _SLIPS.get(character, "")
+    if character == ":" and text[at - 1 : at].isdecimal():
+        hint = "times are numbers of seconds here: 1:30 is 90"
+    return ExpressionError(f"'{character}' means nothing in an expression", at + 1, hint)
+
+
+def _short(word: str) -> str:
+    return word if len(word) <= 24 else f"{word[:23]}…"

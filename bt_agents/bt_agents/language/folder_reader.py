@@ -3,21 +3,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from contextlib import suppress
+from dataclasses import dataclass, replace
 from pathlib import Path
 
-from bt_agents.errors import ReadError
+from bt_agents.errors import BtAgentsError, ReadError
 from bt_agents.language.agent_reader import read_agent
 from bt_agents.language.diagnostics import Diagnostics
 from bt_agents.language.interfaces import Interfaces
+from bt_agents.language.libraries import FolderLibraries
+from bt_agents.language.plugins import installed_plugins
 from bt_agents.language.scene_reader import read_scene
 from bt_agents.language.skills_reader import read_skills
 from bt_agents.language.source import read_source
-from bt_agents.language.specs import AgentSpec, Position, SceneSpec, SkillSpec
-from bt_agents.language.vocabulary import Vocabulary
+from bt_agents.language.specs import AgentSpec, Position, SceneSpec
+from bt_agents.language.vocabulary import ImportProblem, Vocabulary
 
 SUFFIXES = (".yaml", ".yml")
+TEST_SUFFIXES = (".test.yaml", ".test.yml")
+"""Ends of the names of files that test agents; they lie beside them."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -35,34 +39,55 @@ class Trees:
     Attributes:
         folder: Where it is.
         scene: ``scene.yaml``.
-        skills: Skills of all files by name.
+        vocabulary: What its agents may speak of.
         agents: The agents that could be read, by name.
         broken: The agent files that could not.
     """
 
     folder: Path
     scene: SceneSpec
-    skills: Mapping[str, SkillSpec]
+    vocabulary: Vocabulary
     agents: tuple[AgentSpec, ...]
     broken: tuple[BrokenFile, ...]
 
+    def tagged(self, tags: str) -> Trees:
+        """Return the folder with those agents only that have one of some tags.
 
-def read_trees(folder: Path, interfaces: Interfaces | None = None) -> Trees:
+        Args:
+            tags: Tags with commas between them; empty keeps every agent.
+
+        Raises:
+            BtAgentsError: No agent has a tag of this name.
+        """
+        wanted = [tag.strip() for tag in tags.split(",") if tag.strip()]
+        known = sorted({tag for agent in self.agents for tag in agent.tags})
+        for tag in wanted:
+            if tag not in known:
+                raise BtAgentsError(
+                    f"no agent has the tag '{tag}'; there are {', '.join(known) or 'none'}"
+                )
+        kept = [agent for agent in self.agents if not wanted or set(wanted) & {*agent.tags}]
+        return replace(self, agents=tuple(kept))
+
+
+def read_trees(folder: Path, interfaces: Interfaces | None = None, robot: str = "") -> Trees:
     """Return everything in a trees folder.
 
     Args:
-        folder: Holds ``scene.yaml``, ``skills/*.yaml`` and ``agents/*.yaml``.
+        folder: Holds ``scene.yaml``, ``skills/*.yaml``, ``libraries/*.yaml`` and
+            ``agents/*.yaml``.
         interfaces: The installed ROS types; None leaves types and fields unchecked.
+        robot: Robot whose bindings of skills are preferred; empty takes the first that fits.
 
     Raises:
         ReadError: ``scene.yaml`` or a skills file is broken, so that no agent can be read.
     """
     scene = read_scene(folder / "scene.yaml", interfaces)
-    skills = read_skills(_files(folder / "skills"), interfaces)
-    vocabulary = Vocabulary(space=scene.space, skills=skills, interfaces=interfaces)
+    libraries = _libraries(folder, scene, interfaces, robot)
+    vocabulary = libraries.vocabulary
     agents: dict[str, AgentSpec] = {}
     broken: list[BrokenFile] = []
-    for path in _files(folder / "agents"):
+    for path in yaml_files(folder / "agents"):
         try:
             agent = read_agent(path, vocabulary)
             if agent.name in agents:
@@ -71,23 +96,55 @@ def read_trees(folder: Path, interfaces: Interfaces | None = None) -> Trees:
             broken.append(BrokenFile(file=path, error=error))
         else:
             agents[agent.name] = agent
+    for name in libraries.paths():
+        with suppress(ImportProblem):
+            libraries.load(name)
+    broken += [
+        BrokenFile(file=folder / name, error=error) for name, error in libraries.broken.items()
+    ]
     return Trees(
         folder=folder,
         scene=scene,
-        skills=skills,
+        vocabulary=vocabulary,
         agents=tuple(agents[name] for name in sorted(agents)),
         broken=tuple(broken),
     )
 
 
-def _files(folder: Path) -> list[Path]:
-    """Return the YAML files of a folder in the order of their names; hidden ones are left out."""
+def read_vocabulary(
+    folder: Path, scene: SceneSpec, interfaces: Interfaces | None = None, robot: str = ""
+) -> Vocabulary:
+    """Return what the agents of a folder may speak of; as :func:`read_trees`.
+
+    Raises:
+        ReadError: A skills file is broken.
+    """
+    return _libraries(folder, scene, interfaces, robot).vocabulary
+
+
+def _libraries(
+    folder: Path, scene: SceneSpec, interfaces: Interfaces | None, robot: str
+) -> FolderLibraries:
+    skills = read_skills(yaml_files(folder / "skills"), interfaces, robot)
+    vocabulary = Vocabulary(
+        space=scene.space,
+        skills=skills,
+        interfaces=interfaces,
+        plugins=installed_plugins().kinds,
+    )
+    return FolderLibraries(folder, vocabulary, robot)
+
+
+def yaml_files(folder: Path, *, tests: bool = False) -> list[Path]:
+    """Return the YAML files of a folder by name, without hidden ones; with tests if asked for."""
     if not folder.is_dir():
         return []
     return sorted(
         path
         for path in folder.iterdir()
-        if path.suffix in SUFFIXES and not path.name.startswith(".")
+        if path.suffix in SUFFIXES
+        and not path.name.startswith(".")
+        and (tests or not path.name.endswith(TEST_SUFFIXES))
     )
 
 

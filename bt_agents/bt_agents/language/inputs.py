@@ -9,13 +9,9 @@ from bt_agents.language.shape import FileReading
 from bt_agents.language.specs import (
     FieldSpec,
     FieldType,
-    ListValue,
-    Literal,
-    MapValue,
     Plain,
-    Value,
 )
-from bt_agents.language.values import read_value
+from bt_agents.language.values import plain, read_value
 from bt_agents.language.yaml_reader import Entry, Mapping, Node, Scalar
 
 TYPES = tuple(one.value for one in FieldType)
@@ -24,26 +20,38 @@ TYPES = tuple(one.value for one in FieldType)
 _OTHER_WORDS = {
     "string": "text", "str": "text", "int": "integer", "float": "number", "double": "number",
     "bool": "boolean", "time": "duration", "seconds": "duration", "list": "any", "object": "any",
+    "ms": "duration", "s": "duration", "min": "duration", "minutes": "duration",
+    "m": "length", "cm": "length", "metres": "length", "meters": "length",
+    "deg": "angle", "degrees": "angle", "rad": "angle", "radians": "angle",
 }  # fmt: skip
 
 
-def read_inputs(reading: FileReading, node: Node, what: str) -> tuple[FieldSpec, ...]:
-    """Return declared inputs; what is wrong with one is reported, the input kept if possible."""
+def read_inputs(
+    reading: FileReading, node: Node, what: str, kind: str = "input"
+) -> tuple[FieldSpec, ...]:
+    """Return declared inputs; what is wrong with one is reported, the input kept if possible.
+
+    Args:
+        reading: The file.
+        node: Names and types.
+        what: What has the inputs, for messages.
+        kind: ``input`` or ``output``.
+    """
     inputs = (
-        _read_input(reading, entry)
-        for entry in reading.entries(node, f"the inputs of {what}", "names and types")
+        _read_input(reading, entry, kind)
+        for entry in reading.entries(node, f"the {kind}s of {what}", "names and types")
     )
     return tuple(one for one in inputs if one is not None)
 
 
-def _read_input(reading: FileReading, entry: Entry) -> FieldSpec | None:
-    name = read_new_name(reading, entry.key, "an input")
+def _read_input(reading: FileReading, entry: Entry, kind: str) -> FieldSpec | None:
+    name = read_new_name(reading, entry.key, f"an {kind}")
     if name is None:
         return None
     if not isinstance(entry.value, Mapping):
         return FieldSpec(name=name, type=read_type(reading, entry.value) or FieldType.ANY)
     fields = reading.fields(
-        entry.value, f"input '{name}'", ("type", "default", "description"), ("type",)
+        entry.value, f"{kind} '{name}'", ("type", "default", "description"), ("type",)
     )
     assert fields is not None
     type_node = fields.get("type")
@@ -95,16 +103,13 @@ def read_new_name(reading: FileReading, key: Scalar, what: str) -> str | None:
 
 def read_constant(reading: FileReading, node: Node, field_type: FieldType, what: str) -> Plain:
     """Return a value without names; None when it is wrong, which is then reported."""
+    if isinstance(node, Scalar) and "${" in node.text:
+        reading.error(
+            "bad-reference",
+            node,
+            f"{what} is the same in every run, so no ${{…}} can stand in it",
+            "write a plain value",
+        )
+        return None
     value = read_value(reading, node, field_type, Names({}), what)
-    return None if value is None else _plain(value)
-
-
-def _plain(value: Value) -> Plain:
-    match value:
-        case Literal():
-            return value.value
-        case ListValue():
-            return tuple(_plain(item) for item in value.items)
-        case MapValue():
-            return {key: _plain(item) for key, item in value.items.items()}
-    return None
+    return None if value is None else plain(value)

@@ -4,10 +4,12 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Protocol
 
 from bt_agents.language.shape import FileReading
-from bt_agents.language.specs import BindingKind
+from bt_agents.language.specs import BindingKind, FieldType, Plain
 from bt_agents.language.yaml_reader import Node
 
 MAX_ROS_NAME = 255
@@ -15,7 +17,8 @@ MAX_ROS_NAME = 255
 _ROS_NAME = re.compile(r"(?:~/|/)?[A-Za-z_][A-Za-z0-9_]*(?:/[A-Za-z_][A-Za-z0-9_]*)*")
 _ROS_TYPE = re.compile(r"[a-z][a-z0-9_]*/(msg|srv|action)/[A-Z][A-Za-z0-9]*")
 _SHORT_TYPE = re.compile(
-    r"([a-z][a-z0-9_]*)[/.:]+(?:(?:msg|srv|action)[/.:]+)?([A-Z][A-Za-z0-9]*)"
+    r"([a-z][a-z0-9_]*)[/.:]+(?:(?:msgs?|srvs?|actions?)[/.:]+)?([A-Za-z][A-Za-z0-9]*)"
+    r"(?:\.(?:msg|srv|action))?"
 )
 FOLDERS = {
     BindingKind.ACTION: "action",
@@ -27,6 +30,9 @@ FOLDERS = {
 
 class Interfaces(Protocol):
     """Knows the ROS types of a machine."""
+
+    def has_package(self, package: str) -> bool:
+        """Return whether a ROS package is installed."""
 
     def type_problem(self, kind: BindingKind, type_name: str) -> str | None:
         """Return why a type cannot be used for an interface of this kind; None when it can."""
@@ -43,6 +49,62 @@ class Interfaces(Protocol):
             path: Field names joined by dots; a number picks an item of a list.
         """
 
+    def field_type(self, kind: BindingKind, type_name: str, section: str, path: str) -> FieldType:
+        """Return the type of a field's value; ANY for lists, messages and what is not there."""
+
+    def value_problem(
+        self, kind: BindingKind, type_name: str, section: str, values: Mapping[str, Plain]
+    ) -> str | None:
+        """Return why values do not fit the fields of a type; None when they do.
+
+        Args:
+            kind: Action, service or topic.
+            type_name: Full name of the type.
+            section: As in :meth:`field_problem`.
+            values: Plain nested data in the shape of the section.
+        """
+
+
+@dataclass(frozen=True)
+class MessageFields:
+    """The fields of a message that a condition or an output may name.
+
+    Attributes:
+        interfaces: Knows the types; None, or a type that is not known, takes every path.
+        kind: Action, service or topic.
+        type_name: Full name of the type; empty while it is not known.
+        section: ``result``, ``response`` or ``message``.
+    """
+
+    interfaces: Interfaces | None
+    kind: BindingKind
+    type_name: str
+    section: str
+
+    def problem(self, path: str) -> str | None:
+        """Return why there is no field of this path; None when there is."""
+        known = self._known()
+        if known is None:
+            return None
+        return known.field_problem(self.kind, self.type_name, self.section, path)
+
+    def type_of(self, path: str) -> FieldType:
+        """Return the type of a field as far as it is known."""
+        known = self._known()
+        if known is None:
+            return FieldType.ANY
+        return known.field_type(self.kind, self.type_name, self.section, path)
+
+    def _known(self) -> Interfaces | None:
+        found = self.interfaces
+        sound = found is not None and not found.type_problem(self.kind, self.type_name)
+        return found if sound else None
+
+
+def package_of(type_name: str) -> str:
+    """Return the package of a ROS type, empty when it is not written package/kind/Name."""
+    return type_name.partition("/")[0] if _ROS_TYPE.fullmatch(type_name) else ""
+
 
 def read_ros_name(reading: FileReading, node: Node, what: str) -> str | None:
     """Return the name of a topic, service or action, checked by the rules of ROS."""
@@ -51,9 +113,19 @@ def read_ros_name(reading: FileReading, node: Node, what: str) -> str | None:
         return None
     if _ROS_NAME.fullmatch(text) and "__" not in text and len(text) <= MAX_ROS_NAME:
         return text
+    if len(text) > MAX_ROS_NAME:
+        message = f"{what} has {len(text)} characters, at most {MAX_ROS_NAME} are possible"
+        reading.error("bad-ros-name", node, message, "write a shorter name")
+        return None
     meant = re.sub(r"_+", "_", re.sub(r"[^A-Za-z0-9_/~]+", "_", text.strip()))
     meant = re.sub(r"/+", "/", meant).rstrip("/_")
-    hint = f"write {meant}" if _ROS_NAME.fullmatch(meant) and len(meant) <= MAX_ROS_NAME else ""
+    hint = f"write {meant}" if _ROS_NAME.fullmatch(meant) and len(meant) <= 80 else ""
+    if "{" in text:
+        hint = "ROS names are fixed here; remap them when the robot starts"
+    elif not text.isascii():
+        hint = "use the letters a-z and A-Z"
+    elif text.startswith("~") and not text.startswith("~/"):
+        hint = f"write ~/{text[1:60] or 'name'}"
     reading.error(
         "bad-ros-name",
         node,
@@ -76,7 +148,10 @@ def read_ros_type(
     match = _ROS_TYPE.fullmatch(text)
     if match is None or match[1] != folder:
         short = _SHORT_TYPE.fullmatch(text)
-        hint = f"write {short[1]}/{folder}/{short[2]}" if short else ""
+        hint = f"write {short[1]}/{folder}/{short[2][0].upper()}{short[2][1:]}" if short else ""
+        if match is not None:
+            other = next(one for one, its in FOLDERS.items() if its == match[1])
+            hint = f"this is the type of a {other.value}, which is used in another way"
         reading.error(
             "bad-ros-type", node, f"{what} is '{text[:60]}', expected package/{folder}/Name", hint
         )

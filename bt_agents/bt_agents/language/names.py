@@ -3,16 +3,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import Protocol
 
 from bt_agents.language.diagnostics import did_you_mean
+from bt_agents.language.expression_tokens import OPERATOR_WORDS
 from bt_agents.language.expressions import ValueKind
+from bt_agents.language.functions import FUNCTIONS
 from bt_agents.language.specs import FieldType
 from bt_agents.scene import SceneSpace
 
 RESERVED = (
     "scene", "live", "mood", "profile", "msg", "result",
-    "and", "or", "not", "true", "false", "null",
+    "true", "false", "null", *OPERATOR_WORDS, *FUNCTIONS,
 )  # fmt: skip
 """Words that no tunable, input or output may be called."""
 
@@ -21,46 +25,95 @@ _KINDS = {
     FieldType.NUMBER: ValueKind.NUMBER,
     FieldType.INTEGER: ValueKind.NUMBER,
     FieldType.DURATION: ValueKind.NUMBER,
+    FieldType.LENGTH: ValueKind.NUMBER,
+    FieldType.ANGLE: ValueKind.NUMBER,
     FieldType.BOOLEAN: ValueKind.BOOLEAN,
 }
 
-FieldCheck = Callable[[str], str | None]
-"""Returns why a message has no field of this path, None when it has."""
+
+class Fields(Protocol):
+    """The fields of a message."""
+
+    def problem(self, path: str) -> str | None:
+        """Return why there is no field of this path; None when there is."""
+
+    def type_of(self, path: str) -> FieldType:
+        """Return the type of a field as far as it is known."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Written:
+    """A name that nodes give a value while a tree runs.
+
+    Attributes:
+        type: Type of the value where all nodes agree on one.
+        node: Key of the first node that gives it one.
+        line: Where that node stands.
+    """
+
+    type: FieldType
+    node: str
+    line: int
 
 
 class Names:
-    """Names with their types; remembers which of them were asked for."""
+    """Names with their types; remembers which were asked for, and which have a value by now.
+
+    Args:
+        types: Type of each name that always has a value, or never gets one.
+        written: Names that nodes give a value.
+        messages: Name of a message (``msg``, ``result``) → its fields.
+        hidden: Names that exist elsewhere in the file → how to get at them from here.
+        lenient: True lets unknown names pass, since a declaration that could not be read may
+            hold them.
+
+    Attributes:
+        used: Names that were asked for.
+        given: Names out of ``written`` that some node before this place may have given a value.
+    """
 
     def __init__(
-        self, types: Mapping[str, FieldType], messages: Mapping[str, FieldCheck] | None = None
+        self,
+        types: Mapping[str, FieldType],
+        written: Mapping[str, Written] | None = None,
+        messages: Mapping[str, Fields] | None = None,
+        hidden: Mapping[str, str] | None = None,
+        lenient: bool = False,
     ) -> None:
-        """Take the names.
-
-        Args:
-            types: Type of each name.
-            messages: Name of a message (``msg``, ``result``) → check of the paths behind it.
-        """
         self.used: set[str] = set()
+        self.given: set[str] = set()
         self._types = dict(types)
+        self._written = dict(written or {})
         self._messages = dict(messages or {})
+        self._hidden = dict(hidden or {})
+        self._lenient = lenient
 
-    def and_these(self, types: Mapping[str, FieldType]) -> Names:
-        """Return these and more names."""
-        return Names({**self._types, **types}, self._messages)
-
-    def and_message(self, name: str, check: FieldCheck) -> Names:
-        """Return these names and the fields of a message; both remember uses together."""
-        names = Names(self._types, {**self._messages, name: check})
-        names.used = self.used
+    def and_message(self, name: str, fields: Fields) -> Names:
+        """Return these names and the fields of a message; both remember together."""
+        messages = {**self._messages, name: fields}
+        names = Names(self._types, self._written, messages, self._hidden, self._lenient)
+        names.used, names.given = self.used, self.given
         return names
+
+    def give(self, names: Iterable[str]) -> None:
+        """Note that names have a value from here on."""
+        self.given.update(names)
+
+    def give_all(self) -> None:
+        """Note that every name may have a value, as after the whole tree."""
+        self.given.update(self._written)
 
     def type_of(self, name: str) -> FieldType | None:
         """Return the type of a name and remember it as used; None when there is no such name."""
         self.used.add(name)
         head, _, path = name.partition(".")
         if path and head in self._messages:
-            return FieldType.ANY
-        return self._types.get(name)
+            return self._messages[head].type_of(path)
+        if name in self._types:
+            return self._types[name]
+        if name in self._written:
+            return self._written[name].type
+        return FieldType.ANY if self._lenient and "." not in name else None
 
     def kind_of(self, name: str) -> ValueKind | None:
         """Return the kind of a name's value for operators, None where only a run shows it."""
@@ -71,19 +124,43 @@ class Names:
         """Return code, message and hint when a name cannot be used."""
         head, _, path = name.partition(".")
         if path and head in self._messages:
-            problem = self._messages[head](path)
+            problem = self._messages[head].problem(path)
             return ("unknown-ros-field", problem, "") if problem else None
         if self.type_of(name) is not None:
-            return None
-        known = [*self._types, *(f"{message}.…" for message in self._messages)]
+            return self._too_early(name)
+        messages = [f"{message}.…" for message in self._messages]
+        own = [one for one in self._types if "." not in one]
+        known = [*own, *self._written, *messages, *(one for one in self._types if "." in one)]
         if head in self._messages:
             return ("unknown-name", f"'{name}' is a whole message", f"name a field: {name}.data")
-        if name == "mood.change" or name == "mood":
-            hint = did_you_mean(name, known) if "mood.change" in known else (
-                "scene.yaml does not say which parameter is the mood; add 'mood: …' there"
-            )  # fmt: skip
-            return ("unknown-name", f"there is no name '{name}' here", hint)
-        return ("unknown-name", f"there is no name '{name[:80]}' here", did_you_mean(name, known))
+        hint = self._hidden.get(name) or self._hint(name, known)
+        return ("unknown-name", f"there is no name '{name[:80]}' here", hint)
+
+    def _hint(self, name: str, known: list[str]) -> str:
+        """Return how to mend a name that is not known."""
+        if name == "mood.change":
+            if "live.person" not in known:
+                return "moods change only while a tree runs; name scene.mood, the mood before it"
+            return "scene.yaml does not say which parameter is the mood; add 'mood: …' there"
+        hint = did_you_mean(name, known)
+        if hint.startswith("did you mean"):
+            return hint
+        head, _, last = name[:40].rpartition(".")
+        if head.partition(".")[0] in ("msg", "result"):
+            return f"name it where it comes in, 'outputs: {{x: {name[:40]}}}', and then x here"
+        message = next(iter(self._messages), None)
+        return hint if message is None else f"a field of the message is named {message}.{last}"
+
+    def _too_early(self, name: str) -> tuple[str, str, str] | None:
+        if name in self._types or name in self.given or name not in self._written:
+            return None
+        written = self._written[name]
+        return (
+            "no-value-yet",
+            f"'{name}' has no value here yet: '{written.node}' in line {written.line} gives it "
+            "one later",
+            "move that node before this one, or give it a value before with 'set'",
+        )
 
 
 def scene_names(

@@ -4,88 +4,19 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
-from enum import Enum
 
-from bt_agents.language.specs import FieldType, Plain
+from bt_agents.language.node_types import (
+    BesideKey,
+    Children,
+    Content,
+    ModifierKind,
+    NodeField,
+    NodeKind,
+)
+from bt_agents.language.specs import FieldType
 
-
-class Content(Enum):
-    """What may stand in a field of a node."""
-
-    VALUE = "a value, which may hold ${…}"
-    CONDITION = "a condition over names"
-    CONSTANT = "a value without ${…}"
-    ROS_NAME = "the name of a topic, service or action"
-    ROS_TYPE = "the name of a ROS type"
-
-
-class Children(Enum):
-    """How many children a kind of node has."""
-
-    NONE = "none"
-    LIST = "list"
-    ONE = "one"
-
-
-@dataclass(frozen=True, kw_only=True)
-class NodeField:
-    """One field of a kind of node.
-
-    Attributes:
-        content: What may stand there.
-        type: Type of a value or constant.
-        required: Whether it must be written.
-        default: Taken when it is not written; None leaves the field out.
-        words: The possible texts of a constant; empty allows all.
-        minimum: Smallest possible number.
-        message: Name under which a condition sees a message, for example ``msg``.
-    """
-
-    name: str
-    content: Content = Content.VALUE
-    type: FieldType = FieldType.ANY
-    required: bool = True
-    default: Plain = None
-    words: tuple[str, ...] = ()
-    minimum: float | None = None
-    message: str = ""
-    description: str = ""
-
-
-@dataclass(frozen=True, kw_only=True)
-class NodeKind:
-    """One kind of node.
-
-    Attributes:
-        key: The word in a file.
-        main: Field that a scalar stands for; None when there is none.
-        fields: In the order of the documentation.
-        children: How many children it has.
-        description: One sentence.
-    """
-
-    key: str
-    main: str | None = None
-    fields: tuple[NodeField, ...] = ()
-    children: Children = Children.NONE
-    description: str = ""
-
-
-@dataclass(frozen=True, kw_only=True)
-class ModifierKind:
-    """One modifier: a key beside a node that wraps the node.
-
-    Attributes:
-        key: The word in a file.
-        field: What is written behind it; None for a node or a switch.
-        description: One sentence.
-    """
-
-    key: str
-    field: NodeField | None = None
-    description: str = ""
-
+FOREVER = "forever"
+"""Word for an attempt or repetition without end."""
 
 _MEMORY = NodeField(
     name="memory",
@@ -94,6 +25,28 @@ _MEMORY = NodeField(
     required=False,
     default=True,
     description="whether it goes on at the running child instead of starting over at each tick",
+)
+_PAUSE = NodeField(
+    name="pause",
+    type=FieldType.DURATION,
+    required=False,
+    description="how long to wait in between",
+)
+_ROS_TYPE = NodeField(
+    name="type", content=Content.ROS_TYPE, description="its ROS type, package/kind/Name"
+)
+_OUTPUTS = NodeField(
+    name="outputs",
+    content=Content.OUTPUTS,
+    required=False,
+    description="names for later nodes, each with the field it gets",
+)
+_SUCCEED_WHEN = NodeField(
+    name="succeed_when",
+    content=Content.CONDITION,
+    required=False,
+    message="result",
+    description="condition over what came back, result.*; without it, an answer is a success",
 )
 
 KINDS: Mapping[str, NodeKind] = {
@@ -116,76 +69,298 @@ KINDS: Mapping[str, NodeKind] = {
             fields=(
                 NodeField(
                     name="succeed_on",
-                    content=Content.CONSTANT,
-                    type=FieldType.TEXT,
+                    content=Content.COUNT,
                     required=False,
                     default="all",
                     words=("all", "one"),
-                    description="how many children must succeed",
+                    minimum=1,
+                    description="which children must succeed: all, one, so many, or those named",
                 ),
             ),
             children=Children.LIST,
             description="Does its children at the same time.",
         ),
         NodeKind(
+            key="choose",
+            fields=(
+                NodeField(
+                    name="otherwise",
+                    content=Content.NODE,
+                    required=False,
+                    description="the node that is done when no case fits",
+                ),
+            ),
+            children=Children.LIST,
+            description="Does the first of its named cases whose 'when' is true, and no other.",
+        ),
+        NodeKind(
+            key="random",
+            fields=(
+                NodeField(
+                    name="seed",
+                    content=Content.CONSTANT,
+                    type=FieldType.INTEGER,
+                    required=False,
+                    description="makes the choices the same in every run",
+                ),
+            ),
+            children=Children.LIST,
+            description="Does one of its children, the more often the larger its 'weight'.",
+        ),
+        NodeKind(
             key="check",
             main="condition",
-            fields=(NodeField(name="condition", content=Content.CONDITION),),
+            fields=(
+                NodeField(
+                    name="condition", content=Content.CONDITION, description="what must be true"
+                ),
+            ),
             description="Succeeds when a condition is true, else fails.",
         ),
-        NodeKind(key="set", description="Gives names values that later nodes can use."),
+        NodeKind(key="set", open=True, description="Gives names values that later nodes can use."),
         NodeKind(
             key="wait",
             main="duration",
-            fields=(NodeField(name="duration", type=FieldType.DURATION),),
+            fields=(NodeField(name="duration", type=FieldType.DURATION, description="how long"),),
             description="Waits for a time.",
         ),
         NodeKind(
             key="wait_for",
+            main="condition",
             fields=(
-                NodeField(name="topic", content=Content.ROS_NAME),
-                NodeField(name="type", content=Content.ROS_TYPE),
-                NodeField(name="until", content=Content.CONDITION, required=False, message="msg"),
+                NodeField(
+                    name="condition",
+                    content=Content.CONDITION,
+                    required=False,
+                    description="what must become true; instead of a topic",
+                ),
+                NodeField(
+                    name="topic",
+                    content=Content.ROS_NAME,
+                    required=False,
+                    description="where a message must come; instead of a condition",
+                ),
+                NodeField(
+                    name="type",
+                    content=Content.ROS_TYPE,
+                    required=False,
+                    description="ROS type of the topic",
+                ),
+                NodeField(
+                    name="until",
+                    content=Content.CONDITION,
+                    required=False,
+                    message="msg",
+                    description="condition over the message, msg.*; without it, any will do",
+                ),
+                NodeField(
+                    name="for",
+                    type=FieldType.DURATION,
+                    required=False,
+                    description="how long it must hold without a break",
+                ),
+                NodeField(
+                    name="outputs",
+                    content=Content.OUTPUTS,
+                    required=False,
+                    message="msg",
+                    description="names for later nodes, each with the field of the message",
+                ),
             ),
-            description="Waits for a message on a topic, or for one that fits a condition.",
+            description="Waits until a condition is true, or for a message on a topic.",
         ),
-        NodeKind(key="action", description="Uses a ROS action."),
-        NodeKind(key="service", description="Calls a ROS service."),
-        NodeKind(key="publish", description="Publishes a message on a ROS topic."),
+        NodeKind(
+            key="action",
+            fields=(
+                NodeField(name="name", content=Content.ROS_NAME, description="name of the action"),
+                _ROS_TYPE,
+                NodeField(
+                    name="goal",
+                    content=Content.MAP,
+                    required=False,
+                    description="fields of the goal",
+                ),
+                _OUTPUTS,
+                _SUCCEED_WHEN,
+            ),
+            description="Uses a ROS action.",
+        ),
+        NodeKind(
+            key="service",
+            fields=(
+                NodeField(
+                    name="name", content=Content.ROS_NAME, description="name of the service"
+                ),
+                _ROS_TYPE,
+                NodeField(
+                    name="request",
+                    content=Content.MAP,
+                    required=False,
+                    description="fields of the request",
+                ),
+                _OUTPUTS,
+                _SUCCEED_WHEN,
+            ),
+            description="Calls a ROS service.",
+        ),
+        NodeKind(
+            key="publish",
+            fields=(
+                NodeField(name="topic", content=Content.ROS_NAME, description="name of the topic"),
+                _ROS_TYPE,
+                NodeField(
+                    name="message", content=Content.MAP, description="fields of the message"
+                ),
+            ),
+            description="Publishes a message on a ROS topic.",
+        ),
+        NodeKind(
+            key="log",
+            main="message",
+            fields=(
+                NodeField(name="message", type=FieldType.TEXT, description="what to write"),
+                NodeField(
+                    name="level",
+                    content=Content.CONSTANT,
+                    type=FieldType.TEXT,
+                    required=False,
+                    default="info",
+                    words=("info", "warning", "error"),
+                    description="how serious it is",
+                ),
+            ),
+            description="Writes a line into the log of the robot; nobody hears it.",
+        ),
+        NodeKind(
+            key="give_feedback",
+            main="kind",
+            fields=(
+                NodeField(
+                    name="kind",
+                    content=Content.CONSTANT,
+                    type=FieldType.TEXT,
+                    words=("positive", "negative", "direct"),
+                    description="towards the scene, away from it, or towards given values",
+                ),
+                NodeField(
+                    name="values",
+                    content=Content.MAP,
+                    required=False,
+                    description="scene parameters and their wanted values; for direct only",
+                ),
+                NodeField(
+                    name="reason",
+                    type=FieldType.TEXT,
+                    required=False,
+                    description="why, in words",
+                ),
+            ),
+            description="Moves the agent's profile, as a person's feedback does.",
+        ),
         NodeKind(
             key="subtree",
             main="name",
+            fields=(
+                NodeField(
+                    name="name",
+                    content=Content.CONSTANT,
+                    type=FieldType.TEXT,
+                    description="name under 'subtrees', of this file or of an import",
+                ),
+            ),
             children=Children.ONE,
             description="Does a tree that stands under 'subtrees'; 'with' gives its inputs.",
         ),
     )
 }
-"""Kinds of nodes by key; skills come on top of these."""
+"""Kinds of nodes by key; skills and plug-ins come on top of these."""
 
 MODIFIERS: Mapping[str, ModifierKind] = {
     modifier.key: modifier
     for modifier in (
         ModifierKind(
             key="when",
-            field=NodeField(name="condition", content=Content.CONDITION),
+            main="condition",
+            fields=(
+                NodeField(
+                    name="condition",
+                    content=Content.CONDITION,
+                    description="what must be true for the node to start",
+                ),
+            ),
             description="Leaves the node out unless a condition is true when it would start.",
         ),
         ModifierKind(
-            key="on_failure", description="A node that is done instead when the node has failed."
+            key="once",
+            description="Leaves the node out after it has ended once in this run.",
+        ),
+        ModifierKind(
+            key="cooldown",
+            main="duration",
+            fields=(NodeField(name="duration", type=FieldType.DURATION, description="how long"),),
+            description="Leaves the node out for a time after it has ended.",
+        ),
+        ModifierKind(key="succeed", description="However the node ends, it counts as success."),
+        ModifierKind(key="fail", description="However the node ends, it counts as failure."),
+        ModifierKind(
+            key="while",
+            main="condition",
+            fields=(
+                NodeField(
+                    name="condition",
+                    content=Content.CONDITION,
+                    description="what must stay true",
+                ),
+            ),
+            description="Looks at a condition at each tick; once it is not true, the node is "
+            "stopped and has failed.",
+        ),
+        ModifierKind(
+            key="on_failure",
+            handler=True,
+            description="A node that is done instead when the node has failed.",
         ),
         ModifierKind(
             key="retry",
-            field=NodeField(name="attempts", type=FieldType.INTEGER, minimum=1),
-            description="How often the node is tried in all, until it succeeds.",
+            main="attempts",
+            fields=(
+                NodeField(
+                    name="attempts",
+                    type=FieldType.INTEGER,
+                    minimum=1,
+                    words=(FOREVER,),
+                    description="how often in all",
+                ),
+                _PAUSE,
+            ),
+            description="Tries the node again after a failure, so often in all.",
         ),
         ModifierKind(
             key="repeat",
-            field=NodeField(name="times", type=FieldType.INTEGER, minimum=1),
-            description="How often the node is done in all, while it succeeds.",
+            main="times",
+            fields=(
+                NodeField(
+                    name="times",
+                    type=FieldType.INTEGER,
+                    required=False,
+                    minimum=1,
+                    words=(FOREVER,),
+                    description="how often in all",
+                ),
+                NodeField(
+                    name="until",
+                    content=Content.CONDITION,
+                    required=False,
+                    description="looked at after each time; ends the repetition when it is true",
+                ),
+                _PAUSE,
+            ),
+            description="Does the node again after a success, so often in all.",
         ),
         ModifierKind(
             key="timeout",
-            field=NodeField(name="limit", type=FieldType.DURATION),
+            main="limit",
+            fields=(NodeField(name="limit", type=FieldType.DURATION, description="how long"),),
             description="How long the node may take; then it is stopped and has failed.",
         ),
         ModifierKind(
@@ -195,5 +370,23 @@ MODIFIERS: Mapping[str, ModifierKind] = {
 }
 """Modifiers by key, in the order in which they wrap a node: the first one is the outermost."""
 
-BESIDE = ("name", "with")
-"""Other keys beside a node: its name for people, and the inputs of a subtree."""
+BESIDE: Mapping[str, BesideKey] = {
+    beside.key: beside
+    for beside in (
+        BesideKey(key="name", where="any node", description="A name for people."),
+        BesideKey(
+            key="with", where="a subtree", description="The inputs of a subtree by their names."
+        ),
+        BesideKey(
+            key="outputs",
+            where="a subtree or a skill",
+            description="Names for later nodes, each with the output whose value it gets.",
+        ),
+        BesideKey(
+            key="weight",
+            where="a child of 'random'",
+            description="How often this child is chosen, relative to the others; 1 if not given.",
+        ),
+    )
+}
+"""Other keys beside a node."""

@@ -9,7 +9,7 @@ from bt_agents.language.bindings import (
     binding_keys,
     read_binding,
     read_output,
-    result_check,
+    result_fields,
 )
 from bt_agents.language.drafts import Draft
 from bt_agents.language.interfaces import Interfaces
@@ -32,8 +32,8 @@ def read_raw_leaf(
     kind: BindingKind,
     names: Names,
     interfaces: Interfaces | None,
-) -> tuple[SkillSpec, str] | None:
-    """Return an unnamed skill for the leaf, and the ROS name; None when the leaf is wrong."""
+) -> SkillSpec | None:
+    """Return an unnamed skill for the leaf; None when the leaf is wrong."""
     key = draft.key.text
     name_key = "topic" if kind is BindingKind.TOPIC else "name"
     keys = binding_keys(kind, name_key)
@@ -49,7 +49,7 @@ def read_raw_leaf(
     )
     if binding is None:
         return None
-    skill = SkillSpec(
+    return SkillSpec(
         name=key,
         description="",
         main=None,
@@ -60,19 +60,16 @@ def read_raw_leaf(
         binding=binding,
         position=draft.key.position,
     )
-    return skill, binding.name
 
 
 def _outputs(
     reading: FileReading, fields: Fields, kind: BindingKind, interfaces: Interfaces | None
 ) -> dict[str, str]:
     node = fields.get("type")
-    type_name = node.text if isinstance(node, Scalar) else None
-    if type_name and interfaces is not None and interfaces.type_problem(kind, type_name):
-        type_name = None
-    check = result_check(kind, type_name, interfaces)
+    type_name = node.text if isinstance(node, Scalar) else ""
+    back = result_fields(kind, type_name, interfaces)
     paths = {
-        entry.key.text: read_output(reading, entry.value, f"output '{entry.key.text[:40]}'", check)
+        entry.key.text: read_output(reading, entry.value, f"output '{entry.key.text[:40]}'", back)
         for entry in fields.entries("outputs", "names and fields")
     }
     return {name: path for name, path in paths.items() if path is not None}

@@ -27,10 +27,11 @@ def boolean(text: str) -> bool | None:
 def plain_value(scalar: Scalar) -> Plain:
     """Return the value of a scalar without any ``${…}``.
 
-    ``yes``, ``on``, ``1:30``, ``010`` and dates are texts, unlike in YAML 1.1; ``5 s`` is a time.
+    ``yes``, ``on``, ``1:30``, ``010`` and dates are texts, unlike in YAML 1.1; ``5 s`` is a time,
+    ``1.5 m`` a length and ``90 deg`` an angle, all in SI.
 
     Raises:
-        QuantityError: It is written as a number or time, but not finite or too large.
+        QuantityError: It is written as a number or quantity, but not finite or too large.
     """
     text = scalar.text
     if not scalar.plain:
@@ -45,8 +46,13 @@ def plain_value(scalar: Scalar) -> Plain:
         return quantities.number(text)
     if _OTHER_BASE.fullmatch(text):
         return int(text, 0)
-    if quantities.is_duration(text):
-        return quantities.duration(text)
+    match quantities.quantity_type(text):
+        case FieldType.DURATION:
+            return quantities.duration(text)
+        case FieldType.LENGTH:
+            return quantities.length(text)
+        case FieldType.ANGLE:
+            return quantities.angle(text)
     return text
 
 
@@ -57,8 +63,9 @@ def scalar_type(node: Node) -> FieldType:
     if "${" in node.text:
         whole = node.text.startswith("${") and node.text.find("}") == len(node.text) - 1
         return FieldType.ANY if whole else FieldType.TEXT
-    if node.plain and quantities.is_duration(node.text):
-        return FieldType.DURATION
+    quantity = quantities.quantity_type(node.text) if node.plain else None
+    if quantity is not None:
+        return quantity
     try:
         value = plain_value(node)
     except quantities.QuantityError:

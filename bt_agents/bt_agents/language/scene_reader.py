@@ -12,7 +12,7 @@ from bt_agents.language.interfaces import Interfaces, read_ros_name, read_ros_ty
 from bt_agents.language.shape import Fields, FileReading
 from bt_agents.language.source import Source
 from bt_agents.language.specs import BindingKind, SceneSpec, SourceSpec
-from bt_agents.language.yaml_reader import Entry, Node
+from bt_agents.language.yaml_reader import Entry, Mapping, Node
 from bt_agents.scene import SceneParameter, SceneSpace
 
 PERSON = "person"
@@ -38,7 +38,7 @@ def read_scene_text(text: str, file: str, interfaces: Interfaces | None = None) 
 def _read(reading: FileReading, interfaces: Interfaces | None) -> SceneSpec:
     fields = reading.document("scene.yaml", ("parameters", "mood", "sources"), ("parameters",))
     entries = fields.entries("parameters", "names and parameters")
-    if not entries and fields.get("parameters") is not None:
+    if not entries and isinstance(fields.get("parameters"), Mapping):
         reading.error(
             "missing-value", fields.nodes["parameters"], "there is no parameter", "add one"
         )
@@ -109,6 +109,8 @@ def _labels(
     for entry in fields.entries("labels", "values and words"):
         value = reading.number(entry.key, "the value of a label", minimum, maximum)
         text = reading.text(entry.value, "a label")
+        if value in labels:
+            reading.error("duplicate-key", entry.key, f"the value {value:g} has a label already")
         if value is not None and text is not None:
             labels[value] = text
     return labels

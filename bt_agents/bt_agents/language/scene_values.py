@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from bt_agents.errors import Refused
 from bt_agents.language.diagnostics import did_you_mean, shown
-from bt_agents.language.shape import FileReading, listed
+from bt_agents.language.shape import FileReading, adding, listed
 from bt_agents.language.yaml_reader import Node, Scalar
 from bt_agents.scene import SceneParameter, SceneSpace, Vector, check_value
 
@@ -39,7 +39,7 @@ def read_vector(reading: FileReading, node: Node, what: str, space: SceneSpace) 
             "missing-key",
             node,
             f"{what} has no value for {listed(missing)}",
-            f"add '{missing[0]}: …'",
+            adding(missing),
         )
         return None
     return tuple(values[name] for name in space.names)

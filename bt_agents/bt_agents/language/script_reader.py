@@ -10,7 +10,7 @@ from bt_agents.language.scene_values import read_values
 from bt_agents.language.shape import Fields, FileReading
 from bt_agents.language.source import Source
 from bt_agents.language.specs import Change, Script, Visit
-from bt_agents.language.yaml_reader import Node
+from bt_agents.language.yaml_reader import Node, Sequence
 from bt_agents.scene import SceneSpace
 
 
@@ -32,7 +32,7 @@ def _read(reading: FileReading, space: SceneSpace) -> Script:
     fields = reading.document("a script", ("title", "visits"), ("visits",))
     title = fields.text("title")
     nodes = fields.items("visits")
-    if not nodes and fields.get("visits") is not None:
+    if not nodes and isinstance(fields.get("visits"), Sequence):
         reading.error("missing-value", fields.nodes["visits"], "there is no visit", "add one")
     visits = [_visit(reading, node, space) for node in nodes]
     reading.problems.raise_if_any()

@@ -11,15 +11,22 @@ from typing import TypeVar
 from bt_agents.language import quantities
 from bt_agents.language.diagnostics import Diagnostics, did_you_mean, nearest, shown
 from bt_agents.language.scalars import boolean
-from bt_agents.language.source import Source, read_source
-from bt_agents.language.specs import Position
-from bt_agents.language.yaml_reader import Entry, Mapping, Node, Scalar, Sequence, read_yaml
+from bt_agents.language.slips import left_empty, name_meant, other_file, without_value
+from bt_agents.language.source import Source, aligned, read_source
+from bt_agents.language.specs import FieldType, Position
+from bt_agents.language.yaml_reader import Entry, Mapping, Node, Scalar, Sequence, read_document
 
 FORMAT = 1
 """The version of the language that this package reads."""
 
 MAX_NAME = 64
 """Characters of an agent's, skill's or tunable's name."""
+
+_DIGITS = 6
+"""Digits of a number in a message, more than rounding it for people would keep."""
+
+_SPOILING = ("tag", "bad-character")
+"""Problems of a value that leave open what it is."""
 
 _NAME = re.compile(r"[a-z][a-z0-9_]*")
 
@@ -30,9 +37,9 @@ class FileReading:
     """One file while it is read: its source, its document and the problems found so far."""
 
     def __init__(self, source: Source) -> None:
-        self.source = source
         self.problems = Diagnostics(source)
-        self.root = read_yaml(source, self.problems)
+        self.source, self.root = read_document(source, self.problems)
+        self._spoilt = {d.position for d in self.problems.sorted() if d.code in _SPOILING}
         self._aligned_span = (-1, -1)
         self._aligned: list[int] = []
 
@@ -47,6 +54,9 @@ class FileReading:
 
     def error(self, code: str, where: Node | Position, message: str, hint: str = "") -> None:
         """Add a problem about a whole node, or at one position."""
+        if not isinstance(where, Position) and where.position in self._spoilt:
+            # What the value would be without that, nobody knows.
+            return
         if isinstance(where, Position):
             self.problems.add(code, where, message, hint)
         else:
@@ -67,7 +77,7 @@ class FileReading:
         """Return the place in the file of a character of a scalar's text."""
         if scalar.span != self._aligned_span:
             self._aligned_span = scalar.span
-            self._aligned = _aligned(scalar, self.source.text[slice(*scalar.span)])
+            self._aligned = aligned(scalar.text, self.source.text[slice(*scalar.span)])
         return scalar.span[0] + self._aligned[min(max(offset, 0), len(self._aligned) - 1)]
 
     def document(
@@ -81,6 +91,12 @@ class FileReading:
         if self.root is None:
             self.problems.raise_if_any()
         assert self.root is not None
+        other = other_file(self.root, {*known, *required})
+        if other is not None:
+            entry, kind, hint = other
+            message = f"expected {what}, found {kind}: it has the key '{entry.key.text}'"
+            self.error("wrong-type", entry.key, message, hint)
+            raise self.problems.error()
         fields = self.fields(
             self.root, what, ("format", *known), ("format", *required), at_start=True
         )
@@ -103,6 +119,7 @@ class FileReading:
         known: Collection[str],
         required: Collection[str] = (),
         at_start: bool = False,
+        beside: Collection[str] = (),
     ) -> Fields | None:
         """Return the keys of a mapping; unknown and missing ones become problems.
 
@@ -112,32 +129,50 @@ class FileReading:
             known: All possible keys.
             required: Keys that must be there.
             at_start: Report a missing key at the start instead of the whole mapping.
+            beside: Keys that belong beside what has the mapping, not into it.
         """
         if not isinstance(node, Mapping):
             keys = required or known
             self.wrong_type(node, what, f"a mapping with the keys {listed(keys)}")
             return None
         nodes = {e.key.text: e.value for e in node.entries if e.key.text in known}
+        keys = {entry.key.text: entry.key for entry in node.entries}
         missing = [key for key in required if key not in nodes]
-        for entry in node.entries:
-            if entry.key.text not in known:
-                self.error(
-                    "unknown-key",
-                    entry.key,
-                    f"{what} has no key {shown(entry.key.text)}",
-                    did_you_mean(entry.key.text, known),
-                )
-                # A key that is there with a slip in it is not missing as well.
-                meant = nearest(entry.key.text, missing)
+        unknown = [entry for entry in node.entries if entry.key.text not in known]
+        if unknown and not nodes and all(map(without_value, unknown)):
+            self.error(
+                "wrong-type",
+                node,
+                f"{what}: expected a mapping with the keys {listed(required or known)}, found "
+                "words in braces",
+                "put a text in quotes instead of braces",
+            )
+            return None
+        for entry in unknown:
+            word = entry.key.text
+            # A key that is there with a slip in it is not missing, and is read as the one meant.
+            meant = nearest(word, [key for key in known if key not in nodes])
+            above = left_empty(node, entry, nodes)
+            hint = did_you_mean(word, known)
+            if word in beside:
+                hint = f"'{word}' stands beside {what}, not in it"
+            elif meant is not None:
                 missing = [key for key in missing if key != meant]
+                nodes[meant], keys[meant] = entry.value, entry.key
+            elif above is not None:
+                hint = f"indent it, if it belongs to '{above}:'"
+                del nodes[above]
+            elif missing and len(unknown) == 1:
+                hint = f"did you mean {listed(missing)}? That is missing"
+                missing = []
+            self.error("unknown-key", entry.key, f"{what} has no key {shown(word)}", hint)
         if missing:
             self.error(
                 "missing-key",
                 node.position if at_start or not node.entries else node.entries[0].key,
                 f"{what} needs the key{'s' * (len(missing) > 1)} {listed(missing)}",
-                f"add '{missing[0]}: …'",
+                adding(missing),
             )
-        keys = {entry.key.text: entry.key for entry in node.entries}
         return Fields(self, what, node, nodes, keys)
 
     def wrong_type(self, node: Node, what: str, expected: str) -> None:
@@ -147,8 +182,13 @@ class FileReading:
                 "missing-value", node, f"{what}: nothing is written here, expected {expected}"
             )
             return
-        meant = isinstance(node, Mapping) and expected == "a text"
-        hint = "if it is meant as text, put it in quotes" if meant else ""
+        hint = ""
+        if isinstance(node, Mapping) and expected == "a text":
+            hint = "if it is meant as text, put it in quotes"
+        elif isinstance(node, Sequence) and expected.startswith("a mapping"):
+            hint = "write 'key: value' without '- ' or [ ] around it"
+        elif expected.startswith("a list"):
+            hint = "start each item with '- ', or write [ … ] around them"
         self.error("wrong-type", node, f"{what}: expected {expected}, found {found(node)}", hint)
 
     def text(self, node: Node, what: str, *, empty: bool = False) -> str | None:
@@ -162,7 +202,10 @@ class FileReading:
             )
             return None
         if not node.text.strip() and not empty:
-            self.error("missing-value", node, f"{what} is empty", "write a text")
+            # The usual slip is a colour: light: #ff0000
+            comment = node.plain and self.source.text[node.span[1] :].lstrip(" ")[:1] == "#"
+            hint = "a # starts a comment; put the text in quotes" if comment else "write a text"
+            self.error("missing-value", node, f"{what} is empty", hint)
             return None
         return node.text
 
@@ -173,7 +216,7 @@ class FileReading:
             return None
         if _NAME.fullmatch(text) and len(text) <= MAX_NAME:
             return text
-        meant = re.sub(r"[^a-z0-9_]+", "_", text.strip().lower()).strip("_")
+        meant = name_meant(text)
         hint = f"write {meant}" if _NAME.fullmatch(meant) and len(meant) <= MAX_NAME else ""
         self.error(
             "bad-name",
@@ -204,8 +247,18 @@ class FileReading:
 
     def duration(self, node: Node, what: str) -> float | None:
         """Return a time [s]."""
-        expected = "a time such as '8 s'"
+        expected = quantities.expected(FieldType.DURATION)
         return self._quantity(node, what, expected, quantities.duration, "bad-duration")
+
+    def length(self, node: Node, what: str) -> float | None:
+        """Return a length [m]."""
+        expected = quantities.expected(FieldType.LENGTH)
+        return self._quantity(node, what, expected, quantities.length, "bad-length")
+
+    def angle(self, node: Node, what: str) -> float | None:
+        """Return an angle [rad]."""
+        expected = quantities.expected(FieldType.ANGLE)
+        return self._quantity(node, what, expected, quantities.angle, "bad-angle")
 
     def _quantity(
         self, node: Node, what: str, expected: str, convert: Callable[[str], T], code: str
@@ -220,18 +273,28 @@ class FileReading:
             return None
 
     def in_range(
-        self, node: Node, what: str, value: float, minimum: float | None, maximum: float | None
+        self,
+        node: Node,
+        what: str,
+        value: float,
+        minimum: float | None,
+        maximum: float | None,
+        field_type: FieldType = FieldType.NUMBER,
     ) -> bool:
-        """Return whether a number is in a range; report it when not."""
+        """Return whether a number of a type is in a range; report it when not."""
         if (minimum is None or value >= minimum) and (maximum is None or value <= maximum):
             return True
-        if maximum is None:
-            expected = f"{minimum:g} or more"
-        elif minimum is None:
-            expected = f"{maximum:g} or less"
-        else:
-            expected = f"{minimum:g} to {maximum:g}"
-        self.error("out-of-range", node, f"{what} is {value:g}, expected {expected}")
+        low, high = (
+            None if limit is None else quantities.spoken(limit, field_type, _DIGITS)
+            for limit in (minimum, maximum)
+        )
+        expected = f"{low} to {high}" if low and high else low and f"{low} or more"
+        self.error(
+            "out-of-range",
+            node,
+            f"{what} is {quantities.spoken(value, field_type, _DIGITS)}, "
+            f"expected {expected or f'{high} or less'}",
+        )
         return False
 
     def boolean(self, node: Node, what: str) -> bool | None:
@@ -306,14 +369,21 @@ class Fields:
         """Return what stands behind a key."""
         return self.nodes.get(key)
 
-    def check_range(self, what: str, minimum: float | None, maximum: float | None) -> bool:
+    def check_range(
+        self,
+        what: str,
+        minimum: float | None,
+        maximum: float | None,
+        field_type: FieldType = FieldType.NUMBER,
+    ) -> bool:
         """Return whether 'min' is below 'max', as far as both are known; note it when not."""
         if minimum is None or maximum is None or minimum < maximum:
             return True
+        low, high = (quantities.spoken(limit, field_type, _DIGITS) for limit in (minimum, maximum))
         self._reading.error(
             "out-of-range",
             self.nodes["max"],
-            f"'max' of {what} is {maximum:g}, which is not more than 'min', {minimum:g}",
+            f"'max' of {what} is {high}, which is not more than 'min', {low}",
             "make 'max' the larger one",
         )
         return False
@@ -363,22 +433,9 @@ class Fields:
         return None if node is None else read(node, f"'{key}'")
 
 
-def _aligned(scalar: Scalar, written: str) -> list[int]:
-    """Return the place in ``written`` of every character of a scalar's text, and of its end.
-
-    Folding, indentation and escapes make the two differ; every visible character is there in the
-    same order, though, so looking for one after the other finds them.
-    """
-    whole = written.find(scalar.text)
-    if whole >= 0:
-        return [whole + i for i in range(len(scalar.text) + 1)]
-    places: list[int] = []
-    at = 0
-    for character in scalar.text:
-        place = -1 if character.isspace() else written.find(character, at)
-        places.append(place if place >= 0 else min(at, len(written) - 1))
-        at = place + 1 if place >= 0 else at
-    return [*places, min(at, len(written) - 1)]
+def adding(keys: Iterable[str]) -> str:
+    """Return a hint that names every missing key."""
+    return "add " + " and ".join(f"'{key}: …'" for key in keys)
 
 
 def found(node: Node) -> str:
@@ -395,4 +452,4 @@ def found(node: Node) -> str:
 def listed(words: Iterable[str]) -> str:
     """Return words in quotes for a message, shortened when there are many."""
     every = list(words)
-    return ", ".join(f"'{word}'" for word in every[:12]) + (", …" if len(every) > 12 else "")
+    return ", ".join(f"'{word}'" for word in every[:5]) + (", …" if len(every) > 5 else "")

@@ -1,209 +1,253 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Reads ``skills/*.yaml``: the authors' vocabulary and how this robot carries it out."""
+"""Reads skills: the authors' vocabulary, and which robot carries it out by which interface."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from pathlib import Path
+from dataclasses import dataclass, replace
+from pathlib import Path, PurePosixPath
 
 from bt_agents.errors import ReadError
-from bt_agents.language.bindings import (
-    RECEIVED,
-    binding_keys,
-    read_binding,
-    read_output,
-    result_check,
-)
-from bt_agents.language.diagnostics import did_you_mean
+from bt_agents.language.diagnostics import did_you_mean, joined, shown
 from bt_agents.language.inputs import read_inputs, read_new_name, read_type
 from bt_agents.language.interfaces import Interfaces
-from bt_agents.language.names import Names
 from bt_agents.language.nodes import BESIDE, KINDS, MODIFIERS
-from bt_agents.language.shape import Fields, FileReading
+from bt_agents.language.shape import Fields, FileReading, found
+from bt_agents.language.skill_bindings import Offer, read_offer
 from bt_agents.language.source import Source
-from bt_agents.language.specs import Binding, BindingKind, FieldSpec, FieldType, SkillSpec
+from bt_agents.language.specs import BindingKind, FieldSpec, FieldType, SkillSpec
 from bt_agents.language.yaml_reader import Entry, Scalar
 
-_KEYS = ("description", "main", "inputs", "outputs", *(kind.value for kind in BindingKind))
+BINDINGS = tuple(kind.value for kind in BindingKind)
+FILE_KEYS = ("description", "robot", "skills", "bindings")
+"""Keys of a file with skills, besides ``format``."""
+
+_SKILL_KEYS = ("description", "main", "inputs", "outputs", *BINDINGS)
 
 
 def read_skills(
-    paths: Iterable[Path], interfaces: Interfaces | None = None
+    paths: Iterable[Path], interfaces: Interfaces | None = None, robot: str = ""
 ) -> Mapping[str, SkillSpec]:
-    """Return the skills of all files by name.
+    """Return the skills of all files by name, each bound to the robot that counts.
+
+    Args:
+        paths: Files with skills; a file may bind the skills of another one.
+        interfaces: The installed ROS types; None takes every type as installed.
+        robot: Robot whose bindings are preferred; else the first in the order of the files is
+            taken whose ROS types are installed.
 
     Raises:
         ReadError: There is a problem; it lists those of all files.
     """
-    skills: dict[str, SkillSpec] = {}
+    reader = SkillsReader(interfaces, robot)
     errors: list[ReadError] = []
+    files: list[tuple[FileReading, Fields]] = []
     for path in paths:
         try:
-            _read_file(FileReading.of(path), interfaces, skills)
+            reading = FileReading.of(path)
+            files.append((reading, reading.document("a skills file", FILE_KEYS)))
         except ReadError as error:
             errors.append(error)
-    if errors:
-        raise joined(errors)
-    return skills
+    return reader.read(files, errors)
 
 
 def read_skills_text(
     text: str, file: str, interfaces: Interfaces | None = None
 ) -> Mapping[str, SkillSpec]:
     """Return the skills of one text; as :func:`read_skills`."""
-    skills: dict[str, SkillSpec] = {}
-    _read_file(FileReading(Source(file, text)), interfaces, skills)
-    return skills
+    reading = FileReading(Source(file, text))
+    fields = reading.document("a skills file", FILE_KEYS)
+    return SkillsReader(interfaces).read([(reading, fields)])
 
 
-def joined(errors: Iterable[ReadError]) -> ReadError:
-    """Return the problems of several files as one exception."""
-    listed = list(errors)
-    lines = tuple(line for error in listed for line in error.lines)
-    return ReadError("\n".join(error.report for error in listed), lines)
+@dataclass(frozen=True)
+class _Declared:
+    """A skill that is declared, and the robots that offer it, in order."""
+
+    skill: SkillSpec
+    offers: list[Offer]
 
 
-def _read_file(
-    reading: FileReading, interfaces: Interfaces | None, skills: dict[str, SkillSpec]
-) -> None:
-    fields = reading.document("a skills file", ("skills",), ("skills",))
-    for entry in fields.entries("skills", "names and skills"):
-        name = read_new_name(reading, entry.key, "a skill")
-        if name is not None and not _is_free(reading, entry, skills):
-            name = None
-        skill = _read_skill(reading, entry, name or "skill", interfaces)
-        if name is not None and skill is not None:
-            skills[name] = skill
-    reading.problems.raise_if_any()
+class SkillsReader:
+    """Collects declarations and bindings of skills over several files.
 
+    Args:
+        interfaces: The installed ROS types; None takes every type as installed.
+        robot: Robot whose bindings are preferred.
+    """
 
-def _is_free(reading: FileReading, entry: Entry, skills: Mapping[str, SkillSpec]) -> bool:
-    name = entry.key.text
-    if name in KINDS or name in MODIFIERS or name in (*BESIDE, "children"):
-        reading.error(
-            "name-taken", entry.key, f"'{name}' is a word of the tree language", "rename the skill"
+    def __init__(self, interfaces: Interfaces | None, robot: str = "") -> None:
+        self._interfaces = interfaces
+        self._robot = robot
+        self._declared: dict[str, _Declared] = {}
+
+    def read(
+        self, files: Iterable[tuple[FileReading, Fields]], errors: Iterable[ReadError] = ()
+    ) -> dict[str, SkillSpec]:
+        """Return the skills of files by name.
+
+        Args:
+            files: The files, opened, with their keys.
+            errors: Problems of files that could not be opened.
+
+        Raises:
+            ReadError: There is a problem; it lists those of all files.
+        """
+        every = list(files)
+        for reading, fields in every:
+            self.declare(reading, fields)
+        for reading, fields in every:
+            self.bind(reading, fields)
+        refused = [*errors, *(r.problems.error() for r, _ in every if r.problems)]
+        if refused:
+            raise joined(refused)
+        return self.skills()
+
+    def declare(self, reading: FileReading, fields: Fields) -> None:
+        """Read what stands under ``skills``."""
+        robot = _robot(reading, fields)
+        if fields.get("skills") is None and fields.get("bindings") is None:
+            reading.error(
+                "missing-key",
+                fields.mapping.position,
+                "a skills file needs the key 'skills' or 'bindings'",
+                "add 'skills: …'",
+            )
+        for entry in fields.entries("skills", "names and skills"):
+            name = read_new_name(reading, entry.key, "a skill")
+            free = name is not None and self._is_free(reading, entry)
+            declared = self._declaration(reading, entry, name or "skill", robot)
+            if free and name is not None and declared is not None:
+                self._declared[name] = declared
+
+    def bind(self, reading: FileReading, fields: Fields) -> None:
+        """Read what stands under ``bindings``, for skills that are declared in any file."""
+        robot = _robot(reading, fields)
+        for entry in fields.entries("bindings", "skills and their bindings"):
+            name = entry.key.text
+            declared = self._declared.get(name)
+            if declared is None:
+                reading.error(
+                    "unknown-name",
+                    entry.key,
+                    f"there is no skill {shown(name)} that could be bound",
+                    did_you_mean(name, self._declared) or "declare it under 'skills:'",
+                )
+                continue
+            what = f"the binding of '{name}'"
+            bound = reading.fields(entry.value, what, ("outputs", *BINDINGS))
+            if bound is None:
+                continue
+            offer = read_offer(
+                reading, bound, entry.key, what, declared.skill, robot, self._interfaces
+            )
+            if offer is not None:
+                declared.offers.append(offer)
+
+    def skills(self) -> dict[str, SkillSpec]:
+        """Return the declared skills by name, each with the binding that counts."""
+        return {name: self._chosen(one) for name, one in self._declared.items()}
+
+    def _chosen(self, declared: _Declared) -> SkillSpec:
+        installed = [offer for offer in declared.offers if offer.binding is not None]
+        for offer in sorted(installed, key=lambda one: one.robot != self._robot):
+            return replace(declared.skill, binding=offer.binding)
+        why = "; ".join(f"{one.robot}: {one.problem}" for one in declared.offers)
+        return replace(declared.skill, unoffered=why or "no robot is bound to it")
+
+    def _is_free(self, reading: FileReading, entry: Entry) -> bool:
+        name = entry.key.text
+        if name in KINDS or name in MODIFIERS or name in (*BESIDE, "children"):
+            reading.error(
+                "name-taken",
+                entry.key,
+                f"'{name}' is a word of the tree language",
+                "rename the skill",
+            )
+            return False
+        if name in self._declared:
+            reading.error(
+                "duplicate-skill",
+                entry.key,
+                f"there is a skill '{name}' already: {self._declared[name].skill.position}",
+                "rename or remove one of them; another robot's interface for the same skill "
+                "goes under 'bindings:'",
+            )
+            return False
+        return True
+
+    def _declaration(
+        self, reading: FileReading, entry: Entry, name: str, robot: str
+    ) -> _Declared | None:
+        what = f"skill '{name}'"
+        fields = reading.fields(entry.value, what, _SKILL_KEYS)
+        if fields is None:
+            return None
+        node = fields.get("inputs")
+        before = len(reading.problems)
+        inputs = read_inputs(reading, node, what) if node is not None else ()
+        lenient = len(reading.problems) > before
+        skill = SkillSpec(
+            name=name,
+            description=fields.text("description"),
+            main=_main(reading, fields, inputs),
+            inputs=inputs,
+            outputs=_outputs(reading, fields),
+            binding=None,
+            position=entry.key.position,
         )
-        return False
-    if name in skills:
-        reading.error(
-            "duplicate-skill",
-            entry.key,
-            f"there is a skill '{name}' already: {skills[name].position}",
-            "rename or remove one of them",
-        )
-        return False
-    return True
+        declared = _Declared(skill, [])
+        if any(fields.get(kind) is not None for kind in BINDINGS):
+            offer = read_offer(
+                reading,
+                fields,
+                entry.key,
+                what,
+                skill,
+                robot,
+                self._interfaces,
+                inline=True,
+                lenient=lenient,
+            )
+            if offer is not None:
+                declared.offers.append(offer)
+        return declared
 
 
-def _read_skill(
-    reading: FileReading, entry: Entry, name: str, interfaces: Interfaces | None
-) -> SkillSpec | None:
-    what = f"skill '{name}'"
-    fields = reading.fields(entry.value, what, _KEYS)
-    if fields is None:
-        return None
-    inputs_node = fields.get("inputs")
-    inputs = read_inputs(reading, inputs_node, what) if inputs_node is not None else ()
-    main = _read_main(reading, fields, inputs)
-    kinds = [kind for kind in BindingKind if fields.get(kind.value) is not None]
-    if len(kinds) != 1:
-        second = fields.keys[kinds[1].value] if kinds else entry.key
-        reading.error(
-            "bad-binding",
-            second,
-            f"{what} is bound to {'more than one' if kinds else 'no'} ROS interface",
-            "bind it to exactly one: 'action', 'service' or 'topic'",
-        )
-        return None
-    bound = _read_bound(reading, fields, kinds[0], inputs, interfaces)
-    if bound is None:
-        return None
-    binding, outputs = bound
-    return SkillSpec(
-        name=name,
-        description=fields.text("description"),
-        main=main,
-        inputs=inputs,
-        outputs=outputs,
-        binding=binding,
-        position=entry.key.position,
-    )
+def _robot(reading: FileReading, fields: Fields) -> str:
+    return fields.name("robot") or PurePosixPath(reading.source.file).stem
 
 
-def _read_main(reading: FileReading, fields: Fields, inputs: tuple[FieldSpec, ...]) -> str | None:
+def _main(reading: FileReading, fields: Fields, inputs: tuple[FieldSpec, ...]) -> str | None:
     node = fields.get("main")
     main = reading.text(node, "'main'") if node is not None else None
     known = [one.name for one in inputs]
     if node is None or main is None or main in known:
         return main
     reading.error(
-        "unknown-name", node, f"there is no input '{main[:40]}'", did_you_mean(main, known)
+        "unknown-name", node, f"there is no input {shown(main)}", did_you_mean(main, known)
     )
     return None
 
 
-def _read_bound(
-    reading: FileReading,
-    fields: Fields,
-    kind: BindingKind,
-    inputs: tuple[FieldSpec, ...],
-    interfaces: Interfaces | None,
-) -> tuple[Binding, tuple[FieldSpec, ...]] | None:
-    node = fields.get(kind.value)
-    assert node is not None
-    bound = reading.fields(node, f"'{kind.value}'", binding_keys(kind), ("name", "type"))
-    if bound is None:
-        return None
-    type_node = bound.get("type")
-    type_name = type_node.text if isinstance(type_node, Scalar) else None
-    outputs, paths = _read_outputs(reading, fields, kind, type_name, interfaces)
-    binding = read_binding(
-        reading,
-        kind,
-        bound,
-        Names({one.name: one.type for one in inputs}),
-        Names({}),
-        interfaces,
-        paths,
-    )
-    return None if binding is None else (binding, outputs)
-
-
-def _read_outputs(
-    reading: FileReading,
-    fields: Fields,
-    kind: BindingKind,
-    type_name: str | None,
-    interfaces: Interfaces | None,
-) -> tuple[tuple[FieldSpec, ...], dict[str, str]]:
-    if fields.get("outputs") is not None and kind not in RECEIVED:
-        reading.error(
-            "unknown-key",
-            fields.keys["outputs"],
-            "a skill that is a topic has no outputs: nothing comes back from it",
-            "remove 'outputs'",
-        )
-        return (), {}
-    known_type = (
-        type_name
-        if interfaces is None or not type_name or not interfaces.type_problem(kind, type_name)
-        else None
-    )
-    check = result_check(kind, known_type, interfaces)
+def _outputs(reading: FileReading, fields: Fields) -> tuple[FieldSpec, ...]:
     outputs: list[FieldSpec] = []
-    paths: dict[str, str] = {}
     for entry in fields.entries("outputs", "names and fields"):
         name = read_new_name(reading, entry.key, "an output")
-        one = reading.fields(
-            entry.value, f"output '{entry.key.text[:40]}'", ("type", "from", "description")
-        )
+        what = f"output '{entry.key.text[:40]}'"
+        if isinstance(entry.value, Scalar) and not entry.value.empty:
+            reading.error(
+                "wrong-type",
+                entry.value,
+                f"{what} needs a type and where it comes from, found {found(entry.value)}",
+                f"write {entry.key.text[:40]}: {{type: text, from: {entry.value.text[:40]}}}",
+            )
+            continue
+        one = reading.fields(entry.value, what, ("type", "from", "description"))
         if name is None or one is None:
             continue
-        type_node, from_node = one.get("type"), one.get("from")
+        type_node = one.get("type")
         field_type = read_type(reading, type_node) if type_node is not None else None
-        path = read_output(reading, from_node or entry.key, "'from'", check)
-        if path is not None:
-            paths[name] = path
         outputs.append(
             FieldSpec(
                 name=name,
@@ -212,4 +256,4 @@ def _read_outputs(
                 description=one.text("description"),
             )
         )
-    return tuple(outputs), paths
+    return tuple(outputs)

@@ -54,7 +54,8 @@ def read_source(path: Path) -> Source:
     """
     file = str(path)
     data = _read_bytes(path)
-    if data.startswith(_UTF16):
+    # Without its mark, too, the first letter takes two bytes there, one of them zero.
+    if data.startswith(_UTF16) or data[:2].count(0) == 1:
         raise _refusal(
             file,
             "not-utf8",
@@ -122,3 +123,21 @@ def _refusal(file: str, code: str, message: str, hint: str) -> Exception:
         )
     )
     return problems.error()
+
+
+def aligned(text: str, written: str) -> list[int]:
+    """Return the place of every character of a text, and of its end, in what the file has.
+
+    Folding, indentation and escapes make the two differ; every visible character is there in the
+    same order, though, so looking for one after the other finds them.
+    """
+    whole = written.find(text)
+    if whole >= 0:
+        return [whole + i for i in range(len(text) + 1)]
+    places: list[int] = []
+    at = 0
+    for character in text:
+        place = -1 if character.isspace() else written.find(character, at)
+        places.append(place if place >= 0 else min(at, len(written) - 1))
+        at = place + 1 if place >= 0 else at
+    return [*places, min(at, len(written) - 1)]

@@ -26,25 +26,55 @@ class Position:
         return f"{self.file}:{self.line}:{self.column}"
 
 
+class FieldType(Enum):
+    """Types of fields, tunables, inputs and outputs; the value is the word in a file."""
+
+    TEXT = "text"
+    NUMBER = "number"
+    INTEGER = "integer"
+    BOOLEAN = "boolean"
+    DURATION = "duration"
+    LENGTH = "length"
+    ANGLE = "angle"
+    ANY = "any"
+
+
 @dataclass(frozen=True, kw_only=True)
 class Literal:
-    """A value as written; durations are seconds."""
+    """A value as written, in SI units.
+
+    Attributes:
+        type: Type of its place as far as it has one; says with which unit it is shown.
+    """
 
     value: Plain
+    type: FieldType = field(default=FieldType.ANY, compare=False)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Reference:
-    """``${name}``: the value of a name, with its type, at the moment it is needed."""
+    """``${name}``: the value of a name, at the moment it is needed.
+
+    Attributes:
+        type: Type of the name as far as it is known; says how the value is spoken in a text.
+    """
 
     name: str
+    type: FieldType = field(default=FieldType.ANY, compare=False)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Computed:
+    """``${age + 1}``: the value of an expression, at the moment it is needed."""
+
+    expression: Expression
 
 
 @dataclass(frozen=True, kw_only=True)
 class Text:
     """Text with names inside: ``Hello ${who}.``."""
 
-    parts: tuple[str | Reference, ...]
+    parts: tuple[str | Reference | Computed, ...]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -61,18 +91,7 @@ class MapValue:
     items: Mapping[str, Value]
 
 
-Value = Literal | Reference | Text | ListValue | MapValue
-
-
-class FieldType(Enum):
-    """Types of fields, tunables, inputs and outputs; the value is the word in a file."""
-
-    TEXT = "text"
-    NUMBER = "number"
-    INTEGER = "integer"
-    BOOLEAN = "boolean"
-    DURATION = "duration"
-    ANY = "any"
+Value = Literal | Reference | Computed | Text | ListValue | MapValue
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -124,6 +143,8 @@ class SkillSpec:
         main: Input that a scalar stands for; None when there is none.
         inputs: Typed inputs.
         outputs: Names that later nodes may use.
+        binding: None while no robot is bound to it whose ROS types are installed.
+        unoffered: Why there is no binding, in words; empty when there is one.
     """
 
     name: str
@@ -131,8 +152,9 @@ class SkillSpec:
     main: str | None
     inputs: tuple[FieldSpec, ...]
     outputs: tuple[FieldSpec, ...]
-    binding: Binding
+    binding: Binding | None
     position: Position
+    unoffered: str = ""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -147,6 +169,9 @@ class NodeSpec:
         fields: Values and conditions by field name; see ``nodes.py`` for the fields of a kind.
         children: In order; of a modifier the modified node first.
         skill: Set when ``kind`` is a skill.
+        outputs: Name that is written → where its value comes from: a field path of the result or
+            message, or a name inside of a subtree.
+        plugin: Class of a node that a plug-in brings.
     """
 
     path: str
@@ -156,6 +181,29 @@ class NodeSpec:
     fields: Mapping[str, Value | Expression] = field(default_factory=dict)
     children: tuple[NodeSpec, ...] = ()
     skill: SkillSpec | None = None
+    outputs: Mapping[str, str] = field(default_factory=dict)
+    plugin: type | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class SubtreeSpec:
+    """A subtree that nodes may call.
+
+    Attributes:
+        inputs: Typed inputs, given behind ``with``.
+        outputs: Names that the caller may use afterwards.
+        body: Its tree with the subtrees that it calls itself in place; None while those of its
+            own file are being read.
+        position: Where its name stands.
+        complete: False when its declaration has errors, so that nothing can be said about calls.
+    """
+
+    name: str
+    inputs: tuple[FieldSpec, ...]
+    outputs: tuple[FieldSpec, ...]
+    body: NodeSpec | None
+    position: Position
+    complete: bool = True
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -198,7 +246,12 @@ class FeedbackRule:
 
 @dataclass(frozen=True, kw_only=True)
 class AgentSpec:
-    """One agent file."""
+    """One agent file.
+
+    Attributes:
+        unoffered: The skills that it uses and no robot offers here, each with the reason; with
+            one of them it does not bid.
+    """
 
     name: str
     title: str
@@ -212,6 +265,7 @@ class AgentSpec:
     tree: NodeSpec
     on_cancel: NodeSpec | None
     file: str
+    unoffered: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -21,7 +21,8 @@ class Expansion:
 
     Args:
         reading: The file, for problems.
-        bodies: The tree of each subtree; its paths start with the subtree's name.
+        bodies: The tree of each subtree that can be called, imported ones with their own
+            subtrees in place already; its paths start with the subtree's name.
         calls: Place of each ``subtree`` node → name of the subtree.
     """
 
@@ -63,7 +64,7 @@ class Expansion:
                     self._reading.error(
                         "recursion",
                         position,
-                        f"subtree '{name}' contains itself: {loop[:200]}",
+                        f"subtree '{name}' contains itself: {loop[:90]}",
                         "use 'repeat' to do something again",
                     )
                 elif name not in finished:
@@ -96,7 +97,7 @@ class Expansion:
         while open_specs:
             spec = open_specs.pop()
             open_specs += spec.children
-            name = self._calls.get(spec.position) if spec.kind == "subtree" else None
+            name = self._calls.get(spec.position) if _calls(spec) else None
             if name is not None and name in self._bodies:
                 found.setdefault(name, spec.position)
         return found
@@ -104,15 +105,20 @@ class Expansion:
     def _size(self, spec: NodeSpec) -> tuple[int, int]:
         """Return how many nodes and levels a tree has with its subtrees in place."""
         sizes = [self._size(child) for child in spec.children]
-        if spec.kind == "subtree":
+        if _calls(spec):
             sizes.append(self._sizes.get(self._calls[spec.position], (0, 0)))
         return 1 + sum(s for s, _ in sizes), 1 + max((d for _, d in sizes), default=0)
 
     def _expanded(self, spec: NodeSpec, prefix: str) -> NodeSpec:
         path = prefix + spec.path
         children = tuple(self._expanded(child, prefix) for child in spec.children)
-        if spec.kind == "subtree":
+        if _calls(spec):
             body = self._bodies.get(self._calls[spec.position])
             if body is not None:
                 children = (self._expanded(body, f"{path}/"),)
         return replace(spec, path=path, children=children)
+
+
+def _calls(spec: NodeSpec) -> bool:
+    """Return whether a node calls a subtree that is not in its place yet."""
+    return spec.kind == "subtree" and not spec.children

@@ -4,96 +4,142 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
-from bt_agents.language.diagnostics import did_you_mean, shown
+from bt_agents.language.calls import LABEL_LENGTH, CallReader, short
+from bt_agents.language.child_counts import read_succeed_on, refuse_no_chance
 from bt_agents.language.drafts import Draft
-from bt_agents.language.expressions import Expression
-from bt_agents.language.interfaces import read_ros_name, read_ros_type
-from bt_agents.language.names import FieldCheck, Names
-from bt_agents.language.nodes import MODIFIERS, Children, Content, ModifierKind, NodeField
+from bt_agents.language.names import Names
+from bt_agents.language.node_fields import FieldReader, FieldValues, written_fields
+from bt_agents.language.node_types import Children, ModifierKind
+from bt_agents.language.nodes import FOREVER, MODIFIERS
 from bt_agents.language.raw_leaves import RAW_LEAVES, read_raw_leaf
-from bt_agents.language.shape import Fields, FileReading
+from bt_agents.language.shape import FileReading, listed
 from bt_agents.language.specs import (
-    BindingKind,
-    FieldSpec,
     FieldType,
     Literal,
     NodeSpec,
     Position,
+    SubtreeSpec,
     Value,
 )
-from bt_agents.language.values import read_condition, read_value
+from bt_agents.language.values import read_value
 from bt_agents.language.vocabulary import Vocabulary
+from bt_agents.language.written_names import WrittenNames
 from bt_agents.language.yaml_reader import Mapping as MappingNode
-from bt_agents.language.yaml_reader import Node, Scalar
+from bt_agents.language.yaml_reader import Node, entries_of
 
-FieldValues = dict[str, Value | Expression]
-
-_LABEL_LENGTH = 24
 _NOT_IN_PATH = re.compile(r"[^\w-]+")
+_LOOPS = ("retry", "repeat")
+_LEFT_OUT = ("when", "once", "cooldown")
+_EXCLUSIVE = ("choose", "random")
 
 
 class TreeReader:
-    """Reads the trees of one agent file.
+    """Reads the trees of one file.
 
-    Attributes:
-        calls: Place of each ``subtree`` node → name of the subtree.
+    Args:
+        reading: The file.
+        vocabulary: What it may speak of.
+        subtrees: What its trees can call, by name.
     """
 
     def __init__(
         self,
         reading: FileReading,
         vocabulary: Vocabulary,
-        subtrees: Mapping[str, tuple[FieldSpec, ...]],
+        subtrees: Mapping[str, SubtreeSpec],
     ) -> None:
-        """Take what nodes may refer to; ``subtrees`` gives the inputs of each."""
-        self.calls: dict[Position, str] = {}
         self._reading = reading
-        self._vocabulary = vocabulary
-        self._subtrees = subtrees
+        self._interfaces = vocabulary.interfaces
+        self._fields = FieldReader(reading, vocabulary)
+        self._calls = CallReader(reading, subtrees, vocabulary.incomplete)
+        self._written = WrittenNames(reading, subtrees)
+        self._leaves: Mapping[str, Callable[[Draft, str, Names], NodeSpec | None]] = {
+            "set": self._set,
+            "subtree": self._calls.subtree,
+            "wait_for": self._wait_for,
+            "give_feedback": self._give_feedback,
+            **dict.fromkeys(RAW_LEAVES, self._raw),
+        }
 
-    def read(
-        self, draft: Draft, path: str, names: Names, *, in_selector: bool = False
-    ) -> NodeSpec | None:
+    @property
+    def calls(self) -> Mapping[Position, str]:
+        """Place of each ``subtree`` node read so far → name of the subtree."""
+        return self._calls.calls
+
+    def read(self, draft: Draft, path: str, names: Names, *, parent: str = "") -> NodeSpec | None:
         """Return a node with everything below it; None when it is wrong, which is then reported.
 
         Args:
             draft: The node as written.
             path: Its path.
-            names: What its values and conditions may name.
-            in_selector: Whether its parent is a selector.
+            names: What its values and conditions may name; learns what the node writes.
+            parent: Key of the composite that it is a child of.
         """
+        if any(key in draft.modifiers for key in _LOOPS):
+            # A later round can use what an earlier one has written.
+            names.give(self._written.below(draft))
+        wrapping = {
+            kind.key: self._modifier_fields(kind, draft, names, parent)
+            for kind in MODIFIERS.values()
+            if kind.key in draft.modifiers and not kind.handler
+        }
         spec = self._node(draft, path, names)
+        names.give(self._written.by(draft))
         for kind in reversed(list(MODIFIERS.values())):
-            entry = draft.modifiers.get(kind.key)
-            if entry is None:
+            if kind.handler and kind.key in draft.modifiers:
+                position = draft.modifiers[kind.key].key.position
+                spec = self._handled(draft, position, path, names, spec)
                 continue
-            if kind.key == "on_failure":
-                spec = self._handled(draft, entry.key.position, path, names, spec)
-            elif kind.key == "invert":
-                if self._reading.boolean(entry.value, "'invert'"):
-                    spec = _wrapped(spec, kind, entry.key.position, path, {}, kind.key)
-            else:
-                fields = self._modifier_fields(kind, entry.value, names)
-                if kind.key == "when":
-                    fields["otherwise"] = Literal(value="failure" if in_selector else "success")
-                label = f"{kind.key} {_short(entry.value)}"
-                spec = _wrapped(spec, kind, entry.key.position, path, fields, label)
+            fields = wrapping.get(kind.key)
+            if fields is not None:
+                entry = draft.modifiers[kind.key]
+                label = f"{kind.key} {short(entry.value)}" if kind.fields else kind.key
+                spec = _wrapped(spec, kind.key, entry.key.position, path, fields, label)
         return spec
 
-    def _modifier_fields(self, kind: ModifierKind, node: Node, names: Names) -> FieldValues:
-        assert kind.field is not None
-        value = self._field(kind.field, node, names, f"'{kind.key}'", {})
-        return {} if value is None else {kind.field.name: value}
+    def _modifier_fields(
+        self, kind: ModifierKind, draft: Draft, names: Names, parent: str
+    ) -> FieldValues | None:
+        """Return the fields of a modifier; None when it is switched off or is part of a case."""
+        node = draft.modifiers[kind.key].value
+        what = f"'{kind.key}'"
+        if kind.key == "when" and parent == "choose":
+            return None
+        fields: FieldValues = {}
+        if not kind.fields:
+            if not self._reading.boolean(node, what):
+                return None
+        else:
+            nodes = written_fields(self._reading, node, what, kind.fields, kind.main) or {}
+            fields = self._fields.read_all(kind.fields, nodes, names, kind.main, what)
+            if kind.key == "repeat":
+                self._check_repeat(node, nodes)
+                fields.setdefault("times", Literal(value=FOREVER))
+        if kind.key in _LEFT_OUT:
+            # A selector goes on to its next child, everything else goes on.
+            outcome = "failure" if parent == "selector" else "success"
+            fields["otherwise"] = Literal(value=outcome)
+        return fields
+
+    def _check_repeat(self, node: Node, nodes: Mapping[str, Node]) -> None:
+        if isinstance(node, MappingNode) and not {"times", "until"} & nodes.keys():
+            self._reading.error(
+                "missing-key",
+                node,
+                "'repeat' needs the key 'times' or 'until'",
+                "write how often, or what ends it: {until: answer == 'yes'}",
+            )
 
     def _handled(
         self, draft: Draft, position: Position, path: str, names: Names, spec: NodeSpec | None
     ) -> NodeSpec | None:
-        if draft.handler is None:
+        written = draft.nodes.get("on_failure")
+        if written is None:
             return None
         here = f"{path}@on_failure"
-        handler = self.read(draft.handler, f"{here}/{_segment(0, draft.handler)}", names)
+        handler = self.read(written, f"{here}/{_segment(0, written)}", names)
         if spec is None or handler is None:
             return None
         return NodeSpec(
@@ -106,131 +152,161 @@ class TreeReader:
 
     def _node(self, draft: Draft, path: str, names: Names) -> NodeSpec | None:
         if draft.skill is not None:
-            return self._skill(draft, path, names)
+            return self._calls.skill(draft, path, names)
         assert draft.kind is not None
-        key = draft.kind.key
         if draft.kind.children is Children.LIST:
             return self._composite(draft, path, names)
-        if key == "subtree":
-            return self._subtree(draft, path, names)
-        if key == "set":
-            return self._set(draft, path, names)
-        if key in RAW_LEAVES:
-            leaf = read_raw_leaf(
-                self._reading, draft, RAW_LEAVES[key], names, self._vocabulary.interfaces
-            )
-            if leaf is None:
-                return None
-            skill, label = leaf
-            return NodeSpec(
-                path=path,
-                position=draft.key.position,
-                kind=key,
-                name=draft.name or f"{key} {label}",
-                skill=skill,
-            )
-        return self._leaf(draft, path, names)
+        return self._leaves.get(draft.kind.key, self._leaf)(draft, path, names)
 
-    def _composite(self, draft: Draft, path: str, names: Names) -> NodeSpec | None:
+    def _composite(self, draft: Draft, path: str, names: Names) -> NodeSpec:
         assert draft.kind is not None
-        fields: FieldValues = {}
-        for field in draft.kind.fields:
-            entry = draft.options.get(field.name)
-            if entry is None:
-                fields[field.name] = Literal(value=field.default)
-                continue
-            value = self._field(field, entry.value, names, f"'{field.name}'", {})
-            if value is not None:
-                fields[field.name] = value
-        children = tuple(
-            self.read(
-                child,
-                f"{path}/{_segment(index, child)}",
-                names,
-                in_selector=draft.kind.key == "selector",
+        key = draft.kind.key
+        nodes = {name: entry.value for name, entry in draft.options.items()}
+        fields = self._fields.read_all(draft.kind.fields, nodes, names)
+        memory = fields.get("memory")
+        again = isinstance(memory, Literal) and memory.value is False
+        if key == "parallel" or again:
+            # Any child may run after any other.
+            names.give(self._written.below(draft))
+        if key == "parallel" and "succeed_on" in nodes:
+            fields["succeed_on"] = Literal(
+                value=read_succeed_on(self._reading, draft, nodes["succeed_on"])
             )
-            for index, child in enumerate(draft.children)
-        )
+        listed_children = [*draft.children]
+        if "otherwise" in draft.nodes:
+            listed_children.append(draft.nodes["otherwise"])
+        at_start = set(names.given)
+        at_end = set(at_start)
+        whens = [self._case(child, names) if key == "choose" else {} for child in draft.children]
+        children: list[NodeSpec | None] = []
+        for index, child in enumerate(listed_children):
+            if key in _EXCLUSIVE:
+                names.given.clear()
+                names.given.update(at_start)
+            here = f"{path}/{_segment(index, child)}"
+            is_child = index < len(draft.children)
+            spec = self.read(child, here, names, parent=key if is_child else "")
+            if key == "choose":
+                case = whens[index] if is_child else {}
+                label = child.name or "otherwise"
+                spec = _wrapped(spec, "case", child.key.position, here, case, label, "when")
+            elif key == "random":
+                weight = self._weight(child, names)
+                label = f"weight {short(child.beside['weight'].value)}" if weight else "weight 1"
+                one: FieldValues = {"weight": weight or Literal(value=1.0)}
+                spec = _wrapped(spec, "weight", child.key.position, here, one, label)
+            children.append(spec)
+            at_end |= names.given
+        names.give(at_end)
+        if key == "random":
+            refuse_no_chance(self._reading, draft, children)
         return NodeSpec(
             path=path,
             position=draft.key.position,
-            kind=draft.kind.key,
-            name=draft.name or draft.kind.key,
+            kind=key,
+            name=draft.name or key,
             fields=fields,
             children=tuple(child for child in children if child is not None),
         )
+
+    def _case(self, child: Draft, names: Names) -> FieldValues:
+        entry = child.modifiers.get("when")
+        if entry is None:
+            return {}
+        nodes = {"condition": entry.value}
+        return self._fields.read_all(MODIFIERS["when"].fields, nodes, names, "condition", "'when'")
+
+    def _weight(self, child: Draft, names: Names) -> Value | None:
+        entry = child.beside.get("weight")
+        if entry is None:
+            return None
+        return read_value(self._reading, entry.value, FieldType.NUMBER, names, "'weight'", 0.0)
 
     def _leaf(self, draft: Draft, path: str, names: Names) -> NodeSpec | None:
         kind = draft.kind
         assert kind is not None
         what = f"'{kind.key}'"
-        required = [field.name for field in kind.fields if field.required]
-        if isinstance(draft.value, MappingNode) or kind.main is None:
-            known = [field.name for field in kind.fields]
-            written = self._reading.fields(draft.value, what, known, required)
-            if written is None:
-                return None
-            nodes = written.nodes
-        else:
-            nodes = {kind.main: draft.value}
-        fields: FieldValues = {}
-        for field in kind.fields:
-            node = nodes.get(field.name)
-            if node is None:
-                continue
-            label = what if field.name == kind.main else f"'{field.name}'"
-            value = self._field(field, node, names, label, nodes)
-            if value is not None:
-                fields[field.name] = value
-        shortened = _short(nodes.get(kind.main or kind.fields[0].name))
+        nodes = written_fields(self._reading, draft.value, what, kind.fields, kind.main)
+        if nodes is None:
+            return None
+        first = kind.main or (kind.fields[0].name if kind.fields else "")
         return NodeSpec(
             path=path,
             position=draft.key.position,
             kind=kind.key,
-            name=draft.name or f"{kind.key} {shortened}",
-            fields=fields,
+            name=draft.name or f"{kind.key} {short(nodes.get(first))}".rstrip(),
+            fields=self._fields.read_all(kind.fields, nodes, names, kind.main, what),
+            plugin=kind.behaviour,
         )
 
-    def _field(
-        self, field: NodeField, node: Node, names: Names, what: str, beside: Mapping[str, Node]
-    ) -> Value | Expression | None:
-        """Return what is written in a field of the table of nodes.
+    def _wait_for(self, draft: Draft, path: str, names: Names) -> NodeSpec | None:
+        kind = draft.kind
+        assert kind is not None
+        nodes = written_fields(self._reading, draft.value, "'wait_for'", kind.fields, kind.main)
+        if nodes is None:
+            return None
+        message = [key for key in ("topic", "type", "until", "outputs") if key in nodes]
+        missing = [key for key in ("topic", "type") if key not in nodes]
+        if "condition" in nodes and message:
+            self._reading.error(
+                "misplaced-key",
+                _key(draft.value, message[0]),
+                f"'{message[0]}' is about a message, but this waits for a condition",
+                "wait for the one or the other; 'parallel' waits for both",
+            )
+        elif "condition" not in nodes and missing:
+            self._reading.error(
+                "missing-key",
+                draft.key,
+                f"'wait_for' needs a condition, or the keys {listed(('topic', 'type'))}",
+                "write wait_for: live.person, or add "
+                + ", ".join(f"'{key}: …'" for key in missing),
+            )
+        shown_node = nodes.get("condition") or nodes.get("topic")
+        return NodeSpec(
+            path=path,
+            position=draft.key.position,
+            kind="wait_for",
+            name=draft.name or f"wait_for {short(shown_node)}".rstrip(),
+            fields=self._fields.read_all(kind.fields, nodes, names, kind.main, "'wait_for'"),
+            outputs=self._fields.outputs(nodes.get("outputs"), nodes),
+        )
 
-        Args:
-            field: Its entry in the table.
-            node: What is written.
-            names: What it may name.
-            what: The field, for messages.
-            beside: Other fields of the node.
-        """
-        match field.content:
-            case Content.VALUE:
-                return read_value(self._reading, node, field.type, names, what, field.minimum)
-            case Content.CONDITION:
-                if field.message:
-                    names = names.and_message(field.message, self._message_check(beside))
-                return read_condition(self._reading, node, names, what)
-            case Content.ROS_NAME:
-                return _literal(read_ros_name(self._reading, node, what))
-            case Content.ROS_TYPE:
-                interfaces = self._vocabulary.interfaces
-                return _literal(read_ros_type(self._reading, node, BindingKind.TOPIC, interfaces))
-            case Content.CONSTANT:
-                if field.words:
-                    return _literal(self._reading.choice(node, what, field.words))
-                return _literal(self._reading.boolean(node, what))
+    def _give_feedback(self, draft: Draft, path: str, names: Names) -> NodeSpec | None:
+        spec = self._leaf(draft, path, names)
+        kind = spec.fields.get("kind") if spec is not None else None
+        if spec is None or not isinstance(kind, Literal):
+            return spec
+        values = draft.value.get("values") if isinstance(draft.value, MappingNode) else None
+        if kind.value == "direct" and values is None:
+            self._reading.error(
+                "missing-key",
+                draft.value,
+                "direct feedback needs the values that the profile moves to",
+                "write give_feedback: {kind: direct, values: {…}}",
+            )
+        elif kind.value != "direct" and values is not None:
+            self._reading.error(
+                "misplaced-key",
+                _key(draft.value, "values"),
+                f"{kind.value} feedback takes the scene, so it has no values of its own",
+                "remove 'values', or write kind: direct",
+            )
+        return spec
 
-    def _message_check(self, beside: Mapping[str, Node]) -> FieldCheck:
-        interfaces = self._vocabulary.interfaces
-        node = beside.get("type")
-        type_name = node.text if isinstance(node, Scalar) else ""
-
-        def check(path: str) -> str | None:
-            if interfaces is None or interfaces.type_problem(BindingKind.TOPIC, type_name):
-                return None
-            return interfaces.field_problem(BindingKind.TOPIC, type_name, "message", path)
-
-        return check
+    def _raw(self, draft: Draft, path: str, names: Names) -> NodeSpec | None:
+        key = draft.key.text
+        leaf = read_raw_leaf(self._reading, draft, RAW_LEAVES[key], names, self._interfaces)
+        if leaf is None or leaf.binding is None:
+            return None
+        return NodeSpec(
+            path=path,
+            position=draft.key.position,
+            kind=key,
+            name=draft.name or f"{key} {leaf.binding.name}",
+            skill=leaf,
+            outputs=leaf.binding.outputs,
+        )
 
     def _set(self, draft: Draft, path: str, names: Names) -> NodeSpec | None:
         entries = self._reading.entries(draft.value, "'set'", "names and values")
@@ -249,151 +325,37 @@ class TreeReader:
             path=path,
             position=draft.key.position,
             kind="set",
-            name=draft.name or f"set {', '.join(fields)}"[:_LABEL_LENGTH],
+            name=draft.name or f"set {', '.join(fields)}"[:LABEL_LENGTH],
             fields=fields,
         )
-
-    def _skill(self, draft: Draft, path: str, names: Names) -> NodeSpec | None:
-        skill = draft.skill
-        assert skill is not None
-        nodes: dict[str, Node] = {}
-        value = draft.value
-        if isinstance(value, MappingNode):
-            known = [one.name for one in skill.inputs]
-            required = [one.name for one in skill.inputs if one.required]
-            fields = self._reading.fields(value, f"'{skill.name}'", known, required)
-            nodes = fields.nodes if fields is not None else {}
-        elif not self._all_defaults(draft):
-            if skill.main is None:
-                words = ", ".join(f"{one.name}: …" for one in skill.inputs)
-                self._reading.wrong_type(value, f"'{skill.name}'", f"its fields {{{words}}}")
-                return None
-            nodes = {skill.main: value}
-            missing = [o.name for o in skill.inputs if o.required and o.name != skill.main]
-            if missing:
-                self._reading.error(
-                    "missing-key",
-                    value,
-                    f"'{skill.name}' needs also {', '.join(missing)}",
-                    f"write {skill.name}: {{{skill.main}: …, {missing[0]}: …}}",
-                )
-        return NodeSpec(
-            path=path,
-            position=draft.key.position,
-            kind=skill.name,
-            name=draft.name or self._skill_label(draft, nodes),
-            fields=self._inputs(skill.inputs, nodes, names),
-            skill=skill,
-        )
-
-    def _all_defaults(self, draft: Draft) -> bool:
-        assert draft.skill is not None
-        optional = not any(one.required for one in draft.skill.inputs)
-        return isinstance(draft.value, Scalar) and draft.value.empty and optional
-
-    def _skill_label(self, draft: Draft, nodes: Mapping[str, Node]) -> str:
-        skill = draft.skill
-        assert skill is not None
-        shortened = _short(nodes.get(skill.main or ""))
-        types = {one.name: one.type for one in skill.inputs}
-        if shortened and types.get(skill.main or "") is FieldType.TEXT:
-            shortened = f'"{shortened}"'
-        return f"{skill.name} {shortened}".rstrip()
-
-    def _inputs(
-        self, inputs: tuple[FieldSpec, ...], nodes: Mapping[str, Node], names: Names
-    ) -> FieldValues:
-        fields: FieldValues = {}
-        for one in inputs:
-            node = nodes.get(one.name)
-            if node is None:
-                if not one.required:
-                    fields[one.name] = Literal(value=one.default)
-                continue
-            value = read_value(self._reading, node, one.type, names, f"'{one.name}'")
-            if value is not None:
-                fields[one.name] = value
-        return fields
-
-    def _subtree(self, draft: Draft, path: str, names: Names) -> NodeSpec | None:
-        called = self._reading.text(draft.value, "the name of a subtree")
-        if called is None:
-            return None
-        if called not in self._subtrees:
-            self._reading.error(
-                "unknown-subtree",
-                draft.value,
-                f"there is no subtree {shown(called)}",
-                did_you_mean(called, self._subtrees) or "declare it under 'subtrees:'",
-            )
-            return None
-        inputs = self._subtrees[called]
-        given = self._given(draft, called, inputs)
-        position = draft.key.position
-        self.calls[position] = called
-        return NodeSpec(
-            path=path,
-            position=position,
-            kind="subtree",
-            name=draft.name or f"subtree {called}",
-            fields=self._inputs(inputs, given.nodes if given is not None else {}, names),
-        )
-
-    def _given(self, draft: Draft, called: str, inputs: tuple[FieldSpec, ...]) -> Fields | None:
-        required = [one.name for one in inputs if one.required]
-        if draft.inputs is None:
-            if required:
-                self._reading.error(
-                    "missing-key",
-                    draft.value,
-                    f"subtree '{called}' needs the inputs {', '.join(required)}",
-                    f"add 'with: {{{required[0]}: …}}' beside 'subtree'",
-                )
-            return None
-        known = [one.name for one in inputs]
-        if not known:
-            self._reading.error(
-                "unknown-key",
-                draft.inputs.key,
-                f"subtree '{called}' has no inputs",
-                "remove 'with'",
-            )
-            return None
-        what = f"'with' of subtree '{called}'"
-        return self._reading.fields(draft.inputs.value, what, known, required)
 
 
 def _wrapped(
     spec: NodeSpec | None,
-    kind: ModifierKind,
+    kind: str,
     position: Position,
     path: str,
     fields: FieldValues,
     label: str,
+    suffix: str = "",
 ) -> NodeSpec | None:
     if spec is None:
         return None
     return NodeSpec(
-        path=f"{path}@{kind.key}",
+        path=f"{path}@{suffix or kind}",
         position=position,
-        kind=kind.key,
+        kind=kind,
         name=label,
         fields=fields,
         children=(spec,),
     )
 
 
-def _literal(value: bool | str | None) -> Literal | None:
-    return None if value is None else Literal(value=value)
+def _key(node: Node, name: str) -> Node:
+    """Return a key of a mapping as it stands in the file."""
+    return next((entry.key for entry in entries_of(node) if entry.key.text == name), node)
 
 
 def _segment(index: int, draft: Draft) -> str:
     word = _NOT_IN_PATH.sub("_", draft.name).strip("_") or draft.key.text
     return f"{index}.{word}"
-
-
-def _short(node: Node | None) -> str:
-    if not isinstance(node, Scalar):
-        return "" if node is None else "…"
-    flat = " ".join(node.text.split())
-    return flat if len(flat) <= _LABEL_LENGTH else f"{flat[: _LABEL_LENGTH - 1]}…"

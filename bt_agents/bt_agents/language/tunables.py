@@ -4,21 +4,25 @@
 from __future__ import annotations
 
 from bt_agents.language import quantities
+from bt_agents.language.quantities import spoken
 from bt_agents.language.scalars import boolean
-from bt_agents.language.shape import Fields, FileReading, found
+from bt_agents.language.shape import Fields, FileReading, adding, found, listed
 from bt_agents.language.specs import FieldType, Tunable
 from bt_agents.language.yaml_reader import Entry, Node, Scalar
 
 _KEYS = ("default", "min", "max", "step", "description")
 _RANGE = ("min", "max", "step")
+_QUANTITIES = (FieldType.DURATION, FieldType.LENGTH, FieldType.ANGLE)
 _STEP_TOLERANCE = 1e-6
+_DIGITS = 6
 
 
 def read_tunable(reading: FileReading, entry: Entry, name: str) -> Tunable | None:
     """Return a tunable; None when it is wrong, which is then reported.
 
-    The default says the type: ``2`` is an integer, ``2.0`` a number, ``8 s`` a duration, ``true``
-    a boolean, anything else a text. An integer with a fractional range is a number.
+    The default says the type: ``2`` is an integer, ``2.0`` a number, ``8 s`` a duration, ``1.5 m``
+    a length, ``90 deg`` an angle, ``true`` a boolean, anything else a text. An integer with a
+    fractional range is a number.
     """
     what = f"tunable '{name}'"
     if isinstance(entry.value, Scalar) and not entry.value.empty:
@@ -34,20 +38,25 @@ def read_tunable(reading: FileReading, entry: Entry, name: str) -> Tunable | Non
     if fields is None or default is None:
         return None
     if not isinstance(default, Scalar) or default.empty:
-        reading.wrong_type(default, f"the default of {what}", "a number, time or text")
+        reading.wrong_type(default, f"the default of {what}", "a number, time, length or text")
         return None
     before = len(reading.problems)
+    description = fields.text("description")
     field_type = _type(default, [fields.get(key) for key in _RANGE])
-    if field_type in (FieldType.TEXT, FieldType.BOOLEAN):
-        _refuse_range(reading, fields, what, field_type)
-        minimum, maximum, step = None, None, 0.0
-    else:
-        minimum, maximum, step = _range(reading, fields, entry, what, field_type)
     value = _default(reading, default, field_type, what)
-    if value is None or len(reading.problems) > before:
+    minimum, maximum, step = None, None, 0.0
+    if value is None:
         return None
-    if not isinstance(value, str | bool):
-        _check_default(reading, default, what, value, minimum, maximum, step)
+    if isinstance(value, str | bool):
+        _refuse_range(reading, fields, what, field_type)
+    else:
+        limits = _range(reading, fields, entry, what, field_type)
+        if limits is None:
+            return None
+        minimum, maximum, step = limits
+        _check_default(reading, default, what, field_type, value, *limits)
+    if len(reading.problems) > before:
+        return None
     return Tunable(
         name=name,
         type=field_type,
@@ -55,7 +64,7 @@ def read_tunable(reading: FileReading, entry: Entry, name: str) -> Tunable | Non
         minimum=minimum,
         maximum=maximum,
         step=step,
-        description=fields.text("description"),
+        description=description,
         position=entry.key.position,
     )
 
@@ -67,7 +76,12 @@ def _type(default: Scalar, limits: list[Node | None]) -> FieldType:
         return FieldType.TEXT
     if boolean(text) is not None:
         return FieldType.BOOLEAN
-    if quantities.means_duration(text) or any(map(quantities.means_duration, written)):
+    for one in (text, *written):
+        quantity = quantities.meant_type(one)
+        if quantity is not None:
+            return quantity
+    # Without a range 1:30 can be a text.
+    if written and any(map(quantities.is_clock, (text, *written))):
         return FieldType.DURATION
     if not _is_numeric(text):
         return FieldType.NUMBER if any(map(_is_numeric, written)) else FieldType.TEXT
@@ -88,16 +102,16 @@ def _is_whole(text: str) -> bool:
 
 
 def _refuse_range(reading: FileReading, fields: Fields, what: str, field_type: FieldType) -> None:
-    for key in _RANGE:
-        if fields.get(key) is not None:
-            default = fields.nodes["default"]
-            quoted = isinstance(default, Scalar) and not default.plain
-            reading.error(
-                "unknown-key",
-                fields.keys[key],
-                f"{what} is a {field_type.value}, which has no '{key}'",
-                "write the default without quotes" if quoted else f"remove '{key}'",
-            )
+    keys = [key for key in _RANGE if fields.get(key) is not None]
+    if keys:
+        default = fields.nodes["default"]
+        quoted = isinstance(default, Scalar) and not default.plain
+        reading.error(
+            "unknown-key",
+            fields.keys[keys[0]],
+            f"{what} is a {field_type.value}, which has no {listed(keys)}",
+            "write the default without quotes" if quoted else f"remove {listed(keys)}",
+        )
 
 
 def _default(
@@ -114,34 +128,47 @@ def _default(
 def _amount(
     reading: FileReading, node: Node, field_type: FieldType, what: str
 ) -> int | float | None:
-    if field_type is FieldType.DURATION:
-        return reading.duration(node, what)
-    if field_type is FieldType.INTEGER:
-        return reading.integer(node, what)
+    match field_type:
+        case FieldType.DURATION:
+            return reading.duration(node, what)
+        case FieldType.LENGTH:
+            return reading.length(node, what)
+        case FieldType.ANGLE:
+            return reading.angle(node, what)
+        case FieldType.INTEGER:
+            return reading.integer(node, what)
     return reading.number(node, what)
 
 
 def _range(
     reading: FileReading, fields: Fields, entry: Entry, what: str, field_type: FieldType
-) -> tuple[float | None, float | None, float]:
-    """Return the smallest and largest value and the step, 0 for none."""
+) -> tuple[float | None, float | None, float] | None:
+    """Return the smallest and largest value and the step, 0 for none.
+
+    Returns:
+        None when they are wrong, which is then reported.
+    """
+    before = len(reading.problems)
     needed = [key for key in ("min", "max") if fields.get(key) is None]
-    # A time alone can do without a range; half a range helps nobody, though.
-    if needed and (field_type is not FieldType.DURATION or len(needed) == 1):
-        reading.error(
-            "missing-key",
-            entry.key,
-            f"{what} needs {' and '.join(needed)}, so that it can be a slider",
-            f"add '{needed[0]}: …'",
-        )
     limits: dict[str, float | None] = {}
     for key in _RANGE:
         node = fields.get(key)
         limits[key] = (
             _amount(reading, node, field_type, f"'{key}' of {what}") if node is not None else None
         )
+    # A quantity alone can do without a range; half a range helps nobody, though.
+    if needed and (field_type not in _QUANTITIES or len(needed) == 1):
+        reading.error(
+            "missing-key",
+            entry.key,
+            f"{what} needs {' and '.join(needed)}, so that it can be a slider",
+            adding(needed),
+        )
+    if len(reading.problems) > before:
+        return None
     minimum, maximum, step = limits["min"], limits["max"], limits["step"]
-    fields.check_range(what, minimum, maximum)
+    if not fields.check_range(what, minimum, maximum, field_type):
+        return None
     if step is not None and (step <= 0 or minimum is None):
         reading.error(
             "out-of-range",
@@ -149,6 +176,7 @@ def _range(
             f"'step' of {what} needs a number above 0, and a 'min' that it counts from",
             "remove 'step' to allow every value",
         )
+        return None
     return minimum, maximum, step or 0.0
 
 
@@ -156,12 +184,14 @@ def _check_default(
     reading: FileReading,
     node: Scalar,
     what: str,
+    field_type: FieldType,
     value: float,
     minimum: float | None,
     maximum: float | None,
     step: float,
 ) -> None:
-    if not reading.in_range(node, f"the default of {what}", value, minimum, maximum):
+    label = f"the default of {what}"
+    if not reading.in_range(node, label, value, minimum, maximum, field_type):
         return
     if not step or minimum is None or value == maximum:
         return
@@ -171,7 +201,7 @@ def _check_default(
         reading.error(
             "off-step",
             node,
-            f"the default of {what} is {value:g}, which is not 'min' plus a number of steps of "
-            f"{step:g}",
-            f"write {near:g}",
+            f"{label} is {spoken(value, field_type, _DIGITS)}, which is not 'min' plus a number "
+            f"of steps of {spoken(step, field_type, _DIGITS)}",
+            f"write {spoken(near, field_type, _DIGITS)}",
         )

@@ -3,38 +3,33 @@
 
 from __future__ import annotations
 
-import re
-
 from bt_agents.language import quantities
-from bt_agents.language.diagnostics import shown
-from bt_agents.language.expressions import (
-    Expression,
-    ExpressionError,
-    ValueKind,
-    parse_expression,
-)
+from bt_agents.language.expressions import Expression, ValueKind
 from bt_agents.language.names import Names
+from bt_agents.language.references import Part, read_expression, read_parts
 from bt_agents.language.scalars import plain_value
 from bt_agents.language.shape import FileReading
 from bt_agents.language.specs import (
+    Computed,
     FieldType,
     ListValue,
     Literal,
     MapValue,
+    Plain,
     Reference,
     Text,
     Value,
 )
 from bt_agents.language.yaml_reader import Mapping, Node, Scalar, Sequence
 
-_REFERENCE = re.compile(r"\$\$\{|\$\{([^{}$]*)(\}?)")
-_DOTTED = re.compile(r"[^\W\d]\w*(\.\w+)*")
-
+_NUMBERS = (FieldType.NUMBER, FieldType.INTEGER)
 _FITTING = {
-    FieldType.NUMBER: {FieldType.NUMBER, FieldType.INTEGER, FieldType.DURATION},
-    FieldType.INTEGER: {FieldType.INTEGER},
-    FieldType.DURATION: {FieldType.DURATION, FieldType.NUMBER, FieldType.INTEGER},
-    FieldType.BOOLEAN: {FieldType.BOOLEAN},
+    FieldType.NUMBER: (*_NUMBERS, FieldType.DURATION, FieldType.LENGTH, FieldType.ANGLE),
+    FieldType.INTEGER: (FieldType.INTEGER,),
+    FieldType.DURATION: (*_NUMBERS, FieldType.DURATION),
+    FieldType.LENGTH: (*_NUMBERS, FieldType.LENGTH),
+    FieldType.ANGLE: (*_NUMBERS, FieldType.ANGLE),
+    FieldType.BOOLEAN: (FieldType.BOOLEAN,),
 }
 """Type of a place → types of names that may stand there; texts and any take every name."""
 
@@ -44,6 +39,8 @@ _EXPECTED = {
     FieldType.INTEGER: "a whole number",
     FieldType.BOOLEAN: "true or false",
     FieldType.DURATION: "a time such as '8 s'",
+    FieldType.LENGTH: "a length such as '1.5 m'",
+    FieldType.ANGLE: "an angle such as '90 deg'",
     FieldType.ANY: "a value",
 }
 
@@ -72,14 +69,14 @@ def read_value(
     if not isinstance(node, Scalar):
         reading.wrong_type(node, what, expected)
         return None
-    parts = split(reading, node)
-    if parts is None or not _known(reading, node, names):
+    parts = read_parts(reading, node, names)
+    if parts is None:
         return None
     if field_type is FieldType.TEXT:
-        return _text(reading, node, parts, names, what)
-    if len(parts) == 1 and isinstance(parts[0], Reference):
-        return _fitting(reading, node, parts[0], field_type, names, what)
-    if any(isinstance(part, Reference) for part in parts):
+        return _text(reading, node, parts, what)
+    if len(parts) == 1 and not isinstance(parts[0], str):
+        return _fitting(reading, node, parts[0], field_type, what)
+    if any(not isinstance(part, str) for part in parts):
         reading.error(
             "wrong-type",
             node,
@@ -101,24 +98,22 @@ def _literal(
             value = reading.integer(node, what, int(minimum) if minimum is not None else None)
         case FieldType.DURATION:
             value = reading.duration(node, what)
+        case FieldType.LENGTH:
+            value = reading.length(node, what)
+        case FieldType.ANGLE:
+            value = reading.angle(node, what)
         case _:
             value = reading.number(node, what, minimum)
-    return None if value is None else Literal(value=value)
+    return None if value is None else Literal(value=value, type=field_type)
 
 
-def _text(
-    reading: FileReading,
-    node: Scalar,
-    parts: tuple[str | Reference, ...],
-    names: Names,
-    what: str,
-) -> Value | None:
-    if not any(isinstance(part, Reference) for part in parts):
+def _text(reading: FileReading, node: Scalar, parts: tuple[Part, ...], what: str) -> Value | None:
+    if all(isinstance(part, str) for part in parts):
         # An empty text can be meant, but then it is in quotes.
         text = reading.text(node, what, empty=not node.plain)
-        return None if text is None else Literal(value="".join(str(part) for part in parts))
+        return None if text is None else Literal(value="".join(map(str, parts)))
     match parts:
-        case (Reference() as only,) if names.type_of(only.name) is FieldType.TEXT:
+        case (Reference(type=FieldType.TEXT) as only,):
             return only
     return Text(parts=parts)
 
@@ -126,19 +121,24 @@ def _text(
 def _fitting(
     reading: FileReading,
     node: Scalar,
-    reference: Reference,
+    part: Reference | Computed,
     field_type: FieldType,
-    names: Names,
     what: str,
 ) -> Value | None:
-    given = names.type_of(reference.name)
-    if given is FieldType.ANY or given in _FITTING[field_type]:
-        return reference
-    assert given is not None
+    if isinstance(part, Reference):
+        fits = part.type is FieldType.ANY or part.type in _FITTING[field_type]
+        found = f"'{part.name}' is {_EXPECTED[part.type]}"
+    else:
+        kind = part.expression.kind
+        wanted = ValueKind.BOOLEAN if field_type is FieldType.BOOLEAN else ValueKind.NUMBER
+        fits = kind is None or kind is wanted
+        found = f"'{part.expression.text}' gives {kind.value if kind else 'anything'}"
+    if fits:
+        return part
     reading.error(
         "wrong-value",
         node,
-        f"{what}: expected {_EXPECTED[field_type]}, but '{reference.name}' is {_EXPECTED[given]}",
+        f"{what}: expected {_EXPECTED[field_type]}, but {found}",
         "use a name with a fitting value",
     )
     return None
@@ -159,15 +159,15 @@ def _read_any_scalar(reading: FileReading, node: Scalar, names: Names, what: str
     if node.empty:
         reading.error("missing-value", node, f"{what}: nothing is written here", "write a value")
         return None
-    parts = split(reading, node)
-    if parts is None or not _known(reading, node, names):
+    parts = read_parts(reading, node, names)
+    if parts is None:
         return None
-    if len(parts) == 1 and isinstance(parts[0], Reference):
+    if len(parts) == 1 and not isinstance(parts[0], str):
         return parts[0]
-    if any(isinstance(part, Reference) for part in parts):
+    if any(not isinstance(part, str) for part in parts):
         return Text(parts=parts)
     if "${" in node.text:
-        return Literal(value="".join(str(part) for part in parts))
+        return Literal(value="".join(map(str, parts)))
     try:
         return Literal(value=plain_value(node))
     except quantities.QuantityError as error:
@@ -184,84 +184,13 @@ def read_map(reading: FileReading, node: Node, names: Names, what: str) -> MapVa
     return MapValue(items={key: value for key, value in values.items() if value is not None})
 
 
-def split(reading: FileReading, node: Scalar) -> tuple[str | Reference, ...] | None:
-    """Return the parts of a text: plain text and names; None when a ``${…}`` is wrong.
-
-    ``$${`` stands for the plain text ``${``.
-    """
-    if "${" not in node.text:
-        return (node.text,)
-    parts: list[str | Reference] = []
-    plain = ""
-    at = 0
-    sound = True
-    for match in _REFERENCE.finditer(node.text):
-        plain += node.text[at : match.start()]
-        at = match.end()
-        if match[1] is None:
-            plain += "${"
-            continue
-        name = match[1].strip()
-        problem, hint = _reference_problem(name, closed=bool(match[2]))
-        if problem:
-            width = len(match[0])
-            reading.error_in("bad-reference", node, match.start(), width, problem, hint)
-            sound = False
-            continue
-        if plain:
-            parts.append(plain)
-            plain = ""
-        parts.append(Reference(name=name))
-    plain += node.text[at:]
-    if plain:
-        parts.append(plain)
-    return tuple(parts) if sound else None
-
-
-def _reference_problem(name: str, *, closed: bool) -> tuple[str, str]:
-    if not closed:
-        return "this '${' is not closed", "close it: ${name}; for the plain text ${ write $${"
-    if not name:
-        return "there is no name in ${ }", "write one: ${name}"
-    if not _DOTTED.fullmatch(name):
-        return f"{shown(name)} is not one name", "only a single name can stand in ${ }"
-    return "", ""
-
-
-def _known(reading: FileReading, node: Scalar, names: Names) -> bool:
-    """Return whether all names of a text exist; report the others where they stand."""
-    known = True
-    for match in _REFERENCE.finditer(node.text):
-        name = (match[1] or "").strip()
-        problem = names.problem(name) if name else None
-        if problem is not None:
-            code, message, hint = problem
-            offset = match.start(1) + len(match[1]) - len(match[1].lstrip())
-            reading.error_in(code, node, offset, len(name), message, hint)
-            known = False
-    return known
-
-
 def read_condition(reading: FileReading, node: Node, names: Names, what: str) -> Expression | None:
     """Return a condition; None when it is none, which is then reported."""
     if not isinstance(node, Scalar) or node.empty:
         reading.wrong_type(node, what, "a condition such as scene.age >= 4")
         return None
-    try:
-        expression = parse_expression(node.text, kind_of=names.kind_of)
-    except ExpressionError as error:
-        reading.error_in(
-            "bad-expression", node, error.column - 1, 1, f"{what}: {error.message}", error.hint
-        )
-        return None
-    sound = True
-    for mention in expression.mentions:
-        problem = names.problem(mention.name)
-        if problem is not None:
-            code, message, hint = problem
-            reading.error_in(code, node, mention.column - 1, len(mention.name), message, hint)
-            sound = False
-    if sound and expression.kind not in (None, ValueKind.BOOLEAN):
+    expression = read_expression(reading, node, node.text, 0, what, names)
+    if expression is not None and expression.kind not in (None, ValueKind.BOOLEAN):
         reading.error(
             "bad-expression",
             node,
@@ -269,4 +198,26 @@ def read_condition(reading: FileReading, node: Node, names: Names, what: str) ->
             "compare it, for example with >=",
         )
         return None
-    return expression if sound else None
+    return expression
+
+
+def is_plain(value: Value) -> bool:
+    """Return whether a value has no name in it."""
+    match value:
+        case ListValue():
+            return all(is_plain(item) for item in value.items)
+        case MapValue():
+            return all(is_plain(item) for item in value.items.values())
+    return isinstance(value, Literal)
+
+
+def plain(value: Value) -> Plain:
+    """Return a value without names as plain data; names in it become None."""
+    match value:
+        case Literal():
+            return value.value
+        case ListValue():
+            return tuple(plain(item) for item in value.items)
+        case MapValue():
+            return {key: plain(item) for key, item in value.items.items()}
+    return None

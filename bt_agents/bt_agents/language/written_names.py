@@ -1,55 +1,98 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The names that the nodes of an agent give values: keys of ``set`` and outputs of leaves."""
+"""The names that the nodes of a tree give values: keys of ``set`` and outputs of leaves."""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 
 from bt_agents.language.drafts import Draft
 from bt_agents.language.inputs import read_new_name
+from bt_agents.language.names import Written
 from bt_agents.language.scalars import scalar_type
 from bt_agents.language.shape import FileReading
-from bt_agents.language.specs import FieldType
-from bt_agents.language.yaml_reader import Entry, Mapping, Scalar
+from bt_agents.language.specs import FieldSpec, FieldType, SubtreeSpec
+from bt_agents.language.yaml_reader import Mapping as MappingNode
+from bt_agents.language.yaml_reader import Scalar, entries_of
+
+_WITH_OUTPUTS = ("action", "service", "wait_for")
 
 
-def written_names(
-    reading: FileReading, drafts: Iterable[Draft | None], tunables: Collection[str]
-) -> dict[str, FieldType]:
-    """Return every name that some node gives a value, with its type where all agree on one.
+class WrittenNames:
+    """Knows what each node of a file writes.
 
-    A name that is reserved or that of a tunable is reported.
+    Args:
+        reading: The file, for problems.
+        subtrees: What the trees of the file can call, by name.
     """
-    written: dict[str, FieldType] = {}
-    nodes = (node for draft in drafts if draft is not None for node in draft.walk())
-    for node in nodes:
-        for name, place, field_type in _written_by(reading, node):
-            if name in tunables:
-                reading.error(
-                    "name-taken",
-                    place,
-                    f"'{node.key.text}' gives '{name}' a value, but '{name}' is a tunable",
-                    "rename the tunable",
+
+    def __init__(self, reading: FileReading, subtrees: Mapping[str, SubtreeSpec]) -> None:
+        self._reading = reading
+        self._subtrees = subtrees
+
+    def of_trees(
+        self, drafts: Iterable[Draft | None], taken: Mapping[str, str]
+    ) -> dict[str, Written]:
+        """Return every name that some node of the trees gives a value.
+
+        Args:
+            drafts: The trees.
+            taken: Names that no node may write → what they are; a name that is one of them, or
+                reserved, is reported.
+        """
+        written: dict[str, Written] = {}
+        for node in (node for draft in drafts if draft is not None for node in draft.walk()):
+            for name, place, field_type in self._written_by(node):
+                own = place.text == name
+                if own and read_new_name(self._reading, place, "a value") is None:
+                    continue
+                if name in taken:
+                    self._reading.error(
+                        "name-taken",
+                        place,
+                        f"'{node.key.text}' gives '{name}' a value, but '{name}' is {taken[name]}",
+                        f"rename the one or the other: {name}_2",
+                    )
+                same = name not in written or written[name].type is field_type
+                first = written.get(name)
+                written[name] = Written(
+                    type=field_type if same else FieldType.ANY,
+                    node=first.node if first else node.key.text,
+                    line=first.line if first else place.position.line,
                 )
-            same = written.get(name, field_type) is field_type
-            written[name] = field_type if same else FieldType.ANY
-    return written
+        return written
 
+    def below(self, draft: Draft) -> set[str]:
+        """Return the names that a node and all below it write."""
+        return {name for node in draft.walk() for name, _, _ in self._written_by(node)}
 
-def _written_by(reading: FileReading, node: Draft) -> Iterator[tuple[str, Scalar, FieldType]]:
-    if node.skill is not None:
-        for output in node.skill.outputs:
-            yield output.name, node.key, output.type
-        return
-    entries: tuple[Entry, ...] = ()
-    if isinstance(node.value, Mapping):
-        if node.key.text == "set":
-            entries = node.value.entries
-        elif node.key.text in ("action", "service"):
-            outputs = node.value.get("outputs")
-            entries = outputs.entries if isinstance(outputs, Mapping) else ()
-    for entry in entries:
-        name = read_new_name(reading, entry.key, "a value")
-        if name is not None:
-            known = node.key.text == "set"
-            yield name, entry.key, scalar_type(entry.value) if known else FieldType.ANY
+    def by(self, draft: Draft) -> set[str]:
+        """Return the names that a node writes itself."""
+        return {name for name, _, _ in self._written_by(draft)}
+
+    def _written_by(self, node: Draft) -> Iterator[tuple[str, Scalar, FieldType]]:
+        key = node.key.text
+        declared = self._declared(node)
+        if declared is not None:
+            entry = node.beside.get("outputs")
+            if entry is None:
+                yield from ((one.name, node.key, one.type) for one in declared)
+                return
+            types = {one.name: one.type for one in declared}
+            for item in entries_of(entry.value):
+                source = item.value.text if isinstance(item.value, Scalar) else ""
+                yield item.key.text, item.key, types.get(source, FieldType.ANY)
+        elif key == "set":
+            for item in entries_of(node.value):
+                yield item.key.text, item.key, scalar_type(item.value)
+        elif key in _WITH_OUTPUTS and isinstance(node.value, MappingNode):
+            for item in entries_of(node.value.get("outputs")):
+                yield item.key.text, item.key, FieldType.ANY
+
+    def _declared(self, node: Draft) -> tuple[FieldSpec, ...] | None:
+        """Return the outputs of a skill or subtree; None for other nodes."""
+        if node.skill is not None:
+            return node.skill.outputs
+        if node.key.text != "subtree" or not isinstance(node.value, Scalar):
+            return None
+        called = self._subtrees.get(node.value.text)
+        return called.outputs if called is not None else ()

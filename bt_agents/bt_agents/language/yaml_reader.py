@@ -4,13 +4,17 @@
 from __future__ import annotations
 
 import re
+import unicodedata
 from collections.abc import Iterator
 from dataclasses import dataclass
 
 import yaml
 
 from bt_agents.language.diagnostics import Diagnostics, shown
-from bt_agents.language.source import MAX_BYTES, TOO_LARGE, Source
+from bt_agents.language.legibility import BAD_CHARACTER, is_readable
+from bt_agents.language.line_slips import Slip
+from bt_agents.language.mended_source import MendedSource, without_section
+from bt_agents.language.source import Source
 from bt_agents.language.specs import Position
 from bt_agents.language.yaml_syntax import report_syntax
 
@@ -23,12 +27,15 @@ MAX_NODES = 50_000
 MAX_TEXT = 20_000
 """Characters of one scalar."""
 
-# Also what breaks lines in some programs only (U+0085, U+2028, U+2029), hides (U+FEFF) or turns
-# the reading direction: no script needs it, and nobody would see it.
-_BAD_CHARACTER = re.compile(
-    "[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f\ud800-\udfff\ufdd0-\ufdef\ufeff\ufffe\uffff"
-    "\u2028\u2029\u202a-\u202e\u2066-\u2069]"
-)
+MAX_SLIPS = 20
+"""After so many syntax errors reading ends: the file is something else than YAML."""
+
+MAX_READ_AGAIN = 50_000
+"""Characters that are read once more behind slips; no script that a person wrote needs them."""
+
+_STRANGE_SPACE = re.compile("[\u00a0\u1680\u2000-\u200b\u202f\u205f\u2060\u3000]")
+_LOST_SPACE = re.compile("-(?=[^\\W\\d_])|[\u2010-\u2015\u2212] ?")
+_STANDARD_TAG = "tag:yaml.org,2002:"
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -91,44 +98,81 @@ class Mapping:
 Node = Scalar | Sequence | Mapping
 
 
+def entries_of(node: Node | None) -> tuple[Entry, ...]:
+    """Return the entries of a mapping, none of anything else."""
+    return node.entries if isinstance(node, Mapping) else ()
+
+
+def read_document(source: Source, problems: Diagnostics) -> tuple[Source, Node | None]:
+    """Return the one document of a file as far as it can be read; every problem is reported.
+
+    Where a syntax error is a slip that can only mean one thing, reading goes on as if it was
+    mended; where not, the other keys of the file are still looked through for syntax errors.
+
+    Returns:
+        The text that the document's spans are about, and the document without what was refused
+        in it; None when nothing can be made of it.
+    """
+    if not is_readable(source, problems):
+        return source, None
+    whole = True
+    left = MAX_READ_AGAIN
+    for _ in range(MAX_SLIPS):
+        root, slip = _read(source, problems)
+        if slip is None:
+            return source, root if whole else None
+        left -= len(source.text)
+        if left < 0:
+            break
+        if slip.mend is not None:
+            source = MendedSource(source, slip.mend)
+            continue
+        whole = False
+        rest = without_section(source, slip.index)
+        if rest is None:
+            break
+        source = rest
+    return source, None
+
+
 def read_yaml(source: Source, problems: Diagnostics) -> Node | None:
     """Return the one document of a file; every problem of its form goes to ``problems``.
 
     Returns:
-        The document without what was refused in it; None when nothing can be made of it.
+        The document without what was refused in it; None when nothing can be made of it, or it
+        has a syntax error.
     """
-    if len(source.text.encode("utf-8", "replace")) > MAX_BYTES:
-        problems.add("too-large", source.position(0), *TOO_LARGE)
+    if not is_readable(source, problems):
         return None
-    bad = _BAD_CHARACTER.search(source.text)
-    if bad is not None:
-        problems.add(
-            "bad-character",
-            source.position(bad.start()),
-            f"an invisible character (U+{ord(bad[0]):04X}) stands here",
-            "delete it; it may have come in by copying from another program",
-        )
-        return None
+    root, slip = _read(source, problems)
+    return root if slip is None else None
+
+
+def _read(source: Source, problems: Diagnostics) -> tuple[Node | None, Slip | None]:
+    """Return the document, and the slip that has kept it from being read."""
     builder = _Builder(source, problems)
     try:
         builder.take(_events(source.text))
     except yaml.MarkedYAMLError as error:
-        report_syntax(source, problems, error)
-        return None
+        return None, report_syntax(source, problems, error)
     except yaml.YAMLError as error:
         problems.add("syntax", source.position(0), f"the file cannot be read: {shown(str(error))}")
-        return None
+        return None, None
     if builder.root is None and not problems:
         problems.add(
             "empty-file", source.position(0), "nothing is written here", "start with 'format: 1'"
         )
-    return None if builder.hopeless else builder.root
+    return None if builder.hopeless else builder.root, None
 
 
 def _events(text: str) -> Iterator[yaml.Event]:
     # The C parser is iterative, so that depth is checked here before anything recursive is built.
     loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
     return yaml.parse(text, Loader=loader)
+
+
+def _as_written(tag: str) -> str:
+    return tag.replace(_STANDARD_TAG, "!!", 1) if tag.startswith(_STANDARD_TAG) else tag
 
 
 class _Open:
@@ -194,7 +238,7 @@ class _Builder:
                 self._give_up(
                     event,
                     "anchor",
-                    f"'*{event.anchor}' is an alias, which is not part of this language",
+                    f"{shown(f'*{event.anchor}')} is an alias, which is not part of this language",
                     "write the value again, use a tunable or subtree, or quote a text that starts "
                     "with '*'",
                 )
@@ -221,7 +265,7 @@ class _Builder:
     def _close(self, event: yaml.CollectionEndEvent) -> None:
         opened = self._open.pop()
         position = self._position(opened.event)
-        span = (_start(opened.event)[2], _end(event))
+        span = (_start(opened.event), _end(event))
         if isinstance(opened.event, yaml.SequenceStartEvent):
             self._add(Sequence(position=position, span=span, items=tuple(opened.items)))
         else:
@@ -246,14 +290,48 @@ class _Builder:
 
     def _key(self, parent: _Open, node: Node) -> Scalar | None:
         """Return a key, or None when it is refused and its value is to be left out."""
-        if not isinstance(node, Scalar) or node.empty:
-            found = "nothing" if isinstance(node, Scalar) else "a list or mapping"
+        if not isinstance(node, Scalar):
+            template = self._source.text.startswith("{{", node.span[0] - 1)
             self._problems.add(
                 "bad-key",
                 node.position,
-                f"a word is expected before ':', found {found}",
-                "quote a text that starts with '{', '[' or '?'",
+                "a word is expected before ':', found a list or mapping",
+                'a value is named by "${name}", not by {{ name }}'
+                if template
+                else "quote a text that starts with '{', '[' or '?'",
             )
+            # Without this key, all else that could be said of its mapping is guesswork.
+            self.hopeless = True
+            return None
+        if node.empty or not node.text.strip():
+            self._problems.add(
+                "bad-key",
+                node.position,
+                "a word is expected before ':', found nothing",
+                "write one, or quote a text that starts with ':'",
+            )
+            return None
+        strange = _STRANGE_SPACE.match(node.text) if node.plain else None
+        if strange is not None:
+            name = unicodedata.name(strange[0], "strange space")
+            self._problems.add(
+                "bad-character",
+                node.position,
+                f"a {name.lower()} (U+{ord(strange[0]):04X}) indents this line",
+                "delete what is in front of the first word, and type spaces",
+            )
+            self.hopeless = True
+            return None
+        dash = _LOST_SPACE.match(node.text) if node.plain else None
+        if dash is not None:
+            self._problems.add(
+                "syntax",
+                node.position,
+                f"{shown(node.text)} is no '-' item",
+                f"write '- {node.text[dash.end() : dash.end() + 20]}: …', with a plain '-' and a "
+                "space behind it",
+            )
+            self.hopeless = True
             return None
         if node.plain and node.text == "<<":
             self._problems.add(
@@ -281,19 +359,19 @@ class _Builder:
             self._problems.add(
                 "anchor",
                 self._position(event),
-                f"'&{event.anchor}' is an anchor, which is not part of this language",
+                f"{shown(f'&{event.anchor}')} is an anchor, which is not part of this language",
                 "remove it, or quote a text that starts with '&'",
             )
         if event.tag is not None:
             self._problems.add(
                 "tag",
                 self._position(event),
-                f"{shown(event.tag)} is a tag, which is not part of this language",
+                f"{shown(_as_written(event.tag))} is a tag, which is not part of this language",
                 "remove it, or quote a text that starts with '!'",
             )
 
     def _refuse_escapes(self, event: yaml.ScalarEvent) -> None:
-        bad = _BAD_CHARACTER.search(event.value) if event.style == '"' else None
+        bad = BAD_CHARACTER.search(event.value) if event.style == '"' else None
         if bad is not None:
             self._problems.add(
                 "bad-character",
@@ -316,18 +394,16 @@ class _Builder:
         self.hopeless = True
 
     def _position(self, event: yaml.Event) -> Position:
-        line, column, _ = _start(event)
-        return Position(file=self._source.file, line=line + 1, column=column + 1)
+        return self._source.position(_start(event))
 
     def _span(self, event: yaml.Event) -> tuple[int, int]:
-        return _start(event)[2], _end(event)
+        return _start(event), _end(event)
 
 
-def _start(event: yaml.Event) -> tuple[int, int, int]:
-    """Return line, column and index of the first character of an event, each from 0."""
+def _start(event: yaml.Event) -> int:
     mark = event.start_mark
     assert mark is not None
-    return mark.line, mark.column, mark.index
+    return mark.index
 
 
 def _end(event: yaml.Event) -> int:

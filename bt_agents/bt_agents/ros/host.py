@@ -14,16 +14,16 @@ from rclpy.parameter import Parameter
 from bt_agents.errors import Refused
 from bt_agents.language.folder_reader import Trees as TreesFolder
 from bt_agents.language.folder_reader import read_trees
-from bt_agents.language.specs import Binding, NodeSpec
+from bt_agents.language.specs import NodeSpec
 from bt_agents.ros import qos
 from bt_agents.ros.calls import Calls
-from bt_agents.ros.interfaces import InstalledInterfaces
+from bt_agents.ros.installed import InstalledInterfaces
 from bt_agents.ros.introductions import host_card, tree_structures
 from bt_agents.ros.messages import scene_from_msg
 from bt_agents.ros.parameters import declare, describe
 from bt_agents.ros.run_server import RunServer
 from bt_agents.ros.runner import run
-from bt_agents.ros.startup import TREES, make_from_parameters
+from bt_agents.ros.startup import TREES, StartParameter, make_from_parameters
 from bt_agents.ros.tunables import TunableParameters
 from bt_agents.roster import Roster
 from bt_agents.scene import Scene
@@ -129,9 +129,11 @@ class HostNode(Node):
         super().destroy_node()
 
     def _prepare(self, spec: NodeSpec) -> None:
-        if spec.skill is not None:
-            binding: Binding = spec.skill.binding
+        binding = spec.skill.binding if spec.skill is not None else None
+        if binding is not None:
             self._runs.world.prepare(binding.kind, binding.name, binding.type)
+        if spec.kind == "give_feedback":
+            self._runs.world.prepare_feedback()
         for child in spec.children:
             self._prepare(child)
 
@@ -267,6 +269,16 @@ class HostNode(Node):
         )
 
 
+TAGS = StartParameter(
+    name="tags",
+    description="agents with one of these tags, commas between them; empty takes every agent",
+)
+ROBOT = StartParameter(
+    name="robot",
+    description="robot whose bindings of skills are preferred; empty takes the first that fits",
+)
+
+
 def make_node() -> HostNode:
     """Create the node with the agents of the folder that its parameter names.
 
@@ -275,9 +287,11 @@ def make_node() -> HostNode:
     """
 
     def make(values: Mapping[str, str]) -> HostNode:
-        return HostNode(read_trees(find_trees(values["trees"]), InstalledInterfaces()))
+        folder = find_trees(values["trees"])
+        trees = read_trees(folder, InstalledInterfaces(), values["robot"])
+        return HostNode(trees.tagged(values["tags"]))
 
-    return make_from_parameters("agents", (TREES,), make)
+    return make_from_parameters("agents", (TREES, TAGS, ROBOT), make)
 
 
 def main(args: Sequence[str] | None = None) -> int:

@@ -57,7 +57,7 @@ def load_type(name: str, kind: BindingKind | None = None) -> Any:
             f"'{name}' is not the type of a ROS {kind.value}; expected a name like "
             f"{package}/{FOLDERS[kind]}/{short}",
         )
-    known = _types_of(package)
+    known = types_of(package)
     if not known:
         raise Refused("UNKNOWN_TYPE", f"no ROS type '{name}': {_package_problem(name)}")
     if f"{folder}/{short}" not in known:
@@ -127,40 +127,7 @@ def read_field(message: Any, path: str) -> Any:
     return _plain(value)
 
 
-class InstalledInterfaces:
-    """Answers the tree language's questions about the ROS types of this machine."""
-
-    def type_problem(self, kind: BindingKind, type_name: str) -> str | None:
-        """Return why a type cannot be used for an interface of this kind; None when it can."""
-        try:
-            load_type(type_name, kind)
-        except Refused as refused:
-            return refused.reason
-        return None
-
-    def field_problem(
-        self, kind: BindingKind, type_name: str, section: str, path: str
-    ) -> str | None:
-        """Return why a type has no such field; None when it has.
-
-        Args:
-            kind: Action, service or topic.
-            type_name: Full name of the type.
-            section: ``goal``, ``result``, ``feedback``, ``request``, ``response`` or ``message``.
-            path: Field names joined by dots; a number picks an item of a list.
-        """
-        try:
-            found = load_type(type_name, kind)
-        except Refused as refused:
-            return refused.reason
-        if section != "message":
-            found = getattr(found, SECTIONS.get(section, ""), None)
-        if not hasattr(found, "SLOT_TYPES"):
-            return f"{type_name} has no {section}"
-        return _path_problem(found, path)
-
-
-def _types_of(package: str) -> list[str]:
+def types_of(package: str) -> list[str]:
     """Return the types of an installed package as ``msg/Bool``; empty when it has none.
 
     The ament index names them in ``share/ament_index/resource_index/rosidl_interfaces/<package>``.
@@ -211,7 +178,7 @@ def _package_problem(name: str) -> str:
     package, folder, short = name.split("/")
     for other in difflib.get_close_matches(package, _packages(), n=3, cutoff=0.8):
         # Close names of real packages differ (nav_msgs, nav2_msgs): the type must be there too.
-        if f"{folder}/{short}" in _types_of(other):
+        if f"{folder}/{short}" in types_of(other):
             return f"there is no package {package}; did you mean {other}/{folder}/{short}?"
     return (
         f"package {package} is not installed "
@@ -231,24 +198,37 @@ def _slots(message_type: Any) -> dict[str, Any]:
     )
 
 
-def _path_problem(message_type: Any, path: str) -> str | None:
+def slot_at(message_type: Any, path: str) -> Any:
+    """Return the rosidl type of a field, or the class of a nested message.
+
+    Args:
+        message_type: Class of a message.
+        path: Field names joined by dots; a number picks an item of a list.
+
+    Raises:
+        Refused: ``UNKNOWN_FIELD``.
+    """
     current: Any = message_type
     done: list[str] = []
     for part in path.split("."):
         if hasattr(current, "SLOT_TYPES"):
             slots = _slots(current)
             if part not in slots:
-                return _field_words(part, done, slots)
+                raise Refused("UNKNOWN_FIELD", _field_words(part, done, slots))
             current = _resolved(slots[part])
         elif isinstance(current, idl.AbstractNestedType) and part.isascii() and part.isdigit():
             size = getattr(current, "size", getattr(current, "maximum_size", math.inf))
             if int(part) >= size:
-                return f"'{'.'.join(done)}' has at most {size} items, no number {part} (from 0)"
+                raise Refused(
+                    "UNKNOWN_FIELD",
+                    f"'{'.'.join(done)}' has at most {size} items, no number {part} (from 0)",
+                )
             current = _resolved(current.value_type)
         else:
-            return _leaf_words(part, done, isinstance(current, idl.AbstractNestedType))
+            is_list = isinstance(current, idl.AbstractNestedType)
+            raise Refused("UNKNOWN_FIELD", _leaf_words(part, done, is_list))
         done.append(part)
-    return None
+    return current
 
 
 def _resolved(slot: Any) -> Any:

@@ -70,7 +70,12 @@ class RunServer:
         self._cancel_reason = ""
         self._stopping = False
         self._wake = node.create_guard_condition(self._tick)
-        self.world = RosWorld(node, self._wake.trigger)
+        self.world = RosWorld(
+            node,
+            self._wake.trigger,
+            space=roster.space,
+            agent=lambda: self.goal.agent if self.goal is not None else "",
+        )
         self._status = node.create_publisher(TreeStatus, "~/status", qos.EVENTS)
         self._steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._timer = node.create_timer(0.05, self._tick, clock=self._steady, autostart=False)

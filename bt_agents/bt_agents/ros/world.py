@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections import deque
 from collections.abc import Callable, Mapping
@@ -12,17 +13,22 @@ from action_msgs.msg import GoalStatus
 from rclpy.action import ActionClient
 from rclpy.node import Node
 
-from bt_agents.engine.world import Clock, Goal, GoalRun, GoalState, Inbox
+from bt_agents.engine.world import GIVE_FEEDBACK, Clock, Goal, GoalRun, GoalState, Inbox
 from bt_agents.errors import Refused
+from bt_agents.feedback import Kind
 from bt_agents.language.specs import BindingKind, Plain
 from bt_agents.ros import qos
 from bt_agents.ros.interfaces import fill, load_type, to_plain
+from bt_agents.scene import SceneSpace
+from bt_agents_interfaces.srv import GiveFeedback
 
 SERVER_LIMIT_S = 3.0
 """How long a server may take to be found and to answer whether it takes a goal."""
 
 REPLY_LIMIT_S = 10.0
 """How long a service may take to answer."""
+
+_GIVE_FEEDBACK_TYPE = "bt_agents_interfaces/srv/GiveFeedback"
 
 _ENDS = {
     GoalStatus.STATUS_SUCCEEDED: GoalState.SUCCEEDED,
@@ -37,11 +43,22 @@ class RosWorld:
     Args:
         node: The host's node; clients are made once a name and kept.
         wake: Called when something has arrived that a leaf may wait for.
+        space: The scene parameters.
+        agent: Returns the name of the agent whose tree is running.
     """
 
-    def __init__(self, node: Node, wake: Callable[[], None]) -> None:
+    def __init__(
+        self,
+        node: Node,
+        wake: Callable[[], None],
+        *,
+        space: SceneSpace,
+        agent: Callable[[], str],
+    ) -> None:
         self._node = node
         self._wake = wake
+        self._space = space
+        self._agent = agent
         self._clients: dict[tuple[BindingKind, str, str], Any] = {}
         self._publishers: dict[tuple[str, str], Any] = {}
 
@@ -62,6 +79,10 @@ class RosWorld:
             self._publisher(name, type_name)
         else:
             self._client(kind, name, type_name)
+
+    def prepare_feedback(self) -> None:
+        """Make the client of the feedback service ahead of its first use."""
+        self._client(BindingKind.SERVICE, GIVE_FEEDBACK, _GIVE_FEEDBACK_TYPE)
 
     def send(self, goal: Goal) -> GoalRun:
         """Send a goal or request.
@@ -96,6 +117,31 @@ class RosWorld:
             Refused: ``UNKNOWN_TYPE``.
         """
         return _TopicInbox(self._node, topic, load_type(type_name, BindingKind.TOPIC), self._wake)
+
+    def log(self, level: str, text: str) -> None:
+        """Write a line into the log, under the name of the running agent."""
+        logger = self._node.get_logger().get_child(self._agent())
+        # One call a level: rclpy refuses a line of code that changes its level.
+        match level:
+            case "error":
+                logger.error(text)
+            case "warning":
+                logger.warning(text)
+            case _:
+                logger.info(text)
+
+    def give_feedback(self, kind: Kind, values: Mapping[str, float], reason: str) -> GoalRun:
+        """Ask the feedback node for a change of the running agent's profile."""
+        direct = kind is Kind.DIRECT
+        request = GiveFeedback.Request(
+            agent=self._agent(),
+            kind=int(kind),
+            values=[values.get(name, math.nan) for name in self._space.names] if direct else [],
+            source="tree",
+            reason=reason,
+        )
+        client = self._client(BindingKind.SERVICE, GIVE_FEEDBACK, _GIVE_FEEDBACK_TYPE)
+        return _FeedbackRun(client, request, GIVE_FEEDBACK, self._wake)
 
     def _client(self, kind: BindingKind, name: str, type_name: str) -> Any:
         key = (kind, name, type_name)
@@ -246,8 +292,19 @@ class _ServiceRun(_RosRun):
         if future.exception() is not None:
             self._end(GoalState.ABORTED, str(future.exception()))
         elif future.result() is not None:
-            self.result = _plain(future.result())
-            self._end(GoalState.SUCCEEDED)
+            self._take(future.result())
+
+    def _take(self, response: Any) -> None:
+        self.result = _plain(response)
+        self._end(GoalState.SUCCEEDED)
+
+
+class _FeedbackRun(_ServiceRun):
+    def _take(self, response: Any) -> None:
+        if response.accepted:
+            super()._take(response)
+        else:
+            self._end(GoalState.REJECTED, response.message or response.code)
 
 
 class _TopicInbox:

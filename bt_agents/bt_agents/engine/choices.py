@@ -1,0 +1,127 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Composites that do one of their children: the first case that fits, or one at random."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from random import Random
+
+from py_trees.behaviour import Behaviour
+from py_trees.common import Status
+from py_trees.composites import Composite
+
+from bt_agents.engine.context import RunContext
+from bt_agents.engine.faults import located, why
+from bt_agents.engine.fields import Fields
+from bt_agents.engine.modifiers import Modifier
+from bt_agents.engine.scope import Scope
+from bt_agents.errors import Refused
+from bt_agents.language.specs import NodeSpec
+
+
+class Case(Modifier):
+    """A child of a ``choose``; the one that is done otherwise has no condition."""
+
+    def misfit(self) -> str:
+        """Return why the case does not fit now, empty when it does."""
+        if "condition" not in self.fields:
+            return ""
+        try:
+            if self.fields.holds("condition"):
+                return ""
+        except Exception as error:
+            return why(error)
+        return f"not so: {self.fields.condition('condition').text}"
+
+
+class Weight(Modifier):
+    """A child of a ``random``."""
+
+    def weight(self) -> float:
+        """Return how often it is picked, compared with the others; may raise."""
+        return self.fields.number("weight")
+
+
+class Pick(Composite):
+    """Picks one child when it starts and ends as that one does; a pick that fails is a FAILURE."""
+
+    status: Status
+
+    def __init__(self, spec: NodeSpec, children: Sequence[Behaviour]) -> None:
+        super().__init__(spec.name, children)
+        self.spec = spec
+
+    def pick(self) -> Behaviour:
+        """Return the child to be done, noting which in the message; may raise."""
+        raise NotImplementedError
+
+    def tick(self) -> Iterator[Behaviour]:
+        """Pick at the start, then tick what was picked."""
+        if self.status is not Status.RUNNING:
+            for child in self.children:
+                if child.status is not Status.INVALID:
+                    child.stop(Status.INVALID)
+            self.current_child = self._picked()
+        if self.current_child is None:
+            self.stop(Status.FAILURE)
+            yield self
+            return
+        yield from self.current_child.tick()
+        if self.current_child.status is Status.RUNNING:
+            self.status = Status.RUNNING
+        else:
+            self.stop(self.current_child.status)
+        yield self
+
+    def _picked(self) -> Behaviour | None:
+        try:
+            return self.pick()
+        except Exception as error:
+            self.feedback_message = located(why(error), self.spec)
+            return None
+
+
+class Choose(Pick):
+    """Does the first of its cases that fits when it starts; a later one is never tried instead."""
+
+    def __init__(
+        self, spec: NodeSpec, _context: RunContext, _scope: Scope, cases: Sequence[Case]
+    ) -> None:
+        super().__init__(spec, cases)
+        self._cases = tuple(cases)
+
+    def pick(self) -> Behaviour:
+        """Look at the cases in order."""
+        misfits = []
+        for case in self._cases:
+            misfit = case.misfit()
+            if not misfit:
+                self.feedback_message = f"case '{case.name}'"
+                return case
+            misfits.append(f"{case.name}: {misfit}")
+        raise Refused("NO_CASE", f"no case fits; {'; '.join(misfits)}")
+
+
+class RandomChoice(Pick):
+    """Does one of its children, picked when it starts, the more often the larger its weight."""
+
+    def __init__(
+        self, spec: NodeSpec, context: RunContext, scope: Scope, choices: Sequence[Weight]
+    ) -> None:
+        super().__init__(spec, choices)
+        self._choices = tuple(choices)
+        seed = Fields(spec=spec, names=scope).constant("seed")
+        self._random = Random(seed) if isinstance(seed, int) else context.random
+
+    def pick(self) -> Behaviour:
+        """Draw among those whose weight is not 0."""
+        weights = {choice: weight for choice in self._choices if (weight := choice.weight()) > 0}
+        if not weights:
+            raise Refused("NO_WEIGHT", "all weights are 0, expected at least one larger number")
+        largest = max(weights.values())
+        # Scaled, so that the sum of large weights is finite.
+        [picked] = self._random.choices(
+            list(weights), [weight / largest for weight in weights.values()]
+        )
+        self.feedback_message = f"picked '{picked.decorated.name}'"
+        return picked

@@ -1,0 +1,115 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the fields of a node mean now, as the texts, times and counts that the node needs."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from bt_agents.engine.scope import Names, evaluate, holds
+from bt_agents.errors import Refused
+from bt_agents.language.expression_values import described
+from bt_agents.language.expressions import Expression
+from bt_agents.language.nodes import FOREVER
+from bt_agents.language.specs import Literal, NodeSpec, Plain
+
+
+@dataclass(frozen=True, kw_only=True)
+class Fields:
+    """The fields of one node; every look evaluates anew, as names change while a tree runs.
+
+    Attributes:
+        spec: The node.
+        names: What names mean where the node stands.
+    """
+
+    spec: NodeSpec
+    names: Names
+
+    def __contains__(self, name: str) -> bool:
+        return name in self.spec.fields
+
+    def value(self, name: str) -> Plain:
+        """Return what a value means now.
+
+        Raises:
+            MissingValue: A name in it has no value.
+            EvaluationError: An expression in it cannot be computed.
+        """
+        value = self.spec.fields[name]
+        assert not isinstance(value, Expression)
+        return evaluate(value, self.names)
+
+    def condition(self, name: str) -> Expression:
+        """Return a condition."""
+        value = self.spec.fields[name]
+        assert isinstance(value, Expression)
+        return value
+
+    def holds(self, name: str) -> bool:
+        """Return whether a condition is true now; raises as :meth:`value`."""
+        return holds(self.condition(name), self.names)
+
+    def constant(self, name: str, default: Plain = None) -> Plain:
+        """Return a value that cannot change, ``default`` when it is not written."""
+        value = self.spec.fields.get(name)
+        return value.value if isinstance(value, Literal) else default
+
+    def number(self, name: str) -> float:
+        """Return a finite number from 0 on.
+
+        Raises:
+            Refused: ``NOT_A_NUMBER``; it is none, negative or not finite. Else as :meth:`value`.
+        """
+        value = self.value(name)
+        number = finite(value)
+        if number is None or number < 0:
+            raise Refused(
+                "NOT_A_NUMBER", f"'{name}' is {described(value)}, expected a number from 0 on"
+            )
+        return number
+
+    def seconds(self, name: str) -> float:
+        """Return a time [s]; one that is not written is 0.
+
+        Raises:
+            Refused: ``NOT_A_DURATION``; it is no number, negative or not finite. Else as
+                :meth:`value`.
+        """
+        if name not in self.spec.fields:
+            return 0.0
+        value = self.value(name)
+        seconds = finite(value)
+        if seconds is None or seconds < 0:
+            raise Refused(
+                "NOT_A_DURATION", f"'{name}' is {described(value)}, expected a time such as '5 s'"
+            )
+        return seconds
+
+    def count(self, name: str) -> int | None:
+        """Return a whole number from 1 on; None for ``forever``.
+
+        Raises:
+            Refused: ``NOT_A_COUNT``; it is something else. Else as :meth:`value`.
+        """
+        value = self.value(name) if name in self.spec.fields else FOREVER
+        if value == FOREVER:
+            return None
+        number = finite(value)
+        if number is None or number < 1 or not number.is_integer():
+            raise Refused(
+                "NOT_A_COUNT",
+                f"'{name}' is {described(value)}, expected a whole number from 1 on",
+            )
+        return int(number)
+
+
+def finite(value: Plain) -> float | None:
+    """Return a finite number; None for everything else."""
+    if isinstance(value, bool) or not isinstance(value, (int, float)):
+        return None
+    try:
+        number = float(value)
+    except OverflowError:
+        return None
+    return number if math.isfinite(number) else None

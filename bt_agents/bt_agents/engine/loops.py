@@ -1,0 +1,122 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Modifiers that start a node again, after a pause: while it fails, or while it succeeds."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from py_trees.behaviour import Behaviour
+from py_trees.common import Status
+
+from bt_agents.engine.faults import why
+from bt_agents.engine.modifiers import Modifier
+
+
+class Loop(Modifier):
+    """Counts rounds; each starts at a tick of its own, no earlier than a pause after the last.
+
+    During the pause the loop is RUNNING and its node is not ticked. Counts and pauses may be
+    tuned; they are looked at when a round has ended, the pause also while it lasts.
+    """
+
+    _round = 1
+    _words = ""
+    _pause_from: float | None = None
+
+    def initialise(self) -> None:
+        """Begin with the first round."""
+        self._round = 1
+        self._words = ""
+        self._pause_from = None
+
+    def tick(self) -> Iterator[Behaviour]:
+        """Tick the node unless it is its pause."""
+        if self.status is Status.RUNNING and self._pause_from is not None:
+            status = self._rest(self._pause_from)
+            if status is not Status.SUCCESS:
+                if status is Status.FAILURE:
+                    self.drop()
+                    self.stop(status)
+                yield self
+                return
+            self._pause_from = None
+        yield from super().tick()
+
+    def tip(self) -> Behaviour | None:
+        """Return the loop itself during a pause, as nothing below it runs."""
+        if self.status is Status.RUNNING and self._pause_from is not None:
+            return self
+        return super().tip()
+
+    def _rest(self, start: float) -> Status:
+        """Return RUNNING during the pause and SUCCESS after it."""
+        try:
+            pause = self.fields.seconds("pause")
+        except Exception as error:
+            return self.fail(why(error))
+        over = self.context.reached(self.spec.path, start + pause)
+        return Status.SUCCESS if over else Status.RUNNING
+
+    def decide(self) -> Status:
+        """Return what a round's end means; while it runs, say which it is."""
+        if self.decorated.status is not Status.RUNNING:
+            return self.ended(self.decorated.status)
+        self.feedback_message = self._words
+        return Status.RUNNING
+
+    def ended(self, status: Status) -> Status:
+        """Return the status after a round has ended; may raise."""
+        raise NotImplementedError
+
+    def exhausted(self, limit: int | None) -> bool:
+        """Return whether all rounds are over; None is no limit."""
+        return limit is not None and self._round >= limit
+
+    def again(self, word: str, limit: int | None) -> Status:
+        """Begin the next round, or its pause."""
+        pause = self.fields.seconds("pause")
+        self._round += 1
+        self._pause_from = self.context.clock()
+        if pause:
+            self.context.wake(self.spec.path, self._pause_from + pause)
+        self._words = f"{word} {self._round}" + ("" if limit is None else f" of {limit}")
+        self.feedback_message = self._words + (f", after a pause of {pause:g} s" if pause else "")
+        return Status.RUNNING
+
+
+class Retry(Loop):
+    """Starts the node again after a FAILURE, up to a number of attempts in all."""
+
+    def ended(self, status: Status) -> Status:
+        """Count failures."""
+        if status is not Status.FAILURE:
+            return status
+        attempts = self.fields.count("attempts")
+        if self.exhausted(attempts):
+            times = "once" if self._round == 1 else f"{self._round} times"
+            return self.fail(f"failed {times}")
+        return self.again("attempt", attempts)
+
+
+class Repeat(Loop):
+    """Starts the node again after a SUCCESS, a number of times in all or until a condition holds.
+
+    A FAILURE of the node ends it. A condition that cannot be evaluated does not hold yet.
+    """
+
+    def ended(self, status: Status) -> Status:
+        """Count successes."""
+        if status is not Status.SUCCESS:
+            return status
+        if self._holds():
+            return Status.SUCCESS
+        times = self.fields.count("times")
+        if self.exhausted(times):
+            return Status.SUCCESS
+        return self.again("round", times)
+
+    def _holds(self) -> bool:
+        try:
+            return "until" in self.fields and self.fields.holds("until")
+        except Exception:
+            return False

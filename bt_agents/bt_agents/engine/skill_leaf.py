@@ -1,0 +1,103 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The leaf that has the robot do something: an action, service or topic, mostly by a skill."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from py_trees.common import Status
+
+from bt_agents.engine.leaves import Leaf
+from bt_agents.engine.scope import BindingNames, MessageNames, evaluate, field_of, holds, spoken
+from bt_agents.engine.world import Goal, GoalRun, GoalState
+from bt_agents.errors import Refused
+from bt_agents.language.specs import Binding, BindingKind, Literal, Plain
+
+
+class SkillLeaf(Leaf):
+    """Uses an action, service or topic, directly or through a skill."""
+
+    acts = True
+    _run: GoalRun | None = None
+    _meant = ""
+
+    def begin(self) -> None:
+        """Send."""
+        self._run = None
+        skill = self.spec.skill
+        assert skill is not None
+        binding = self._binding()
+        inputs = {one.name: self.fields.value(one.name) for one in skill.inputs}
+        self._meant = self._main_input(inputs)
+        names = BindingNames(inputs=inputs, around=self.scope)
+        goal = Goal(
+            kind=binding.kind,
+            name=binding.name,
+            type=binding.type,
+            fields={key: evaluate(item, names) for key, item in binding.fields.items.items()},
+            sender=self.spec.path,
+        )
+        if binding.kind is BindingKind.TOPIC:
+            self.context.publish(goal)
+        else:
+            self._run = self.context.send(self.spec.path, goal)
+
+    def step(self) -> Status:
+        """Look where it is."""
+        if self._run is None:
+            return Status.SUCCESS
+        state = self._run.state
+        if not state.ended:
+            self.feedback_message = self._meant
+            return Status.RUNNING
+        if state is GoalState.SUCCEEDED:
+            return self._succeeded(self._run.result)
+        reason = self._run.message or _result_message(self._run.result)
+        self.feedback_message = f"{self._binding().name} {state.value}" + (
+            f": {reason}" if reason else ""
+        )
+        return Status.FAILURE
+
+    def end(self) -> None:
+        """Cancel what has not ended."""
+        if self._run is not None and not self._run.state.ended:
+            self._run.cancel()
+
+    def _binding(self) -> Binding:
+        skill = self.spec.skill
+        assert skill is not None
+        if skill.binding is None:
+            reason = skill.unoffered or "no robot here offers it"
+            raise Refused("NOT_OFFERED", f"'{skill.name}' cannot be done: {reason}")
+        return skill.binding
+
+    def _succeeded(self, result: Mapping[str, Plain]) -> Status:
+        binding = self._binding()
+        if binding.succeed_when is not None:
+            names = MessageNames(prefix="result", message=result, around=self.scope)
+            if not holds(binding.succeed_when, names):
+                self.feedback_message = _result_message(result) or (
+                    f"{binding.name} answered, but not so: {binding.succeed_when.text}"
+                )
+                return Status.FAILURE
+        found = {
+            name: field_of(result, path, f"result.{path}")
+            for name, path in self.spec.outputs.items()
+        }
+        for name, value in found.items():
+            self.scope.write(name, value)
+        return Status.SUCCESS
+
+    def _main_input(self, inputs: Mapping[str, Plain]) -> str:
+        """Return what the main input means now, for a node that is named by references."""
+        skill = self.spec.skill
+        assert skill is not None
+        if skill.main is None or isinstance(self.spec.fields[skill.main], Literal):
+            return ""
+        [main] = (one for one in skill.inputs if one.name == skill.main)
+        return spoken(inputs[skill.main], main.type)
+
+
+def _result_message(result: Mapping[str, Plain]) -> str:
+    message = result.get("message", "")
+    return message if isinstance(message, str) else ""

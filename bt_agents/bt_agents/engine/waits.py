@@ -1,0 +1,130 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Leaves that wait: for a time, for a condition to hold, for a message."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+from py_trees.common import Status
+
+from bt_agents.engine.context import RunContext
+from bt_agents.engine.leaves import Leaf
+from bt_agents.engine.scope import MessageNames, Scope, field_of, holds
+from bt_agents.engine.world import Inbox
+from bt_agents.language.expressions import MissingValue
+from bt_agents.language.specs import Literal, NodeSpec, Plain
+
+
+class Wait(Leaf):
+    """SUCCESS after a time; the time may be tuned while it passes."""
+
+    _start = 0.0
+
+    def begin(self) -> None:
+        """Note the start."""
+        self._start = self.context.clock()
+
+    def step(self) -> Status:
+        """Look at the clock."""
+        whole = self.fields.seconds("duration")
+        if self.context.reached(self.spec.path, self._start + whole):
+            return Status.SUCCESS
+        if not isinstance(self.spec.fields["duration"], Literal):
+            self.feedback_message = f"{whole:g} s"
+        return Status.RUNNING
+
+
+class _Hold:
+    """Since when something has held without a break, on the trees' clock."""
+
+    def __init__(self) -> None:
+        self._since: float | None = None
+
+    def see(self, holds_now: bool, now: float) -> None:
+        """Note whether it holds now."""
+        if not holds_now:
+            self._since = None
+        elif self._since is None:
+            self._since = now
+
+    def due(self, seconds: float) -> float:
+        """Return when it will have held for so long [s]; infinite when it does not hold."""
+        return math.inf if self._since is None else self._since + seconds
+
+
+class WaitForCondition(Leaf):
+    """SUCCESS when a condition has held for a time; one whose value is missing does not hold."""
+
+    def begin(self) -> None:
+        """Start without having seen anything."""
+        self._hold = _Hold()
+
+    def step(self) -> Status:
+        """Look at the condition."""
+        self._hold.see(self._holds(), self.context.clock())
+        due = self._hold.due(self.fields.seconds("for"))
+        return Status.SUCCESS if self.context.reached(self.spec.path, due) else Status.RUNNING
+
+    def _holds(self) -> bool:
+        try:
+            return self.fields.holds("condition")
+        except MissingValue as missing:
+            self.feedback_message = f"'{missing.name}' has no value yet"
+            return False
+
+
+class WaitForMessage(Leaf):
+    """SUCCESS when a message has come that fits, and for a time after it none that does not.
+
+    What a message says holds until the next one. Without a time the first that fits is enough.
+    """
+
+    _inbox: Inbox | None = None
+
+    def begin(self) -> None:
+        """Listen."""
+        self._hold = _Hold()
+        self._message: Mapping[str, Plain] = {}
+        topic, type_name = str(self.fields.value("topic")), str(self.fields.value("type"))
+        self._inbox = self.context.watch(topic, type_name)
+
+    def step(self) -> Status:
+        """Look at what has come."""
+        assert self._inbox is not None
+        now = self.context.clock()
+        seconds = self.fields.seconds("for")
+        while (message := self._inbox.take()) is not None:
+            fits = self._fits(message)
+            self._hold.see(fits, now)
+            if fits:
+                self._message = message
+                if seconds == 0:
+                    break
+        if not self.context.reached(self.spec.path, self._hold.due(seconds)):
+            return Status.RUNNING
+        found = {
+            name: field_of(self._message, path, f"msg.{path}")
+            for name, path in self.spec.outputs.items()
+        }
+        for name, value in found.items():
+            self.scope.write(name, value)
+        return Status.SUCCESS
+
+    def _fits(self, message: Mapping[str, Plain]) -> bool:
+        if "until" not in self.fields:
+            return True
+        names = MessageNames(prefix="msg", message=message, around=self.scope)
+        return holds(self.fields.condition("until"), names)
+
+    def end(self) -> None:
+        """Stop listening."""
+        if self._inbox is not None:
+            inbox, self._inbox = self._inbox, None
+            inbox.close()
+
+
+def wait_for(spec: NodeSpec, context: RunContext, scope: Scope) -> Leaf:
+    """Return the leaf of a ``wait_for``, which waits for a message if it names a topic."""
+    kind = WaitForMessage if "topic" in spec.fields else WaitForCondition
+    return kind(spec, context, scope)

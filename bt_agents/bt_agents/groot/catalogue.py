@@ -1,0 +1,238 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The nodes that BehaviorTree.CPP v4 brings along, and what stands for them in our language."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from enum import Enum
+
+
+class PortKind(Enum):
+    """What a port of a built-in node takes; the value is in words for messages."""
+
+    TEXT = "a text"
+    SCRIPT = "a script"
+    COUNT = "a whole number above 0, or -1 for without end"
+    THRESHOLD = "a whole number; below 0 it counts from the number of children"
+    MILLISECONDS = "a whole number of milliseconds"
+    BOOLEAN = "true or false"
+    STATUS = "SUCCESS, FAILURE, RUNNING or SKIPPED"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Builtin:
+    """One built-in node.
+
+    Attributes:
+        id: Name of its element.
+        ours: What stands for it in our language; empty when nothing does.
+        ports: Port → what it takes.
+        required: Ports that must be written.
+        children: Smallest and largest number of children; None is any number.
+        note: How the two differ; empty when they do the same.
+    """
+
+    id: str
+    ours: str
+    ports: Mapping[str, PortKind] = field(default_factory=dict)
+    required: tuple[str, ...] = ()
+    children: tuple[int, int | None] = (0, 0)
+    note: str = ""
+
+
+_LEAF: tuple[int, int | None] = (0, 0)
+_ONE: tuple[int, int | None] = (1, 1)
+_SOME: tuple[int, int | None] = (1, None)
+
+
+_ASYNC = "ours does not wait for the next tick between its children"
+
+
+def _switch(cases: int) -> Builtin:
+    keys = [f"case_{number}" for number in range(1, cases + 1)]
+    return Builtin(
+        id=f"Switch{cases}",
+        ours="`choose` with `otherwise`",
+        ports=dict.fromkeys(["variable", *keys], PortKind.TEXT),
+        required=("variable", *keys),
+        children=(cases + 1, cases + 1),
+        note="ours stays with its case until that ends; Groot's looks again at every tick",
+    )
+
+
+BUILTINS: Mapping[str, Builtin] = {
+    one.id: one
+    for one in (
+        Builtin(id="Sequence", ours="`sequence`", children=_SOME),
+        Builtin(id="AsyncSequence", ours="`sequence`", children=_SOME, note=_ASYNC),
+        Builtin(id="ReactiveSequence", ours="`sequence` with `memory: false`", children=_SOME),
+        Builtin(
+            id="SequenceWithMemory",
+            ours="`sequence`",
+            children=_SOME,
+            note="after a failure ours starts over at the first child; this one goes on at the "
+            "child that failed",
+        ),
+        Builtin(id="Fallback", ours="`selector`", children=_SOME),
+        Builtin(id="AsyncFallback", ours="`selector`", children=_SOME, note=_ASYNC),
+        Builtin(id="ReactiveFallback", ours="`selector` with `memory: false`", children=_SOME),
+        Builtin(
+            id="Parallel",
+            ours="`parallel` with `succeed_on`",
+            ports={"success_count": PortKind.THRESHOLD, "failure_count": PortKind.THRESHOLD},
+            children=_SOME,
+            note="ours does every child at a tick before it decides, and fails when so many can "
+            "no longer succeed, whatever `failure_count` is",
+        ),
+        Builtin(
+            id="ParallelAll",
+            ours="`parallel`",
+            ports={"max_failures": PortKind.THRESHOLD},
+            children=_SOME,
+            note="ours stops the other children as soon as one has failed",
+        ),
+        Builtin(id="IfThenElse", ours="`choose` with `otherwise`", children=(2, 3)),
+        Builtin(id="WhileDoElse", ours="`while`", children=(2, 3)),
+        *(_switch(cases) for cases in range(2, 7)),
+        Builtin(
+            id="TryCatch",
+            ours="`sequence` with `on_failure`",
+            ports={"catch_on_halt": PortKind.BOOLEAN},
+            children=(2, None),
+        ),
+        Builtin(id="Inverter", ours="`invert`", children=_ONE),
+        Builtin(id="ForceSuccess", ours="`succeed`", children=_ONE),
+        Builtin(id="ForceFailure", ours="`fail`", children=_ONE),
+        Builtin(
+            id="Repeat",
+            ours="`repeat`",
+            ports={"num_cycles": PortKind.COUNT},
+            required=("num_cycles",),
+            children=_ONE,
+        ),
+        Builtin(
+            id="RetryUntilSuccessful",
+            ours="`retry`",
+            ports={"num_attempts": PortKind.COUNT},
+            required=("num_attempts",),
+            children=_ONE,
+        ),
+        Builtin(id="KeepRunningUntilFailure", ours="`repeat: forever`", children=_ONE),
+        Builtin(
+            id="Timeout",
+            ours="`timeout`",
+            ports={"msec": PortKind.MILLISECONDS},
+            required=("msec",),
+            children=_ONE,
+        ),
+        Builtin(
+            id="Delay",
+            ours="`sequence` of `wait` and the node",
+            ports={"delay_msec": PortKind.MILLISECONDS},
+            required=("delay_msec",),
+            children=_ONE,
+        ),
+        Builtin(
+            id="RunOnce",
+            ours="`once`",
+            ports={"then_skip": PortKind.BOOLEAN},
+            children=_ONE,
+            note="with `then_skip` false it ends again as at first; ours is always left out",
+        ),
+        Builtin(
+            id="Precondition",
+            ours="`when`, `check` or `wait_for`, by what `else` says",
+            ports={"if": PortKind.SCRIPT, "else": PortKind.STATUS},
+            required=("if",),
+            children=_ONE,
+        ),
+        Builtin(
+            id="Sleep",
+            ours="`wait`",
+            ports={"msec": PortKind.MILLISECONDS},
+            required=("msec",),
+        ),
+        Builtin(
+            id="Script",
+            ours="`set`",
+            ports={"code": PortKind.SCRIPT},
+            required=("code",),
+        ),
+        Builtin(
+            id="ScriptCondition",
+            ours="`check`",
+            ports={"code": PortKind.SCRIPT},
+            required=("code",),
+        ),
+        Builtin(
+            id="SetBlackboard",
+            ours="`set`",
+            ports={"value": PortKind.TEXT, "output_key": PortKind.TEXT},
+            required=("value", "output_key"),
+        ),
+        Builtin(id="AlwaysSuccess", ours="`check: true`"),
+        Builtin(id="AlwaysFailure", ours="`check: false`"),
+        Builtin(
+            id="UnsetBlackboard", ours="", ports={"key": PortKind.TEXT}, required=("key",)
+        ),
+        *(
+            Builtin(
+                id=f"Loop{word}",
+                ours="",
+                ports={
+                    "queue": PortKind.TEXT,
+                    "if_empty": PortKind.STATUS,
+                    "value": PortKind.TEXT,
+                },
+                children=_ONE,
+            )
+            for word in ("Int", "Bool", "Double", "String")
+        ),
+        Builtin(
+            id="WasEntryUpdated", ours="", ports={"entry": PortKind.TEXT}, required=("entry",)
+        ),
+        *(
+            Builtin(
+                id=name, ours="", ports={"entry": PortKind.TEXT}, required=("entry",),
+                children=_ONE,
+            )
+            for name in ("SkipUnlessUpdated", "WaitValueUpdate")
+        ),
+    )
+}  # fmt: skip
+"""Every node that a BehaviorTree.CPP 4 program knows without registering one."""
+
+EXPLICIT = ("Action", "Condition", "Control", "Decorator")
+"""Elements that say the kind of a node and have its name in ``ID``."""
+
+SKIP_IF, FAILURE_IF, SUCCESS_IF, WHILE = "_skipIf", "_failureIf", "_successIf", "_while"
+ON_SUCCESS, ON_FAILURE, ON_HALTED, POST = "_onSuccess", "_onFailure", "_onHalted", "_post"
+
+CONDITIONS: Mapping[str, tuple[str, str]] = {
+    SKIP_IF: ("`when`, negated", ""),
+    FAILURE_IF: ("a `check` before the node", ""),
+    SUCCESS_IF: ("a `selector` of `check` and the node", ""),
+    WHILE: (
+        "`when` and `while`",
+        "a node that is stopped has failed here; Groot's counts as left out",
+    ),
+    ON_SUCCESS: ("`set` behind the node", ""),
+    ON_FAILURE: ("`on_failure` with `set`", ""),
+    POST: ("`set` behind the node and in `on_failure`", ""),
+    ON_HALTED: ("", ""),
+}
+"""Attribute of any node → what stands for it here (empty for nothing), and how it differs."""
+
+OTHER_ATTRIBUTES = ("ID", "name", "_autoremap", "_description", "_fullpath", "_uid", "_collapsed")
+"""Attributes of any node that say nothing about what it does, or that are read elsewhere."""
+
+
+def table() -> Iterator[tuple[str, str, str]]:
+    """Return the rows of the page of the documentation: theirs, ours, how they differ."""
+    for one in BUILTINS.values():
+        ports = "".join(f' {port}="…"' for port in one.required)
+        yield f"`<{one.id}{ports}>`", one.ours or "—", one.note
+    yield '`<SubTree ID="…">`', "`subtree`, `with` and `outputs`", ""
+    for name, (ours, note) in CONDITIONS.items():
+        yield f'`{name}="…"`', ours or "—", note

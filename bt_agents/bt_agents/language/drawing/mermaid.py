@@ -1,0 +1,57 @@
+# SPDX-License-Identifier: Apache-2.0
+"""An agent's tree as a Mermaid flowchart, which wikis and code hosts draw."""
+
+from __future__ import annotations
+
+import json
+import re
+
+from bt_agents.language.drawing.boxes import Box, BoxKind, box_of
+from bt_agents.language.drawing.colours import COLOURS
+from bt_agents.language.specs import AgentSpec
+
+_SHAPES = {
+    BoxKind.COMPOSITE: '["{}"]',
+    BoxKind.MODIFIER: '{{{{"{}"}}}}',
+    BoxKind.LEAF: '("{}")',
+    BoxKind.SKILL: '(["{}"])',
+    BoxKind.SUBTREE: '[["{}"]]',
+}
+_UNSAFE = re.compile(r"[^\w\s.,!?+*/()=…→−–-]")
+
+
+def mermaid(agent: AgentSpec) -> str:
+    """Return the agent's trees as one flowchart, ended by a line feed."""
+    lines = ["---", f"title: {json.dumps(agent.title, ensure_ascii=False)}", "---", "flowchart TD"]
+    boxes: list[Box] = []
+    for title, spec in (("tree", agent.tree), ("on_cancel", agent.on_cancel)):
+        if spec is None:
+            continue
+        tree = box_of(spec)
+        number = len(boxes)
+        boxes += tree.walk()
+        lines.append(f"  {title}_start([{title}]) --> n{number}")
+        lines += _tree(tree, number)
+    for kind, colours in COLOURS.items():
+        style = f"fill:{colours.fill},stroke:{colours.stroke},color:{colours.text}"
+        lines.append(f"  classDef {kind.value} {style}")
+    return "\n".join(lines) + "\n"
+
+
+def _tree(box: Box, number: int) -> list[str]:
+    """Return the lines of a box and all below it, which are numbered in the order of a walk."""
+    label = f"{_escaped(box.name)}<br/>" if box.name else ""
+    label += f"{_escaped(box.word)} {_escaped(box.detail)}".rstrip()
+    lines = [f"  n{number}{_SHAPES[box.kind].format(label)}:::{box.kind.value}"]
+    below = number + 1
+    for child in box.children:
+        role = f'|"{_escaped(child.role)}"|' if child.role else ""
+        lines.append(f"  n{number} -->{role} n{below}")
+        lines += _tree(child, below)
+        below += sum(1 for _ in child.walk())
+    return lines
+
+
+def _escaped(text: str) -> str:
+    """Return a text with everything that Mermaid or a browser could misread as its number."""
+    return _UNSAFE.sub(lambda match: f"#{ord(match[0])};", text)

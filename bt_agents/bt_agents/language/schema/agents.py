@@ -1,0 +1,209 @@
+# SPDX-License-Identifier: Apache-2.0
+"""JSON Schemas of agent files and libraries: the files that hold trees and skills."""
+
+from __future__ import annotations
+
+from bt_agents.language.schema import values
+from bt_agents.language.schema.nodes import NODE, node_definitions
+from bt_agents.language.schema.scenes import document, listed, mapping, vector
+from bt_agents.language.schema.values import Schema, described
+from bt_agents.language.specs import FieldType
+from bt_agents.language.vocabulary import Vocabulary
+from bt_agents.scene import SceneSpace
+
+_TYPES = [one.value for one in FieldType]
+
+
+def agent_schema(vocabulary: Vocabulary) -> Schema:
+    """Return the schema of an agent file."""
+    space = vocabulary.space
+    conditions = f"Names: {', '.join(_condition_names(space))}."
+    properties: dict[str, Schema] = {
+        "agent": described(values.name(), "Unique name of the agent."),
+        "title": described(values.text(), "Name for people."),
+        "description": described(values.text(), "What it does and whom it suits."),
+        "tags": described(listed(values.text()), "Words to find it by."),
+        "imports": _imports(),
+        "profile": described(
+            vector(space), "The scene that it suits best: its bid. Feedback moves it."
+        ),
+        "learning_rate": described(
+            values.number(0, 1), "How far one feedback moves the profile, 0 to 1."
+        ),
+        "requires": described(
+            values.condition(), "It does not bid unless this is true of the scene: scene.person"
+        ),
+        "tunables": described(
+            values.names(_tunable()),
+            "Values that may change while the tree runs; each is a ROS parameter and a slider.",
+        ),
+        "feedback": described(
+            listed(_rule(conditions)), "What a change of mood during the run teaches the agent."
+        ),
+        "tree": described(dict(NODE), "What the agent does."),
+        "on_cancel": described(dict(NODE), "Clean-up after a run was stopped, bounded in time."),
+        "subtrees": _subtrees(),
+    }
+    return document(
+        "Agent",
+        "An interaction character: its profile and its behaviour tree.",
+        properties,
+        ["agent", "profile", "tree"],
+        node_definitions(vocabulary),
+    )
+
+
+def library_schema(vocabulary: Vocabulary) -> Schema:
+    """Return the schema of a skills file or library."""
+    properties: dict[str, Schema] = {
+        "description": described(values.text(), "What the library is for."),
+        "robot": described(values.text(), "The robot that its bindings are for."),
+        "imports": _imports(),
+        "skills": described(values.names(_skill()), "What the robot can do, in authors' words."),
+        "bindings": described(
+            values.names(_bound({})),
+            "How the robot does skills that other files declare: skill → ROS interface.",
+        ),
+        "subtrees": _subtrees(),
+    }
+    return document(
+        "Library",
+        "Skills, their bindings to a robot, and subtrees that agents share.",
+        properties,
+        [],
+        node_definitions(vocabulary),
+    )
+
+
+def _condition_names(space: SceneSpace) -> list[str]:
+    names = [f"{group}.{name}" for group in ("scene", "live") for name in space.names]
+    return [*names, "scene.person", "live.person", *(["mood.change"] if space.mood else [])]
+
+
+def _imports() -> Schema:
+    return described(
+        listed(values.text()), "Libraries, by their paths from the trees folder: libraries/x.yaml"
+    )
+
+
+def _tunable() -> Schema:
+    amount: Schema = {"type": ["number", "string"]}
+    return mapping(
+        {
+            "default": described(
+                values.text(), "Its value at the start; says the type: 2, 2.0, 8 s, true, a text."
+            ),
+            "min": described(dict(amount), "Smallest value."),
+            "max": described(dict(amount), "Largest value."),
+            "step": described(dict(amount), "Distance of the allowed values from 'min' on."),
+            "description": described(values.text(), "What it changes, in words."),
+        },
+        ["default"],
+    )
+
+
+def _rule(conditions: str) -> Schema:
+    return mapping(
+        {
+            "when": described(values.condition(), f"What must be true. {conditions}"),
+            "for": described(values.duration(), "How long it must hold without a break."),
+            "give": {
+                "description": "positive: the profile moves towards the scene; negative: away.",
+                "enum": ["positive", "negative"],
+            },
+            "then": {
+                "description": "cancel: stop the run and let the market ask again.",
+                "enum": ["cancel"],
+            },
+        },
+        ["when", "give"],
+    )
+
+
+def _subtrees() -> Schema:
+    subtree = mapping(
+        {
+            "description": described(values.text(), "What it does."),
+            "inputs": described(values.names(_input()), "What its callers give with 'with'."),
+            "outputs": described(
+                values.names(_output()), "Names that it writes for its callers, with their types."
+            ),
+            "tree": described(dict(NODE), "What it does."),
+        },
+        ["tree"],
+    )
+    # The name of a subtree may be written as those of nodes, which the reader judges.
+    return described(
+        {"type": "object", "additionalProperties": subtree}, "Trees that 'subtree' nodes do."
+    )
+
+
+def _input() -> Schema:
+    declared = mapping(
+        {
+            "type": {"description": "Its type.", "enum": _TYPES},
+            "default": {"description": "Taken when it is not given."},
+            "description": described(values.text(), "What it means."),
+        },
+        ["type"],
+    )
+    return {"anyOf": [{"enum": _TYPES}, declared]}
+
+
+def _output() -> Schema:
+    declared = mapping(
+        {
+            "type": {"description": "Its type.", "enum": _TYPES},
+            "description": described(values.text(), "What it means."),
+        },
+        [],
+    )
+    return {"anyOf": [{"enum": _TYPES}, declared]}
+
+
+def _skill() -> Schema:
+    result = mapping(
+        {
+            "type": {"description": "Its type.", "enum": _TYPES},
+            "from": described(values.text(), "Field of the result; its own name if left out."),
+            "description": described(values.text(), "What it means."),
+        },
+        [],
+    )
+    output: Schema = {"anyOf": [{"enum": _TYPES}, result, {"type": "null"}]}
+    return _bound(
+        {
+            "description": described(values.text(), "What it does, for authors."),
+            "main": described(values.text(), "The input that a scalar behind it stands for."),
+            "inputs": described(values.names(_input()), "Its inputs and their types."),
+            "outputs": described(values.names(output), "Names that later nodes may use."),
+        }
+    )
+
+
+def _bound(declared: dict[str, Schema]) -> Schema:
+    """Return the schema of a skill or binding: at most one ROS interface."""
+    outputs = described(values.names(values.text()), "Output → field of what comes back.")
+    properties = {
+        **({} if "outputs" in declared else {"outputs": outputs}),
+        **declared,
+        "action": described(_interface("goal", back=True), "The ROS action that does it."),
+        "service": described(_interface("request", back=True), "The ROS service that does it."),
+        "topic": described(_interface("message", back=False), "The ROS topic that does it."),
+    }
+    return mapping(properties, [])
+
+
+def _interface(sent: str, *, back: bool) -> Schema:
+    properties: dict[str, Schema] = {
+        "name": described(values.ros_name(), "Its ROS name, relative unless it starts with '/'."),
+        "type": described(values.ros_type(), "Its ROS type, package/kind/Name."),
+        sent: described(
+            {"type": "object"}, f"Fields of the {sent}; ${{input}} fills an input in."
+        ),
+    }
+    if back:
+        properties["succeed_when"] = described(
+            values.condition(), "Condition over result.*; without it, an answer is a success."
+        )
+    return mapping(properties, ["name", "type"])

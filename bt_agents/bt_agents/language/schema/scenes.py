@@ -1,0 +1,194 @@
+# SPDX-License-Identifier: Apache-2.0
+"""JSON Schemas of the files about scenes: ``scene.yaml``, scripts of visits and experiments."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from bt_agents.language.schema import values
+from bt_agents.language.schema.values import Schema, described
+from bt_agents.language.shape import FORMAT
+from bt_agents.scene import SceneParameter, SceneSpace
+
+DRAFT = "http://json-schema.org/draft-07/schema#"
+
+
+def document(
+    title: str,
+    description: str,
+    properties: Mapping[str, Schema],
+    required: list[str],
+    definitions: Mapping[str, Schema] | None = None,
+) -> Schema:
+    """Return the schema of a whole file."""
+    version: Schema = {
+        "description": "Version of the language.",
+        "enum": [FORMAT, str(FORMAT)],
+        "default": FORMAT,
+        "errorMessage": f"this version reads format: {FORMAT}",
+    }
+    whole = mapping({"format": version, **properties}, ["format", *required])
+    shown = {"$schema": DRAFT, "title": title, "description": description, **whole}
+    return {**shown, "definitions": dict(definitions)} if definitions else shown
+
+
+def mapping(properties: Mapping[str, Schema], required: list[str]) -> Schema:
+    """Return the schema of a mapping with these keys and no others."""
+    schema: Schema = {
+        "type": "object",
+        "properties": {key: {"title": key, **one} for key, one in properties.items()},
+        "additionalProperties": False,
+    }
+    return {**schema, "required": required} if required else schema
+
+
+def listed(items: Schema) -> Schema:
+    """Return the schema of a list."""
+    return {"type": "array", "items": items}
+
+
+def vector(space: SceneSpace) -> Schema:
+    """Return the schema of values of all scene parameters."""
+    return mapping(parameters(space), list(space.names))
+
+
+def some_values(space: SceneSpace) -> Schema:
+    """Return the schema of values of some scene parameters."""
+    return mapping(parameters(space), [])
+
+
+def scene_schema() -> Schema:
+    """Return the schema of ``scene.yaml``."""
+    number = values.number()
+    parameter = mapping(
+        {
+            "min": described(dict(number), "Smallest value."),
+            "max": described(dict(number), "Largest value."),
+            "default": described(dict(number), "The value that stands for 'nothing special'."),
+            "description": described(values.text(), "What it means."),
+            "labels": described(
+                {
+                    "type": "object",
+                    "propertyNames": {"pattern": number["pattern"]},
+                    "additionalProperties": values.text(),
+                },
+                "Words for some values: {1: a child}",
+            ),
+        },
+        ["min", "max", "default"],
+    )
+    source = mapping(
+        {
+            "topic": described(values.ros_name(), "Where the readings come from."),
+            "type": described(values.ros_type(), "ROS type of the topic."),
+            "field": described(values.text(), "Path of the field: data or faces.0.mood"),
+            "stale_after": described(values.duration(), "An older reading counts as missing."),
+            "map": described(
+                {
+                    "type": "object",
+                    "propertyNames": {"pattern": number["pattern"]},
+                    "additionalProperties": number,
+                },
+                "Reading → value of the parameter; linear in between.",
+            ),
+        },
+        ["topic", "type", "field", "stale_after"],
+    )
+    properties: dict[str, Schema] = {
+        "parameters": described(
+            {**values.names(parameter), "minProperties": 1},
+            "What every scene and every profile is described by.",
+        ),
+        "mood": described(values.text(), "The parameter whose change becomes feedback."),
+        "sources": described(
+            {"type": "object", "additionalProperties": source},
+            "Parameter (or person) → the ROS topic that it comes from.",
+        ),
+    }
+    return document("Scene", "The scene parameters and their sources.", properties, ["parameters"])
+
+
+def script_schema(space: SceneSpace) -> Schema:
+    """Return the schema of a script of visits."""
+    person = described(values.boolean(), "Whether a person is there.")
+    change = mapping(
+        {
+            "after": described(values.duration(), "Time since the start of the agent's run."),
+            "scene": described(some_values(space), "Scene parameters with their new values."),
+            "person": person,
+        },
+        ["after"],
+    )
+    texts: Schema = {"type": "object", "additionalProperties": values.text()}
+    visit = mapping(
+        {
+            "label": described(values.text(), "Who comes, in words."),
+            "person": person,
+            "scene": described(some_values(space), "What is measured; the rest is missing."),
+            "changes": described(listed(change), "What changes during the visit."),
+            "answers": described(texts, "Words in a question → the person's answer."),
+            "buttons": described(
+                {**texts, "propertyNames": {"pattern": values.ros_name()["pattern"]}},
+                "Topic of a button → words of the robot after which it is pressed.",
+            ),
+        },
+        ["label"],
+    )
+    properties: dict[str, Schema] = {
+        "title": described(values.text(), "Name for people."),
+        "visits": described({**listed(visit), "minItems": 1}, "One after the other."),
+    }
+    return document("Script", "Visits, for the demo and for experiments.", properties, ["visits"])
+
+
+def experiment_schema(space: SceneSpace) -> Schema:
+    """Return the schema of an experiment."""
+    opinion = {**some_values(space), "minProperties": 1}
+    feedback = mapping(
+        {
+            "each": described(values.names(opinion), "Agent → the feedback that it always gets."),
+            "sequence": described(listed(opinion), "Feedback by round."),
+            "repeat": described(values.boolean(), "Whether the sequence starts again at its end."),
+        },
+        [],
+    )
+    properties: dict[str, Schema] = {
+        "title": described(values.text(), "Name for people."),
+        "rounds": described(values.integer(1), "How many rounds."),
+        "seed": described(values.integer(0), "Makes the random numbers the same in every run."),
+        "scenes": described(
+            {**listed(vector(space)), "minItems": 1}, "The scenes that are put on the market."
+        ),
+        "feedback": described(
+            {
+                **feedback,
+                "anyOf": [
+                    {"required": [key], "errorMessage": "write 'each' or 'sequence'"}
+                    for key in ("each", "sequence")
+                ],
+            },
+            "What the simulated person wants.",
+        ),
+    }
+    return document(
+        "Experiment",
+        "Which scenes are put on the market, and what feedback follows.",
+        properties,
+        ["rounds", "seed", "scenes", "feedback"],
+    )
+
+
+def parameters(space: SceneSpace) -> dict[str, Schema]:
+    """Return the schema of each scene parameter by name."""
+    return {parameter.name: _parameter(parameter) for parameter in space.parameters}
+
+
+def _parameter(parameter: SceneParameter) -> Schema:
+    labels = ", ".join(f"{value:g} {word}" for value, word in parameter.labels.items())
+    bounds = f"{parameter.minimum:g} to {parameter.maximum:g}"
+    words = f"{parameter.description or parameter.name} ({bounds})"
+    schema = values.number(parameter.minimum, parameter.maximum)
+    return {
+        **described(schema, f"{words}: {labels}" if labels else words),
+        "defaultSnippets": [{"label": parameter.name, "body": f"${{1:{parameter.default:g}}}"}],
+    }

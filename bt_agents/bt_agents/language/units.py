@@ -1,0 +1,103 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The units of time, length and angle that files can use, and how people also write them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, kw_only=True)
+class Dimension:
+    """What a quantity measures.
+
+    Attributes:
+        name: In words: ``time``.
+        example: How one is written: ``8 s``.
+        si: Unit of a bare number.
+        units: Unit → how many of the SI unit it is, as a fraction, which keeps 700 ms at 0.7 s
+            exactly.
+        others: Other spelling of a unit → the unit.
+    """
+
+    name: str
+    example: str
+    si: str
+    units: Mapping[str, tuple[float, float]]
+    others: Mapping[str, str]
+
+    @property
+    def a(self) -> str:
+        """One such quantity in words: ``a time``, ``an angle``."""
+        return f"an {self.name}" if self.name[0] in "aeiou" else f"a {self.name}"
+
+    @property
+    def listed(self) -> str:
+        """The units in words: ``ms, s, min or h``."""
+        *first, last = self.units
+        return f"{', '.join(first)} or {last}"
+
+    def si_value(self, amount: float, unit: str) -> float:
+        """Return an amount of a unit in SI."""
+        times, over = self.units[unit]
+        return amount * times / over
+
+    def meant(self, word: str) -> str | None:
+        """Return the unit that a word for one means; None when it means none of these."""
+        for spelling in (word, word.lower()):
+            if spelling in self.units:
+                return spelling
+            if spelling in self.others:
+                return self.others[spelling]
+        return None
+
+
+TIME = Dimension(
+    name="time",
+    example="8 s",
+    si="s",
+    units={"ms": (1, 1000), "s": (1, 1), "min": (60, 1), "h": (3600, 1)},
+    others={
+        "sec": "s", "secs": "s", "second": "s", "seconds": "s",
+        "msec": "ms", "millisecond": "ms", "milliseconds": "ms",
+        "mins": "min", "minute": "min", "minutes": "min",
+        "hr": "h", "hrs": "h", "hour": "h", "hours": "h",
+    },
+)  # fmt: skip
+
+LENGTH = Dimension(
+    name="length",
+    example="1.5 m",
+    si="m",
+    units={"mm": (1, 1000), "cm": (1, 100), "m": (1, 1), "km": (1000, 1)},
+    others={
+        "meter": "m", "meters": "m", "metre": "m", "metres": "m",
+        "centimeter": "cm", "centimeters": "cm", "centimetre": "cm", "centimetres": "cm",
+        "millimeter": "mm", "millimeters": "mm", "millimetre": "mm", "millimetres": "mm",
+        "kilometer": "km", "kilometers": "km", "kilometre": "km", "kilometres": "km",
+    },
+)  # fmt: skip
+
+ANGLE = Dimension(
+    name="angle",
+    example="90 deg",
+    si="rad",
+    units={"deg": (math.pi, 180), "rad": (1, 1)},
+    others={
+        "degree": "deg", "degrees": "deg", "°": "deg", "radian": "rad", "radians": "rad",
+    },
+)  # fmt: skip
+
+DIMENSIONS = (TIME, LENGTH, ANGLE)
+
+
+def dimension_of(unit: str) -> Dimension | None:
+    """Return what a unit measures, None for a word that is no unit."""
+    return next((one for one in DIMENSIONS if unit in one.units), None)
+
+
+def dimension_meant(word: str) -> Dimension | None:
+    """Return what a unit or another word for one measures, None for any other word."""
+    found = (one for one in DIMENSIONS if one.meant(word) is not None)
+    return dimension_of(word) or next(found, None)

@@ -1,0 +1,122 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How the world of a rehearsal answers a skill: as typed, as scripted, or as is likely."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+
+from bt_agents.engine.scope import field_of
+from bt_agents.engine.scripted_world import Answer
+from bt_agents.engine.world import GoalState
+from bt_agents.language.expressions import EvaluationError, MissingValue
+from bt_agents.language.path_patterns import is_path, matches
+from bt_agents.language.scenarios import AnswerRule, GoalEnd, ScriptedAnswer
+from bt_agents.language.specs import NodeSpec, Plain
+from bt_agents.rehearsal import likely
+from bt_agents.rehearsal.events import Use
+
+Typist = Callable[[Use], ScriptedAnswer | None]
+"""Returns how a person answers a use of a skill, None to leave it to the script."""
+
+_STATES = {
+    GoalEnd.SUCCEEDS: GoalState.SUCCEEDED,
+    GoalEnd.FAILS: GoalState.ABORTED,
+    GoalEnd.REJECTED: GoalState.REJECTED,
+    GoalEnd.UNREACHABLE: GoalState.UNREACHABLE,
+    GoalEnd.NEVER: GoalState.SUCCEEDED,
+}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Performance:
+    """How one use of a skill goes: for the leaf, and its outputs by name for people."""
+
+    answer: Answer
+    outputs: Mapping[str, Plain]
+
+
+class Answers:
+    """Gives the answers of a script in turn."""
+
+    def __init__(self, rules: Iterable[AnswerRule], typist: Typist | None = None) -> None:
+        self._rules = sorted(rules, key=lambda rule: not is_path(rule.key))
+        self._turns = dict.fromkeys(range(len(self._rules)), 0)
+        self._typist = typist
+
+    def perform(self, use: Use) -> Performance:
+        """Return how a use of a skill goes."""
+        scripted = self._typist(use) if self._typist is not None else None
+        scripted = scripted or self._scripted(use.node) or ScriptedAnswer()
+        outputs = {**likely.outputs(use.node, use.inputs), **scripted.outputs}
+        result = _result(use.node, outputs)
+        state, reason = _STATES[scripted.end], scripted.reason
+        if scripted.end is GoalEnd.SUCCEEDS:
+            objection = _objection(use, outputs, result)
+            state, reason = (GoalState.ABORTED, objection) if objection else (state, reason)
+        fails = state is not GoalState.SUCCEEDED
+        after_s = scripted.after_s
+        if scripted.end is GoalEnd.NEVER:
+            after_s = math.inf
+        elif after_s is None and scripted.end in (GoalEnd.REJECTED, GoalEnd.UNREACHABLE):
+            after_s = 0.0
+        elif after_s is None:
+            after_s = likely.duration_s(use.node, use.inputs, fails=fails)
+        answer = Answer(state=state, result=result, message=reason, after_s=after_s)
+        return Performance(answer=answer, outputs={} if fails else outputs)
+
+    def _scripted(self, node: NodeSpec) -> ScriptedAnswer | None:
+        for number, rule in enumerate(self._rules):
+            if rule.key == node.kind or (is_path(rule.key) and matches(rule.key, node.path)):
+                turn = self._turns[number]
+                self._turns[number] += 1
+                return rule.answers[min(turn, len(rule.answers) - 1)]
+        return None
+
+
+def _result(node: NodeSpec, outputs: Mapping[str, Plain]) -> dict[str, Plain]:
+    """Return outputs as the message that they are read from."""
+    binding = node.skill.binding if node.skill is not None else None
+    paths = {**node.outputs, **(binding.outputs if binding is not None else {})}
+    result: dict[str, Plain] = {}
+    for name, value in outputs.items():
+        *groups, last = paths.get(name, name).split(".")
+        inner = result
+        for group in groups:
+            below = inner.setdefault(group, {})
+            if not isinstance(below, dict):
+                break
+            inner = below
+        inner[last] = value
+    return result
+
+
+def _objection(use: Use, outputs: Mapping[str, Plain], result: Mapping[str, Plain]) -> str:
+    """Return why an answer does not count, empty when it does.
+
+    It counts when it is one of the ``choices`` that the skill was given, and what the skill makes
+    a condition of success; fields that the script does not give are as they should be.
+    """
+    choices = use.inputs.get("choices")
+    texts = [value for value in outputs.values() if isinstance(value, str)]
+    if isinstance(choices, tuple | list) and choices and texts:
+        possible = {str(choice).casefold() for choice in choices}
+        if texts[0].strip().casefold() not in possible:
+            return f"'{texts[0]}' is none of the choices"
+    binding = use.node.skill.binding if use.node.skill is not None else None
+    if binding is None or binding.succeed_when is None:
+        return ""
+
+    def lookup(name: str) -> Plain:
+        group, _, path = name.partition(".")
+        if group != "result":
+            raise MissingValue(name)
+        return field_of(result, path, name)
+
+    try:
+        if binding.succeed_when.evaluate(lookup) is True:
+            return ""
+    except (MissingValue, EvaluationError):
+        return ""
+    return f"not so: {binding.succeed_when.text}"

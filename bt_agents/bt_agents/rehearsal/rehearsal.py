@@ -1,0 +1,357 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A rehearsal: the real tree on a virtual clock that jumps to whatever happens next."""
+
+from __future__ import annotations
+
+import heapq
+import itertools
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from random import Random
+
+from py_trees.common import Status
+
+from bt_agents.engine.run import Outcome, Run, RunResult, StatusChange
+from bt_agents.feedback import Kind
+from bt_agents.language.path_patterns import matches, nodes_of
+from bt_agents.language.scenarios import Happening, Scenario, ScriptedAnswer
+from bt_agents.language.specs import AgentSpec, NodeSpec, Plain
+from bt_agents.rehearsal.answering import Answers, Typist
+from bt_agents.rehearsal.coverage import Mark
+from bt_agents.rehearsal.events import Event, EventKind, Rehearsed, Use
+from bt_agents.rehearsal.preparing import prepared, replaced
+from bt_agents.rehearsal.scenes import awarded, change_text, changed, watched
+from bt_agents.rehearsal.transcript import time_text, tuned_text
+from bt_agents.rehearsal.watching import at_rest, mark, running_leaves
+from bt_agents.rehearsal.world import RehearsalWorld
+from bt_agents.roster import unmet
+from bt_agents.rules import Watch
+from bt_agents.scene import SceneSpace
+
+TICK_S = 0.1
+"""Time between ticks as long as each of them does something, as on the robot [s]."""
+
+LIVE_S = 1.0
+"""Time between live scenes while a mood rule waits, as on the robot [s]."""
+
+_NUDGE_S = 1e-6
+"""Time is moved on by so little when a sum of times falls short by a rounding error [s]."""
+
+_LIMITS = ("timeout", "while", "retry")
+
+Prompt = Callable[[str], Happening | None]
+"""Is asked what happens when nothing does, with the reason in words; None ends the rehearsal."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Limits:
+    """Where a rehearsal that does not end is ended.
+
+    Attributes:
+        duration_s: Virtual time [s].
+        ticks: Ticks.
+    """
+
+    duration_s: float = 24 * 3600.0
+    ticks: int = 100_000
+
+
+def rehearse(
+    agent: AgentSpec,
+    space: SceneSpace,
+    scenario: Scenario,
+    *,
+    tell: Callable[[Event], None] | None = None,
+    typist: Typist | None = None,
+    prompt: Prompt | None = None,
+    limits: Limits | None = None,
+    against_its_bid: bool = False,
+) -> Rehearsed:
+    """Return how an interaction goes.
+
+    Args:
+        agent: Who acts.
+        space: The scene parameters.
+        scenario: Where and how.
+        tell: Is told every event at once.
+        typist: Answers skills in place of the script.
+        prompt: Is asked when the tree waits for something that nobody has announced.
+        limits: Where a run that does not end is ended.
+        against_its_bid: Run the tree even when the agent does not bid for the scene.
+    """
+    rehearsal = _Rehearsal(agent, space, scenario, tell, typist, prompt, limits or Limits())
+    return rehearsal.run(against_its_bid)
+
+
+class _Rehearsal:
+    """One rehearsal."""
+
+    def __init__(
+        self,
+        agent: AgentSpec,
+        space: SceneSpace,
+        scenario: Scenario,
+        tell: Callable[[Event], None] | None,
+        typist: Typist | None,
+        prompt: Prompt | None,
+        limits: Limits,
+    ) -> None:
+        nodes = {node.path: node for node in nodes_of(agent)}
+        self._agent = agent
+        self._nodes = nodes
+        self._replacements = scenario.replace
+        self._listener = tell
+        self._prompt = prompt
+        self._limits = limits
+        self._events: list[Event] = []
+        self._held: list[Event] | None = None
+        self._marks: dict[str, set[Mark]] = {}
+        self._given: list[Kind] = []
+        self._cancelled_by = ""
+        self._order = itertools.count()
+        self._agenda: list[tuple[float, int, Happening]] = []
+        self._awaited = [one for one in scenario.during if one.at]
+        self._world = RehearsalWorld(
+            nodes,
+            Answers(scenario.answers, None if typist is None else self._asking(typist)),
+            tell=self._tell,
+            feedback=self._feedback,
+        )
+        self._clock = self._world.clock
+        self._scene = awarded(space, scenario)
+        self._live = self._scene
+        self._tunables: dict[str, Plain] = {one.name: one.default for one in agent.tunables}
+        self._tunables |= scenario.tunables
+        self._run = Run(
+            prepared(agent, scenario.replace),
+            space=space,
+            scene=self._scene,
+            profile=agent.profile,
+            live=lambda: self._live,
+            tunables=self._tunables,
+            world=self._world,
+            steady=self._clock,
+            random=Random(scenario.seed),
+        )
+        rules = tuple(map(watched, agent.rules))
+        self._watch = Watch(rules, self._scene, space, self._clock)
+        self._declined = unmet(agent, space, self._scene, agent.profile, self._tunables)
+        for one in scenario.during:
+            if not one.at:
+                self._plan(one, one.after_s)
+
+    def run(self, against_its_bid: bool) -> Rehearsed:
+        """Run to the end."""
+        if self._declined and not against_its_bid:
+            return self._rehearsed(None, f"the agent does not bid, it {self._declined}")
+        message = ""
+        while not message:
+            self._happen()
+            self._tick()
+            if self._run.result is not None:
+                result = self._run.result
+                return self._rehearsed(result.outcome, self._reason(result))
+            message = self._move_on()
+        return self._rehearsed(None, message)
+
+    def _reason(self, result: RunResult) -> str:
+        """Return why the run ended, and where it failed."""
+        words = result.message
+        tip = self._nodes.get(result.tip)
+        if result.outcome is Outcome.FAILED and tip is not None and tip.path not in words:
+            words += f" ({tip.path}, {tip.position})"
+        if result.orphans:
+            words += f" (still under way: {', '.join(result.orphans)})"
+        return words
+
+    def _tick(self) -> None:
+        self._world.active = False
+        self._world.report_ended()
+        self._held = []
+        changes = self._run.tick()
+        self._world.report_ended()
+        mark(self._run.ticked, self._marks)
+        self._note(changes)
+        self._rests = (
+            not changes and not self._world.active and at_rest(self._run.ticked, self._run.wakes)
+        )
+
+    def _move_on(self) -> str:
+        """Let the time pass until something can happen; return why nothing ever will."""
+        now = self._clock.now
+        if now > self._limits.duration_s or self._run.ticks > self._limits.ticks:
+            return (
+                f"it still runs after {time_text(now)} and {self._run.ticks:,} ticks; give it an "
+                "end, or cancel it under 'during'"
+            )
+        while True:
+            moments = [self._world.next_change, self._run.deadline]
+            moments += [max(at, now + _NUDGE_S) for at in self._run.wakes.values()]
+            moments += [self._agenda[0][0]] if self._agenda else []
+            if not self._rests:
+                moments.append(round(now + TICK_S, 6))
+            then = min(moments)
+            due = min(self._watch.due, self._seen_at + LIVE_S)
+            if self._watch.due < math.inf and due < then:
+                # Only a mood rule is waiting: nothing that would change the tree.
+                now = self._clock.now = max(due, now + _NUDGE_S)
+                if self._see():
+                    return ""
+                continue
+            if then < math.inf:
+                self._clock.now = max(then, now)
+                return ""
+            return self._idle()
+
+    def _idle(self) -> str:
+        leaves = running_leaves(self._run.ticked)
+        waiting = "; ".join(f"{one.path}, {one.position}" for one in leaves)
+        reason = f"it waits for ever: nothing more will happen ({waiting})"
+        happening = self._prompt(reason) if self._prompt is not None else None
+        if happening is None:
+            return reason
+        self._plan(happening, self._clock.now + happening.after_s)
+        return self._move_on()
+
+    def _plan(self, happening: Happening, at: float) -> None:
+        heapq.heappush(self._agenda, (at, next(self._order), happening))
+
+    def _happen(self) -> None:
+        """Let happen what is due, then look at the person."""
+        while self._agenda and self._agenda[0][0] <= self._clock.now:
+            _, _, one = heapq.heappop(self._agenda)
+            if one.values or one.person is not None:
+                self._live = changed(self._live, one)
+                self._event(EventKind.SCENE, change_text(one))
+            if one.tunables:
+                self._tunables |= one.tunables
+                words = ", ".join(
+                    tuned_text(tunable, one.tunables[tunable.name])
+                    for tunable in self._agent.tunables
+                    if tunable.name in one.tunables
+                )
+                self._event(EventKind.TUNES, words)
+            if one.topic:
+                self._world.arrive(one.topic, one.message)
+                self._event(EventKind.ARRIVES, one.topic, inputs=one.message)
+            if one.cancel:
+                self._cancel(one.cancel, one.cancel)
+        self._see()
+
+    def _see(self) -> bool:
+        """Show the live scene to the mood rules; return whether one has fired."""
+        self._seen_at = self._clock.now
+        if self._cancelled_by or self._watch.over:
+            return False
+        fired = self._watch.see(self._live)
+        for one in fired:
+            self._feedback(one.rule.kind, one.reason)
+        last = next((one for one in fired if one.rule.cancel), None)
+        if last is not None:
+            self._cancel(last.reason, last.rule.text)
+        return bool(fired)
+
+    def _cancel(self, reason: str, cause: str) -> None:
+        if self._cancelled_by:
+            return
+        self._cancelled_by = cause
+        self._event(EventKind.CANCELS, reason)
+        self._note(self._run.cancel(reason))
+
+    def _feedback(self, kind: Kind, words: str) -> None:
+        self._given.append(kind)
+        self._event(EventKind.FEEDBACK, f"{kind.name.lower()}: {words}")
+
+    def _note(self, changes: list[StatusChange]) -> None:
+        """Tell of a tick which limits were reached, what was asked of the world, then the rest."""
+        held, self._held = self._held or [], None
+        later: list[Event] = []
+        for change in changes:
+            self._event(EventKind.TICK, "", change=change)
+            node = self._nodes.get(change.path)
+            if node is None:
+                continue
+            if change.status is Status.RUNNING and node.kind in ("wait", "wait_for"):
+                later.append(Event(at_s=self._clock.now, kind=EventKind.WAITS, node=node))
+            elif change.status is Status.FAILURE and f"({node.path}, " in change.message:
+                event = Event(
+                    at_s=self._clock.now,
+                    kind=EventKind.GIVES_UP,
+                    node=node,
+                    words=change.message,
+                )
+                if node.kind in _LIMITS:
+                    self._tell(event)
+                elif not node.children:
+                    later.append(event)
+            if change.status is not Status.INVALID:
+                self._start_counting(change.path)
+        for event in (*held, *later):
+            self._tell(event)
+
+    def _start_counting(self, path: str) -> None:
+        for one in [one for one in self._awaited if matches(one.at, path)]:
+            self._awaited.remove(one)
+            self._plan(one, self._clock.now + one.after_s)
+
+    def _asking(self, typist: Typist) -> Typist:
+        """Return the typist, who is asked when everything before was told."""
+
+        def ask(use: Use) -> ScriptedAnswer | None:
+            held, self._held = self._held or [], None
+            for event in held:
+                self._tell(event)
+            self._held = []
+            return typist(use)
+
+        return ask
+
+    def _rehearsed(self, outcome: Outcome | None, message: str) -> Rehearsed:
+        self._tell(
+            Event(at_s=self._clock.now, kind=EventKind.ENDS, words=message, outcome=outcome)
+        )
+        return Rehearsed(
+            outcome=outcome,
+            message=message,
+            duration_s=self._clock.now,
+            ticks=self._run.ticks,
+            events=tuple(self._events),
+            uses=tuple(self._world.uses),
+            feedback=tuple(self._given),
+            cancelled_by=self._cancelled_by,
+            declined=self._declined,
+            marks={
+                path: frozenset(found)
+                for path, found in self._marks.items()
+                if replaced(path, self._replacements) is None
+            },
+        )
+
+    def _event(
+        self,
+        kind: EventKind,
+        words: str,
+        *,
+        node: NodeSpec | None = None,
+        inputs: Mapping[str, Plain] | None = None,
+        change: StatusChange | None = None,
+    ) -> None:
+        self._tell(
+            Event(
+                at_s=self._clock.now,
+                kind=kind,
+                words=words,
+                node=node,
+                inputs=inputs or {},
+                change=change,
+            )
+        )
+
+    def _tell(self, event: Event) -> None:
+        if self._held is not None:
+            self._held.append(event)
+            return
+        self._events.append(event)
+        if self._listener is not None:
+            self._listener(event)

@@ -1,0 +1,58 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The files of this repository that are made from tables of the code, for scripts/generate."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Mapping
+from functools import cache, partial
+from pathlib import Path
+
+from bt_agents.language.codes.page import codes_page
+from bt_agents.language.reference_page import reference_page
+from bt_agents.language.schema.folder import SCHEMAS, folder_vocabulary, schema_file, schema_text
+from bt_agents.language.vocabulary import Vocabulary
+
+ROOT = Path(__file__).parents[1]
+
+
+@cache
+def shipped() -> Vocabulary:
+    """Return the words of the trees folder of this repository, without installed plug-ins."""
+    return folder_vocabulary(ROOT / "trees", plugins={})
+
+
+def _schema(kind: str) -> str:
+    return schema_text(kind, shipped())
+
+
+GENERATED: Mapping[str, Callable[[], str]] = {
+    "docs/errors.md": codes_page,
+    "docs/nodes.md": lambda: reference_page(shipped()),
+    **{f"schema/{schema_file(kind)}": partial(_schema, kind) for kind in SCHEMAS},
+}
+"""File → what stands in it."""
+
+
+def main() -> None:
+    """Write all files, or compare them with ``--check``; exit code 1 when one is outdated."""
+    check = sys.argv[1:] == ["--check"]
+    if sys.argv[1:] and not check:
+        sys.exit("usage: scripts/generate [--check]")
+    outdated = []
+    for name, made in GENERATED.items():
+        file = ROOT / name
+        text = made()
+        if file.exists() and file.read_text(encoding="utf-8") == text:
+            continue
+        outdated.append(name)
+        if not check:
+            file.parent.mkdir(exist_ok=True)
+            file.write_text(text, encoding="utf-8")
+            print(f"wrote {name}")
+    if check and outdated:
+        sys.exit(f"outdated: {', '.join(outdated)}; run scripts/generate")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,132 @@
+# SPDX-License-Identifier: Apache-2.0
+"""An author's editor: what the language server makes of the committed schemas."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from bt_agents.language.nodes import KINDS, MODIFIERS
+from checkout import ROOT
+from language_server import LanguageServer, NoServer, installed_server
+from stage import SPACE, VOCABULARY
+
+pytestmark = pytest.mark.e2e
+
+FILE = ROOT / "trees" / "agents" / "written_in_a_test.yaml"
+TOP = "# yaml-language-server: $schema=../../schema/agent.schema.json\nformat: 1\nagent: a\n"
+HEAD = f"{TOP}profile: {{age: 3, familiarity: 3, mood: 3}}\ntree:\n"
+WORDS = {*KINDS, *MODIFIERS, *VOCABULARY.skills}
+
+
+@pytest.fixture(scope="module")
+def server() -> Iterator[LanguageServer]:
+    """The server that VS Code and others start for YAML files."""
+    home = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
+    try:
+        command = installed_server(Path(home) / "bt-agents-tests")
+    except NoServer as reason:
+        pytest.skip(str(reason))
+    running = LanguageServer(command)
+    yield running
+    running.close()
+
+
+def shipped() -> list[Path]:
+    folders = ("agents", "skills", "libraries", "scripts")
+    found = [path for folder in folders for path in (ROOT / "trees" / folder).glob("*.yaml")]
+    return [ROOT / "trees" / "scene.yaml", *sorted(found)]
+
+
+@pytest.mark.parametrize("before", ["  ▮", "  sequence:\n    - ▮", "  sequence:\n    - s▮"])
+def test_where_a_node_begins_every_node_skill_and_modifier_is_offered(server, before):
+    assert server.completions(FILE, HEAD + before).keys() >= WORDS
+
+
+def test_beside_a_node_its_modifiers_are_offered(server):
+    offered = server.completions(FILE, f"{HEAD}  sequence:\n    - say: Hello.\n      ▮")
+    assert offered.keys() >= {*MODIFIERS, "name"}
+
+
+def test_a_completed_node_comes_with_what_it_needs(server):
+    offered = server.completions(FILE, f"{HEAD}  ▮")
+    inserted = {label: item["insertText"] for label, item in offered.items()}
+    assert inserted["sequence"] == "sequence:\n  - "
+    assert inserted["say"] == "say: "
+    assert inserted["publish"] == "publish:\n  topic: $1\n  type: $2\n  message: $3"
+    assert inserted["on_failure"] == "on_failure:\n  "
+
+
+def test_below_profile_the_scene_parameters_are_offered(server):
+    offered = server.completions(FILE, f"{TOP}profile:\n  ▮")
+    assert offered.keys() >= set(SPACE.names)
+    assert offered["age"]["insertText"] == "age: ${1:3}"
+
+
+@pytest.mark.parametrize(
+    ("before", "words"),
+    [
+        ("  say: x\n  retry: ▮", {"forever"}),
+        ("  parallel:\n    succeed_on: ▮", {"all", "one"}),
+        ("  log:\n    level: ▮", {"info", "warning", "error"}),
+        ("  ask:\n    ▮", {"text", "choices", "wait"}),
+    ],
+)
+def test_what_may_stand_in_a_field_is_offered(server, before, words):
+    assert server.completions(FILE, HEAD + before).keys() >= words
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("  say: x\n  ▮retry: 3", [MODIFIERS["retry"].description, "attempts", "pause: 2 s"]),
+        ("  ▮sequence:\n    - say: x", [KINDS["sequence"].description, "memory"]),
+        ("  ▮ask: Where to?", ["the question", "10 s", "gives `answer`"]),
+        ("  ask: {text: x, ▮wait: 3 s}", ["how long to wait for the answer"]),
+    ],
+)
+def test_hovering_shows_what_a_word_means(server, text, words):
+    shown = server.hover(FILE, HEAD + text)
+    for word in words:
+        assert word in shown
+
+
+def test_hovering_a_scene_parameter_shows_its_labels(server):
+    shown = server.hover(FILE, f"{TOP}profile: {{▮age: 3}}")
+    assert "1 to 5" in shown
+    assert "a child" in shown
+
+
+@pytest.mark.parametrize(
+    ("tree", "problems"),
+    [
+        ("sya: Hello.", ["6: Property sya is not allowed."]),
+        (
+            "say: Hello.\n  ask: Really?",
+            ["5: two nodes in one item: indent the block, or start a new '-' item"],
+        ),
+        ("retry: 3", ["5: a modifier alone: there is no node beside it"]),
+        ("wait: 5 sx", ["6: expected a time such as 8 s or ${…}"]),
+        ("say: x\n  timeout: soon", ["7: expected a time such as 8 s or ${…}"]),
+        (
+            "give_feedback: good",
+            ['6: Value is not accepted. Valid values: "positive", "negative", "direct".'],
+        ),
+    ],
+)
+def test_a_slip_is_reported_once_and_where_it_is(server, tree, problems):
+    assert server.problems(FILE, f"{HEAD}  {tree}\n") == problems
+
+
+@pytest.mark.parametrize("path", shipped(), ids=lambda path: str(path.relative_to(ROOT)))
+def test_nothing_is_wrong_with_a_shipped_file(server, path):
+    text = path.read_text(encoding="utf-8")
+    first = text.splitlines()[0]
+    assert first.startswith("# yaml-language-server: $schema=")
+    # A schema that is not there would be no problem to the server.
+    assert (path.parent / first.partition("=")[2]).resolve().parent == ROOT / "schema"
+    assert (path.parent / first.partition("=")[2]).is_file()
+    assert server.problems(path, text) == []

@@ -1,0 +1,200 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A small client of the language server that editors use for YAML."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import shutil
+import subprocess
+import tempfile
+import threading
+from pathlib import Path
+from queue import Queue
+from typing import Any
+
+PACKAGE = "yaml-language-server"
+VERSION = "2.0.0"
+INSTALL_S = 240
+ANSWER_S = 60
+
+
+class NoServer(Exception):
+    """There is no server here, for the reason given."""
+
+
+def installed_server(cache: Path) -> list[str]:
+    """Return the command that starts the server, which is installed first when it is not there.
+
+    Raises:
+        NoServer: There is no node or npm, or the package cannot be fetched.
+    """
+    node, npm = shutil.which("node"), shutil.which("npm")
+    if node is None or npm is None:
+        raise NoServer("there is no node or no npm here")
+    program = Path("node_modules") / PACKAGE / "bin" / PACKAGE
+    folder = cache / f"{PACKAGE}-{VERSION}"
+    if not (folder / program).exists():
+        cache.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory(dir=cache) as half:
+            _fetch(npm, Path(half))
+            # Only what is complete gets the name, also when two tests fetch at once.
+            with contextlib.suppress(OSError):
+                (Path(half) / "package").rename(folder)
+    return [node, str(folder / program), "--stdio"]
+
+
+def _fetch(npm: str, half: Path) -> None:
+    folder = half / "package"
+    folder.mkdir()
+    options = ["--no-audit", "--no-fund", "--ignore-scripts", "--no-package-lock"]
+    command = [npm, "install", "--prefix", str(folder), *options, f"{PACKAGE}@{VERSION}"]
+    try:
+        done = subprocess.run(
+            command, cwd=folder, capture_output=True, timeout=INSTALL_S, check=False
+        )
+    except subprocess.TimeoutExpired:
+        raise NoServer(f"npm did not fetch {PACKAGE} within {INSTALL_S} s") from None
+    if done.returncode:
+        # What npm says may name the registry of this machine, and is not shown therefore.
+        raise NoServer(f"npm could not fetch {PACKAGE} {VERSION} (exit {done.returncode})")
+
+
+class LanguageServer:
+    """One running server and the documents that are open in it."""
+
+    def __init__(self, command: list[str]) -> None:
+        self._process = subprocess.Popen(
+            command,
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.DEVNULL,
+        )
+        self._messages: Queue[dict[str, Any]] = Queue()
+        self._last_id = 0
+        self._opened = 0
+        self._problems: dict[str, list[dict[str, Any]]] = {}
+        self._listener = threading.Thread(target=self._listen, daemon=True)
+        self._listener.start()
+        capabilities = {
+            "textDocument": {
+                "completion": {
+                    "completionItem": {
+                        "snippetSupport": True,
+                        "documentationFormat": ["markdown"],
+                    }
+                },
+                "hover": {"contentFormat": ["markdown"]},
+                "publishDiagnostics": {},
+            },
+            "workspace": {"configuration": True},
+        }
+        self._ask("initialize", {"processId": None, "rootUri": None, "capabilities": capabilities})
+        self._tell("initialized", {})
+
+    def close(self) -> None:
+        """End the server."""
+        try:
+            self._ask("shutdown", None)
+            self._tell("exit", None)
+            self._process.wait(timeout=10)
+        finally:
+            self._process.kill()
+            self._process.wait()
+            self._listener.join()
+            for pipe in (self._process.stdin, self._process.stdout):
+                if pipe is not None:
+                    pipe.close()
+
+    def problems(self, path: Path, text: str) -> list[str]:
+        """Open a text as a file and return what the server finds wrong with it."""
+        uri = self._open(path, text)
+        while uri not in self._problems:
+            self._handle(self._messages.get(timeout=ANSWER_S))
+        return [
+            f"{one['range']['start']['line'] + 1}: {one['message']}" for one in self._problems[uri]
+        ]
+
+    def completions(self, path: Path, text: str) -> dict[str, dict[str, Any]]:
+        """Return what the server offers where ``▮`` stands in the text, by label."""
+        uri, place = self._opened_at(path, text)
+        answer = self._ask("textDocument/completion", {**place, "textDocument": {"uri": uri}})
+        items = answer if isinstance(answer, list) else answer["items"]
+        return {item["label"]: item for item in items}
+
+    def hover(self, path: Path, text: str) -> str:
+        """Return what the server shows about the word where ``▮`` stands in the text."""
+        uri, place = self._opened_at(path, text)
+        answer = self._ask("textDocument/hover", {**place, "textDocument": {"uri": uri}})
+        return "" if answer is None else str(answer["contents"]["value"])
+
+    def _opened_at(self, path: Path, text: str) -> tuple[str, dict[str, Any]]:
+        before, _, after = text.partition("▮")
+        uri = self._open(path, before + after)
+        line = before.count("\n")
+        return uri, {"position": {"line": line, "character": len(before) - before.rfind("\n") - 1}}
+
+    def _open(self, path: Path, text: str) -> str:
+        # A name of its own for each text: the server remembers what it found in the last one.
+        self._opened += 1
+        uri = path.with_stem(f"{path.stem}_{self._opened}").as_uri()
+        document = {"uri": uri, "languageId": "yaml", "version": 1, "text": text}
+        self._tell("textDocument/didOpen", {"textDocument": document})
+        return uri
+
+    def _ask(self, method: str, parameters: object) -> Any:
+        self._last_id += 1
+        self._send({"id": self._last_id, "method": method, "params": parameters})
+        while True:
+            message = self._messages.get(timeout=ANSWER_S)
+            if message.get("id") == self._last_id and "method" not in message:
+                assert "error" not in message, message
+                return message.get("result")
+            self._handle(message)
+
+    def _tell(self, method: str, parameters: object) -> None:
+        self._send({"method": method, "params": parameters})
+
+    def _handle(self, message: dict[str, Any]) -> None:
+        """Note problems, and answer what the server asks its editor."""
+        if message.get("method") == "textDocument/publishDiagnostics":
+            parameters = message["params"]
+            self._problems[parameters["uri"]] = parameters["diagnostics"]
+        elif message.get("method") == "workspace/configuration":
+            asked = message["params"]["items"]
+            settings = [_SETTINGS.get(one.get("section"), {}) for one in asked]
+            self._send({"id": message["id"], "result": settings})
+        elif "id" in message and "method" in message:
+            self._send({"id": message["id"], "result": None})
+
+    def _send(self, content: dict[str, Any]) -> None:
+        body = json.dumps({"jsonrpc": "2.0", **content}).encode()
+        pipe = self._process.stdin
+        assert pipe is not None
+        pipe.write(b"Content-Length: %d\r\n\r\n" % len(body) + body)
+        pipe.flush()
+
+    def _listen(self) -> None:
+        pipe = self._process.stdout
+        assert pipe is not None
+        while True:
+            length = 0
+            while (line := pipe.readline().strip()) != b"":
+                name, _, value = line.partition(b":")
+                if name.lower() == b"content-length":
+                    length = int(value)
+            if not length:
+                return
+            self._messages.put(json.loads(pipe.read(length)))
+
+
+_SETTINGS = {
+    # Nothing but the schemas that the files themselves name, and no look-up on the net.
+    "yaml": {
+        "validate": True,
+        "hover": True,
+        "completion": True,
+        "schemaStore": {"enable": False},
+    },
+    "[yaml]": {"editor.tabSize": 2, "editor.insertSpaces": True},
+}

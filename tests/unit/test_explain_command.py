@@ -1,0 +1,101 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`bt-agents explain`: pages of the reference in the terminal."""
+
+from __future__ import annotations
+
+import io
+
+import pytest
+from click.testing import CliRunner
+from rich.console import Console
+
+from bt_agents.cli.explain import explain, explanation
+from bt_agents.errors import BtAgentsError
+from bt_agents.language.codes.table import CODES
+from bt_agents.language.reference import node_pages
+from stage import TREES, VOCABULARY
+
+
+def explained(word: str = "") -> str:
+    result = CliRunner().invoke(
+        explain, [*([word] if word else []), "--dir", str(TREES)], catch_exceptions=False
+    )
+    assert result.exit_code == 0
+    return "\n".join(line.rstrip() for line in result.output.splitlines()).strip()
+
+
+def page(word: str) -> str:
+    console = Console(file=io.StringIO(), width=100)
+    console.print(*explanation(word, VOCABULARY), sep="\n")
+    return console.file.getvalue()
+
+
+def test_a_code_is_explained_by_its_meaning_and_two_examples():
+    assert explained("two-nodes") == (
+        "error[two-nodes]  part of an agent file\n"
+        "\n"
+        "Two nodes stand in one item.\n"
+        "\n"
+        "Wrong:\n"
+        "  tree:\n"
+        "    sequence:\n"
+        "      - say: Hello.\n"
+        "        wait: 2 s\n"
+        "\n"
+        "Right:\n"
+        "  tree:\n"
+        "    sequence:\n"
+        "      - say: Hello.\n"
+        "      - wait: 2 s"
+    )
+
+
+@pytest.mark.parametrize("word", ["error[tab]", "error[tab]:", "tab", " tab:"])
+def test_a_code_may_be_copied_from_a_report(word):
+    assert page(word).startswith("error[tab]")
+
+
+def test_a_skill_is_explained_by_its_fields_and_what_it_gives():
+    text = explained("ask")
+    assert text.startswith("ask  skill\n\nAsk a question")
+    assert "  ask: {text: …, choices: …, wait: …}" in text
+    assert "needed" in text
+    assert "${answer} (text)  what the person answered" in text
+
+
+@pytest.mark.parametrize("code", CODES)
+def test_every_code_has_a_page(code):
+    assert CODES[code].meaning.split()[0] in page(code)
+
+
+@pytest.mark.parametrize("word", [page.key for page in node_pages(VOCABULARY)])
+def test_every_word_of_the_language_has_a_page(word):
+    assert page(word).startswith(f"{word}  ")
+
+
+def test_without_a_word_all_are_listed():
+    text = explained().split()
+    assert {"sequence", "say", "retry", "unknown-node"} <= set(text)
+
+
+@pytest.mark.parametrize(
+    ("word", "hint"),
+    [
+        ("sya", "did you mean 'say'?"),
+        ("unknown_node", "did you mean 'unknown-node'?"),
+        ("qqqqqq", "'bt-agents explain' lists all"),
+    ],
+)
+def test_an_unknown_word_gets_the_most_similar_one(word, hint):
+    with pytest.raises(BtAgentsError) as error:
+        CliRunner().invoke(explain, [word, "--dir", str(TREES)], catch_exceptions=False)
+    assert str(error.value) == f"there is no node, skill, modifier or code '{word}'; {hint}"
+
+
+def test_without_a_trees_folder_the_language_itself_is_explained(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("AMENT_PREFIX_PATH", "")
+    monkeypatch.setattr("sys.prefix", str(tmp_path))
+    result = CliRunner().invoke(explain, ["wait"], catch_exceptions=False)
+    assert "Waits for a time." in result.output
+    assert "without the skills of a trees folder" in result.stderr

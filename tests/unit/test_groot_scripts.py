@@ -1,0 +1,158 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Scripts of BehaviorTree.CPP as our expressions and nodes, and our expressions as scripts."""
+
+from __future__ import annotations
+
+import pytest
+
+from bt_agents.groot.expressions import parse_formula
+from bt_agents.groot.formulas import Untranslatable, as_expression, as_script, negated
+from bt_agents.groot.scopes import TreeNames
+from bt_agents.groot.script_nodes import as_condition, as_node
+from bt_agents.groot.scripts import Assignment, ScriptError, parse_script
+from bt_agents.groot.written import yaml_lines
+
+
+def condition(script: str) -> str:
+    return as_expression(as_condition(parse_script(script, str)))
+
+
+def node(script: str) -> list[str]:
+    names = TreeNames({}, ())
+    return yaml_lines(as_node(parse_script(script, names.rename), names).entries())
+
+
+@pytest.mark.parametrize(
+    ("script", "expression"),
+    [
+        ("a && b || !c", "a and b or not c"),
+        ("a && (b || c)", "a and (b or c)"),
+        ("!(a == b)", "not a == b"),
+        ("!a == b", "(not a) == b"),
+        ("1 < x < 5", "1 < x and x < 5"),
+        ("x == 'it'", "x == 'it'"),
+        ("""x == 'say "hi"'""", """x == 'say "hi"'"""),
+        ("-x + 2 * (y - 1) / 4 >= 0.5", "-x + 2 * (y - 1) / 4 >= 0.5"),
+        ("a - (b - c) > 0", "a - (b - c) > 0"),
+        ("a ? b : c", "a and b or not a and c"),
+        ("x", "x"),
+        ("x - 3", "x - 3 != 0"),
+        ("1", "true"),
+        ("0x1F == n", "31 == n"),
+        ("true", "true"),
+    ],
+)  # fmt: skip
+def test_a_script_that_asks_something_is_a_condition(script, expression):
+    assert condition(script) == expression
+
+
+@pytest.mark.parametrize(
+    ("script", "reason"),
+    [
+        ("flags & 4", "no operator '&'"),
+        ("~x > 1", "no operator '~'"),
+        ("'a' .. b == 'ab'", "no operator '..'"),
+        ("x := 1", "cannot give names values"),
+        ("""x == 'both " and' .. ''""", "no operator '..'"),
+    ],
+)
+def test_what_our_language_cannot_say_is_named(script, reason):
+    with pytest.raises(Untranslatable, match=reason.replace("..", r"\.\.")):
+        condition(script)
+
+
+@pytest.mark.parametrize(
+    ("script", "offset", "message"),
+    [
+        ("", 0, "there is no script"),
+        ("x :=", 4, "ends where a value is expected"),
+        ("x == 'a", 5, "quotation mark is not closed"),
+        ('x == "a"', 5, "between ' and '"),
+        ("(a", 0, "is not closed"),
+        ("a b", 2, "an operator is expected before 'b'"),
+        ("3 := 4", 0, "only a name can stand before ':='"),
+        ("65.43foo", 0, "means nothing"),
+        ("a ? b", 5, "a ':' is expected"),
+        ("a == ;", 5, "a value or name is expected, found ';'"),
+        ("a # b", 2, "means nothing"),
+        ("(" * 40 + "1", 32, "nested more than 32 deep"),
+        ("1+" * 300 + "1", 400, "more than 400 words"),
+    ],
+)
+def test_a_text_that_is_no_script_is_refused_where_it_goes_wrong(script, offset, message):
+    with pytest.raises(ScriptError) as error:
+        parse_script(script, str)
+    assert message in error.value.message
+    assert error.value.offset == offset
+
+
+def test_assignments_become_one_set_unless_one_needs_the_other():
+    assert node("a := 1; b := 'x'") == ["set:", "  a: 1", "  b: x"]
+    assert node("a := 1; b := a + 1") == [
+        "sequence:",
+        "  - set:",
+        "      a: 1",
+        "  - set:",
+        "      b: ${a + 1}",
+    ]
+
+
+def test_semicolons_between_assignments_may_be_left_out():
+    assert [one.name for one in parse_script("a := 1 b := 2", str)] == ["a", "b"]
+
+
+def test_texts_are_joined_inside_of_one_text():
+    assert node("t := 'Hello ' .. who .. '!'") == ["set:", '  t: "Hello ${who}!"']
+    assert node("t := 'Hello ' + who") == ["set:", '  t: "Hello ${who}"']
+    assert node("t := '${x}'") == ["set:", '  t: "$${x}"']
+
+
+def test_a_choice_of_values_becomes_a_choice_of_nodes():
+    assert node("a := x > 2 ? 1 : 2") == [
+        "choose:",
+        "  children:",
+        '    - name: then',
+        "      when: x > 2",
+        "      set:",
+        "        a: 1",
+        "  otherwise:",
+        "    set:",
+        "      a: 2",
+    ]  # fmt: skip
+
+
+def test_counting_up_is_the_assignment_of_a_sum():
+    [statement] = parse_script("x += 2", str)
+    assert isinstance(statement, Assignment)
+    assert as_expression(statement.value) == "x + 2"
+
+
+@pytest.mark.parametrize(
+    ("expression", "script"),
+    [
+        ("not a == b", "!(a == b)"),
+        ("a and b or c", "a && b || c"),
+        ("scene.age >= 4", "scene__age >= 4"),
+        ("a between 1 and 2", "1 <= a && a <= 2"),
+        ("a in [1, 'x']", "a == 1 || a == 'x'"),
+        ("a not in [1]", "!(a == 1)"),
+        ("-3 < a", "-3 < a"),
+        ('a == "x"', "a == 'x'"),
+        ("not not a", "!!a"),
+    ],
+)
+def test_an_expression_is_written_as_a_script(expression, script):
+    assert as_script(parse_formula(expression)) == script
+
+
+@pytest.mark.parametrize(
+    "expression", ["max(a, b) > 1", "a % 2 == 0", """a == "it's" """, "a in []", "msg.data"]
+)
+def test_what_scripts_cannot_say_is_refused(expression):
+    with pytest.raises(Untranslatable):
+        as_script(parse_formula(expression))
+
+
+def test_the_opposite_of_the_opposite_is_the_thing_itself():
+    formula = parse_formula("a and b")
+    assert negated(negated(formula)) == formula

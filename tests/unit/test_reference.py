@@ -1,0 +1,109 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The reference: a page for every word of the language, each with an example that works."""
+
+from __future__ import annotations
+
+import runpy
+from dataclasses import replace
+
+import pytest
+from py_trees.behaviours import Success
+
+from bt_agents.engine.run import Run
+from bt_agents.engine.scripted_world import ScriptedWorld
+from bt_agents.language.agent_reader import read_agent_text
+from bt_agents.language.node_examples import EXAMPLES
+from bt_agents.language.node_types import NodeField, NodeKind
+from bt_agents.language.nodes import BESIDE, KINDS, MODIFIERS
+from bt_agents.language.reference import Group, node_page, node_pages
+from bt_agents.language.reference_page import reference_page
+from bt_agents.language.specs import FieldType
+from checkout import ROOT
+from stage import SPACE, VOCABULARY, scene
+
+GENERATED = runpy.run_path(str(ROOT / "scripts" / "generated.py"))["GENERATED"]
+HEAD = "format: 1\nagent: a\nprofile: {age: 3, familiarity: 3, mood: 3}\n"
+WORDS = [*KINDS, *VOCABULARY.skills, *MODIFIERS, *BESIDE]
+
+
+def test_every_word_has_a_page_and_no_other_has():
+    assert [page.key for page in node_pages(VOCABULARY)] == WORDS
+    assert node_page("sya", VOCABULARY) is None
+
+
+def test_every_word_of_the_table_has_an_example_and_no_other_has():
+    assert set(EXAMPLES) == {*KINDS, *MODIFIERS, *BESIDE}
+
+
+@pytest.mark.parametrize("key", WORDS)
+def test_the_example_of_a_word_uses_it_in_a_tree_that_runs(key):
+    page = node_page(key, VOCABULARY)
+    assert page is not None
+    assert f"{key}:" in page.example
+    agent = read_agent_text(HEAD + page.example, "example.yaml", VOCABULARY)
+    run = Run(
+        agent,
+        space=SPACE,
+        scene=scene(age=3, familiarity=3, mood=3),
+        profile=agent.profile,
+        live=lambda: scene(age=3, familiarity=3, mood=3),
+        tunables={},
+        world=(world := ScriptedWorld({}, result={"message": "", "answer": "yes"})),
+        steady=world.clock,
+    )
+    run.tick()
+
+
+def test_a_page_says_what_is_needed_and_what_is_taken_otherwise():
+    page = node_page("ask", VOCABULARY)
+    assert page is not None
+    assert page.group is Group.SKILL
+    assert page.forms == ("ask: <text>", "ask: {text: …, choices: …, wait: …}")
+    assert [(one.name, one.required, one.default) for one in page.fields] == [
+        ("text", True, ""),
+        ("choices", False, "[]"),
+        ("wait", False, "10 s"),
+    ]
+    assert [one.name for one in page.outputs] == ["answer"]
+
+
+def test_a_page_of_a_modifier_says_where_it_acts():
+    page = node_page("retry", VOCABULARY)
+    assert page is not None
+    assert "inside of when, once" in page.note
+    assert "around repeat, timeout" in page.note
+
+
+def test_a_node_of_a_plugin_has_a_page_made_from_its_fields():
+    blink = NodeKind(
+        key="blink",
+        main="colour",
+        fields=(
+            NodeField(name="colour", type=FieldType.TEXT, description="its colour"),
+            NodeField(name="period", type=FieldType.DURATION, required=False, default=0.5),
+        ),
+        description="Blinks.",
+        behaviour=Success,
+    )
+    words = replace(VOCABULARY, plugins={"blink": blink})
+    page = node_page("blink", words)
+    assert page is not None
+    assert page.group is Group.PLUGIN
+    assert page.forms == ("blink: <text>", "blink: {colour: …, period: …}")
+    assert page.fields[1].default == "0.5 s"
+    read_agent_text(HEAD + page.example, "example.yaml", words)
+    assert "### blink\n\nBlinks." in reference_page(words)
+
+
+def test_a_node_without_fields_is_written_with_an_empty_mapping():
+    words = replace(VOCABULARY, plugins={"blink": NodeKind(key="blink", behaviour=Success)})
+    page = node_page("blink", words)
+    assert page is not None
+    assert page.forms == ("blink: {}",)
+    read_agent_text(HEAD + page.example, "example.yaml", words)
+
+
+@pytest.mark.parametrize("name", GENERATED)
+def test_a_generated_file_is_what_the_tables_say(name):
+    written = (ROOT / name).read_text(encoding="utf-8")
+    assert written == GENERATED[name](), "run scripts/generate"

@@ -1,0 +1,86 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Tunables: the default says the type, and one slip is one error."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from bt_agents.errors import ReadError
+from bt_agents.language.shape import FileReading
+from bt_agents.language.source import Source
+from bt_agents.language.specs import FieldType, Tunable
+from bt_agents.language.tunables import read_tunable
+from bt_agents.language.yaml_reader import Mapping
+
+
+def tunable(text: str) -> Tunable | None:
+    """Return the tunable that a text in braces says.
+
+    Raises:
+        ReadError: It is wrong.
+    """
+    reading = FileReading(Source("a.yaml", f"t: {{{text}}}\n"))
+    assert isinstance(reading.root, Mapping)
+    read = read_tunable(reading, reading.root.entries[0], "t")
+    reading.problems.raise_if_any()
+    return read
+
+
+@pytest.mark.parametrize(
+    ("text", "field_type", "values"),
+    [
+        ("default: 2, min: 1, max: 5", FieldType.INTEGER, (2, 1, 5)),
+        ("default: 2, min: 1, max: 5.5", FieldType.NUMBER, (2.0, 1.0, 5.5)),
+        ("default: 8 s, min: 500 ms, max: 1 min", FieldType.DURATION, (8.0, 0.5, 60.0)),
+        ("default: 90, min: 1 s, max: 2 min", FieldType.DURATION, (90.0, 1.0, 120.0)),
+        ("default: 1.5 m, min: 50 cm, max: 2", FieldType.LENGTH, (1.5, 0.5, 2.0)),
+        ("default: 180 deg, min: 0, max: 7 rad", FieldType.ANGLE, (math.pi, 0.0, 7.0)),
+        ("default: 2 m", FieldType.LENGTH, (2.0, None, None)),
+        ("default: true", FieldType.BOOLEAN, (True, None, None)),
+        ("default: kitchen", FieldType.TEXT, ("kitchen", None, None)),
+        ('default: "2 m"', FieldType.TEXT, ("2 m", None, None)),
+        ("default: 1:30", FieldType.TEXT, ("1:30", None, None)),
+    ],
+)
+def test_the_default_and_the_range_say_the_type(text, field_type, values):
+    read = tunable(text)
+    assert read is not None
+    assert read.type is field_type
+    assert (read.default, read.minimum, read.maximum) == values
+
+
+@pytest.mark.parametrize(
+    ("text", "code", "words"),
+    [
+        ("default: 30 s, min: 1 s, max: 10 s", "out-of-range", "is 30 s, expected 1 s to 10 s"),
+        ("default: 3 m, min: 1 m, max: 250 cm", "out-of-range", "is 3 m, expected 1 m to 2.5 m"),
+        ("default: 1 s, min: 2 min, max: 1 s", "out-of-range", "is 1 s, which is not more than"),
+        ("default: 100 deg, min: 0, max: 90 deg", "out-of-range", "100 deg, expected 0 deg to 90"),
+        ("default: 7 s, min: 5 s, max: 1 min, step: 5 s", "off-step", "of steps of 5 s"),
+        ("default: 5 m, min: 1 min, max: 9 m", "bad-length", "'min' of tunable"),
+        ("default: 1:30, min: 0:30, max: 3:00", "bad-duration", "found '1:30'"),
+        ("default: soon, min: 1, max: 3", "bad-number", "found 'soon'"),
+        ('default: "2", min: 1, max: 3, step: 1', "unknown-key", "has no 'min', 'max', 'step'"),
+        ("default: true, min: 0, max: 1", "unknown-key", "is a boolean"),
+        ("default: 9, min: 5, max: 1, step: 0", "out-of-range", "'max' of tunable"),
+        ("default: 9, step: -1", "missing-key", "needs min and max"),
+        ("default: 9, min: 1, max: 5, step: 3", "out-of-range", "is 9, expected 1 to 5"),
+    ],
+)
+def test_what_is_wrong_is_said_once_and_with_its_unit(text, code, words):
+    with pytest.raises(ReadError) as error:
+        tunable(text)
+    (line,) = error.value.lines
+    assert f"error[{code}]" in line
+    assert words in line
+
+
+def test_two_wrong_limits_are_two_errors():
+    with pytest.raises(ReadError) as error:
+        tunable("default: 8 s, min: 2 m, max: 30 m")
+    assert [line.partition(": error")[0] for line in error.value.lines] == [
+        "a.yaml:1:24",
+        "a.yaml:1:34",
+    ]
