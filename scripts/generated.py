@@ -8,6 +8,7 @@ from collections.abc import Callable, Mapping
 from functools import cache, partial
 from pathlib import Path
 
+from bt_agents.groot.page import with_table
 from bt_agents.language.codes.page import codes_page
 from bt_agents.language.reference_page import reference_page
 from bt_agents.language.schema.folder import SCHEMAS, folder_vocabulary, schema_file, schema_text
@@ -26,8 +27,13 @@ def _schema(kind: str) -> str:
     return schema_text(kind, shipped())
 
 
+def _groot_page() -> str:
+    return with_table((ROOT / "docs" / "groot.md").read_text(encoding="utf-8"))
+
+
 GENERATED: Mapping[str, Callable[[], str]] = {
     "docs/errors.md": codes_page,
+    "docs/groot.md": _groot_page,
     "docs/nodes.md": lambda: reference_page(shipped()),
     **{f"schema/{schema_file(kind)}": partial(_schema, kind) for kind in SCHEMAS},
 }

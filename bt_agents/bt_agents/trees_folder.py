@@ -19,29 +19,19 @@ def find_trees(explicit: str = "") -> Path:
     return _find("trees", explicit, "bt_agents_trees", "scene.yaml")
 
 
-def trees_around(path: Path) -> Path | None:
-    """Return the trees folder that a file or folder lies in, short when it is below this one."""
-    inside = path.absolute()
-    for folder in (inside, *inside.parents):
-        if (folder / "scene.yaml").is_file():
-            here = Path.cwd()
-            return folder.relative_to(here) if folder.is_relative_to(here) else folder
-    return None
-
-
-def folder_around(file: Path) -> Path:
-    """Return the trees folder that a file lies in, as seen from the current folder if below it.
+def folder_around(path: Path) -> Path:
+    """Return the trees folder that a file or folder lies in, short when it is below this one.
 
     Raises:
         BtAgentsError: It lies in none.
     """
-    here = Path.cwd()
-    for folder in file.absolute().parents:
+    here, inside = Path.cwd(), path.absolute()
+    for folder in (inside, *inside.parents):
         if (folder / "scene.yaml").is_file():
             return folder.relative_to(here) if folder.is_relative_to(here) else folder
     raise BtAgentsError(
-        f"{file} lies in no trees folder: no folder above it has a scene.yaml; put agents and "
-        "their tests into trees/agents"
+        f"'{path}' lies in no trees folder: no folder above it has a scene.yaml; put agents and "
+        "their tests into trees/agents, skills into trees/skills"
     )
 
 

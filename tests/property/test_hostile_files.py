@@ -107,7 +107,7 @@ def check(kind: str, content: bytes, place: Path) -> None:
     """Check the law for one file."""
     note(content.decode("utf-8", "replace"))
     place.write_bytes(content)
-    start = time.perf_counter()
+    start = time.process_time()
     try:
         spec = READERS[kind](place)
     except ReadError as refused:
@@ -115,7 +115,7 @@ def check(kind: str, content: bytes, place: Path) -> None:
     else:
         if isinstance(spec, AgentSpec):
             check_run(spec)
-    assert time.perf_counter() - start < SLOWEST_S
+    assert time.process_time() - start < SLOWEST_S
 
 
 def check_refusal(error: ReadError, content: bytes, place: Path) -> None:
@@ -418,7 +418,8 @@ def nodes(draw: st.DrawFn, depth: int, parent: str = "") -> str:
     """A node with modifiers, as an author who has read half of the manual writes it."""
     kind = draw(st.sampled_from(USED[:5] if depth == 0 else USED if depth < 4 else USED[-10:]))
     key = kind.name if kind in SKILLS else kind.key
-    pairs = {key: draw(bodies(kind, depth))}
+    written = key[:2] + key[3:] if draw(MISFIT) else key
+    pairs = {written: draw(bodies(kind, depth))}
     if parent == "choose" and not draw(MISFIT):
         pairs["name"] = draw(st.sampled_from(["s0", "s1"]))
         pairs["when"] = draw(st.sampled_from(CONDITIONS))

@@ -94,7 +94,6 @@ def test_everything_in_the_folder_is_looked_at(trees):
     )
     write("libraries/manners.yaml", "format: 1\nsubtrees: {greet: {tree: {sya: A.}}}\n")
     write("scripts/morning.yaml", "format: 1\nvisits: [{label: a, person: maybe}]\n")
-    write("scripts/noon.yaml", "format: 1\nvisits: [{label: Gate #4}]\n")
     assert sorted(found()) == [
         "trees/agents/one.test.yaml:2 unknown-agent",
         "trees/agents/two.yaml:4 unknown-node",

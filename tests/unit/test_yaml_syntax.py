@@ -10,9 +10,10 @@ import pytest
 from bt_agents.errors import ReadError
 from bt_agents.language.agent_reader import read_agent_text
 from bt_agents.language.diagnostics import Diagnostics
+from bt_agents.language.document import MAX_SLIPS, read_document
 from bt_agents.language.mended_source import Edit, MendedSource, without_section
 from bt_agents.language.source import Source
-from bt_agents.language.yaml_reader import MAX_SLIPS, Mapping, read_document
+from bt_agents.language.yaml_reader import Mapping
 from stage import VOCABULARY
 
 HEAD = "format: 1\nagent: a\nprofile: {age: 3, familiarity: 3, mood: 3}\n"
@@ -119,6 +120,12 @@ def tree(text: str) -> str:
             "put a ',' between two values, and quote a text with ': ' in it",
         ),
         (
+            "say: {text: Gate #4}",
+            "5:8",
+            "this '{' is not closed",
+            "a '#' behind a space starts a comment: put quotes around the text",
+        ),
+        (
             "say: {text: ${a}}",
             "5:15",
             "${…} stands without quotes inside { … } or [ … ]",
@@ -189,7 +196,7 @@ def test_after_a_slip_that_could_mean_anything_other_keys_are_still_looked_throu
 
 
 def test_a_file_that_is_nothing_but_slips_ends():
-    for line in ("a: b: c\n", "}\n", "a:b\n"):
+    for line in ("a: b: c\n", "}\n", "- a\nb\n"):
         slips = [one for one in found(line * 500) if one.startswith("syntax")]
         assert 1 <= len(slips) <= MAX_SLIPS
 

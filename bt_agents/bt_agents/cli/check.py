@@ -18,7 +18,7 @@ from bt_agents.language.codes.entry import Severity
 from bt_agents.language.folder_reader import SUFFIXES
 from bt_agents.language.interfaces import Interfaces
 from bt_agents.language.renderers import as_annotation, as_json, as_text, count, wants_colour
-from bt_agents.trees_folder import find_trees, trees_around
+from bt_agents.trees_folder import find_trees, folder_around
 
 
 @click.command()
@@ -138,13 +138,7 @@ def _located(path: Path) -> tuple[Path, Path | None]:
         return path / "trees", None
     if not path.exists():
         raise BtAgentsError(f"there is no file or folder '{path}'; check the name")
-    folder = trees_around(path)
-    if folder is None:
-        raise BtAgentsError(
-            f"'{path}' lies in no trees folder: no folder above it has a scene.yaml; put agents "
-            "into trees/agents, skills into trees/skills"
-        )
-    return folder, path
+    return folder_around(path), path
 
 
 def _fails(checked: Checked, strict: bool) -> bool:

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import Enum
 
@@ -41,7 +41,6 @@ class Builtin:
     note: str = ""
 
 
-_LEAF: tuple[int, int | None] = (0, 0)
 _ONE: tuple[int, int | None] = (1, 1)
 _SOME: tuple[int, int | None] = (1, None)
 
@@ -93,7 +92,7 @@ BUILTINS: Mapping[str, Builtin] = {
             note="ours stops the other children as soon as one has failed",
         ),
         Builtin(id="IfThenElse", ours="`choose` with `otherwise`", children=(2, 3)),
-        Builtin(id="WhileDoElse", ours="`while`", children=(2, 3)),
+        Builtin(id="WhileDoElse", ours="`while`, two of them in a `selector`", children=(2, 3)),
         *(_switch(cases) for cases in range(2, 7)),
         Builtin(
             id="TryCatch",
@@ -226,13 +225,3 @@ CONDITIONS: Mapping[str, tuple[str, str]] = {
 
 OTHER_ATTRIBUTES = ("ID", "name", "_autoremap", "_description", "_fullpath", "_uid", "_collapsed")
 """Attributes of any node that say nothing about what it does, or that are read elsewhere."""
-
-
-def table() -> Iterator[tuple[str, str, str]]:
-    """Return the rows of the page of the documentation: theirs, ours, how they differ."""
-    for one in BUILTINS.values():
-        ports = "".join(f' {port}="…"' for port in one.required)
-        yield f"`<{one.id}{ports}>`", one.ours or "—", one.note
-    yield '`<SubTree ID="…">`', "`subtree`, `with` and `outputs`", ""
-    for name, (ours, note) in CONDITIONS.items():
-        yield f'`{name}="…"`', ours or "—", note

@@ -12,9 +12,10 @@ from bt_agents.groot.tree_export import TreeExport
 from bt_agents.groot.xml_writer import Xml, xml_text
 from bt_agents.language.agent_reader import read_agent_text
 from bt_agents.language.drafts import DraftReader
+from bt_agents.language.fields import Fields
 from bt_agents.language.imports import read_imports
 from bt_agents.language.inputs import read_inputs
-from bt_agents.language.shape import Fields, FileReading
+from bt_agents.language.shape import FileReading
 from bt_agents.language.source import Source, read_source
 from bt_agents.language.specs import SubtreeSpec, Tunable
 from bt_agents.language.vocabulary import Vocabulary

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import re
 import unicodedata
-from collections.abc import Collection, Iterable
+from collections.abc import Collection
 
 from bt_agents.language.names import RESERVED
 from bt_agents.language.shape import MAX_NAME
@@ -59,8 +59,8 @@ def entry_of(port_name: str) -> str:
 class Renaming:
     """Gives every name of one kind a name in our language, different ones to different names."""
 
-    def __init__(self, taken: Iterable[str] = ()) -> None:
-        self._taken = {*RESERVED, *taken}
+    def __init__(self) -> None:
+        self._taken = set(RESERVED)
         self._given: dict[str, str] = {}
 
     def __call__(self, name: str) -> str:
@@ -75,7 +75,3 @@ class Renaming:
             self._taken.add(given)
             self._given[name] = given
         return self._given[name]
-
-    def changed(self) -> dict[str, str]:
-        """Return the names that are called something else now."""
-        return {name: given for name, given in self._given.items() if name != given}

@@ -6,9 +6,10 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 
+from bt_agents.language.fields import Fields
 from bt_agents.language.interfaces import Interfaces, MessageFields, read_ros_name, read_ros_type
 from bt_agents.language.names import Names
-from bt_agents.language.shape import Fields, FileReading
+from bt_agents.language.shape import FileReading
 from bt_agents.language.specs import Binding, BindingKind, MapValue, Plain
 from bt_agents.language.values import is_plain, plain, read_condition, read_map
 from bt_agents.language.yaml_reader import Entry, Node, Sequence, entries_of

@@ -61,6 +61,13 @@ class Draft:
     children: tuple[Draft, ...] = ()
     nodes: Mapping[str, Draft] = field(default_factory=dict)
 
+    @property
+    def word(self) -> str:
+        """Name of the kind of node or skill; of a misspelt key the one that is meant."""
+        if self.kind is not None:
+            return self.kind.key
+        return self.skill.name if self.skill is not None else self.key.text
+
     def walk(self) -> Iterator[Draft]:
         """Return this node and all below it, handlers included."""
         yield self

@@ -8,7 +8,8 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 from bt_agents.language.diagnostics import shown
-from bt_agents.language.shape import Fields, FileReading
+from bt_agents.language.fields import Fields
+from bt_agents.language.shape import FileReading
 from bt_agents.language.specs import SkillSpec, SubtreeSpec
 from bt_agents.language.vocabulary import ImportProblem, Library, Vocabulary
 from bt_agents.language.yaml_reader import Node, Sequence

@@ -53,7 +53,8 @@ def _read_input(reading: FileReading, entry: Entry, kind: str) -> FieldSpec | No
     fields = reading.fields(
         entry.value, f"{kind} '{name}'", ("type", "default", "description"), ("type",)
     )
-    assert fields is not None
+    if fields is None:
+        return FieldSpec(name=name, type=FieldType.ANY)
     type_node = fields.get("type")
     field_type = read_type(reading, type_node) if type_node is not None else None
     default = fields.get("default")

@@ -8,8 +8,8 @@ import re
 from bt_agents.language.diagnostics import Diagnostics
 from bt_agents.language.source import MAX_BYTES, TOO_LARGE, Source
 
-# Also what breaks lines in some programs only (U+0085, U+2028, U+2029), hides (U+FEFF, tags) or turns
-# the reading direction: no script needs it, and nobody would see it.
+# Also what breaks lines in some programs only (U+0085, U+2028, U+2029), hides (U+FEFF, tags from
+# U+E0000 on) or turns the reading direction: no script needs it, and nobody would see it.
 BAD_CHARACTER = re.compile(
     "[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f\ud800-\udfff\ufdd0-\ufdef\ufeff\ufffe\uffff"
     "\u2028\u2029\u202a-\u202e\u2066-\u2069\U000e0000-\U000e007f]"

@@ -303,6 +303,11 @@ MODIFIERS: Mapping[str, ModifierKind] = {
         ModifierKind(key="succeed", description="However the node ends, it counts as success."),
         ModifierKind(key="fail", description="However the node ends, it counts as failure."),
         ModifierKind(
+            key="on_failure",
+            handler=True,
+            description="A node that is done instead when the node has failed.",
+        ),
+        ModifierKind(
             key="while",
             main="condition",
             fields=(
@@ -314,11 +319,6 @@ MODIFIERS: Mapping[str, ModifierKind] = {
             ),
             description="Looks at a condition at each tick; once it is not true, the node is "
             "stopped and has failed.",
-        ),
-        ModifierKind(
-            key="on_failure",
-            handler=True,
-            description="A node that is done instead when the node has failed.",
         ),
         ModifierKind(
             key="retry",

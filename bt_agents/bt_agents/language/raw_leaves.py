@@ -12,9 +12,10 @@ from bt_agents.language.bindings import (
     result_fields,
 )
 from bt_agents.language.drafts import Draft
+from bt_agents.language.fields import Fields
 from bt_agents.language.interfaces import Interfaces
 from bt_agents.language.names import Names
-from bt_agents.language.shape import Fields, FileReading
+from bt_agents.language.shape import FileReading
 from bt_agents.language.specs import BindingKind, FieldSpec, FieldType, SkillSpec
 from bt_agents.language.yaml_reader import Scalar
 
@@ -34,7 +35,7 @@ def read_raw_leaf(
     interfaces: Interfaces | None,
 ) -> SkillSpec | None:
     """Return an unnamed skill for the leaf; None when the leaf is wrong."""
-    key = draft.key.text
+    key = draft.word
     name_key = "topic" if kind is BindingKind.TOPIC else "name"
     keys = binding_keys(kind, name_key)
     if kind in RECEIVED:

@@ -7,6 +7,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import replace
 
 from bt_agents.language.diagnostics import did_you_mean, shown
+from bt_agents.language.fields import Fields
 from bt_agents.language.interfaces import read_ros_name
 from bt_agents.language.names import Names
 from bt_agents.language.path_patterns import is_path, matches, nodes_of
@@ -19,7 +20,7 @@ from bt_agents.language.scenarios import (
     ScriptedAnswer,
 )
 from bt_agents.language.scene_values import read_values
-from bt_agents.language.shape import Fields, FileReading
+from bt_agents.language.shape import FileReading
 from bt_agents.language.specs import (
     AgentSpec,
     FieldType,

@@ -13,9 +13,10 @@ from bt_agents.language.bindings import (
     result_fields,
 )
 from bt_agents.language.diagnostics import did_you_mean, shown
+from bt_agents.language.fields import Fields
 from bt_agents.language.interfaces import Interfaces, MessageFields, package_of
 from bt_agents.language.names import Names
-from bt_agents.language.shape import Fields, FileReading, listed
+from bt_agents.language.shape import FileReading, listed
 from bt_agents.language.specs import Binding, BindingKind, SkillSpec
 from bt_agents.language.yaml_reader import Mapping as MappingNode
 from bt_agents.language.yaml_reader import Node, Scalar, entries_of

@@ -9,10 +9,11 @@ from pathlib import Path, PurePosixPath
 
 from bt_agents.errors import ReadError
 from bt_agents.language.diagnostics import did_you_mean, joined, shown
+from bt_agents.language.fields import Fields
 from bt_agents.language.inputs import read_inputs, read_new_name, read_type
 from bt_agents.language.interfaces import Interfaces
 from bt_agents.language.nodes import BESIDE, KINDS, MODIFIERS
-from bt_agents.language.shape import Fields, FileReading, found
+from bt_agents.language.shape import FileReading, found
 from bt_agents.language.skill_bindings import Offer, read_offer
 from bt_agents.language.source import Source
 from bt_agents.language.specs import BindingKind, FieldSpec, FieldType, SkillSpec

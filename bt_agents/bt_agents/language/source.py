@@ -109,7 +109,7 @@ def _check_regular(file: str, mode: int) -> None:
     if stat.S_ISREG(mode):
         return
     kind = "a folder" if stat.S_ISDIR(mode) else "a pipe, socket or device"
-    raise _refusal(file, "not-a-file", f"this is {kind}, not a text file", "name a YAML file")
+    raise _refusal(file, "not-a-file", f"this is {kind}, not a text file", "name a file")
 
 
 def _refusal(file: str, code: str, message: str, hint: str) -> Exception:

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from bt_agents.feedback import Kind
 from bt_agents.language.diagnostics import did_you_mean, shown
+from bt_agents.language.fields import Fields
 from bt_agents.language.scenario_reader import SCENARIO_KEYS, ScenarioReader
 from bt_agents.language.scenarios import (
     SPOKEN,
@@ -26,7 +27,7 @@ from bt_agents.language.scenarios import (
     Visits,
     Within,
 )
-from bt_agents.language.shape import Fields, FileReading
+from bt_agents.language.shape import FileReading
 from bt_agents.language.source import Source
 from bt_agents.language.specs import AgentSpec, FieldType, Plain, Position, SkillSpec
 from bt_agents.language.yaml_reader import Mapping as MappingNode

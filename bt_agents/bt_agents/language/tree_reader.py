@@ -295,7 +295,7 @@ class TreeReader:
         return spec
 
     def _raw(self, draft: Draft, path: str, names: Names) -> NodeSpec | None:
-        key = draft.key.text
+        key = draft.word
         leaf = read_raw_leaf(self._reading, draft, RAW_LEAVES[key], names, self._interfaces)
         if leaf is None or leaf.binding is None:
             return None

@@ -7,9 +7,10 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 from bt_agents.language.drafts import Draft, DraftReader
+from bt_agents.language.fields import Fields
 from bt_agents.language.inputs import read_inputs
 from bt_agents.language.names import Names, Written, mood_names, scene_names
-from bt_agents.language.shape import Fields, FileReading
+from bt_agents.language.shape import FileReading
 from bt_agents.language.specs import FieldSpec, FieldType, NodeSpec, SubtreeSpec
 from bt_agents.language.subtrees import MAX_NODES, Expansion
 from bt_agents.language.tree_reader import TreeReader

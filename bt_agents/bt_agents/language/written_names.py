@@ -70,7 +70,7 @@ class WrittenNames:
         return {name for name, _, _ in self._written_by(draft)}
 
     def _written_by(self, node: Draft) -> Iterator[tuple[str, Scalar, FieldType]]:
-        key = node.key.text
+        key = node.word
         declared = self._declared(node)
         if declared is not None:
             entry = node.beside.get("outputs")
@@ -92,7 +92,7 @@ class WrittenNames:
         """Return the outputs of a skill or subtree; None for other nodes."""
         if node.skill is not None:
             return node.skill.outputs
-        if node.key.text != "subtree" or not isinstance(node.value, Scalar):
+        if node.word != "subtree" or not isinstance(node.value, Scalar):
             return None
         called = self._subtrees.get(node.value.text)
         return called.outputs if called is not None else ()

@@ -13,7 +13,6 @@ import yaml
 from bt_agents.language.diagnostics import Diagnostics, shown
 from bt_agents.language.legibility import BAD_CHARACTER, is_readable
 from bt_agents.language.line_slips import Slip
-from bt_agents.language.mended_source import MendedSource, without_section
 from bt_agents.language.source import Source
 from bt_agents.language.specs import Position
 from bt_agents.language.yaml_syntax import report_syntax
@@ -26,12 +25,6 @@ MAX_NODES = 50_000
 
 MAX_TEXT = 20_000
 """Characters of one scalar."""
-
-MAX_SLIPS = 20
-"""After so many syntax errors reading ends: the file is something else than YAML."""
-
-MAX_READ_AGAIN = 50_000
-"""Characters that are read once more behind slips; no script that a person wrote needs them."""
 
 _STRANGE_SPACE = re.compile("[\u00a0\u1680\u2000-\u200b\u202f\u205f\u2060\u3000]")
 _LOST_SPACE = re.compile("-(?=[^\\W\\d_])|[\u2010-\u2015\u2212] ?")
@@ -103,38 +96,6 @@ def entries_of(node: Node | None) -> tuple[Entry, ...]:
     return node.entries if isinstance(node, Mapping) else ()
 
 
-def read_document(source: Source, problems: Diagnostics) -> tuple[Source, Node | None]:
-    """Return the one document of a file as far as it can be read; every problem is reported.
-
-    Where a syntax error is a slip that can only mean one thing, reading goes on as if it was
-    mended; where not, the other keys of the file are still looked through for syntax errors.
-
-    Returns:
-        The text that the document's spans are about, and the document without what was refused
-        in it; None when nothing can be made of it.
-    """
-    if not is_readable(source, problems):
-        return source, None
-    whole = True
-    left = MAX_READ_AGAIN
-    for _ in range(MAX_SLIPS):
-        root, slip = _read(source, problems)
-        if slip is None:
-            return source, root if whole else None
-        left -= len(source.text)
-        if left < 0:
-            break
-        if slip.mend is not None:
-            source = MendedSource(source, slip.mend)
-            continue
-        whole = False
-        rest = without_section(source, slip.index)
-        if rest is None:
-            break
-        source = rest
-    return source, None
-
-
 def read_yaml(source: Source, problems: Diagnostics) -> Node | None:
     """Return the one document of a file; every problem of its form goes to ``problems``.
 
@@ -144,11 +105,11 @@ def read_yaml(source: Source, problems: Diagnostics) -> Node | None:
     """
     if not is_readable(source, problems):
         return None
-    root, slip = _read(source, problems)
+    root, slip = read_once(source, problems)
     return root if slip is None else None
 
 
-def _read(source: Source, problems: Diagnostics) -> tuple[Node | None, Slip | None]:
+def read_once(source: Source, problems: Diagnostics) -> tuple[Node | None, Slip | None]:
     """Return the document, and the slip that has kept it from being read."""
     builder = _Builder(source, problems)
     try:
