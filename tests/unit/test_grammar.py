@@ -259,5 +259,5 @@ def test_errors_below_a_misspelt_composite_are_found_too():
     assert problems("sequnce: [{sya: x}, {say: [1]}]") == [
         "unknown-node: there is no node or skill 'sequnce'",
         "unknown-node: there is no node or skill 'sya'",
-        "wrong-type: 'text': expected a text, found a list",
+        "wrong-type: 'say': expected a text, found a list",
     ]

@@ -151,7 +151,7 @@ def test_numbers_are_read(text, value):
         ("1_000", "1000"),
         ("1 000", "1000"),
         ("0x10", "decimal"),
-        ("5 s", "no unit is possible here: 5"),
+        ("5 s", "no unit is possible here: write 5"),
         (".nan", "finite"),
         ("-.inf", "finite"),
         ("Infinity", "finite"),

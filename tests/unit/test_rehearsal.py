@@ -152,7 +152,7 @@ def test_whoever_is_asked_then_can_let_something_happen() -> None:
     spec = agent("wait_for: {topic: buttons/confirm, type: std_msgs/msg/Bool, until: msg.data}")
     asked: list[str] = []
 
-    def prompt(reason: str) -> Happening:
+    def prompt(reason: str, waits: Sequence[NodeSpec]) -> Happening:
         asked.append(reason)
         return Happening(after_s=5.0, topic="buttons/confirm", message={"data": True})
 

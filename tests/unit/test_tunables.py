@@ -77,6 +77,12 @@ def test_what_is_wrong_is_said_once_and_with_its_unit(text, code, words):
     assert words in line
 
 
+def test_minutes_that_are_written_as_metres_are_the_slip():
+    with pytest.raises(ReadError) as error:
+        tunable("default: 8 m, min: 2 s, max: 30 s")
+    assert [line.partition(": error")[0] for line in error.value.lines] == ["a.yaml:1:14"]
+
+
 def test_two_wrong_limits_are_two_errors():
     with pytest.raises(ReadError) as error:
         tunable("default: 8 s, min: 2 m, max: 30 m")

@@ -14,7 +14,7 @@ from rich.console import Console
 from rich.text import Text
 
 from bt_agents.cli.named_agent import named_agent
-from bt_agents.cli.scenario_words import scenario_text
+from bt_agents.cli.scenario_words import scenario_words
 from bt_agents.cli.typist import Typist
 from bt_agents.engine.run import Outcome
 from bt_agents.errors import BtAgentsError, ReadError
@@ -25,6 +25,7 @@ from bt_agents.language.test_reader import read_scenario_text, read_test
 from bt_agents.rehearsal.events import Event, Rehearsed
 from bt_agents.rehearsal.expecting import findings
 from bt_agents.rehearsal.rehearsal import rehearse as play
+from bt_agents.rehearsal.scenes import awarded
 from bt_agents.rehearsal.suite import Library
 from bt_agents.rehearsal.transcript import (
     WIDTH,
@@ -33,6 +34,7 @@ from bt_agents.rehearsal.transcript import (
     table,
     tuned_text,
 )
+from bt_agents.roster import unmet
 from bt_agents.scene import SceneSpace
 
 _OPTIONS = "the options"
@@ -81,7 +83,7 @@ def rehearse(
         agent, script = "", agent
     trees, spec, case = _material(agent, script)
     space = trees.scene.space
-    text = scenario_text(
+    said_words = scenario_words(
         spec,
         # More values than the first of --scene come in as words of their own.
         scene=(*scene, *(word for word in words if "=" in word)),
@@ -91,9 +93,10 @@ def rehearse(
         seed=seed,
     )
     try:
-        said = read_scenario_text(text, _OPTIONS, spec, space)
+        said = read_scenario_text(said_words.text, _OPTIONS, spec, space)
     except ReadError as error:
-        raise BtAgentsError(f"an option cannot be understood\n{error.report}") from None
+        explained = said_words.explained(error)
+        raise BtAgentsError(f"an option cannot be understood\n{explained}") from None
     scenario = _joined(case.scenario if case is not None else None, said, seed)
     console = Console(highlight=False)
     width = min(max(console.width, WIDTH), 120)
@@ -104,7 +107,7 @@ def rehearse(
         space,
         scenario,
         tell=_teller(console, width, ticks, realtime),
-        typist=typist.answer if typist is not None else None,
+        typist=typist,
         prompt=typist.happening if typist is not None else None,
         against_its_bid=True,
     )
@@ -168,7 +171,9 @@ def _heading(spec: AgentSpec, scenario: Scenario, space: SceneSpace, case: Case 
         else:
             label = parameter.labels.get(value, "")
             words.append(f"{parameter.name} {value:g}" + (f" ({label})" if label else ""))
-    words += [] if scenario.person else ["no person"]
+    about_person = spec.requires is not None and "scene.person" in spec.requires.names
+    if about_person or not scenario.person:
+        words.append("a person is there" if scenario.person else "nobody is there")
     words += [
         tuned_text(one, scenario.tunables[one.name])
         for one in spec.tunables
@@ -177,7 +182,13 @@ def _heading(spec: AgentSpec, scenario: Scenario, space: SceneSpace, case: Case 
     heading = Text(spec.title, style="bold")
     if case is not None:
         heading.append(f" · {case.name}")
-    return heading.append(f"\n{', '.join(words)}\n", style="not bold dim")
+    heading.append(f"\n{', '.join(words)}\n", style="not bold dim")
+    tunables = {one.name: one.default for one in spec.tunables} | {**scenario.tunables}
+    declined = unmet(spec, space, awarded(space, scenario), spec.profile, tunables)
+    if declined:
+        note = f"The market would not call it: it does not bid, it {declined}.\n"
+        heading.append(note, style="not bold yellow")
+    return heading
 
 
 def _teller(console: Console, width: int, ticks: bool, realtime: bool) -> Callable[[Event], None]:
@@ -194,9 +205,6 @@ def _teller(console: Console, width: int, ticks: bool, realtime: bool) -> Callab
 
 def _close(console: Console, rehearsed: Rehearsed, case: Case | None) -> int:
     console.print(Text(f"\n{ending(rehearsed)}", style="dim"))
-    if rehearsed.declined:
-        note = f"The market would not have called it: it does not bid, it {rehearsed.declined}."
-        console.print(Text(note, style="yellow"), soft_wrap=True)
     wrong = findings(case, rehearsed) if case is not None else ()
     for finding in wrong:
         place = f"{finding.position.file}:{finding.position.line}"

@@ -6,38 +6,121 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
 
-from bt_agents.errors import BtAgentsError
-from bt_agents.language.specs import AgentSpec
+from bt_agents.errors import BtAgentsError, ReadError
+from bt_agents.language.diagnostics import Diagnostic
+from bt_agents.language.path_patterns import nodes_of
+from bt_agents.language.renderers import columns
+from bt_agents.language.specs import AgentSpec, Literal
+from bt_agents.scene import SceneSpace
 
 _PLAIN = re.compile(r"[\w.+][\w.+ /%-]*")
 _TIME = re.compile(r"\s*([0-9.]+\s*(?:ms|s|min|h))\b\s*(.*)", re.DOTALL)
+_BEGIN = re.compile(r"\s*(?:tune\s+)?([^\s=]+)\s*(=?)")
 _ASSIGNMENT = re.compile(r"([^\s=]+)=((?:\"[^\"]*\"|'[^']*'|[^\s])*)")
 
 
-def scenario_text(
+@dataclass(frozen=True, kw_only=True)
+class Words:
+    """What was typed, written out as YAML.
+
+    Attributes:
+        text: The YAML.
+        origins: For each of its lines what was typed for it; empty for the others.
+    """
+
+    text: str
+    origins: tuple[str, ...]
+
+    def explained(self, error: ReadError) -> str:
+        """Return the problems of the text, shown where they were typed."""
+        return "\n".join(self._explained(one) for one in error.diagnostics)
+
+    def _explained(self, problem: Diagnostic) -> str:
+        blocks = [f"{problem.severity.value}[{problem.code}]: {problem.message}"]
+        line = problem.position.line
+        typed = self.origins[line - 1] if line <= len(self.origins) else ""
+        if typed:
+            start, width = _place(problem, typed)
+            blocks += [f"      {typed}", f"      {' ' * start}{'^' * width}"]
+        if problem.hint:
+            blocks.append(f"      hint: {problem.hint}")
+        return "\n".join(blocks)
+
+
+def _place(problem: Diagnostic, typed: str) -> tuple[int, int]:
+    """Return where in what was typed a problem is, and how many columns it takes."""
+    first = problem.position.column - 1
+    end = problem.end
+    last = end.column - 1 if end is not None and end.line == problem.position.line else first + 1
+    wrong = problem.excerpt[first:last].strip("\"'")
+    before = problem.excerpt[:first].count(wrong) if wrong else 0
+    places = [found.start() for found in re.finditer(re.escape(wrong), typed)] if wrong else []
+    if not places:
+        return 0, columns(typed)
+    # What was written out has more words before it, never fewer.
+    start = places[min(before, len(places) - 1)]
+    return columns(typed[:start]), max(1, columns(wrong))
+
+
+def scenario_words(
     agent: AgentSpec,
     *,
-    scene: Iterable[str],
-    tunables: Iterable[str],
-    answers: Iterable[str],
-    happenings: Iterable[str],
-    seed: int | None,
-) -> str:
+    scene: Iterable[str] = (),
+    tunables: Iterable[str] = (),
+    answers: Iterable[str] = (),
+    happenings: Iterable[str] = (),
+    seed: int | None = None,
+) -> Words:
     """Return the options of a rehearsal as YAML, which is then read like any other file.
 
     Raises:
         BtAgentsError: An option has not the form that it needs.
     """
-    lines = ["format: 1"]
-    lines += _section("scene", _pairs(scene, "--scene age=4"))
-    lines += _section("tunables", _pairs(tunables, "--tune patience=5s"))
-    lines += _section("answers", _pairs(answers, "--answer ask=yes"))
+    lines = [("format: 1", "")]
+    lines += _section("scene", "--scene", scene, "age=4")
+    lines += _section("tunables", "--tune", tunables, "patience=5s")
+    lines += _section("answers", "--answer", answers, "ask=yes")
     if seed is not None:
-        lines.append(f"seed: {seed}")
-    during = [f"  - {happening_text(agent, text)}" for text in happenings]
-    lines += ["during:", *during] if during else []
-    return "\n".join(lines) + "\n"
+        lines.append((f"seed: {seed}", f"--seed {seed}"))
+    during = [(f"  - {happening_text(agent, text)}", _option("--at", text)) for text in happenings]
+    lines += [("during:", ""), *during] if during else []
+    return _words(lines)
+
+
+def typed_answer(path: str, typed: str) -> Words:
+    """Return what somebody types as the answer of a node, as YAML."""
+    line = f"  {_value(path)}: {_value(typed)}"
+    return _words([("format: 1", ""), ("answers:", ""), (line, typed)])
+
+
+def typed_happening(agent: AgentSpec, typed: str) -> Words:
+    """Return what somebody types to happen, as YAML.
+
+    Raises:
+        BtAgentsError: It has not the form that it needs.
+    """
+    line = f"  - {happening_text(agent, typed)}"
+    return _words([("format: 1", ""), ("during:", ""), (line, typed)])
+
+
+def _words(lines: Iterable[tuple[str, str]]) -> Words:
+    texts, origins = zip(*lines, strict=True)
+    return Words(text="\n".join(texts) + "\n", origins=origins)
+
+
+def happens(agent: AgentSpec, space: SceneSpace, typed: str) -> bool:
+    """Return whether what somebody types says what happens, and not what is answered."""
+    match = _TIME.fullmatch(typed)
+    begin = _BEGIN.match(match[2] if match else typed)
+    if begin is None:
+        return False
+    word, equals = begin.groups()
+    if equals:
+        return word in (*space.names, "person", *(one.name for one in agent.tunables))
+    topics = (one.fields.get("topic") for one in nodes_of(agent))
+    return word == "cancel" or Literal(value=word) in topics
 
 
 def happening_text(agent: AgentSpec, text: str) -> str:
@@ -51,6 +134,7 @@ def happening_text(agent: AgentSpec, text: str) -> str:
     """
     match = _TIME.fullmatch(text)
     after, rest = (match[1], match[2]) if match else ("0 s", text.strip())
+    rest = rest.removeprefix("tune ").lstrip()
     word, _, more = rest.partition(" ")
     if word == "cancel":
         reason = more.strip() or "cancelled by hand"
@@ -76,20 +160,23 @@ def _assigned(words: str, text: str) -> Mapping[str, str]:
     return {name: _value(value.strip("\"'")) for name, value in _ASSIGNMENT.findall(words)}
 
 
-def _pairs(options: Iterable[str], example: str) -> dict[str, str]:
-    pairs: dict[str, str] = {}
-    for option in options:
-        name, equals, value = option.partition("=")
+def _section(key: str, option: str, given: Iterable[str], example: str) -> list[tuple[str, str]]:
+    """Return names and values as the lines of one key, each with the option it comes from."""
+    lines: dict[str, tuple[str, str]] = {}
+    for text in given:
+        name, equals, value = text.partition("=")
         if not equals or not name.strip():
             raise BtAgentsError(
-                f"'{option}' is not written as a name and a value; write {example}"
+                f"'{text}' is not written as a name and a value; write {option} {example}"
             )
-        pairs[_value(name.strip())] = _value(value.strip())
-    return pairs
+        key_text = _value(name.strip())
+        lines[key_text] = (f"  {key_text}: {_value(value.strip())}", _option(option, text))
+    return [(f"{key}:", ""), *lines.values()] if lines else []
 
 
-def _section(key: str, pairs: Mapping[str, str]) -> list[str]:
-    return [f"{key}:", *(f"  {name}: {value}" for name, value in pairs.items())] if pairs else []
+def _option(option: str, text: str) -> str:
+    """Return an option as it is typed in a shell."""
+    return f'{option} "{text}"' if re.search(r"[\s{}\[\]*]", text) else f"{option} {text}"
 
 
 def _value(text: str) -> str:

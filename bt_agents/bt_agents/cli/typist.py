@@ -3,18 +3,24 @@
 
 from __future__ import annotations
 
+import sys
+from collections.abc import Sequence
+
 from rich.console import Console
 from rich.text import Text
 
-from bt_agents.cli.scenario_words import happening_text, scenario_text
+from bt_agents.cli.scenario_words import Words, happens, typed_answer, typed_happening
 from bt_agents.errors import BtAgentsError, ReadError
-from bt_agents.language.scenarios import GoalEnd, Happening, ScriptedAnswer
-from bt_agents.language.specs import AgentSpec
+from bt_agents.language.expressions import Expression
+from bt_agents.language.scenarios import GoalEnd, Happening, Scenario, ScriptedAnswer
+from bt_agents.language.specs import AgentSpec, Literal, NodeSpec
 from bt_agents.language.test_reader import read_scenario_text
 from bt_agents.rehearsal import likely
 from bt_agents.rehearsal.events import Use
-from bt_agents.rehearsal.transcript import phrase, value_text
+from bt_agents.rehearsal.transcript import value_text
 from bt_agents.scene import SceneSpace
+
+_INDENT = 13
 
 
 class Typist:
@@ -26,67 +32,92 @@ class Typist:
         self._space = space
         self._explained = False
 
-    def answer(self, use: Use) -> ScriptedAnswer | None:
-        """Ask how a skill ends; texts that are only said or shown are not asked for."""
+    def asks(self, use: Use) -> bool:
+        """Return whether a skill is asked for: not for texts that are only said or shown."""
         skill = use.node.skill
         if skill is None or (skill.main == "text" and not skill.outputs):
-            return None
-        likely_s = likely.duration_s(use.node, use.inputs, fails=False)
-        if likely_s == 0.0 and not skill.outputs:
-            return None
+            return False
+        return bool(skill.outputs) or likely.duration_s(use.node, use.inputs, fails=False) > 0.0
+
+    def answer(self, use: Use) -> ScriptedAnswer | Happening | None:
+        """Ask how a skill ends, or what happens first."""
         if not self._explained:
             self._explained = True
-            self._console.print(
-                Text(
-                    "Enter: as is likely · fail WHY · never · anything else is the answer",
-                    style="dim",
-                )
-            )
+            self._say("Enter: as is likely · fail WHY · never · anything else is the answer")
+            self._say(f"{self._mood_example()} happens meanwhile, at any question")
         outputs = likely.outputs(use.node, use.inputs)
-        usual = next(iter(outputs.values()), "done")
-        typed = self._ask(f"{phrase(use.node, use.inputs)}  [{value_text(usual)}]")
+        name, usual = next(iter(outputs.items()), ("ends", "done"))
+        choices = use.inputs.get("choices")
+        possible = [*map(value_text, choices)] if isinstance(choices, tuple | list) else []
+        others = "".join(f" or {one}" for one in possible if one != value_text(usual))
+        typed = self._ask(f"{name} [{value_text(usual)}]{others}")
         word, _, rest = (typed or "").partition(" ")
-        if not word:
+        if not typed:
             return None
         if word == "fail":
             return ScriptedAnswer(end=GoalEnd.FAILS, reason=rest.strip() or "typed so")
         if typed == "never":
             return ScriptedAnswer(end=GoalEnd.NEVER)
-        text = scenario_text(
-            self._agent,
-            scene=(),
-            tunables=(),
-            answers=(f"{use.node.path}={typed}",),
-            happenings=(),
-            seed=None,
-        )
-        try:
-            read = read_scenario_text(text, "typed", self._agent, self._space)
-        except ReadError as error:
-            self._console.print(Text(error.report, style="red"), soft_wrap=True)
-            return self.answer(use)
-        return read.answers[0].answers[0]
+        if typed not in possible and happens(self._agent, self._space, typed):
+            return self._happening(typed) or self.answer(use)
+        read = self._read(typed_answer(use.node.path, typed))
+        return self.answer(use) if read is None else read.answers[0].answers[0]
 
-    def happening(self, reason: str) -> Happening | None:
-        """Ask what happens when the tree waits for something that nobody has announced."""
-        self._console.print(Text(f"{reason}", style="yellow"), soft_wrap=True)
-        typed = self._ask(
-            "what happens? [nothing; or mood=1.5, buttons/confirm data=true, cancel]"
-        )
-        if not typed:
-            return None
+    def happening(self, reason: str, waits: Sequence[NodeSpec]) -> Happening | None:
+        """Ask what happens while the tree only waits."""
+        self._console.print(Text(f"{'':{_INDENT}}{reason}", style="yellow"), soft_wrap=True)
+        examples = [*map(_message_example, waits), self._mood_example(), "cancel"]
+        self._say(f"Enter: nothing · {' · '.join(filter(None, dict.fromkeys(examples)))}")
+        while typed := self._ask("what happens? [nothing]"):
+            happening = self._happening(typed)
+            if happening is not None:
+                return happening
+        return None
+
+    def _happening(self, typed: str) -> Happening | None:
         try:
-            text = f"format: 1\nduring:\n  - {happening_text(self._agent, typed)}\n"
-            read = read_scenario_text(text, "typed", self._agent, self._space)
+            words = typed_happening(self._agent, typed)
         except BtAgentsError as error:
             self._console.print(Text(str(error), style="red"), soft_wrap=True)
-            return self.happening(reason)
-        return read.during[0]
+            return None
+        read = self._read(words)
+        return None if read is None else read.during[0]
+
+    def _mood_example(self) -> str:
+        name = self._space.mood or next(iter(self._space.names), "")
+        return f"3s {name}=1" if name else "3s person=false"
+
+    def _read(self, words: Words) -> Scenario | None:
+        """Return what typed words mean; None when they mean nothing, which is then shown."""
+        try:
+            return read_scenario_text(words.text, "typed", self._agent, self._space)
+        except ReadError as error:
+            self._console.print(Text(words.explained(error), style="red"), soft_wrap=True)
+            return None
+
+    def _say(self, text: str) -> None:
+        self._console.print(Text(f"{'':{_INDENT}}{text}", style="dim"), soft_wrap=True)
 
     def _ask(self, question: str) -> str | None:
         """Return what is typed; None at the end of the input."""
+        prompt = Text(f"{'?':>{_INDENT - 2}} {question} > ", style="bold")
         try:
-            return self._console.input(Text(f"{'?':>12} {question} > ", style="bold")).strip()
+            typed = self._console.input(prompt).strip()
         except EOFError:
             self._console.print()
             return None
+        if not sys.stdin.isatty():
+            # Nobody has ended the line by typing.
+            self._console.print(typed, markup=False)
+        return typed
+
+
+def _message_example(node: NodeSpec) -> str:
+    """Return how a message is typed that a node waits for; empty when it waits for none."""
+    topic, until = node.fields.get("topic"), node.fields.get("until")
+    if not isinstance(topic, Literal):
+        return ""
+    names = until.names if isinstance(until, Expression) else ()
+    field = next((name for name in names if name.startswith("msg.")), "")
+    said = f" {field.removeprefix('msg.')}=true" if field else ""
+    return f"8s {topic.value}{said}"

@@ -31,7 +31,7 @@ class Case(Modifier):
                 return ""
         except Exception as error:
             return why(error)
-        return f"not so: {self.fields.condition('condition').text}"
+        return self.fields.not_so("condition")
 
 
 class Weight(Modifier):

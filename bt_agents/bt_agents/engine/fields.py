@@ -6,7 +6,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from bt_agents.engine.scope import Names, evaluate, holds
+from bt_agents.engine.scope import Names, evaluate, holds, not_so
 from bt_agents.errors import Refused
 from bt_agents.language.expression_values import described
 from bt_agents.language.expressions import Expression
@@ -49,6 +49,10 @@ class Fields:
     def holds(self, name: str) -> bool:
         """Return whether a condition is true now; raises as :meth:`value`."""
         return holds(self.condition(name), self.names)
+
+    def not_so(self, name: str, *, verb: str = "not so") -> str:
+        """Return that a condition is not true, and what its names are instead."""
+        return not_so(self.condition(name), self.names, verb=verb)
 
     def constant(self, name: str, default: Plain = None) -> Plain:
         """Return a value that cannot change, ``default`` when it is not written."""

@@ -59,7 +59,7 @@ class When(Gate):
             return why(missing)
         except Exception as error:
             return located(why(error), self.spec)
-        return f"not so: {self.fields.condition('condition').text}"
+        return self.fields.not_so("condition")
 
 
 class Once(Gate):

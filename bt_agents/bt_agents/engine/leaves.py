@@ -23,9 +23,11 @@ class Leaf(py_trees.behaviour.Behaviour):
     Attributes:
         acts: True when it does something outside of the tree, so that each of its ends is told,
             even when it ends twice in the same way.
+        waits: True when its message says, while it is RUNNING, what it waits for.
     """
 
     acts: ClassVar[bool] = False
+    waits: ClassVar[bool] = False
 
     def __init__(self, spec: NodeSpec, context: RunContext, scope: Scope) -> None:
         super().__init__(spec.name)
@@ -79,7 +81,7 @@ class Check(Leaf):
         """Look at the condition."""
         if self.fields.holds("condition"):
             return Status.SUCCESS
-        self.feedback_message = f"not so: {self.fields.condition('condition').text}"
+        self.feedback_message = self.fields.not_so("condition")
         return Status.FAILURE
 
 

@@ -12,6 +12,7 @@ from py_trees.common import Status
 from bt_agents.engine.context import RunContext
 from bt_agents.engine.faults import located, why
 from bt_agents.engine.fields import Fields
+from bt_agents.engine.leaves import Leaf
 from bt_agents.engine.scope import Scope
 from bt_agents.language.specs import NodeSpec
 
@@ -76,8 +77,8 @@ class While(Modifier):
                 return ""
         except Exception as error:
             return why(error)
-        more = " any more" if self.status is Status.RUNNING else ""
-        return f"not so{more}: {self.fields.condition('condition').text}"
+        verb = "not so any more" if self.status is Status.RUNNING else "not so"
+        return self.fields.not_so("condition", verb=verb)
 
 
 class Timeout(Modifier):
@@ -95,8 +96,14 @@ class Timeout(Modifier):
             return self.decorated.status
         limit = self.fields.seconds("limit")
         if self.context.reached(self.spec.path, self._start + limit):
-            return self.fail(f"not done within {limit:g} s")
+            return self.fail(f"not done within {limit:g} s{self._missing()}")
         return Status.RUNNING
+
+    def _missing(self) -> str:
+        """Return what the node still waits for, as far as it says so."""
+        tip = self.decorated.tip()
+        words = tip.feedback_message if isinstance(tip, Leaf) and tip.waits else ""
+        return f": {words}" if words else ""
 
 
 class Invert(Modifier):

@@ -97,6 +97,7 @@ class Run:
     Attributes:
         ticks: Ticks so far, of the tree and of its clean-up.
         ticked: Nodes of the last tick in the order in which they answered, and how.
+        changes: What has changed in the last tick so far, in order.
         result: How it ended; None until then.
     """
 
@@ -118,6 +119,7 @@ class Run:
         self.spec = spec
         self.ticks = 0
         self.ticked: list[tuple[Behaviour, Status]] = []
+        self.changes: list[StatusChange] = []
         self.result: RunResult | None = None
         self._context = RunContext(world, scope, random or Random())
         self._steady = steady
@@ -148,26 +150,25 @@ class Run:
     def tick(self) -> list[StatusChange]:
         """Tick once, in whatever phase the run is; return what changed, in order."""
         self.ticked = []
+        self.changes = []
         self._context.wakes.clear()
         match self._phase:
             case _Phase.TICKING:
-                changes = self._tick(self._root)
+                self._tick(self._root)
                 if self._root.status is not Status.RUNNING:
                     self._finish_tree()
             case _Phase.CLEANING:
                 assert self._clean_up is not None
-                changes = self._tick(self._clean_up)
+                self._tick(self._clean_up)
                 if self._clean_up.status is not Status.RUNNING:
                     self._settle()
                 elif self._steady() >= self._deadline:
                     self._clean_up.stop(Status.INVALID)
-                    changes += self._untold(self._clean_up)
+                    self.changes += self._untold(self._clean_up)
                     self._settle()
-            case _:
-                changes = []
         if self._phase is _Phase.SETTLING:
             self._try_end()
-        return changes
+        return self.changes
 
     def cancel(self, reason: str, *, clean_up: bool = True) -> list[StatusChange]:
         """Stop every running leaf now; later calls change nothing.
@@ -232,14 +233,13 @@ class Run:
         )
         self._phase = _Phase.ENDED
 
-    def _tick(self, root: Behaviour) -> list[StatusChange]:
+    def _tick(self, root: Behaviour) -> None:
         self.ticks += 1
-        changes: list[StatusChange] = []
         for node in root.tick():
             self.ticked.append((node, node.status))
             acted = isinstance(node, Leaf) and node.acts and node.status is not Status.RUNNING
-            changes += self._change(node, again=acted)
-        return changes + self._untold(root)
+            self.changes += self._change(node, again=acted)
+        self.changes += self._untold(root)
 
     def _untold(self, root: Behaviour) -> list[StatusChange]:
         """Return what changed without an answer of the node itself: mostly that it was stopped."""

@@ -11,7 +11,8 @@ from typing import Protocol, cast
 
 from bt_agents.errors import Refused
 from bt_agents.language import quantities
-from bt_agents.language.expressions import Expression, MissingValue
+from bt_agents.language.expression_values import described
+from bt_agents.language.expressions import EvaluationError, Expression, MissingValue
 from bt_agents.language.specs import (
     Computed,
     FieldType,
@@ -26,6 +27,8 @@ from bt_agents.language.specs import (
 from bt_agents.scene import Scene, SceneSpace, Vector
 
 _LONGEST_JSON = 100_000
+_LONGEST_TEXT = 40
+_MOST_NAMES = 4
 _QUANTITIES = (FieldType.DURATION, FieldType.LENGTH, FieldType.ANGLE)
 
 
@@ -237,6 +240,46 @@ def evaluate(value: Value, names: Names) -> Plain:
 def holds(condition: Expression, names: Names) -> bool:
     """Return whether a condition is true now; see :meth:`Expression.evaluate` for its errors."""
     return condition.evaluate(names.lookup) is True
+
+
+def not_so(condition: Expression, names: Names, *, verb: str = "not so") -> str:
+    """Return that a condition is not true, and what its names are instead.
+
+    Args:
+        condition: The condition.
+        names: What its names mean now.
+        verb: How it is said: ``not so``, ``not so any more``.
+
+    Returns:
+        ``not so: answer == 'yes' (answer is 'no')``; of many names the first, and nothing about
+        a name that is the whole condition and false.
+    """
+    said = f"{verb}: {condition.text}"
+    mentioned = list(dict.fromkeys(mention.name for mention in condition.mentions))
+    values = {name: _now(name, names) for name in mentioned[:_MOST_NAMES]}
+    if values == {condition.text: "is false"}:
+        return said
+    words = [f"{name} {value}" for name, value in values.items()]
+    words += ["…"] * (len(mentioned) > _MOST_NAMES)
+    return f"{said} ({', '.join(words)})" if words else said
+
+
+def _now(name: str, names: Names) -> str:
+    """Return what a name is: ``is 'yes'``, ``is 2``, ``has no value``."""
+    try:
+        value = names.lookup(name)
+    except MissingValue:
+        return "has no value"
+    except (Refused, EvaluationError):
+        return "cannot be told"
+    match value:
+        case str():
+            flat = " ".join(value.split())
+            short = flat if len(flat) <= _LONGEST_TEXT else f"{flat[: _LONGEST_TEXT - 1]}…"
+            return f"is '{short}'"
+        case int() | float() if not isinstance(value, bool) and -1e15 < value < 1e15:
+            return f"is {round(value, 3):.15g}"
+    return f"is {described(value).removeprefix('the number ')}"
 
 
 def _computed(value: Computed, names: Names) -> Plain:

@@ -8,7 +8,15 @@ from collections.abc import Mapping
 from py_trees.common import Status
 
 from bt_agents.engine.leaves import Leaf
-from bt_agents.engine.scope import BindingNames, MessageNames, evaluate, field_of, holds, spoken
+from bt_agents.engine.scope import (
+    BindingNames,
+    MessageNames,
+    evaluate,
+    field_of,
+    holds,
+    not_so,
+    spoken,
+)
 from bt_agents.engine.world import Goal, GoalRun, GoalState
 from bt_agents.errors import Refused
 from bt_agents.language.specs import Binding, BindingKind, Literal, Plain
@@ -77,7 +85,7 @@ class SkillLeaf(Leaf):
             names = MessageNames(prefix="result", message=result, around=self.scope)
             if not holds(binding.succeed_when, names):
                 self.feedback_message = _result_message(result) or (
-                    f"{binding.name} answered, but not so: {binding.succeed_when.text}"
+                    f"{binding.name} answered, but {not_so(binding.succeed_when, names)}"
                 )
                 return Status.FAILURE
         found = {

@@ -10,7 +10,7 @@ from py_trees.common import Status
 
 from bt_agents.engine.context import RunContext
 from bt_agents.engine.leaves import Leaf
-from bt_agents.engine.scope import MessageNames, Scope, field_of, holds
+from bt_agents.engine.scope import MessageNames, Scope, field_of, holds, not_so
 from bt_agents.engine.world import Inbox
 from bt_agents.language.expressions import MissingValue
 from bt_agents.language.specs import Literal, NodeSpec, Plain
@@ -56,6 +56,8 @@ class _Hold:
 class WaitForCondition(Leaf):
     """SUCCESS when a condition has held for a time; one whose value is missing does not hold."""
 
+    waits = True
+
     def begin(self) -> None:
         """Start without having seen anything."""
         self._hold = _Hold()
@@ -68,10 +70,13 @@ class WaitForCondition(Leaf):
 
     def _holds(self) -> bool:
         try:
-            return self.fields.holds("condition")
+            if self.fields.holds("condition"):
+                return True
         except MissingValue as missing:
             self.feedback_message = f"'{missing.name}' has no value yet"
-            return False
+        else:
+            self.feedback_message = self.fields.not_so("condition", verb="not so yet")
+        return False
 
 
 class WaitForMessage(Leaf):
@@ -80,10 +85,13 @@ class WaitForMessage(Leaf):
     What a message says holds until the next one. Without a time the first that fits is enough.
     """
 
+    waits = True
     _inbox: Inbox | None = None
+    _misfit = ""
 
     def begin(self) -> None:
         """Listen."""
+        self._misfit = ""
         self._hold = _Hold()
         self._message: Mapping[str, Plain] = {}
         topic, type_name = str(self.fields.value("topic")), str(self.fields.value("type"))
@@ -102,6 +110,7 @@ class WaitForMessage(Leaf):
                 if seconds == 0:
                     break
         if not self.context.reached(self.spec.path, self._hold.due(seconds)):
+            self.feedback_message = self._misfit
             return Status.RUNNING
         found = {
             name: field_of(self._message, path, f"msg.{path}")
@@ -115,7 +124,10 @@ class WaitForMessage(Leaf):
         if "until" not in self.fields:
             return True
         names = MessageNames(prefix="msg", message=message, around=self.scope)
-        return holds(self.fields.condition("until"), names)
+        until = self.fields.condition("until")
+        fits = holds(until, names)
+        self._misfit = "" if fits else not_so(until, names, verb="the last message is not so")
+        return fits
 
     def end(self) -> None:
         """Stop listening."""

@@ -108,7 +108,7 @@ class _AgentFile:
                     "'learning_rate' is a key of the agent itself",
                     "choose another name for the tunable",
                 )
-            tunable = read_tunable(self._reading, entry, name or "a tunable")
+            tunable = read_tunable(self._reading, entry, name or entry.key.text[:40])
             if name is not None:
                 tunables[name] = tunable
         return tunables

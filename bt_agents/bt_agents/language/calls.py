@@ -10,7 +10,7 @@ from bt_agents.language.drafts import Draft
 from bt_agents.language.names import Names
 from bt_agents.language.node_fields import FieldValues
 from bt_agents.language.nodes import BESIDE, MODIFIERS
-from bt_agents.language.shape import FileReading, listed
+from bt_agents.language.shape import FileReading, found, listed
 from bt_agents.language.specs import (
     FieldSpec,
     FieldType,
@@ -20,6 +20,7 @@ from bt_agents.language.specs import (
     SubtreeSpec,
 )
 from bt_agents.language.values import read_value
+from bt_agents.language.vocabulary import Vocabulary
 from bt_agents.language.yaml_reader import Mapping as MappingNode
 from bt_agents.language.yaml_reader import Node, Scalar
 
@@ -35,16 +36,19 @@ class CallReader:
     """
 
     def __init__(
-        self, reading: FileReading, subtrees: Mapping[str, SubtreeSpec], incomplete: bool = False
+        self,
+        reading: FileReading,
+        subtrees: Mapping[str, SubtreeSpec],
+        vocabulary: Vocabulary,
     ) -> None:
         """Take the file.
 
         Args:
             reading: The file.
             subtrees: What it can call, by name.
-            incomplete: Whether there are more, in an import that has failed.
+            vocabulary: Tells whether there are more, in an import that has failed or is missing.
         """
-        self._incomplete = incomplete
+        self._vocabulary = vocabulary
         self.calls: dict[Position, str] = {}
         self._reading = reading
         self._subtrees = subtrees
@@ -65,7 +69,7 @@ class CallReader:
             position=draft.key.position,
             kind=skill.name,
             name=draft.name or _skill_label(draft, nodes),
-            fields=self._inputs(skill.inputs, nodes, names),
+            fields=self._inputs(skill.inputs, nodes, names, draft),
             skill=skill,
             outputs={name: paths[of] for name, of in outputs.items() if of in paths},
         )
@@ -77,23 +81,17 @@ class CallReader:
             fields = self._reading.fields(
                 name_node, "'subtree'", ("name",), ("name",), beside=(*MODIFIERS, *BESIDE)
             )
-            found = fields.get("name") if fields is not None else None
-            if found is None or len(name_node.entries) > 1:
+            written = fields.get("name") if fields is not None else None
+            if written is None or len(name_node.entries) > 1:
                 return None
-            name_node = found
+            name_node = written
         called = self._reading.text(name_node, "the name of a subtree")
         if called is None:
             return None
-        if called not in self._subtrees and self._incomplete:
-            return None
         if called not in self._subtrees:
-            self._reading.error(
-                "unknown-subtree",
-                name_node,
-                f"there is no subtree {shown(called)}",
-                did_you_mean(called, self._subtrees)
-                or "declare it under 'subtrees:', or import a library that has it",
-            )
+            if not self._vocabulary.incomplete:
+                message = f"there is no subtree {shown(called)}"
+                self._reading.error("unknown-subtree", name_node, message, self._missing(called))
             return None
         subtree = self._subtrees[called]
         if not subtree.complete:
@@ -110,6 +108,17 @@ class CallReader:
             outputs=self._outputs(draft, subtree.outputs, f"subtree '{called}'"),
         )
 
+    def _missing(self, called: str) -> str:
+        """Return how to get at a subtree that the file does not have."""
+        libraries = self._vocabulary.libraries
+        having = libraries.with_subtree(called) if libraries is not None else []
+        if having:
+            return f"add imports: [{having[0]}], which has it"
+        return (
+            did_you_mean(called, self._subtrees)
+            or "declare it under 'subtrees:', or import a library that has it"
+        )
+
     def _skill_fields(self, draft: Draft) -> Mapping[str, Node] | None:
         skill, value = draft.skill, draft.value
         assert skill is not None
@@ -121,6 +130,10 @@ class CallReader:
             return fields.nodes if fields is not None else None
         if isinstance(value, Scalar) and value.empty and not required:
             return {}
+        if not skill.inputs:
+            message = f"'{skill.name}' has no inputs, found {found(value)}"
+            self._reading.error("wrong-type", value, message, "remove it")
+            return None
         if skill.main is None:
             words = ", ".join(f"{one.name}: …" for one in skill.inputs)
             self._reading.wrong_type(value, f"'{skill.name}'", f"its fields {{{words}}}")
@@ -137,7 +150,11 @@ class CallReader:
         return {skill.main: value}
 
     def _inputs(
-        self, inputs: tuple[FieldSpec, ...], nodes: Mapping[str, Node], names: Names
+        self,
+        inputs: tuple[FieldSpec, ...],
+        nodes: Mapping[str, Node],
+        names: Names,
+        draft: Draft | None = None,
     ) -> FieldValues:
         fields: FieldValues = {}
         for one in inputs:
@@ -146,7 +163,9 @@ class CallReader:
                 if not one.required:
                     fields[one.name] = Literal(value=one.default)
                 continue
-            value = read_value(self._reading, node, one.type, names, f"'{one.name}'")
+            short_form = draft is not None and node is draft.value
+            what = draft.word if draft is not None and short_form else one.name
+            value = read_value(self._reading, node, one.type, names, f"'{what}'")
             if value is not None:
                 fields[one.name] = value
         return fields

@@ -20,7 +20,7 @@ from bt_agents.language.yaml_reader import Mapping as MappingNode
 _MAX_LABEL = 64
 _CASE = ("name", "when")
 _OTHER_LANGUAGES = {
-    "if": "use 'choose' with named cases, or 'when: …' beside a node",
+    "if": "write 'when: …' beside a node, or use 'choose' for several cases",
     "else": "use 'choose' with 'otherwise'",
     "switch": "use 'choose' with named cases",
     "case": "use 'choose' with named cases",
@@ -380,7 +380,8 @@ class DraftReader:
         if word in [one.name for one in fields] or word == "children":
             hint = f"it belongs to '{key}': indent it below, or write both inside {{ … }}"
         else:
-            hint = did_you_mean(word, [*MODIFIERS, *BESIDE])
+            other = _OTHER_LANGUAGES.get(word.lower())
+            hint = other or did_you_mean(word, [*MODIFIERS, *BESIDE])
         self._reading.error(
             "unknown-key", entry.key, f"there is no modifier {shown(word)} beside a node", hint
         )

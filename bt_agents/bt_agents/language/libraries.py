@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
@@ -107,9 +108,21 @@ class FolderLibraries:
         return file
 
     def paths(self) -> list[str]:
-        """Return the paths of all files under ``libraries``."""
+        """Return the paths of all files under ``libraries``; see :class:`Libraries`."""
         found = sorted((self._folder / "libraries").glob("*"))
         return [f"libraries/{path.name}" for path in found if path.suffix in SUFFIXES]
+
+    def with_subtree(self, name: str) -> list[str]:
+        """Return the paths of the libraries with a subtree of a name; see :class:`Libraries`."""
+        found = []
+        for path in self.paths():
+            # What is being read now may be imported by the others, which would look like a circle.
+            if not self._chain:
+                with suppress(ImportProblem):
+                    self.load(path)
+            if path in self._read and name in self._read[path].subtrees:
+                found.append(path)
+        return found
 
     def _library(self, reading: FileReading) -> Library:
         fields = reading.document("a library", _KEYS)

@@ -3,13 +3,14 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 
 from bt_agents.language.diagnostics import Diagnostic, shown
 from bt_agents.language.nodes import KINDS
 from bt_agents.language.outcomes import Outcome, constant, endless, outcomes
-from bt_agents.language.reads import names_read
+from bt_agents.language.reads import names_read, texts_of
 from bt_agents.language.scenarios import SPOKEN
 from bt_agents.language.specs import (
     AgentSpec,
@@ -24,6 +25,8 @@ _GUARDS = ("timeout", "while")
 _WRITTEN_BESIDE = ("case", "weight")
 """Wrappers that no key of their own stands for."""
 
+_UNMARKED = re.compile(r"(?<![$\w])(?:\$([^\W\d]\w*)|\{([^\W\d]\w*)\})")
+
 Found = Iterator[Diagnostic]
 
 
@@ -35,7 +38,7 @@ def lint(agent: AgentSpec) -> tuple[Diagnostic, ...]:
             for one in rule(tree):
                 # A subtree that is used twice is written once.
                 found.setdefault((one.position, one.code), one)
-    for one in _unread_tunables(agent):
+    for one in (*_unread_tunables(agent), *_unmarked_names(agent)):
         found[(one.position, one.code)] = one
     return tuple(sorted(found.values(), key=lambda one: (one.position.line, one.position.column)))
 
@@ -169,6 +172,26 @@ def _not_offered(tree: NodeSpec) -> Found:
                 f"no robot offers '{spec.kind}' here: {spec.skill.unoffered}",
                 "bind it under 'bindings:' of a skills file; until then the agent does not bid",
             )
+
+
+def _unmarked_names(agent: AgentSpec) -> Found:
+    """Find ``$place`` and ``{place}`` in texts, where ``${place}`` is meant."""
+    nodes = [node for tree in filter(None, (agent.tree, agent.on_cancel)) for node in _walk(tree)]
+    known = {tunable.name for tunable in agent.tunables}
+    known |= {name for node in nodes for name in node.outputs}
+    known |= {name for node in nodes if node.kind == "set" for name in node.fields}
+    for node in nodes:
+        for text in texts_of(node):
+            for match in _UNMARKED.finditer(text):
+                name = match[1] or match[2]
+                if name in known:
+                    yield _at(
+                        node,
+                        "unmarked-name",
+                        f"'{match[0]}' in a text of '{node.kind}' stays as it is, though there is "
+                        f"a '{name}'",
+                        f"write ${{{name}}} for its value",
+                    )
 
 
 def _unread_tunables(agent: AgentSpec) -> Found:

@@ -232,3 +232,13 @@ tree:
 """,
 }
 """Example by node key, modifier or other key beside a node."""
+
+TEXTS: Mapping[str, str] = {
+    "say": "Hello.",
+    "ask": "Shall we go?",
+    "show": "Follow me",
+    "drive": "check-in desk",
+    "light": "green",
+    "sound": "chirp",
+}
+"""What the text of a skill is in its example, by the usual names of skills."""

@@ -12,7 +12,7 @@ from bt_agents.language.interfaces import MessageFields, read_ros_name, read_ros
 from bt_agents.language.names import Names
 from bt_agents.language.node_types import Content, NodeField
 from bt_agents.language.nodes import BESIDE, MODIFIERS
-from bt_agents.language.shape import FileReading
+from bt_agents.language.shape import FileReading, found
 from bt_agents.language.specs import BindingKind, FieldType, Literal, MapValue, Value
 from bt_agents.language.values import read_condition, read_value
 from bt_agents.language.vocabulary import Vocabulary
@@ -165,12 +165,17 @@ def written_fields(
     Returns:
         None when nothing can be read, which is then reported.
     """
+    required = [field.name for field in fields if field.required]
+    if isinstance(node, Scalar) and node.empty and not required:
+        return {}
+    if not fields and not isinstance(node, MappingNode):
+        reading.error("wrong-type", node, f"{what} has no fields, found {found(node)}", "remove it")
+        return None
     if main is not None and not isinstance(node, MappingNode):
         return {main: node}
-    required = [field.name for field in fields if field.required]
     known = [field.name for field in fields]
-    found = reading.fields(node, what, known, required, beside=(*MODIFIERS, *BESIDE))
-    return None if found is None else found.nodes
+    written = reading.fields(node, what, known, required, beside=(*MODIFIERS, *BESIDE))
+    return None if written is None else written.nodes
 
 
 def _literal(value: bool | int | str | None) -> Literal | None:

@@ -293,7 +293,7 @@ def _number_hint(text: str, bare: bool) -> str:
     if share:
         return f"write {float(share[1]) / float(share[2] or 100):.6g}"
     quantity = _QUANTITY.fullmatch(text)
-    return f"no unit is possible here: {quantity[1]}" if quantity and bare else ""
+    return f"no unit is possible here: write {quantity[1]}" if quantity and bare else ""
 
 
 def _short(text: str) -> str:

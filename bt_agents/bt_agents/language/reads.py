@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The names whose values a node of a checked tree looks at."""
+"""What stands in the values of a node of a checked tree: the names that it reads, its texts."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from bt_agents.language.nodes import KINDS
 from bt_agents.language.specs import (
     Computed,
     ListValue,
+    Literal,
     MapValue,
     NodeSpec,
     Reference,
@@ -47,3 +48,18 @@ def _of_value(value: Value | Expression) -> Iterator[str]:
         case MapValue():
             for item in value.items.values():
                 yield from _of_value(item)
+
+
+def texts_of(spec: NodeSpec) -> Iterator[str]:
+    """Yield the plain texts in the values of a node, those of its children not."""
+    open_values = [value for value in spec.fields.values() if not isinstance(value, Expression)]
+    while open_values:
+        match open_values.pop():
+            case Literal(value=str() as text):
+                yield text
+            case Text(parts=parts):
+                yield from (part for part in parts if isinstance(part, str))
+            case ListValue(items=items):
+                open_values += items
+            case MapValue(items=fields):
+                open_values += fields.values()

@@ -3,14 +3,15 @@
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import Enum
 
-from bt_agents.language.node_examples import EXAMPLES
+from bt_agents.language.node_examples import EXAMPLES, TEXTS
 from bt_agents.language.node_types import Children, Content, ModifierKind, NodeField, NodeKind
 from bt_agents.language.nodes import BESIDE, KINDS, MODIFIERS
-from bt_agents.language.specs import FieldSpec, FieldType, Plain, SkillSpec
+from bt_agents.language.specs import FieldSpec, FieldType, Plain, SkillSpec, SubtreeSpec
 from bt_agents.language.vocabulary import Vocabulary
 
 
@@ -23,6 +24,7 @@ class Group(Enum):
     PLUGIN = "node of a plug-in"
     MODIFIER = "modifier"
     BESIDE = "key beside a node"
+    SUBTREE = "subtree of a library"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -52,7 +54,7 @@ class NodePage:
         description: One sentence or more.
         forms: The ways of writing it, shortest first: ``wait: <time>``.
         fields: In the order of the documentation.
-        outputs: Names that later nodes may use; of skills only.
+        outputs: Names that later nodes may use; of skills and subtrees only.
         note: Where it may stand, or in which order it takes effect; may be empty.
         example: Part of an agent file, YAML.
     """
@@ -124,6 +126,36 @@ def node_pages(vocabulary: Vocabulary) -> tuple[NodePage, ...]:
     return tuple(sorted(pages, key=lambda page: order.index(page.group)))
 
 
+def subtree_page(library: str, subtree: SubtreeSpec) -> NodePage:
+    """Return what there is to say about a subtree of a library.
+
+    Args:
+        library: Path of the library from the trees folder.
+        subtree: What it declares.
+    """
+    fields = tuple(_declared(one, None) for one in subtree.inputs)
+    outputs = tuple(_declared(one, None) for one in subtree.outputs)
+    needed = [field for field in fields if field.required]
+    given = needed or fields[:1]
+    call = f"subtree: {subtree.name}\n"
+    if given:
+        values = ", ".join(f"{field.name}: {_default_or_sample(field)}" for field in given)
+        call += f"with: {{{values}}}\n"
+    forms = [f"subtree: {subtree.name}"]
+    if fields:
+        forms.append(f"with: {{{', '.join(f'{field.name}: …' for field in fields)}}}")
+    return NodePage(
+        key=subtree.name,
+        group=Group.SUBTREE,
+        description=subtree.description,
+        forms=tuple(forms),
+        fields=fields,
+        outputs=outputs,
+        note=f"Declared in {library}, which an agent imports.",
+        example=f"imports: [{library}]\n{_tree(call, outputs)}",
+    )
+
+
 def expected_words(field: NodeField) -> str:
     """Return what may be written in a field: ``whole number ≥ 1 or forever``."""
     if field.content is Content.COUNT:
@@ -176,21 +208,22 @@ def _kind_page(kind: NodeKind) -> NodePage:
         description=kind.description,
         forms=forms,
         fields=fields,
-        example=EXAMPLES.get(kind.key) or _made_example(kind.key, fields),
+        example=EXAMPLES.get(kind.key) or _made_example(kind.key, fields, ()),
     )
 
 
 def _skill_page(skill: SkillSpec) -> NodePage:
     fields = tuple(_declared(one, skill.main) for one in skill.inputs)
+    outputs = tuple(_declared(one, None) for one in skill.outputs)
     return NodePage(
         key=skill.name,
         group=Group.SKILL,
         description=skill.description,
-        forms=_forms(skill.name, fields, bare=""),
+        forms=_forms(skill.name, fields),
         fields=fields,
-        outputs=tuple(_declared(one, None) for one in skill.outputs),
+        outputs=outputs,
         note=skill.unoffered,
-        example=_made_example(skill.name, fields),
+        example=_made_example(skill.name, fields, outputs),
     )
 
 
@@ -239,18 +272,15 @@ def _declared(one: FieldSpec, main: str | None) -> FieldEntry:
     )
 
 
-def _forms(key: str, fields: tuple[FieldEntry, ...], bare: str = " {}") -> tuple[str, ...]:
-    """Return the scalar form where one field is enough, and the form with all fields.
-
-    ``bare`` is what stands behind the key when there is nothing to say.
-    """
+def _forms(key: str, fields: tuple[FieldEntry, ...]) -> tuple[str, ...]:
+    """Return the scalar form where one field is enough, and the form with all fields."""
     forms = []
     needed = [field.name for field in fields if field.required]
     main = next((field for field in fields if field.main), None)
     if main is not None and needed in ([], [main.name]):
         forms.append(f"{key}: <{main.expected}>")
     elif not needed:
-        forms.append(f"{key}:{bare}")
+        forms.append(f"{key}:")
     if len(fields) > 1 or (fields and main is None):
         forms.append(f"{key}: {{{', '.join(f'{field.name}: …' for field in fields)}}}")
     return tuple(forms)
@@ -268,21 +298,36 @@ _SAMPLES = {
 }
 
 
-def _made_example(key: str, fields: tuple[FieldEntry, ...]) -> str:
+def _made_example(
+    key: str, fields: tuple[FieldEntry, ...], outputs: tuple[FieldEntry, ...]
+) -> str:
     """Return an example made from the types of the fields."""
     needed = [field for field in fields if field.required]
     main = next((field for field in fields if field.main), None)
     if main is not None and needed in ([], [main]):
-        value = _sample(main)
+        value = f" {_sample(main, TEXTS.get(key))}"
     elif needed:
-        value = f"{{{', '.join(f'{field.name}: {_sample(field)}' for field in needed)}}}"
+        value = f" {{{', '.join(f'{field.name}: {_sample(field)}' for field in needed)}}}"
     else:
-        value = "{}"
-    return f"tree:\n  {key}: {value}\n"
+        value = ""
+    return _tree(f"{key}:{value}\n", outputs)
 
 
-def _sample(field: FieldEntry) -> str:
+def _tree(node: str, outputs: tuple[FieldEntry, ...]) -> str:
+    """Return a tree of one node, and a node that uses what the first gives."""
+    if not outputs:
+        return f"tree:\n{textwrap.indent(node, '  ')}"
+    item = textwrap.indent(node, "      ").replace("      ", "    - ", 1)
+    name = outputs[0].name
+    return f'tree:\n  sequence:\n{item}    - log: "{name}: ${{{name}}}"\n'
+
+
+def _default_or_sample(field: FieldEntry) -> str:
+    return field.default or _sample(field)
+
+
+def _sample(field: FieldEntry, text: str | None = None) -> str:
     if field.expected == TYPE_WORDS[FieldType.TEXT]:
-        return field.name.replace("_", " ")
+        return text or '"…"'
     first = field.expected.split(" ≥ ")[0]
     return _SAMPLES.get(first) or _SAMPLES.get(field.expected) or first.split(" or ")[0]

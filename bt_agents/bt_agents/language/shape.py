@@ -318,11 +318,12 @@ class FileReading:
         text = self.text(node, what)
         if text is None or text in words:
             return text
+        near = nearest(text, words)
         self.error(
             "bad-choice",
             node,
-            f"{what} is {shown(text)}, expected {' or '.join(words)}",
-            did_you_mean(text, words),
+            f"{what} is {shown(text)}, expected {any_of(words)}",
+            f"did you mean '{near}'?" if near is not None else "",
         )
         return None
 
@@ -361,3 +362,9 @@ def listed(words: Iterable[str]) -> str:
     """Return words in quotes for a message, shortened when there are many."""
     every = list(words)
     return ", ".join(f"'{word}'" for word in every[:5]) + (", …" if len(every) > 5 else "")
+
+
+def any_of(words: Iterable[str]) -> str:
+    """Return words as alternatives: ``a, b or c``."""
+    *first, last = words
+    return f"{', '.join(first)} or {last}" if first else last

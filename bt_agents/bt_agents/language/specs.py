@@ -196,6 +196,7 @@ class SubtreeSpec:
             own file are being read.
         position: Where its name stands.
         complete: False when its declaration has errors, so that nothing can be said about calls.
+        description: What it does, in words; may be empty.
     """
 
     name: str
@@ -204,6 +205,7 @@ class SubtreeSpec:
     body: NodeSpec | None
     position: Position
     complete: bool = True
+    description: str = ""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -27,7 +27,7 @@ from bt_agents.language.values import read_value
 from bt_agents.language.vocabulary import Vocabulary
 from bt_agents.language.written_names import WrittenNames
 from bt_agents.language.yaml_reader import Mapping as MappingNode
-from bt_agents.language.yaml_reader import Node, entries_of
+from bt_agents.language.yaml_reader import Node, Scalar, entries_of
 
 _NOT_IN_PATH = re.compile(r"[^\w-]+")
 _LOOPS = ("retry", "repeat")
@@ -53,7 +53,7 @@ class TreeReader:
         self._reading = reading
         self._interfaces = vocabulary.interfaces
         self._fields = FieldReader(reading, vocabulary)
-        self._calls = CallReader(reading, subtrees, vocabulary.incomplete)
+        self._calls = CallReader(reading, subtrees, vocabulary)
         self._written = WrittenNames(reading, subtrees)
         self._leaves: Mapping[str, Callable[[Draft, str, Names], NodeSpec | None]] = {
             "set": self._set,
@@ -124,7 +124,8 @@ class TreeReader:
         return fields
 
     def _check_repeat(self, node: Node, nodes: Mapping[str, Node]) -> None:
-        if isinstance(node, MappingNode) and not {"times", "until"} & nodes.keys():
+        empty = isinstance(node, Scalar) and node.empty
+        if (empty or isinstance(node, MappingNode)) and not {"times", "until"} & nodes.keys():
             self._reading.error(
                 "missing-key",
                 node,

@@ -119,7 +119,7 @@ class TreesReader:
                 complete=False,
             )
             return
-        fields.text("description")
+        description = fields.text("description")
         before = len(self._reading.problems)
         if name in self._imported:
             self._reading.error(
@@ -139,6 +139,7 @@ class TreesReader:
             body=None,
             position=entry.key.position,
             complete=len(self._reading.problems) == before,
+            description=" ".join(description.split()),
         )
 
     def _declared(self, fields: Fields, key: str, what: str) -> tuple[FieldSpec, ...]:

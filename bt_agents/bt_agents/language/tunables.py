@@ -77,10 +77,12 @@ def _type(default: Scalar, limits: list[Node | None]) -> FieldType:
         return FieldType.TEXT
     if boolean(text) is not None:
         return FieldType.BOOLEAN
-    for one in (text, *written):
-        quantity = quantities.meant_type(one)
-        if quantity is not None:
-            return quantity
+    meant = [one for one in map(quantities.meant_type, (text, *written)) if one is not None]
+    if meant[:1] == [FieldType.LENGTH] and {*meant[1:]} == {FieldType.DURATION}:
+        # Metres beside limits in seconds are minutes with a slip.
+        return FieldType.DURATION
+    if meant:
+        return meant[0]
     # Without a range 1:30 can be a text.
     if written and any(map(quantities.is_clock, (text, *written))):
         return FieldType.DURATION

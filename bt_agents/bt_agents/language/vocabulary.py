@@ -57,6 +57,12 @@ class Libraries(Protocol):
             ImportProblem: It cannot be imported.
         """
 
+    def paths(self) -> list[str]:
+        """Return the paths of all libraries that could be imported."""
+
+    def with_subtree(self, name: str) -> list[str]:
+        """Return the paths of the libraries that have a subtree of a name, as far as is known."""
+
 
 @dataclass(frozen=True)
 class Vocabulary:

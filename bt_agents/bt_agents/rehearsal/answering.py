@@ -4,21 +4,30 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from typing import Protocol
 
-from bt_agents.engine.scope import field_of
+from bt_agents.engine.scope import MessageNames, holds, not_so
 from bt_agents.engine.scripted_world import Answer
 from bt_agents.engine.world import GoalState
 from bt_agents.language.expressions import EvaluationError, MissingValue
 from bt_agents.language.path_patterns import is_path, matches
-from bt_agents.language.scenarios import AnswerRule, GoalEnd, ScriptedAnswer
+from bt_agents.language.scenarios import AnswerRule, GoalEnd, Happening, ScriptedAnswer
 from bt_agents.language.specs import NodeSpec, Plain
 from bt_agents.rehearsal import likely
 from bt_agents.rehearsal.events import Use
 
-Typist = Callable[[Use], ScriptedAnswer | None]
-"""Returns how a person answers a use of a skill, None to leave it to the script."""
+
+class Typist(Protocol):
+    """A person who answers skills in place of the script."""
+
+    def asks(self, use: Use) -> bool:
+        """Return whether the person wants to answer a use of a skill."""
+
+    def answer(self, use: Use) -> ScriptedAnswer | Happening | None:
+        """Return how a use of a skill goes, or what happens first; None leaves it as it is."""
+
 
 _STATES = {
     GoalEnd.SUCCEEDS: GoalState.SUCCEEDED,
@@ -40,15 +49,13 @@ class Performance:
 class Answers:
     """Gives the answers of a script in turn."""
 
-    def __init__(self, rules: Iterable[AnswerRule], typist: Typist | None = None) -> None:
+    def __init__(self, rules: Iterable[AnswerRule]) -> None:
         self._rules = sorted(rules, key=lambda rule: not is_path(rule.key))
         self._turns = dict.fromkeys(range(len(self._rules)), 0)
-        self._typist = typist
 
-    def perform(self, use: Use) -> Performance:
-        """Return how a use of a skill goes."""
-        scripted = self._typist(use) if self._typist is not None else None
-        scripted = scripted or self._scripted(use.node) or ScriptedAnswer()
+    def perform(self, use: Use, typed: ScriptedAnswer | None = None) -> Performance:
+        """Return how a use of a skill goes: as was typed, as is scripted, or as is likely."""
+        scripted = typed or self._scripted(use.node) or ScriptedAnswer()
         outputs = {**likely.outputs(use.node, use.inputs), **scripted.outputs}
         result = _result(use.node, outputs)
         state, reason = _STATES[scripted.end], scripted.reason
@@ -108,15 +115,18 @@ def _objection(use: Use, outputs: Mapping[str, Plain], result: Mapping[str, Plai
     if binding is None or binding.succeed_when is None:
         return ""
 
-    def lookup(name: str) -> Plain:
-        group, _, path = name.partition(".")
-        if group != "result":
-            raise MissingValue(name)
-        return field_of(result, path, name)
-
+    names = MessageNames(prefix="result", message=result, around=_NoNames())
     try:
-        if binding.succeed_when.evaluate(lookup) is True:
+        if holds(binding.succeed_when, names):
             return ""
     except (MissingValue, EvaluationError):
         return ""
-    return f"not so: {binding.succeed_when.text}"
+    return not_so(binding.succeed_when, names)
+
+
+class _NoNames:
+    """Names of which none has a value."""
+
+    def lookup(self, name: str) -> Plain:
+        """Find nothing."""
+        raise MissingValue(name)

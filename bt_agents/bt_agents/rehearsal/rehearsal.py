@@ -6,7 +6,7 @@ from __future__ import annotations
 import heapq
 import itertools
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from random import Random
 
@@ -22,8 +22,9 @@ from bt_agents.rehearsal.coverage import Mark
 from bt_agents.rehearsal.events import Event, EventKind, Rehearsed, Use
 from bt_agents.rehearsal.preparing import prepared, replaced
 from bt_agents.rehearsal.scenes import awarded, change_text, changed, watched
-from bt_agents.rehearsal.transcript import time_text, tuned_text
-from bt_agents.rehearsal.watching import at_rest, mark, running_leaves
+from bt_agents.rehearsal.telling import Teller
+from bt_agents.rehearsal.transcript import label, time_text, tuned_text
+from bt_agents.rehearsal.watching import at_rest, limit_of, mark, running_leaves
 from bt_agents.rehearsal.world import RehearsalWorld
 from bt_agents.roster import unmet
 from bt_agents.rules import Watch
@@ -38,10 +39,11 @@ LIVE_S = 1.0
 _NUDGE_S = 1e-6
 """Time is moved on by so little when a sum of times falls short by a rounding error [s]."""
 
-_LIMITS = ("timeout", "while", "retry")
+Prompt = Callable[[str, Sequence[NodeSpec]], Happening | None]
+"""Is asked what happens while a tree only waits: why, in words, and the nodes that do.
 
-Prompt = Callable[[str], Happening | None]
-"""Is asked what happens when nothing does, with the reason in words; None ends the rehearsal."""
+None is for nothing: then a time limit runs out, or, where there is none, the rehearsal ends.
+"""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -76,7 +78,7 @@ def rehearse(
         scenario: Where and how.
         tell: Is told every event at once.
         typist: Answers skills in place of the script.
-        prompt: Is asked when the tree waits for something that nobody has announced.
+        prompt: Is asked what happens when the tree waits for something that nobody has announced.
         limits: Where a run that does not end is ended.
         against_its_bid: Run the tree even when the agent does not bid for the scene.
     """
@@ -97,15 +99,20 @@ class _Rehearsal:
         prompt: Prompt | None,
         limits: Limits,
     ) -> None:
-        nodes = {node.path: node for node in nodes_of(agent)}
         self._agent = agent
-        self._nodes = nodes
+        self._nodes = {node.path: node for node in nodes_of(agent)}
         self._replacements = scenario.replace
         self._listener = tell
+        self._typist = typist
         self._prompt = prompt
+        self._left_alone: set[str] = set()
         self._limits = limits
         self._events: list[Event] = []
-        self._held: list[Event] | None = None
+        # What happens in a tick is held until the tick is told as a whole, each event with the
+        # number of changes before it.
+        self._held: list[tuple[int, Event]] | None = None
+        self._noted = 0
+        self._teller = Teller(self._nodes)
         self._marks: dict[str, set[Mark]] = {}
         self._given: list[Kind] = []
         self._cancelled_by = ""
@@ -113,8 +120,9 @@ class _Rehearsal:
         self._agenda: list[tuple[float, int, Happening]] = []
         self._awaited = [one for one in scenario.during if one.at]
         self._world = RehearsalWorld(
-            nodes,
-            Answers(scenario.answers, None if typist is None else self._asking(typist)),
+            self._nodes,
+            Answers(scenario.answers),
+            ask=self._question,
             tell=self._tell,
             feedback=self._feedback,
         )
@@ -169,10 +177,12 @@ class _Rehearsal:
         self._world.active = False
         self._world.report_ended()
         self._held = []
+        self._noted = 0
         changes = self._run.tick()
         self._world.report_ended()
         mark(self._run.ticked, self._marks)
         self._note(changes)
+        self._held = None
         self._rests = (
             not changes and not self._world.active and at_rest(self._run.ticked, self._run.wakes)
         )
@@ -192,6 +202,10 @@ class _Rehearsal:
             if not self._rests:
                 moments.append(round(now + TICK_S, 6))
             then = min(moments)
+            asked = self._asked_while_waiting(then)
+            if asked is not None:
+                self._plan(asked, now + asked.after_s)
+                continue
             due = min(self._watch.due, self._seen_at + LIVE_S)
             if self._watch.due < math.inf and due < then:
                 # Only a mood rule is waiting: nothing that would change the tree.
@@ -202,17 +216,37 @@ class _Rehearsal:
             if then < math.inf:
                 self._clock.now = max(then, now)
                 return ""
-            return self._idle()
+            return self._endless()
 
-    def _idle(self) -> str:
+    def _endless(self) -> str:
         leaves = running_leaves(self._run.ticked)
         waiting = "; ".join(f"{one.path}, {one.position}" for one in leaves)
-        reason = f"it waits for ever: nothing more will happen ({waiting})"
-        happening = self._prompt(reason) if self._prompt is not None else None
+        return f"it waits for ever: nothing more will happen ({waiting})"
+
+    def _asked_while_waiting(self, until: float) -> Happening | None:
+        """Return what the person who types lets happen while the tree waits for something.
+
+        Args:
+            until: When something happens by itself [s]; infinite for never.
+        """
+        announced = bool(self._agenda) or min(self._watch.due, self._run.deadline) < math.inf
+        if self._prompt is None or not self._rests or announced:
+            return None
+        leaves = running_leaves(self._run.ticked)
+        waits = [one for one in leaves if one.kind == "wait_for"]
+        if until == math.inf:
+            reason = self._endless()
+        elif all(one.path in self._left_alone for one in waits):
+            return None
+        else:
+            limit = min(limit_of(one, self._run.wakes) for one in waits)
+            reason = f"it waits: {', '.join(map(label, waits))}"
+            if limit < math.inf:
+                reason += f", {time_text(limit - self._clock.now)} at most"
+        happening = self._prompt(reason, waits)
         if happening is None:
-            return reason
-        self._plan(happening, self._clock.now + happening.after_s)
-        return self._move_on()
+            self._left_alone |= {one.path for one in waits}
+        return happening
 
     def _plan(self, happening: Happening, at: float) -> None:
         heapq.heappush(self._agenda, (at, next(self._order), happening))
@@ -257,53 +291,43 @@ class _Rehearsal:
             return
         self._cancelled_by = cause
         self._event(EventKind.CANCELS, reason)
+        self._noted = 0
         self._note(self._run.cancel(reason))
+        self._held = None
 
     def _feedback(self, kind: Kind, words: str) -> None:
         self._given.append(kind)
         self._event(EventKind.FEEDBACK, f"{kind.name.lower()}: {words}")
 
-    def _note(self, changes: list[StatusChange]) -> None:
-        """Tell of a tick which limits were reached, what was asked of the world, then the rest."""
-        held, self._held = self._held or [], None
-        later: list[Event] = []
-        for change in changes:
-            self._event(EventKind.TICK, "", change=change)
-            node = self._nodes.get(change.path)
-            if node is None:
-                continue
-            if change.status is Status.RUNNING and node.kind in ("wait", "wait_for"):
-                later.append(Event(at_s=self._clock.now, kind=EventKind.WAITS, node=node))
-            elif change.status is Status.FAILURE and f"({node.path}, " in change.message:
-                event = Event(
-                    at_s=self._clock.now,
-                    kind=EventKind.GIVES_UP,
-                    node=node,
-                    words=change.message,
-                )
-                if node.kind in _LIMITS:
-                    self._tell(event)
-                elif not node.children:
-                    later.append(event)
-            if change.status is not Status.INVALID:
-                self._start_counting(change.path)
-        for event in (*held, *later):
+    def _note(self, changes: Sequence[StatusChange]) -> None:
+        """Tell what of a tick was not told yet."""
+        new = changes[self._noted :]
+        held = [(number - self._noted, event) for number, event in self._held or ()]
+        self._noted, self._held = len(changes), None
+        for event in self._teller.told(self._clock.now, new, held):
             self._tell(event)
+        for change in new:
+            if change.status is not Status.INVALID:
+                self._left_alone.discard(change.path)
+                self._start_counting(change.path)
+        self._held = []
 
     def _start_counting(self, path: str) -> None:
         for one in [one for one in self._awaited if matches(one.at, path)]:
             self._awaited.remove(one)
             self._plan(one, self._clock.now + one.after_s)
 
-    def _asking(self, typist: Typist) -> Typist:
-        """Return the typist, who is asked when everything before was told."""
+    def _question(self, use: Use) -> Callable[[], ScriptedAnswer | None] | None:
+        """Return what asks the person who types about a use of a skill, None for nobody."""
+        typist = self._typist
+        if typist is None or not typist.asks(use):
+            return None
 
-        def ask(use: Use) -> ScriptedAnswer | None:
-            held, self._held = self._held or [], None
-            for event in held:
-                self._tell(event)
-            self._held = []
-            return typist(use)
+        def ask() -> ScriptedAnswer | None:
+            self._note(self._run.changes)
+            while isinstance(typed := typist.answer(use), Happening):
+                self._plan(typed, self._clock.now + typed.after_s)
+            return typed
 
         return ask
 
@@ -350,7 +374,7 @@ class _Rehearsal:
 
     def _tell(self, event: Event) -> None:
         if self._held is not None:
-            self._held.append(event)
+            self._held.append((len(self._run.changes), event))
             return
         self._events.append(event)
         if self._listener is not None:

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import math
+import re
 import textwrap
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
@@ -19,6 +20,8 @@ from bt_agents.rehearsal.events import Event, EventKind, Rehearsed
 WIDTH = 80
 
 _TIME_WIDTH = 9
+_NOT_IN_PATH = re.compile(r"[^\w-]+")
+_PATH = re.compile(r"\(((?:tree|on_cancel)[/@]\S*), ")
 _SYMBOLS = {
     EventKind.BEGINS: "▶",
     EventKind.SUCCEEDS: "✔",
@@ -57,7 +60,7 @@ _OUTCOMES = {
     None: "bold red",
 }
 _UNITS = {FieldType.DURATION: " s", FieldType.LENGTH: " m", FieldType.ANGLE: " rad"}
-_STATUS = {Status.INVALID: "·", Status.RUNNING: "▷", Status.SUCCESS: "✔", Status.FAILURE: "✘"}
+_STATUS = {Status.INVALID: "■", Status.RUNNING: "▷", Status.SUCCESS: "✔", Status.FAILURE: "✘"}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -87,13 +90,23 @@ def lines(event: Event, ticks: bool, width: int = WIDTH) -> list[Line]:
     head = f"{time_text(event.at_s):>{_TIME_WIDTH}}  {_SYMBOLS[event.kind]} "
     aside = _aside(event)
     room = max(20, width - len(head) - (len(aside) + 2 if aside else 0))
-    folded = textwrap.wrap(words, room, break_on_hyphens=False) or [""]
+    folded = _folded(words, room)
     ends = event.kind is EventKind.ENDS
     style = _OUTCOMES[event.outcome] if ends else _STYLES.get(event.kind, "")
     shown = [f"{head}{folded[0]}", *(f"{'':{len(head)}}{one}" for one in folded[1:])]
     if aside:
         shown[0] += " " * max(2, width - columns(shown[0]) - len(aside)) + aside
     return [Line(text=one, style=style) for one in shown]
+
+
+def _folded(words: str, room: int) -> list[str]:
+    """Return words in lines; a place in a file is never cut, and so can be copied.
+
+    A path of a node that is longer than a line is left out, as the place in the file follows it.
+    """
+    words = _PATH.sub(lambda found: "(" if len(found[1]) + 2 > room else found[0], words)
+    cut = not any("/" in word for word in words.split() if len(word) > room)
+    return textwrap.wrap(words, room, break_long_words=cut, break_on_hyphens=False) or [""]
 
 
 def time_text(seconds: float) -> str:
@@ -122,13 +135,28 @@ def phrase(node: NodeSpec, inputs: Mapping[str, Plain]) -> str:
         for one in skill.inputs
         if one.name in inputs and one.name != skill.main and inputs[one.name] != one.default
     )
-    return " ".join(filter(None, (node.kind, main, ", ".join(others))))
+    given = ", ".join(filter(None, (main, *others)))
+    return f"{node.kind} {given}".rstrip()
 
 
-def _label(node: NodeSpec) -> str:
-    """Return the part of a path that people know a node by."""
+def label(node: NodeSpec) -> str:
+    """Return what people know a node by: its author's name, else its key."""
     last = node.path.rpartition("/")[2].partition("@")[0]
-    return last.partition(".")[2] or last
+    segment = last.partition(".")[2] or last
+    inner = node
+    while "@" in inner.path.rpartition("/")[2] and inner.children:
+        inner = inner.children[0]
+    named = _NOT_IN_PATH.sub("_", inner.name).strip("_") == segment
+    return inner.name if named else segment
+
+
+def _wait_text(event: Event) -> str:
+    """Return what a node waits for: ``wait 4 s``, ``wait_for live.person``."""
+    assert event.node is not None
+    name = event.node.name
+    if event.node.kind != "wait" or not event.words:
+        return name
+    return f"wait {event.words}" if "${" in name else f"{name}, {event.words}"
 
 
 def tuned_text(tunable: Tunable, value: Plain) -> str:
@@ -174,9 +202,9 @@ def _words(event: Event, ticks: bool) -> str | None:
         case EventKind.STOPS:
             return f"{_phrase(event)} – stopped"
         case EventKind.WAITS:
-            return f"waits: {event.node.name}" if event.node is not None else "waits"
+            return f"waits: {_wait_text(event)}" if event.node is not None else "waits"
         case EventKind.GIVES_UP:
-            return f"{_label(event.node)}: {event.words}" if event.node else event.words
+            return f"{label(event.node)}: {event.words}" if event.node else event.words
         case EventKind.ARRIVES:
             return f"message on {event.words}: {value_text(event.inputs) or 'empty'}"
         case EventKind.TUNES:

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping, Sequence
 
 from py_trees.behaviour import Behaviour
@@ -75,3 +76,17 @@ def running_leaves(ticked: Iterable[tuple[Behaviour, Status]]) -> list[NodeSpec]
         for node, status in ticked
         if status is Status.RUNNING and not node.children and (spec := spec_of(node)) is not None
     ]
+
+
+def limit_of(node: NodeSpec, wakes: Mapping[str, float]) -> float:
+    """Return when a wait is over at the latest, as far as a limit around it says so [s]."""
+    around = (
+        at
+        for path, at in wakes.items()
+        if path.endswith("@timeout") and _inside(node.path, path.rpartition("@")[0])
+    )
+    return min(around, default=math.inf)
+
+
+def _inside(path: str, outer: str) -> bool:
+    return path == outer or path.startswith((f"{outer}/", f"{outer}@"))

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from bt_agents.engine.scripted_world import ManualClock, ScriptedGoal, ScriptedWorld
 from bt_agents.engine.world import Goal, GoalState
 from bt_agents.feedback import Kind
+from bt_agents.language.scenarios import ScriptedAnswer
 from bt_agents.language.specs import NodeSpec, Plain
 from bt_agents.rehearsal.answering import Answers, Performance
 from bt_agents.rehearsal.events import Event, EventKind, Use
@@ -27,6 +28,8 @@ class RehearsalWorld(ScriptedWorld):
     Args:
         nodes: The agent's nodes by path.
         answers: How skills are answered.
+        ask: Asks a person how a use of a skill goes, once its begin was told; None when nobody
+            wants to be asked about it.
         tell: Is told every event.
         feedback: Is told feedback that the tree gives.
 
@@ -40,6 +43,7 @@ class RehearsalWorld(ScriptedWorld):
         nodes: Mapping[str, NodeSpec],
         answers: Answers,
         *,
+        ask: Callable[[Use], Callable[[], ScriptedAnswer | None] | None],
         tell: Callable[[Event], None],
         feedback: Callable[[Kind, str], None],
     ) -> None:
@@ -48,6 +52,7 @@ class RehearsalWorld(ScriptedWorld):
         self.active = False
         self._nodes = nodes
         self._script = answers
+        self._ask = ask
         self._tell = tell
         self._feedback = feedback
         self._under_way: list[_Open] = []
@@ -57,10 +62,15 @@ class RehearsalWorld(ScriptedWorld):
         self.active = True
         self.report_ended()
         use = self._use(goal)
-        performance = self._script.perform(use)
+        question = self._ask(use)
+        if question is not None:
+            # How long it takes is not known before it is answered.
+            self._event(EventKind.BEGINS, use)
+        performance = self._script.perform(use, question() if question is not None else None)
         run = ScriptedGoal(goal, performance.answer, self.clock)
         self._under_way.append(_Open(run=run, use=use, performance=performance))
-        self._event(EventKind.BEGINS, use, takes_s=performance.answer.after_s)
+        if question is None:
+            self._event(EventKind.BEGINS, use, takes_s=performance.answer.after_s)
         return run
 
     def publish(self, goal: Goal) -> None:

@@ -100,6 +100,22 @@ DANGER_CODES = (
         """,
     ),
     warning(
+        "unmarked-name",
+        "A name stands in a text as $name or {name}, and is said as it is.",
+        """
+        tree:
+          sequence:
+            - ask: Where to?
+            - say: I take you to {answer}.
+        """,
+        """
+        tree:
+          sequence:
+            - ask: Where to?
+            - say: I take you to ${answer}.
+        """,
+    ),
+    warning(
         "skill-not-offered",
         "No robot offers a skill here, so that an agent which uses it does not bid.",
         """

@@ -145,7 +145,7 @@ def _kind(kind: NodeKind, space: SceneSpace) -> Schema:
         }
     main = next((field for field in kind.fields if field.name == kind.main), None)
     written = None if main is None else (main.name, _content(main))
-    return _leaf(kind.key, properties, required, written)
+    return _leaf(kind.key, properties, required, written, empty=kind.behaviour is not None)
 
 
 def _case() -> Schema:
