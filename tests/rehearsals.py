@@ -10,7 +10,7 @@ from bt_agents.language.specs import AgentSpec
 from bt_agents.language.test_reader import read_scenario_text, read_test_text
 from bt_agents.rehearsal.events import EventKind, Rehearsed
 from bt_agents.rehearsal.rehearsal import rehearse
-from stage import SPACE, agent
+from stage import SPACE, VOCABULARY, agent
 
 
 def scenario(spec: AgentSpec, text: str = "") -> Scenario:
@@ -18,7 +18,7 @@ def scenario(spec: AgentSpec, text: str = "") -> Scenario:
     head = "format: 1\n"
     if "scene:" not in text:
         head += "scene: {age: 3, familiarity: 3, mood: 3}\n"
-    return read_scenario_text(head + textwrap.dedent(text), "options", spec, SPACE)
+    return read_scenario_text(head + textwrap.dedent(text), "options", spec, VOCABULARY)
 
 
 def rehearsed(tree: str, text: str = "", *, head: str = "") -> Rehearsed:
@@ -32,7 +32,7 @@ def cases_for(spec: AgentSpec, cases: str) -> AgentTest:
     text = f"format: 1\ntest: {spec.name}\ncases:\n" + textwrap.indent(
         textwrap.dedent(cases), "  "
     )
-    return read_test_text(text, "a.test.yaml", [spec], SPACE)
+    return read_test_text(text, "a.test.yaml", [spec], VOCABULARY)
 
 
 def told(result: Rehearsed, *kinds: EventKind) -> list[tuple[float, str]]:

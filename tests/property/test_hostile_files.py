@@ -91,7 +91,7 @@ READERS: Mapping[str, Callable[[Path], object]] = {
     "library": read_library,
     "scene": read_scene,
     "script": lambda path: read_script(path, SPACE),
-    "test": lambda path: read_test(path, AGENTS, SPACE),
+    "test": lambda path: read_test(path, AGENTS, VOCABULARY),
 }
 
 

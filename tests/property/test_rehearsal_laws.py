@@ -16,7 +16,7 @@ from bt_agents.language.scenarios import Happening, Scenario
 from bt_agents.language.test_reader import read_test_text
 from bt_agents.rehearsal.rehearsal import rehearse
 from bt_agents.rehearsal.suite import failure, run_case
-from stage import SPACE, TREES
+from stage import SPACE, TREES, VOCABULARY
 
 AGENTS = read_trees(TREES).agents
 GUIDE = next(agent for agent in AGENTS if agent.name == "attentive_guide")
@@ -41,7 +41,7 @@ def test_whatever_a_test_file_says_has_a_named_code_or_is_run(
         text = text[:start] + piece + text[start + length :]
     codes: list[str] = []
     try:
-        test = read_test_text(text, "a.test.yaml", AGENTS, SPACE)
+        test = read_test_text(text, "a.test.yaml", AGENTS, VOCABULARY)
     except ReadError as error:
         codes = [code for code in CODES if f"[{code}]" in error.lines[0]]
         test = None

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import json
+import os
 import shutil
 from pathlib import Path
 
@@ -265,3 +266,16 @@ def test_the_shipped_agents_have_no_errors():
     checked = check_folder(TREES)
     assert [str(p) for p in checked.problems if p.severity.value == "error"] == []
     assert len(checked.agents) >= 4
+
+
+@pytest.mark.parametrize("neighbour", ["loop", "pipe", "nowhere"])
+def test_a_file_is_checked_beside_one_that_cannot_be_read(trees, neighbour):
+    strange = trees / "agents" / f"{neighbour}.yaml"
+    if neighbour == "pipe":
+        os.mkfifo(strange)
+    else:
+        strange.symlink_to(strange.name if neighbour == "loop" else "not_there.yaml")
+    assert run("trees/agents/one.yaml") == (0, "1 agent is fine\n")
+    code, output = run(f"trees/agents/{neighbour}.yaml")
+    assert code == 1
+    assert f"{neighbour}.yaml" in output

@@ -5,7 +5,9 @@ from __future__ import annotations
 
 import ast
 import re
+import tomllib
 from collections.abc import Callable, Iterator
+from importlib.metadata import EntryPoint
 from pathlib import Path
 
 import pytest
@@ -13,7 +15,7 @@ import pytest
 import bt_agents
 from bt_agents.errors import ReadError
 from bt_agents.groot.document import read_document
-from bt_agents.language import diagnostics
+from bt_agents.language import checking, diagnostics, folder_reader
 from bt_agents.language.agent_reader import read_agent_text
 from bt_agents.language.checking import check_folder
 from bt_agents.language.codes.entry import Code, FileKind, Severity, written
@@ -21,6 +23,7 @@ from bt_agents.language.codes.table import CODES, GROUPS
 from bt_agents.language.cut_texts import cut_texts
 from bt_agents.language.diagnostics import Diagnostic
 from bt_agents.language.lint import lint
+from bt_agents.language.plugins import read_plugins
 from bt_agents.language.scene_reader import read_scene
 from bt_agents.language.script_reader import read_script
 from bt_agents.language.skills_reader import read_skills
@@ -74,7 +77,7 @@ def of_agent(example: bytes, folder: Path) -> tuple[Diagnostic, ...]:
 
 def of_test(example: bytes, folder: Path) -> tuple[Diagnostic, ...]:
     agent = read_agent_text(agent_file(b"tree: {say: Hello.}").decode(), "g.yaml", VOCABULARY)
-    read_test(put(folder / "guide.test.yaml", b"format: 1\n" + example), [agent], SPACE)
+    read_test(put(folder / "guide.test.yaml", b"format: 1\n" + example), [agent], VOCABULARY)
     return ()
 
 
@@ -115,6 +118,20 @@ def of_folder(example: bytes, folder: Path) -> tuple[Diagnostic, ...]:
     return check_folder(folder, StandardTypes()).problems
 
 
+def of_package(example: bytes, folder: Path) -> tuple[Diagnostic, ...]:
+    groups = tomllib.loads(example.decode())["project"]["entry-points"]
+    points = [
+        EntryPoint(name, value, group)
+        for group, of_group in groups.items()
+        for name, value in of_group.items()
+    ]
+    plugins = read_plugins(points)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(checking, "installed_plugins", lambda: plugins)
+        patch.setattr(folder_reader, "installed_plugins", lambda: plugins)
+        return check_folder(TREES, StandardTypes(), [TREES / "scene.yaml"]).problems
+
+
 LOOK: dict[FileKind, Callable[[bytes, Path], tuple[Diagnostic, ...]]] = {
     FileKind.AGENT: of_agent,
     FileKind.SKILLS: of_skills,
@@ -123,6 +140,7 @@ LOOK: dict[FileKind, Callable[[bytes, Path], tuple[Diagnostic, ...]]] = {
     FileKind.TEST: of_test,
     FileKind.FOLDER: of_folder,
     FileKind.XML: of_xml,
+    FileKind.PACKAGE: of_package,
 }
 
 

@@ -4,11 +4,14 @@
 from __future__ import annotations
 
 import re
+import shlex
+import shutil
 from importlib.metadata import EntryPoint
 from pathlib import Path
 
 import pytest
 import yaml
+from click.testing import CliRunner
 
 from bt_agents.cli.main import bt_agents
 from bt_agents.language.agent_reader import read_agent_text
@@ -18,10 +21,15 @@ from bt_agents.language.nodes import KINDS, MODIFIERS
 from bt_agents.language.plugins import GROUP, read_plugins
 from bt_agents.language.skills_reader import read_skills
 from bt_agents.language.test_reader import read_test_text
+from bt_agents.rehearsal.rehearsal import Limits, rehearse
 from bt_agents.rehearsal.suite import failure, run_case
+from rehearsals import scenario
 from stage import SPACE, TREES, VOCABULARY
 
 ROOT = Path(__file__).parents[2]
+OFFLINE = {"check", "explain", "export", "fmt", "import", "new", "rehearse", "schema", "show", "test"}
+"""Commands that need neither ROS nor a robot."""
+
 DOCUMENTS = sorted([ROOT / "README.md", *(ROOT / "docs").glob("*.md")])
 AGENT = """
 format: 1
@@ -31,6 +39,13 @@ description: d
 profile: {age: 3, familiarity: 3, mood: 3}
 tree: {wait: 1 s}
 """
+PATROL = """
+<root BTCPP_format="4">
+  <BehaviorTree ID="Main">
+    <Sequence><AlwaysSuccess/></Sequence>
+  </BehaviorTree>
+</root>
+"""
 
 
 def blocks(language: str) -> list[tuple[str, str]]:
@@ -39,6 +54,15 @@ def blocks(language: str) -> list[tuple[str, str]]:
         for text in re.findall(rf"```{language}\n(.*?)```", path.read_text(), re.DOTALL):
             found.append((path.name, text))
     return found
+
+
+TRANSCRIPTS = [
+    (path.name, command.strip(), written)
+    for path in DOCUMENTS
+    for command, written in re.findall(
+        r"```console\n([^\n]+)\n```\n\n?```text\n(.*?)```", path.read_text(), re.DOTALL
+    )
+]
 
 
 @pytest.mark.parametrize(("document", "text"), blocks("yaml"))
@@ -59,12 +83,16 @@ def test_every_yaml_example_can_be_read(document: str, text: str, tmp_path: Path
         return
     missing = [line for line in AGENT.splitlines() if line and line.split(":")[0] not in keys]
     agent = read_agent_text("\n".join(missing) + "\n" + text, document, VOCABULARY)
-    assert len(agent.profile) == len(SPACE)
+    # It ends, or goes on to the limit, or waits for what nobody announces: it never raises.
+    limits = Limits(duration_s=600.0, ticks=2000)
+    told = rehearse(agent, SPACE, scenario(agent), limits=limits, against_its_bid=True)
+    assert told.events
+    assert told.message
 
 
 def _check_test(text: str, document: str) -> None:
     """Run the cases of a test file for one of the shipped agents."""
-    test = read_test_text(text, document, read_trees(TREES).agents, SPACE)
+    test = read_test_text(text, document, read_trees(TREES).agents, VOCABULARY)
     results = [run_case(test.agent, SPACE, case) for case in test.cases]
     assert not [failure(result) for result in results if not result.passed]
 
@@ -78,6 +106,61 @@ def test_every_command_exists_with_its_options(document: str, text: str) -> None
         assert {word for word in words if word.startswith("--")} <= known
     for script in re.findall(r"scripts/\w+", text):
         assert (ROOT / script).exists(), f"{document}: {script}"
+
+
+@pytest.fixture
+def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A folder to work in, with the trees, as the documents suppose it."""
+    shutil.copytree(TREES, tmp_path / "trees")
+    shutil.copytree(ROOT / "schema", tmp_path / "schema")
+    (tmp_path / "patrol.xml").write_text(PATROL)
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+@pytest.mark.parametrize(("document", "text"), blocks("console"))
+@pytest.mark.usefixtures("here")
+def test_every_command_without_a_robot_does_what_is_written_below_it(
+    document: str, text: str
+) -> None:
+    for command, written in _sessions(text):
+        output = _run(command)
+        if written and output is not None:
+            assert output == written, f"{document}: {command}"
+
+
+@pytest.mark.parametrize(("document", "command", "written"), TRANSCRIPTS)
+@pytest.mark.usefixtures("here")
+def test_every_transcript_is_what_the_command_above_it_prints(
+    document: str, command: str, written: str
+) -> None:
+    assert _run(command) == written, f"{document}: {command}"
+
+
+def test_there_are_transcripts_to_compare() -> None:
+    assert TRANSCRIPTS
+
+
+def _sessions(text: str) -> list[tuple[str, str]]:
+    """Return the commands of a block, each with what is written below it."""
+    if not text.startswith("$ "):
+        return [(line, "") for line in text.splitlines()]
+    return [
+        (command, "".join(f"{line}\n" for line in lines))
+        for command, *lines in (part.splitlines() for part in re.split(r"^\$ ", text, flags=re.M)[1:])
+    ]
+
+
+def _run(line: str) -> str | None:
+    """Return what a command prints, None when it needs more than this test has."""
+    program, *words = shlex.split(line, comments=True)
+    if Path(program).name != "bt-agents" or words[0] not in OFFLINE:
+        return None
+    # It would watch for ever.
+    words = [word for word in words if word != "--watch"]
+    result = CliRunner().invoke(bt_agents, words, catch_exceptions=False)
+    assert result.exit_code == 0, f"{line}\n{result.output}"
+    return result.stdout
 
 
 def test_the_reference_names_every_node_and_every_modifier_in_order() -> None:

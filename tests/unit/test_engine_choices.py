@@ -94,7 +94,7 @@ def test_without_a_case_that_fits_choose_fails_and_says_why_none_does() -> None:
     assert stage.said == []
     assert stage.message.startswith(
         "no case fits; young: 'scene.age' has no value; "
-        "happy: not so: scene.mood > 3 (tree, a.yaml"
+        "happy: not so: scene.mood > 3 (scene.mood is 3) (tree, a.yaml"
     )
 
 

@@ -213,3 +213,35 @@ def test_an_output_may_have_another_name_and_come_from_inside_a_json_text(
     )
     stage.tick()
     assert words in (stage.said[0] if stage.said else stage.message)
+
+
+@pytest.mark.parametrize(
+    ("condition", "values"),
+    [
+        ("word == 'yess'", " (word is 'yes')"),
+        ("truth", ""),
+        ("not scene.person", " (scene.person is true)"),
+        ("number > 4 or number < 1", " (number is 3.333)"),
+        ("scene.person and truth", " (scene.person is true, truth is false)"),
+        ("long == 'x'", f" (long is '{'a' * 39}…')"),
+        ("number > 9 and live.age > 1", " (number is 3.333, live.age has no value)"),
+        ("large == 1", " (large is 1e+300)"),
+        ("1 > 2", ""),
+        (
+            "scene.mood + number + large + live.mood + scene.familiarity < 0",
+            " (scene.mood is 3, number is 3.333, large is 1e+300, live.mood is 3, …)",
+        ),
+    ],
+)
+def test_a_condition_that_is_not_true_says_what_its_names_are(condition: str, values: str) -> None:
+    stage = Stage(
+        f"""
+        sequence:
+          - set: {{word: yes, truth: false, number: '${{10 / 3}}', long: {"a" * 50}}}
+          - set: {{large: 1e300}}
+          - check: {condition}
+        """,
+        awarded=scene(mood=3, familiarity=2),
+    )
+    assert stage.tick() == "failed"
+    assert stage.message == f"not so: {condition}{values}"

@@ -73,7 +73,9 @@ def test_while_stops_the_node_as_soon_as_its_condition_is_not_true() -> None:
     stage.set_mood(1.0)
     assert stage.after(1.0) == "failed"
     assert stage.world.running() == []
-    assert stage.message.startswith("not so any more: live.mood >= 2 (tree@while, a.yaml:")
+    assert stage.message.startswith(
+        "not so any more: live.mood >= 2 (live.mood is 1) (tree@while, a.yaml:"
+    )
 
 
 def test_while_starts_nothing_when_its_condition_is_false_at_once() -> None:
@@ -396,3 +398,21 @@ def test_the_tools_of_py_trees_work_on_a_tree_of_every_kind() -> None:
     assert "random" in shown
     stage.interrupt()
     assert {node.status.name for node in stage.root.iterate()} == {"INVALID"}
+
+
+def test_a_timeout_says_what_the_node_still_waits_for() -> None:
+    stage = Stage("wait_for: live.mood > 4\ntimeout: 5 s")
+    stage.tick()
+    assert stage.after(5.0) == "failed"
+    assert stage.message.startswith(
+        "not done within 5 s: not so yet: live.mood > 4 (live.mood is 3) (tree@timeout"
+    )
+
+
+def test_a_timeout_says_why_the_last_message_did_not_do() -> None:
+    stage = Stage("wait_for: {topic: t, type: std_msgs/msg/Bool, until: msg.data}\ntimeout: 5 s")
+    stage.tick()
+    stage.world.arrive("t", {"data": False})
+    stage.tick()
+    assert stage.after(5.0) == "failed"
+    assert "not done within 5 s: the last message is not so: msg.data (tree@" in stage.message

@@ -4,12 +4,13 @@
 from __future__ import annotations
 
 import io
+import shutil
 
 import pytest
 from click.testing import CliRunner
 from rich.console import Console
 
-from bt_agents.cli.explain import explain, explanation
+from bt_agents.cli.explain import explain, explanation, print_page
 from bt_agents.errors import BtAgentsError
 from bt_agents.language.codes.table import CODES
 from bt_agents.language.reference import node_pages
@@ -21,12 +22,13 @@ def explained(word: str = "") -> str:
         explain, [*([word] if word else []), "--dir", str(TREES)], catch_exceptions=False
     )
     assert result.exit_code == 0
-    return "\n".join(line.rstrip() for line in result.output.splitlines()).strip()
+    assert not [line for line in result.output.splitlines() if line.endswith(" ")]
+    return result.output.strip()
 
 
 def page(word: str) -> str:
     console = Console(file=io.StringIO(), width=100)
-    console.print(*explanation(word, VOCABULARY), sep="\n")
+    print_page(console, explanation(word, VOCABULARY))
     return console.file.getvalue()
 
 
@@ -73,9 +75,57 @@ def test_every_word_of_the_language_has_a_page(word):
     assert page(word).startswith(f"{word}  ")
 
 
+def test_an_example_is_whole_however_narrow_the_terminal():
+    console = Console(file=io.StringIO(), width=40)
+    print_page(console, explanation("wait_for", VOCABULARY))
+    line = "      - wait_for: {topic: buttons/confirm, type: std_msgs/msg/Bool, until: msg.data}\n"
+    assert line in console.file.getvalue()
+
+
+def test_a_subtree_of_a_library_is_explained_with_what_imports_it():
+    assert explained("greet") == (
+        "greet  subtree of a library\n"
+        "\n"
+        "One of three greetings, so that nobody hears the same words every day.\n"
+        "\n"
+        "  subtree: greet\n"
+        "  with: {rate: …}\n"
+        "\n"
+        "  field  value   left out\n"
+        "  rate   number  1         speed of speech\n"
+        "\n"
+        "Declared in libraries/manners.yaml, which an agent imports.\n"
+        "\n"
+        "Example:\n"
+        "  imports: [libraries/manners.yaml]\n"
+        "  tree:\n"
+        "    subtree: greet\n"
+        "    with: {rate: 1}"
+    )
+
+
+def test_a_topic_is_explained_by_its_tables():
+    assert "  length  mm, cm, m or km, for example 1.5 m; a bare number is in m\n" in (
+        explained("units")
+    )
+    assert "\n  round(x) or round(x, 2) for two digits behind the point\n" in (
+        explained("expressions")
+    )
+    assert "live.mood  live.person\n" in explained("names")
+
+
+def test_a_library_with_errors_explains_nothing(tmp_path):
+    folder = tmp_path / "trees"
+    shutil.copytree(TREES, folder)
+    (folder / "libraries" / "odd.yaml").write_text("format: 1\n", encoding="utf-8")
+    result = CliRunner().invoke(explain, ["--dir", str(folder)], catch_exceptions=False)
+    assert "clear_the_way\n" in result.output
+    assert "odd.yaml" not in result.output
+
+
 def test_without_a_word_all_are_listed():
     text = explained().split()
-    assert {"sequence", "say", "retry", "unknown-node"} <= set(text)
+    assert {"sequence", "say", "retry", "greet", "units", "unknown-node"} <= set(text)
 
 
 @pytest.mark.parametrize(
@@ -83,13 +133,15 @@ def test_without_a_word_all_are_listed():
     [
         ("sya", "did you mean 'say'?"),
         ("unknown_node", "did you mean 'unknown-node'?"),
+        ("clear_way", "did you mean 'clear_the_way'?"),
+        ("unit", "did you mean 'units'?"),
         ("qqqqqq", "'bt-agents explain' lists all"),
     ],
 )
 def test_an_unknown_word_gets_the_most_similar_one(word, hint):
     with pytest.raises(BtAgentsError) as error:
         CliRunner().invoke(explain, [word, "--dir", str(TREES)], catch_exceptions=False)
-    assert str(error.value) == f"there is no node, skill, modifier or code '{word}'; {hint}"
+    assert str(error.value) == f"there is no word or code '{word}'; {hint}"
 
 
 def test_without_a_trees_folder_the_language_itself_is_explained(tmp_path, monkeypatch):

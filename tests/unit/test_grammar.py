@@ -261,3 +261,34 @@ def test_errors_below_a_misspelt_composite_are_found_too():
         "unknown-node: there is no node or skill 'sya'",
         "wrong-type: 'say': expected a text, found a list",
     ]
+
+
+TUNABLES = """
+tunables:
+  far: {default: 2 m, min: 1 m, max: 3 m}
+  patience: {default: 2 s, min: 1 s, max: 9 s}
+"""
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("wait: ${patience * 2 + 1}", ""),
+        ("wait: ${max(patience, 3)}", ""),
+        ("check: patience > 3 and far between 1 and 2", ""),
+        ("say: 'I am ${far / 2} away, ${round(far)} about.'", ""),
+        ("check: far / patience > 1", ""),
+        ("wait: ${patience + far}", "bad-expression"),
+        ("wait: ${abs(far)}", "wrong-value"),
+        ("wait: ${patience * patience}", "bad-expression"),
+        ("check: patience > far", "bad-expression"),
+        ("check: patience between 1 and far", "bad-expression"),
+        ("check: min(patience, far) > 1", "bad-expression"),
+        ("sequence: [{set: {c: '${far}'}}, {wait: '${c}'}]", "wrong-value"),
+    ],
+)
+def test_quantities_keep_their_dimension_in_expressions(text, expected):
+    if expected:
+        assert [line.split(":")[0] for line in problems(text, TUNABLES)] == [expected]
+    else:
+        tree(text, TUNABLES)

@@ -95,6 +95,23 @@ def test_a_library_can_use_another_one(folder):
     assert found == ["6:17 unknown-subtree: there is no subtree 'greet'"]
 
 
+def test_the_library_that_has_a_subtree_is_named_where_its_import_is_forgotten(folder):
+    library(folder, "broken", "subtrees: {greet: 1}\n")
+    with pytest.raises(ReadError) as caught:
+        agent(folder, "{subtree: greet, with: {who: you}}")
+    (problem,) = caught.value.diagnostics
+    assert problem.hint == "add imports: [libraries/manners.yaml], which has it"
+
+
+def test_a_forgotten_import_in_a_library_makes_no_circle_of_the_libraries(folder):
+    needs = "imports: [libraries/{}.yaml]\nsubtrees: {{{}: {{tree: {{subtree: {}}}}}}}\n"
+    library(folder, "first", "subtrees: {one: {tree: {subtree: two}}}\n")
+    library(folder, "second", needs.format("first", "two", "one"))
+    broken = {one.file.name: one.error.lines[0] for one in read_trees(folder).broken}
+    assert "error[unknown-subtree]" in broken["first.yaml"]
+    assert "error[broken-import]" in broken["second.yaml"]
+
+
 def test_a_library_can_bring_skills(folder):
     library(
         folder,

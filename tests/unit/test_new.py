@@ -14,13 +14,13 @@ from bt_agents.language.folder_reader import read_trees
 from bt_agents.language.formatter import format_source
 from bt_agents.language.source import read_source
 from bt_agents.language.specs import NodeSpec
-from bt_agents.rehearsal.suite import Library, run_file
+from bt_agents.rehearsal.suite import Library, coverages, run_file
 from stage import TREES
 
 ODD_SCENE = """\
 format: 1
 parameters:
-  distance: {min: -0.0000025, max: 7, default: 1.25}
+  distance: {min: -0.0000025, max: 7, default: %s}
 """
 
 
@@ -50,7 +50,8 @@ def check(folder: Path) -> NodeSpec:
     result = run_file(folder / "agents" / "fresh.test.yaml", Library())
     assert result.error is None
     assert [case.findings for case in result.cases] == [()] * len(result.cases)
-    assert result.cases
+    (covered,) = coverages([result])
+    assert covered.gaps == ()
     return next(agent.tree for agent in trees.agents if agent.name == "fresh")
 
 
@@ -99,9 +100,10 @@ def test_a_folder_that_is_not_there_is_made(made):
     check(Path("some/where"))
 
 
-def test_without_say_and_mood_it_still_works(made):
+@pytest.mark.parametrize("default", ["1.25", "-0.0000025", "7"])
+def test_without_say_and_mood_it_still_works(made, default):
     Path("odd").mkdir()
-    Path("odd/scene.yaml").write_text(ODD_SCENE, encoding="utf-8")
+    Path("odd/scene.yaml").write_text(ODD_SCENE % default, encoding="utf-8")
     made("fresh", "--dir", "odd")
     assert "log" in kinds(check(Path("odd")))
 

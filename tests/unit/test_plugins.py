@@ -126,7 +126,7 @@ def test_its_fields_are_checked_like_those_of_any_node(package):
     [
         ("Blink = their_nodes:Blink", "cannot be the key of a node"),
         ("say2 = their_nodes:Missing", "cannot be loaded"),
-        ("sequence = their_nodes:Blink", "cannot be the key of a node"),
+        ("sequence = their_nodes:Blink", "has the name of 'sequence', a word of the language"),
         ("thing = their_nodes:NoBehaviour", "is no py_trees.behaviour.Behaviour class"),
     ],
 )
@@ -142,3 +142,48 @@ def test_a_plugin_that_cannot_be_a_node_stops_no_other(package, entry, words):
     assert printed.startswith("['blink']")
     assert words in printed
     assert "their-nodes" in printed
+
+
+COMMAND = """
+from bt_agents.cli.main import bt_agents
+bt_agents({arguments}, standalone_mode=False)
+"""
+
+
+def command(package: Path, *arguments: str) -> str:
+    """Return what a command prints where the package is installed."""
+    words = [str(ROOT / "trees") if word == "TREES" else word for word in arguments]
+    return " ".join(run(package, COMMAND.format(arguments=words)).split())
+
+
+@pytest.fixture
+def clashing(package: Path) -> Path:
+    """Return the same with a node that cannot be loaded, and one named like a skill."""
+    entries = package / "their_nodes-1.0.dist-info" / "entry_points.txt"
+    entries.write_text(
+        entries.read_text() + "hop = their_nodes:Missing\nsay = their_nodes:Blink\n"
+    )
+    return package
+
+
+def test_check_warns_of_a_plugin_that_cannot_be_used(clashing):
+    printed = command(clashing, "check", "TREES")
+    assert "warning[bad-plugin]: node 'hop' of their-nodes (their_nodes:Missing)" in printed
+    assert "cannot be loaded: AttributeError" in printed
+    assert "2 warnings" in printed
+    assert "error" not in printed.replace("AttributeError", "")
+
+
+def test_a_plugin_named_like_a_skill_is_one_problem_and_the_skill_stays(clashing):
+    printed = command(clashing, "check", "TREES")
+    assert printed.count("node 'say' of their-nodes") == 1
+    assert "has the name of the skill 'say' (" in printed
+    assert "skills/robot.yaml" in printed
+    assert "says" in command(clashing, "explain", "say", "--dir", "TREES").casefold()
+    assert "Blinks" not in command(clashing, "explain", "say", "--dir", "TREES")
+
+
+def test_explain_lists_the_plugins_that_are_left_out(clashing):
+    printed = command(clashing, "explain", "--dir", "TREES")
+    assert "left out node 'hop' of their-nodes" in printed
+    assert "blink" in printed

@@ -11,13 +11,19 @@ from py_trees.behaviours import Success
 
 from bt_agents.engine.run import Run
 from bt_agents.engine.scripted_world import ScriptedWorld
+from bt_agents.errors import ReadError
 from bt_agents.language.agent_reader import read_agent_text
+from bt_agents.language.functions import FUNCTIONS
+from bt_agents.language.names import mood_names, scene_names
 from bt_agents.language.node_examples import EXAMPLES
 from bt_agents.language.node_types import NodeField, NodeKind
 from bt_agents.language.nodes import BESIDE, KINDS, MODIFIERS
-from bt_agents.language.reference import Group, node_page, node_pages
+from bt_agents.language.operators import BINARY, PREFIXES
+from bt_agents.language.reference import Group, node_page, node_pages, subtree_page
 from bt_agents.language.reference_page import reference_page
 from bt_agents.language.specs import FieldType
+from bt_agents.language.topics import MEANINGS, TOPICS, topic
+from bt_agents.language.units import DIMENSIONS
 from checkout import ROOT
 from stage import SPACE, VOCABULARY, scene
 
@@ -95,12 +101,67 @@ def test_a_node_of_a_plugin_has_a_page_made_from_its_fields():
     assert "### blink\n\nBlinks." in reference_page(words)
 
 
-def test_a_node_without_fields_is_written_with_an_empty_mapping():
-    words = replace(VOCABULARY, plugins={"blink": NodeKind(key="blink", behaviour=Success)})
-    page = node_page("blink", words)
+BLINK = replace(VOCABULARY, plugins={"blink": NodeKind(key="blink", behaviour=Success)})
+
+
+def test_a_node_without_fields_is_its_bare_key():
+    page = node_page("blink", BLINK)
     assert page is not None
-    assert page.forms == ("blink: {}",)
-    read_agent_text(HEAD + page.example, "example.yaml", words)
+    assert page.forms == ("blink:",)
+    assert page.example == "tree:\n  blink:\n"
+    for tree in (page.example, "tree:\n  blink: {}\n", "tree: {sequence: [{blink: }]}\n"):
+        read_agent_text(HEAD + tree, "example.yaml", BLINK)
+
+
+def test_a_node_without_fields_takes_no_value():
+    with pytest.raises(ReadError) as error:
+        read_agent_text(HEAD + "tree: {blink: 3}\n", "a.yaml", BLINK)
+    (problem,) = error.value.diagnostics
+    assert (problem.code, problem.message) == ("wrong-type", "'blink' has no fields, found '3'")
+
+
+def test_an_example_of_a_skill_is_as_one_would_write_it():
+    page = node_page("ask", VOCABULARY)
+    assert page is not None
+    assert page.example == (
+        'tree:\n  sequence:\n    - ask: Shall we go?\n    - log: "answer: ${answer}"\n'
+    )
+
+
+@pytest.mark.parametrize("name", ["greet", "tell", "ask_twice", "clear_the_way"])
+def test_the_example_of_a_subtree_of_a_library_imports_it(name):
+    libraries = VOCABULARY.libraries
+    assert libraries is not None
+    subtree = libraries.load("libraries/manners.yaml").subtrees[name]
+    page = subtree_page("libraries/manners.yaml", subtree)
+    assert page.group is Group.SUBTREE
+    assert page.description.endswith(".")
+    assert all(field.description for field in (*page.fields, *page.outputs))
+    read_agent_text(HEAD + page.example, "example.yaml", VOCABULARY)
+
+
+@pytest.mark.parametrize("key", TOPICS)
+def test_the_example_of_a_topic_works(key):
+    page = topic(key, SPACE)
+    assert page is not None
+    assert page.key == key
+    read_agent_text(HEAD + page.example, "example.yaml", VOCABULARY)
+
+
+def test_topics_name_every_unit_operator_function_and_scene_value():
+    def words(key):
+        page = topic(key, SPACE)
+        assert page is not None
+        return " ".join(word for rows in page.tables.values() for row in rows for word in row)
+
+    for dimension in DIMENSIONS:
+        assert dimension.listed in words("units")
+    for word in (*BINARY, *PREFIXES, *(one.usage for one in FUNCTIONS.values())):
+        assert word in words("expressions")
+    assert {one.strength for one in (*BINARY.values(), *PREFIXES.values())} == set(MEANINGS)
+    for name in (*scene_names(SPACE, ("scene", "live", "profile")), *mood_names(SPACE)):
+        assert name in words("names")
+    assert topic("numbers", SPACE) is None
 
 
 @pytest.mark.parametrize("name", GENERATED)

@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import pytest
 
 from bt_agents.engine.run import Outcome
@@ -10,6 +12,7 @@ from bt_agents.feedback import Kind
 from bt_agents.language.agent_reader import read_agent_text
 from bt_agents.language.scenarios import Happening
 from bt_agents.language.skills_reader import read_skills_text
+from bt_agents.language.specs import NodeSpec
 from bt_agents.rehearsal.events import EventKind
 from bt_agents.rehearsal.rehearsal import Limits, rehearse
 from rehearsals import rehearsed, said, scenario, told
@@ -370,3 +373,89 @@ tree:
     )
     result = rehearse(spec, SPACE, scenario(spec, "answers: {dance: 0.7}"))
     assert said(result) == ["Thank you for 0.7."]
+
+
+def test_nodes_can_be_replaced_by_others_that_give_the_same_names_a_value() -> None:
+    tree = """
+        sequence:
+          - ask: Where to?
+          - drive: ${answer}
+            timeout: 9 s
+          - say: Here we are, at ${answer}.
+    """
+    result = rehearsed(
+        tree,
+        """
+        replace:
+          "**.ask": {set: {answer: home}}
+          "**.drive*":
+            sequence:
+              - wait: ${patience}
+              - say: I would drive.
+        """,
+        head="tunables: {patience: {default: 3 s, min: 1 s, max: 9 s, description: d}}",
+    )
+    assert result.outcome is Outcome.SUCCEEDED
+    assert said(result) == ["I would drive.", "Here we are, at home."]
+    assert result.duration_s > 3.0
+    assert not {path for path in result.marks if "drive" in path and path.count("/") == 1}
+
+
+def test_a_failure_of_a_check_is_told_before_what_follows_from_it() -> None:
+    result = rehearsed(
+        """
+        selector:
+          - check: scene.age > 3
+          - say: Hello.
+        """,
+        "scene: {mood: 3}",
+    )
+    kinds = [e.kind for e in result.events if e.kind in (EventKind.GIVES_UP, EventKind.BEGINS)]
+    assert kinds == [EventKind.GIVES_UP, EventKind.BEGINS]
+
+
+def test_a_limit_that_is_reached_is_told_before_its_handling() -> None:
+    result = rehearsed(
+        "wait_for: live.mood > 4\ntimeout: 5 s\nretry: 2\non_failure: {log: nobody came}"
+    )
+    assert told(result, EventKind.GIVES_UP, EventKind.LOGS) == [
+        (5.0, "timeout"),
+        (10.1, "timeout"),
+        (10.1, "retry"),
+        (10.1, "info: nobody came"),
+    ]
+
+
+def test_a_tick_is_told_from_the_top_of_the_tree() -> None:
+    result = rehearsed("sequence: [{selector: [{say: Hello.}]}, {wait: 1 s}]")
+    first = [
+        event.change.path
+        for event in result.events
+        if event.change is not None and event.at_s == 0.0
+    ]
+    assert first == ["tree", "tree/0.selector", "tree/0.selector/0.say"]
+
+
+def test_whoever_types_is_asked_at_a_wait_with_a_limit_once() -> None:
+    spec = agent("wait_for: live.mood > 4\ntimeout: 20 s\nsucceed: true")
+    asked: list[str] = []
+
+    def prompt(reason: str, waits: Sequence[NodeSpec]) -> None:
+        asked.append(reason)
+
+    result = rehearse(spec, SPACE, scenario(spec), prompt=prompt)
+    assert asked == ["it waits: wait_for live.mood > 4, 19.9 s at most"]
+    assert result.duration_s == 20.0
+
+
+def test_what_happens_at_a_wait_is_asked_again_until_nothing_does() -> None:
+    spec = agent("wait_for: live.mood > 4\ntimeout: 20 s")
+    moods = [2.0, 5.0]
+
+    def prompt(reason: str, waits: Sequence[NodeSpec]) -> Happening:
+        return Happening(after_s=3.0, values={"mood": moods.pop(0)})
+
+    result = rehearse(spec, SPACE, scenario(spec), prompt=prompt)
+    assert result.outcome is Outcome.SUCCEEDED
+    assert moods == []
+    assert result.duration_s == pytest.approx(6.2, abs=0.21)

@@ -59,7 +59,7 @@ def test_what_is_as_expected_is_not_mentioned(expect: str) -> None:
         ("not_visited: '**.drive'", "not_visited: tree/1.drive was ticked"),
         ("within: 2 s", "within: expected at most 2.0 s, found 2.6 s"),
         ("feedback: positive", "feedback: expected positive, found none"),
-        ("because: blocked", "because: expected 'blocked' in 'the tree succeeded'"),
+        ("because: blocked", "because: expected a reason with 'blocked', but the tree succeeded"),
         ("bids: false", "bids: expected no bid, but nothing speaks against one"),
     ],
 )
@@ -221,3 +221,70 @@ def test_the_clean_up_counts_too() -> None:
     assert gaps("say: a", "", head="on_cancel: {light: white}") == [
         "never ticked: on_cancel (a.yaml:6)"
     ]
+
+
+def test_an_alternative_that_can_only_fail_need_not_succeed() -> None:
+    tree = "selector: [{drive: gate 7}, {say: Sorry., fail: true}]"
+    fails = "answers: {drive: {fails: blocked}}"
+    assert gaps(tree, "", fails) == []
+
+
+def test_a_check_that_is_always_false_need_not_be_true() -> None:
+    assert gaps("selector: [{check: false}, {say: a}]", "") == []
+
+
+@pytest.mark.parametrize("expect", ["does_not: show", "does_not: [show, drive: gate 8, light]"])
+def test_what_must_not_be_done_need_not_be_in_the_tree(expect: str) -> None:
+    assert found(TWO, expect) == []
+
+
+def test_what_must_not_be_done_and_is_is_named() -> None:
+    [finding] = found(TWO, "does_not: [show, say: Goodbye.]")
+    assert finding.message == 'does_not: expected no say "Goodbye.", found say "Goodbye."'
+
+
+def test_both_sides_of_a_table_have_the_same_words() -> None:
+    [finding] = found(TWO, "does: [say: Hi., drive: gate 7, say]")
+    assert finding.rows[0] == ('say "Hi."', 'say "Hello."', False)
+
+
+def test_an_agent_that_does_not_bid_has_nothing_that_happened() -> None:
+    spec = agent(TWO, "requires: scene.person")
+    [case] = cases_for(spec, "- {name: x, person: false, expect: {bids: true}}").cases
+    shown = failure(run_case(spec, SPACE, case))
+    assert shown.endswith("bids: expected a bid, but it needs scene.person")
+
+
+def test_paths_are_never_cut_and_left_out_when_they_are_too_long() -> None:
+    deep = "check: scene.age > 3"
+    for number in range(9):
+        deep = f"{{name: a rather long name {number}, sequence: [{{{deep.strip('{}')}}}]}}"
+    shown = transcript(rehearsed(deep, "scene: {mood: 3}").events)
+    assert all(len(line) <= 80 for line in shown.splitlines())
+    assert "(a.yaml:" in shown
+    assert "a_rather" not in shown
+
+
+def test_nodes_are_called_as_their_author_calls_them() -> None:
+    tree = "sequence:\n  - name: the way is free\n    wait_for: live.mood > 4\n    timeout: 5 s"
+    shown = transcript(rehearsed(tree).events)
+    assert "… waits: the way is free" in shown
+    assert "✘ the way is free: not done within 5 s" in shown
+
+
+def test_a_wait_says_how_long_it_is() -> None:
+    head = "tunables: {patience: {default: 4 s, min: 1 s, max: 9 s, description: d}}"
+    assert "… waits: wait 4 s" in transcript(rehearsed("wait: ${patience}", head=head).events)
+
+
+def test_inputs_stand_with_commas_between_them() -> None:
+    assert "▶ light blue, blink true" in transcript(
+        rehearsed("light: {colour: blue, blink: true}").events
+    )
+
+
+def test_a_node_that_is_stopped_is_marked() -> None:
+    shown = transcript(
+        rehearsed("drive: a\ntimeout: 3 s", "answers: {drive: {ends: never}}").events, ticks=True
+    )
+    assert "    3.0 s    ■ drive" in shown

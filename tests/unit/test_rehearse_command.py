@@ -98,7 +98,7 @@ def test_ticks_show_every_node() -> None:
 def test_answers_can_be_typed() -> None:
     result = rehearse("professional_express", "-i", typed="gate 9\nfail the lift is out\n")
     assert result.exit_code == 1
-    assert '? ask "Where to?"  [yes] >' in result.output
+    assert "? answer [yes] > gate 9\n" in result.output
     assert "✔ answer: gate 9" in result.output
     assert "drive gate 9 – aborted: the lift is out" in result.output
 
@@ -166,3 +166,61 @@ def test_an_agent_outside_of_a_trees_folder_says_where_it_belongs(tmp_path: Path
 def test_what_happens_is_written_as_in_a_test_file(typed: str, text: str) -> None:
     head = "tunables: {patience: {default: 8 s, min: 2 s, max: 30 s, description: d}}"
     assert happening_text(agent("wait: ${patience}", head), typed) == text
+
+
+def test_a_wrong_option_is_shown_as_it_was_typed() -> None:
+    result = rehearse("attentive_guide", "--at", "3s mod=1", "--scene", "mood=x")
+    shown = str(result.exception)
+    assert (
+        """
+      --at "3s mod=1"
+               ^^^
+      hint: did you mean 'mood'?"""
+        in shown
+    )
+    assert (
+        """
+      --scene mood=x
+                   ^"""
+        in shown
+    )
+    assert "the options" not in shown
+
+
+def test_what_was_typed_and_is_wrong_is_shown_with_a_caret() -> None:
+    result = rehearse("silent_text", "--scene", "mood=2", "-i", typed="3s mod=1\n\n")
+    assert "\n      3s mod=1\n         ^^^\n" in result.output
+
+
+def test_the_begin_of_a_skill_is_told_before_its_answer_is_asked_for() -> None:
+    lines = rehearse("professional_express", "-i", typed="gate 9\n\n").output.splitlines()
+    at = next(i for i, line in enumerate(lines) if '▶ ask "Where to?"' in line)
+    assert lines[at + 3] == "          ? answer [yes] > gate 9"
+    assert lines[at + 4].endswith("✔ answer: gate 9")
+
+
+def test_choices_are_all_shown_at_the_question() -> None:
+    assert "? answer [good] or bad >" in rehearse("evening_round", "-i", typed="\nbad\n").output
+
+
+@pytest.mark.parametrize("typed", ["mood=1.5", "0.5s mood=1.5", "tune patience=30s", "0 s cancel"])
+def test_something_may_happen_at_any_question(typed: str) -> None:
+    output = rehearse("attentive_guide", "--scene", "age=4", "-i", typed=f"\n{typed}\n\n").output
+    assert any(word in output for word in ("◆ mood 1.5", "◆ tuned: patience 30 s", "■ cancelled"))
+    assert "is none of the choices" not in output
+
+
+def test_a_button_can_be_pressed_at_a_wait_that_has_a_limit() -> None:
+    result = rehearse(
+        "large_print", "-i", "--scene", "age=5", typed="8s buttons/confirm data=true\n\n"
+    )
+    assert "it waits: pressed, 19.9 s at most" in result.output
+    assert "◆ message on buttons/confirm: data true" in result.output
+    assert "✘" not in result.output
+
+
+def test_the_head_says_that_an_agent_would_not_be_called() -> None:
+    lines = rehearse("patient_carrier").output.splitlines()
+    assert lines[1].endswith("a person is there")
+    assert lines[2].startswith("The market would not call it: it does not bid, it needs not")
+    assert "nobody is there" in rehearse("patient_carrier", "person=false").output

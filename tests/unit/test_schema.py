@@ -202,7 +202,15 @@ def test_a_node_of_a_plugin_is_a_node_with_typed_fields():
         description="Talks.",
         behaviour=Behaviour,
     )
-    words = replace(VOCABULARY, plugins={"blink": blink, "talk": talk})
+    nod = NodeKind(key="nod", behaviour=Behaviour)
+    turn = NodeKind(
+        key="turn",
+        main="mode",
+        fields=(NodeField(name="mode", content=Content.CONSTANT, required=False, words=("a",)),),
+        behaviour=Behaviour,
+    )
+    kinds = {one.key: one for one in (blink, talk, nod, turn)}
+    words = replace(VOCABULARY, plugins=kinds)
     validator = Draft7Validator(SCHEMAS["agent"](words))
 
     def fits(node: str) -> bool:
@@ -211,6 +219,11 @@ def test_a_node_of_a_plugin_is_a_node_with_typed_fields():
     assert fits("{blink: 5 s}")
     assert fits("{blink: {seconds: 5, mode: slow, data: [1, {a: b}]}}")
     assert fits("{talk: [1, 2]}")
+    for key in ("nod", "turn"):
+        assert fits(f"{{{key}: }}")
+        assert fits(f"{{{key}: {{}}}}")
+        assert not fits(f"{{{key}: 3}}")
+    assert not fits("{blink: }")
     assert not fits("{blink: loud}")
     assert not fits("{blink: {mode: slow}}")
     assert not fits("{blink: {seconds: 5 s, mode: quick}}")

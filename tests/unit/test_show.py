@@ -17,6 +17,7 @@ from bt_agents.language.drawing.mermaid import mermaid
 from bt_agents.language.drawing.outline import outline
 from bt_agents.language.drawing.svg import svg
 from bt_agents.language.folder_reader import read_trees
+from bt_agents.language.renderers import columns
 from bt_agents.language.specs import AgentSpec
 from stage import SPACE, TREES, agent
 
@@ -118,6 +119,82 @@ def test_choices_show_their_conditions_and_weights():
   16     └─ ○ wait 3 s
 """
     )
+
+
+def test_lines_are_not_wider_than_the_terminal():
+    head = """\
+    subtrees:
+      tell: {inputs: {words: text, again: text}, tree: {say: "${words}${again}"}}
+    """
+    tree = """\
+    selector:
+      - subtree: tell
+        with: {words: "Put your bag on the platform, please.", again: "Your bag goes here."}
+      - retry: 3
+        say: {text: "A text of many words that the robot says slowly.", rate: 0.5}
+    """
+    spec = agent(tree, head)
+    assert (
+        outline(spec, SPACE, 60).partition("tree\n")[2]
+        == """\
+  10  ▼ selector
+  11  ├─ ▶ subtree tell with words "Put your bag on the
+      │  │     platform, please.",
+      │  │     again "Your bag goes here."
+   7  │  └─ ● say "${words}${again}"
+  13  └─ ◇ retry 3
+  14     └─ ● say "A text of many words that the robot
+                  says slowly.", rate 0.5
+"""
+    )
+    long = replace(spec, tunables=example().tunables)
+    assert outline(long, SPACE, 60).splitlines()[2:4] == [
+        "  tunables  patience 8 s (2 s to 2 min),",
+        "            rate 0.9 (0.5 to 1.5), polite true",
+    ]
+    lines = outline(long, SPACE, 60).splitlines()
+    assert max(map(len, lines)) <= 60
+
+
+@pytest.mark.parametrize("spec", read_trees(TREES).agents, ids=lambda spec: spec.name)
+def test_every_agent_is_shown_in_80_columns_and_drawn_no_wider_than_1700_pixels(spec):
+    assert max(map(columns, outline(spec, SPACE).splitlines())) <= 80
+    width = ET.fromstring(svg(spec, SPACE)).get("width")
+    assert width is not None
+    assert int(width) < 1700
+
+
+def test_children_that_a_parallel_needs_are_shown_by_their_names():
+    tree = """\
+    parallel:
+      succeed_on: [way]
+      children:
+        - {say: a}
+        - {name: way, timeout: 3 s, drive: b}
+    """
+    assert "▼ parallel succeed on [way]\n" in outline(agent(tree), SPACE)
+
+
+def test_pictures_have_shorter_texts_and_one_input_a_line():
+    text = "Put your bag on the platform, please."
+    spec = agent(f"ask: {{text: '{text}', choices: [now, later], wait: 5 s}}")
+    label = "ask<br/>#34;Put your bag on the platform,…#34;,<br/>choices "
+    assert label in mermaid(spec)
+    root = ET.fromstring(svg(spec, SPACE))
+    texts = [one.text for one in root.iter("{http://www.w3.org/2000/svg}text")]
+    assert '"Put your bag on the platform,…",' in texts
+    assert 'choices ["now", "later"],' in texts
+    tips = [one.text for one in root.iter("{http://www.w3.org/2000/svg}title")]
+    assert any(text in (tip or "") for tip in tips)
+
+
+def test_an_only_child_stands_below_its_parent_and_several_beside_it():
+    tree = place(box_of(agent("{retry: 2, sequence: [{say: a}, {say: b}]}").tree), 0, 0)
+    (below,) = tree.children
+    assert below.x == tree.x
+    assert below.y > tree.y + tree.height
+    assert [child.x > below.x + below.width for child in below.children] == [True, True]
+    assert below.children[0].y == below.y
 
 
 def test_long_texts_are_shortened():

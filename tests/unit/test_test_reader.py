@@ -27,7 +27,7 @@ from bt_agents.language.scenarios import (
 )
 from bt_agents.language.test_reader import read_test_text
 from rehearsals import cases_for
-from stage import SPACE, TREES, agent
+from stage import TREES, VOCABULARY, agent
 
 AGENT = agent(
     """
@@ -87,7 +87,7 @@ def test_a_case_says_everything_that_a_rehearsal_needs() -> None:
     )
     assert said.answers[1].answers[0].end is GoalEnd.NEVER
     assert said.answers[2].answers[0].outputs == {"note": "done"}
-    assert said.replace[0].succeed
+    assert said.replace[0].node.kind == "check"
     mood, button, tune, cancel = said.during
     assert (mood.after_s, mood.values, mood.person) == (2.0, {"mood": 1.5}, False)
     assert (button.topic, button.message) == ("buttons/confirm", {"data": True})
@@ -169,6 +169,11 @@ def test_a_case_says_what_is_expected_with_the_place_of_each_word() -> None:
         ("scene: old", "[wrong-type]: 'scene'"),
         ("seed: -1", "[out-of-range]"),
         ("replace: {tree/0.say: skip}", "[bad-choice]: what stands in for it is 'skip'"),
+        ("replace: {tree/0.say: {sya: a}}", "a.test.yaml:5:28: error[unknown-node]: there is no"),
+        ("replace: {tree/0.say: {wait: 3 m}}", "[bad-duration]"),
+        ("replace: {tree/0.say: {say: '${nobody}'}}", "[unknown-name]: there is no name 'nobody'"),
+        ("replace: {tree/0.say: {subtree: x}}", "a.test.yaml:5:37: error[unknown-subtree]"),
+        ("expect: {does_not: [dance]}", "[unknown-name]: there is no skill 'dance'"),
         ("during: [{mood: 2}]", "[missing-key]: what happens needs a time"),
         ("during: [{after: 2 s}]", "[missing-key]: nothing happens here"),
         ("during: [{after: 2 s, moood: 1}]", "[unknown-key]: what happens has no key 'moood'"),
@@ -205,14 +210,14 @@ def test_a_file_without_cases_is_refused() -> None:
 @pytest.mark.parametrize("name", ["a", "a.yaml"])
 def test_the_agent_is_named_by_its_name_or_file(name: str) -> None:
     text = f"format: 1\ntest: {name}\ncases: [{{name: x, expect: {{ends: failed}}}}]"
-    assert read_test_text(text, "a.test.yaml", [AGENT], SPACE).agent is AGENT
+    assert read_test_text(text, "a.test.yaml", [AGENT], VOCABULARY).agent is AGENT
 
 
 def test_an_unknown_agent_is_an_error_with_the_nearest_name() -> None:
     text = "format: 1\ntest: attentive_gide\ncases: [{name: x, expect: {ends: failed}}]"
     agents = read_trees(TREES).agents
     with pytest.raises(ReadError) as caught:
-        read_test_text(text, "a.test.yaml", agents, SPACE)
+        read_test_text(text, "a.test.yaml", agents, VOCABULARY)
     assert "did you mean 'attentive_guide'?" in caught.value.report
 
 
@@ -241,3 +246,24 @@ def test_test_files_are_no_agents(tmp_path: Path) -> None:
     assert files
     assert not [file for file in files if file.endswith(".test.yaml")]
     assert list((TREES / "agents").glob("*.test.yaml"))
+
+
+def test_a_test_of_an_agent_whose_file_is_broken_says_that_and_lists_no_others(
+    tmp_path: Path,
+) -> None:
+    (tmp_path / "porter.yaml").write_text("format: 1\n")
+    for name in ("porter", "porter.yaml"):
+        text = f"format: 1\ntest: {name}\ncases: [{{name: x, expect: {{ends: failed}}}}]\n"
+        with pytest.raises(ReadError) as caught:
+            read_test_text(text, str(tmp_path / "a.test.yaml"), [AGENT], VOCABULARY)
+        [problem] = caught.value.diagnostics
+        assert problem.code == "unknown-agent"
+        assert "cannot be tested, as its file has errors" in problem.message
+        assert "possible here" not in problem.hint
+
+
+def test_replacements_are_bounded_by_the_size_of_a_tree() -> None:
+    spec = agent("sequence: [" + "{say: a}, " * 300 + "]")
+    many = "{sequence: [" + "{wait: 1 s}, " * 10 + "]}"
+    with pytest.raises(ReadError, match="tree-too-large"):
+        cases_for(spec, f"- {{name: x, replace: {{'**.say': {many}}}, expect: {{ends: failed}}}}")

@@ -16,7 +16,7 @@ from rich.table import Table
 from rich.text import Text
 
 from bt_agents.errors import BtAgentsError
-from bt_agents.language.codes.entry import Code, FileKind
+from bt_agents.language.codes.entry import Code
 from bt_agents.language.codes.table import CODES
 from bt_agents.language.diagnostics import nearest, shown
 from bt_agents.language.plugins import installed_plugins
@@ -139,7 +139,7 @@ def _code(code: Code) -> Iterable[Part]:
     style = "bold red" if code.severity.value == "error" else "bold yellow"
     yield Text.assemble((f"{code.severity.value}[{code.code}]", style), f"  {code.kind.value}")
     yield Text(f"\n{code.meaning}\n")
-    language = "xml" if code.kind is FileKind.XML else "yaml"
+    language = code.kind.language
     yield Text("Wrong:", style="red")
     yield _example(code.wrong, language)
     yield Text("\nRight:", style="green")
@@ -221,4 +221,6 @@ def _overview(vocabulary: Vocabulary) -> Table:
         table.add_row("subtree", Text(f"{'  '.join(names)}\nin {path}"))
     table.add_row("about values", Text("  ".join(TOPICS)))
     table.add_row("code", Text("  ".join(CODES)))
+    for problem in installed_plugins().without(vocabulary.skills).problems:
+        table.add_row("left out", Text(problem, style="yellow"))
     return table

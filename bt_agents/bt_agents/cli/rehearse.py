@@ -93,14 +93,14 @@ def rehearse(
         seed=seed,
     )
     try:
-        said = read_scenario_text(said_words.text, _OPTIONS, spec, space)
+        said = read_scenario_text(said_words.text, _OPTIONS, spec, trees.vocabulary)
     except ReadError as error:
         explained = said_words.explained(error)
         raise BtAgentsError(f"an option cannot be understood\n{explained}") from None
     scenario = _joined(case.scenario if case is not None else None, said, seed)
     console = Console(highlight=False)
     width = min(max(console.width, WIDTH), 120)
-    typist = Typist(console, spec, space) if interactive else None
+    typist = Typist(console, spec, trees.vocabulary) if interactive else None
     console.print(_heading(spec, scenario, space, case), soft_wrap=True)
     rehearsed = play(
         spec,
@@ -122,7 +122,7 @@ def _material(agent: str, script: str) -> tuple[Trees, AgentSpec, Case | None]:
     if script:
         file, _, name = script.partition(":")
         trees = Library().trees_of(Path(file))
-        test = read_test(Path(file), trees.agents, trees.scene.space)
+        test = read_test(Path(file), trees.agents, trees.vocabulary)
         spec = test.agent
         case = _chosen(test.cases, name, file)
     if agent:

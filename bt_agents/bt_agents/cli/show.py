@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import shutil
 from pathlib import Path
 
 import click
@@ -43,4 +44,6 @@ def show(agent: str, directory: str, form: str, picture: str) -> None:
     elif form == "mermaid":
         click.echo(mermaid(spec), nl=False)
     else:
-        click.echo(svg(spec, space) if form == "svg" else outline(spec, space), nl=False)
+        width = shutil.get_terminal_size().columns
+        text = svg(spec, space) if form == "svg" else outline(spec, space, width)
+        click.echo(text, nl=False)

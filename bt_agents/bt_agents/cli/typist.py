@@ -15,10 +15,10 @@ from bt_agents.language.expressions import Expression
 from bt_agents.language.scenarios import GoalEnd, Happening, Scenario, ScriptedAnswer
 from bt_agents.language.specs import AgentSpec, Literal, NodeSpec
 from bt_agents.language.test_reader import read_scenario_text
+from bt_agents.language.vocabulary import Vocabulary
 from bt_agents.rehearsal import likely
 from bt_agents.rehearsal.events import Use
 from bt_agents.rehearsal.transcript import value_text
-from bt_agents.scene import SceneSpace
 
 _INDENT = 13
 
@@ -26,10 +26,11 @@ _INDENT = 13
 class Typist:
     """Asks the author what the world does."""
 
-    def __init__(self, console: Console, agent: AgentSpec, space: SceneSpace) -> None:
+    def __init__(self, console: Console, agent: AgentSpec, vocabulary: Vocabulary) -> None:
         self._console = console
         self._agent = agent
-        self._space = space
+        self._vocabulary = vocabulary
+        self._space = vocabulary.space
         self._explained = False
 
     def asks(self, use: Use) -> bool:
@@ -90,7 +91,7 @@ class Typist:
     def _read(self, words: Words) -> Scenario | None:
         """Return what typed words mean; None when they mean nothing, which is then shown."""
         try:
-            return read_scenario_text(words.text, "typed", self._agent, self._space)
+            return read_scenario_text(words.text, "typed", self._agent, self._vocabulary)
         except ReadError as error:
             self._console.print(Text(words.explained(error), style="red"), soft_wrap=True)
             return None

@@ -13,6 +13,7 @@ from bt_agents.language.diagnostics import Diagnostic
 from bt_agents.language.folder_reader import TEST_SUFFIXES, Trees, read_trees, yaml_files
 from bt_agents.language.interfaces import Interfaces
 from bt_agents.language.lint import lint
+from bt_agents.language.plugins import installed_plugins
 from bt_agents.language.scene_reader import read_scene
 from bt_agents.language.script_reader import read_script
 from bt_agents.language.skills_reader import read_skills
@@ -60,7 +61,7 @@ class _FolderCheck:
     ) -> None:
         self._folder = folder
         self._interfaces = interfaces
-        self._only = None if only is None else [path.resolve() for path in only]
+        self._only = None if only is None else [_real(path) for path in only]
         # In the order of reading; the same problem may be found on several ways.
         self._found: dict[Diagnostic, None] = {}
 
@@ -80,12 +81,15 @@ class _FolderCheck:
         except ReadError:
             self._base_problems(scene, base[1:])
             unchecked = [path for path in dependent if self._is_wanted(path)]
+            plugin_problems = installed_plugins().problems
         else:
             unchecked = []
+            plugin_problems = trees.plugin_problems
             agents = self._dependent_problems(trees, dependent)
         wanted = [path for path in (*base, *dependent) if self._is_wanted(path)]
         for path in wanted:
             self._add_cut_texts(path)
+        self._add(_bad_plugin(folder, words) for words in plugin_problems)
         return Checked(
             problems=tuple(_with_excerpts(_by_file(self._found))),
             agents=tuple(agent.name for agent in agents),
@@ -96,7 +100,7 @@ class _FolderCheck:
     def _is_wanted(self, path: Path) -> bool:
         if self._only is None:
             return True
-        real = path.resolve()
+        real = _real(path)
         return any(real == one or real.is_relative_to(one) for one in self._only)
 
     def _add(self, problems: Iterable[Diagnostic]) -> None:
@@ -123,7 +127,7 @@ class _FolderCheck:
         for path in filter(self._is_wanted, paths):
             try:
                 if path.name.endswith(TEST_SUFFIXES):
-                    read_test(path, trees.agents, trees.scene.space)
+                    read_test(path, trees.agents, trees.vocabulary)
                 elif path.parent.name == "scripts":
                     read_script(path, trees.scene.space)
             except ReadError as error:
@@ -138,12 +142,29 @@ class _FolderCheck:
             self._add(cut_texts(source))
 
 
+def _real(path: Path) -> Path:
+    """Return where a path leads; a link that leads back to itself is its own place."""
+    try:
+        return path.resolve()
+    except RuntimeError:
+        return path.parent.resolve() / path.name
+
+
 def _no_agents(folder: Path) -> Diagnostic:
     return Diagnostic(
         code="no-agents",
         position=Position(file=str(folder / "agents"), line=1, column=1),
         message="there is no agent in this folder",
         hint="make one with 'bt-agents new NAME'",
+    )
+
+
+def _bad_plugin(folder: Path, words: str) -> Diagnostic:
+    return Diagnostic(
+        code="bad-plugin",
+        position=Position(file=str(folder), line=1, column=1),
+        message=words,
+        hint="trees cannot use this node; mend its package, or remove it",
     )
 
 

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from enum import Enum
 
 from bt_agents.language.expression_tokens import ExpressionError
+from bt_agents.language.units import Dimension
 
 Lookup = Callable[[str], object]
 """Returns the value of a name."""
@@ -68,6 +69,7 @@ class Part:
         width: Characters of its first word.
         items: Kind of the items of a list that is written out; None elsewhere.
         constant: Value of a number, text or boolean that is written out; None elsewhere.
+        unit: Dimension of a quantity; None for plain numbers and everything else.
     """
 
     run: Evaluator
@@ -76,6 +78,7 @@ class Part:
     width: int
     items: ValueKind | None = None
     constant: bool | int | float | str | None = None
+    unit: Dimension | None = None
 
     def must_be(self, kind: ValueKind, needs: str, hint: str = "") -> None:
         """Refuse the part if its value is certainly of another kind.

@@ -14,6 +14,7 @@ from bt_agents.language.expression_tokens import (
     TokenKind,
     tokenize,
 )
+from bt_agents.language.expression_units import check_range_units, unit_of_call, unit_of_pair
 from bt_agents.language.expression_values import (
     EvaluationError,
     Evaluator,
@@ -30,6 +31,7 @@ from bt_agents.language.operators import (
     check_between,
     compile_between,
 )
+from bt_agents.language.units import Dimension
 
 __all__ = [
     "EvaluationError",
@@ -76,11 +78,13 @@ class Expression:
         text: As written, without spaces around it.
         mentions: Every name in it with its place in the text that was parsed.
         kind: Kind of its value where that is known without running it.
+        unit: Dimension of its value; None for a plain number, or no number.
     """
 
     text: str
     mentions: tuple[Mention, ...] = field(compare=False)
     kind: ValueKind | None = field(compare=False)
+    unit: Dimension | None = field(compare=False)
     _run: Evaluator = field(compare=False, repr=False)
 
     @property
@@ -105,6 +109,7 @@ def parse_expression(
     text: str,
     known: Callable[[str], bool] | None = None,
     kind_of: Callable[[str], ValueKind | None] | None = None,
+    unit_of: Callable[[str], Dimension | None] | None = None,
 ) -> Expression:
     """Return the expression that a text says.
 
@@ -117,6 +122,7 @@ def parse_expression(
         text: At most 1,000 characters.
         known: Whether a name exists; None takes every name.
         kind_of: Kind of a name's value, None where only a run shows it.
+        unit_of: Dimension of a name's value, None for a plain number or no number.
 
     Raises:
         ExpressionError: The text is none, values in it do not fit, or a name is not known.
@@ -127,10 +133,14 @@ def parse_expression(
             1,
             "split it over several nodes",
         )
-    parser = _Parser(tokenize(text), known, kind_of)
+    parser = _Parser(tokenize(text), known, kind_of, unit_of)
     whole = parser.whole()
     return Expression(
-        text=text.strip(), mentions=tuple(parser.mentions), kind=whole.kind, _run=whole.run
+        text=text.strip(),
+        mentions=tuple(parser.mentions),
+        kind=whole.kind,
+        unit=whole.unit,
+        _run=whole.run,
     )
 
 
@@ -142,11 +152,13 @@ class _Parser:
         tokens: list[Token],
         known: Callable[[str], bool] | None,
         kind_of: Callable[[str], ValueKind | None] | None,
+        unit_of: Callable[[str], Dimension | None] | None,
     ) -> None:
         self.mentions: list[Mention] = []
         self._tokens = tokens
         self._known = known
         self._kind_of = kind_of
+        self._unit_of = unit_of
         self._next = 0
         self._depth = 0
 
@@ -212,6 +224,7 @@ class _Parser:
             kind=operator.gives,
             column=left.column,
             width=left.width,
+            unit=unit_of_pair(operator.word, left, right),
         )
 
     def _between(self, value: Part, token: Token) -> Part:
@@ -225,6 +238,7 @@ class _Parser:
         self._take()
         high = self._expression(COMPARISON)
         check_between(value, low, high)
+        check_range_units(value, low, high)
         return Part(
             run=compile_between(value, low, high, token.column),
             kind=ValueKind.BOOLEAN,
@@ -283,6 +297,7 @@ class _Parser:
             column=token.column,
             width=len(token.text),
             constant=negative if token.text == "-" else None,
+            unit=operand.unit,
         )
 
     def _name(self, token: Token) -> Part:
@@ -298,6 +313,7 @@ class _Parser:
             kind=self._kind_of(name) if self._kind_of is not None else None,
             column=token.column,
             width=len(name),
+            unit=self._unit_of(name) if self._unit_of is not None else None,
         )
 
     def _parentheses(self, opening: Token) -> Part:
@@ -354,6 +370,7 @@ class _Parser:
             kind=ValueKind.NUMBER,
             column=token.column,
             width=len(token.text),
+            unit=unit_of_call(token.text, arguments),
         )
 
     def _items(self, opening: Token, closing: str) -> list[Part]:

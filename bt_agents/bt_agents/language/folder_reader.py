@@ -42,6 +42,7 @@ class Trees:
         vocabulary: What its agents may speak of.
         agents: The agents that could be read, by name.
         broken: The agent files that could not.
+        plugin_problems: Why some nodes of installed packages cannot be used, in words.
     """
 
     folder: Path
@@ -49,6 +50,7 @@ class Trees:
     vocabulary: Vocabulary
     agents: tuple[AgentSpec, ...]
     broken: tuple[BrokenFile, ...]
+    plugin_problems: tuple[str, ...] = ()
 
     def tagged(self, tags: str) -> Trees:
         """Return the folder with those agents only that have one of some tags.
@@ -96,9 +98,10 @@ def read_trees(folder: Path, interfaces: Interfaces | None = None, robot: str = 
             broken.append(BrokenFile(file=path, error=error))
         else:
             agents[agent.name] = agent
+    skills = dict(vocabulary.skills)
     for name in libraries.paths():
         with suppress(ImportProblem):
-            libraries.load(name)
+            skills |= libraries.load(name).skills
     broken += [
         BrokenFile(file=folder / name, error=error) for name, error in libraries.broken.items()
     ]
@@ -108,6 +111,7 @@ def read_trees(folder: Path, interfaces: Interfaces | None = None, robot: str = 
         vocabulary=vocabulary,
         agents=tuple(agents[name] for name in sorted(agents)),
         broken=tuple(broken),
+        plugin_problems=installed_plugins().without(skills).problems,
     )
 
 
@@ -130,7 +134,7 @@ def _libraries(
         space=scene.space,
         skills=skills,
         interfaces=interfaces,
-        plugins=installed_plugins().kinds,
+        plugins=installed_plugins().without(skills).kinds,
     )
     return FolderLibraries(folder, vocabulary, robot)
 

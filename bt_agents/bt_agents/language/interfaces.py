@@ -93,6 +93,9 @@ class MessageFields:
         known = self._known()
         if known is None:
             return FieldType.ANY
+        # What stands in a JSON text has no type.
+        if "#" in path:
+            return FieldType.ANY
         return known.field_type(self.kind, self.type_name, self.section, path)
 
     def _known(self) -> Interfaces | None:

@@ -12,6 +12,7 @@ from bt_agents.language.expression_tokens import OPERATOR_WORDS
 from bt_agents.language.expressions import ValueKind
 from bt_agents.language.functions import FUNCTIONS
 from bt_agents.language.specs import FieldType
+from bt_agents.language.units import ANGLE, LENGTH, TIME, Dimension
 from bt_agents.scene import SceneSpace
 
 RESERVED = (
@@ -29,6 +30,14 @@ _KINDS = {
     FieldType.ANGLE: ValueKind.NUMBER,
     FieldType.BOOLEAN: ValueKind.BOOLEAN,
 }
+
+
+UNITS: Mapping[FieldType, Dimension] = {
+    FieldType.DURATION: TIME,
+    FieldType.LENGTH: LENGTH,
+    FieldType.ANGLE: ANGLE,
+}
+"""Dimension of the types that are quantities."""
 
 
 class Fields(Protocol):
@@ -119,6 +128,11 @@ class Names:
         """Return the kind of a name's value for operators, None where only a run shows it."""
         found = self.type_of(name)
         return _KINDS.get(found) if found is not None else None
+
+    def unit_of(self, name: str) -> Dimension | None:
+        """Return the dimension of a name's value; None for a plain number, or no number."""
+        found = self.type_of(name)
+        return UNITS.get(found) if found is not None else None
 
     def problem(self, name: str) -> tuple[str, str, str] | None:
         """Return code, message and hint when a name cannot be used."""

@@ -169,7 +169,9 @@ def written_fields(
     if isinstance(node, Scalar) and node.empty and not required:
         return {}
     if not fields and not isinstance(node, MappingNode):
-        reading.error("wrong-type", node, f"{what} has no fields, found {found(node)}", "remove it")
+        reading.error(
+            "wrong-type", node, f"{what} has no fields, found {found(node)}", "remove it"
+        )
         return None
     if main is not None and not isinstance(node, MappingNode):
         return {main: node}

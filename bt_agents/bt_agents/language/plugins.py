@@ -6,7 +6,7 @@ from __future__ import annotations
 import inspect
 import re
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from importlib.metadata import EntryPoint, entry_points
 
@@ -15,6 +15,7 @@ from py_trees.behaviour import Behaviour
 from bt_agents.errors import BtAgentsError
 from bt_agents.language.node_types import Content, NodeField, NodeKind
 from bt_agents.language.nodes import BESIDE, KINDS, MODIFIERS
+from bt_agents.language.specs import SkillSpec
 
 GROUP = "bt_agents.nodes"
 """Entry point group; the name of an entry point is the key of the node, its object the class."""
@@ -34,11 +35,31 @@ class Plugins:
 
     Attributes:
         kinds: Kinds of nodes by key.
+        origins: Key → words for the node and where it comes from.
         problems: Why the others cannot be nodes, in words.
     """
 
     kinds: Mapping[str, NodeKind]
+    origins: Mapping[str, str]
     problems: tuple[str, ...]
+
+    def without(self, skills: Mapping[str, SkillSpec]) -> Plugins:
+        """Return the same without those named like a skill, which are problems: the skill stays.
+
+        Skills are what authors see and can rename; a package that somebody has installed must not
+        change what their trees do.
+        """
+        clashes = tuple(
+            f"{self.origins[key]} has the name of the skill '{key}' "
+            f"({skills[key].position}), which stays"
+            for key in self.kinds
+            if key in skills
+        )
+        return replace(
+            self,
+            kinds={key: kind for key, kind in self.kinds.items() if key not in skills},
+            problems=self.problems + clashes,
+        )
 
 
 @cache
@@ -56,6 +77,7 @@ def read_plugins(points: Iterable[EntryPoint]) -> Plugins:
     describes the node.
     """
     kinds: dict[str, NodeKind] = {}
+    origins: dict[str, str] = {}
     problems: list[str] = []
     for point in sorted(points, key=lambda one: (one.name, one.value)):
         try:
@@ -63,17 +85,22 @@ def read_plugins(points: Iterable[EntryPoint]) -> Plugins:
             if kind.key in kinds:
                 raise PluginProblem(f"{_whose(point)}: there is a node '{kind.key}' already")
             kinds[kind.key] = kind
+            origins[kind.key] = _whose(point)
         except PluginProblem as problem:
             problems.append(str(problem))
-    return Plugins(kinds=kinds, problems=tuple(problems))
+    return Plugins(kinds=kinds, origins=origins, problems=tuple(problems))
 
 
 def _kind(point: EntryPoint) -> NodeKind:
     whose = _whose(point)
-    if not _KEY.fullmatch(point.name) or point.name in _TAKEN:
+    if not _KEY.fullmatch(point.name):
         raise PluginProblem(
             f"{whose}: '{point.name}' cannot be the key of a node; expected small letters, digits "
-            "and '_', and no word of the language"
+            "and '_'"
+        )
+    if point.name in _TAKEN:
+        raise PluginProblem(
+            f"{whose} has the name of '{point.name}', a word of the language, which stays"
         )
     try:
         behaviour = point.load()

@@ -92,7 +92,7 @@ def read_expression(
         None when it is no expression or a name is not known, which is then reported.
     """
     try:
-        expression = parse_expression(text, kind_of=names.kind_of)
+        expression = parse_expression(text, kind_of=names.kind_of, unit_of=names.unit_of)
     except ExpressionError as error:
         place = offset + error.column - 1
         reading.error_in(

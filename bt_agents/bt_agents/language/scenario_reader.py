@@ -11,6 +11,8 @@ from bt_agents.language.fields import Fields
 from bt_agents.language.interfaces import read_ros_name
 from bt_agents.language.names import Names
 from bt_agents.language.path_patterns import is_path, matches, nodes_of
+from bt_agents.language.raw_leaves import RAW_LEAVES
+from bt_agents.language.replacement_reader import ReplacementReader
 from bt_agents.language.scenarios import (
     AnswerRule,
     GoalEnd,
@@ -33,9 +35,9 @@ from bt_agents.language.specs import (
     Value,
 )
 from bt_agents.language.values import read_value
+from bt_agents.language.vocabulary import Vocabulary
 from bt_agents.language.yaml_reader import Entry, Node, Scalar, Sequence
 from bt_agents.language.yaml_reader import Mapping as MappingNode
-from bt_agents.scene import SceneSpace
 
 SCENARIO_KEYS = ("scene", "person", "tunables", "seed", "answers", "replace", "during")
 
@@ -48,19 +50,30 @@ _LARGEST_SEED = 2**63 - 1
 class ScenarioReader:
     """Reads scenarios for one agent.
 
+    Args:
+        reading: The file.
+        agent: Whom it is about.
+        vocabulary: What a node may speak of that takes the place of others.
+
     Attributes:
         skills: The skills that the agent's trees use, by name.
+        known_skills: These, and the others that there are.
     """
 
-    def __init__(self, reading: FileReading, agent: AgentSpec, space: SceneSpace) -> None:
+    def __init__(self, reading: FileReading, agent: AgentSpec, vocabulary: Vocabulary) -> None:
         self._reading = reading
-        self._space = space
+        self._space = vocabulary.space
         self._nodes = tuple(nodes_of(agent))
         self._tunables = {tunable.name: tunable for tunable in agent.tunables}
         self.skills: dict[str, SkillSpec] = {}
         for node in self._nodes:
             if node.skill is not None:
                 self.skills.setdefault(node.kind, node.skill)
+        named = {name: one for name, one in self.skills.items() if name not in RAW_LEAVES}
+        self.known_skills = {**vocabulary.skills, **named}
+        self._replacements = ReplacementReader(
+            reading, vocabulary.with_skills(named), self._nodes, self._tunables.values()
+        )
 
     def read(self, fields: Fields) -> Scenario:
         """Return the scenario that the keys of a case say."""
@@ -85,7 +98,7 @@ class ScenarioReader:
             ),
             replace=tuple(
                 one
-                for entry in fields.entries("replace", "paths, and 'succeed' or 'fail'")
+                for entry in fields.entries("replace", "paths and nodes")
                 if (one := self._replacement(entry)) is not None
             ),
             during=tuple(
@@ -253,10 +266,10 @@ class ScenarioReader:
 
     def _replacement(self, entry: Entry) -> Replacement | None:
         pattern = self.path(entry.key, "the path of what is replaced")
-        word = self._reading.choice(entry.value, "what stands in for it", ("succeed", "fail"))
-        if pattern is None or word is None:
+        node = self._replacements.read(entry.value, pattern or "")
+        if pattern is None or node is None:
             return None
-        return Replacement(pattern=pattern, succeed=word == "succeed")
+        return Replacement(pattern=pattern, node=node)
 
     def _happening(self, node: Node) -> Happening | None:
         names = [name for name in self._space.names if name not in _HAPPENING_KEYS]

@@ -8,7 +8,10 @@ from dataclasses import dataclass, field
 from enum import Enum
 
 from bt_agents.feedback import Kind
-from bt_agents.language.specs import AgentSpec, Plain, Position
+from bt_agents.language.specs import AgentSpec, NodeSpec, Plain, Position
+
+REPLACED = "replaced"
+"""First part of the paths of a node that takes the place of others."""
 
 SPOKEN = ("say", "ask")
 """Skills whose main input ``says`` speaks of."""
@@ -56,10 +59,15 @@ class AnswerRule:
 
 @dataclass(frozen=True, kw_only=True)
 class Replacement:
-    """Nodes that are not rehearsed but taken to succeed or to fail at once."""
+    """Another node in place of those that a pattern fits.
+
+    Attributes:
+        pattern: A pattern of paths.
+        node: What is done instead; its paths start with ``REPLACED``.
+    """
 
     pattern: str
-    succeed: bool
+    node: NodeSpec
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -112,10 +120,15 @@ class Scenario:
 
 @dataclass(frozen=True, kw_only=True)
 class SkillUse:
-    """A skill and the inputs that are looked at; none means that any will do."""
+    """A skill and the inputs that are looked at; none means that any will do.
+
+    Attributes:
+        main: The skill's main input, which its name stands before.
+    """
 
     skill: str
     inputs: Mapping[str, Plain] = field(default_factory=dict)
+    main: str | None = field(default=None, compare=False)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -133,6 +146,14 @@ class Does:
 
     uses: tuple[SkillUse, ...]
     exact: bool
+    position: Position
+
+
+@dataclass(frozen=True, kw_only=True)
+class DoesNot:
+    """Skills that are not used at all, or not with these inputs."""
+
+    uses: tuple[SkillUse, ...]
     position: Position
 
 
@@ -193,7 +214,9 @@ class Bids:
     position: Position
 
 
-Expectation = Says | Does | Visits | Ends | Because | Within | Teaches | CancelledBy | Bids
+Expectation = (
+    Says | Does | DoesNot | Visits | Ends | Because | Within | Teaches | CancelledBy | Bids
+)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -64,11 +64,17 @@ test: {name}
 
 cases:
   - name: it greets, makes its remark and says good-bye
-    scene: {scene}
+    scene: {high_scene}
     expect:
-{says}      visited: tree/1.remark/0.sequence
+{says_high}      visited: tree/1.remark/0.sequence
       ends: succeeded
       within: 1 min
+
+  - name: it makes the other remark where {parameter} is less than {middle}
+    scene: {low_scene}
+    expect:
+{says_low}      visited: tree/1.remark/1.{say}
+      ends: succeeded
 {stopped}"""
 _STOPPED = """
   - name: it stops when the mood falls
@@ -78,6 +84,14 @@ _STOPPED = """
     tunables: {{patience: 30 s}}
     expect:
       feedback: negative
+      ends: cancelled
+"""
+_CANCELLED = """
+  - name: it stops when somebody cancels it
+    scene: {scene}
+    during:
+      - {{after: 0 s, cancel: the operator}}
+    expect:
       ends: cancelled
 """
 _LIBRARY = """\
@@ -116,7 +130,7 @@ def new_agent(
         skills: It says something when they have a usable ``say``, else it only writes a log.
     """
     parameter = scene.space.parameters[0]
-    middle = _number(parameter.default)
+    middle = _number(_middle(parameter))
     return _AGENT.format(
         name=name,
         folder=folder,
@@ -129,7 +143,7 @@ def new_agent(
         parameter=parameter.name,
         middle=middle,
         high=_high(parameter),
-        low=f"Here {parameter.name} is less than {middle}.",
+        low=_low(parameter),
     )
 
 
@@ -142,18 +156,25 @@ def new_test(name: str, file: str, scene: SceneSpec, skills: Mapping[str, SkillS
         scene: As for the agent.
         skills: As for the agent.
     """
-    values = {one.name: _number(one.default) for one in scene.space.parameters}
-    start = f"{{{', '.join(f'{key}: {value}' for key, value in values.items())}}}"
-    says = f"      says: [Hello., {_high(scene.space.parameters[0])}, Good-bye.]\n"
+    parameter = scene.space.parameters[0]
+    say = _say(skills)
+    # The default is high enough, unless it is the smallest value.
+    high = {} if _middle(parameter) == parameter.default else {parameter.name: parameter.maximum}
+    high_scene = _scene(scene.space, high)
     mood = _mood(scene.space)
-    stopped = ""
+    stopped = _CANCELLED.format(scene=high_scene)
     if mood is not None:
-        stopped = _STOPPED.format(scene=start, mood=mood.name, worst=_number(mood.minimum))
+        stopped = _STOPPED.format(scene=high_scene, mood=mood.name, worst=_number(mood.minimum))
     return _TEST.format(
         name=name,
         file=file,
-        scene=start,
-        says=says if _say(skills) == "say" else "",
+        parameter=parameter.name,
+        middle=_number(_middle(parameter)),
+        high_scene=high_scene,
+        low_scene=_scene(scene.space, {parameter.name: parameter.minimum}),
+        says_high=_says(say, _high(parameter)),
+        says_low=_says(say, _low(parameter)),
+        say=say,
         stopped=stopped,
     )
 
@@ -171,6 +192,17 @@ def _say(skills: Mapping[str, SkillSpec]) -> str:
     needed = [one.name for one in skill.inputs if one.required]
     is_text = any(one.name == skill.main and one.type is FieldType.TEXT for one in skill.inputs)
     return "say" if is_text and needed in ([], [skill.main]) else "log"
+
+
+def _says(say: str, remark: str) -> str:
+    """Return the line of a test about all that is said; nothing where there is no voice."""
+    return f"      says: [Hello., {remark}, Good-bye.]\n" if say == "say" else ""
+
+
+def _scene(space: SceneSpace, values: Mapping[str, float]) -> str:
+    """Return a scene of defaults, apart from some values."""
+    every = {one.name: values.get(one.name, one.default) for one in space.parameters}
+    return f"{{{', '.join(f'{name}: {_number(value)}' for name, value in every.items())}}}"
 
 
 def _profile(space: SceneSpace) -> str:
@@ -200,8 +232,19 @@ def _mood(space: SceneSpace) -> SceneParameter | None:
     return next((one for one in space.parameters if one.name == space.mood), None)
 
 
+def _middle(parameter: SceneParameter) -> float:
+    """Return a value that a scene can be below of: the default, if it is not the smallest."""
+    if parameter.default > parameter.minimum:
+        return parameter.default
+    return (parameter.minimum + parameter.maximum) / 2
+
+
 def _high(parameter: SceneParameter) -> str:
-    return f"Here {parameter.name} is {_number(parameter.default)} or more."
+    return f"Here {parameter.name} is {_number(_middle(parameter))} or more."
+
+
+def _low(parameter: SceneParameter) -> str:
+    return f"Here {parameter.name} is less than {_number(_middle(parameter))}."
 
 
 def _number(value: float) -> str:

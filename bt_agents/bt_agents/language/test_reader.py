@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 
@@ -18,6 +19,7 @@ from bt_agents.language.scenarios import (
     CancelledBy,
     Case,
     Does,
+    DoesNot,
     Ends,
     Expectation,
     Says,
@@ -30,42 +32,43 @@ from bt_agents.language.scenarios import (
 from bt_agents.language.shape import FileReading
 from bt_agents.language.source import Source
 from bt_agents.language.specs import AgentSpec, FieldType, Plain, Position, SkillSpec
+from bt_agents.language.vocabulary import Vocabulary
 from bt_agents.language.yaml_reader import Mapping as MappingNode
 from bt_agents.language.yaml_reader import Node, Scalar, Sequence
-from bt_agents.scene import SceneSpace
 
 OUTCOMES = ("succeeded", "failed", "cancelled")
 
+_FILE = re.compile(r"[\w-]{1,100}(\.ya?ml)?")
 _EXPECT_KEYS = (
-    "bids", "says", "does", "visited", "not_visited", "ends", "because", "within", "feedback",
-    "cancelled_by",
+    "bids", "says", "does", "does_not", "visited", "not_visited", "ends", "because", "within",
+    "feedback", "cancelled_by",
 )  # fmt: skip
 _KINDS = {kind.name.lower(): kind for kind in Kind}
 
 
-def read_test(path: Path, agents: Iterable[AgentSpec], space: SceneSpace) -> AgentTest:
+def read_test(path: Path, agents: Iterable[AgentSpec], vocabulary: Vocabulary) -> AgentTest:
     """Return the cases of a file.
 
     Args:
         path: The file.
         agents: Those it may be about.
-        space: The scene parameters.
+        vocabulary: What they may speak of.
 
     Raises:
         ReadError: There is a problem; it lists all of them.
     """
-    return _TestFile(FileReading.of(path), agents, space, path.parent).read()
+    return _TestFile(FileReading.of(path), agents, vocabulary, path.parent).read()
 
 
 def read_test_text(
-    text: str, file: str, agents: Iterable[AgentSpec], space: SceneSpace
+    text: str, file: str, agents: Iterable[AgentSpec], vocabulary: Vocabulary
 ) -> AgentTest:
     """Return the cases of a text; as :func:`read_test`."""
     reading = FileReading(Source(file, text))
-    return _TestFile(reading, agents, space, Path(file).parent).read()
+    return _TestFile(reading, agents, vocabulary, Path(file).parent).read()
 
 
-def read_scenario_text(text: str, file: str, agent: AgentSpec, space: SceneSpace) -> Scenario:
+def read_scenario_text(text: str, file: str, agent: AgentSpec, vocabulary: Vocabulary) -> Scenario:
     """Return the scenario of a text with the keys that a case has, apart from name and expect.
 
     Raises:
@@ -73,7 +76,7 @@ def read_scenario_text(text: str, file: str, agent: AgentSpec, space: SceneSpace
     """
     reading = FileReading(Source(file, text))
     fields = reading.document("a rehearsal", SCENARIO_KEYS)
-    scenario = ScenarioReader(reading, agent, space).read(fields)
+    scenario = ScenarioReader(reading, agent, vocabulary).read(fields)
     reading.problems.raise_if_any()
     return scenario
 
@@ -82,11 +85,15 @@ class _TestFile:
     """One test file while it is read."""
 
     def __init__(
-        self, reading: FileReading, agents: Iterable[AgentSpec], space: SceneSpace, folder: Path
+        self,
+        reading: FileReading,
+        agents: Iterable[AgentSpec],
+        vocabulary: Vocabulary,
+        folder: Path,
     ) -> None:
         self._reading = reading
         self._agents = tuple(agents)
-        self._space = space
+        self._vocabulary = vocabulary
         self._folder = folder
 
     def read(self) -> AgentTest:
@@ -99,7 +106,7 @@ class _TestFile:
             )
         cases: dict[str, Case] = {}
         if agent is not None:
-            scenarios = ScenarioReader(self._reading, agent, self._space)
+            scenarios = ScenarioReader(self._reading, agent, self._vocabulary)
             for node in nodes:
                 self._case(node, agent, scenarios, cases)
         self._reading.problems.raise_if_any()
@@ -114,6 +121,15 @@ class _TestFile:
         for agent in self._agents:
             if text == agent.name or (file is not None and file == Path(agent.file).resolve()):
                 return agent
+        broken = self._broken(text)
+        if broken is not None:
+            self._reading.error(
+                "unknown-agent",
+                node,
+                f"agent {shown(text)} cannot be tested, as its file has errors",
+                f"'bt-agents check {broken}' lists them",
+            )
+            return None
         self._reading.error(
             "unknown-agent",
             node,
@@ -121,6 +137,16 @@ class _TestFile:
             did_you_mean(text, [agent.name for agent in self._agents])
             or "'bt-agents check' lists the errors of all agents",
         )
+        return None
+
+    def _broken(self, text: str) -> Path | None:
+        """Return the file of an agent that is there but could not be read."""
+        if not _FILE.fullmatch(text):
+            return None
+        for name in (text, f"{text}.yaml", f"{text}.yml"):
+            path = self._folder / name
+            if "." in name and path.is_file():
+                return path
         return None
 
     def _case(
@@ -195,6 +221,10 @@ class _Expectations:
                 return [self._says(node, position)]
             case "does":
                 return [self._does(node, position)]
+            case "does_not":
+                uses = (self._use(item, any_skill=True) for item in _several(node))
+                some = tuple(use for use in uses if use is not None)
+                return [DoesNot(uses=some, position=position)]
             case "visited" | "not_visited":
                 return self._visits(node, key)
             case "ends":
@@ -255,26 +285,28 @@ class _Expectations:
             uses=tuple(use for use in uses if use is not None), exact=exact, position=position
         )
 
-    def _use(self, node: Node) -> SkillUse | None:
+    def _use(self, node: Node, *, any_skill: bool = False) -> SkillUse | None:
+        """Return a use of a skill; of one that the agent's tree does not have if ``any_skill``."""
         if isinstance(node, Scalar):
             text = self._reading.text(node, "a skill that is used")
-            skill = self._skill(node, text) if text is not None else None
+            skill = self._skill(node, text, any_skill) if text is not None else None
             return None if skill is None else SkillUse(skill=skill.name)
         if not isinstance(node, MappingNode) or len(node.entries) != 1:
             self._reading.wrong_type(node, "'does'", "one skill an item, such as 'say: Hello.'")
             return None
         entry = node.entries[0]
-        skill = self._skill(entry.key, entry.key.text)
+        skill = self._skill(entry.key, entry.key.text, any_skill)
         if skill is None:
             return None
         types = {one.name: one.type for one in skill.inputs}
         if isinstance(entry.value, MappingNode):
-            return SkillUse(skill=skill.name, inputs=self._inputs(entry.value, skill.name, types))
+            inputs = self._inputs(entry.value, skill.name, types)
+            return SkillUse(skill=skill.name, inputs=inputs, main=skill.main)
         if skill.main is None:
             self._reading.wrong_type(entry.value, f"'{skill.name}'", "a mapping of inputs")
             return None
         value = self._scenarios.plain(entry.value, types[skill.main], f"'{skill.main}'")
-        return SkillUse(skill=skill.name, inputs={skill.main: value})
+        return SkillUse(skill=skill.name, inputs={skill.main: value}, main=skill.main)
 
     def _inputs(
         self, node: MappingNode, skill: str, types: Mapping[str, FieldType]
@@ -294,14 +326,17 @@ class _Expectations:
             values[name] = self._scenarios.plain(entry.value, field_type, f"'{name}'")
         return values
 
-    def _skill(self, node: Scalar, name: str) -> SkillSpec | None:
-        skill = self._scenarios.skills.get(name)
+    def _skill(self, node: Scalar, name: str, any_skill: bool) -> SkillSpec | None:
+        known = self._scenarios.known_skills if any_skill else self._scenarios.skills
+        skill = known.get(name)
         if skill is None:
             self._reading.error(
                 "unknown-name",
                 node,
-                f"the agent's tree uses no skill {shown(name)}",
-                did_you_mean(name, self._scenarios.skills),
+                f"there is no skill {shown(name)}"
+                if any_skill
+                else f"the agent's tree uses no skill {shown(name)}",
+                did_you_mean(name, known),
             )
         return skill
 

@@ -68,9 +68,7 @@ def _units(_: SceneSpace) -> Topic:
         key="units",
         description="A time, length or angle is one number with one unit.",
         tables={"": rows},
-        note="In an expression all of them are plain numbers, in "
-        + ", ".join(one.si for one in DIMENSIONS)
-        + ".",
+        note="In an expression they count in " + ", ".join(one.si for one in DIMENSIONS) + ".",
         example="""\
 tunables:
   patience: {default: 8 s, min: 500 ms, max: 1 min}

@@ -54,7 +54,7 @@ class TreeReader:
         self._interfaces = vocabulary.interfaces
         self._fields = FieldReader(reading, vocabulary)
         self._calls = CallReader(reading, subtrees, vocabulary)
-        self._written = WrittenNames(reading, subtrees)
+        self._written = WrittenNames(reading, subtrees, vocabulary.interfaces)
         self._leaves: Mapping[str, Callable[[Draft, str, Names], NodeSpec | None]] = {
             "set": self._set,
             "subtree": self._calls.subtree,

@@ -53,7 +53,7 @@ class TreesReader:
         known = {**imported, **self._subtrees}
         self._drafts = DraftReader(reading, vocabulary, known)
         self._reader = TreeReader(reading, vocabulary, known)
-        self._written = WrittenNames(reading, known)
+        self._written = WrittenNames(reading, known, vocabulary.interfaces)
         self._types = {
             **scene_names(vocabulary.space, ("scene", "live", "profile")),
             **mood_names(vocabulary.space),
@@ -72,7 +72,7 @@ class TreesReader:
         first, last = self._draft(tree, "the tree"), self._draft(on_cancel, "'on_cancel'")
         taken = dict.fromkeys(self._tunables, "a tunable")
         bodies = self._body_drafts()
-        self._of_trees = self._written.of_trees([first, last], taken)
+        self._of_trees = self._written.of_trees([first, last], taken, self._types)
         hidden = {
             name: f"subtree '{subtree}' writes it; add 'outputs: {{{name}: any}}' to that"
             for subtree, draft in bodies.items()
@@ -162,7 +162,7 @@ class TreesReader:
             **dict.fromkeys(self._tunables, "a tunable"),
             **dict.fromkeys(inputs, "an input of this subtree"),
         }
-        written = self._written.of_trees([draft], taken)
+        written = self._written.of_trees([draft], taken, {**self._types, **inputs})
         hidden = dict.fromkeys(
             self._of_trees,
             f"the tree has it; declare it under 'inputs:' of subtree '{name}', and give it with "

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from bt_agents.language import quantities
 from bt_agents.language.expressions import Expression, ValueKind
-from bt_agents.language.names import Names
+from bt_agents.language.names import UNITS, Names
 from bt_agents.language.references import Part, read_expression, read_parts
 from bt_agents.language.scalars import plain_value
 from bt_agents.language.shape import FileReading
@@ -129,10 +129,13 @@ def _fitting(
         fits = part.type is FieldType.ANY or part.type in _FITTING[field_type]
         found = f"'{part.name}' is {_EXPECTED[part.type]}"
     else:
-        kind = part.expression.kind
+        kind, unit = part.expression.kind, part.expression.unit
         wanted = ValueKind.BOOLEAN if field_type is FieldType.BOOLEAN else ValueKind.NUMBER
         fits = kind is None or kind is wanted
-        found = f"'{part.expression.text}' gives {kind.value if kind else 'anything'}"
+        if unit is not None and field_type is not FieldType.NUMBER:
+            fits = UNITS.get(field_type) is unit
+        given = unit.a if unit is not None else kind.one if kind is not None else "anything"
+        found = f"'{part.expression.text}' gives {given}"
     if fits:
         return part
     reading.error(

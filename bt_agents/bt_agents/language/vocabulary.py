@@ -90,5 +90,6 @@ class Vocabulary:
         return {**KINDS, **self.plugins}
 
     def with_skills(self, skills: Mapping[str, SkillSpec]) -> Vocabulary:
-        """Return the same with more skills."""
-        return replace(self, skills={**self.skills, **skills})
+        """Return the same with more skills; nodes of plug-ins with such a name give way."""
+        plugins = {key: kind for key, kind in self.plugins.items() if key not in skills}
+        return replace(self, skills={**self.skills, **skills}, plugins=plugins)

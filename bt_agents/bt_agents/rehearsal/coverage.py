@@ -8,6 +8,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from enum import Enum
 
+from bt_agents.language.outcomes import Outcome, outcomes
 from bt_agents.language.specs import AgentSpec, NodeSpec, Position
 
 
@@ -33,6 +34,9 @@ _BRANCHES: Mapping[str, tuple[tuple[Mark, str], ...]] = {
     "while": ((Mark.BROKEN_OFF, "never broken off"),),
     **dict.fromkeys(("when", "once", "cooldown"), ((Mark.LEFT_OUT, "never left out"),)),
 }
+
+
+_OUTCOMES = {Mark.SUCCEEDED: Outcome.SUCCESS, Mark.FAILED: Outcome.FAILURE}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -81,7 +85,7 @@ def coverage(agent: AgentSpec, marks: Iterable[Marks]) -> Coverage:
     Every node counts once for having been ticked. Where the tree decides, both ways count: a
     ``check`` true and false, a ``when``, ``once`` or ``cooldown`` left out, a ``timeout`` or
     ``while`` broken off, every alternative of a ``selector`` and what comes before an
-    ``on_failure`` succeeding.
+    ``on_failure`` succeeding; what can only succeed or fail by its words counts one way.
     """
     seen: defaultdict[str, set[Mark]] = defaultdict(set)
     for one in marks:
@@ -112,12 +116,15 @@ def coverage(agent: AgentSpec, marks: Iterable[Marks]) -> Coverage:
 
 
 def _branches(node: NodeSpec) -> Iterator[tuple[NodeSpec, Mark, str]]:
-    """Return what must have been seen of a node besides a tick."""
+    """Return what must have been seen of a node besides a tick, as far as it is possible."""
+    possible = outcomes(node)
     for mark, words in _BRANCHES.get(node.kind, ()):
-        yield node, mark, words
+        if _OUTCOMES.get(mark, Outcome.FAILURE) in possible or mark is Mark.LEFT_OUT:
+            yield node, mark, words
     if node.kind in ("selector", "on_failure"):
         for child in node.children[: 1 if node.kind == "on_failure" else None]:
-            yield child, Mark.SUCCEEDED, "never succeeded"
+            if Outcome.SUCCESS in outcomes(child):
+                yield child, Mark.SUCCEEDED, "never succeeded"
 
 
 def _gap(node: NodeSpec, words: str) -> Gap:

@@ -15,6 +15,7 @@ from bt_agents.language.scenarios import (
     CancelledBy,
     Case,
     Does,
+    DoesNot,
     Ends,
     Expectation,
     Says,
@@ -86,6 +87,8 @@ def _check(wanted: Expectation, rehearsed: Rehearsed) -> Finding | None:
             return _says(wanted, said)
         case Does():
             return _does(wanted, rehearsed.uses)
+        case DoesNot():
+            return _does_not(wanted, rehearsed.uses)
         case Visits():
             return _visits(wanted, rehearsed)
         case Ends():
@@ -99,8 +102,10 @@ def _check(wanted: Expectation, rehearsed: Rehearsed) -> Finding | None:
         case Because():
             if wanted.words.casefold() in rehearsed.message.casefold():
                 return None
-            message = f"because: expected '{wanted.words}' in '{rehearsed.message}'"
-            return _finding(wanted, message)
+            found = f"found '{rehearsed.message}'"
+            if rehearsed.outcome is Outcome.SUCCEEDED:
+                found = "but the tree succeeded"
+            return _finding(wanted, f"because: expected a reason with '{wanted.words}', {found}")
         case Within():
             if rehearsed.duration_s <= wanted.seconds + _TOLERANCE_S:
                 return None
@@ -163,6 +168,15 @@ def _does(wanted: Does, uses: Sequence[Use]) -> Finding | None:
         for expected, found in aligned(wanted.uses, uses, _fits, exact=wanted.exact)
     ]
     return _compared(wanted, "does", rows, wanted.exact)
+
+
+def _does_not(wanted: DoesNot, uses: Sequence[Use]) -> Finding | None:
+    for one in wanted.uses:
+        found = next((use for use in uses if _fits(one, use)), None)
+        if found is not None:
+            did = phrase(found.node, found.inputs)
+            return _finding(wanted, f"does_not: expected no {_use_text(one)}, found {did}")
+    return None
 
 
 def _compared(wanted: Expectation, key: str, rows: list[Row], exact: bool) -> Finding | None:
@@ -234,7 +248,10 @@ def _fits(wanted: SkillUse, use: Use) -> bool:
 
 
 def _use_text(use: SkillUse) -> str:
-    values = [value_text(value) for value in use.inputs.values()]
-    if len(values) != 1:
-        values = [f"{name} {value_text(value)}" for name, value in use.inputs.items()]
-    return f"{use.skill} {', '.join(values)}".rstrip()
+    """Return what is expected in the words in which what happened is shown."""
+    main = use.inputs.get(use.main) if use.main is not None else None
+    first = f'"{value_text(main)}"' if use.main == "text" and main else value_text(main)
+    others = (
+        f"{name} {value_text(value)}" for name, value in use.inputs.items() if name != use.main
+    )
+    return f"{use.skill} {', '.join(filter(None, (first, *others)))}".rstrip()

@@ -3,12 +3,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 
-from bt_agents.language.expressions import parse_expression
 from bt_agents.language.path_patterns import matches
-from bt_agents.language.scenarios import Replacement
+from bt_agents.language.scenarios import REPLACED, Replacement
 from bt_agents.language.specs import (
     AgentSpec,
     Binding,
@@ -20,19 +19,21 @@ from bt_agents.language.specs import (
 )
 
 
-def prepared(agent: AgentSpec, replacements: Iterable[Replacement]) -> AgentSpec:
-    """Return the agent with replaced nodes, and with skills that send their inputs as they are.
+def with_replacements(agent: AgentSpec, replacements: Iterable[Replacement]) -> AgentSpec:
+    """Return the agent with other nodes in place of those that are replaced."""
+    every = tuple(replacements)
+    if not every:
+        return agent
+    return _changed(agent, lambda root: _with_replacements(root, every))
+
+
+def with_open_bindings(agent: AgentSpec) -> AgentSpec:
+    """Return the agent with skills that send their inputs as they are.
 
     What a skill sends on the robot is a matter of its binding, which differs between robots; a
     rehearsal is about the words of the author.
     """
-    every = tuple(replacements)
-    on_cancel = agent.on_cancel
-    return replace(
-        agent,
-        tree=_node(agent.tree, every),
-        on_cancel=None if on_cancel is None else _node(on_cancel, every),
-    )
+    return _changed(agent, _with_open_bindings)
 
 
 def replaced(path: str, replacements: Iterable[Replacement]) -> Replacement | None:
@@ -40,18 +41,33 @@ def replaced(path: str, replacements: Iterable[Replacement]) -> Replacement | No
     return next((one for one in replacements if matches(one.pattern, path)), None)
 
 
-def _node(node: NodeSpec, replacements: tuple[Replacement, ...]) -> NodeSpec:
+def _changed(agent: AgentSpec, change: Callable[[NodeSpec], NodeSpec]) -> AgentSpec:
+    on_cancel = agent.on_cancel
+    return replace(
+        agent,
+        tree=change(agent.tree),
+        on_cancel=None if on_cancel is None else change(on_cancel),
+    )
+
+
+def _with_replacements(node: NodeSpec, replacements: tuple[Replacement, ...]) -> NodeSpec:
     other = replaced(node.path, replacements)
     if other is not None:
-        condition = parse_expression("true" if other.succeed else "false")
-        name = f"{node.name} (replaced)"
-        fields = {"condition": condition}
-        return NodeSpec(
-            path=node.path, position=node.position, kind="check", name=name, fields=fields
-        )
+        return _moved(replace(other.node, name=f"{other.node.name} (replaced)"), node.path)
+    children = tuple(_with_replacements(child, replacements) for child in node.children)
+    return replace(node, children=children)
+
+
+def _moved(node: NodeSpec, path: str) -> NodeSpec:
+    """Return a node that takes the place of others, at the path of one of them."""
+    children = tuple(_moved(child, path) for child in node.children)
+    return replace(node, path=path + node.path.removeprefix(REPLACED), children=children)
+
+
+def _with_open_bindings(node: NodeSpec) -> NodeSpec:
     return replace(
         node,
-        children=tuple(_node(child, replacements) for child in node.children),
+        children=tuple(map(_with_open_bindings, node.children)),
         skill=None if node.skill is None else _bound(node.skill),
     )
 

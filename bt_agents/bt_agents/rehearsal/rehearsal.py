@@ -6,6 +6,7 @@ from __future__ import annotations
 import heapq
 import itertools
 import math
+import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from random import Random
@@ -20,10 +21,10 @@ from bt_agents.language.specs import AgentSpec, NodeSpec, Plain
 from bt_agents.rehearsal.answering import Answers, Typist
 from bt_agents.rehearsal.coverage import Mark
 from bt_agents.rehearsal.events import Event, EventKind, Rehearsed, Use
-from bt_agents.rehearsal.preparing import prepared, replaced
+from bt_agents.rehearsal.preparing import replaced, with_open_bindings, with_replacements
 from bt_agents.rehearsal.scenes import awarded, change_text, changed, watched
 from bt_agents.rehearsal.telling import Teller
-from bt_agents.rehearsal.transcript import label, time_text, tuned_text
+from bt_agents.rehearsal.transcript import time_text, tuned_text
 from bt_agents.rehearsal.watching import at_rest, limit_of, mark, running_leaves
 from bt_agents.rehearsal.world import RehearsalWorld
 from bt_agents.roster import unmet
@@ -35,6 +36,9 @@ TICK_S = 0.1
 
 LIVE_S = 1.0
 """Time between live scenes while a mood rule waits, as on the robot [s]."""
+
+_PLACED = re.compile(r"\((?:tree|on_cancel)\S*, \S.*:\d+:\d+\)$")
+"""Words that end with a node and its place in a file."""
 
 _NUDGE_S = 1e-6
 """Time is moved on by so little when a sum of times falls short by a rounding error [s]."""
@@ -99,6 +103,7 @@ class _Rehearsal:
         prompt: Prompt | None,
         limits: Limits,
     ) -> None:
+        agent = with_replacements(agent, scenario.replace)
         self._agent = agent
         self._nodes = {node.path: node for node in nodes_of(agent)}
         self._replacements = scenario.replace
@@ -132,7 +137,7 @@ class _Rehearsal:
         self._tunables: dict[str, Plain] = {one.name: one.default for one in agent.tunables}
         self._tunables |= scenario.tunables
         self._run = Run(
-            prepared(agent, scenario.replace),
+            with_open_bindings(agent),
             space=space,
             scene=self._scene,
             profile=agent.profile,
@@ -167,7 +172,7 @@ class _Rehearsal:
         """Return why the run ended, and where it failed."""
         words = result.message
         tip = self._nodes.get(result.tip)
-        if result.outcome is Outcome.FAILED and tip is not None and tip.path not in words:
+        if result.outcome is Outcome.FAILED and tip is not None and not _PLACED.search(words):
             words += f" ({tip.path}, {tip.position})"
         if result.orphans:
             words += f" (still under way: {', '.join(result.orphans)})"
@@ -240,7 +245,7 @@ class _Rehearsal:
             return None
         else:
             limit = min(limit_of(one, self._run.wakes) for one in waits)
-            reason = f"it waits: {', '.join(map(label, waits))}"
+            reason = f"it waits: {', '.join(one.name for one in waits)}"
             if limit < math.inf:
                 reason += f", {time_text(limit - self._clock.now)} at most"
         happening = self._prompt(reason, waits)

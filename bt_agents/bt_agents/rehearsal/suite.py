@@ -77,7 +77,7 @@ class Library:
             ReadError: There is a problem; it lists all of them.
         """
         trees = self.trees_of(path)
-        return read_test(path, trees.agents, trees.scene.space), trees.scene.space
+        return read_test(path, trees.agents, trees.vocabulary), trees.scene.space
 
 
 def find_tests(paths: Iterable[Path]) -> list[Path]:
@@ -150,6 +150,8 @@ def failure(result: CaseResult) -> str:
         blocks.append(f"{finding.position.file}:{finding.position.line}: {finding.message}")
         if finding.rows:
             blocks += table(finding.rows)
+    if blocks and not result.rehearsed.ticks:
+        return "\n".join(blocks)
     blocks += ["", f"what happened ({ending(result.rehearsed)}):"]
     blocks.append(transcript(result.rehearsed.events))
     return "\n".join(blocks)

@@ -139,7 +139,7 @@ def phrase(node: NodeSpec, inputs: Mapping[str, Plain]) -> str:
     return f"{node.kind} {given}".rstrip()
 
 
-def label(node: NodeSpec) -> str:
+def _label(node: NodeSpec) -> str:
     """Return what people know a node by: its author's name, else its key."""
     last = node.path.rpartition("/")[2].partition("@")[0]
     segment = last.partition(".")[2] or last
@@ -204,7 +204,7 @@ def _words(event: Event, ticks: bool) -> str | None:
         case EventKind.WAITS:
             return f"waits: {_wait_text(event)}" if event.node is not None else "waits"
         case EventKind.GIVES_UP:
-            return f"{label(event.node)}: {event.words}" if event.node else event.words
+            return f"{_label(event.node)}: {event.words}" if event.node else event.words
         case EventKind.ARRIVES:
             return f"message on {event.words}: {value_text(event.inputs) or 'empty'}"
         case EventKind.TUNES:

@@ -64,6 +64,8 @@ class HostNode(Node):
         self._calls = Calls(self)
         for broken in folder.broken:
             self.get_logger().error(f"agent file left out, the others run:\n{broken.error.report}")
+        for problem in folder.plugin_problems:
+            self.get_logger().warning(f"a node of a package is left out: {problem}")
         self._introduce_publishers()
         self._runs = RunServer(self, self.roster, self.instance, self._live_scene)
         for member in self.roster.members.values():

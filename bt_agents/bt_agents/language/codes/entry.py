@@ -26,6 +26,12 @@ class FileKind(Enum):
     TEST = "part of a test file"
     FOLDER = "files of a trees folder"
     XML = "a file of Groot2"
+    PACKAGE = "the pyproject.toml of a Python package"
+
+    @property
+    def language(self) -> str:
+        """What the examples are written in, as Markdown and highlighters name it."""
+        return {FileKind.XML: "xml", FileKind.PACKAGE: "toml"}.get(self, "yaml")
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -139,6 +139,19 @@ DANGER_CODES = (
         FileKind.FOLDER,
     ),
     warning(
+        "bad-plugin",
+        "A node that an installed package brings cannot be used.",
+        """
+        [project.entry-points."bt_agents.nodes"]
+        sequence = "py_trees.behaviours:Success"
+        """,
+        """
+        [project.entry-points."bt_agents.nodes"]
+        succeed_at_once = "py_trees.behaviours:Success"
+        """,
+        FileKind.PACKAGE,
+    ),
+    warning(
         "cut-text",
         "A '#' behind a space starts a comment, so that the rest of a text is lost.",
         """

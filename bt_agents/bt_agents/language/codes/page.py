@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from bt_agents.language.codes.entry import Code, FileKind
+from bt_agents.language.codes.entry import Code
 from bt_agents.language.codes.table import GROUPS
 
 _TOP = """\
@@ -39,7 +39,7 @@ def codes_page() -> str:
 
 
 def _section(code: Code) -> str:
-    language = "xml" if code.kind is FileKind.XML else "yaml"
+    language = code.kind.language
     return "\n\n".join(
         [
             f"### {code.code}",

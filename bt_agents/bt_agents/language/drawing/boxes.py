@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from enum import Enum
 
-from bt_agents.language.drawing.shown_values import shown_value
+from bt_agents.language.drawing.shown_values import LONGEST_TEXT, shortened, shown_value
 from bt_agents.language.expressions import Expression
 from bt_agents.language.node_types import Children, Content, NodeField
 from bt_agents.language.nodes import KINDS, MODIFIERS
@@ -32,7 +32,7 @@ class Box:
         kind: How it looks.
         word: Its key in the file.
         name: The author's name for it; empty when it has none.
-        detail: Its values and conditions; empty when it has none.
+        details: Its values and conditions, one each, with the commas between them.
         role: What it is to its parent: ``on failure``; empty for an ordinary child.
         path: Its path in the tree.
         position: Its place in the file.
@@ -42,7 +42,7 @@ class Box:
     kind: BoxKind
     word: str
     name: str
-    detail: str
+    details: tuple[str, ...]
     role: str
     path: str
     position: Position
@@ -62,18 +62,28 @@ _HIDDEN = ("memory", "otherwise")
 _SWITCHED = {"memory": "starts over at each tick"}
 
 
-def box_of(spec: NodeSpec, role: str = "") -> Box:
-    """Return what a picture shows of a node and of all below it."""
+def box_of(spec: NodeSpec, longest_text: int = LONGEST_TEXT, role: str = "") -> Box:
+    """Return what a picture shows of a node and of all below it.
+
+    Args:
+        spec: The node.
+        longest_text: Characters of a name or text; the rest is left out.
+        role: What the node is to its parent.
+    """
     return Box(
         kind=_kind(spec),
         word=_word(spec),
-        name=_name(spec),
-        detail=_detail(spec),
+        name=shortened(_name(spec), longest_text),
+        details=_details(spec, longest_text),
         role=role,
         path=spec.path,
         position=spec.position,
         children=tuple(
-            box_of(child, "on failure" if spec.kind == "on_failure" and index else "")
+            box_of(
+                child,
+                longest_text,
+                "on failure" if spec.kind == "on_failure" and index else "",
+            )
             for index, child in enumerate(spec.children)
         ),
     )
@@ -102,14 +112,15 @@ def _name(spec: NodeSpec) -> str:
     return "" if made else spec.name
 
 
-def _detail(spec: NodeSpec) -> str:
-    values = _values(spec)
+def _details(spec: NodeSpec, longest_text: int) -> tuple[str, ...]:
+    values = [*_interface(spec, longest_text), *_values(spec, longest_text)]
+    details = [*(f"{value}," for value in values[:-1]), *values[-1:]]
     if spec.kind == "subtree":
-        text = " with ".join(filter(None, (_called(spec), ", ".join(values))))
-    else:
-        text = ", ".join([*_interface(spec), *values])
-    written = ", ".join(spec.outputs)
-    return f"{text} → {written}".strip() if written else text
+        first = [f"with {details[0]}", *details[1:]] if details else []
+        details = [*filter(None, [_called(spec)]), *first]
+    if spec.outputs:
+        details.append(f"→ {', '.join(spec.outputs)}")
+    return tuple(details)
 
 
 def _called(spec: NodeSpec) -> str:
@@ -118,16 +129,17 @@ def _called(spec: NodeSpec) -> str:
     return below.partition("/")[0].partition("@")[0]
 
 
-def _interface(spec: NodeSpec) -> list[str]:
+def _interface(spec: NodeSpec, longest_text: int) -> list[str]:
     """Return the ROS interface that a node names itself, and what it sends."""
     if spec.kind not in KINDS or spec.skill is None or spec.skill.binding is None:
         return []
     binding = spec.skill.binding
-    fields = [shown_value(binding.fields)] if binding.fields.items else []
+    written = shown_value(binding.fields, longest_text=longest_text)
+    fields = [written] if binding.fields.items else []
     return [f"{binding.name} ({binding.type})", *fields]
 
 
-def _values(spec: NodeSpec) -> list[str]:
+def _values(spec: NodeSpec, longest_text: int) -> list[str]:
     fields = _fields(spec)
     main = _main(spec)
     shown = []
@@ -135,7 +147,7 @@ def _values(spec: NodeSpec) -> list[str]:
         field = fields.get(name)
         if _is_default(name, value, field):
             continue
-        text = _text(value, field)
+        text = _chosen(spec, value) or _text(value, field, longest_text)
         if name in _SWITCHED:
             shown.append(_SWITCHED[name])
         elif name == main:
@@ -145,6 +157,19 @@ def _values(spec: NodeSpec) -> list[str]:
         else:
             shown.append(f"{name.replace('_', ' ')} {text}")
     return shown
+
+
+def _chosen(spec: NodeSpec, value: Value | Expression) -> str:
+    """Return the names of the children that a parallel needs; empty when it names none."""
+    chosen = value.value if isinstance(value, Literal) else None
+    if spec.kind != "parallel" or not isinstance(chosen, tuple):
+        return ""
+    names = []
+    for child in (spec.children[at] for at in chosen if isinstance(at, int)):
+        while child.kind in MODIFIERS:
+            child = child.children[0]
+        names.append(child.name)
+    return f"[{', '.join(names)}]"
 
 
 def _main(spec: NodeSpec) -> str | None:
@@ -195,9 +220,9 @@ def _is_default(name: str, value: Value | Expression, field: _Field | None) -> b
     return value.value == field.default
 
 
-def _text(value: Value | Expression, field: _Field | None) -> str:
+def _text(value: Value | Expression, field: _Field | None, longest_text: int) -> str:
     if field is None:
-        return shown_value(value)
+        return shown_value(value, longest_text=longest_text)
     if field.words and isinstance(value, Literal) and isinstance(value.value, str):
         return value.value
-    return shown_value(value, field.type)
+    return shown_value(value, field.type, longest_text)

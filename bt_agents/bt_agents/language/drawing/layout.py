@@ -1,13 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where the boxes of a tree stand: children to the right of their parent, one below the other."""
+"""Where the boxes of a tree stand: children to the right of their parent, an only one below it."""
 
 from __future__ import annotations
 
-import textwrap
 from collections.abc import Iterator
 from dataclasses import dataclass
 
 from bt_agents.language.drawing.boxes import Box, BoxKind
+from bt_agents.language.drawing.outline import head
+from bt_agents.language.drawing.packing import packed
 from bt_agents.language.renderers import columns
 
 LINE = 17.0
@@ -16,10 +17,15 @@ LINE = 17.0
 PADDING = 9.0
 """Space between a text and the border of its box."""
 
+LONGEST_TEXT = 30
+"""Characters of a text in a picture; the rest is left out."""
+
+_LONGEST_LINE = 40
+
 _COLUMN = 7.3
 _GAP_ACROSS = 40.0
-_GAP_DOWN = 10.0
-_LONGEST_LINE = 38
+_GAP_DOWN = 16.0
+_GAP_TO_ONLY = 10.0
 _NARROWEST = 84.0
 _PLACE_OF_NUMBER = 4
 
@@ -57,20 +63,31 @@ def place(box: Box, x: float, y: float) -> Placed:
     """Return a tree with its upper left corner at a point."""
     lines = _lines(box)
     width = _width(box, lines)
+    height = len(lines) * LINE + 2 * PADDING
     children: list[Placed] = []
-    below = y
+    # Modifiers stand above what they modify, which keeps the picture of a deep tree narrow.
+    only = len(box.children) == 1
+    left, below = (x, y + height + _GAP_TO_ONLY) if only else (x + width + _GAP_ACROSS, y)
     for child in box.children:
-        children.append(place(child, x + width + _GAP_ACROSS, below))
+        children.append(place(child, left, below))
         below = children[-1].bottom + _GAP_DOWN
     return Placed(
         box=box,
         x=x,
         y=y,
         width=width,
-        height=len(lines) * LINE + 2 * PADDING,
+        height=height,
         lines=lines,
         children=tuple(children),
     )
+
+
+def detail_lines(box: Box) -> list[str]:
+    """Return what a picture shows below the key of a node: all in one line, or one each."""
+    whole = " ".join(box.details)
+    if columns(whole) <= _LONGEST_LINE:
+        return [whole] if whole else []
+    return [line for detail in box.details for line in packed([detail], _LONGEST_LINE)]
 
 
 def text_width(text: str) -> float:
@@ -86,10 +103,5 @@ def _width(box: Box, lines: tuple[str, ...]) -> float:
 
 
 def _lines(box: Box) -> tuple[str, ...]:
-    head = box.word if not box.name else f"{box.name}: {box.word}"
     role = [box.role] if box.role else []
-    return (
-        head,
-        *textwrap.wrap(box.detail, _LONGEST_LINE, break_on_hyphens=False),
-        *role,
-    )
+    return (head(box), *detail_lines(box), *role)

@@ -8,6 +8,7 @@ import re
 
 from bt_agents.language.drawing.boxes import Box, BoxKind, box_of
 from bt_agents.language.drawing.colours import COLOURS
+from bt_agents.language.drawing.layout import LONGEST_TEXT, detail_lines
 from bt_agents.language.specs import AgentSpec
 
 _SHAPES = {
@@ -27,7 +28,7 @@ def mermaid(agent: AgentSpec) -> str:
     for title, spec in (("tree", agent.tree), ("on_cancel", agent.on_cancel)):
         if spec is None:
             continue
-        tree = box_of(spec)
+        tree = box_of(spec, LONGEST_TEXT)
         number = len(boxes)
         boxes += tree.walk()
         lines.append(f"  {title}_start([{title}]) --> n{number}")
@@ -40,8 +41,9 @@ def mermaid(agent: AgentSpec) -> str:
 
 def _tree(box: Box, number: int) -> list[str]:
     """Return the lines of a box and all below it, which are numbered in the order of a walk."""
-    label = f"{_escaped(box.name)}<br/>" if box.name else ""
-    label += f"{_escaped(box.word)} {_escaped(box.detail)}".rstrip()
+    details = detail_lines(box)
+    texts = [box.word, *details] if len(details) > 1 else [" ".join((box.word, *details))]
+    label = "<br/>".join(map(_escaped, filter(None, (box.name, *texts))))
     lines = [f"  n{number}{_SHAPES[box.kind].format(label)}:::{box.kind.value}"]
     below = number + 1
     for child in box.children:

@@ -22,32 +22,46 @@ from bt_agents.language.specs import (
 from bt_agents.scene import SceneSpace, Vector
 
 LONGEST_TEXT = 60
-"""Characters of a text; the rest is left out."""
+"""Characters of a text or expression; the rest is left out."""
 
 
-def shown_value(value: Value | Expression, field_type: FieldType = FieldType.ANY) -> str:
-    """Return a value as an author would write it, long texts shortened."""
+def shown_value(
+    value: Value | Expression,
+    field_type: FieldType = FieldType.ANY,
+    longest_text: int = LONGEST_TEXT,
+) -> str:
+    """Return a value as an author would write it, texts of more characters shortened."""
+
+    def inner(one: Value) -> str:
+        return shown_value(one, longest_text=longest_text)
+
     match value:
         case Expression():
             return shortened(value.text)
         case Literal():
             known = field_type if field_type is not FieldType.ANY else value.type
-            return shown_plain(value.value, known)
+            return shown_plain(value.value, known, longest_text)
         case Reference():
             return f"${{{value.name}}}"
         case Computed():
             return f"${{{shortened(value.expression.text)}}}"
         case Text():
-            parts = (part if isinstance(part, str) else shown_value(part) for part in value.parts)
-            return f'"{shortened("".join(parts))}"'
+            parts = (part if isinstance(part, str) else inner(part) for part in value.parts)
+            return f'"{shortened("".join(parts), longest_text)}"'
         case ListValue():
-            return f"[{', '.join(map(shown_value, value.items))}]"
+            return f"[{', '.join(map(inner, value.items))}]"
         case MapValue():
-            return f"{{{_pairs({k: shown_value(v) for k, v in value.items.items()})}}}"
+            return f"{{{_pairs({key: inner(one) for key, one in value.items.items()})}}}"
 
 
-def shown_plain(value: Plain, field_type: FieldType = FieldType.ANY) -> str:
+def shown_plain(
+    value: Plain, field_type: FieldType = FieldType.ANY, longest_text: int = LONGEST_TEXT
+) -> str:
     """Return a value without names as an author would write it."""
+
+    def inner(one: Plain) -> str:
+        return shown_plain(one, longest_text=longest_text)
+
     match value:
         case None:
             return "nothing"
@@ -56,10 +70,10 @@ def shown_plain(value: Plain, field_type: FieldType = FieldType.ANY) -> str:
         case int() | float():
             return spoken(value, field_type)
         case str():
-            return f'"{shortened(value)}"'
+            return f'"{shortened(value, longest_text)}"'
         case tuple():
-            return f"[{', '.join(map(shown_plain, value))}]"
-    return f"{{{_pairs({key: shown_plain(one) for key, one in value.items()})}}}"
+            return f"[{', '.join(map(inner, value))}]"
+    return f"{{{_pairs({key: inner(one) for key, one in value.items()})}}}"
 
 
 def shown_tunable(tunable: Tunable) -> str:
@@ -77,10 +91,10 @@ def shown_profile(profile: Vector, space: SceneSpace) -> str:
     return ", ".join(f"{name} {value:g}" for name, value in values)
 
 
-def shortened(text: str) -> str:
-    """Return a text in one line, its end left out when it is long."""
+def shortened(text: str, longest: int = LONGEST_TEXT) -> str:
+    """Return a text in one line, its end left out when it has more characters."""
     flat = " ".join(text.split())
-    return flat if len(flat) <= LONGEST_TEXT else f"{flat[: LONGEST_TEXT - 1].rstrip()}…"
+    return flat if len(flat) <= longest else f"{flat[: longest - 1].rstrip()}…"
 
 
 def _pairs(items: Mapping[str, str]) -> str:

@@ -6,15 +6,24 @@ from __future__ import annotations
 import re
 from xml.sax.saxutils import escape, quoteattr
 
-from bt_agents.language.drawing.boxes import BoxKind, box_of
+from bt_agents.language.drawing.boxes import Box, BoxKind, box_of
 from bt_agents.language.drawing.colours import COLOURS
-from bt_agents.language.drawing.layout import LINE, PADDING, Placed, place, text_width
+from bt_agents.language.drawing.layout import (
+    LINE,
+    LONGEST_TEXT,
+    PADDING,
+    Placed,
+    place,
+    text_width,
+)
 from bt_agents.language.drawing.outline import head_lines, sentence
 from bt_agents.language.specs import AgentSpec
 from bt_agents.scene import SceneSpace
 
 _MARGIN = 24.0
 _TITLE = 22.0
+_HEAD_WIDTH = 100
+_STEM = 2 * PADDING
 _CORNERS = {
     BoxKind.COMPOSITE: 2.0,
     BoxKind.LEAF: 7.0,
@@ -40,7 +49,7 @@ _STYLE = (
 
 def svg(agent: AgentSpec, space: SceneSpace) -> str:
     """Return the agent's head and trees as one SVG file, ended by a line feed."""
-    head = [" ".join(line.split()) for line in head_lines(agent, space)]
+    head = [" ".join(line.split()) for line in head_lines(agent, space, _HEAD_WIDTH)]
     y = _MARGIN + _TITLE
     parts = [_text(_MARGIN, y - 4, f"{agent.title} ({agent.name})", "title")]
     for line in head:
@@ -52,9 +61,9 @@ def svg(agent: AgentSpec, space: SceneSpace) -> str:
             continue
         y += 2 * LINE
         parts.append(_text(_MARGIN, y, title, "tree"))
-        tree = place(box_of(spec), _MARGIN, y + 10)
+        tree = place(box_of(spec, LONGEST_TEXT), _MARGIN, y + 10)
         parts += _edges(tree)
-        parts += (_box(one) for one in tree.walk())
+        parts += map(_box, tree.walk(), box_of(spec).walk())
         right, y = max(right, tree.right - _MARGIN), tree.bottom
     y += 2 * LINE
     parts += _legend(y)
@@ -74,6 +83,12 @@ def svg(agent: AgentSpec, space: SceneSpace) -> str:
 def _edges(tree: Placed) -> list[str]:
     edges = []
     for parent in tree.walk():
+        if len(parent.children) == 1:
+            bottom, end = parent.y + parent.height, parent.children[0].y
+            edges.append(
+                f'<path class="edge" d="M{parent.x + _STEM:.1f} {bottom:.1f}V{end:.1f}"/>'
+            )
+            continue
         for child in parent.children:
             start, turn = parent.x + parent.width, child.x - 20
             top, middle = parent.y + PADDING + LINE / 2, child.y + PADDING + LINE / 2
@@ -82,7 +97,7 @@ def _edges(tree: Placed) -> list[str]:
     return edges
 
 
-def _box(placed: Placed) -> str:
+def _box(placed: Placed, whole: Box) -> str:
     box = placed.box
     left = placed.x + PADDING * (2 if box.kind is BoxKind.MODIFIER else 1)
     texts = []
@@ -94,7 +109,7 @@ def _box(placed: Placed) -> str:
         f'<text class="line" text-anchor="end" x="{placed.x + placed.width - PADDING:.1f}" '
         f'y="{placed.y + PADDING + 10:.1f}">{box.position.line}</text>'
     )
-    tip = f"{sentence(box)}\n{box.position}"
+    tip = f"{sentence(whole)}\n{box.position}"
     return (
         f'<g class="{box.kind.value}" data-path={quoteattr(_NO_XML.sub("", box.path))}>'
         f"<title>{_clean(tip)}</title>"

@@ -33,7 +33,9 @@ def cases_schema(vocabulary: Vocabulary) -> Schema:
             "replace": described(
                 {
                     "type": "object",
-                    "additionalProperties": {"enum": ["succeed", "fail"]},
+                    "additionalProperties": {
+                        "anyOf": [{"enum": ["succeed", "fail"]}, {"type": "object"}]
+                    },
                 },
                 "Path of a node → what stands in for it.",
             ),
@@ -105,6 +107,7 @@ def _expectations() -> Schema:
             "does": described(
                 _texts_or_contained(use), "The skills it uses, in order and nothing else."
             ),
+            "does_not": described(_several(use), "Skills that it does not use."),
             "visited": described(paths, "Paths of nodes that are ticked."),
             "not_visited": described(paths, "Paths of nodes that are never ticked."),
             "ends": {"description": "How the run ends.", "enum": list(OUTCOMES)},

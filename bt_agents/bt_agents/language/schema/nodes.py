@@ -203,12 +203,12 @@ def _leaf(
         empty: Whether nothing may be written when no field is needed.
     """
     types: list[object] = ["object", *(["null"] if empty and not required else [])]
-    fields: Schema = {"type": types if types[1:] else "object", **mapping(properties, required)}
+    fields: Schema = {**mapping(properties, required), "type": types if types[1:] else "object"}
     if main is None or [name for name in required if name != main[0]]:
         return fields
     scalar = main[1]
     if "enum" in scalar:
-        return {"anyOf": [scalar, fields]}
+        return {"type": ["string", *types], "anyOf": [scalar, fields]}
     written = scalar["type"]
     scalars = written if isinstance(written, list) else [written]
     snippets = scalar.get("defaultSnippets", [])
