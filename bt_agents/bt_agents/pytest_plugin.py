@@ -5,12 +5,14 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
 
 from bt_agents.errors import BtAgentsError
+from bt_agents.trees_folder import folder_around
 
 # The rest is imported when there is a case: pytest loads this module in every project.
 if TYPE_CHECKING:
@@ -28,7 +30,11 @@ _LONGEST_LOOK = 1024 * 1024
 
 
 def pytest_collect_file(file_path: Path, parent: pytest.Collector) -> pytest.Collector | None:
-    """Collect ``*.test.yaml`` with cases for an agent; files of other programs are left alone."""
+    """Collect ``*.test.yaml`` of a trees folder, or with cases for an agent.
+
+    Files of other programs are left alone. One of a trees folder is never one of them: a slip in
+    its first words must not take its cases away in silence.
+    """
     if file_path.name.endswith(_SUFFIXES) and _is_ours(file_path):
         file: AgentTestFile = AgentTestFile.from_parent(parent, path=file_path)
         return file
@@ -36,6 +42,9 @@ def pytest_collect_file(file_path: Path, parent: pytest.Collector) -> pytest.Col
 
 
 def _is_ours(path: Path) -> bool:
+    with suppress(BtAgentsError):
+        if (folder_around(path) / "agents").is_dir():
+            return True
     try:
         with path.open("rb") as file:
             text = file.read(_LONGEST_LOOK).decode("utf-8", "replace")

@@ -11,11 +11,13 @@ from bt_agents.errors import BtAgentsError
 
 
 def find_trees(explicit: str = "") -> Path:
-    """Return the trees folder: ``explicit``, else ``./trees``, else the installed one.
+    """Return the trees folder: ``explicit``, else this one, ``./trees`` or the installed one.
 
     Raises:
         BtAgentsError: There is no such folder, or it has no ``scene.yaml``.
     """
+    if not explicit and Path("scene.yaml").is_file():
+        return Path()
     return _find("trees", explicit, "bt_agents_trees", "scene.yaml")
 
 

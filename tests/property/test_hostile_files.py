@@ -5,7 +5,10 @@ from __future__ import annotations
 
 import re
 import time
+import tracemalloc
+import zlib
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
@@ -37,6 +40,9 @@ AGENTS = read_trees(TREES).agents
 ALONE = replace(VOCABULARY, libraries=None)
 WIDEST = 200
 SLOWEST_S = 1.0
+LARGEST = 64 * 1024 * 1024
+MEASURED = 20
+"""The memory of one in so many files is measured, which is slow."""
 TICKS = 5
 HEAD = "format: 1\nagent: a\nprofile: {age: 3, familiarity: 3, mood: 3}\n"
 LINE = re.compile(r".*?:(\d+):(\d+): error\[([a-z0-9-]+)\]: .+")
@@ -105,6 +111,8 @@ def place(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def check(kind: str, content: bytes, place: Path) -> None:
     """Check the law for one file."""
+    if zlib.crc32(content) % MEASURED == 0:
+        check_memory(kind, content, place)
     note(content.decode("utf-8", "replace"))
     place.write_bytes(content)
     start = time.process_time()
@@ -116,6 +124,18 @@ def check(kind: str, content: bytes, place: Path) -> None:
         if isinstance(spec, AgentSpec):
             check_run(spec)
     assert time.process_time() - start < SLOWEST_S
+
+
+def check_memory(kind: str, content: bytes, place: Path) -> None:
+    """Check that reading a file takes little memory."""
+    place.write_bytes(content)
+    tracemalloc.start()
+    try:
+        with suppress(ReadError):
+            READERS[kind](place)
+        assert tracemalloc.get_traced_memory()[1] < LARGEST
+    finally:
+        tracemalloc.stop()
 
 
 def check_refusal(error: ReadError, content: bytes, place: Path) -> None:

@@ -16,11 +16,11 @@ from hypothesis import strategies as st
 from bt_agents.errors import ReadError
 from bt_agents.language.agent_reader import read_agent_text
 from bt_agents.language.diagnostics import CODES, Diagnostics
-from bt_agents.language.experiment_reader import read_experiment_text
+from bt_agents.language.experiment_reader import read_experiment
 from bt_agents.language.expressions import ExpressionError, parse_expression
 from bt_agents.language.quantities import QuantityError, duration, integer, number
 from bt_agents.language.scene_reader import read_scene_text
-from bt_agents.language.script_reader import read_script_text
+from bt_agents.language.script_reader import read_script
 from bt_agents.language.skills_reader import read_skills_text
 from bt_agents.language.source import Source
 from bt_agents.language.specs import AgentSpec, NodeSpec
@@ -77,9 +77,9 @@ SEEDS: list[tuple[str, Callable[[str], object]]] = [
     (text_of(TREES / "scene.yaml"), lambda text: read_scene_text(text, "a.yaml")),
     (
         text_of(TREES / "scripts" / "airport_morning.yaml"),
-        lambda text: read_script_text(text, "a.yaml", SPACE),
+        lambda text: read_script(Source("a.yaml", text), SPACE),
     ),
-    (EXPERIMENT, lambda text: read_experiment_text(text, "a.yaml", SPACE)),
+    (EXPERIMENT, lambda text: read_experiment(Source("a.yaml", text), SPACE)),
 ]
 PIECES = [
     "${", "}", "{", "[", "]", ": ", "- ", "\n", "  ", "'", '"', "|", ">", "&a ", "*a",

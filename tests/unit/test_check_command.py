@@ -279,3 +279,26 @@ def test_a_file_is_checked_beside_one_that_cannot_be_read(trees, neighbour):
     code, output = run(f"trees/agents/{neighbour}.yaml")
     assert code == 1
     assert f"{neighbour}.yaml" in output
+
+
+def test_an_unused_input_of_a_library_is_a_warning_and_agents_may_import_it(trees):
+    write(
+        "libraries/manners.yaml",
+        "format: 1\nsubtrees:\n  greet: {inputs: {who: text}, tree: {say: Hello.}}\n",
+    )
+    tree = "{{subtree: greet, with: {{who: Ann}}}}\nimports: [libraries/manners.yaml]"
+    write("agents/two.yaml", GOOD.replace("{{say: Hello.}}", tree).format("two"))
+    assert found() == ["trees/libraries/manners.yaml:3 unused-input"]
+    assert found("trees/agents") == []
+
+
+def test_an_agent_that_is_imported_is_not_blamed_for_it(trees):
+    write("agents/one.yaml", GOOD.format("one") + "imports: [agents/two.yaml]\n")
+    assert found() == ["trees/agents/one.yaml:5 bad-import"]
+    write("agents/one.yaml", GOOD.format("one") + "imports: [agents/one.yaml]\n")
+    assert found() == ["trees/agents/one.yaml:5 bad-import"]
+
+
+def test_the_folder_one_stands_in_is_checked_when_it_is_a_trees_folder(trees, monkeypatch):
+    monkeypatch.chdir(trees)
+    assert run() == (0, "2 agents are fine\n")

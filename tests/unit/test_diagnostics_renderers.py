@@ -97,6 +97,7 @@ def test_json_has_a_stable_shape():
         "agents": ["guide"],
         "errors": 1,
         "warnings": 1,
+        "truncated": False,
         "problems": [
             {
                 "code": "unknown-node",
@@ -166,6 +167,14 @@ def test_of_each_file_only_so_many_problems_are_shown_as_text():
     assert "trees/agents/a.yaml: … and 50 or more other problems" in text
     assert "b.yaml:1:1" in text
     assert len(json.loads(as_json([*many, other], {}))["problems"]) == 151
+
+
+@pytest.mark.parametrize(("number", "cut"), [(499, False), (500, True)])
+def test_json_says_when_a_file_has_more_problems_than_are_listed(number, cut):
+    many = [problem(position=at(line, 1)) for line in range(1, number + 1)]
+    assert (
+        json.loads(as_json([*many, problem(position=at(1, 1, "b.yaml"))], {}))["truncated"] is cut
+    )
 
 
 def test_warnings_do_not_make_a_file_unreadable():

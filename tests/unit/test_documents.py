@@ -27,7 +27,18 @@ from rehearsals import scenario
 from stage import SPACE, TREES, VOCABULARY
 
 ROOT = Path(__file__).parents[2]
-OFFLINE = {"check", "explain", "export", "fmt", "import", "new", "rehearse", "schema", "show", "test"}
+OFFLINE = {
+    "check",
+    "explain",
+    "export",
+    "fmt",
+    "import",
+    "new",
+    "rehearse",
+    "schema",
+    "show",
+    "test",
+}
 """Commands that need neither ROS nor a robot."""
 
 DOCUMENTS = sorted([ROOT / "README.md", *(ROOT / "docs").glob("*.md")])
@@ -145,10 +156,8 @@ def _sessions(text: str) -> list[tuple[str, str]]:
     """Return the commands of a block, each with what is written below it."""
     if not text.startswith("$ "):
         return [(line, "") for line in text.splitlines()]
-    return [
-        (command, "".join(f"{line}\n" for line in lines))
-        for command, *lines in (part.splitlines() for part in re.split(r"^\$ ", text, flags=re.M)[1:])
-    ]
+    parts = re.split(r"^\$ ", text, flags=re.MULTILINE)[1:]
+    return [(head, below) for head, _, below in (part.partition("\n") for part in parts)]
 
 
 def _run(line: str) -> str | None:

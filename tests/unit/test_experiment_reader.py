@@ -11,10 +11,10 @@ import pytest
 from bt_agents.errors import ReadError
 from bt_agents.language.experiment_reader import (
     read_experiment,
-    read_experiment_text,
     read_simulated_feedback,
 )
 from bt_agents.language.folder_reader import read_trees
+from bt_agents.language.source import Source
 from bt_agents.scene import SceneParameter, SceneSpace
 
 EXPERIMENTS = Path(__file__).parents[2] / "experiments"
@@ -37,7 +37,7 @@ feedback:
 
 
 def test_an_experiment_is_read():
-    spec = read_experiment_text(TEXT, "e.yaml", SPACE)
+    spec = read_experiment(Source("e.yaml", TEXT), SPACE)
     assert (spec.title, spec.rounds, spec.seed, spec.scenes) == ("T", 4, 7, ((1.0, 2.0),))
     assert spec.order() == ((1.0, 2.0),) * 4
     assert spec.feedback.next("guide") == (5.0, 4.0)
@@ -73,6 +73,6 @@ def test_shipped_experiments_are_read(path):
 )
 def test_what_is_wrong_is_told_with_its_place(old, new, place):
     with pytest.raises(ReadError) as error:
-        read_experiment_text(TEXT.replace(old, new), "e.yaml", SPACE)
+        read_experiment(Source("e.yaml", TEXT.replace(old, new)), SPACE)
     (line,) = error.value.lines
     assert line.startswith(f"e.yaml:{place}: error[")

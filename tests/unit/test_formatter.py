@@ -155,9 +155,9 @@ def test_comments_keep_their_place_and_their_column():
         """\
         # head
 
-        a: 1        # one
+        a: 1  # one
         bb: 2# no comment
-        c:   # three
+        c:  # three
           # before d
           d: 4  # four
           # after d
@@ -173,6 +173,20 @@ def test_a_comment_between_a_key_and_its_value_keeps_the_value_below():
         "a:  # why\n    # and how\n    5 s # five\nb: 1\n",
         "a:  # why\n  # and how\n  5 s  # five\nb: 1\n",
     )
+
+
+ONE_AND_THREE = "a: 1  # one\nb: 2\nlong: 3  # three\n"
+
+
+@pytest.mark.parametrize("blanks", [1, 2, 3, 20])
+def test_a_comment_stands_two_blanks_behind_its_line(blanks):
+    becomes(f"a: 1{' ' * blanks}# one\nb: 2\nlong: 3 # three\n", ONE_AND_THREE)
+
+
+@pytest.mark.parametrize("column", [7, 9, 30])
+def test_comments_of_neighbouring_lines_stay_lined_up_in_the_first_column_that_fits(column):
+    lines = [f"{line:{column}}# {line[0]}\n" for line in ("a: 1", "bbb: 2", "c: 3")]
+    becomes("".join(lines) + "d: 4 # d\n", "a: 1    # a\nbbb: 2  # b\nc: 3    # c\nd: 4  # d\n")
 
 
 def test_a_comment_behind_a_dash_goes_above_its_item():
@@ -217,7 +231,7 @@ def test_long_texts_keep_their_line_breaks():
           two
 
           three
-        b: >   # folded
+        b: >  # folded
           one
             deeper
 

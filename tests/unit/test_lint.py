@@ -55,6 +55,33 @@ def test_the_warning_stands_at_the_speech_and_names_the_loop():
     assert "{attempts: 3, …}" in warning.hint
 
 
+@pytest.mark.parametrize(
+    ("loop", "warned"),
+    [
+        ("retry: 20", False),
+        ("retry: 21", True),
+        ("repeat: {times: 1000000, pause: 1 s}", True),
+        ("repeat: 20", False),
+    ],
+)
+def test_speech_in_a_loop_of_very_many_rounds_is_warned_about(loop, warned):
+    assert warnings_of(f"say: Hello.\n{loop}") == ["endless-speech"] * warned
+
+
+def test_the_warning_about_very_many_rounds_says_how_many_at_most():
+    (warning,) = lint(agent("say: Mind the robot.\nretry: 500"))
+    assert "of 500 attempts (line" in warning.message
+    assert "500 attempts are for ever for whoever stands there" in warning.message
+    assert "{attempts: 3, …}" in warning.hint
+
+
+def test_an_input_that_its_subtree_never_uses_is_warned_about_where_it_stands():
+    head = "subtrees:\n  greet:\n    inputs: {who: text}\n    tree: {say: Hello.}\n"
+    (warning,) = lint(agent("subtree: greet\nwith: {who: Ann}", head))
+    assert (warning.code, warning.position.line) == ("unused-input", 8)
+    assert warning.end == replace(warning.position, column=warning.position.column + 3)
+
+
 def test_a_time_limit_inside_of_the_loop_does_not_end_it():
     assert warnings_of("say: Hello.\nretry: forever\ntimeout: 5 s") == ["endless-speech"]
 

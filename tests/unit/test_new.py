@@ -75,8 +75,8 @@ Next:
 def test_the_profile_is_that_of_the_folders_scene(made):
     made("fresh")
     text = Path("trees/agents/fresh.yaml").read_text(encoding="utf-8")
-    assert "\n  age: 3            # 1 to 5: how old the person is\n" in text
-    assert "\n  familiarity: 3    # 1 to 5: how well the person knows this robot\n" in text
+    assert "\n  age: 3          # 1 to 5: how old the person is\n" in text
+    assert "\n  familiarity: 3  # 1 to 5: how well the person knows this robot\n" in text
 
 
 def test_an_editor_is_told_of_the_schemas_beside_the_folder(made):

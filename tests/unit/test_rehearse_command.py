@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 from pathlib import Path
 
 import pytest
@@ -130,6 +131,11 @@ def test_whoever_types_can_let_something_happen_when_nothing_else_does() -> None
         (("attentive_guide", "--scene", "age"), "write --scene age=4"),
         (("attentive_guide", "--scene", "agee=4"), "did you mean 'age'?"),
         (("attentive_guide", "--at", "2s"), "does not say what happens"),
+        (("attentive_guide", "--at", "5m mood=2"), "'5m' in '5m mood=2' is no time; write a"),
+        (("attentive_guide", "--at", "5m mood=2"), "such as '5 min'"),
+        (("attentive_guide", "--at", "3 sec cancel"), "such as '3 s'"),
+        (("attentive_guide", "--at", "cancle"), "did you mean 'cancel'?"),
+        (("silent_text", "--at", "x"), "possible here: cancel, buttons/confirm"),
         (("attentive_guide", "--at", "2s mood=bad"), "[bad-number]"),
         (("attentive_guide", "--answer", "drive=yes"), "it gives nothing back"),
         (("attentive_guide", "--answer", "ask={broken"), "an option cannot be understood"),
@@ -224,3 +230,27 @@ def test_the_head_says_that_an_agent_would_not_be_called() -> None:
     assert lines[1].endswith("a person is there")
     assert lines[2].startswith("The market would not call it: it does not bid, it needs not")
     assert "nobody is there" in rehearse("patient_carrier", "person=false").output
+
+
+@pytest.fixture
+def copied(tmp_path: Path) -> Path:
+    """A copy of the shipped trees in which one agent says something else."""
+    folder = tmp_path / "copied"
+    shutil.copytree(TREES, folder)
+    guide = folder / "agents" / "attentive_guide.yaml"
+    guide.write_text(guide.read_text().replace("Hello. I carry", "Good day. I carry"))
+    return folder
+
+
+def test_an_agent_is_that_of_the_trees_folder_one_stands_in(
+    copied: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(copied)
+    assert "Good day. I carry" in rehearse("attentive_guide").output
+    shown = CliRunner().invoke(bt_agents, ["show", "attentive_guide"])
+    assert "Good day. I carry" in shown.output
+
+
+def test_the_trees_folder_can_be_named(copied: Path) -> None:
+    assert "Good day. I carry" in rehearse("attentive_guide", "--dir", str(copied)).output
+    assert "Good day. I carry" not in rehearse("attentive_guide").output

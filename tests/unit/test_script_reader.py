@@ -7,7 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from bt_agents.language.script_reader import read_script, read_script_text
+from bt_agents.language.script_reader import read_script
+from bt_agents.language.source import Source
 from bt_agents.language.specs import Change, Visit
 from stage import SPACE, TREES
 
@@ -26,7 +27,7 @@ visits:
       - {after: 500 ms, scene: {mood: 1.5}}
   - {label: a ladder, person: false}
 """
-    script = read_script_text(text, "s.yaml", SPACE)
+    script = read_script(Source("s.yaml", text), SPACE)
     assert script.title == "A day"
     assert script.visits == (
         Visit(

@@ -19,6 +19,7 @@ from bt_agents.language.drawing.svg import svg
 from bt_agents.language.folder_reader import read_trees
 from bt_agents.language.renderers import columns
 from bt_agents.language.specs import AgentSpec
+from bt_agents.language.walking import every_node
 from stage import SPACE, TREES, agent
 
 HEAD = """\
@@ -224,7 +225,9 @@ flowchart TD
 
 def test_mermaid_joins_every_node_to_its_parent():
     lines = mermaid(example()).splitlines()
-    nodes = sum(1 for root in (example().tree, example().on_cancel) for _ in box_of(root).walk())
+    nodes = sum(
+        1 for root in (example().tree, example().on_cancel) for _ in every_node(box_of(root))
+    )
     assert sum(":::" in line for line in lines) == nodes
     assert sum("-->" in line for line in lines) == nodes
     assert '  n6 -->|"on failure"| n9' in lines
@@ -234,7 +237,9 @@ def test_the_picture_is_xml_and_holds_every_node_with_its_path():
     nasty = example(title='<b> & "q" \x01 \'')
     root = ET.fromstring(svg(nasty, SPACE))
     paths = [group.get("data-path") for group in root.iter("{http://www.w3.org/2000/svg}g")]
-    wanted = [box.path for tree in (nasty.tree, nasty.on_cancel) for box in box_of(tree).walk()]
+    wanted = [
+        box.path for tree in (nasty.tree, nasty.on_cancel) for box in every_node(box_of(tree))
+    ]
     assert [path for path in paths if path] == wanted
     title = root.find("{http://www.w3.org/2000/svg}title")
     assert title is not None
@@ -242,7 +247,7 @@ def test_the_picture_is_xml_and_holds_every_node_with_its_path():
 
 
 def boxes_of(placed: Placed) -> list[tuple[float, float, float, float]]:
-    return [(p.x, p.y, p.x + p.width, p.y + p.height) for p in placed.walk()]
+    return [(p.x, p.y, p.x + p.width, p.y + p.height) for p in every_node(placed)]
 
 
 @pytest.mark.parametrize("spec", read_trees(TREES).agents, ids=lambda spec: spec.name)
@@ -256,7 +261,7 @@ def test_no_two_boxes_of_a_picture_touch(spec):
 
 
 def test_every_kind_of_box_is_told_apart():
-    kinds = {box.kind for box in box_of(example().tree).walk()}
+    kinds = {box.kind for box in every_node(box_of(example().tree))}
     assert kinds == set(BoxKind)
 
 

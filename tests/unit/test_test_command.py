@@ -176,14 +176,17 @@ def test_pytest_runs_each_case_as_an_item_and_shows_the_same_text(trees: Path) -
     (trees / "agents" / "a.test.yaml").write_text(GOOD)
     (trees / "agents" / "b.test.yaml").write_text(BAD)
     (trees / "agents" / "c.test.yaml").write_text("format: 1\ntest: porter\ncases: 3\n")
-    (trees / "other.test.yaml").write_text("suite: something of another program\n")
-    done = pytest_on(trees, "-v", "--continue-on-collection-errors")
+    (trees / "agents" / "d.test.yaml").write_text(GOOD.replace("test: ", "tset: "))
+    (trees.parent / "other.test.yaml").write_text("suite: something of another program\n")
+    done = pytest_on(trees.parent, "-v", "--continue-on-collection-errors")
     assert "agents/a.test.yaml::all goes well PASSED" in done.stdout
     assert "agents/b.test.yaml::it apologises FAILED" in done.stdout
     assert "says: 1 missing" in done.stdout
     assert "what happened" in done.stdout
     assert "Traceback" not in done.stdout
     assert "'cases': expected a list, found '3'" in done.stdout
+    assert "tset" in done.stdout
+    assert "did you mean 'test'?" in done.stdout
     assert "other.test.yaml" not in done.stdout
     assert done.returncode == 1
 
@@ -197,3 +200,25 @@ def test_the_plugin_brings_neither_ros_nor_the_engine_into_other_projects() -> N
         [sys.executable, "-c", script], capture_output=True, text=True, check=True
     )
     assert done.stdout.strip() == "[]"
+
+
+@pytest.mark.parametrize(
+    ("path", "hint"),
+    [
+        ("tree/1", "did you mean 'tree/1.say'?"),
+        ("tree/9", "possible here: tree/0.drive, tree/1.say"),
+        ("tree/1.sya", "did you mean 'tree/1.say'?"),
+    ],
+)
+def test_a_path_that_is_not_there_gets_those_beside_it(
+    trees: Path, run: Callable[..., Result], path: str, hint: str
+) -> None:
+    (trees / "agents" / "porter.yaml").write_text(
+        AGENT.partition("tree:")[0] + "tree: {sequence: [{drive: gate 4}, {say: Hello.}]}\n"
+    )
+    (trees / "agents" / "porter.test.yaml").write_text(
+        BAD.partition("      says")[0] + f"      visited: {path}\n"
+    )
+    output = run(trees).output
+    assert "unknown-path" in output
+    assert hint in output

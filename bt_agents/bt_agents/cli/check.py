@@ -37,9 +37,9 @@ def check(paths: tuple[str, ...], form: str, strict: bool, watch: bool) -> None:
     """List every problem of a trees folder, or of some files in it.
 
     A PATH is a trees folder, or an agent, test, skills, library or script in one; without it, it
-    is the folder 'trees' here. Exit code 1 when there is an error; warnings alone are none.
-    'bt-agents explain CODE' tells more about a problem. ROS types are looked up where ROS is
-    installed.
+    is this folder, or the folder 'trees' here. Exit code 1 when there is an error; warnings alone
+    are none. 'bt-agents explain CODE' tells more about a problem. ROS types are looked up where
+    ROS is installed.
     """
     show = _SHOW[form]
     if not watch:
@@ -136,7 +136,8 @@ def _located(path: Path) -> tuple[Path, Path | None]:
         return path, None
     if (path / "trees" / "scene.yaml").is_file():
         return path / "trees", None
-    if not path.exists():
+    # A link that leads nowhere is there, and a problem.
+    if not os.path.lexists(path):
         raise BtAgentsError(f"there is no file or folder '{path}'; check the name")
     return folder_around(path), path
 

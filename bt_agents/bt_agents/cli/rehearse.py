@@ -18,7 +18,7 @@ from bt_agents.cli.scenario_words import scenario_words
 from bt_agents.cli.typist import Typist
 from bt_agents.engine.run import Outcome
 from bt_agents.errors import BtAgentsError, ReadError
-from bt_agents.language.folder_reader import TEST_SUFFIXES, Trees
+from bt_agents.language.folder_reader import TEST_SUFFIXES, Trees, read_trees
 from bt_agents.language.scenarios import Case, Scenario
 from bt_agents.language.specs import AgentSpec
 from bt_agents.language.test_reader import read_scenario_text, read_test
@@ -36,6 +36,7 @@ from bt_agents.rehearsal.transcript import (
 )
 from bt_agents.roster import unmet
 from bt_agents.scene import SceneSpace
+from bt_agents.trees_folder import find_trees
 
 _OPTIONS = "the options"
 _EXAMPLES = """\b
@@ -49,6 +50,7 @@ Examples:
 
 @click.command(epilog=_EXAMPLES)
 @click.argument("words", nargs=-1, metavar="AGENT")
+@click.option("--dir", "directory", default="", help="The trees folder in which AGENT is.")
 @click.option("--scene", multiple=True, metavar="NAME=VALUE ...", help="The scene: age=4 mood=3.")
 @click.option("--script", metavar="FILE[:CASE]", default="", help="A case of a test file.")
 @click.option("--answer", multiple=True, metavar="SKILL=ANSWER", help="ask=yes, drive={fails: x}.")
@@ -60,6 +62,7 @@ Examples:
 @click.option("--realtime", is_flag=True, help="Let the time pass as it would.")
 def rehearse(
     words: tuple[str, ...],
+    directory: str,
     scene: tuple[str, ...],
     script: str,
     answer: tuple[str, ...],
@@ -81,7 +84,7 @@ def rehearse(
     agent = agents[0] if agents else ""
     if agent.partition(":")[0].endswith(TEST_SUFFIXES):
         agent, script = "", agent
-    trees, spec, case = _material(agent, script)
+    trees, spec, case = _material(agent, script, directory)
     space = trees.scene.space
     said_words = scenario_words(
         spec,
@@ -114,19 +117,20 @@ def rehearse(
     sys.exit(_close(console, rehearsed, case))
 
 
-def _material(agent: str, script: str) -> tuple[Trees, AgentSpec, Case | None]:
+def _material(agent: str, script: str, directory: str) -> tuple[Trees, AgentSpec, Case | None]:
     """Return the trees, the agent and the case that are meant."""
     case: Case | None = None
     trees: Trees | None = None
     spec: AgentSpec | None = None
     if script:
         file, _, name = script.partition(":")
-        trees = Library().trees_of(Path(file))
-        test = read_test(Path(file), trees.agents, trees.vocabulary)
+        path = Path(file)
+        trees = read_trees(find_trees(directory)) if directory else Library().trees_of(path)
+        test = read_test(path, trees.agents, trees.vocabulary)
         spec = test.agent
         case = _chosen(test.cases, name, file)
     if agent:
-        trees, named = named_agent(agent, trees=trees)
+        trees, named = named_agent(agent, directory, trees)
         if spec is not None and named.name != spec.name:
             raise BtAgentsError(f"{script} is a test of {spec.name}, not of {named.name}")
         spec = named

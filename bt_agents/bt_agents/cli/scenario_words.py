@@ -9,7 +9,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 from bt_agents.errors import BtAgentsError, ReadError
-from bt_agents.language.diagnostics import Diagnostic
+from bt_agents.language.diagnostics import Diagnostic, did_you_mean
 from bt_agents.language.path_patterns import nodes_of
 from bt_agents.language.renderers import columns
 from bt_agents.language.specs import AgentSpec, Literal
@@ -17,6 +17,7 @@ from bt_agents.scene import SceneSpace
 
 _PLAIN = re.compile(r"[\w.+][\w.+ /%-]*")
 _TIME = re.compile(r"\s*([0-9.]+\s*(?:ms|s|min|h))\b\s*(.*)", re.DOTALL)
+_TIMELIKE = re.compile(r"([0-9.,]+)\s*([a-z]*)")
 _BEGIN = re.compile(r"\s*(?:tune\s+)?([^\s=]+)\s*(=?)")
 _ASSIGNMENT = re.compile(r"([^\s=]+)=((?:\"[^\"]*\"|'[^']*'|[^\s])*)")
 
@@ -119,8 +120,7 @@ def happens(agent: AgentSpec, space: SceneSpace, typed: str) -> bool:
     word, equals = begin.groups()
     if equals:
         return word in (*space.names, "person", *(one.name for one in agent.tunables))
-    topics = (one.fields.get("topic") for one in nodes_of(agent))
-    return word == "cancel" or Literal(value=word) in topics
+    return word == "cancel" or Literal(value=word) in _topics(agent)
 
 
 def happening_text(agent: AgentSpec, text: str) -> str:
@@ -140,6 +140,8 @@ def happening_text(agent: AgentSpec, text: str) -> str:
         reason = more.strip() or "cancelled by hand"
         return f"{{after: {after}, cancel: {json.dumps(reason, ensure_ascii=False)}}}"
     if word and "=" not in word:
+        if match is None:
+            _refuse_slip(agent, text, word)
         message = ", ".join(f"{name}: {value}" for name, value in _assigned(more, text).items())
         return f"{{after: {after}, publish: {{topic: {_value(word)}, message: {{{message}}}}}}}"
     values = _assigned(rest, text)
@@ -151,6 +153,31 @@ def happening_text(agent: AgentSpec, text: str) -> str:
         tune = ", ".join(f"{name}: {value}" for name, value in values.items() if name in tuned)
         parts.append(f"tune: {{{tune}}}")
     return f"{{after: {after}, {', '.join(parts)}}}"
+
+
+def _refuse_slip(agent: AgentSpec, text: str, word: str) -> None:
+    """Refuse a first word that is neither a time nor what may stand without one."""
+    slip = _TIMELIKE.match(text.strip())
+    if slip is not None:
+        number, unit = slip.groups()
+        meant = f"{number.replace(',', '.')} {'min' if unit.startswith('m') else 's'}"
+        raise BtAgentsError(
+            f"'{slip[0].strip()}' in '{text}' is no time; write a number with ms, s, min or h, "
+            f"such as '{meant}'"
+        )
+    topics = [str(one.value) for one in _topics(agent)]
+    if word not in topics:
+        hint = did_you_mean(word, ["cancel", *topics])
+        raise BtAgentsError(
+            f"'{word}' in '{text}' is no time such as '5 s', no 'cancel', and no topic that the "
+            f"agent waits for; {hint}"
+        )
+
+
+def _topics(agent: AgentSpec) -> list[Literal]:
+    """Return the topics that nodes wait for, in order, each once."""
+    fields = (one.fields.get("topic") for one in nodes_of(agent))
+    return list(dict.fromkeys(one for one in fields if isinstance(one, Literal)))
 
 
 def _assigned(words: str, text: str) -> Mapping[str, str]:

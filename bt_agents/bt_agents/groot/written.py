@@ -22,6 +22,9 @@ _PLAIN = re.compile(r"[\w.(${+-](?:[^#:]|:(?! )|(?<! )#)*(?<![:\s])")
 _NOT_PLAIN = re.compile(r"- |\{|\s#")
 _ORDER = list(MODIFIERS)
 _LEAVES_OUT = ("when", "once", "cooldown")
+_CONTRARIES = {"succeed": "fail", "fail": "succeed"}
+"""Modifiers that must not stand beside the same node."""
+
 _LEFT_OUT_THROUGH = ("once", "succeed", "fail", "timeout", "invert")
 """Modifiers that make no difference to a node that is left out, from inside or from outside."""
 
@@ -90,14 +93,16 @@ def selector(*children: Written) -> Written:
 def outside(node: Written, key: str, value: Data) -> Written:
     """Return a node with one more modifier around all that it has.
 
-    Where the order of modifiers would put the new one inside of another, the node is put into a
+    Where the order of modifiers would put the new one inside of another, or where two of them
+    must not stand together, the node is put into a
     sequence of its own, and the modifier around that.
     """
     # What leaves the node out makes no difference to some modifiers, and stays outside of them.
     outside_of_it = _LEAVES_OUT if key in _LEFT_OUT_THROUGH else ()
     outer = {k: v for k, v in node.modifiers.items() if k in outside_of_it and k != key}
     inner = {k: v for k, v in node.modifiers.items() if k not in outer}
-    if any(_ORDER.index(present) <= _ORDER.index(key) for present in inner):
+    contrary = _CONTRARIES.get(key) in inner
+    if contrary or any(_ORDER.index(present) <= _ORDER.index(key) for present in inner):
         node, inner = sequence(replace(node, modifiers=inner)), {}
     return replace(node, modifiers={**outer, **inner, key: value})
 

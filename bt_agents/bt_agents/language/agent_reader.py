@@ -19,6 +19,7 @@ from bt_agents.language.specs import (
     FieldType,
     NodeSpec,
     Tunable,
+    UnusedInput,
 )
 from bt_agents.language.trees_reader import TreesReader
 from bt_agents.language.tunables import read_tunable
@@ -58,6 +59,7 @@ class _AgentFile:
         self._vocabulary = vocabulary
         self._space = vocabulary.space
         self._fields = reading.document("an agent file", _KEYS, _REQUIRED)
+        self._unused_inputs: tuple[UnusedInput, ...] = ()
 
     def read(self) -> AgentSpec:
         """Return the agent."""
@@ -94,6 +96,7 @@ class _AgentFile:
             on_cancel=on_cancel,
             file=self._reading.source.file,
             unoffered=_unoffered(tree, on_cancel),
+            unused_inputs=self._unused_inputs,
         )
 
     def _tunables(self) -> dict[str, Tunable | None]:
@@ -168,7 +171,9 @@ class _AgentFile:
             imported,
             types if sound else None,
         )
-        return trees.trees(fields.get("tree"), fields.get("on_cancel"))
+        specs = trees.trees(fields.get("tree"), fields.get("on_cancel"))
+        self._unused_inputs = tuple(trees.unused_inputs)
+        return specs
 
 
 def _unoffered(*trees: NodeSpec | None) -> tuple[str, ...]:

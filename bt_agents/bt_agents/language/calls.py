@@ -11,6 +11,7 @@ from bt_agents.language.names import Names
 from bt_agents.language.node_fields import FieldValues
 from bt_agents.language.nodes import BESIDE, MODIFIERS
 from bt_agents.language.shape import FileReading, found, listed
+from bt_agents.language.shortened import shortened
 from bt_agents.language.specs import (
     FieldSpec,
     FieldType,
@@ -224,8 +225,7 @@ def short(node: Node | None) -> str:
     """Return what is written somewhere as part of a label."""
     if not isinstance(node, Scalar):
         return "" if node is None else "…"
-    flat = " ".join(node.text.split())
-    return flat if len(flat) <= LABEL_LENGTH else f"{flat[: LABEL_LENGTH - 1]}…"
+    return shortened(" ".join(node.text.split()), LABEL_LENGTH)
 
 
 def _skill_label(draft: Draft, nodes: Mapping[str, Node]) -> str:

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -12,7 +13,7 @@ from bt_agents.language.cut_texts import cut_texts
 from bt_agents.language.diagnostics import Diagnostic
 from bt_agents.language.folder_reader import TEST_SUFFIXES, Trees, read_trees, yaml_files
 from bt_agents.language.interfaces import Interfaces
-from bt_agents.language.lint import lint
+from bt_agents.language.lint import lint, unused_inputs
 from bt_agents.language.plugins import installed_plugins
 from bt_agents.language.scene_reader import read_scene
 from bt_agents.language.script_reader import read_script
@@ -20,6 +21,7 @@ from bt_agents.language.skills_reader import read_skills
 from bt_agents.language.source import Source, read_source
 from bt_agents.language.specs import AgentSpec, Position
 from bt_agents.language.test_reader import read_test
+from bt_agents.language.vocabulary import ImportProblem, Vocabulary
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -126,7 +128,9 @@ class _FolderCheck:
             self._add(lint(agent))
         for path in filter(self._is_wanted, paths):
             try:
-                if path.name.endswith(TEST_SUFFIXES):
+                if path.parent.name == "libraries":
+                    self._add_unused_inputs(trees.vocabulary, path)
+                elif path.name.endswith(TEST_SUFFIXES):
                     read_test(path, trees.agents, trees.vocabulary)
                 elif path.parent.name == "scripts":
                     read_script(path, trees.scene.space)
@@ -135,6 +139,13 @@ class _FolderCheck:
         if self._only is None and not (trees.agents or trees.broken):
             self._add([_no_agents(self._folder)])
         return agents
+
+    def _add_unused_inputs(self, vocabulary: Vocabulary, path: Path) -> None:
+        if vocabulary.libraries is not None:
+            # A library that cannot be read is among the broken files.
+            with suppress(ImportProblem):
+                library = vocabulary.libraries.load(f"{path.parent.name}/{path.name}")
+                self._add(unused_inputs(library.unused_inputs))
 
     def _add_cut_texts(self, path: Path) -> None:
         source = _source(str(path))

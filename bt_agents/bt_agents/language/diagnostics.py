@@ -13,11 +13,9 @@ from typing import Protocol
 from bt_agents.errors import ReadError
 from bt_agents.language.codes.entry import Severity
 from bt_agents.language.codes.table import CODES
-from bt_agents.language.renderers import as_line, as_lines, as_text
+from bt_agents.language.renderers import MAX_COLLECTED, as_line, as_lines, as_text
+from bt_agents.language.shortened import shortened
 from bt_agents.language.specs import Position
-
-MAX_COLLECTED = 500
-"""After so many errors reading ends: what is being read is no script."""
 
 _LONGEST_WORD = 64
 _MANY_WORDS = 200
@@ -145,7 +143,7 @@ def joined(errors: Iterable[ReadError]) -> ReadError:
 def shown(text: str) -> str:
     """Return a found text in quotes, in one line and shortened, for a message."""
     flat = " ".join(text.split())
-    return f"'{flat}'" if len(flat) <= 40 else f"'{flat[:39]}…'"
+    return f"'{shortened(flat)}'"
 
 
 def nearest(word: str, known: Iterable[str]) -> str | None:

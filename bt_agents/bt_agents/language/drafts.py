@@ -159,6 +159,13 @@ class DraftReader:
             for one in fields
             if one.content is Content.NODE and one.name in options
         }
+        if all(_is_on(known.get(key)) for key in ("succeed", "fail")):
+            self._reading.error(
+                "contradiction",
+                known["fail"].key,
+                "'succeed' and 'fail' stand beside the same node",
+                "keep the one that is meant",
+            )
         handler = known.get("on_failure")
         if handler is not None:
             nodes["on_failure"] = self.read(handler.value, "'on_failure'")
@@ -385,3 +392,7 @@ class DraftReader:
         self._reading.error(
             "unknown-key", entry.key, f"there is no modifier {shown(word)} beside a node", hint
         )
+
+
+def _is_on(switch: Entry | None) -> bool:
+    return switch is not None and isinstance(switch.value, Scalar) and switch.value.text == "true"

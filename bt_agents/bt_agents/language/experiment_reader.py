@@ -17,26 +17,17 @@ from bt_agents.simulated import SimulatedFeedback
 MAX_ROUNDS = 1_000_000
 
 
-def read_experiment(path: Path, space: SceneSpace) -> ExperimentSpec:
+def read_experiment(file: Path | Source, space: SceneSpace) -> ExperimentSpec:
     """Return the experiment of a file.
+
+    Args:
+        file: The file, or its text.
+        space: The scene parameters.
 
     Raises:
         ReadError: There is a problem; it lists all of them.
     """
-    return _read(FileReading.of(path), space)
-
-
-def read_experiment_text(text: str, file: str, space: SceneSpace) -> ExperimentSpec:
-    """Return the experiment of a text; as :func:`read_experiment`."""
-    return _read(FileReading(Source(file, text)), space)
-
-
-def read_simulated_feedback(path: Path, space: SceneSpace) -> SimulatedFeedback:
-    """Return the feedback of an experiment alone; as :func:`read_experiment`."""
-    return read_experiment(path, space).feedback
-
-
-def _read(reading: FileReading, space: SceneSpace) -> ExperimentSpec:
+    reading = FileReading.of(file)
     keys = ("title", "rounds", "seed", "scenes", "feedback")
     fields = reading.document("an experiment", keys, ("rounds", "seed", "scenes", "feedback"))
     title = fields.text("title")
@@ -59,6 +50,11 @@ def _read(reading: FileReading, space: SceneSpace) -> ExperimentSpec:
         scenes=tuple(scene for scene in scenes if scene is not None),
         feedback=feedback,
     )
+
+
+def read_simulated_feedback(path: Path, space: SceneSpace) -> SimulatedFeedback:
+    """Return the feedback of an experiment alone; as :func:`read_experiment`."""
+    return read_experiment(path, space).feedback
 
 
 def _feedback(reading: FileReading, node: Node, space: SceneSpace) -> SimulatedFeedback | None:

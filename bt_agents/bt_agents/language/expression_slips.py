@@ -7,6 +7,7 @@ import difflib
 from collections.abc import Iterable
 
 from bt_agents.language.expression_tokens import ExpressionError, Token, TokenKind, unit_hint
+from bt_agents.language.shortened import shortened
 
 _OTHER_FUNCTIONS = {
     "minimum": "min", "least": "min", "smallest": "min",
@@ -72,8 +73,8 @@ def unknown_function(token: Token, functions: Iterable[str]) -> ExpressionError:
     if dot:
         hint = _METHODS.get(method.lower(), "possible are min, max, abs, round and len")
         return token.error(
-            f"values have no functions of their own: '{_short(token.text)}(…)'",
-            hint.format(_short(value)),
+            f"values have no functions of their own: '{shortened(token.text)}(…)'",
+            hint.format(shortened(value)),
         )
     word = token.text
     hint = _NO_FUNCTIONS.get(word.lower(), "")
@@ -83,7 +84,7 @@ def unknown_function(token: Token, functions: Iterable[str]) -> ExpressionError:
         near = difflib.get_close_matches(folded, known, n=1, cutoff=0.6) if len(word) < 40 else []
         meant = _OTHER_FUNCTIONS.get(folded) or (near[0] if near else "")
         hint = f"did you mean '{meant}'?" if meant else f"possible are {', '.join(known)}"
-    return token.error(f"there is no function '{_short(word)}'", hint)
+    return token.error(f"there is no function '{shortened(word)}'", hint)
 
 
 def no_value(token: Token) -> ExpressionError | None:
@@ -111,12 +112,12 @@ def unexpected(token: Token, before: Token | None) -> ExpressionError:
         message = before.text.startswith(("msg.", "result."))
         return token.error(
             "an item is not picked with brackets",
-            f"name its place behind a point, counted from 0: {_short(before.text)}.0"
+            f"name its place behind a point, counted from 0: {shortened(before.text)}.0"
             if message
-            else f"look for a value with 'in': 'word' in {_short(before.text)}",
+            else f"look for a value with 'in': 'word' in {shortened(before.text)}",
         )
     return token.error(
-        f"an operator is expected before '{_short(token.text)}'", _between(token, before)
+        f"an operator is expected before '{shortened(token.text)}'", _between(token, before)
     )
 
 
@@ -148,16 +149,12 @@ def no_operand(token: Token) -> ExpressionError:
         hint = "write a value, or remove the comma" if token.text != "," else "write a value"
     elif token.kind is TokenKind.OPERATOR:
         hint = "write a value or name before it"
-    return token.error(f"a value or name is expected, found '{_short(token.text)}'", hint)
+    return token.error(f"a value or name is expected, found '{shortened(token.text)}'", hint)
 
 
 def bad_between(token: Token) -> ExpressionError:
     """Return the error for ``between`` without its ``and``."""
-    found = "the end" if token.kind is TokenKind.END else f"'{_short(token.text)}'"
+    found = "the end" if token.kind is TokenKind.END else f"'{shortened(token.text)}'"
     return token.error(
         f"'between' needs two numbers joined with 'and', found {found}", "write between 2 and 4"
     )
-
-
-def _short(word: str) -> str:
-    return word if len(word) <= 40 else f"{word[:39]}…"

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from enum import Enum
 
 from bt_agents.errors import BtAgentsError
+from bt_agents.language.shortened import shortened
 from bt_agents.language.units import dimension_of
 
 MAX_TOKENS = 400
@@ -188,23 +189,25 @@ def _number_slip(word: str, column: int) -> ExpressionError:
     elif unit and unit[1].count(".") < 2 and unit[1] != ".":
         hint = unit_hint(unit[1], unit[2]) or "names start with a letter"
     return ExpressionError(
-        f"'{_short(word)}' is neither a number nor a name", column, hint, len(word)
+        f"'{shortened(word)}' is neither a number nor a name", column, hint, len(word)
     )
 
 
 def _number(word: str, column: int) -> int | float:
     if re.match("0[0-9]", word):
         raise ExpressionError(
-            f"'{_short(word)}' starts with a zero, which some programs read as another number",
+            f"'{shortened(word)}' starts with a zero, which some programs read as another number",
             column,
-            f"write {_short(word.lstrip('0') or '0')}",
+            f"write {shortened(word.lstrip('0') or '0')}",
             len(word),
         )
     if word.isdigit() and len(word) <= 18:
         return int(word)
     value = float(word)
     if not math.isfinite(value):
-        raise ExpressionError(f"'{_short(word)}' is too large for a number", column, "", len(word))
+        raise ExpressionError(
+            f"'{shortened(word)}' is too large for a number", column, "", len(word)
+        )
     return value
 
 
@@ -236,7 +239,3 @@ def _unreadable(text: str, at: int) -> ExpressionError:
     if character == ":" and text[at - 1 : at].isdecimal():
         hint = "times are numbers of seconds here: 1:30 is 90"
     return ExpressionError(f"'{character}' means nothing in an expression", at + 1, hint)
-
-
-def _short(word: str) -> str:
-    return word if len(word) <= 24 else f"{word[:23]}…"

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from enum import Enum
 
 from bt_agents.language.expression_tokens import ExpressionError
+from bt_agents.language.shortened import shortened
 from bt_agents.language.units import Dimension
 
 Lookup = Callable[[str], object]
@@ -21,7 +22,6 @@ LARGEST = sys.float_info.max
 """Numbers that an expression computes lie between this and its negative."""
 
 _LARGEST_SHOWN = 10**18
-_LONGEST_SHOWN = 40
 
 
 class EvaluationError(ExpressionError):
@@ -139,7 +139,7 @@ def described(value: object) -> str:
     if isinstance(value, bool):
         return "true" if value else "false"
     if isinstance(value, str):
-        return f"the text '{_short(value)}'"
+        return f"the text '{shortened(value)}'"
     if isinstance(value, float):
         return f"the number {value:g}"
     if isinstance(value, int):
@@ -148,7 +148,3 @@ def described(value: object) -> str:
     if value is None:
         return "nothing"
     return "a list" if isinstance(value, (list, tuple)) else "a mapping"
-
-
-def _short(text: str) -> str:
-    return text if len(text) <= _LONGEST_SHOWN else f"{text[: _LONGEST_SHOWN - 1]}…"

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from bisect import bisect
+from dataclasses import dataclass
 from typing import TypeGuard
 
 from bt_agents.errors import BtAgentsError
@@ -35,7 +36,8 @@ def format_source(source: Source) -> str:
     Two spaces a level, lists indented below their key. Short lists and mappings that are written
     in ``{}`` or ``[]`` stay in one line. Comments, the order of keys (but see
     :func:`~bt_agents.language.node_order.ordered_nodes`), the line breaks of long texts and single
-    blank lines stay; comments keep their column where there is room.
+    blank lines stay. A comment stands two blanks behind its line, or where those of neighbouring
+    lines do that were lined up.
 
     Raises:
         ReadError: It is no YAML that this project reads; it lists all problems of its form.
@@ -60,6 +62,14 @@ def _read(source: Source) -> Node:
     return root
 
 
+@dataclass(frozen=True, kw_only=True)
+class _Aside:
+    """A comment behind something; its ``column`` in the source counts from 0."""
+
+    column: int
+    text: str
+
+
 class _Writer:
     """Writes one document line by line, with the comments at their places."""
 
@@ -71,6 +81,8 @@ class _Writer:
         self._order = ordered_nodes(root, source.text, self._places)
         self._next = 0
         self._lines: list[str] = []
+        # Comments behind lines, by the index of the line.
+        self._asides: dict[int, _Aside] = {}
         # The dashes that the next line starts with.
         self._dashes = ""
         # Up to where the source has been written.
@@ -86,7 +98,7 @@ class _Writer:
         else:
             self._value("", -1, self._root, 0, blank=False)
         self._flush(len(self._source.text), 0)
-        return "\n".join(self._lines) + "\n"
+        return "\n".join(self._with_asides()) + "\n"
 
     def _block(self, node: Mapping | Sequence, indent: int, outside: int) -> None:
         """Write a list or mapping over several lines.
@@ -155,7 +167,7 @@ class _Writer:
         if self._next < len(self._comments) and self._comments[self._next].index < node.span[1]:
             comment = self._comments[self._next]
             self._next += 1
-            self._lines[-count] = self._beside(self._lines[-count], comment)
+            self._beside(len(self._lines) - count, comment)
             self._takes_comment = False
 
     def _on_own_line(
@@ -250,7 +262,7 @@ class _Writer:
             comment = self._comments[self._next]
             self._next += 1
             if self._takes_comment and self._same_line(self._end, comment.index):
-                self._lines[-1] = self._beside(self._lines[-1], comment)
+                self._beside(len(self._lines) - 1, comment)
             else:
                 self._line(indent, comment.text, comment.blank_before)
             self._takes_comment = False
@@ -280,14 +292,34 @@ class _Writer:
     def _same_line(self, start: int, end: int) -> bool:
         return 0 <= start <= end and "\n" not in self._source.text[start:end]
 
-    def _beside(self, line: str, comment: Comment) -> str:
-        """Return a line with a comment at its end; only one that was set apart is lined up."""
+    def _beside(self, number: int, comment: Comment) -> None:
+        """Put a comment at the end of a line."""
         before = self._source.text[: comment.index].rpartition("\n")[2]
-        apart = len(before) - len(before.rstrip()) > STEP
-        return f"{line.ljust(len(before) - STEP if apart else 0)}{' ' * STEP}{comment.text}"
+        self._asides[number] = _Aside(column=len(before), text=comment.text)
+
+    def _with_asides(self) -> list[str]:
+        """Return the lines with their comments, which stay lined up on neighbouring lines."""
+        lines = list(self._lines)
+        for run in _runs(self._asides):
+            width = max(len(lines[number]) for number in run) + STEP
+            for number in run:
+                lines[number] = lines[number].ljust(width) + self._asides[number].text
+        return lines
 
     def _written(self, scalar: Scalar) -> str:
         return self._source.text[slice(*scalar.span)]
+
+
+def _runs(asides: dict[int, _Aside]) -> list[list[int]]:
+    """Return the neighbouring lines whose comments stood in one column; many are alone."""
+    runs: list[list[int]] = []
+    for number, aside in sorted(asides.items()):
+        before = asides.get(number - 1)
+        if before is not None and before.column == aside.column:
+            runs[-1].append(number)
+        else:
+            runs.append([number])
+    return runs
 
 
 def _first(node: Node) -> int:

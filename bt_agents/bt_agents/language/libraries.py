@@ -19,6 +19,9 @@ _KEYS = (*FILE_KEYS, "imports", "subtrees")
 MAX_CHAIN = 16
 """Libraries that import each other one after the other."""
 
+_OTHERS = ("agents/", "scripts/")
+"""Folders whose files are read as something else, so that reading them here blames them."""
+
 _CONTENTS = ("skills", "bindings", "subtrees")
 
 
@@ -48,6 +51,12 @@ class FolderLibraries:
         """Return the library of a path; see :class:`Libraries`."""
         if path in self._read:
             return self._read[path]
+        if path.startswith(_OTHERS):
+            raise ImportProblem(
+                "bad-import",
+                f"{shown(path)} is no library",
+                "import a file of libraries; what two agents share stands there",
+            )
         if path in self._chain:
             circle = self._chain[self._chain.index(path) :]
             self._circles.update(dict.fromkeys(circle, (*circle, path)))
@@ -153,4 +162,9 @@ class FolderLibraries:
         )
         subtrees = trees.library()
         reading.problems.raise_if_any()
-        return Library(file=reading.source.file, skills=own, subtrees=subtrees)
+        return Library(
+            file=reading.source.file,
+            skills=own,
+            subtrees=subtrees,
+            unused_inputs=tuple(trees.unused_inputs),
+        )

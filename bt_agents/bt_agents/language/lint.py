@@ -3,9 +3,11 @@
 
 from __future__ import annotations
 
+import math
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
+from itertools import chain
 
 from bt_agents.language.diagnostics import Diagnostic, shown
 from bt_agents.language.nodes import KINDS
@@ -18,10 +20,15 @@ from bt_agents.language.specs import (
     Literal,
     NodeSpec,
     Position,
+    UnusedInput,
 )
+from bt_agents.language.walking import every_node
 
 _TAKING_TIME = ("wait", "wait_for", "action", "service")
 _GUARDS = ("timeout", "while")
+_COUNTS = {"retry": "attempts", "repeat": "times"}
+_PATIENCE = 20
+"""Oftener than that nobody wants to hear the same."""
 _WRITTEN_BESIDE = ("case", "weight")
 """Wrappers that no key of their own stands for."""
 
@@ -38,7 +45,8 @@ def lint(agent: AgentSpec) -> tuple[Diagnostic, ...]:
             for one in rule(tree):
                 # A subtree that is used twice is written once.
                 found.setdefault((one.position, one.code), one)
-    for one in (*_unread_tunables(agent), *_unmarked_names(agent)):
+    named = (_unread_tunables(agent), unused_inputs(agent.unused_inputs), _unmarked_names(agent))
+    for one in chain(*named):
         found[(one.position, one.code)] = one
     return tuple(sorted(found.values(), key=lambda one: (one.position.line, one.position.column)))
 
@@ -50,21 +58,35 @@ def _endless_speech(tree: NodeSpec) -> Found:
         elif spec.kind in _GUARDS:
             # Inside of a loop it ends one round only.
             guarded = guarded or loop is None
-        elif endless(spec) and not guarded:
-            loop = spec
+        elif (endless(spec) or _rounds(spec) > _PATIENCE) and not guarded:
+            loop = loop if loop is not None and _rounds(loop) > _rounds(spec) else spec
         elif loop is not None and _speaks(spec):
-            key = {"retry": "attempts", "repeat": "times"}[loop.kind]
+            key = _COUNTS[loop.kind]
+            rounds = _rounds(loop)
+            many = f"{rounds} {key} are for ever for whoever stands there"
+            end = "without end" if math.isinf(rounds) else f"of {rounds} {key}"
+            fewer = "a number" if math.isinf(rounds) else "a smaller number"
+            says = "the robot may say this for ever" if math.isinf(rounds) else many
             yield _at(
                 spec,
                 "endless-speech",
-                f"'{spec.kind}' stands inside a '{loop.kind}' without end (line "
-                f"{loop.position.line}): the robot may say this for ever",
-                f"give '{loop.kind}' a number: {{{key}: 3, …}}",
+                f"'{spec.kind}' stands inside a '{loop.kind}' {end} (line "
+                f"{loop.position.line}): {says}",
+                f"give '{loop.kind}' {fewer}: {{{key}: 3, …}}",
             )
         for child in spec.children:
             yield from walk(child, loop, guarded)
 
     return walk(tree, None, False)
+
+
+def _rounds(spec: NodeSpec) -> float:
+    """Return how often a loop does its node at most; 1 when nothing is known."""
+    count = spec.fields.get(_COUNTS.get(spec.kind, ""))
+    if endless(spec):
+        return math.inf
+    number = count.value if isinstance(count, Literal) else 1
+    return number if isinstance(number, int) else 1
 
 
 def _endless_waits(tree: NodeSpec) -> Found:
@@ -86,7 +108,7 @@ def _endless_waits(tree: NodeSpec) -> Found:
 
 
 def _never_reached(tree: NodeSpec) -> Found:
-    for spec in _walk(tree):
+    for spec in every_node(tree):
         match spec.kind:
             case "sequence":
                 yield from _behind(spec, Outcome.SUCCESS)
@@ -135,9 +157,13 @@ def _cases(choose: NodeSpec) -> Found:
 
 
 def _busy_repeats(tree: NodeSpec) -> Found:
-    for spec in _walk(tree):
-        if endless(spec) and "pause" not in spec.fields and not any(map(_takes_time, _walk(spec))):
-            key = {"retry": "attempts", "repeat": "times"}[spec.kind]
+    for spec in every_node(tree):
+        if (
+            endless(spec)
+            and "pause" not in spec.fields
+            and not any(map(_takes_time, every_node(spec)))
+        ):
+            key = _COUNTS[spec.kind]
             yield _at(
                 spec,
                 "busy-repeat",
@@ -148,10 +174,10 @@ def _busy_repeats(tree: NodeSpec) -> Found:
 
 
 def _two_voices(tree: NodeSpec) -> Found:
-    for spec in _walk(tree):
+    for spec in every_node(tree):
         if spec.kind != "parallel":
             continue
-        spoken = [next(filter(_speaks, _walk(child)), None) for child in spec.children]
+        spoken = [next(filter(_speaks, every_node(child)), None) for child in spec.children]
         first, *others = [one for one in spoken if one is not None] or [spec]
         for other in others:
             yield _at(
@@ -164,7 +190,7 @@ def _two_voices(tree: NodeSpec) -> Found:
 
 
 def _not_offered(tree: NodeSpec) -> Found:
-    for spec in _walk(tree):
+    for spec in every_node(tree):
         if spec.skill is not None and spec.skill.binding is None:
             yield _at(
                 spec,
@@ -176,7 +202,9 @@ def _not_offered(tree: NodeSpec) -> Found:
 
 def _unmarked_names(agent: AgentSpec) -> Found:
     """Find ``$place`` and ``{place}`` in texts, where ``${place}`` is meant."""
-    nodes = [node for tree in filter(None, (agent.tree, agent.on_cancel)) for node in _walk(tree)]
+    nodes = [
+        node for tree in filter(None, (agent.tree, agent.on_cancel)) for node in every_node(tree)
+    ]
     known = {tunable.name for tunable in agent.tunables}
     known |= {name for node in nodes for name in node.outputs}
     known |= {name for node in nodes if node.kind == "set" for name in node.fields}
@@ -194,12 +222,24 @@ def _unmarked_names(agent: AgentSpec) -> Found:
                     )
 
 
+def unused_inputs(inputs: Iterable[UnusedInput]) -> Found:
+    """Return the warnings about inputs of subtrees, of an agent or of a library."""
+    for one in inputs:
+        yield _warning(
+            "unused-input",
+            one.position,
+            len(one.name),
+            f"subtree {shown(one.subtree)} never uses its input {shown(one.name)}",
+            f"write ${{{one.name}}} where it is needed, or remove the input",
+        )
+
+
 def _unread_tunables(agent: AgentSpec) -> Found:
     # The trees of a library see its own names only.
     nodes = (
         node
         for tree in filter(None, (agent.tree, agent.on_cancel))
-        for node in _walk(tree)
+        for node in every_node(tree)
         if node.position.file == agent.file
     )
     read = {name for node in nodes for name in names_read(node)}
@@ -222,12 +262,6 @@ _RULES: tuple[Callable[[NodeSpec], Found], ...] = (
     _two_voices,
     _not_offered,
 )
-
-
-def _walk(spec: NodeSpec) -> Iterator[NodeSpec]:
-    yield spec
-    for child in spec.children:
-        yield from _walk(child)
 
 
 def _speaks(spec: NodeSpec) -> bool:

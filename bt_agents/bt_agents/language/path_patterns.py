@@ -4,10 +4,12 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from functools import lru_cache
 
+from bt_agents.language.diagnostics import did_you_mean
 from bt_agents.language.specs import AgentSpec, NodeSpec
+from bt_agents.language.walking import every_node
 
 _PIECE = re.compile(r"\*\*/|\*\*|\*|[^*]+")
 _MEANING = {"**/": "(?:.*/)?", "**": ".*", "*": "[^/]*"}
@@ -26,6 +28,24 @@ def matches(pattern: str, path: str) -> bool:
     return _compiled(pattern).fullmatch(path) is not None
 
 
+def path_hint(written: str, known: Sequence[str]) -> str:
+    """Return a hint for a path that is not known: a child of its longest part that is."""
+    parts = written.split("/")
+    for depth in range(len(parts) - 1, 0, -1):
+        start = "/".join(parts[:depth])
+        inside = [path for path in known if path.startswith(f"{start}/")]
+        children = [path for path in inside if path.count("/") == depth]
+        if not children:
+            continue
+        upto = f"{start}/{parts[depth]}"
+        if "." in parts[depth]:
+            return did_you_mean(upto, children)
+        # Without its kind, 'tree/1' for 'tree/1.say', a part is clear by its number or not at all.
+        numbered = [path for path in children if path.startswith(f"{upto}.")]
+        return did_you_mean(upto, numbered) if numbered else did_you_mean("", children)
+    return did_you_mean(written, known)
+
+
 @lru_cache(maxsize=1024)
 def _compiled(pattern: str) -> re.Pattern[str]:
     pieces = _PIECE.findall(pattern)
@@ -36,13 +56,4 @@ def nodes_of(agent: AgentSpec) -> Iterator[NodeSpec]:
     """Return all nodes of an agent's trees, parents before children."""
     for root in (agent.tree, agent.on_cancel):
         if root is not None:
-            yield from below(root)
-
-
-def below(root: NodeSpec) -> Iterator[NodeSpec]:
-    """Return a node and all nodes below it, parents before children."""
-    waiting = [root]
-    while waiting:
-        node = waiting.pop()
-        yield node
-        waiting += reversed(node.children)
+            yield from every_node(root)

@@ -7,6 +7,7 @@ import math
 import re
 
 from bt_agents.errors import BtAgentsError
+from bt_agents.language.shortened import shortened
 from bt_agents.language.specs import FieldType
 from bt_agents.language.units import (
     ANGLE,
@@ -80,12 +81,12 @@ def integer(text: str) -> int:
             value = float(text)
             whole = math.isfinite(value) and value.is_integer() and abs(value) < 1e15
             hint = f"write {value:.0f}" if whole else ""
-            raise QuantityError(f"expected a whole number, found '{_short(text)}'", hint)
+            raise QuantityError(f"expected a whole number, found '{shortened(text)}'", hint)
         raise _no_number(text, "a whole number", bare=True)
     _check_zero(text)
     value = int(text) if len(text) < 25 else _LARGEST_INTEGER + 1
     if abs(value) > _LARGEST_INTEGER:
-        raise QuantityError(f"'{_short(text)}' is too large", "use at most 18 digits")
+        raise QuantityError(f"'{shortened(text)}' is too large", "use at most 18 digits")
     return value
 
 
@@ -97,10 +98,10 @@ def duration(text: str) -> float:
     """
     seconds = _quantity(text, TIME)
     if seconds < 0:
-        raise QuantityError(f"a time cannot be negative, found '{_short(text.strip())}'")
+        raise QuantityError(f"a time cannot be negative, found '{shortened(text.strip())}'")
     if seconds > MAX_DURATION_S:
         raise QuantityError(
-            f"'{_short(text.strip())}' is longer than a year", "write a shorter time"
+            f"'{shortened(text.strip())}' is longer than a year", "write a shorter time"
         )
     return seconds
 
@@ -214,7 +215,7 @@ def _quantity(text: str, dimension: Dimension) -> float:
         elif dimension is TIME and text.lower() in _NO_LIMIT:
             hint = "where no time is meant, leave the key out"
         if hint:
-            raise QuantityError(f"expected {wanted}, found '{_short(text)}'", hint)
+            raise QuantityError(f"expected {wanted}, found '{shortened(text)}'", hint)
         raise _no_number(text, wanted)
     amount, unit = match.groups()
     unit = unit or dimension.si
@@ -222,7 +223,9 @@ def _quantity(text: str, dimension: Dimension) -> float:
         raise _wrong_unit(text, amount, unit, dimension, wanted)
     value = dimension.si_value(_finite(amount), unit)
     if not math.isfinite(value):
-        raise QuantityError(f"'{_short(text)}' is too large for a number", "write a finite number")
+        raise QuantityError(
+            f"'{shortened(text)}' is too large for a number", "write a finite number"
+        )
     return value
 
 
@@ -237,21 +240,23 @@ def _wrong_unit(
     other = dimension_meant(unit)
     if other is None:
         return QuantityError(
-            f"'{_short(unit)}' is not a unit of {dimension.name}", f"use {dimension.listed}"
+            f"'{shortened(unit)}' is not a unit of {dimension.name}", f"use {dimension.listed}"
         )
     hint = f"use {dimension.listed}"
     if dimension is TIME and unit.lower() == "m":
         hint = f"write {amount} min for minutes; m is metres"
     elif dimension is LENGTH and unit == "min":
         hint = f"write {amount} m for metres; min is minutes"
-    return QuantityError(f"expected {wanted}, found the {other.name} '{_short(text)}'", hint)
+    return QuantityError(f"expected {wanted}, found the {other.name} '{shortened(text)}'", hint)
 
 
 def _finite(text: str) -> float:
     _check_zero(text)
     value = float(text)
     if not math.isfinite(value):
-        raise QuantityError(f"'{_short(text)}' is too large for a number", "write a finite number")
+        raise QuantityError(
+            f"'{shortened(text)}' is too large for a number", "write a finite number"
+        )
     return value
 
 
@@ -261,16 +266,16 @@ def _check_zero(text: str) -> None:
         meant = sign + (text.lstrip("+-").lstrip("0") or "0")
         meant = sign + "0" + meant[len(sign) :] if meant[len(sign) :].startswith(".") else meant
         raise QuantityError(
-            f"'{_short(text)}' starts with a zero, which some programs read as another number",
-            f"write {_short(meant)}",
+            f"'{shortened(text)}' starts with a zero, which some programs read as another number",
+            f"write {shortened(meant)}",
         )
 
 
 def _no_number(text: str, wanted: str, *, bare: bool = False) -> QuantityError:
     if len(text) > _MAX_LENGTH:
-        return QuantityError(f"expected {wanted}, found '{_short(text)}'")
+        return QuantityError(f"expected {wanted}, found '{shortened(text)}'")
     hint = "write a finite number" if _NOT_FINITE.fullmatch(text) else _number_hint(text, bare)
-    return QuantityError(f"expected {wanted}, found '{_short(text)}'", hint)
+    return QuantityError(f"expected {wanted}, found '{shortened(text)}'", hint)
 
 
 def _number_hint(text: str, bare: bool) -> str:
@@ -278,15 +283,17 @@ def _number_hint(text: str, bare: bool) -> str:
     if text.lower() in _WORDS:
         return f"write {_WORDS.index(text.lower())}"
     if text[:1] in "−–" and text[1:2].isdecimal():
-        return f"write the plain minus sign: -{_short(text[1:])}"
+        return f"write the plain minus sign: -{shortened(text[1:])}"
     if text.isdecimal() and len(text) < 19:
         return f"write {int(text)} in plain digits"
     if re.fullmatch(r"[-+]?[1-9][0-9]{0,2},[0-9]{3}", text):
         return f"write {text.replace(',', '')}, or with a point {text.replace(',', '.')}"
     if re.fullmatch(r"[-+]?[0-9]+,[0-9]+[^,]*", text):
-        return f"use a point: {_short(text.replace(',', '.', 1))}"
+        return f"use a point: {shortened(text.replace(',', '.', 1))}"
     if re.fullmatch(r"[-+]?[0-9][0-9_' ,]*", text):
-        return f"write the digits without anything between: {_short(re.sub('[^-+0-9]', '', text))}"
+        return (
+            f"write the digits without anything between: {shortened(re.sub('[^-+0-9]', '', text))}"
+        )
     if re.fullmatch(r"[-+]?0[xXoObB][0-9a-fA-F]+", text):
         return "write it as a decimal number"
     share = re.fullmatch(rf"({_NUMBER})\s*(?:%|/\s*([1-9][0-9]{{0,8}}))", text)
@@ -294,7 +301,3 @@ def _number_hint(text: str, bare: bool) -> str:
         return f"write {float(share[1]) / float(share[2] or 100):.6g}"
     quantity = _QUANTITY.fullmatch(text)
     return f"no unit is possible here: write {quantity[1]}" if quantity and bare else ""
-
-
-def _short(text: str) -> str:
-    return text if len(text) <= 40 else f"{text[:39]}…"

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import json
 import unicodedata
+from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
 from itertools import groupby
 from typing import IO, TYPE_CHECKING
@@ -13,6 +14,9 @@ from bt_agents.language.codes.entry import Severity
 
 if TYPE_CHECKING:
     from bt_agents.language.diagnostics import Diagnostic
+
+MAX_COLLECTED = 500
+"""After so many errors reading ends: what is being read is no script."""
 
 MAX_SHOWN = 100
 """So many problems of one file are shown as text; more help nobody."""
@@ -81,10 +85,11 @@ def as_json(diagnostics: Iterable[Diagnostic], about: Mapping[str, object]) -> s
         about: Further keys of the object.
 
     Returns:
-        ``{"version": 1, …, "errors": 1, "warnings": 0, "problems": [{"code", "severity", "file",
-        "line", "column", "end_line", "end_column", "message", "hint"}, …]}``. Lines and columns
-        count from 1, the end is the character behind the last one, a hint may be empty. Keys may
-        come to be added; one that changes its meaning changes ``version``.
+        ``{"version": 1, …, "errors": 1, "warnings": 0, "truncated": false, "problems": [{"code",
+        "severity", "file", "line", "column", "end_line", "end_column", "message", "hint"}, …]}``.
+        ``truncated`` says that a file has so many problems that not all are listed. Lines and
+        columns count from 1, the end is the character behind the last one, a hint may be empty.
+        Keys may come to be added; one that changes its meaning changes ``version``.
     """
     every = list(diagnostics)
     report = {
@@ -92,6 +97,7 @@ def as_json(diagnostics: Iterable[Diagnostic], about: Mapping[str, object]) -> s
         **about,
         "errors": count(every, Severity.ERROR),
         "warnings": count(every, Severity.WARNING),
+        "truncated": _is_cut(every),
         "problems": [_as_object(diagnostic) for diagnostic in every],
     }
     return json.dumps(report, indent=2)
@@ -121,6 +127,12 @@ def as_annotation(diagnostic: Diagnostic) -> str:
 def count(diagnostics: Iterable[Diagnostic], severity: Severity) -> int:
     """Return how many problems are so bad."""
     return sum(diagnostic.severity is severity for diagnostic in diagnostics)
+
+
+def _is_cut(diagnostics: Iterable[Diagnostic]) -> bool:
+    """Return whether some file has as many problems of one severity as are collected."""
+    found = Counter((one.position.file, one.severity) for one in diagnostics)
+    return max(found.values(), default=0) >= MAX_COLLECTED
 
 
 def columns(text: str) -> int:

@@ -8,13 +8,14 @@ from collections.abc import Iterable, Sequence
 from bt_agents.language.drafts import DraftReader
 from bt_agents.language.expressions import parse_expression
 from bt_agents.language.names import Names, mood_names, scene_names
-from bt_agents.language.path_patterns import below, matches
+from bt_agents.language.path_patterns import matches
 from bt_agents.language.scenarios import REPLACED
 from bt_agents.language.shape import FileReading
 from bt_agents.language.specs import NodeSpec, Tunable
 from bt_agents.language.subtrees import MAX_NODES
 from bt_agents.language.tree_reader import TreeReader
 from bt_agents.language.vocabulary import Vocabulary
+from bt_agents.language.walking import every_node
 from bt_agents.language.written_names import WrittenNames
 from bt_agents.language.yaml_reader import Mapping, Node
 
@@ -68,7 +69,7 @@ class ReplacementReader:
         if spec is None or len(self._reading.problems) > before:
             return None
         places = sum(matches(pattern, one.path) for one in self._nodes)
-        if places * sum(1 for _ in below(spec)) > MAX_NODES:
+        if places * sum(1 for _ in every_node(spec)) > MAX_NODES:
             self._reading.error(
                 "tree-too-large",
                 node,

@@ -10,7 +10,7 @@ from bt_agents.language.diagnostics import did_you_mean, shown
 from bt_agents.language.fields import Fields
 from bt_agents.language.interfaces import read_ros_name
 from bt_agents.language.names import Names
-from bt_agents.language.path_patterns import is_path, matches, nodes_of
+from bt_agents.language.path_patterns import is_path, matches, nodes_of, path_hint
 from bt_agents.language.raw_leaves import RAW_LEAVES
 from bt_agents.language.replacement_reader import ReplacementReader
 from bt_agents.language.scenarios import (
@@ -127,7 +127,7 @@ class ScenarioReader:
             node,
             f"no node of the agent{' that uses a skill' if skills else ''} has the path "
             f"{shown(text)}",
-            did_you_mean(text, known),
+            path_hint(text, known),
         )
         return None
 

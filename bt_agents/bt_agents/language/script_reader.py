@@ -15,21 +15,17 @@ from bt_agents.language.yaml_reader import Node, Sequence
 from bt_agents.scene import SceneSpace
 
 
-def read_script(path: Path, space: SceneSpace) -> Script:
+def read_script(file: Path | Source, space: SceneSpace) -> Script:
     """Return the script of a file.
+
+    Args:
+        file: The file, or its text.
+        space: The scene parameters.
 
     Raises:
         ReadError: There is a problem; it lists all of them.
     """
-    return _read(FileReading.of(path), space)
-
-
-def read_script_text(text: str, file: str, space: SceneSpace) -> Script:
-    """Return the script of a text; as :func:`read_script`."""
-    return _read(FileReading(Source(file, text)), space)
-
-
-def _read(reading: FileReading, space: SceneSpace) -> Script:
+    reading = FileReading.of(file)
     fields = reading.document("a script", ("title", "visits"), ("visits",))
     title = fields.text("title")
     nodes = fields.items("visits")

@@ -43,13 +43,13 @@ class FileReading:
         self._aligned: list[int] = []
 
     @classmethod
-    def of(cls, path: Path) -> FileReading:
+    def of(cls, file: Path | Source) -> FileReading:
         """Open a file.
 
         Raises:
             ReadError: It cannot be opened or is no text.
         """
-        return cls(read_source(path))
+        return cls(file if isinstance(file, Source) else read_source(file))
 
     def error(self, code: str, where: Node | Position, message: str, hint: str = "") -> None:
         """Add a problem about a whole node, or at one position."""

@@ -209,6 +209,15 @@ class SubtreeSpec:
 
 
 @dataclass(frozen=True, kw_only=True)
+class UnusedInput:
+    """An input of a subtree that nothing in its tree uses."""
+
+    name: str
+    subtree: str
+    position: Position
+
+
+@dataclass(frozen=True, kw_only=True)
 class Tunable:
     """A value of a tree that may change while it runs; durations in seconds.
 
@@ -253,6 +262,7 @@ class AgentSpec:
     Attributes:
         unoffered: The skills that it uses and no robot offers here, each with the reason; with
             one of them it does not bid.
+        unused_inputs: Inputs of its own subtrees.
     """
 
     name: str
@@ -268,6 +278,7 @@ class AgentSpec:
     on_cancel: NodeSpec | None
     file: str
     unoffered: tuple[str, ...] = ()
+    unused_inputs: tuple[UnusedInput, ...] = ()
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -32,10 +32,10 @@ tunables:
 {feedback}
 # What it does. A node is one word and its value, and what changes it beside it.
 tree:
-  sequence:                    # one after the other, until one fails
+  sequence:  # one after the other, until one fails
     - {say}: Hello.
-    - name: remark             # a name for people, in logs and pictures
-      selector:                # tries one after the other, until one succeeds
+    - name: remark  # a name for people, in logs and pictures
+      selector:     # tries one after the other, until one succeeds
         - sequence:
             - check: scene.{parameter} >= {middle}
             - {say}: {high}
@@ -55,7 +55,7 @@ feedback:
   - when: mood.change <= -{much}
     for: 2 s
     give: negative
-    then: cancel               # and let the market ask again
+    then: cancel  # and let the market ask again
 """
 _TEST = """\
 # bt-agents test {file}
@@ -207,7 +207,7 @@ def _scene(space: SceneSpace, values: Mapping[str, float]) -> str:
 
 def _profile(space: SceneSpace) -> str:
     values = [f"  {one.name}: {_number(one.default)}" for one in space.parameters]
-    width = max(map(len, values)) + 4
+    width = max(map(len, values)) + 2
     return "\n".join(
         f"{value:<{width}}# {_range(one)}"
         for value, one in zip(values, space.parameters, strict=True)

@@ -11,7 +11,7 @@ from bt_agents.language.fields import Fields
 from bt_agents.language.inputs import read_inputs
 from bt_agents.language.names import Names, Written, mood_names, scene_names
 from bt_agents.language.shape import FileReading
-from bt_agents.language.specs import FieldSpec, FieldType, NodeSpec, SubtreeSpec
+from bt_agents.language.specs import FieldSpec, FieldType, NodeSpec, SubtreeSpec, UnusedInput
 from bt_agents.language.subtrees import MAX_NODES, Expansion
 from bt_agents.language.tree_reader import TreeReader
 from bt_agents.language.vocabulary import Vocabulary
@@ -30,6 +30,9 @@ class TreesReader:
         vocabulary: What the trees may speak of, imports included.
         imported: Subtrees of imported libraries by name.
         tunables: Type of each tunable; None when their declaration could not be read.
+
+    Attributes:
+        unused_inputs: Inputs of the file's subtrees, as far as these have been read.
     """
 
     def __init__(
@@ -40,6 +43,7 @@ class TreesReader:
         imported: Mapping[str, SubtreeSpec],
         tunables: Mapping[str, FieldType] | None,
     ) -> None:
+        self.unused_inputs: list[UnusedInput] = []
         self._subtrees: dict[str, SubtreeSpec] = {}
         self._bodies: dict[str, NodeSpec] = {}
         self._of_trees: Mapping[str, Written] = {}
@@ -176,7 +180,7 @@ class TreesReader:
         )
         body = self._reader.read(draft, name, names)
         if len(self._reading.problems) == before:
-            self._refuse_unused(subtree, fields, names)
+            self._note_unused(subtree, fields, names)
             self._refuse_unwritten(subtree, fields, written)
         return body
 
@@ -190,16 +194,13 @@ class TreesReader:
                     "rename the input",
                 )
 
-    def _refuse_unused(self, subtree: SubtreeSpec, fields: Fields, names: Names) -> None:
+    def _note_unused(self, subtree: SubtreeSpec, fields: Fields, names: Names) -> None:
         keys = {entry.key.text: entry.key for entry in entries_of(fields.get("inputs"))}
-        for one in subtree.inputs:
-            if one.name not in names.used:
-                self._reading.error(
-                    "unused-input",
-                    keys[one.name],
-                    f"subtree '{subtree.name}' never uses its input '{one.name}'",
-                    f"write ${{{one.name}}} where it is needed, or remove the input",
-                )
+        self.unused_inputs += (
+            UnusedInput(name=one.name, subtree=subtree.name, position=keys[one.name].position)
+            for one in subtree.inputs
+            if one.name not in names.used
+        )
 
     def _refuse_unwritten(
         self, subtree: SubtreeSpec, fields: Fields, written: Mapping[str, object]

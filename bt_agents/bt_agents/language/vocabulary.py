@@ -12,7 +12,7 @@ from bt_agents.errors import BtAgentsError
 from bt_agents.language.interfaces import Interfaces
 from bt_agents.language.node_types import NodeKind
 from bt_agents.language.nodes import KINDS
-from bt_agents.language.specs import SkillSpec, SubtreeSpec
+from bt_agents.language.specs import SkillSpec, SubtreeSpec, UnusedInput
 from bt_agents.scene import SceneSpace
 
 
@@ -24,11 +24,13 @@ class Library:
         file: The file as messages name it.
         skills: Skills by name.
         subtrees: Subtrees by name.
+        unused_inputs: Inputs of these subtrees.
     """
 
     file: str
     skills: Mapping[str, SkillSpec] = field(default_factory=dict)
     subtrees: Mapping[str, SubtreeSpec] = field(default_factory=dict)
+    unused_inputs: tuple[UnusedInput, ...] = ()
 
 
 class ImportProblem(BtAgentsError):

@@ -100,6 +100,24 @@ DANGER_CODES = (
         """,
     ),
     warning(
+        "unused-input",
+        "A subtree declares an input that it never uses.",
+        """
+        tree: {subtree: greet, with: {who: Anna}}
+        subtrees:
+          greet:
+            inputs: {who: text}
+            tree: {say: Hello.}
+        """,
+        """
+        tree: {subtree: greet, with: {who: Anna}}
+        subtrees:
+          greet:
+            inputs: {who: text}
+            tree: {say: "Hello ${who}."}
+        """,
+    ),
+    warning(
         "unmarked-name",
         "A name stands in a text as $name or {name}, and is said as it is.",
         """

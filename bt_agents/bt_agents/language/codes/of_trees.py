@@ -109,24 +109,6 @@ TREE_CODES = (
         """,
     ),
     error(
-        "unused-input",
-        "A subtree declares an input that it never uses.",
-        """
-        tree: {subtree: greet, with: {who: Anna}}
-        subtrees:
-          greet:
-            inputs: {who: text}
-            tree: {say: Hello.}
-        """,
-        """
-        tree: {subtree: greet, with: {who: Anna}}
-        subtrees:
-          greet:
-            inputs: {who: text}
-            tree: {say: "Hello ${who}."}
-        """,
-    ),
-    error(
         "unwritten-output",
         "A subtree declares an output that none of its nodes gives a value.",
         """
@@ -331,18 +313,16 @@ TREE_CODES = (
         "contradiction",
         "Two keys say different things about the same.",
         """
-        test: guide
-        cases:
-          - name: it keeps out
-            expect: {bids: false, ends: succeeded}
+        tree:
+          drive: gate 4
+          succeed: true
+          fail: true
         """,
         """
-        test: guide
-        cases:
-          - name: it keeps out
-            expect: {bids: false}
+        tree:
+          drive: gate 4
+          succeed: true
         """,
-        FileKind.TEST,
     ),
 )
 """Nodes first, then skills, then what spans several files."""

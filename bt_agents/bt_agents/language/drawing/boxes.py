@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import Enum
 
@@ -47,12 +47,6 @@ class Box:
     path: str
     position: Position
     children: tuple[Box, ...]
-
-    def walk(self) -> Iterator[Box]:
-        """Return this box and all below it, each before those below it."""
-        yield self
-        for child in self.children:
-            yield from child.walk()
 
 
 _MAIN = {"case": "condition", "weight": "weight"}

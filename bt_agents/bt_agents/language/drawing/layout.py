@@ -3,13 +3,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 
 from bt_agents.language.drawing.boxes import Box, BoxKind
 from bt_agents.language.drawing.outline import head
 from bt_agents.language.drawing.packing import packed
 from bt_agents.language.renderers import columns
+from bt_agents.language.walking import every_node
 
 LINE = 17.0
 """Height of a line of text [px]; all lengths here are pixels."""
@@ -42,21 +42,15 @@ class Placed:
     lines: tuple[str, ...]
     children: tuple[Placed, ...]
 
-    def walk(self) -> Iterator[Placed]:
-        """Return this box and all below it."""
-        yield self
-        for child in self.children:
-            yield from child.walk()
-
     @property
     def right(self) -> float:
         """The right end of this box and all below it."""
-        return max(one.x + one.width for one in self.walk())
+        return max(one.x + one.width for one in every_node(self))
 
     @property
     def bottom(self) -> float:
         """The lower end of this box and all below it."""
-        return max(one.y + one.height for one in self.walk())
+        return max(one.y + one.height for one in every_node(self))
 
 
 def place(box: Box, x: float, y: float) -> Placed:

@@ -10,6 +10,7 @@ from bt_agents.language.drawing.boxes import Box, BoxKind, box_of
 from bt_agents.language.drawing.colours import COLOURS
 from bt_agents.language.drawing.layout import LONGEST_TEXT, detail_lines
 from bt_agents.language.specs import AgentSpec
+from bt_agents.language.walking import every_node
 
 _SHAPES = {
     BoxKind.COMPOSITE: '["{}"]',
@@ -30,7 +31,7 @@ def mermaid(agent: AgentSpec) -> str:
             continue
         tree = box_of(spec, LONGEST_TEXT)
         number = len(boxes)
-        boxes += tree.walk()
+        boxes += every_node(tree)
         lines.append(f"  {title}_start([{title}]) --> n{number}")
         lines += _tree(tree, number)
     for kind, colours in COLOURS.items():
@@ -50,7 +51,7 @@ def _tree(box: Box, number: int) -> list[str]:
         role = f'|"{_escaped(child.role)}"|' if child.role else ""
         lines.append(f"  n{number} -->{role} n{below}")
         lines += _tree(child, below)
-        below += sum(1 for _ in child.walk())
+        below += sum(1 for _ in every_node(child))
     return lines
 
 

@@ -10,6 +10,7 @@ from bt_agents.language.drawing.packing import packed
 from bt_agents.language.drawing.shown_values import shown_profile, shown_tunable
 from bt_agents.language.renderers import columns
 from bt_agents.language.specs import AgentSpec
+from bt_agents.language.walking import every_node
 from bt_agents.scene import SceneSpace
 
 SIGNS = {
@@ -50,7 +51,9 @@ def outline(agent: AgentSpec, space: SceneSpace, width: int = 80) -> str:
     trees = {"tree": box_of(agent.tree)}
     if agent.on_cancel is not None:
         trees["on_cancel"] = box_of(agent.on_cancel)
-    digits = max(len(str(box.position.line)) for tree in trees.values() for box in tree.walk())
+    digits = max(
+        len(str(box.position.line)) for tree in trees.values() for box in every_node(tree)
+    )
     for title, tree in trees.items():
         lines += ["", title, *_lines(tree, agent.file, digits, width, "", "")]
     return "\n".join(lines) + "\n"

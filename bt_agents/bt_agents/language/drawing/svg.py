@@ -18,6 +18,7 @@ from bt_agents.language.drawing.layout import (
 )
 from bt_agents.language.drawing.outline import head_lines, sentence
 from bt_agents.language.specs import AgentSpec
+from bt_agents.language.walking import every_node
 from bt_agents.scene import SceneSpace
 
 _MARGIN = 24.0
@@ -63,7 +64,7 @@ def svg(agent: AgentSpec, space: SceneSpace) -> str:
         parts.append(_text(_MARGIN, y, title, "tree"))
         tree = place(box_of(spec, LONGEST_TEXT), _MARGIN, y + 10)
         parts += _edges(tree)
-        parts += map(_box, tree.walk(), box_of(spec).walk())
+        parts += map(_box, every_node(tree), every_node(box_of(spec)))
         right, y = max(right, tree.right - _MARGIN), tree.bottom
     y += 2 * LINE
     parts += _legend(y)
@@ -82,7 +83,7 @@ def svg(agent: AgentSpec, space: SceneSpace) -> str:
 
 def _edges(tree: Placed) -> list[str]:
     edges = []
-    for parent in tree.walk():
+    for parent in every_node(tree):
         if len(parent.children) == 1:
             bottom, end = parent.y + parent.height, parent.children[0].y
             edges.append(
