@@ -6,7 +6,7 @@ from __future__ import annotations
 import timeit
 from collections.abc import Callable
 
-from bt_agents.language.expressions import Expression, parse_expression
+from bt_agents.language.expression.expressions import Expression, parse_expression
 
 VALUES: dict[str, object] = {
     "scene.age": 4.0, "scene.familiarity": 2.0, "scene.person": True,

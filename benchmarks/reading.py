@@ -19,7 +19,7 @@ import yaml
 
 from bt_agents.language.agent_reader import read_agent_text
 from bt_agents.language.folder_reader import read_vocabulary
-from bt_agents.language.lint import lint
+from bt_agents.language.linting.lint import lint
 from bt_agents.language.scene_reader import read_scene
 from bt_agents.language.specs import AgentSpec, NodeSpec
 from bt_agents.language.vocabulary import Vocabulary

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from bt_agents.groot.page import with_table
 from bt_agents.language.codes.page import codes_page
-from bt_agents.language.reference_page import reference_page
+from bt_agents.language.handbook.reference_page import reference_page
 from bt_agents.language.schema.folder import SCHEMAS, folder_vocabulary, schema_file, schema_text
 from bt_agents.language.vocabulary import Vocabulary
 

@@ -6,8 +6,8 @@ from __future__ import annotations
 import re
 
 from bt_agents.language.diagnostics import Diagnostics
-from bt_agents.language.source import Source
-from bt_agents.language.yaml_reader import Mapping, Node, Sequence, read_yaml
+from bt_agents.language.text.source import Source
+from bt_agents.language.text.yaml_reader import Mapping, Node, Sequence, read_yaml
 
 _INTEGER = re.compile(r"[-+]?[0-9]+")
 _FLOAT = re.compile(r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?")

@@ -10,7 +10,7 @@ import py_trees
 from hypothesis import strategies as st
 from py_trees.common import Status
 
-from bt_agents.language.expressions import Expression, parse_expression
+from bt_agents.language.expression.expressions import Expression, parse_expression
 from bt_agents.language.specs import (
     Binding,
     BindingKind,

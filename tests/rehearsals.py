@@ -5,9 +5,9 @@ from __future__ import annotations
 
 import textwrap
 
-from bt_agents.language.scenarios import AgentTest, Scenario
 from bt_agents.language.specs import AgentSpec
-from bt_agents.language.test_reader import read_scenario_text, read_test_text
+from bt_agents.language.testing.scenarios import AgentTest, Scenario
+from bt_agents.language.testing.test_reader import read_scenario_text, read_test_text
 from bt_agents.rehearsal.events import EventKind, Rehearsed
 from bt_agents.rehearsal.rehearsal import rehearse
 from stage import SPACE, VOCABULARY, agent

@@ -18,8 +18,8 @@ from bt_agents.trees_folder import folder_around
 if TYPE_CHECKING:
     from _pytest._code.code import TerminalRepr, TracebackStyle
 
-    from bt_agents.language.scenarios import Case
     from bt_agents.language.specs import AgentSpec
+    from bt_agents.language.testing.scenarios import Case
     from bt_agents.rehearsal.suite import Library
     from bt_agents.scene import SceneSpace
 

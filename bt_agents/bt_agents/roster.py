@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 
 from bt_agents.engine.scope import RunScope, holds
 from bt_agents.errors import Refused
-from bt_agents.language.expressions import EvaluationError, MissingValue
+from bt_agents.language.expression.expressions import EvaluationError, MissingValue
 from bt_agents.language.specs import AgentSpec, Plain
 from bt_agents.scene import Scene, SceneSpace, Vector
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from bt_agents import mood
 from bt_agents.errors import Refused
 from bt_agents.feedback import Kind
-from bt_agents.language.expressions import (
+from bt_agents.language.expression.expressions import (
     EvaluationError,
     Expression,
     ExpressionError,

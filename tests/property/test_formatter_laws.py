@@ -12,13 +12,13 @@ from hypothesis import strategies as st
 
 from bt_agents.errors import BtAgentsError, ReadError
 from bt_agents.language.agent_reader import read_agent_text
-from bt_agents.language.comments import find_comments
 from bt_agents.language.diagnostics import Diagnostics
 from bt_agents.language.folder_reader import read_trees
-from bt_agents.language.formatter import format_source
-from bt_agents.language.meaning import same_meaning
-from bt_agents.language.source import Source, read_source
-from bt_agents.language.yaml_reader import Node, read_yaml
+from bt_agents.language.formatting.comments import find_comments
+from bt_agents.language.formatting.formatter import format_source
+from bt_agents.language.formatting.meaning import same_meaning
+from bt_agents.language.text.source import Source, read_source
+from bt_agents.language.text.yaml_reader import Node, read_yaml
 
 ROOT = Path(__file__).parents[2]
 TREES = ROOT / "trees"

@@ -10,7 +10,7 @@ import pytest
 
 from bt_agents.groot.importing import import_agent
 from bt_agents.language.agent_reader import read_agent_text
-from bt_agents.language.source import Source
+from bt_agents.language.text.source import Source
 from stage import VOCABULARY, Stage
 
 theirs = pytest.importorskip(

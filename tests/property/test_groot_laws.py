@@ -25,8 +25,8 @@ from bt_agents.groot.scripts import parse_script
 from bt_agents.groot.written import Raw, Written, yaml_lines
 from bt_agents.groot.xml_reader import Element
 from bt_agents.language.agent_reader import read_agent_text
-from bt_agents.language.source import Source
 from bt_agents.language.specs import NodeSpec
+from bt_agents.language.text.source import Source
 from stage import VOCABULARY
 
 START = Written(key="set", value={"x": 1, "t": "hello", "b": True})

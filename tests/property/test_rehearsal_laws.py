@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 from bt_agents.errors import ReadError
 from bt_agents.language.codes.table import CODES
 from bt_agents.language.folder_reader import read_trees
-from bt_agents.language.scenarios import Happening, Scenario
-from bt_agents.language.test_reader import read_test_text
+from bt_agents.language.testing.scenarios import Happening, Scenario
+from bt_agents.language.testing.test_reader import read_test_text
 from bt_agents.rehearsal.rehearsal import rehearse
 from bt_agents.rehearsal.suite import failure, run_case
 from stage import SPACE, TREES, VOCABULARY

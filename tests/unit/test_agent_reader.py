@@ -9,7 +9,7 @@ import pytest
 
 from bt_agents.errors import ReadError
 from bt_agents.language.agent_reader import read_agent, read_agent_text
-from bt_agents.language.expressions import Expression
+from bt_agents.language.expression.expressions import Expression
 from bt_agents.language.nodes import KINDS, MODIFIERS
 from bt_agents.language.specs import (
     BindingKind,
@@ -423,7 +423,8 @@ def test_the_inputs_of_a_subtree_have_defaults():
         ),
         (
             "tree: {say: hi}\nsubtrees: {g: {inputs: {a: text}, tree: {set: {a: 1}}}}\n",
-            "5:48: error[name-taken]: 'set' gives 'a' a value, but 'a' is an input of this subtree",
+            "5:48: error[name-taken]: 'set' gives 'a' a value, "
+            "but 'a' is an input of this subtree",
         ),
         (
             "tunables: {a: {default: x}}\ntree: {set: {a: 1}}\n",

@@ -12,8 +12,8 @@ from bt_agents.language.diagnostics import (
     did_you_mean,
 )
 from bt_agents.language.renderers import MAX_SHOWN
-from bt_agents.language.source import Source
 from bt_agents.language.specs import Position
+from bt_agents.language.text.source import Source
 
 
 def at(line: int, column: int) -> Position:

@@ -20,16 +20,16 @@ from bt_agents.language.agent_reader import read_agent_text
 from bt_agents.language.checking import check_folder
 from bt_agents.language.codes.entry import Code, FileKind, Severity, written
 from bt_agents.language.codes.table import CODES, GROUPS
-from bt_agents.language.cut_texts import cut_texts
 from bt_agents.language.diagnostics import Diagnostic
-from bt_agents.language.lint import lint
+from bt_agents.language.linting.cut_texts import cut_texts
+from bt_agents.language.linting.lint import lint
 from bt_agents.language.plugins import read_plugins
 from bt_agents.language.scene_reader import read_scene
 from bt_agents.language.script_reader import read_script
 from bt_agents.language.skills_reader import read_skills
-from bt_agents.language.source import read_source
 from bt_agents.language.specs import BindingKind
-from bt_agents.language.test_reader import read_test
+from bt_agents.language.testing.test_reader import read_test
+from bt_agents.language.text.source import read_source
 from bt_agents.language.vocabulary import Vocabulary
 from fake_interfaces import FakeInterfaces
 from stage import SPACE, TREES, VOCABULARY

@@ -20,7 +20,7 @@ from bt_agents.language.libraries import FolderLibraries
 from bt_agents.language.nodes import KINDS, MODIFIERS
 from bt_agents.language.plugins import GROUP, read_plugins
 from bt_agents.language.skills_reader import read_skills
-from bt_agents.language.test_reader import read_test_text
+from bt_agents.language.testing.test_reader import read_test_text
 from bt_agents.rehearsal.rehearsal import Limits, rehearse
 from bt_agents.rehearsal.suite import failure, run_case
 from rehearsals import scenario

@@ -40,11 +40,19 @@ WRITTEN = {
 }
 
 
+PAIRS = [
+    pair
+    for pair in itertools.combinations(WRITTEN, 2)
+    # Both together are a contradiction.
+    if pair != ("succeed", "fail")
+]
+
+
 def test_the_pairs_below_cover_every_modifier() -> None:
     assert list(WRITTEN) == list(nodes.MODIFIERS)
 
 
-@pytest.mark.parametrize(("outer", "inner"), list(itertools.combinations(WRITTEN, 2)))
+@pytest.mark.parametrize(("outer", "inner"), PAIRS)
 def test_two_modifiers_nest_in_the_documented_order_however_they_are_written(
     outer: str, inner: str
 ) -> None:

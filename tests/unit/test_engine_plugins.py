@@ -10,7 +10,7 @@ import py_trees
 import pytest
 from py_trees.common import Status
 
-from bt_agents.language.expressions import parse_expression
+from bt_agents.language.expression.expressions import parse_expression
 from bt_agents.language.specs import ListValue, Literal, MapValue, NodeSpec, Position, Reference
 from stage import Stage, scene
 

@@ -14,7 +14,7 @@ from bt_agents.language.experiment_reader import (
     read_simulated_feedback,
 )
 from bt_agents.language.folder_reader import read_trees
-from bt_agents.language.source import Source
+from bt_agents.language.text.source import Source
 from bt_agents.scene import SceneParameter, SceneSpace
 
 EXPERIMENTS = Path(__file__).parents[2] / "experiments"

@@ -13,7 +13,7 @@ from rich.console import Console
 from bt_agents.cli.explain import explain, explanation, print_page
 from bt_agents.errors import BtAgentsError
 from bt_agents.language.codes.table import CODES
-from bt_agents.language.reference import node_pages
+from bt_agents.language.handbook.reference import node_pages
 from stage import TREES, VOCABULARY
 
 

@@ -8,9 +8,9 @@ import textwrap
 import pytest
 
 from bt_agents.errors import BtAgentsError, ReadError
-from bt_agents.language import formatter
-from bt_agents.language.formatter import format_source
-from bt_agents.language.source import Source
+from bt_agents.language.formatting import formatter
+from bt_agents.language.formatting.formatter import format_source
+from bt_agents.language.text.source import Source
 
 
 def formatted(text: str) -> str:

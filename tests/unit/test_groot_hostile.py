@@ -12,7 +12,7 @@ from bt_agents.errors import ReadError
 from bt_agents.groot.importing import import_agent
 from bt_agents.language.codes.of_xml import XML_CODES
 from bt_agents.language.codes.table import CODES
-from bt_agents.language.source import Source, read_source
+from bt_agents.language.text.source import Source, read_source
 from stage import VOCABULARY
 
 

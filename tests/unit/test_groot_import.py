@@ -11,9 +11,9 @@ import yaml
 from bt_agents.groot.importing import Imported, import_agent
 from bt_agents.groot.remarks import Weight
 from bt_agents.language.agent_reader import read_agent_text
-from bt_agents.language.formatter import format_source
+from bt_agents.language.formatting.formatter import format_source
 from bt_agents.language.skills_reader import read_skills_text
-from bt_agents.language.source import Source
+from bt_agents.language.text.source import Source
 from stage import VOCABULARY
 
 S, F = "<AlwaysSuccess/>", "<AlwaysFailure/>"

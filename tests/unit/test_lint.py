@@ -8,8 +8,8 @@ from dataclasses import replace
 import pytest
 
 from bt_agents.language.agent_reader import read_agent_text
-from bt_agents.language.lint import lint
-from bt_agents.language.outcomes import Outcome, outcomes
+from bt_agents.language.linting.lint import lint
+from bt_agents.language.linting.outcomes import Outcome, outcomes
 from bt_agents.language.specs import AgentSpec
 from stage import VOCABULARY, agent
 

@@ -11,9 +11,9 @@ import pytest
 from bt_agents.cli.new import new
 from bt_agents.errors import BtAgentsError, ReadError
 from bt_agents.language.folder_reader import read_trees
-from bt_agents.language.formatter import format_source
-from bt_agents.language.source import read_source
+from bt_agents.language.formatting.formatter import format_source
 from bt_agents.language.specs import NodeSpec
+from bt_agents.language.text.source import read_source
 from bt_agents.rehearsal.suite import Library, coverages, run_file
 from stage import TREES
 

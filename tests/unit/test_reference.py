@@ -13,16 +13,16 @@ from bt_agents.engine.run import Run
 from bt_agents.engine.scripted_world import ScriptedWorld
 from bt_agents.errors import ReadError
 from bt_agents.language.agent_reader import read_agent_text
-from bt_agents.language.functions import FUNCTIONS
+from bt_agents.language.expression.functions import FUNCTIONS
+from bt_agents.language.expression.operators import BINARY, PREFIXES
+from bt_agents.language.handbook.node_examples import EXAMPLES
+from bt_agents.language.handbook.reference import Group, node_page, node_pages, subtree_page
+from bt_agents.language.handbook.reference_page import reference_page
+from bt_agents.language.handbook.topics import MEANINGS, TOPICS, topic
 from bt_agents.language.names import mood_names, scene_names
-from bt_agents.language.node_examples import EXAMPLES
 from bt_agents.language.node_types import NodeField, NodeKind
 from bt_agents.language.nodes import BESIDE, KINDS, MODIFIERS
-from bt_agents.language.operators import BINARY, PREFIXES
-from bt_agents.language.reference import Group, node_page, node_pages, subtree_page
-from bt_agents.language.reference_page import reference_page
 from bt_agents.language.specs import FieldType
-from bt_agents.language.topics import MEANINGS, TOPICS, topic
 from bt_agents.language.units import DIMENSIONS
 from checkout import ROOT
 from stage import SPACE, VOCABULARY, scene

@@ -10,9 +10,9 @@ import pytest
 from bt_agents.engine.run import Outcome
 from bt_agents.feedback import Kind
 from bt_agents.language.agent_reader import read_agent_text
-from bt_agents.language.scenarios import Happening
 from bt_agents.language.skills_reader import read_skills_text
 from bt_agents.language.specs import NodeSpec
+from bt_agents.language.testing.scenarios import Happening
 from bt_agents.rehearsal.events import EventKind
 from bt_agents.rehearsal.rehearsal import Limits, rehearse
 from rehearsals import rehearsed, said, scenario, told

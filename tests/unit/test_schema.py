@@ -17,8 +17,8 @@ from bt_agents.cli.schema import schema
 from bt_agents.language.node_types import Content, NodeField, NodeKind
 from bt_agents.language.nodes import BESIDE, KINDS, MODIFIERS
 from bt_agents.language.schema.folder import SCHEMAS, folder_vocabulary, schema_file, schema_text
-from bt_agents.language.source import read_source
 from bt_agents.language.specs import FieldType
+from bt_agents.language.text.source import read_source
 from checkout import ROOT
 from core_schema import loaded
 from stage import SPACE, VOCABULARY

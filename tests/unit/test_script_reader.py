@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 from bt_agents.language.script_reader import read_script
-from bt_agents.language.source import Source
 from bt_agents.language.specs import Change, Visit
+from bt_agents.language.text.source import Source
 from stage import SPACE, TREES
 
 

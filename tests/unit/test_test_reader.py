@@ -10,8 +10,8 @@ import pytest
 from bt_agents.errors import ReadError
 from bt_agents.feedback import Kind
 from bt_agents.language.folder_reader import read_trees
-from bt_agents.language.path_patterns import matches
-from bt_agents.language.scenarios import (
+from bt_agents.language.testing.path_patterns import matches
+from bt_agents.language.testing.scenarios import (
     Because,
     Bids,
     CancelledBy,
@@ -25,7 +25,7 @@ from bt_agents.language.scenarios import (
     Visits,
     Within,
 )
-from bt_agents.language.test_reader import read_test_text
+from bt_agents.language.testing.test_reader import read_test_text
 from rehearsals import cases_for
 from stage import TREES, VOCABULARY, agent
 

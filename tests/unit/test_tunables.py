@@ -9,10 +9,10 @@ import pytest
 
 from bt_agents.errors import ReadError
 from bt_agents.language.shape import FileReading
-from bt_agents.language.source import Source
 from bt_agents.language.specs import FieldType, Tunable
+from bt_agents.language.text.source import Source
+from bt_agents.language.text.yaml_reader import Mapping
 from bt_agents.language.tunables import read_tunable
-from bt_agents.language.yaml_reader import Mapping
 
 
 def tunable(text: str) -> Tunable | None:

@@ -10,9 +10,9 @@ import pytest
 from bt_agents.errors import ReadError
 from bt_agents.language.diagnostics import Diagnostics
 from bt_agents.language.quantities import QuantityError
-from bt_agents.language.scalars import plain_value
-from bt_agents.language.source import MAX_BYTES, Source, read_source
-from bt_agents.language.yaml_reader import MAX_DEPTH, Mapping, Scalar, Sequence, read_yaml
+from bt_agents.language.text.scalars import plain_value
+from bt_agents.language.text.source import MAX_BYTES, Source, read_source
+from bt_agents.language.text.yaml_reader import MAX_DEPTH, Mapping, Scalar, Sequence, read_yaml
 
 
 def read(text: str) -> Mapping:

@@ -10,10 +10,10 @@ import pytest
 from bt_agents.errors import ReadError
 from bt_agents.language.agent_reader import read_agent_text
 from bt_agents.language.diagnostics import Diagnostics
-from bt_agents.language.document import MAX_SLIPS, read_document
-from bt_agents.language.mended_source import Edit, MendedSource, without_section
-from bt_agents.language.source import Source
-from bt_agents.language.yaml_reader import Mapping
+from bt_agents.language.text.document import MAX_SLIPS, read_document
+from bt_agents.language.text.mended_source import Edit, MendedSource, without_section
+from bt_agents.language.text.source import Source
+from bt_agents.language.text.yaml_reader import Mapping
 from stage import VOCABULARY
 
 HEAD = "format: 1\nagent: a\nprofile: {age: 3, familiarity: 3, mood: 3}\n"

@@ -19,8 +19,7 @@ from bt_agents.errors import BtAgentsError
 from bt_agents.language.codes.entry import Code
 from bt_agents.language.codes.table import CODES
 from bt_agents.language.diagnostics import nearest, shown
-from bt_agents.language.plugins import installed_plugins
-from bt_agents.language.reference import (
+from bt_agents.language.handbook.reference import (
     FieldEntry,
     Group,
     NodePage,
@@ -28,9 +27,10 @@ from bt_agents.language.reference import (
     node_pages,
     subtree_page,
 )
+from bt_agents.language.handbook.topics import TOPICS, Topic, topic
+from bt_agents.language.plugins import installed_plugins
 from bt_agents.language.schema.folder import folder_vocabulary
 from bt_agents.language.specs import SubtreeSpec
-from bt_agents.language.topics import TOPICS, Topic, topic
 from bt_agents.language.vocabulary import ImportProblem, Vocabulary
 from bt_agents.scene import SceneSpace
 from bt_agents.trees_folder import find_trees

@@ -13,8 +13,8 @@ import click
 
 from bt_agents.atomic_file import write_atomically
 from bt_agents.errors import BtAgentsError, ReadError
-from bt_agents.language.formatter import format_source
-from bt_agents.language.source import Source, read_source
+from bt_agents.language.formatting.formatter import format_source
+from bt_agents.language.text.source import Source, read_source
 from bt_agents.trees_folder import find_trees
 
 _SUFFIXES = (".yaml", ".yml")

@@ -17,7 +17,7 @@ from bt_agents.language.agent_reader import read_agent_text
 from bt_agents.language.diagnostics import did_you_mean
 from bt_agents.language.folder_reader import read_trees, read_vocabulary
 from bt_agents.language.scene_reader import read_scene
-from bt_agents.language.source import read_source
+from bt_agents.language.text.source import read_source
 from bt_agents.language.vocabulary import Vocabulary
 from bt_agents.trees_folder import find_trees
 

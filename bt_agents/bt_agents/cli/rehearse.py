@@ -19,9 +19,9 @@ from bt_agents.cli.typist import Typist
 from bt_agents.engine.run import Outcome
 from bt_agents.errors import BtAgentsError, ReadError
 from bt_agents.language.folder_reader import TEST_SUFFIXES, Trees, read_trees
-from bt_agents.language.scenarios import Case, Scenario
 from bt_agents.language.specs import AgentSpec
-from bt_agents.language.test_reader import read_scenario_text, read_test
+from bt_agents.language.testing.scenarios import Case, Scenario
+from bt_agents.language.testing.test_reader import read_scenario_text, read_test
 from bt_agents.rehearsal.events import Event, Rehearsed
 from bt_agents.rehearsal.expecting import findings
 from bt_agents.rehearsal.rehearsal import rehearse as play

@@ -10,9 +10,9 @@ from dataclasses import dataclass
 
 from bt_agents.errors import BtAgentsError, ReadError
 from bt_agents.language.diagnostics import Diagnostic, did_you_mean
-from bt_agents.language.path_patterns import nodes_of
 from bt_agents.language.renderers import columns
 from bt_agents.language.specs import AgentSpec, Literal
+from bt_agents.language.testing.path_patterns import nodes_of
 from bt_agents.scene import SceneSpace
 
 _PLAIN = re.compile(r"[\w.+][\w.+ /%-]*")

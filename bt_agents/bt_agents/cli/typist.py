@@ -11,10 +11,10 @@ from rich.text import Text
 
 from bt_agents.cli.scenario_words import Words, happens, typed_answer, typed_happening
 from bt_agents.errors import BtAgentsError, ReadError
-from bt_agents.language.expressions import Expression
-from bt_agents.language.scenarios import GoalEnd, Happening, Scenario, ScriptedAnswer
+from bt_agents.language.expression.expressions import Expression
 from bt_agents.language.specs import AgentSpec, Literal, NodeSpec
-from bt_agents.language.test_reader import read_scenario_text
+from bt_agents.language.testing.scenarios import GoalEnd, Happening, Scenario, ScriptedAnswer
+from bt_agents.language.testing.test_reader import read_scenario_text
 from bt_agents.language.vocabulary import Vocabulary
 from bt_agents.rehearsal import likely
 from bt_agents.rehearsal.events import Use

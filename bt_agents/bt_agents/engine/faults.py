@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from bt_agents.errors import Refused
-from bt_agents.language.expressions import EvaluationError, MissingValue
+from bt_agents.language.expression.expressions import EvaluationError, MissingValue
 from bt_agents.language.specs import NodeSpec
 
 

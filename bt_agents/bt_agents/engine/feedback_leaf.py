@@ -12,7 +12,7 @@ from bt_agents.engine.leaves import Leaf
 from bt_agents.engine.world import GoalRun, GoalState
 from bt_agents.errors import Refused
 from bt_agents.feedback import Kind
-from bt_agents.language.expression_values import described
+from bt_agents.language.expression.expression_values import described
 from bt_agents.language.specs import Plain
 from bt_agents.scene import check_value
 

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 
 from bt_agents.engine.scope import Names, evaluate, holds, not_so
 from bt_agents.errors import Refused
-from bt_agents.language.expression_values import described
-from bt_agents.language.expressions import Expression
+from bt_agents.language.expression.expression_values import described
+from bt_agents.language.expression.expressions import Expression
 from bt_agents.language.nodes import FOREVER
 from bt_agents.language.specs import Literal, NodeSpec, Plain
 

@@ -10,7 +10,7 @@ from py_trees.common import Status
 
 from bt_agents.engine.faults import located, why
 from bt_agents.engine.modifiers import Modifier
-from bt_agents.language.expressions import MissingValue
+from bt_agents.language.expression.expressions import MissingValue
 
 _ENDED = (Status.SUCCESS, Status.FAILURE)
 

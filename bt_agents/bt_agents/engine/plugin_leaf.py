@@ -13,7 +13,7 @@ from py_trees.common import Status
 from bt_agents.engine.leaves import Leaf
 from bt_agents.engine.scope import evaluate, holds
 from bt_agents.errors import Refused
-from bt_agents.language.expressions import Expression
+from bt_agents.language.expression.expressions import Expression
 from bt_agents.language.specs import Plain
 
 T = TypeVar("T")

@@ -11,8 +11,8 @@ from typing import Protocol, cast
 
 from bt_agents.errors import Refused
 from bt_agents.language import quantities
-from bt_agents.language.expression_values import described
-from bt_agents.language.expressions import EvaluationError, Expression, MissingValue
+from bt_agents.language.expression.expression_values import described
+from bt_agents.language.expression.expressions import EvaluationError, Expression, MissingValue
 from bt_agents.language.specs import (
     Computed,
     FieldType,

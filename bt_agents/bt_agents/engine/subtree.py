@@ -11,7 +11,7 @@ from py_trees.common import Status
 from bt_agents.engine.context import RunContext
 from bt_agents.engine.modifiers import Modifier
 from bt_agents.engine.scope import Scope, SubtreeScope
-from bt_agents.language.expressions import Expression
+from bt_agents.language.expression.expressions import Expression
 from bt_agents.language.specs import NodeSpec
 
 

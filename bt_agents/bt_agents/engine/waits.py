@@ -12,7 +12,7 @@ from bt_agents.engine.context import RunContext
 from bt_agents.engine.leaves import Leaf
 from bt_agents.engine.scope import MessageNames, Scope, field_of, holds, not_so
 from bt_agents.engine.world import Inbox
-from bt_agents.language.expressions import MissingValue
+from bt_agents.language.expression.expressions import MissingValue
 from bt_agents.language.specs import Literal, NodeSpec, Plain
 
 

@@ -20,7 +20,7 @@ from bt_agents.groot.scripts import ScriptError, parse_script
 from bt_agents.groot.xml_reader import Attribute, Element, XmlReading
 from bt_agents.language.diagnostics import did_you_mean, shown
 from bt_agents.language.shape import listed
-from bt_agents.language.source import Source
+from bt_agents.language.text.source import Source
 
 _WHOLE = re.compile(r"[-+]?[0-9]{1,9}")
 _STATUSES = ("SUCCESS", "FAILURE", "RUNNING", "SKIPPED")

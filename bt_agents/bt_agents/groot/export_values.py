@@ -19,8 +19,8 @@ from bt_agents.groot.formulas import (
 from bt_agents.groot.ports import only_name
 from bt_agents.language.nodes import FOREVER
 from bt_agents.language.quantities import QuantityError, duration
-from bt_agents.language.scalars import plain_value
-from bt_agents.language.yaml_reader import Entry, Node, Scalar
+from bt_agents.language.text.scalars import plain_value
+from bt_agents.language.text.yaml_reader import Entry, Node, Scalar
 
 _LONGEST_MS = 999_999_999
 _PIECE = re.compile(r"\$\$\{|\$\{([^{}$]*)\}")

@@ -11,15 +11,15 @@ from bt_agents.groot.remarks import Remark, Remarks, Weight
 from bt_agents.groot.tree_export import TreeExport
 from bt_agents.groot.xml_writer import Xml, xml_text
 from bt_agents.language.agent_reader import read_agent_text
-from bt_agents.language.drafts import DraftReader
 from bt_agents.language.fields import Fields
 from bt_agents.language.imports import read_imports
 from bt_agents.language.inputs import read_inputs
 from bt_agents.language.shape import FileReading
-from bt_agents.language.source import Source, read_source
 from bt_agents.language.specs import SubtreeSpec, Tunable
+from bt_agents.language.text.source import Source, read_source
+from bt_agents.language.text.yaml_reader import Mapping, Node
+from bt_agents.language.tree.drafts import DraftReader
 from bt_agents.language.vocabulary import Vocabulary
-from bt_agents.language.yaml_reader import Mapping, Node
 
 _NOT_IN_TREES = ("profile", "learning_rate", "requires", "tunables", "feedback", "tags")
 

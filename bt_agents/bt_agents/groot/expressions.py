@@ -16,7 +16,7 @@ from bt_agents.groot.formulas import (
     negative,
 )
 from bt_agents.groot.scripts import MAX_WORDS
-from bt_agents.language.expression_tokens import Token, TokenKind, tokenize
+from bt_agents.language.expression.expression_tokens import Token, TokenKind, tokenize
 
 _STRENGTH = {
     "or": 1, "and": 2, **dict.fromkeys(COMPARISONS, 4), "in": 4, "not in": 4, "between": 4,
@@ -31,7 +31,8 @@ def parse_formula(text: str) -> Formula:
     ``a between b and c`` becomes two comparisons.
 
     Args:
-        text: An expression that :func:`bt_agents.language.expressions.parse_expression` accepts.
+        text: An expression that
+            :func:`~bt_agents.language.expression.expressions.parse_expression` accepts.
 
     Raises:
         Untranslatable: It is too long to be written as a script.

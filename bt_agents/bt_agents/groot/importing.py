@@ -28,9 +28,9 @@ from bt_agents.groot.written import (
     yaml_lines,
 )
 from bt_agents.groot.xml_reader import Element
-from bt_agents.language.formatter import format_source
+from bt_agents.language.formatting.formatter import format_source
 from bt_agents.language.shape import FORMAT
-from bt_agents.language.source import Source
+from bt_agents.language.text.source import Source
 from bt_agents.language.vocabulary import Vocabulary
 
 ON_CANCEL = "on_cancel"

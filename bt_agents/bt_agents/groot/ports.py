@@ -12,11 +12,11 @@ from bt_agents.errors import BtAgentsError
 from bt_agents.groot.formulas import GROUPS, script_name
 from bt_agents.groot.port_types import quantity
 from bt_agents.groot.written import Data, Raw
-from bt_agents.language.expression_tokens import ExpressionError, TokenKind, tokenize
+from bt_agents.language.expression.expression_tokens import ExpressionError, TokenKind, tokenize
 from bt_agents.language.quantities import QuantityError
-from bt_agents.language.scalars import plain_value
 from bt_agents.language.specs import FieldType, Plain, Position
-from bt_agents.language.yaml_reader import Mapping, Node, Scalar, Sequence
+from bt_agents.language.text.scalars import plain_value
+from bt_agents.language.text.yaml_reader import Mapping, Node, Scalar, Sequence
 
 JSON = "json:"
 """Start of a port whose value is written as JSON; a convention of BehaviorTree.CPP."""

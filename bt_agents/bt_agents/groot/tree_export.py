@@ -21,14 +21,14 @@ from bt_agents.groot.ports import JSON, as_port
 from bt_agents.groot.remarks import Remarks, Weight
 from bt_agents.groot.words import port
 from bt_agents.groot.xml_writer import Xml
-from bt_agents.language.drafts import Draft
 from bt_agents.language.node_types import Content, NodeField
 from bt_agents.language.nodes import KINDS, MODIFIERS
-from bt_agents.language.scalars import boolean, plain_value
 from bt_agents.language.specs import FieldSpec, FieldType, Plain, SubtreeSpec
-from bt_agents.language.yaml_reader import Entry, Node, Scalar
-from bt_agents.language.yaml_reader import Mapping as MappingNode
-from bt_agents.language.yaml_reader import Sequence as SequenceNode
+from bt_agents.language.text.scalars import boolean, plain_value
+from bt_agents.language.text.yaml_reader import Entry, Node, Scalar
+from bt_agents.language.text.yaml_reader import Mapping as MappingNode
+from bt_agents.language.text.yaml_reader import Sequence as SequenceNode
+from bt_agents.language.tree.drafts import Draft
 
 Subtrees = Callable[[str], tuple[str, SubtreeSpec]]
 """Returns the ID and the interface of a subtree by its name."""

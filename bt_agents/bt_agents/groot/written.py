@@ -7,8 +7,8 @@ import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 
+from bt_agents.language.formatting.scalar_style import quoted
 from bt_agents.language.nodes import MODIFIERS
-from bt_agents.language.scalar_style import quoted
 
 
 @dataclass(frozen=True)

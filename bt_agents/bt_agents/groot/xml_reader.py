@@ -9,9 +9,9 @@ from dataclasses import dataclass, field
 from xml.parsers import expat
 
 from bt_agents.language.diagnostics import Diagnostics, shown
-from bt_agents.language.legibility import BAD_CHARACTER
-from bt_agents.language.source import MAX_BYTES, TOO_LARGE, Source
 from bt_agents.language.specs import Position
+from bt_agents.language.text.legibility import BAD_CHARACTER
+from bt_agents.language.text.source import MAX_BYTES, TOO_LARGE, Source
 
 MAX_DEPTH = 64
 """Nesting of elements."""

@@ -6,13 +6,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 from pathlib import Path
 
-from bt_agents.language.expressions import Expression
+from bt_agents.language.expression.expressions import Expression
 from bt_agents.language.imports import read_imports
 from bt_agents.language.inputs import read_new_name
 from bt_agents.language.names import Names, mood_names, scene_names
 from bt_agents.language.scene_values import read_vector
 from bt_agents.language.shape import FileReading
-from bt_agents.language.source import Source
 from bt_agents.language.specs import (
     AgentSpec,
     FeedbackRule,
@@ -21,11 +20,12 @@ from bt_agents.language.specs import (
     Tunable,
     UnusedInput,
 )
-from bt_agents.language.trees_reader import TreesReader
+from bt_agents.language.text.source import Source
+from bt_agents.language.text.yaml_reader import Node, entries_of
+from bt_agents.language.tree.trees_reader import TreesReader
 from bt_agents.language.tunables import read_tunable
 from bt_agents.language.values import read_condition
 from bt_agents.language.vocabulary import Vocabulary
-from bt_agents.language.yaml_reader import Node, entries_of
 
 DEFAULT_LEARNING_RATE = 0.2
 """The paper's Experiment 3."""

@@ -11,9 +11,9 @@ from bt_agents.language.interfaces import Interfaces, MessageFields, read_ros_na
 from bt_agents.language.names import Names
 from bt_agents.language.shape import FileReading
 from bt_agents.language.specs import Binding, BindingKind, MapValue, Plain
+from bt_agents.language.text.yaml_reader import Entry, Node, Sequence, entries_of
+from bt_agents.language.text.yaml_reader import Mapping as MappingNode
 from bt_agents.language.values import is_plain, plain, read_condition, read_map
-from bt_agents.language.yaml_reader import Entry, Node, Sequence, entries_of
-from bt_agents.language.yaml_reader import Mapping as MappingNode
 
 SENT = {
     BindingKind.ACTION: "goal",

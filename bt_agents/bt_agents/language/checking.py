@@ -9,18 +9,18 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from bt_agents.errors import ReadError
-from bt_agents.language.cut_texts import cut_texts
 from bt_agents.language.diagnostics import Diagnostic
 from bt_agents.language.folder_reader import TEST_SUFFIXES, Trees, read_trees, yaml_files
 from bt_agents.language.interfaces import Interfaces
-from bt_agents.language.lint import lint, unused_inputs
+from bt_agents.language.linting.cut_texts import cut_texts
+from bt_agents.language.linting.lint import lint, unused_inputs
 from bt_agents.language.plugins import installed_plugins
 from bt_agents.language.scene_reader import read_scene
 from bt_agents.language.script_reader import read_script
 from bt_agents.language.skills_reader import read_skills
-from bt_agents.language.source import Source, read_source
 from bt_agents.language.specs import AgentSpec, Position
-from bt_agents.language.test_reader import read_test
+from bt_agents.language.testing.test_reader import read_test
+from bt_agents.language.text.source import Source, read_source
 from bt_agents.language.vocabulary import ImportProblem, Vocabulary
 
 

@@ -9,8 +9,8 @@ from pathlib import Path
 from bt_agents.experiment import ExperimentSpec
 from bt_agents.language.scene_values import read_values, read_vector
 from bt_agents.language.shape import FileReading
-from bt_agents.language.source import Source
-from bt_agents.language.yaml_reader import Node, Sequence
+from bt_agents.language.text.source import Source
+from bt_agents.language.text.yaml_reader import Node, Sequence
 from bt_agents.scene import SceneSpace, Vector
 from bt_agents.simulated import SimulatedFeedback
 

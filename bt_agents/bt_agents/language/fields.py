@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, TypeVar
 
 from bt_agents.language import quantities
 from bt_agents.language.specs import FieldType
-from bt_agents.language.yaml_reader import Entry, Mapping, Node, Scalar
+from bt_agents.language.text.yaml_reader import Entry, Mapping, Node, Scalar
 
 if TYPE_CHECKING:
     from bt_agents.language.shape import FileReading

@@ -11,8 +11,8 @@ from bt_agents.language.diagnostics import shown
 from bt_agents.language.fields import Fields
 from bt_agents.language.shape import FileReading
 from bt_agents.language.specs import SkillSpec, SubtreeSpec
+from bt_agents.language.text.yaml_reader import Node, Sequence
 from bt_agents.language.vocabulary import ImportProblem, Library, Vocabulary
-from bt_agents.language.yaml_reader import Node, Sequence
 
 SUFFIXES = (".yaml", ".yml")
 """How the name of a file of a trees folder ends."""

@@ -11,8 +11,8 @@ from bt_agents.language.specs import (
     FieldType,
     Plain,
 )
+from bt_agents.language.text.yaml_reader import Entry, Mapping, Node, Scalar
 from bt_agents.language.values import plain, read_value
-from bt_agents.language.yaml_reader import Entry, Mapping, Node, Scalar
 
 TYPES = tuple(one.value for one in FieldType)
 """Words for types in a file."""

@@ -10,7 +10,7 @@ from typing import Protocol
 
 from bt_agents.language.shape import FileReading
 from bt_agents.language.specs import BindingKind, FieldType, Plain
-from bt_agents.language.yaml_reader import Node
+from bt_agents.language.text.yaml_reader import Node
 
 MAX_ROS_NAME = 255
 

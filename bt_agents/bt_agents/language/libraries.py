@@ -12,7 +12,7 @@ from bt_agents.language.diagnostics import did_you_mean, shown
 from bt_agents.language.imports import SUFFIXES, read_imports
 from bt_agents.language.shape import FileReading
 from bt_agents.language.skills_reader import FILE_KEYS, SkillsReader
-from bt_agents.language.trees_reader import TreesReader
+from bt_agents.language.tree.trees_reader import TreesReader
 from bt_agents.language.vocabulary import ImportProblem, Library, Vocabulary
 
 _KEYS = (*FILE_KEYS, "imports", "subtrees")

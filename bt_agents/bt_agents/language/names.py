@@ -8,9 +8,9 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from bt_agents.language.diagnostics import did_you_mean
-from bt_agents.language.expression_tokens import OPERATOR_WORDS
-from bt_agents.language.expressions import ValueKind
-from bt_agents.language.functions import FUNCTIONS
+from bt_agents.language.expression.expression_tokens import OPERATOR_WORDS
+from bt_agents.language.expression.expressions import ValueKind
+from bt_agents.language.expression.functions import FUNCTIONS
 from bt_agents.language.specs import FieldType
 from bt_agents.language.units import ANGLE, LENGTH, TIME, Dimension
 from bt_agents.scene import SceneSpace

@@ -11,9 +11,9 @@ from bt_agents.language.diagnostics import did_you_mean, shown
 from bt_agents.language.fields import Fields
 from bt_agents.language.interfaces import Interfaces, read_ros_name, read_ros_type
 from bt_agents.language.shape import FileReading
-from bt_agents.language.source import Source
 from bt_agents.language.specs import BindingKind, SceneSpec, SourceSpec
-from bt_agents.language.yaml_reader import Entry, Mapping, Node
+from bt_agents.language.text.source import Source
+from bt_agents.language.text.yaml_reader import Entry, Mapping, Node
 from bt_agents.scene import SceneParameter, SceneSpace
 
 PERSON = "person"

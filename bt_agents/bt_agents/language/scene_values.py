@@ -6,7 +6,7 @@ from __future__ import annotations
 from bt_agents.errors import Refused
 from bt_agents.language.diagnostics import did_you_mean, shown
 from bt_agents.language.shape import FileReading, adding, listed
-from bt_agents.language.yaml_reader import Node, Scalar
+from bt_agents.language.text.yaml_reader import Node, Scalar
 from bt_agents.scene import SceneParameter, SceneSpace, Vector, check_value
 
 

@@ -9,9 +9,9 @@ from bt_agents.language.fields import Fields
 from bt_agents.language.interfaces import read_ros_name
 from bt_agents.language.scene_values import read_values
 from bt_agents.language.shape import FileReading
-from bt_agents.language.source import Source
 from bt_agents.language.specs import Change, Script, Visit
-from bt_agents.language.yaml_reader import Node, Sequence
+from bt_agents.language.text.source import Source
+from bt_agents.language.text.yaml_reader import Node, Sequence
 from bt_agents.scene import SceneSpace
 
 

@@ -10,13 +10,13 @@ from typing import TypeVar
 
 from bt_agents.language import quantities
 from bt_agents.language.diagnostics import Diagnostics, did_you_mean, nearest, shown
-from bt_agents.language.document import read_document
 from bt_agents.language.fields import MESSAGE_DIGITS, Fields
-from bt_agents.language.scalars import boolean
-from bt_agents.language.slips import left_empty, name_meant, other_file, without_value
-from bt_agents.language.source import Source, aligned, read_source
 from bt_agents.language.specs import FieldType, Position
-from bt_agents.language.yaml_reader import Entry, Mapping, Node, Scalar, Sequence
+from bt_agents.language.text.document import read_document
+from bt_agents.language.text.scalars import boolean
+from bt_agents.language.text.slips import left_empty, name_meant, other_file, without_value
+from bt_agents.language.text.source import Source, aligned, read_source
+from bt_agents.language.text.yaml_reader import Entry, Mapping, Node, Scalar, Sequence
 
 FORMAT = 1
 """The version of the language that this package reads."""

@@ -18,8 +18,8 @@ from bt_agents.language.interfaces import Interfaces, MessageFields, package_of
 from bt_agents.language.names import Names
 from bt_agents.language.shape import FileReading, listed
 from bt_agents.language.specs import Binding, BindingKind, SkillSpec
-from bt_agents.language.yaml_reader import Mapping as MappingNode
-from bt_agents.language.yaml_reader import Node, Scalar, entries_of
+from bt_agents.language.text.yaml_reader import Mapping as MappingNode
+from bt_agents.language.text.yaml_reader import Node, Scalar, entries_of
 
 
 @dataclass(frozen=True, kw_only=True)

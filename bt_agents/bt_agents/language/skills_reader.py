@@ -15,9 +15,9 @@ from bt_agents.language.interfaces import Interfaces
 from bt_agents.language.nodes import BESIDE, KINDS, MODIFIERS
 from bt_agents.language.shape import FileReading, found
 from bt_agents.language.skill_bindings import Offer, read_offer
-from bt_agents.language.source import Source
 from bt_agents.language.specs import BindingKind, FieldSpec, FieldType, SkillSpec
-from bt_agents.language.yaml_reader import Entry, Scalar
+from bt_agents.language.text.source import Source
+from bt_agents.language.text.yaml_reader import Entry, Scalar
 
 BINDINGS = tuple(kind.value for kind in BindingKind)
 FILE_KEYS = ("description", "robot", "skills", "bindings")

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import Enum
 
-from bt_agents.language.expressions import Expression
+from bt_agents.language.expression.expressions import Expression
 from bt_agents.scene import SceneSpace, Vector
 
 Plain = None | bool | int | float | str | tuple["Plain", ...] | Mapping[str, "Plain"]

@@ -6,10 +6,10 @@ from __future__ import annotations
 from bt_agents.language import quantities
 from bt_agents.language.fields import Fields
 from bt_agents.language.quantities import spoken
-from bt_agents.language.scalars import boolean
 from bt_agents.language.shape import FileReading, adding, found, listed
 from bt_agents.language.specs import FieldType, Tunable
-from bt_agents.language.yaml_reader import Entry, Node, Scalar
+from bt_agents.language.text.scalars import boolean
+from bt_agents.language.text.yaml_reader import Entry, Node, Scalar
 
 _KEYS = ("default", "min", "max", "step", "description")
 _RANGE = ("min", "max", "step")

@@ -4,10 +4,8 @@
 from __future__ import annotations
 
 from bt_agents.language import quantities
-from bt_agents.language.expressions import Expression, ValueKind
+from bt_agents.language.expression.expressions import Expression, ValueKind
 from bt_agents.language.names import UNITS, Names
-from bt_agents.language.references import Part, read_expression, read_parts
-from bt_agents.language.scalars import plain_value
 from bt_agents.language.shape import FileReading
 from bt_agents.language.specs import (
     Computed,
@@ -20,7 +18,9 @@ from bt_agents.language.specs import (
     Text,
     Value,
 )
-from bt_agents.language.yaml_reader import Mapping, Node, Scalar, Sequence
+from bt_agents.language.text.scalars import plain_value
+from bt_agents.language.text.yaml_reader import Mapping, Node, Scalar, Sequence
+from bt_agents.language.tree.references import Part, read_expression, read_parts
 
 _NUMBERS = (FieldType.NUMBER, FieldType.INTEGER)
 _FITTING = {

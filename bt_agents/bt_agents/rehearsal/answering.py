@@ -11,10 +11,10 @@ from typing import Protocol
 from bt_agents.engine.scope import MessageNames, holds, not_so
 from bt_agents.engine.scripted_world import Answer
 from bt_agents.engine.world import GoalState
-from bt_agents.language.expressions import EvaluationError, MissingValue
-from bt_agents.language.path_patterns import is_path, matches
-from bt_agents.language.scenarios import AnswerRule, GoalEnd, Happening, ScriptedAnswer
+from bt_agents.language.expression.expressions import EvaluationError, MissingValue
 from bt_agents.language.specs import NodeSpec, Plain
+from bt_agents.language.testing.path_patterns import is_path, matches
+from bt_agents.language.testing.scenarios import AnswerRule, GoalEnd, Happening, ScriptedAnswer
 from bt_agents.rehearsal import likely
 from bt_agents.rehearsal.events import Use
 

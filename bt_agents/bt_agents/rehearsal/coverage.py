@@ -8,7 +8,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from enum import Enum
 
-from bt_agents.language.outcomes import Outcome, outcomes
+from bt_agents.language.linting.outcomes import Outcome, outcomes
 from bt_agents.language.specs import AgentSpec, NodeSpec, Position
 
 

@@ -9,8 +9,8 @@ from enum import Enum, auto
 
 from bt_agents.engine.run import Outcome, StatusChange
 from bt_agents.feedback import Kind
-from bt_agents.language.scenarios import SPOKEN
 from bt_agents.language.specs import NodeSpec, Plain
+from bt_agents.language.testing.scenarios import SPOKEN
 from bt_agents.rehearsal.coverage import Marks
 
 

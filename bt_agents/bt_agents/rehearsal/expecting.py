@@ -8,8 +8,9 @@ from dataclasses import dataclass
 from typing import TypeVar
 
 from bt_agents.engine.run import Outcome
-from bt_agents.language.path_patterns import matches
-from bt_agents.language.scenarios import (
+from bt_agents.language.specs import Position
+from bt_agents.language.testing.path_patterns import matches
+from bt_agents.language.testing.scenarios import (
     Because,
     Bids,
     CancelledBy,
@@ -24,7 +25,6 @@ from bt_agents.language.scenarios import (
     Visits,
     Within,
 )
-from bt_agents.language.specs import Position
 from bt_agents.rehearsal.coverage import Mark
 from bt_agents.rehearsal.events import Rehearsed, Use
 from bt_agents.rehearsal.transcript import phrase, time_text, value_text

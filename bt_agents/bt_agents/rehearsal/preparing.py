@@ -6,8 +6,6 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from dataclasses import replace
 
-from bt_agents.language.path_patterns import matches
-from bt_agents.language.scenarios import REPLACED, Replacement
 from bt_agents.language.specs import (
     AgentSpec,
     Binding,
@@ -17,6 +15,8 @@ from bt_agents.language.specs import (
     Reference,
     SkillSpec,
 )
+from bt_agents.language.testing.path_patterns import matches
+from bt_agents.language.testing.scenarios import REPLACED, Replacement
 
 
 def with_replacements(agent: AgentSpec, replacements: Iterable[Replacement]) -> AgentSpec:

@@ -15,9 +15,9 @@ from py_trees.common import Status
 
 from bt_agents.engine.run import Outcome, Run, RunResult, StatusChange
 from bt_agents.feedback import Kind
-from bt_agents.language.path_patterns import matches, nodes_of
-from bt_agents.language.scenarios import Happening, Scenario, ScriptedAnswer
 from bt_agents.language.specs import AgentSpec, NodeSpec, Plain
+from bt_agents.language.testing.path_patterns import matches, nodes_of
+from bt_agents.language.testing.scenarios import Happening, Scenario, ScriptedAnswer
 from bt_agents.rehearsal.answering import Answers, Typist
 from bt_agents.rehearsal.coverage import Mark
 from bt_agents.rehearsal.events import Event, EventKind, Rehearsed, Use

@@ -6,8 +6,8 @@ from __future__ import annotations
 from dataclasses import replace
 
 from bt_agents.feedback import Kind
-from bt_agents.language.scenarios import Happening, Scenario
 from bt_agents.language.specs import FeedbackRule
+from bt_agents.language.testing.scenarios import Happening, Scenario
 from bt_agents.rules import Rule
 from bt_agents.scene import Origin, Scene, SceneSpace, SceneValue
 

@@ -10,9 +10,9 @@ from pathlib import Path
 
 from bt_agents.errors import BtAgentsError, ReadError
 from bt_agents.language.folder_reader import TEST_SUFFIXES, Trees, read_trees
-from bt_agents.language.scenarios import AgentTest, Case
 from bt_agents.language.specs import AgentSpec
-from bt_agents.language.test_reader import read_test
+from bt_agents.language.testing.scenarios import AgentTest, Case
+from bt_agents.language.testing.test_reader import read_test
 from bt_agents.rehearsal.coverage import Coverage, coverage
 from bt_agents.rehearsal.events import Rehearsed
 from bt_agents.rehearsal.expecting import Finding, findings

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 from bt_agents.engine.scripted_world import ManualClock, ScriptedGoal, ScriptedWorld
 from bt_agents.engine.world import Goal, GoalState
 from bt_agents.feedback import Kind
-from bt_agents.language.scenarios import ScriptedAnswer
 from bt_agents.language.specs import NodeSpec, Plain
+from bt_agents.language.testing.scenarios import ScriptedAnswer
 from bt_agents.rehearsal.answering import Answers, Performance
 from bt_agents.rehearsal.events import Event, EventKind, Use
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from enum import Enum
 
 from bt_agents.language.drawing.shown_values import LONGEST_TEXT, shortened, shown_value
-from bt_agents.language.expressions import Expression
+from bt_agents.language.expression.expressions import Expression
 from bt_agents.language.node_types import Children, Content, NodeField
 from bt_agents.language.nodes import KINDS, MODIFIERS
 from bt_agents.language.specs import FieldType, Literal, NodeSpec, Position, Value

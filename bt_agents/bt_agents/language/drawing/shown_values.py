@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from bt_agents.language.expressions import Expression
+from bt_agents.language.expression.expressions import Expression
 from bt_agents.language.quantities import spoken
 from bt_agents.language.specs import (
     Computed,

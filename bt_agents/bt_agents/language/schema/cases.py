@@ -4,11 +4,11 @@
 from __future__ import annotations
 
 from bt_agents.feedback import Kind
-from bt_agents.language.scenarios import GoalEnd
 from bt_agents.language.schema import values
 from bt_agents.language.schema.scenes import document, listed, mapping, parameters, some_values
 from bt_agents.language.schema.values import Schema, described
-from bt_agents.language.test_reader import OUTCOMES
+from bt_agents.language.testing.scenarios import GoalEnd
+from bt_agents.language.testing.test_reader import OUTCOMES
 from bt_agents.language.vocabulary import Vocabulary
 
 _ENDS = [end.value for end in (GoalEnd.REJECTED, GoalEnd.UNREACHABLE, GoalEnd.NEVER)]

@@ -5,14 +5,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+from bt_agents.language.handbook.reference import NodePage, node_page
 from bt_agents.language.node_types import Children, Content, ModifierKind, NodeField, NodeKind
 from bt_agents.language.nodes import BESIDE, MODIFIERS
-from bt_agents.language.raw_leaves import RAW_LEAVES
-from bt_agents.language.reference import NodePage, node_page
 from bt_agents.language.schema import values
 from bt_agents.language.schema.scenes import mapping
 from bt_agents.language.schema.values import Schema, described
 from bt_agents.language.specs import FieldSpec, FieldType, SkillSpec
+from bt_agents.language.tree.raw_leaves import RAW_LEAVES
 from bt_agents.language.vocabulary import Vocabulary
 from bt_agents.scene import SceneSpace
 

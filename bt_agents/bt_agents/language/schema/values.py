@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TypeAlias
 
-from bt_agents.language.reference import TYPE_WORDS
+from bt_agents.language.handbook.reference import TYPE_WORDS
 from bt_agents.language.specs import FieldType, Plain
 from bt_agents.language.units import ANGLE, LENGTH, TIME
 

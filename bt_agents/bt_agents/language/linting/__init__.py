@@ -1,0 +1,2 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Warnings about what is legal but rarely meant."""

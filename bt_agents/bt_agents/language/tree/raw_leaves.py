@@ -1,0 +1,76 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Leaves that name a ROS action, service or topic directly instead of a skill."""
+
+from __future__ import annotations
+
+from bt_agents.language.bindings import (
+    RECEIVED,
+    SENT,
+    binding_keys,
+    read_binding,
+    read_output,
+    result_fields,
+)
+from bt_agents.language.fields import Fields
+from bt_agents.language.interfaces import Interfaces
+from bt_agents.language.names import Names
+from bt_agents.language.shape import FileReading
+from bt_agents.language.specs import BindingKind, FieldSpec, FieldType, SkillSpec
+from bt_agents.language.text.yaml_reader import Scalar
+from bt_agents.language.tree.drafts import Draft
+
+RAW_LEAVES = {
+    "action": BindingKind.ACTION,
+    "service": BindingKind.SERVICE,
+    "publish": BindingKind.TOPIC,
+}
+"""Node key → kind of ROS interface."""
+
+
+def read_raw_leaf(
+    reading: FileReading,
+    draft: Draft,
+    kind: BindingKind,
+    names: Names,
+    interfaces: Interfaces | None,
+) -> SkillSpec | None:
+    """Return an unnamed skill for the leaf; None when the leaf is wrong."""
+    key = draft.word
+    name_key = "topic" if kind is BindingKind.TOPIC else "name"
+    keys = binding_keys(kind, name_key)
+    if kind in RECEIVED:
+        keys = (*keys, "outputs")
+    needed = (name_key, "type", SENT[kind]) if kind is BindingKind.TOPIC else (name_key, "type")
+    fields = reading.fields(draft.value, f"'{key}'", keys, needed)
+    if fields is None:
+        return None
+    outputs = _outputs(reading, fields, kind, interfaces)
+    binding = read_binding(
+        reading, kind, fields, names, names, interfaces, outputs, name_key=name_key
+    )
+    if binding is None:
+        return None
+    return SkillSpec(
+        name=key,
+        description="",
+        main=None,
+        inputs=(),
+        outputs=tuple(
+            FieldSpec(name=name, type=FieldType.ANY, required=False) for name in outputs
+        ),
+        binding=binding,
+        position=draft.key.position,
+    )
+
+
+def _outputs(
+    reading: FileReading, fields: Fields, kind: BindingKind, interfaces: Interfaces | None
+) -> dict[str, str]:
+    node = fields.get("type")
+    type_name = node.text if isinstance(node, Scalar) else ""
+    back = result_fields(kind, type_name, interfaces)
+    paths = {
+        entry.key.text: read_output(reading, entry.value, f"output '{entry.key.text[:40]}'", back)
+        for entry in fields.entries("outputs", "names and fields")
+    }
+    return {name: path for name, path in paths.items() if path is not None}

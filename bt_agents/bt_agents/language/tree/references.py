@@ -1,0 +1,142 @@
+# SPDX-License-Identifier: Apache-2.0
+"""``${…}`` inside of texts: names and expressions found, checked and told from plain text."""
+
+from __future__ import annotations
+
+import re
+
+from bt_agents.language.diagnostics import shown
+from bt_agents.language.expression.expressions import Expression, ExpressionError, parse_expression
+from bt_agents.language.names import Names
+from bt_agents.language.shape import FileReading
+from bt_agents.language.specs import Computed, FieldType, Reference
+from bt_agents.language.text.yaml_reader import Scalar
+
+Part = str | Reference | Computed
+"""A piece of a text: plain text, a name, or an expression."""
+
+_REFERENCE = re.compile(r"\$\$\{|\$\{([^{}$]*)(\}?)")
+_WHERE_TEXTS_STAND = re.compile(r"(==|!=|\[|,)\s*$")
+_DOTTED = re.compile(r"[^\W\d]\w*(\.\w+)*")
+
+
+def read_parts(reading: FileReading, node: Scalar, names: Names) -> tuple[Part, ...] | None:
+    """Return the parts of a text; None when a ``${…}`` in it is wrong, which is then reported.
+
+    ``$${`` stands for the plain text ``${``.
+    """
+    if "${" not in node.text:
+        return (node.text,)
+    parts: list[Part] = []
+    plain = ""
+    at = 0
+    sound = True
+    for match in _REFERENCE.finditer(node.text):
+        plain += node.text[at : match.start()]
+        at = match.end()
+        if match[1] is None:
+            plain += "${"
+            continue
+        part = _read_one(reading, node, match, names)
+        if part is None:
+            sound = False
+            continue
+        if plain:
+            parts.append(plain)
+            plain = ""
+        parts.append(part)
+    plain += node.text[at:]
+    if plain:
+        parts.append(plain)
+    return tuple(parts) if sound else None
+
+
+def _read_one(
+    reading: FileReading, node: Scalar, match: re.Match[str], names: Names
+) -> Reference | Computed | None:
+    inner = match[1].strip()
+    offset = match.start(1) + len(match[1]) - len(match[1].lstrip())
+    problem, hint = "", ""
+    if not match[2] and node.text.startswith("${", match.end()):
+        problem, hint = "a ${…} stands inside of another one", "write one ${ } around the whole"
+    elif not match[2]:
+        problem = "this '${' is not closed"
+        hint = "close it: ${name}; for the plain text ${ write $${"
+    elif not inner:
+        problem, hint = "there is no name in ${ }", "write one: ${name}"
+    if problem:
+        reading.error_in("bad-reference", node, match.start(), len(match[0]), problem, hint)
+        return None
+    if _DOTTED.fullmatch(inner):
+        if not check_name(reading, node, inner, offset, names):
+            return None
+        return Reference(name=inner, type=names.type_of(inner) or FieldType.ANY)
+    expression = read_expression(reading, node, inner, offset, shown(inner), names)
+    return None if expression is None else Computed(expression=expression)
+
+
+def read_expression(
+    reading: FileReading, node: Scalar, text: str, offset: int, what: str, names: Names
+) -> Expression | None:
+    """Return the expression that stands in a part of a scalar's text.
+
+    Args:
+        reading: The file.
+        node: The scalar.
+        text: The part of its text.
+        offset: Where the part begins.
+        what: The field, for messages.
+        names: What it may name.
+
+    Returns:
+        None when it is no expression or a name is not known, which is then reported.
+    """
+    try:
+        expression = parse_expression(text, kind_of=names.kind_of, unit_of=names.unit_of)
+    except ExpressionError as error:
+        place = offset + error.column - 1
+        reading.error_in(
+            "bad-expression", node, place, error.width, f"{what}: {error.message}", error.hint
+        )
+        return None
+    known = [
+        check_name(
+            reading,
+            node,
+            mention.name,
+            offset + mention.column - 1,
+            names,
+            maybe_text=_WHERE_TEXTS_STAND.search(text[: mention.column - 1]) is not None,
+        )
+        for mention in expression.mentions
+    ]
+    return expression if all(known) else None
+
+
+def check_name(
+    reading: FileReading,
+    node: Scalar,
+    name: str,
+    offset: int,
+    names: Names,
+    *,
+    maybe_text: bool = False,
+) -> bool:
+    """Return whether a name can be used here; report it where it stands when not.
+
+    Args:
+        reading: The file.
+        node: The scalar.
+        name: The name.
+        offset: Where it begins in the text of the scalar.
+        names: What may be named.
+        maybe_text: Whether it can be meant as a text.
+    """
+    problem = names.problem(name)
+    if problem is None:
+        return True
+    code, message, hint = problem
+    if maybe_text and "." not in name and hint.startswith("possible here"):
+        hint = f"if it is meant as a text, put it in quotation marks: '{name}'"
+    reading.error_in(code, node, offset, len(name), message, hint)
+    return False
