@@ -233,3 +233,11 @@ def test_a_document_after_a_slip_keeps_what_stands_before_and_behind_it():
     assert isinstance(root, Mapping)
     assert [entry.key.text for entry in root.entries] == ["a", "b", "c"]
     assert len(problems) == 1
+
+
+@pytest.mark.parametrize("behind", ["", " = x", ":x\nb: 1: 2", "\uff1a x", " - x: y: z"])
+def test_a_very_long_word_is_shortened_in_every_message(behind):
+    text = "format: 1\n" + "a" * 400 + behind + "\ntree: {say: x}\n"
+    with pytest.raises(ReadError) as caught:
+        read_agent_text(text, "a.yaml", VOCABULARY)
+    assert max(map(len, caught.value.report.splitlines())) <= 200

@@ -7,6 +7,7 @@ import re
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from bt_agents.language.shortened import shortened
 from bt_agents.language.text.mended_source import Edit
 
 _LEAD = r"^(?P<lead>\s*(?:-\s+)*)"
@@ -72,7 +73,7 @@ def _wide_colon(line: str, start: int) -> Slip | None:
     return Slip(
         index=at,
         message=f"'{match['colon']}' looks like a colon, but is another character",
-        hint=f"write '{match['key']}: …'",
+        hint=f"write '{shortened(match['key'])}: …'",
         mend=Edit(start=at, stop=at + 1, text=": "),
     )
 
@@ -84,8 +85,8 @@ def _no_space(line: str, start: int) -> Slip | None:
     at = start + match.end()
     return Slip(
         index=at - 1,
-        message=f"a space is missing behind '{match['key']}:'",
-        hint=f"write '{match['key']}: {line[match.end() :].strip()[:30]}'",
+        message=f"a space is missing behind '{shortened(match['key'])}:'",
+        hint=f"write '{shortened(match['key'])}: {line[match.end() :].strip()[:30]}'",
         mend=Edit(start=at, stop=at, text=" "),
     )
 
@@ -98,8 +99,8 @@ def _one_word(line: str, start: int) -> Slip | None:
     return Slip(
         index=start + match.start("key"),
         width=len(match["key"]),
-        message=f"a ':' is missing behind '{match['key']}'",
-        hint=f"write '{match['key']}:'",
+        message=f"a ':' is missing behind '{shortened(match['key'])}'",
+        hint=f"write '{shortened(match['key'])}:'",
         mend=Edit(start=at, stop=at, text=":"),
     )
 
@@ -111,8 +112,8 @@ def _equals(line: str, start: int) -> Slip | None:
     at = start + match.end() - 1
     return Slip(
         index=at,
-        message=f"'=' stands behind '{match['key']}', expected ':'",
-        hint=f"write '{match['key']}: {line[match.end() :].strip()[:30]}'",
+        message=f"'=' stands behind '{shortened(match['key'])}', expected ':'",
+        hint=f"write '{shortened(match['key'])}: {line[match.end() :].strip()[:30]}'",
         mend=Edit(start=at, stop=at + 1, text=":"),
     )
 
@@ -146,8 +147,8 @@ def _words(line: str, start: int) -> Slip | None:
         index=start + match.start("key"),
         width=len(line.rstrip()) - match.start("key"),
         message="this line is neither 'key: value' nor a '-' item",
-        hint=f"write '{match['key']}: {match['rest'].strip()[:30]}', or indent the line if it "
-        "belongs to the text above",
+        hint=f"write '{shortened(match['key'])}: {match['rest'].strip()[:30]}', or indent the line "
+        "if it belongs to the text above",
     )
 
 
