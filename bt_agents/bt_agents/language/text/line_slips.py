@@ -143,12 +143,12 @@ def _words(line: str, start: int) -> Slip | None:
     match = _NO_COLON.match(line)
     if match is None or _COLON_LATER.search(line):
         return None
+    key, rest = shortened(match["key"]), match["rest"].strip()[:30]
     return Slip(
         index=start + match.start("key"),
         width=len(line.rstrip()) - match.start("key"),
         message="this line is neither 'key: value' nor a '-' item",
-        hint=f"write '{shortened(match['key'])}: {match['rest'].strip()[:30]}', or indent the line "
-        "if it belongs to the text above",
+        hint=f"write '{key}: {rest}', or indent the line if it belongs to the text above",
     )
 
 
