@@ -34,7 +34,7 @@ class Ros:
         self.executor.remove_node(node)
         node.destroy_node()
 
-    def until(self, condition: Callable[[], Any], limit_s: float = 10.0) -> None:
+    def until(self, condition: Callable[[], Any], limit_s: float = 30.0) -> None:
         """Turn until the condition holds; fail the test at the limit."""
         end = time.monotonic() + limit_s
         while not condition():
@@ -47,7 +47,7 @@ class Ros:
         for _ in range(count):
             self.executor.spin_once(timeout_sec=0.01)
 
-    def call(self, client: Any, request: Any, limit_s: float = 10.0) -> Any:
+    def call(self, client: Any, request: Any, limit_s: float = 30.0) -> Any:
         """Call a service and return its response."""
         self.until(client.service_is_ready, limit_s)
         future = client.call_async(request)
