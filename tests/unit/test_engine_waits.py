@@ -158,3 +158,19 @@ def test_what_came_before_the_start_does_not_count() -> None:
     assert stage.after(1.0) == "running"
     stage.world.arrive("t", {})
     assert stage.tick() == "succeeded"
+
+
+def test_a_wait_says_once_what_it_waits_for_however_the_values_move() -> None:
+    # tick     0        1        2        3
+    # mood     3        3.1      3.2      3.3
+    # told     ▶        –        –        –
+    stage = Stage("{wait_for: live.mood > 4, timeout: 10 s}")
+    for number in range(4):
+        stage.set_mood(3 + number / 10)
+        stage.tick() if number == 0 else stage.after(1.0)
+    told = [change.message for change in stage.changes if change.path == "tree"]
+    assert told == ["not so yet: live.mood > 4 (live.mood is 3)"]
+    stage.set_mood(3.5)
+    stage.after(10.0)
+    assert stage.run.result is not None
+    assert "not so yet: live.mood > 4 (live.mood is 3.5)" in stage.run.result.message

@@ -23,11 +23,9 @@ class Leaf(py_trees.behaviour.Behaviour):
     Attributes:
         acts: True when it does something outside of the tree, so that each of its ends is told,
             even when it ends twice in the same way.
-        waits: True when its message says, while it is RUNNING, what it waits for.
     """
 
     acts: ClassVar[bool] = False
-    waits: ClassVar[bool] = False
 
     def __init__(self, spec: NodeSpec, context: RunContext, scope: Scope) -> None:
         super().__init__(spec.name)
@@ -43,6 +41,10 @@ class Leaf(py_trees.behaviour.Behaviour):
     def step(self) -> Status:
         """Go on: called at every tick, the first included."""
         raise NotImplementedError
+
+    def missing(self) -> str:
+        """Return what it still waits for, as far as it can be said."""
+        return ""
 
     def end(self) -> None:
         """Leave nothing under way: called whenever it ends, maybe without having begun."""

@@ -102,7 +102,7 @@ class Timeout(Modifier):
     def _missing(self) -> str:
         """Return what the node still waits for, as far as it says so."""
         tip = self.decorated.tip()
-        words = tip.feedback_message if isinstance(tip, Leaf) and tip.waits else ""
+        words = tip.missing() if isinstance(tip, Leaf) else ""
         return f": {words}" if words else ""
 
 

@@ -56,11 +56,11 @@ class _Hold:
 class WaitForCondition(Leaf):
     """SUCCESS when a condition has held for a time; one whose value is missing does not hold."""
 
-    waits = True
-
     def begin(self) -> None:
         """Start without having seen anything."""
         self._hold = _Hold()
+        self._unknown: str | None = None
+        self._words = ""
 
     def step(self) -> Status:
         """Look at the condition."""
@@ -69,14 +69,27 @@ class WaitForCondition(Leaf):
         return Status.SUCCESS if self.context.reached(self.spec.path, due) else Status.RUNNING
 
     def _holds(self) -> bool:
+        unknown = ""
         try:
             if self.fields.holds("condition"):
                 return True
         except MissingValue as missing:
-            self.feedback_message = f"'{missing.name}' has no value yet"
-        else:
-            self.feedback_message = self.fields.not_so("condition", verb="not so yet")
+            unknown = missing.name
+        # Said once: what the names are would be news at each tick.
+        if unknown != self._unknown:
+            self._unknown = unknown
+            self._words = self._not_so()
+        self.feedback_message = self._words
         return False
+
+    def missing(self) -> str:
+        """Return what its names are now, unless the condition holds already."""
+        return self._not_so() if self.feedback_message else ""
+
+    def _not_so(self) -> str:
+        if self._unknown:
+            return f"'{self._unknown}' has no value yet"
+        return self.fields.not_so("condition", verb="not so yet")
 
 
 class WaitForMessage(Leaf):
@@ -85,7 +98,6 @@ class WaitForMessage(Leaf):
     What a message says holds until the next one. Without a time the first that fits is enough.
     """
 
-    waits = True
     _inbox: Inbox | None = None
     _misfit = ""
 
@@ -128,6 +140,10 @@ class WaitForMessage(Leaf):
         fits = holds(until, names)
         self._misfit = "" if fits else not_so(until, names, verb="the last message is not so")
         return fits
+
+    def missing(self) -> str:
+        """Return what the last message said instead."""
+        return self._misfit
 
     def end(self) -> None:
         """Stop listening."""
