@@ -20,12 +20,12 @@ if TYPE_CHECKING:
 
     from bt_agents.language.specs import AgentSpec
     from bt_agents.language.testing.scenarios import Case
-    from bt_agents.rehearsal.suite import Library
+    from bt_agents.rehearsal.suite import TreesFolders
     from bt_agents.scene import SceneSpace
 
 _SUFFIXES = (".test.yaml", ".test.yml")
 _OURS = (re.compile(r"^test:", re.MULTILINE), re.compile(r"^cases:", re.MULTILINE))
-_LIBRARY: pytest.StashKey[Library] = pytest.StashKey()
+_FOLDERS: pytest.StashKey[TreesFolders] = pytest.StashKey()
 _LONGEST_LOOK = 1024 * 1024
 
 
@@ -66,11 +66,11 @@ class AgentTestFile(pytest.File):
         Raises:
             CollectError: The file, or what it is about, has errors.
         """
-        from bt_agents.rehearsal.suite import Library
+        from bt_agents.rehearsal.suite import TreesFolders
 
-        library = self.config.stash.setdefault(_LIBRARY, Library())
+        folders = self.config.stash.setdefault(_FOLDERS, TreesFolders())
         try:
-            test, space = library.read_test(self.path)
+            test, space = folders.read_test(self.path)
         except BtAgentsError as error:
             raise self.CollectError(str(error)) from None
         for case in test.cases:

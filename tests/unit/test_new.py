@@ -14,7 +14,7 @@ from bt_agents.language.folder_reader import read_trees
 from bt_agents.language.formatting.formatter import format_source
 from bt_agents.language.specs import NodeSpec
 from bt_agents.language.text.source import read_source
-from bt_agents.rehearsal.suite import Library, coverages, run_file
+from bt_agents.rehearsal.suite import TreesFolders, coverages, run_file
 from stage import TREES
 
 ODD_SCENE = """\
@@ -47,7 +47,7 @@ def check(folder: Path) -> NodeSpec:
     for path in (folder / "agents").glob("fresh*.yaml"):
         source = read_source(path)
         assert format_source(source) == source.text
-    result = run_file(folder / "agents" / "fresh.test.yaml", Library())
+    result = run_file(folder / "agents" / "fresh.test.yaml", TreesFolders())
     assert result.error is None
     assert [case.findings for case in result.cases] == [()] * len(result.cases)
     (covered,) = coverages([result])

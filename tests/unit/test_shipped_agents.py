@@ -7,15 +7,15 @@ import pytest
 
 from bt_agents.language.folder_reader import read_trees
 from bt_agents.language.specs import AgentSpec
-from bt_agents.rehearsal.suite import Library, coverages, failure, run_file
+from bt_agents.rehearsal.suite import TreesFolders, coverages, failure, run_file
 from stage import TREES
 
-LIBRARY = Library()
+FOLDERS = TreesFolders()
 
 
 @pytest.mark.parametrize("agent", read_trees(TREES).agents, ids=lambda agent: agent.name)
 def test_an_agent_does_what_its_tests_say_and_they_cover_all_of_it(agent: AgentSpec) -> None:
-    result = run_file(TREES / "agents" / f"{agent.name}.test.yaml", LIBRARY)
+    result = run_file(TREES / "agents" / f"{agent.name}.test.yaml", FOLDERS)
     assert result.error is None, result.error.report
     assert not [failure(case) for case in result.cases if not case.passed]
     [coverage] = coverages([result])

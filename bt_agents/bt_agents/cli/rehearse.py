@@ -26,7 +26,7 @@ from bt_agents.rehearsal.events import Event, Rehearsed
 from bt_agents.rehearsal.expecting import findings
 from bt_agents.rehearsal.rehearsal import rehearse as play
 from bt_agents.rehearsal.scenes import awarded
-from bt_agents.rehearsal.suite import Library
+from bt_agents.rehearsal.suite import TreesFolders
 from bt_agents.rehearsal.transcript import (
     WIDTH,
     ending,
@@ -125,7 +125,7 @@ def _material(agent: str, script: str, directory: str) -> tuple[Trees, AgentSpec
     if script:
         file, _, name = script.partition(":")
         path = Path(file)
-        trees = read_trees(find_trees(directory)) if directory else Library().trees_of(path)
+        trees = read_trees(find_trees(directory)) if directory else TreesFolders().trees_of(path)
         test = read_test(path, trees.agents, trees.vocabulary)
         spec = test.agent
         case = _chosen(test.cases, name, file)

@@ -17,7 +17,7 @@ from bt_agents.rehearsal.junit import junit
 from bt_agents.rehearsal.suite import (
     CaseResult,
     FileResult,
-    Library,
+    TreesFolders,
     coverages,
     failure,
     find_tests,
@@ -52,8 +52,8 @@ def test(
     """
     start = time.perf_counter()
     console = Console(highlight=False)
-    library = Library()
-    results = [run_file(path, library, word) for path in find_tests(paths or (find_trees(),))]
+    folders = TreesFolders()
+    results = [run_file(path, folders, word) for path in find_tests(paths or (find_trees(),))]
     for result in results:
         _show(console, result, verbose)
     if coverage:

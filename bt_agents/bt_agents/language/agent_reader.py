@@ -26,6 +26,7 @@ from bt_agents.language.tree.trees_reader import TreesReader
 from bt_agents.language.tunables import read_tunable
 from bt_agents.language.values import read_condition
 from bt_agents.language.vocabulary import Vocabulary
+from bt_agents.language.walking import every_node
 
 DEFAULT_LEARNING_RATE = 0.2
 """The paper's Experiment 3."""
@@ -179,10 +180,8 @@ class _AgentFile:
 def _unoffered(*trees: NodeSpec | None) -> tuple[str, ...]:
     """Return the skills of trees that no robot offers, each with the reason."""
     found: dict[str, str] = {}
-    open_specs = [tree for tree in trees if tree is not None]
-    while open_specs:
-        spec = open_specs.pop()
-        open_specs += spec.children
-        if spec.skill is not None and spec.skill.binding is None:
-            found[spec.skill.name] = f"skill '{spec.skill.name}': {spec.skill.unoffered}"
+    for tree in filter(None, trees):
+        for spec in every_node(tree):
+            if spec.skill is not None and spec.skill.binding is None:
+                found[spec.skill.name] = f"skill '{spec.skill.name}': {spec.skill.unoffered}"
     return tuple(found[name] for name in sorted(found))

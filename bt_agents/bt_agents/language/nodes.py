@@ -390,3 +390,9 @@ BESIDE: Mapping[str, BesideKey] = {
     )
 }
 """Other keys beside a node."""
+
+STANDS_BESIDE = (*MODIFIERS, *BESIDE)
+"""Every key that can stand beside a node."""
+
+WORDS = frozenset((*KINDS, *STANDS_BESIDE, "children"))
+"""The words of the language, which no skill and no plug-in can be called."""

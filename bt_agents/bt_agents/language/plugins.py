@@ -14,14 +14,13 @@ from py_trees.behaviour import Behaviour
 
 from bt_agents.errors import BtAgentsError
 from bt_agents.language.node_types import Content, NodeField, NodeKind
-from bt_agents.language.nodes import BESIDE, KINDS, MODIFIERS
+from bt_agents.language.nodes import WORDS
 from bt_agents.language.specs import SkillSpec
 
 GROUP = "bt_agents.nodes"
 """Entry point group; the name of an entry point is the key of the node, its object the class."""
 
 _KEY = re.compile(r"[a-z][a-z0-9_]{0,63}")
-_TAKEN = {*KINDS, *MODIFIERS, *BESIDE, "children"}
 _CONTENTS = (Content.VALUE, Content.CONSTANT)
 
 
@@ -98,7 +97,7 @@ def _kind(point: EntryPoint) -> NodeKind:
             f"{whose}: '{point.name}' cannot be the key of a node; expected small letters, digits "
             "and '_'"
         )
-    if point.name in _TAKEN:
+    if point.name in WORDS:
         raise PluginProblem(
             f"{whose} has the name of '{point.name}', a word of the language, which stays"
         )

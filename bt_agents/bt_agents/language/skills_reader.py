@@ -12,7 +12,7 @@ from bt_agents.language.diagnostics import did_you_mean, joined, shown
 from bt_agents.language.fields import Fields
 from bt_agents.language.inputs import read_inputs, read_new_name, read_type
 from bt_agents.language.interfaces import Interfaces
-from bt_agents.language.nodes import BESIDE, KINDS, MODIFIERS
+from bt_agents.language.nodes import WORDS
 from bt_agents.language.shape import FileReading, found
 from bt_agents.language.skill_bindings import Offer, read_offer
 from bt_agents.language.specs import BindingKind, FieldSpec, FieldType, SkillSpec
@@ -158,7 +158,7 @@ class SkillsReader:
 
     def _is_free(self, reading: FileReading, entry: Entry) -> bool:
         name = entry.key.text
-        if name in KINDS or name in MODIFIERS or name in (*BESIDE, "children"):
+        if name in WORDS:
             reading.error(
                 "name-taken",
                 entry.key,

@@ -51,7 +51,7 @@ class FileResult:
     error: ReadError | None = None
 
 
-class Library:
+class TreesFolders:
     """The trees folders that tests belong to, each read once."""
 
     def __init__(self) -> None:
@@ -113,14 +113,14 @@ def run_case(agent: AgentSpec, space: SceneSpace, case: Case) -> CaseResult:
     )
 
 
-def run_file(path: Path, library: Library, word: str = "") -> FileResult:
+def run_file(path: Path, folders: TreesFolders, word: str = "") -> FileResult:
     """Return how the cases of a file go, of those whose names have ``word`` in them.
 
     Raises:
         BtAgentsError: The file lies in no trees folder.
     """
     try:
-        test, space = library.read_test(path)
+        test, space = folders.read_test(path)
     except ReadError as error:
         return FileResult(file=path, error=error)
     chosen = [case for case in test.cases if word.casefold() in case.name.casefold()]

@@ -15,6 +15,7 @@ from bt_agents.errors import Refused
 from bt_agents.language.folder_reader import Trees as TreesFolder
 from bt_agents.language.folder_reader import read_trees
 from bt_agents.language.specs import NodeSpec
+from bt_agents.language.walking import every_node
 from bt_agents.ros import qos
 from bt_agents.ros.calls import Calls
 from bt_agents.ros.installed import InstalledInterfaces
@@ -130,14 +131,13 @@ class HostNode(Node):
         self._runs.close()
         super().destroy_node()
 
-    def _prepare(self, spec: NodeSpec) -> None:
-        binding = spec.skill.binding if spec.skill is not None else None
-        if binding is not None:
-            self._runs.world.prepare(binding.kind, binding.name, binding.type)
-        if spec.kind == "give_feedback":
-            self._runs.world.prepare_feedback()
-        for child in spec.children:
-            self._prepare(child)
+    def _prepare(self, tree: NodeSpec) -> None:
+        for spec in every_node(tree):
+            binding = spec.skill.binding if spec.skill is not None else None
+            if binding is not None:
+                self._runs.world.prepare(binding.kind, binding.name, binding.type)
+            if spec.kind == "give_feedback":
+                self._runs.world.prepare_feedback()
 
     def _introduce(self) -> None:
         card = host_card(self.host, self.instance, self.roster, self._folder)

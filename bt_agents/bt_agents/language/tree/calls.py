@@ -7,7 +7,7 @@ from collections.abc import Mapping
 
 from bt_agents.language.diagnostics import did_you_mean, shown
 from bt_agents.language.names import Names
-from bt_agents.language.nodes import BESIDE, MODIFIERS
+from bt_agents.language.nodes import STANDS_BESIDE
 from bt_agents.language.shape import FileReading, found, listed
 from bt_agents.language.shortened import shortened
 from bt_agents.language.specs import (
@@ -80,7 +80,7 @@ class CallReader:
         name_node = draft.value
         if isinstance(name_node, MappingNode):
             fields = self._reading.fields(
-                name_node, "'subtree'", ("name",), ("name",), beside=(*MODIFIERS, *BESIDE)
+                name_node, "'subtree'", ("name",), ("name",), beside=STANDS_BESIDE
             )
             written = fields.get("name") if fields is not None else None
             if written is None or len(name_node.entries) > 1:
@@ -126,8 +126,9 @@ class CallReader:
         required = [one.name for one in skill.inputs if one.required]
         if isinstance(value, MappingNode):
             known = [one.name for one in skill.inputs]
-            beside = (*MODIFIERS, *BESIDE)
-            fields = self._reading.fields(value, f"'{skill.name}'", known, required, beside=beside)
+            fields = self._reading.fields(
+                value, f"'{skill.name}'", known, required, beside=STANDS_BESIDE
+            )
             return fields.nodes if fields is not None else None
         if isinstance(value, Scalar) and value.empty and not required:
             return {}

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 
 from bt_agents.language.diagnostics import did_you_mean, nearest, shown
 from bt_agents.language.node_types import Children, Content, NodeKind
-from bt_agents.language.nodes import BESIDE, MODIFIERS
+from bt_agents.language.nodes import BESIDE, MODIFIERS, STANDS_BESIDE
 from bt_agents.language.shape import FileReading, found, listed
 from bt_agents.language.specs import SkillSpec
 from bt_agents.language.text.yaml_reader import Entry, Node, Scalar, Sequence
@@ -106,7 +106,7 @@ class DraftReader:
             return None
         nodes = [e for e in node.entries if self._is_word(e.key.text)]
         others = [e for e in node.entries if e not in nodes]
-        unknown = [e for e in others if e.key.text not in (*MODIFIERS, *BESIDE)]
+        unknown = [e for e in others if e.key.text not in STANDS_BESIDE]
         if not nodes:
             return self._no_node(node, unknown, where, parent)
         for extra in nodes[1:]:
@@ -255,7 +255,7 @@ class DraftReader:
                 )
                 return {}, ()
             fields = self._reading.fields(
-                written, f"'{word}'", known, ["children"], beside=(*MODIFIERS, *BESIDE)
+                written, f"'{word}'", known, ["children"], beside=STANDS_BESIDE
             )
             if fields is None:
                 return {}, ()
@@ -388,7 +388,7 @@ class DraftReader:
             hint = f"it belongs to '{key}': indent it below, or write both inside {{ … }}"
         else:
             other = _OTHER_LANGUAGES.get(word.lower())
-            hint = other or did_you_mean(word, [*MODIFIERS, *BESIDE])
+            hint = other or did_you_mean(word, STANDS_BESIDE)
         self._reading.error(
             "unknown-key", entry.key, f"there is no modifier {shown(word)} beside a node", hint
         )

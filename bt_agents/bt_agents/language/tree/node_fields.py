@@ -11,7 +11,7 @@ from bt_agents.language.expression.expressions import Expression
 from bt_agents.language.interfaces import MessageFields, read_ros_name, read_ros_type
 from bt_agents.language.names import Names
 from bt_agents.language.node_types import Content, NodeField
-from bt_agents.language.nodes import BESIDE, MODIFIERS
+from bt_agents.language.nodes import STANDS_BESIDE
 from bt_agents.language.shape import FileReading, found
 from bt_agents.language.specs import BindingKind, FieldType, Literal, MapValue, Value
 from bt_agents.language.text.yaml_reader import Mapping as MappingNode
@@ -176,7 +176,7 @@ def written_fields(
     if main is not None and not isinstance(node, MappingNode):
         return {main: node}
     known = [field.name for field in fields]
-    written = reading.fields(node, what, known, required, beside=(*MODIFIERS, *BESIDE))
+    written = reading.fields(node, what, known, required, beside=STANDS_BESIDE)
     return None if written is None else written.nodes
 
 
