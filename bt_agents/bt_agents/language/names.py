@@ -5,12 +5,12 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from typing import Protocol
 
 from bt_agents.language.diagnostics import did_you_mean
 from bt_agents.language.expression.expression_tokens import OPERATOR_WORDS
 from bt_agents.language.expression.expressions import ValueKind
 from bt_agents.language.expression.functions import FUNCTIONS
+from bt_agents.language.interfaces import MessageFields
 from bt_agents.language.specs import FieldType
 from bt_agents.language.units import ANGLE, LENGTH, TIME, Dimension
 from bt_agents.scene import SceneSpace
@@ -38,16 +38,6 @@ UNITS: Mapping[FieldType, Dimension] = {
     FieldType.ANGLE: ANGLE,
 }
 """Dimension of the types that are quantities."""
-
-
-class Fields(Protocol):
-    """The fields of a message."""
-
-    def problem(self, path: str) -> str | None:
-        """Return why there is no field of this path; None when there is."""
-
-    def type_of(self, path: str) -> FieldType:
-        """Return the type of a field as far as it is known."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -85,7 +75,7 @@ class Names:
         self,
         types: Mapping[str, FieldType],
         written: Mapping[str, Written] | None = None,
-        messages: Mapping[str, Fields] | None = None,
+        messages: Mapping[str, MessageFields] | None = None,
         hidden: Mapping[str, str] | None = None,
         lenient: bool = False,
     ) -> None:
@@ -97,7 +87,7 @@ class Names:
         self._hidden = dict(hidden or {})
         self._lenient = lenient
 
-    def and_message(self, name: str, fields: Fields) -> Names:
+    def and_message(self, name: str, fields: MessageFields) -> Names:
         """Return these names and the fields of a message; both remember together."""
         messages = {**self._messages, name: fields}
         names = Names(self._types, self._written, messages, self._hidden, self._lenient)
