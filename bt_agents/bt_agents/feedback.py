@@ -12,3 +12,4 @@ class Kind(IntEnum):
     DIRECT = 0
     POSITIVE = 1
     NEGATIVE = 2
+    SET = 3

@@ -74,6 +74,7 @@ class Scene:
         label: Words for people; may be empty.
         person: True when a person is there.
         values: Every parameter of the space once, in its order.
+        urgent: True may stop a running tree at once, where new scenes preempt.
         stamp: Time of the analysis [s].
     """
 
@@ -81,6 +82,7 @@ class Scene:
     label: str
     person: bool
     values: tuple[SceneValue, ...]
+    urgent: bool = False
     stamp: float = 0.0
 
     @cached_property

@@ -33,6 +33,7 @@ def scene_to_msg(scene: Scene) -> SceneMsg:
         scene_id=scene.scene_id,
         label=scene.label,
         person=scene.person,
+        urgent=scene.urgent,
         values=[
             SceneValueMsg(
                 name=v.name, value=float(v.value), origin=int(v.origin), age_s=float(v.age_s)
@@ -70,6 +71,7 @@ def scene_from_msg(message: Any, space: SceneSpace) -> Scene:
         scene_id=message.scene_id,
         label=message.label,
         person=message.person,
+        urgent=message.urgent,
         values=space.scene(values),
         stamp=seconds(message.stamp),
     )
