@@ -20,8 +20,8 @@ setup(
     zip_safe=True,
     entry_points={
         "console_scripts": [
-            "agents = bt_agents.ros.host:main",
-            "bt-agents = bt_agents.cli.main:main",
+            "agents = bt_agents.starting:agents",
+            "bt-agents = bt_agents.cli:main",
         ],
         "pytest11": ["bt_agents = bt_agents.pytest_plugin"],
     },

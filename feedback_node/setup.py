@@ -19,7 +19,7 @@ setup(
     zip_safe=True,
     entry_points={
         "console_scripts": [
-            "feedback = feedback_node.node:main",
+            "feedback = feedback_node:main",
         ]
     },
 )

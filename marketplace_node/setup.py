@@ -19,7 +19,7 @@ setup(
     zip_safe=True,
     entry_points={
         "console_scripts": [
-            "marketplace = marketplace_node.node:main",
+            "marketplace = marketplace_node:main",
         ]
     },
 )

@@ -19,8 +19,8 @@ setup(
     zip_safe=True,
     entry_points={
         "console_scripts": [
-            "robot = bt_agents_robot.robot:main",
-            "visitors = bt_agents_robot.visitors:main",
+            "robot = bt_agents_robot:run_robot",
+            "visitors = bt_agents_robot:run_visitors",
         ]
     },
 )

@@ -19,7 +19,7 @@ setup(
     zip_safe=True,
     entry_points={
         "console_scripts": [
-            "scene_layer = scene_layer.node:main",
+            "scene_layer = scene_layer:main",
         ]
     },
 )

@@ -8,18 +8,17 @@ from typing import Any, TypeVar
 
 from bt_agents.scene import Origin, Scene, SceneParameter, SceneSpace, SceneValue
 from marketplace_node.auction import Bids
+from marketplace_node.award import RunEnd, Stop
 from marketplace_node.effects import (
     AnnounceRun,
     Effect,
     Goal,
     OpenCall,
     PublishAuction,
-    SceneOver,
-    SceneRefused,
+    SceneEnded,
     SendGoal,
     StatusChanged,
 )
-from marketplace_node.interaction import RunEnd, Stop
 from marketplace_node.market import Market
 from marketplace_node.registry import Answer, Registration
 from marketplace_node.settings import Settings
@@ -36,12 +35,13 @@ EffectT = TypeVar("EffectT")
 _STEP_S = 1 / 16  # exact in binary, so that sums of steps are
 
 
-def scene(scene_id: str = "s1", *values: float, label: str = "") -> Scene:
+def scene(scene_id: str = "s1", *values: float, label: str = "", urgent: bool = False) -> Scene:
     """Return a scene; NaN stands for a missing value, without values it is [5, 1, 3]."""
     return Scene(
         scene_id=scene_id,
         label=label,
         person=True,
+        urgent=urgent,
         values=tuple(
             SceneValue.missing(name)
             if math.isnan(value)
@@ -90,15 +90,18 @@ class Driver:
         """Register a host that has a heartbeat from now on."""
         request = registration(host, agents or (GUIDE, EXPRESS), **changes)
         answer, effects = self.market.register(request, self.now)
+        new = answer.accepted and self.instances.get(host) != request.instance
         if answer.accepted:
             self.ids[host] = dict(zip(request.agents, answer.agent_ids, strict=True))
             self.instances[host] = request.instance
             self.busy[host] = 0
         self.do(effects)
+        if new:
+            self.beat(host)
         return answer
 
-    def scene(self, scene_id: str = "s1", *values: float) -> None:
-        self.do(self.market.scene(scene(scene_id, *values), self.now))
+    def scene(self, scene_id: str = "s1", *values: float, urgent: bool = False) -> None:
+        self.do(self.market.scene(scene(scene_id, *values, urgent=urgent), self.now))
 
     def bid(
         self,
@@ -201,12 +204,19 @@ class Driver:
         return self.all(OpenCall)
 
     @property
-    def over(self) -> list[str]:
-        return [effect.scene_id for effect in self.all(SceneOver)]
+    def ends(self) -> list[tuple[str, str]]:
+        """Every end of a scene so far: its id and the code."""
+        return [(effect.scene_id, effect.code) for effect in self.all(SceneEnded)]
 
     @property
-    def refused(self) -> list[tuple[str, str]]:
-        return [(effect.scene_id, effect.code) for effect in self.all(SceneRefused)]
+    def over(self) -> list[str]:
+        """The scenes that have ended, in order."""
+        return [effect.scene_id for effect in self.all(SceneEnded)]
+
+    @property
+    def end_words(self) -> str:
+        """The words of the last end."""
+        return self.all(SceneEnded)[-1].message
 
     @property
     def events(self) -> list[str]:

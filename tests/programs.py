@@ -10,6 +10,7 @@ import subprocess
 import sys
 import threading
 import time
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
@@ -25,7 +26,7 @@ class Program:
         self.output = ""
         self._lines: queue.Queue[str] = queue.Queue()
         self.process = subprocess.Popen(
-            [sys.executable, "-m", "bt_agents.cli.main", *arguments],
+            [sys.executable, "-m", "bt_agents.cli", *arguments],
             stdin=subprocess.DEVNULL,
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
@@ -53,6 +54,14 @@ class Program:
             self.output += line
             if re.search(pattern, line):
                 return line
+
+    def seen(self, limit_s: float) -> str:
+        """Read the lines that come within some seconds; return all so far."""
+        end = time.monotonic() + limit_s
+        with suppress(queue.Empty):
+            while True:
+                self.output += self._lines.get(timeout=max(0.0, end - time.monotonic()))
+        return self.output
 
     def wait(self, limit_s: float = HANG_S) -> int:
         """Wait for the end; return the exit code."""

@@ -25,6 +25,7 @@ class Member:
         tunables: Current values by name; a running tree reads the same mapping.
         agent_id: Id from the market; 0 while it is not registered.
         refusal: Why the market does not take it; empty when it does.
+        leaving: Why it does not bid any more and goes; empty when it stays.
     """
 
     spec: AgentSpec
@@ -34,6 +35,7 @@ class Member:
     tunables: dict[str, Plain] = field(default_factory=dict)
     agent_id: int = 0
     refusal: str = ""
+    leaving: str = ""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -49,15 +51,23 @@ class Roster:
 
     def __init__(self, space: SceneSpace, agents: Iterable[AgentSpec]) -> None:
         self.space = space
-        self.members = {
-            spec.name: Member(
-                spec=spec,
-                profile=spec.profile,
-                learning_rate=spec.learning_rate,
-                tunables={tunable.name: tunable.default for tunable in spec.tunables},
-            )
-            for spec in agents
-        }
+        self.members: dict[str, Member] = {}
+        for spec in agents:
+            self.add(spec)
+
+    def add(self, spec: AgentSpec) -> Member:
+        """Take an agent in, as its file says; return it."""
+        member = self.members[spec.name] = Member(
+            spec=spec,
+            profile=spec.profile,
+            learning_rate=spec.learning_rate,
+            tunables={tunable.name: tunable.default for tunable in spec.tunables},
+        )
+        return member
+
+    def remove(self, name: str) -> None:
+        """Let an agent go."""
+        del self.members[name]
 
     def member(self, name: str) -> Member:
         """Return an agent.
@@ -77,14 +87,22 @@ class Roster:
                 self.members[name].agent_id = agent_id
                 self.members[name].refusal = "" if agent_id else reason
 
-    def answer(self, scene: Scene, excluded: Collection[str] = ()) -> Answer:
-        """Return who bids for a scene; members that the market did not take stay silent."""
+    def answer(
+        self, scene: Scene, excluded: Collection[str] = (), *, obstacle: str = ""
+    ) -> Answer:
+        """Return who bids for a scene; members that the market did not take stay silent.
+
+        Args:
+            scene: What is to be bid for.
+            excluded: Names of agents that are not asked.
+            obstacle: Why nobody here can run now, in words; empty when they can.
+        """
         bids = []
         declined = {}
         for member in self.members.values():
             if not member.agent_id or member.spec.name in excluded:
                 continue
-            reason = self._obstacle(member, scene)
+            reason = obstacle or self._obstacle(member, scene)
             if reason:
                 declined[member.spec.name] = reason
             else:
@@ -109,6 +127,8 @@ class Roster:
         return member
 
     def _obstacle(self, member: Member, scene: Scene) -> str:
+        if member.leaving:
+            return member.leaving
         if member.spec.unoffered:
             return "; ".join(member.spec.unoffered)
         return unmet(member.spec, self.space, scene, member.profile, member.tunables)

@@ -17,10 +17,8 @@ from bt_agents.language.expression.expressions import (
     MissingValue,
     parse_expression,
 )
+from bt_agents.live import LEASE_S
 from bt_agents.scene import Scene, SceneSpace
-
-SILENCE_S = 3.0
-"""The live scene is stale after this time; the scene layer sends one at least every second [s]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -91,8 +89,9 @@ def read_rule(text: str, hold_s: float, give: int, cancel: bool, space: SceneSpa
 class Watch:
     """Watches the rules of one run; each fires at most once, none after one that cancels.
 
-    Between two live scenes the last one counts, so a hold can complete while nothing arrives; a
-    longer silence than :data:`SILENCE_S` means that nothing is known any more.
+    Between two live scenes the last one counts, so a hold can complete while nothing arrives. A
+    longer silence than the lease means that nothing is known any more: what has held until then
+    has to hold anew for its whole time after it.
     """
 
     def __init__(
@@ -102,6 +101,7 @@ class Watch:
         space: SceneSpace,
         clock: Callable[[], float],
         settle_s: float = 0.0,
+        lease_s: float = LEASE_S,
     ) -> None:
         """Start watching.
 
@@ -112,12 +112,14 @@ class Watch:
             clock: Steady time [s].
             settle_s: No rule holds during this time, so that a run which is only being replayed
                 can turn out to be over [s].
+            lease_s: A live scene counts for so long after it has come [s].
         """
         self._rules = tuple(rules)
         self._awarded = awarded
         self._space = space
         self._clock = clock
         self._not_before = clock() + settle_s
+        self._lease_s = lease_s
         self._mood = mood.at_start(awarded, space)
         self._live: Scene | None = None
         self._live_at = clock()
@@ -154,7 +156,7 @@ class Watch:
         now = self._clock()
         if self._live is None or now < self._not_before:
             return ()
-        if now - self._live_at > SILENCE_S:
+        if now - self._live_at > self._lease_s:
             self._since.clear()
             return ()
         fired = []
@@ -179,6 +181,8 @@ class Watch:
             return False
 
     def _lookup(self, name: str) -> object:
+        if name == "live.stale":
+            return False
         if name == "mood.change":
             value = self._mood.change
         else:
@@ -206,6 +210,7 @@ def _sample(condition: Expression, space: SceneSpace) -> object:
     for group in ("scene", "live"):
         values |= {f"{group}.{p.name}": p.default for p in space.parameters}
         values[f"{group}.person"] = True
+    values["live.stale"] = False
     try:
         return condition.evaluate(values.__getitem__)
     except EvaluationError:
@@ -214,4 +219,5 @@ def _sample(condition: Expression, space: SceneSpace) -> object:
 
 def _names(space: SceneSpace) -> frozenset[str]:
     names = {f"{group}.{name}" for group in ("scene", "live") for name in (*space.names, "person")}
-    return frozenset(names | ({"mood.change"} if space.mood is not None else set()))
+    mood_names = {"mood.change"} if space.mood is not None else set()
+    return frozenset(names | {"live.stale"} | mood_names)

@@ -76,6 +76,8 @@ class Scene:
         values: Every parameter of the space once, in its order.
         urgent: True may stop a running tree at once, where new scenes preempt.
         stamp: Time of the analysis [s].
+        stale_s: Of a live scene: how long the scene layer has been silent, once that is so long
+            that the values tell nothing about now; 0 otherwise [s].
     """
 
     scene_id: str
@@ -84,6 +86,7 @@ class Scene:
     values: tuple[SceneValue, ...]
     urgent: bool = False
     stamp: float = 0.0
+    stale_s: float = 0.0
 
     @cached_property
     def vector(self) -> Vector:

@@ -33,6 +33,16 @@ class SimulatedFeedback:
         self._repeat = repeat
         self._used = 0
 
+    def resume(self, given: Mapping[str, int]) -> None:
+        """Go on after feedback that was given before a restart.
+
+        Args:
+            given: Agent → how often it was given some.
+        """
+        self._used = sum(count for agent, count in given.items() if agent not in self.each)
+        if self._repeat and self._sequence:
+            self._used %= len(self._sequence)
+
     def next(self, agent: str) -> Vector | None:
         """Return the feedback for a run of ``agent`` that has just ended; None for no feedback."""
         if agent in self.each:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How feedback moves a profile: towards a wanted vector or a scene, or away from a scene.
+"""How feedback moves a profile: to or towards a wanted vector, towards a scene or away from it.
 
 Sources: direct feedback is the update of section 2.3.4 of the paper, "the positive or negative
 distance of the user feedback from the corresponding parameter [...] multiplied with a factor for
@@ -51,14 +51,16 @@ def direct(profile: Vector, target: Vector, rate: float, space: SceneSpace) -> S
         Refused: ``NO_OPINION`` when all of ``target`` is NaN, ``BAD_RATE``, or as in
             :meth:`SceneSpace.vector`.
     """
-    target = space.vector(target, missing=True, what="feedback")
-    if all(math.isnan(value) for value in target):
-        raise Refused(
-            "NO_OPINION",
-            f"feedback: every value is NaN; give a number for at least one of "
-            f"{', '.join(space.names)}",
-        )
-    return _step(Kind.DIRECT, profile, target, rate, space)
+    return _step(Kind.DIRECT, profile, _opinion(target, space), rate, space)
+
+
+def assigned(profile: Vector, target: Vector, _rate: float, space: SceneSpace) -> Step:
+    """Set a profile to a wanted vector at once: ``p ← f``, whatever the learning rate.
+
+    Raises:
+        Refused: As in :func:`direct`.
+    """
+    return _step(Kind.SET, profile, _opinion(target, space), 1.0, space)
 
 
 def positive(profile: Vector, scene: Vector, rate: float, space: SceneSpace) -> Step:
@@ -92,6 +94,17 @@ def checked_rate(rate: float, *, what: str = "feedback") -> float:
     return rate
 
 
+def _opinion(target: Vector, space: SceneSpace) -> Vector:
+    vector = space.vector(target, missing=True, what="feedback")
+    if all(math.isnan(value) for value in vector):
+        raise Refused(
+            "NO_OPINION",
+            f"feedback: every value is NaN; give a number for at least one of "
+            f"{', '.join(space.names)}",
+        )
+    return vector
+
+
 def _known(scene: Vector, space: SceneSpace) -> Vector:
     vector = space.vector(scene, missing=True, what="scene")
     if all(math.isnan(value) for value in vector):
@@ -119,6 +132,8 @@ def _step(kind: Kind, profile: Vector, target: Vector, rate: float, space: Scene
 def _moved(kind: Kind, value: float, target: float, rate: float) -> float:
     if math.isnan(target):
         return value
+    if kind is Kind.SET:
+        return target
     distance = target - value
     if kind is Kind.NEGATIVE:
         return value - rate * distance

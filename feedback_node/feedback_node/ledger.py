@@ -199,6 +199,14 @@ class Ledger:
         rows = self._select("WHERE feedback_id = ?", feedback_id)
         return rows[0] if rows else None
 
+    def count(self, prefix: str) -> dict[str, int]:
+        """Return agent → how many of its revisions have a feedback id that begins so."""
+        where = "WHERE substr(feedback_id, 1, length(?1)) = ?1"
+        counts: dict[str, int] = {}
+        for revision in self._select(where, prefix):
+            counts[revision.agent] = counts.get(revision.agent, 0) + 1
+        return counts
+
     def history(self, agent: str) -> tuple[Revision, ...]:
         """Return all revisions of an agent, oldest first."""
         return tuple(self._select("WHERE agent = ? ORDER BY revision", agent))

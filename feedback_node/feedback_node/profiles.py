@@ -20,6 +20,7 @@ _RULES = {
     Kind.DIRECT: learning.direct,
     Kind.POSITIVE: learning.positive,
     Kind.NEGATIVE: learning.negative,
+    Kind.SET: learning.assigned,
 }
 
 
@@ -42,6 +43,10 @@ class Change:
     target: Vector
     fresh: bool
     words: str
+
+
+Table = tuple[tuple[str, int, Vector], ...]
+"""Name, revision and profile of every known agent, by name."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -138,12 +143,16 @@ class Profiles:
             revision=self._current[name].revision,
         )
 
-    def table(self) -> tuple[tuple[str, int, Vector], ...]:
+    def table(self) -> Table:
         """Return name, revision and profile of every known agent, by name."""
         return tuple(
             (name, self._current[name].revision, self.profile(name))
             for name in sorted(self._agents)
         )
+
+    def recorded_of(self, prefix: str) -> Mapping[str, int]:
+        """Return agent → how many of its changes have a feedback id that begins so."""
+        return self._ledger.count(prefix)
 
     def recorded(self, feedback_id: str) -> Change | None:
         """Return the change that a feedback led to; None for a new id."""

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 from bt_agents.errors import Refused
 from bt_agents.feedback import Kind
+from bt_agents.live import LEASE_S
 from bt_agents.rules import Fired, Watch
 from bt_agents.scene import Scene, Vector
 from bt_agents.simulated import SimulatedFeedback
@@ -29,6 +30,7 @@ class Given:
     values: tuple[float, ...] = ()
     source: str = ""
     reason: str = ""
+    scene: Scene | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -65,6 +67,7 @@ class Teaching:
         clock: Callable[[], float],
         new_id: Callable[[], str],
         simulated: SimulatedFeedback | None = None,
+        lease_s: float = LEASE_S,
     ) -> None:
         """Start without any run.
 
@@ -73,11 +76,14 @@ class Teaching:
             clock: Steady time [s].
             new_id: Returns a unique id for feedback that has none.
             simulated: Feedback of an experiment.
+            lease_s: A live scene counts for so long after it has come [s].
         """
         self.profiles = profiles
+        self.lease_s = lease_s
         self._clock = clock
         self._new_id = new_id
         self._simulated = simulated
+        self._resumed = False
         self._runs = Runs()
         self._watch: Watch | None = None
         self._settle_s = 0.0
@@ -87,6 +93,11 @@ class Teaching:
     def watching(self) -> bool:
         """True while a rule may fire because time passes."""
         return self._watch is not None and not self._watch.over
+
+    def watches(self, scene_id: str) -> bool:
+        """Return True while a rule may fire on a live scene of this id."""
+        run = self._runs.current
+        return self.watching and run is not None and run.scene.scene_id == scene_id
 
     def introduce(self, card: Card) -> tuple[tuple[Delivery, ...], tuple[str, ...]]:
         """Take a host's card; see :meth:`Profiles.introduce`."""
@@ -134,6 +145,9 @@ class Teaching:
     def give(self, given: Given) -> Change:
         """Apply feedback from a person, a button or a program.
 
+        Feedback may come late, so it counts for the scene that it names; without one for that of
+        the agent's last run.
+
         Raises:
             Refused: ``NO_AGENT``, ``UNKNOWN_AGENT``, ``UNKNOWN_KIND``, ``NO_SCENE``,
                 ``WRONG_LENGTH``, ``FEEDBACK_ID_TAKEN``, or as in :meth:`Profiles.apply`; nothing
@@ -148,13 +162,16 @@ class Teaching:
         except ValueError:
             raise Refused(
                 "UNKNOWN_KIND",
-                f"feedback: kind {given.kind}, expected 0 (direct), 1 (positive) or 2 (negative)",
+                f"feedback: kind {given.kind}, expected 0 (direct), 1 (positive), 2 (negative) "
+                f"or 3 (set)",
             ) from None
         run = self._runs.last(agent)
+        if given.scene is not None and (run is None or run.scene.scene_id != given.scene.scene_id):
+            run = Run(epoch="", round=0, agent=agent, scene=given.scene)
         return self.profiles.apply(
             agent,
             kind,
-            given.values if kind is Kind.DIRECT else _scene(given, agent, run),
+            given.values if kind in (Kind.DIRECT, Kind.SET) else _scene(given, agent, run),
             feedback_id=given.feedback_id or self._new_id(),
             source=given.source,
             reason=given.reason,
@@ -174,10 +191,16 @@ class Teaching:
                 f"both come from the award",
             )
         self.profiles.agent(run.agent)
-        feedback_id = f"simulated/{run.epoch}/{run.round}/{run.agent}"
+        of_market = f"simulated/{run.epoch}/"
+        feedback_id = f"{of_market}{run.round}/{run.agent}"
         if (known := self.profiles.recorded(feedback_id)) is not None:
             return known
-        wanted = self._simulated.next(run.agent) if self._simulated is not None else None
+        if self._simulated is None:
+            return None
+        if not self._resumed:
+            self._resumed = True
+            self._simulated.resume(self.profiles.recorded_of(of_market))
+        wanted = self._simulated.next(run.agent)
         if wanted is None:
             return None
         return self.profiles.apply(
@@ -200,6 +223,7 @@ class Teaching:
                 self.profiles.space,
                 self._clock,
                 self._settle_s,
+                self.lease_s,
             )
 
     def _stop_watching(self) -> None:
@@ -241,7 +265,7 @@ def _scene(given: Given, agent: str, run: Run | None) -> Vector:
         raise Refused(
             "WRONG_LENGTH",
             f"feedback: {len(given.values)} values, expected none: positive and negative feedback "
-            f"take those of the scene; use DIRECT to name a profile",
+            f"take those of the scene; use DIRECT or SET to name a profile",
         )
     if run is None:
         raise Refused(

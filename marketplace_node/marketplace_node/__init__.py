@@ -1,2 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """The marketplace: calls for bids, ranks them, awards the run."""
+
+from bt_agents.starting import start
+
+
+def main() -> int:
+    """Run the marketplace; return the exit code."""
+    return start("marketplace_node.node")

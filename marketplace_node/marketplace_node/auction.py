@@ -19,6 +19,8 @@ class Outcome(IntEnum):
 
     AWARDED = 1
     NO_BIDS = 2
+    PREEMPTS = 3
+    WAITS = 4
 
 
 class ClosedBy(IntEnum):
@@ -108,7 +110,8 @@ class Decision:
 
     Attributes:
         terms: What was fixed at the opening.
-        outcome: ``NO_BIDS`` also when the round was stopped.
+        outcome: ``NO_BIDS`` also when the round was stopped; of a challenge ``PREEMPTS`` or
+            ``WAITS``.
         closed_by: What closed it.
         duration_s: From the call to the close [s].
         ranking: Accepted bids, best first.
@@ -128,13 +131,14 @@ class Decision:
 
     @property
     def winner(self) -> RankedBid | None:
-        """The best bid, None without an award."""
-        return self.ranking[0] if self.outcome is Outcome.AWARDED else None
+        """The best bid; None without a bid and when the round was stopped."""
+        stopped = self.closed_by is ClosedBy.STOPPED
+        return self.ranking[0] if self.ranking and not stopped else None
 
     @property
     def margin(self) -> float:
         """Distance of the runner-up minus that of the winner; NaN without a runner-up."""
-        if self.outcome is not Outcome.AWARDED or len(self.ranking) < 2:
+        if self.winner is None or len(self.ranking) < 2:
             return math.nan
         return self.ranking[1].distance - self.ranking[0].distance
 

@@ -104,7 +104,37 @@ class AnnounceRun:
     message: str
     orphans: tuple[str, ...] = ()
     ticks: int = 0
+    overruns: int = 0
     duration_s: float = 0.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class EarlierRun:
+    """A run of an earlier market, as a host tells of it; fields as in ``Run.msg``.
+
+    Attributes:
+        cut_off: True when it was broken off because its market was gone, or was lost.
+        age_s: Time since it ended [s].
+    """
+
+    epoch: str
+    goal: Goal
+    outcome: RunOutcome
+    scene: Scene
+    message: str
+    cut_off: bool
+    orphans: tuple[str, ...] = ()
+    ticks: int = 0
+    overruns: int = 0
+    duration_s: float = 0.0
+    age_s: float = 0.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class AnnounceEarlierRun:
+    """Publish the end of a run of an earlier market, which nobody has heard yet."""
+
+    run: EarlierRun
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -134,20 +164,14 @@ class StatusChanged:
 
 
 @dataclass(frozen=True, kw_only=True)
-class SceneRefused:
-    """A scene is not taken; together with :class:`SceneOver` the one end of every scene."""
+class SceneEnded:
+    """The one end of a scene; fields as in ``SceneEnd.msg``."""
 
     scene_id: str
     code: str
-    reason: str
-
-
-@dataclass(frozen=True, kw_only=True)
-class SceneOver:
-    """The interaction that a scene started is over."""
-
-    scene_id: str
     message: str
+    round: int = 0
+    agent: str = ""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -164,9 +188,9 @@ Effect = (
     | SendGoal
     | CancelGoal
     | AnnounceRun
+    | AnnounceEarlierRun
     | Collect
     | StatusChanged
-    | SceneRefused
-    | SceneOver
+    | SceneEnded
     | Note
 )

@@ -50,6 +50,56 @@ def reason(decision: Decision) -> str:
     return _follows(decision) + "; ".join(parts)
 
 
+def challenge(
+    decision: Decision, running: str, margin: float, *, obstacle: str = "", line: str = ""
+) -> str:
+    """Return the decision about a scene that came during a run as one line for a terminal.
+
+    Args:
+        decision: Of the challenge; its outcome says whether the run is stopped.
+        running: The agent that runs.
+        margin: By how much another agent has to be nearer to the scene.
+        obstacle: Why a run is not stopped even for a better bid; empty when nothing is in the way.
+        line: Why the scene cannot wait; empty when it can.
+
+    Example:
+        ``mira 0.5 for the new scene, leo who runs has 2.5: better by 2.0, margin 1.0: leo is
+        stopped``
+    """
+    if decision.closed_by is ClosedBy.STOPPED:
+        return f"stopped before the round closed: {decision.stopped}"
+    goes_on = f"{running} goes on, " + (f"but {line}" if line else "the scene waits")
+    if decision.winner is None:
+        return "; ".join([*_nobody(decision), goes_on])
+    verdict = f"{running} is stopped" if decision.outcome is Outcome.PREEMPTS else goes_on
+    parts = [_comparison(decision, running, margin), obstacle, verdict]
+    return "; ".join([": ".join(part for part in parts if part), *_not_taken(decision)])
+
+
+def _comparison(decision: Decision, running: str, margin: float) -> str:
+    winner = decision.ranking[0]
+    urgent = "urgent: " if decision.terms.scene.urgent else ""
+    best = f"{winner.agent} {_distance(winner.distance)} for the new scene"
+    if winner.agent == running:
+        return f"{urgent}{best}, it is the one that runs"
+    own = next((bid for bid in decision.ranking if bid.agent == running), None)
+    if own is None:
+        return f"{urgent}{best}, {running} who runs {_silence(decision, running)}"
+    compared = f"{urgent}{best}, {running} who runs has {_distance(own.distance)}"
+    if urgent:
+        return compared
+    better = _distance(own.distance - winner.distance)
+    return f"{compared}: better by {better}, margin {_distance(margin)}"
+
+
+def _silence(decision: Decision, agent: str) -> str:
+    for bid in decision.refused:
+        if bid.agent == agent:
+            verb = "declines" if bid.kind is Kind.DECLINED else "is refused"
+            return f"{verb} ({bid.reason})"
+    return "does not bid"
+
+
 def _follows(decision: Decision) -> str:
     terms = decision.terms
     if not terms.follows:

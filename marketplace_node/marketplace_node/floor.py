@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 from bt_agents.scene import Scene, SceneSpace
@@ -30,7 +31,7 @@ class Floor:
         settings: The settings in force.
         registry: The hosts and agents.
         effects: What is to be done, in order.
-        round: Number of the last round; 0 before the first.
+        rounds: How many rounds there have been; the number of the last one.
     """
 
     def __init__(self, space: SceneSpace, epoch: str, settings: Settings) -> None:
@@ -39,19 +40,24 @@ class Floor:
         self.settings = settings
         self.registry = Registry(space.names, settings.host_lease_s)
         self.effects: list[Effect] = []
-        self.round = 0
+        self.rounds = 0
         self._runs = 0
         self._last_run: dict[str, int] = {}
         self._blocks: dict[str, _Block] = {}
 
     def terms(
-        self, scene: Scene, *, follows: int, excluded: dict[str, str], unasked: dict[str, str]
+        self,
+        scene: Scene,
+        *,
+        follows: int,
+        excluded: Mapping[str, str],
+        unasked: Mapping[str, str],
     ) -> Terms:
         """Count a new round and return what is fixed in it."""
-        self.round += 1
+        self.rounds += 1
         return Terms(
             epoch=self.epoch,
-            round=self.round,
+            round=self.rounds,
             follows=follows,
             scene=scene,
             strategy=self.settings.strategy,
@@ -67,7 +73,7 @@ class Floor:
         self._last_run[agent] = self._runs
 
     def whom_to_ask(
-        self, excluded: dict[str, str], now: float
+        self, excluded: Mapping[str, str], now: float
     ) -> tuple[list[HostEntry], dict[str, str]]:
         """Return the hosts to ask, and those that are not asked with the reason."""
         asked, unasked = [], {}

@@ -3,63 +3,31 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 
 from bt_agents.scene import Scene
 from marketplace_node import explain
-from marketplace_node.auction import Auction, Bids, ClosedBy, Decision, Outcome
+from marketplace_node.auction import ClosedBy, Decision, Outcome
+from marketplace_node.award import Award, RunEnd, Stop
 from marketplace_node.effects import (
-    AnnounceRun,
     CancelGoal,
     Collect,
     Goal,
-    OpenCall,
     PublishAuction,
     RunEventKind,
     RunOutcome,
+    SceneEnded,
     SendGoal,
     State,
 )
 from marketplace_node.floor import Floor
+from marketplace_node.open_round import OpenRound
+
+NO_BIDS = "NO_BIDS"
+NOT_TAKEN = "NOT_TAKEN"
 
 _REPORTED = (RunOutcome.SUCCEEDED, RunOutcome.FAILED, RunOutcome.CANCELLED)
 _STOPPABLE = (RunOutcome.CANCELLED, RunOutcome.LOST)
-
-
-@dataclass(frozen=True, kw_only=True)
-class Stop:
-    """Why a run is told to stop, and whether to ask again afterwards.
-
-    Attributes:
-        reason: Why, in words.
-        again: True: ask the market again, without the stopped agent.
-        scene: What to ask for then; None means the scene as awarded.
-    """
-
-    reason: str
-    again: bool = False
-    scene: Scene | None = None
-
-
-@dataclass(frozen=True, kw_only=True)
-class RunEnd:
-    """How a run ended; ``outcome`` is as in ``RunAgent.action`` and may be anything."""
-
-    outcome: int
-    message: str
-    orphans: tuple[str, ...] = ()
-    ticks: int = 0
-
-
-@dataclass(eq=False, kw_only=True)
-class _Run:
-    """An award: ``started`` is None for one that was stopped before it was accepted."""
-
-    goal: Goal
-    accepted: bool = False
-    started: float | None = None
-    stop: Stop | None = None
-    unheard_since: float | None = None
 
 
 class Interaction:
@@ -70,31 +38,35 @@ class Interaction:
     Attributes:
         origin: The scene that started it.
         state: What is going on.
-        over: How it ended, in words; None before.
+        round: Number of its round, the last one once that is closed.
+        open_round: The round that is open; None between rounds.
+        over: The end of the scene; None before.
     """
 
     def __init__(self, floor: Floor, origin: Scene, now: float) -> None:
         self.origin = origin
         self.state = State.BIDDING
-        self.over: str | None = None
+        self.round = 0
+        self.open_round: OpenRound | None = None
+        self.over: SceneEnded | None = None
         self._floor = floor
         self._deadline: float | None = None
+        self._decision: Decision | None = None
+        self._next_rank = 0
+        self._not_taken_by: list[str] = []
+        self._award: Award | None = None
         self._excluded: dict[str, str] = {}
         self._follow_ups = 0
         self._again: Scene | None = None
+        self._last_run: tuple[str, str] | None = None
         self._last_words = ""
-        self._round = _Round(scene=origin)
+        self._hurries = False
         self._open(origin, now, follows=0)
 
     @property
     def goal(self) -> Goal | None:
         """The award of the moment."""
-        return self._round.run.goal if self._round.run else None
-
-    @property
-    def bidding(self) -> bool:
-        """True while the round is open."""
-        return self._round.auction is not None
+        return self._award.goal if self._award else None
 
     def words(self) -> str:
         """Return the state in words."""
@@ -111,172 +83,157 @@ class Interaction:
             case _:
                 return "asking for bids"
 
-    def called(self, now: float) -> None:
-        """Start the clock of the round, as its call for bids is published."""
-        if self._round.auction is not None:
-            self._round.opened = now
-            self._deadline = now + self._floor.settings.bid_deadline_s
-
-    def take(self, bids: Bids, now: float) -> None:
-        """Take a host's answer to the open round."""
-        auction = self._round.auction
-        if auction is not None:
-            auction.take(bids)
-            if auction.complete:
-                self._close(ClosedBy.ALL_ANSWERED, now)
+    def close_when_due(self, now: float) -> None:
+        """Close the open round when everybody has answered or its time is over."""
+        by = self.open_round.closing(now) if self.open_round else None
+        if by is not None:
+            self._close(by, now)
 
     def accepted(self, goal: Goal, now: float) -> None:
         """The host has taken the goal; one that nobody waits for any more is cancelled."""
-        run = self._waiting(goal)
-        if run is None:
+        award = self._waiting(goal)
+        if award is None:
             self._floor.give_up(goal, f"it took the run of round {goal.round} too late", now)
-        elif not run.accepted:
-            run.accepted = True
+        elif not award.accepted:
+            award.accepted = True
             self._floor.count_run(goal.agent)
-            if run.stop is None:
-                run.started = now
+            if award.stop is None:
+                award.started = now
                 self._enter(State.RUNNING)
-                self._announce(run, RunEventKind.STARTED, "the host took the run")
+                self._floor.effects.append(
+                    award.event(RunEventKind.STARTED, "the host took the run")
+                )
             else:
-                self._cancel(run, now)
+                self._cancel(award, now)
 
     def refused(self, goal: Goal, reason: str, now: float) -> None:
         """The host does not take the goal, or it could not be sent."""
-        run = self._waiting(goal)
-        if run is not None and not run.accepted:
-            self._not_taken(run, reason, now)
+        award = self._waiting(goal)
+        if award is not None and not award.accepted:
+            self._not_taken(award, reason, now)
 
     def ended(self, goal: Goal, end: RunEnd, now: float) -> None:
         """The host reports the end of a run."""
-        run = self._waiting(goal)
-        if run is None or not run.accepted:
+        award = self._waiting(goal)
+        if award is None or not award.accepted:
             self._floor.ended(goal)
         elif end.outcome in _REPORTED:
-            if run.stop is not None and end.outcome == RunOutcome.CANCELLED:
-                end = replace(end, message=f"{run.stop.reason} ({end.message})")
-            self._end(run, RunOutcome(end.outcome), end, now)
+            if award.stop is not None and end.outcome == RunOutcome.CANCELLED:
+                end = replace(end, message=f"{award.stop.reason} ({end.message})")
+            self._end(award, RunOutcome(end.outcome), end, now)
         else:
             message = f"the host reported the unknown outcome {end.outcome}; {end.message}"
-            self._end(run, RunOutcome.FAILED, replace(end, message=message), now)
+            self._end(award, RunOutcome.FAILED, replace(end, message=message), now)
 
     def heard(self, host: str, epoch: str, round_number: int, now: float) -> None:
         """Note whether the host's heartbeat still names the run."""
-        run = self._round.run
-        if run is None or not run.accepted or run.goal.host != host:
+        award = self._award
+        if award is None or not award.accepted or award.goal.host != host:
             return
-        if epoch == self._floor.epoch and round_number == run.goal.round:
-            run.unheard_since = None
-        elif run.unheard_since is None:
-            run.unheard_since = now
+        if epoch == self._floor.epoch and round_number == award.goal.round:
+            award.unheard_since = None
+        elif award.unheard_since is None:
+            award.unheard_since = now
 
-    def collected(self, message: str, now: float) -> None:
+    def collected(self, message: str) -> None:
         """The feedback service has answered, or will not answer; ``message`` says which."""
         if self.state is State.COLLECTING:
             self._last_words += f"; {message}"
-            self._proceed(now)
+            self._proceed()
 
     def stop(self, stop: Stop, now: float) -> tuple[bool, str]:
         """Stop what is going on; return whether it will, and the answer in words."""
-        run = self._round.run
-        if run is None:
-            self._close(ClosedBy.STOPPED, now, stopped=stop.reason)
-            return True, f"round {self._floor.round} is stopped before an award"
+        award = self._award
+        self._hurries = self._hurries or stop.hurries
+        if award is None:
+            self._close(ClosedBy.STOPPED, now, stop=stop)
+            return True, f"round {self.round} is stopped before an award"
         if self.state is State.COLLECTING:
-            if self._again is None or stop.again:
-                return False, f"the run of round {self._floor.round} has ended already"
-            self._again = None
-            return True, "no other agent is asked"
-        if run.stop is not None:
+            return self._stop_collecting(stop)
+        if award.stop is not None:
             # Whoever wants an end wins over whoever wants another agent.
-            run.stop = replace(run.stop, again=run.stop.again and stop.again)
-            return True, f"{run.goal.agent} is being stopped already"
+            award.stop = replace(award.stop, again=award.stop.again and stop.again)
+            return True, f"{award.goal.agent} is being stopped already"
         # Without a run there is nothing to ask again about.
-        run.stop = stop if run.accepted else replace(stop, again=False)
+        award.stop = stop if award.accepted else replace(stop, again=False)
         self._enter(State.CANCELLING, self._deadline)
-        self._announce(run, RunEventKind.CANCELLING, stop.reason)
-        self._cancel(run, now)
-        return True, f"{run.goal.agent} is told to stop"
+        self._floor.effects.append(award.event(RunEventKind.CANCELLING, stop.reason))
+        self._cancel(award, now)
+        return True, f"{award.goal.agent} is told to stop"
+
+    def go_on(self, now: float) -> None:
+        """Open the follow-up round that is due, once all else is done about the last run."""
+        if self.state is State.BIDDING and self._again is not None:
+            self._open(self._again, now, follows=self.round)
 
     def tick(self, now: float) -> None:
         """Act on a host that is gone and on a deadline that has passed."""
         self.check_host(now)
+        if self.over is not None:
+            return
+        self.close_when_due(now)
         if self.over is None and self._deadline is not None and now >= self._deadline:
             self._deadline = None
             self._overdue(now)
 
     def check_host(self, now: float) -> None:
         """Give up a run whose host is gone or no longer knows of it."""
-        run = self._round.run
-        if run is None or self.state is State.COLLECTING:
+        award = self._award
+        if award is None or self.state is State.COLLECTING:
             return
-        host = run.goal.host
-        if not self._floor.registry.is_live(host, run.goal.instance, now):
-            self._floor.give_up(run.goal, self._unfinished(run), now)
+        host = award.goal.host
+        if not self._floor.registry.is_live(host, award.goal.instance, now):
+            self._floor.give_up(award.goal, award.unfinished, now)
             gone = f"{host} is gone: no heartbeat"
-            if run.accepted:
-                self._lose(run, gone, now)
+            if award.accepted:
+                self._lose(award, gone, now)
             else:
-                self._not_taken(run, gone, now)
+                self._not_taken(award, gone, now)
         elif (
-            run.unheard_since is not None
-            and now - run.unheard_since >= self._floor.settings.host_lease_s
+            award.unheard_since is not None
+            and now - award.unheard_since >= self._floor.settings.host_lease_s
         ):
-            self._lose(run, f"{host} runs it no more and has not said how it ended", now)
+            self._lose(award, f"{host} runs it no more and has not said how it ended", now)
 
     def _overdue(self, now: float) -> None:
         settings = self._floor.settings
-        run = self._round.run
-        if run is None:
-            self._close(ClosedBy.DEADLINE, now)
-        elif self.state is State.COLLECTING:
-            self.collected("feedback was not collected in time", now)
-        elif run.accepted:
-            self._floor.give_up(run.goal, self._unfinished(run), now)
+        award = self._award
+        assert award is not None, "outside of a round only an award has a deadline"
+        if self.state is State.COLLECTING:
+            self.collected("feedback is kept until the feedback node is back")
+        elif award.accepted:
+            self._floor.give_up(award.goal, award.unfinished, now)
             limit = settings.cancel_deadline_s
-            self._lose(run, f"it did not end within {limit:g} s after it was told to stop", now)
+            self._lose(award, f"it did not end within {limit:g} s after it was told to stop", now)
         else:
-            self._floor.give_up(run.goal, "it has not said whether it takes a run", now)
+            self._floor.give_up(award.goal, "it has not said whether it takes a run", now)
             limit = settings.goal_deadline_s
-            self._not_taken(run, f"{run.goal.host} did not answer within {limit:g} s", now)
+            self._not_taken(award, f"{award.goal.host} did not answer within {limit:g} s", now)
 
     def _open(self, scene: Scene, now: float, *, follows: int) -> None:
-        asked, unasked = self._floor.whom_to_ask(self._excluded, now)
-        terms = self._floor.terms(scene, follows=follows, excluded=self._excluded, unasked=unasked)
         self._again = None
-        self._round = _Round(scene=scene, auction=Auction(self._floor.space, terms, asked))
-        if not asked:
-            self._close(ClosedBy.ALL_ANSWERED, now)
-            return
-        limit = self._floor.settings.bid_deadline_s
-        self._enter(State.BIDDING, now + 2 * limit)
-        self._floor.effects.append(
-            OpenCall(
-                round=self._floor.round,
-                scene=scene,
-                deadline_s=limit,
-                excluded=tuple(self._excluded),
-                hosts=len(self._floor.registry.live(now)),
-            )
+        self.open_round = OpenRound(
+            self._floor, scene, now, follows=follows, excluded=self._excluded
         )
+        self.round = self.open_round.number
+        self.close_when_due(now)
 
-    def _close(self, by: ClosedBy, now: float, *, stopped: str = "") -> None:
-        current = self._round
-        assert current.auction is not None, "only an open round can be closed"
-        opened = now if current.opened is None else current.opened
-        decision = current.auction.close(by, now - opened, stopped=stopped)
+    def _close(self, by: ClosedBy, now: float, *, stop: Stop | None = None) -> None:
+        assert self.open_round is not None, "only an open round can be closed"
+        decision = self.open_round.close(by, now, stopped=stop.reason if stop else "")
         reason = explain.reason(decision)
-        current.decision, current.auction = decision, None
+        self.open_round = None
         self._floor.effects.append(PublishAuction(decision=decision, reason=reason))
         if decision.outcome is Outcome.AWARDED:
-            self._award(decision, now)
+            self._decision, self._next_rank, self._not_taken_by = decision, 0, []
+            self._award_next(decision, now)
         else:
-            self.over = reason
+            self._finish(stop.code if stop else NO_BIDS, reason)
 
-    def _award(self, decision: Decision, now: float) -> None:
-        current = self._round
-        while current.next_rank < len(decision.ranking):
-            bid = decision.ranking[current.next_rank]
-            current.next_rank += 1
+    def _award_next(self, decision: Decision, now: float) -> None:
+        while self._next_rank < len(decision.ranking):
+            bid = decision.ranking[self._next_rank]
+            self._next_rank += 1
             goal = Goal(
                 round=decision.terms.round,
                 agent=bid.agent,
@@ -284,113 +241,103 @@ class Interaction:
                 host=bid.host,
                 instance=bid.instance,
             )
-            current.run = _Run(goal=goal)
+            self._award = Award(goal=goal, scene=decision.terms.scene)
             obstacle = self._floor.obstacle(goal, now)
             if obstacle:
-                self._decline(current.run, obstacle)
+                self._decline(self._award, obstacle)
                 continue
             self._enter(State.AWARDING, now + self._floor.settings.goal_deadline_s)
-            self._floor.effects.append(SendGoal(goal=goal, scene=current.scene))
+            self._floor.effects.append(SendGoal(goal=goal, scene=decision.terms.scene))
             return
-        self.over = f"nobody took the run: {'; '.join(current.not_taken)}"
+        self._finish(NOT_TAKEN, f"nobody took the run: {'; '.join(self._not_taken_by)}")
 
-    def _decline(self, run: _Run, reason: str) -> None:
-        self._round.not_taken.append(f"{run.goal.agent} ({reason})")
-        self._announce(run, RunEventKind.REFUSED, reason)
+    def _decline(self, award: Award, reason: str) -> None:
+        self._not_taken_by.append(f"{award.goal.agent} ({reason})")
+        self._floor.effects.append(award.event(RunEventKind.REFUSED, reason))
 
-    def _not_taken(self, run: _Run, reason: str, now: float) -> None:
-        if run.stop is not None:
-            message = f"stopped before it began: {run.stop.reason}"
-            self._end(run, RunOutcome.CANCELLED, RunEnd(outcome=0, message=message), now)
+    def _not_taken(self, award: Award, reason: str, now: float) -> None:
+        if award.stop is not None:
+            message = f"stopped before it began: {award.stop.reason}"
+            self._end(award, RunOutcome.CANCELLED, RunEnd(outcome=0, message=message), now)
             return
-        assert self._round.decision is not None, "an award follows a decision"
-        self._decline(run, reason)
-        self._award(self._round.decision, now)
+        assert self._decision is not None, "an award follows a decision"
+        self._decline(award, reason)
+        self._award_next(self._decision, now)
 
-    def _cancel(self, run: _Run, now: float) -> None:
-        if run.accepted:
+    def _cancel(self, award: Award, now: float) -> None:
+        if award.accepted:
             self._deadline = now + self._floor.settings.cancel_deadline_s
-        self._floor.effects.append(CancelGoal(goal=run.goal))
+        self._floor.effects.append(CancelGoal(goal=award.goal))
 
-    def _lose(self, run: _Run, message: str, now: float) -> None:
-        self._end(run, RunOutcome.LOST, RunEnd(outcome=0, message=message), now)
+    def _lose(self, award: Award, message: str, now: float) -> None:
+        self._end(award, RunOutcome.LOST, RunEnd(outcome=0, message=message), now)
 
-    def _end(self, run: _Run, outcome: RunOutcome, end: RunEnd, now: float) -> None:
-        duration = 0.0 if run.started is None else now - run.started
-        self._announce(run, RunEventKind.ENDED, end.message, outcome, end, duration)
-        self._last_words = f"{run.goal.agent} {outcome.name.lower()}: {end.message}"
-        self._plan_follow_up(run, outcome, end.message)
-        if outcome is RunOutcome.LOST or run.started is None:
-            self._proceed(now)
+    def _end(self, award: Award, outcome: RunOutcome, end: RunEnd, now: float) -> None:
+        goal = award.goal
+        self._floor.effects.append(award.end(outcome, end, now))
+        self._last_words = f"{goal.agent} {outcome.name.lower()}: {end.message}"
+        if award.started is not None or self._last_run is None:
+            ran = "" if award.started is None else goal.agent
+            self._last_run = (award.end_code(outcome), ran)
+        self._plan_follow_up(award, outcome, end.message)
+        if outcome is RunOutcome.LOST or award.started is None:
+            self._proceed()
             return
         limit = self._floor.settings.collect_deadline_s
         self._enter(State.COLLECTING, now + limit)
         self._floor.effects.append(
-            Collect(goal=run.goal, outcome=outcome, scene=self._round.scene, deadline_s=limit)
+            Collect(goal=goal, outcome=outcome, scene=award.scene, deadline_s=limit)
         )
+        if self._hurries:
+            self._proceed()
 
-    def _plan_follow_up(self, run: _Run, outcome: RunOutcome, message: str) -> None:
-        agent = run.goal.agent
-        if run.stop is None and outcome is RunOutcome.LOST:
+    def _plan_follow_up(self, award: Award, outcome: RunOutcome, message: str) -> None:
+        agent = award.goal.agent
+        if award.stop is None and outcome is RunOutcome.LOST:
             self._excluded[agent] = f"lost: {message}"
-            self._again = self._round.scene
-        elif run.stop is not None and run.stop.again and outcome in _STOPPABLE:
-            self._excluded[agent] = f"stopped: {run.stop.reason}"
+            self._again = award.scene
+        elif award.stop is not None and award.stop.again and outcome in _STOPPABLE:
+            self._excluded[agent] = f"stopped: {award.stop.reason}"
             self._follow_ups += 1
             # The live scene bears the id of its scene; each round is for a scene of its own.
             scene_id = f"{self.origin.scene_id}+{self._follow_ups}"
-            self._again = (run.stop.scene or self._round.scene).with_id(scene_id)
+            self._again = (award.stop.scene or award.scene).with_id(scene_id)
 
-    def _proceed(self, now: float) -> None:
+    def _stop_collecting(self, stop: Stop) -> tuple[bool, str]:
+        may_follow = self._again is not None and not stop.again
+        if may_follow:
+            self._again = None
+        if stop.hurries:
+            self._proceed()
+        if may_follow:
+            return True, "no other agent is asked"
+        return False, f"the run of round {self.round} has ended already"
+
+    def _proceed(self) -> None:
         if self._again is None:
-            self.over = self._last_words
+            self._finish("", self._last_words)
         else:
-            self._open(self._again, now, follows=self._floor.round)
+            self._award = None
+            self._enter(State.BIDDING)
 
-    def _waiting(self, goal: Goal) -> _Run | None:
-        run = self._round.run
-        over = run is None or run.goal != goal or self.state is State.COLLECTING
-        return None if over else run
-
-    @staticmethod
-    def _unfinished(run: _Run) -> str:
-        return f"its run of round {run.goal.round} has not ended"
-
-    def _announce(
-        self,
-        run: _Run,
-        event: RunEventKind,
-        message: str,
-        outcome: RunOutcome = RunOutcome.NONE,
-        end: RunEnd | None = None,
-        duration_s: float = 0.0,
-    ) -> None:
-        self._floor.effects.append(
-            AnnounceRun(
-                event=event,
-                outcome=outcome,
-                goal=run.goal,
-                scene=self._round.scene,
-                message=message,
-                orphans=end.orphans if end else (),
-                ticks=end.ticks if end else 0,
-                duration_s=duration_s,
-            )
+    def _finish(self, code: str, message: str) -> None:
+        """End the scene; when a tree has run for it, as the last one did."""
+        agent = ""
+        if self._last_run is not None:
+            code, agent = self._last_run
+        self.over = SceneEnded(
+            scene_id=self.origin.scene_id,
+            code=code,
+            message=message,
+            round=self.round,
+            agent=agent,
         )
+
+    def _waiting(self, goal: Goal) -> Award | None:
+        award = self._award
+        over = award is None or award.goal != goal or self.state is State.COLLECTING
+        return None if over else award
 
     def _enter(self, state: State, deadline: float | None = None) -> None:
         self.state = state
         self._deadline = deadline
-
-
-@dataclass(eq=False, kw_only=True)
-class _Round:
-    """A round: ``auction`` while it is open, ``decision`` afterwards, ``run`` once awarded."""
-
-    scene: Scene
-    auction: Auction | None = None
-    opened: float | None = None
-    decision: Decision | None = None
-    next_rank: int = 0
-    not_taken: list[str] = field(default_factory=list)
-    run: _Run | None = None

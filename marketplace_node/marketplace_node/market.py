@@ -3,28 +3,30 @@
 
 from __future__ import annotations
 
-from collections import deque
+import math
+from collections.abc import Iterable
 from dataclasses import replace
 
 from bt_agents.errors import Refused
 from bt_agents.scene import Scene, SceneSpace
+from marketplace_node.arrivals import Arrivals
 from marketplace_node.auction import Bids, check_round
+from marketplace_node.award import SHUTTING_DOWN, RunEnd, Stop
+from marketplace_node.earlier import EarlierRuns
 from marketplace_node.effects import (
     Connect,
+    EarlierRun,
     Effect,
     Goal,
     Note,
-    SceneOver,
-    SceneRefused,
     State,
     StatusChanged,
 )
 from marketplace_node.floor import Floor
-from marketplace_node.interaction import Interaction, RunEnd, Stop
+from marketplace_node.interaction import Interaction
+from marketplace_node.open_round import OpenRound
 from marketplace_node.registry import Answer, Registration
-from marketplace_node.settings import MAX_QUEUE, Settings
-
-_REMEMBERED_SCENES = 4 * MAX_QUEUE
+from marketplace_node.settings import Settings
 
 
 class Market:
@@ -47,11 +49,11 @@ class Market:
         self.late_bids = 0
         self._floor = Floor(space, epoch, settings or Settings())
         self._interaction: Interaction | None = None
-        self._queue: deque[Scene] = deque()
-        self._known_scenes: deque[str] = deque(maxlen=_REMEMBERED_SCENES)
+        self._arrivals = Arrivals(self._floor)
+        self._earlier = EarlierRuns(self._floor)
         self._finished_scene_id = ""
+        self._last_round = 0
         self._last_words = "waiting for a scene"
-        self._shut = ""
         self._status: StatusChanged | None = None
 
     @property
@@ -64,6 +66,12 @@ class Market:
         """What the market is doing."""
         return self._interaction.state if self._interaction else State.IDLE
 
+    @property
+    def hurries(self) -> bool:
+        """True while somebody has to answer soon, so that deadlines are worth a close look."""
+        calm = self.state in (State.IDLE, State.RUNNING)
+        return not calm or self._arrivals.open_round is not None
+
     def configure(self, settings: Settings, now: float) -> list[Effect]:
         """Replace the settings; deadlines that are already set stay."""
         self._floor.settings = settings
@@ -72,18 +80,25 @@ class Market:
 
     def shut(self, reason: str, now: float) -> list[Effect]:
         """Take no more scenes, give up those that wait and stop the running tree."""
-        self._shut = reason
-        self._drop_queue("SHUTTING_DOWN", reason)
+        self._arrivals.take_no_more(reason, now)
+        self._ask_again(math.inf)
         if self._interaction is not None:
-            self._interaction.stop(Stop(reason=reason), now)
+            self._interaction.stop(Stop(reason=reason, code=SHUTTING_DOWN), now)
         return self._settle(now)
 
     def scene(self, scene: Scene, now: float) -> list[Effect]:
         """Take a new scene: start an interaction, let it wait, or refuse it."""
-        try:
-            self._admit(scene, now)
-        except Refused as refused:
-            self._refuse_scene(scene.scene_id, refused.code, refused.reason)
+        self._arrivals.take(scene, self._interaction)
+        return self._settle(now)
+
+    def malformed(self, scene_id: str, refused: Refused, now: float) -> list[Effect]:
+        """End a scene that could not be read; ``scene_id`` as far as it was found."""
+        self._arrivals.refuse(scene_id, refused.code, refused.reason)
+        return self._settle(now)
+
+    def unreported(self, host: str, runs: Iterable[EarlierRun], now: float) -> list[Effect]:
+        """Take runs of an earlier market that a registered host has to tell the end of."""
+        self._earlier.take(host, runs, now, obstacle=self._arrivals.shut)
         return self._settle(now)
 
     def register(self, registration: Registration, now: float) -> tuple[Answer, list[Effect]]:
@@ -122,26 +137,31 @@ class Market:
 
     def called(self, round_number: int, now: float) -> list[Effect]:
         """Start the clock of the round, as its call for bids is published."""
-        if self._interaction is not None and round_number == self._floor.round:
-            self._interaction.called(now)
+        for open_round in self._open_rounds():
+            if open_round.number == round_number:
+                open_round.called(now)
         return self._settle(now)
 
     def bids(self, bids: Bids, now: float) -> list[Effect]:
         """Take a host's answer, whatever it looks like."""
-        interaction = self._interaction
-        bidding = interaction is not None and interaction.bidding
-        newest_closed = self._floor.round - 1 if bidding else self._floor.round
-        if bids.epoch == self.epoch and 0 < bids.round <= newest_closed:
+        rounds = self._open_rounds()
+        numbers = [open_round.number for open_round in rounds]
+        past = bids.epoch == self.epoch and 0 < bids.round <= self._floor.rounds
+        if past and bids.round not in numbers:
             self.late_bids += 1
             self._note(f"LATE: bids of {bids.host} for round {bids.round}, which is closed")
-        elif interaction is not None and bidding:
-            interaction.take(bids, now)
-        else:
+        elif not rounds:
             try:
-                check_round(bids, self.epoch, self._floor.round)
+                check_round(bids, self.epoch, self._floor.rounds)
                 self._note(f"bids of {bids.host} refused: no round has been opened yet")
             except Refused as refused:
                 self._note(f"bids of {bids.host} refused: {refused}")
+        else:
+            # What belongs to no open round is recorded with the first one.
+            named = (r for r in rounds if r.number == bids.round)
+            next(named, rounds[0]).take(bids)
+            if self._interaction is not None:
+                self._interaction.close_when_due(now)
         return self._settle(now)
 
     def goal_accepted(self, goal: Goal, now: float) -> list[Effect]:
@@ -168,8 +188,8 @@ class Market:
 
     def collected(self, round_number: int, message: str, now: float) -> list[Effect]:
         """The feedback service has answered, or will not answer; ``message`` says which."""
-        if self._interaction is not None and round_number == self._floor.round:
-            self._interaction.collected(message, now)
+        if self._interaction is not None and round_number == self._interaction.round:
+            self._interaction.collected(message)
         return self._settle(now)
 
     def cancel(
@@ -186,7 +206,7 @@ class Market:
         Returns:
             Whether it is done, the answer in words, and the effects.
         """
-        current = self._floor.round
+        current = self._interaction.round if self._interaction else self._last_round
         if epoch not in ("", self.epoch):
             accepted, message = False, f"the market '{epoch}' is gone, this one is '{self.epoch}'"
         elif self._interaction is None:
@@ -200,6 +220,7 @@ class Market:
 
     def tick(self, now: float) -> list[Effect]:
         """Act on leases and deadlines that have passed."""
+        self._ask_again(now)
         if self._interaction is not None:
             self._interaction.tick(now)
         return self._settle(now)
@@ -209,46 +230,25 @@ class Market:
             self._interaction.check_host(now)
         return self._settle(now)
 
-    def _admit(self, scene: Scene, now: float) -> None:
-        if self._shut:
-            raise Refused("SHUTTING_DOWN", self._shut)
-        if scene.scene_id in self._known_scenes:
-            raise Refused(
-                "DUPLICATE",
-                f"scene '{scene.scene_id}' was taken before; give every scene an id of its own",
-            )
-        if self._interaction is not None:
-            self._admit_meanwhile(scene, self._interaction, now)
-        self._known_scenes.append(scene.scene_id)
-        self._queue.append(scene)
+    def _ask_again(self, now: float) -> None:
+        for scene in self._earlier.due(now):
+            self._arrivals.take(scene, self._interaction)
 
-    def _admit_meanwhile(self, scene: Scene, interaction: Interaction, now: float) -> None:
-        busy = f"scene '{interaction.origin.scene_id}' is under way"
-        limit = self.settings.queue_limit
-        if self.settings.on_new_scene == "refuse":
-            raise Refused("BUSY", f"{busy} and on_new_scene is 'refuse'")
-        if self.settings.on_new_scene == "preempt":
-            reason = f"preempted by scene '{scene.scene_id}'"
-            self._drop_queue("PREEMPTED", reason)
-            interaction.stop(Stop(reason=reason), now)
-        elif len(self._queue) >= limit:
-            raise Refused("QUEUE_FULL", f"{busy} and {len(self._queue)} wait, at most {limit} may")
-
-    def _drop_queue(self, code: str, reason: str) -> None:
-        while self._queue:
-            self._refuse_scene(self._queue.popleft().scene_id, code, reason)
-
-    def _refuse_scene(self, scene_id: str, code: str, reason: str) -> None:
-        self._floor.effects.append(SceneRefused(scene_id=scene_id, code=code, reason=reason))
+    def _open_rounds(self) -> list[OpenRound]:
+        of_interaction = self._interaction.open_round if self._interaction else None
+        return [r for r in (of_interaction, self._arrivals.open_round) if r is not None]
 
     def _note(self, message: str) -> None:
         self._floor.effects.append(Note(message=message))
 
     def _settle(self, now: float) -> list[Effect]:
         """End what is over, begin what waits, report a changed state, hand over the effects."""
+        self._arrivals.mind(self._interaction, now)
+        if self._interaction is not None:
+            self._interaction.go_on(now)
         self._finish()
-        while self._interaction is None and self._queue:
-            self._interaction = Interaction(self._floor, self._queue.popleft(), now)
+        while self._interaction is None and (scene := self._arrivals.next()) is not None:
+            self._interaction = Interaction(self._floor, scene, now)
             self._finish()
         status = self._describe(now)
         effects = self._floor.effects
@@ -264,9 +264,10 @@ class Market:
             return
         scene_id = interaction.origin.scene_id
         self._finished_scene_id = scene_id
-        self._last_words = f"scene '{scene_id}' is over: {interaction.over}"
+        self._last_round = interaction.round
+        self._last_words = f"scene '{scene_id}' is over: {interaction.over.message}"
         self._interaction = None
-        self._floor.effects.append(SceneOver(scene_id=scene_id, message=interaction.over))
+        self._floor.effects.append(interaction.over)
 
     def _describe(self, now: float) -> StatusChanged:
         interaction = self._interaction
@@ -274,12 +275,12 @@ class Market:
         live = self._floor.registry.live(now)
         return StatusChanged(
             state=self.state,
-            round=self._floor.round,
+            round=interaction.round if interaction else self._last_round,
             scene_id=interaction.origin.scene_id if interaction else "",
             agent=goal.agent if goal else "",
             host=goal.host if goal else "",
             finished_scene_id=self._finished_scene_id,
-            queued=len(self._queue),
+            queued=len(self._arrivals),
             hosts=len(live),
             agents=sum(len(entry.agents) for entry in live),
             message=interaction.words() if interaction else self._last_words,

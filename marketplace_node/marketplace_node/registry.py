@@ -13,6 +13,12 @@ _AGENT_NAME = re.compile(r"[a-z][a-z0-9_]*")
 _ROS_NAME = re.compile(r"(/(?!\w*__)[A-Za-z_][A-Za-z0-9_]*)+", re.ASCII)
 _MAX_NAME = 180
 
+FIRST_BEAT_S = 3.0
+"""A start of a host that was never heard is alive for so long beyond its lease [s].
+
+The middleware takes its time to connect the market to the heartbeat of a host that is new.
+"""
+
 
 @dataclass(frozen=True, kw_only=True)
 class Registration:
@@ -69,7 +75,8 @@ class Registry:
     Ids count from 1 and stay with an agent's name for the life of the market.
 
     Attributes:
-        lease_s: A host is alive this long after its last heartbeat or registration [s].
+        lease_s: A host is alive this long after its last heartbeat or registration [s]; see
+            :data:`FIRST_BEAT_S` for a host without any heartbeat yet.
     """
 
     def __init__(self, parameters: tuple[str, ...], lease_s: float) -> None:
@@ -77,6 +84,7 @@ class Registry:
         self._parameters = parameters
         self._entries: dict[str, HostEntry] = {}
         self._seen: dict[str, float] = {}
+        self._heard: dict[str, str] = {}
         self._ids: dict[str, int] = {}
 
     def register(self, registration: Registration, now: float) -> Answer:
@@ -111,7 +119,8 @@ class Registry:
             heartbeat=registration.heartbeat,
             agents=agents,
         )
-        self._seen[registration.host] = now
+        known = self._heard.get(registration.host) == registration.instance
+        self._seen[registration.host] = now if known else now + FIRST_BEAT_S
         refused_count = len(registration.agents) - len(agents)
         message = f"{registration.host} is registered with {len(agents)} agents"
         if refused_count:
@@ -122,6 +131,7 @@ class Registry:
         """Forget a host; its agents keep their ids."""
         self._entries.pop(host, None)
         self._seen.pop(host, None)
+        self._heard.pop(host, None)
 
     def beat(self, host: str, instance: str, now: float) -> bool:
         """Note a heartbeat; return False when it is not from a registered start of a host."""
@@ -129,6 +139,7 @@ class Registry:
         if entry is None or entry.instance != instance:
             return False
         self._seen[host] = now
+        self._heard[host] = instance
         return True
 
     def excuse(self, since: float, now: float) -> None:

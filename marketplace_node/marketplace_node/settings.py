@@ -10,9 +10,10 @@ from typing import Final
 from bt_agents.errors import Refused
 from marketplace_node.strategies import STRATEGIES
 
-ON_NEW_SCENE: Final = ("queue", "refuse", "preempt")
+ON_NEW_SCENE: Final = ("queue", "reject", "preempt")
 TIE_BREAKS: Final = ("least_recently_run", "name")
 MAX_QUEUE: Final = 100
+MAX_MARGIN: Final = 100.0
 
 SECONDS: Final = {
     "bid_deadline_s": (0.01, 60.0),
@@ -20,6 +21,7 @@ SECONDS: Final = {
     "goal_deadline_s": (0.1, 60.0),
     "cancel_deadline_s": (0.1, 600.0),
     "collect_deadline_s": (0.05, 600.0),
+    "preempt_cooldown_s": (0.0, 600.0),
 }
 """Allowed range of each duration [s]."""
 
@@ -37,6 +39,9 @@ class Settings:
         collect_deadline_s: Time for the feedback service to answer [s].
         on_new_scene: What happens to a scene that comes during an interaction.
         queue_limit: How many scenes may wait.
+        preempt_margin: A running agent is stopped for another one that is nearer to the new scene
+            by at least this distance.
+        preempt_cooldown_s: After such a stop there is none other for this long [s].
         tie_break: Which of equally distant bids wins.
 
     Raises:
@@ -45,12 +50,14 @@ class Settings:
 
     strategy: str = "manhattan"
     bid_deadline_s: float = 0.5
-    host_lease_s: float = 1.0
+    host_lease_s: float = 0.8
     goal_deadline_s: float = 2.0
     cancel_deadline_s: float = 5.0
     collect_deadline_s: float = 2.0
     on_new_scene: str = "queue"
     queue_limit: int = 10
+    preempt_margin: float = 1.0
+    preempt_cooldown_s: float = 5.0
     tie_break: str = "least_recently_run"
 
     def __post_init__(self) -> None:
@@ -61,6 +68,7 @@ class Settings:
         for name, (least, most) in SECONDS.items():
             _check_range(name.removesuffix("_s"), getattr(self, name), least, most, " s")
         _check_range("queue_limit", self.queue_limit, 0, MAX_QUEUE, "")
+        _check_range("preempt_margin", self.preempt_margin, 0.0, MAX_MARGIN, "")
 
 
 def _check_choice(name: str, found: str, choices: tuple[str, ...]) -> None:

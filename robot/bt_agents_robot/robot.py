@@ -11,12 +11,12 @@ from typing import Any
 
 from rclpy.action import ActionServer, CancelResponse
 from rclpy.clock import Clock, ClockType
-from rclpy.node import Node
 from rclpy.task import Future
-from std_msgs.msg import String
+from std_msgs.msg import Empty, String
 
 from bt_agents.errors import Refused
 from bt_agents.ros import qos
+from bt_agents.ros.node import GuardedNode
 from bt_agents.ros.parameters import declare, describe
 from bt_agents.ros.runner import run
 from bt_agents_interfaces.action import Ask as AskAction
@@ -38,6 +38,7 @@ MOST_WAITING = 5
 RESULT_TIMEOUT_S = 5
 """How long results are kept [s]; the rclpy default of 900 s slows every further goal."""
 
+_HEARTBEAT_S = 0.1
 _SLOWEST_TICK_S, _FASTEST_TICK_S = 0.02, 0.005
 _FEEDBACK_STEP = 0.1
 
@@ -52,7 +53,7 @@ class _Performed:
     told: float = 0.0
 
 
-class RobotNode(Node):
+class RobotNode(GuardedNode):
     """The simulated robot; its parameters are ``pace`` and ``voice``.
 
     Args:
@@ -79,6 +80,12 @@ class RobotNode(Node):
         self._stopping = False
         self._transcript = self.create_publisher(String, "robot/transcript", qos.EVENTS)
         self._questions = self.create_publisher(String, "robot/questions", qos.EVENTS)
+        self._heartbeat = self.create_publisher(Empty, "robot/heartbeat", qos.SENSOR)
+        self.create_timer(
+            _HEARTBEAT_S,
+            lambda: self._heartbeat.publish(Empty()),
+            clock=Clock(clock_type=ClockType.STEADY_TIME),
+        )
         self._timer = self.create_timer(
             min(max(_SLOWEST_TICK_S / self._pace, _FASTEST_TICK_S), _SLOWEST_TICK_S),
             self._tick,

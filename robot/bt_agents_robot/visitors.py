@@ -19,13 +19,16 @@ from bt_agents.language.scene_reader import read_scene
 from bt_agents.language.script_reader import read_script
 from bt_agents.language.specs import BindingKind, Change, SceneSpec, Script, SourceSpec, Visit
 from bt_agents.ros import qos
+from bt_agents.ros.calls import Calls
 from bt_agents.ros.interfaces import fill, load_type, read_field
+from bt_agents.ros.node import GuardedNode
 from bt_agents.ros.parameters import declare, describe
 from bt_agents.ros.runner import run
 from bt_agents.ros.startup import TREES, StartParameter, make_from_parameters
 from bt_agents.trees_folder import find_trees
 from bt_agents_interfaces.msg import MarketStatus, Run
 from bt_agents_interfaces.msg import Scene as SceneMsg
+from bt_agents_interfaces.srv import Analyze
 from bt_agents_robot.people import REACTION_S, field_value, nested, pause_after, readings
 from scene_layer.script import Market, Performance, answer
 
@@ -78,7 +81,7 @@ class _Sensor:
         return example
 
 
-class VisitorsNode(Node):
+class VisitorsNode(GuardedNode):
     """Plays a script as people who come, are sensed, react and leave.
 
     Args:
@@ -138,6 +141,8 @@ class VisitorsNode(Node):
         buttons = {topic for visit in self._script.visits for topic in visit.buttons}
         self._buttons = {t: self.create_publisher(Bool, t, qos.EVENTS) for t in sorted(buttons)}
         self._trigger = self.create_publisher(Empty, "scene_layer/trigger", qos.EVENTS)
+        self._analyze = self.create_client(Analyze, "scene_layer/analyze", qos_profile=qos.SERVICE)
+        self._calls = Calls(self)
         self._answers = self.create_publisher(String, "answers", qos.EVENTS)
         self._current = self.create_publisher(String, "visitors/current", qos.FACT)
         self._done = self.create_publisher(Bool, "visitors/done", qos.FACT)
@@ -229,7 +234,23 @@ class VisitorsNode(Node):
         elif now >= self._trigger_at:
             self._trigger_at = math.inf
             self._awaiting_scene = True
-            self._trigger.publish(Empty())
+            visit = self._performance.visit
+            if visit is not None and visit.urgent:
+                self._ask_urgently()
+            else:
+                self._trigger.publish(Empty())
+
+    def _ask_urgently(self) -> None:
+        """Ask for the scene by the service, as a trigger cannot say how urgent it is."""
+        self._calls.call(
+            self._analyze,
+            Analyze.Request(urgent=True, announce=True),
+            deadline_s=COMPLAIN_S,
+            on_answer=lambda _: None,
+            on_failure=lambda reason: self.get_logger().warning(
+                f"the scene is not there: {reason}"
+            ),
+        )
 
     def _listened(self) -> list[Publisher]:
         values = readings(self._spec, self._values, self._person)

@@ -1,2 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """The scene layer: from readings to the vector that describes an interaction."""
+
+from bt_agents.starting import start
+
+
+def main() -> int:
+    """Run the scene layer; return the exit code."""
+    return start("scene_layer.node")

@@ -50,6 +50,7 @@ class Interaction:
     label: str = ""
     values: Mapping[str, Reading]
     person: Reading | None = None
+    urgent: bool = False
 
     def with_given(
         self, values: Mapping[str, float], person: bool | None, now: float
@@ -79,9 +80,11 @@ class Estimate:
         values: Mapping[str, float],
         person: bool | None,
         now: float,
+        *,
+        urgent: bool = False,
     ) -> Interaction:
         """Open an interaction with the checked values given for it; a None person is measured."""
-        empty = Interaction(scene_id=scene_id, label=label, values={})
+        empty = Interaction(scene_id=scene_id, label=label, values={}, urgent=urgent)
         return self._keep(empty.with_given(values, person, now))
 
     def give(
@@ -98,7 +101,7 @@ class Estimate:
             return known
         given = {v.name: v.value for v in scene.values if v.origin is Origin.GIVEN}
         person = None if self._spec.person else scene.person
-        return self.begin(scene.scene_id, scene.label, given, person, now)
+        return self.begin(scene.scene_id, scene.label, given, person, now, urgent=scene.urgent)
 
     def scene(self, scene_id: str, *, now: float, stamp: float) -> Scene:
         """Put the scene of an interaction together.
@@ -114,6 +117,7 @@ class Estimate:
             scene_id=scene_id,
             label=known.label,
             person=self._person(known, values, now),
+            urgent=known.urgent,
             values=values,
             stamp=stamp,
         )

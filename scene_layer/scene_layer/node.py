@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import Any
 
 from rclpy.clock import Clock, ClockType
-from rclpy.node import Node
 from std_msgs.msg import Empty
 
 from bt_agents.errors import Refused
@@ -22,6 +21,7 @@ from bt_agents.ros import qos
 from bt_agents.ros.installed import InstalledInterfaces
 from bt_agents.ros.interfaces import load_type, read_field
 from bt_agents.ros.messages import scene_from_msg, scene_to_msg
+from bt_agents.ros.node import GuardedNode
 from bt_agents.ros.parameters import declare, describe
 from bt_agents.ros.runner import run
 from bt_agents.ros.startup import TREES, StartParameter, make_from_parameters
@@ -45,7 +45,7 @@ _PERSON = {
 }
 
 
-class SceneLayerNode(Node):
+class SceneLayerNode(GuardedNode):
     """Listens to the sources, or plays a script in their stead, and publishes scenes.
 
     Args:
@@ -152,7 +152,7 @@ class SceneLayerNode(Node):
             return response
         person = _PERSON[request.person]
         if request.announce:
-            scene = self._announce(request.label, values, person)
+            scene = self._announce(request.label, values, person, urgent=request.urgent)
             response.message = f"scene {scene.scene_id} announced"
         else:
             scene = self._give(values, person)
@@ -161,10 +161,17 @@ class SceneLayerNode(Node):
         response.scene = scene_to_msg(scene)
         return response
 
-    def _announce(self, label: str, values: dict[str, float], person: bool | None) -> Scene:
+    def _announce(
+        self,
+        label: str,
+        values: dict[str, float],
+        person: bool | None,
+        *,
+        urgent: bool = False,
+    ) -> Scene:
         now = time.monotonic()
         self._announced_id = self._ids()
-        self._estimate.begin(self._announced_id, label, values, person, now)
+        self._estimate.begin(self._announced_id, label, values, person, now, urgent=urgent)
         scene = self._put_together(self._announced_id, now)
         self._scene.publish(scene_to_msg(scene))
         return scene
@@ -281,7 +288,7 @@ class SceneLayerNode(Node):
             self._give(dict(change.values), change.person)
 
     def _begin(self, performance: Performance, visit: Visit) -> None:
-        scene = self._announce(visit.label, dict(visit.values), visit.person)
+        scene = self._announce(visit.label, dict(visit.values), visit.person, urgent=visit.urgent)
         performance.announced(scene.scene_id)
         self.get_logger().info(f"visit {performance.number}: {visit.label}")
 

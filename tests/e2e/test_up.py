@@ -3,13 +3,16 @@
 
 from __future__ import annotations
 
+import os
 import re
+import signal
+import time
 from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
-from programs import Program
+from programs import HANG_S, Program, alive, children
 
 pytestmark = pytest.mark.e2e
 
@@ -91,3 +94,109 @@ def test_an_unknown_ros_type_is_an_error_at_load_that_names_it(start: Start, tre
         path.read_text() for path in Path(trees).parent.glob("state/bt-agents/logs/*/agents.log")
     )
     assert re.search(r"silent_text\.yaml:\d+:\d+: error\[.*nav9_msgs/msg/Bool", logs)
+
+
+COMPONENTS = {
+    "marketplace": "marketplace_node.node",
+    "scene_layer": "scene_layer.node",
+    "agents": "bt_agents.ros.host",
+    "feedback": "feedback_node.node",
+    "robot": "bt_agents_robot.robot",
+}
+
+
+def process_of(up: Program, component: str) -> int:
+    """Return the pid of a component that runs."""
+    [pid] = [
+        pid
+        for pid in children(up.process.pid)
+        if COMPONENTS[component] in Path(f"/proc/{pid}/cmdline").read_text().split("\0")
+    ]
+    return pid
+
+
+GREETER = """
+format: 1
+agent: greeter
+title: Greeter
+description: says one thing
+profile: {age: 3, familiarity: 3, mood: 3}
+tree: {say: Hello.}
+"""
+
+
+def test_each_killed_component_comes_back_and_then_an_agent_runs_to_its_end(
+    start: Start, ask: Ask, trees: Path
+) -> None:
+    for agent in (trees / "agents").iterdir():
+        agent.unlink()
+    (trees / "agents" / "greeter.yaml").write_text(GREETER)
+    up = start("up", str(trees), "--no-voice")
+    up.until("ready after")
+    for component in COMPONENTS:
+        pid = process_of(up, component)
+        os.kill(pid, signal.SIGKILL)
+        ended = up.until(
+            rf"^{component} ended \(killed by signal 9\): starting it again in 0\.5 s"
+        )
+        assert Path(ended.partition("(log: ")[2].rstrip(")\n")).is_file()
+        up.until(rf"^{component} is back after \d+\.\d s")
+        assert process_of(up, component) != pid
+    end = time.monotonic() + HANG_S
+    while "greeter succeeded" not in up.seen(1.0):
+        assert time.monotonic() < end, up.output
+        ask("trigger", "age=3", "--label", "after all that", code=None)
+    assert len(children(up.process.pid)) == len(COMPONENTS)
+    pids = children(up.process.pid)
+    code, seconds = up.stop()
+    assert code == 0
+    assert seconds < 2.0
+    assert "Traceback" not in up.output
+    assert not [pid for pid in pids if alive(pid)]
+
+
+def test_a_ctrl_c_while_a_component_waits_for_its_new_start_ends_everything(start: Start) -> None:
+    up = start("up", "--no-voice")
+    up.until("ready after")
+    for _ in range(2):  # so that the wait is a whole second
+        os.kill(process_of(up, "robot"), signal.SIGKILL)
+        up.until("robot ended")
+        if "in 1 s" in up.output:
+            break
+        up.until("robot is back")
+    code, seconds = up.stop()
+    assert code == 0
+    assert seconds < 2.0
+    assert "stopped" in up.output
+    assert "Traceback" not in up.output
+
+
+def test_a_component_that_cannot_start_at_all_ends_up_with_its_words(
+    start: Start, tmp_path: Path
+) -> None:
+    (tmp_path / "file").write_text("")
+    up = start("up", "--no-voice", "--ledger", str(tmp_path / "file" / "ledger.sqlite"))
+    assert up.wait() == 1
+    assert "feedback ended with exit code 1; its last words:" in up.output
+    assert "ledger.sqlite" in up.output
+
+
+def test_of_two_systems_started_at_once_one_runs_and_the_other_says_which(start: Start) -> None:
+    both = [start("up", "--no-voice") for _ in range(2)]
+    end = time.monotonic() + HANG_S
+    while all(up.process.poll() is None for up in both):
+        assert time.monotonic() < end
+        time.sleep(0.05)
+    [loser] = [up for up in both if up.process.poll() is not None]
+    [winner] = [up for up in both if up is not loser]
+    assert loser.wait() == 1
+    assert re.search(
+        rf"already runs on ROS domain \d+: 'bt-agents up' of /.* \(process {winner.process.pid}\)",
+        loser.output,
+    )
+    winner.until("ready after")
+    assert start("demo", "--no-voice").wait() == 1
+    assert winner.stop()[0] == 0
+    again = start("up", "--no-voice")
+    again.until("ready after")
+    assert again.stop()[0] == 0

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, rule
 
 from market_driver import Driver, scene
+from marketplace_node.auction import Outcome
 from marketplace_node.effects import (
     AnnounceRun,
     CancelGoal,
@@ -19,8 +20,6 @@ from marketplace_node.effects import (
     OpenCall,
     PublishAuction,
     RunEventKind,
-    SceneOver,
-    SceneRefused,
     SendGoal,
     State,
 )
@@ -36,12 +35,13 @@ class AnyMarket(RuleBasedStateMachine):
 
     @initialize(mode=st.sampled_from(ON_NEW_SCENE), limit=st.integers(0, 2))
     def open_market(self, mode: str, limit: int) -> None:
-        self.driver = Driver(on_new_scene=mode, queue_limit=limit)
+        self.mode = mode
+        self.driver = Driver(on_new_scene=mode, queue_limit=limit, preempt_cooldown_s=1.0)
         self.scenes = 0
         self.starts = 0
         self.seen = 0
         self.outstanding: Goal | None = None
-        self.open_round: int | None = None
+        self.open_rounds: set[int] = set()
         self.decided: list[int] = []
         for host, agents in AGENTS.items():
             self.driver.register(host, *agents, instance="start0")
@@ -61,12 +61,12 @@ class AnyMarket(RuleBasedStateMachine):
     def wait(self, seconds: float) -> None:
         self.driver.wait(seconds)
 
-    @rule(again=st.sampled_from([0, 0, 0, 1]))
-    def scene(self, again: int) -> None:
+    @rule(again=st.sampled_from([0, 0, 0, 1]), urgent=st.sampled_from([False, False, True]))
+    def scene(self, again: int, urgent: bool = False) -> None:
         if not (again and self.scenes):
             self.scenes += 1
         self.sent += 1
-        self.driver.scene(f"s{self.scenes}")
+        self.driver.scene(f"s{self.scenes}", urgent=urgent)
 
     @rule(
         host=hosts,
@@ -75,6 +75,7 @@ class AnyMarket(RuleBasedStateMachine):
         spoil=st.sampled_from(
             [{}, {}, {}, {}, {"epoch": "x"}, {"agent_ids": (1,) * 3}, {"round": 0}, {"round": 99}]
         ),
+        challenge=st.booleans(),
     )
     def bid(
         self,
@@ -82,8 +83,11 @@ class AnyMarket(RuleBasedStateMachine):
         bids: list[tuple[float, float, float]],
         decline: bool,
         spoil: dict[str, Any],
+        challenge: bool,
     ) -> None:
         first, second = AGENTS[host]
+        if challenge and self.driver.calls:
+            spoil = {"round": self.driver.calls[-1].round} | spoil
         vectors = {first: bids[0]} if decline else {first: bids[0], second: bids[1]}
         declined = {second: "needs a rest"} if decline else {}
         self.driver.bid(host, vectors, declined, **spoil)
@@ -131,22 +135,25 @@ class AnyMarket(RuleBasedStateMachine):
         news, self.seen = self.driver.effects[self.seen :], len(self.driver.effects)
         for effect in news:
             self.check(effect)
-        ends = len(self.driver.all(SceneOver)) + len(self.driver.all(SceneRefused))
+        ends = len(self.driver.ends)
         under_way = self.driver.status.queued + (self.driver.status.state is not State.IDLE)
         assert self.sent == ends + under_way, "every scene has one end or is still to end"
 
     def check(self, effect: Effect) -> None:
         match effect:
             case OpenCall():
-                assert self.open_round is None
-                assert self.outstanding is None, "no round while a tree may run"
-                self.open_round = effect.round
+                assert not self.open_rounds, "a round for an award or a challenge, never both"
+                assert self.outstanding is None or self.mode == "preempt"
+                self.open_rounds.add(effect.round)
             case PublishAuction():
                 number = effect.decision.terms.round
-                assert self.open_round in (None, number)
-                self.open_round = None
+                self.open_rounds.discard(number)
                 self.decided.append(number)
                 assert self.decided == list(range(1, number + 1)), "one outcome a round"
+                if effect.decision.outcome in (Outcome.PREEMPTS, Outcome.WAITS):
+                    assert self.mode == "preempt"
+                else:
+                    assert self.outstanding is None, "no award while a tree may run"
             case SendGoal():
                 assert self.outstanding is None, "never two goals outstanding"
                 self.outstanding = effect.goal

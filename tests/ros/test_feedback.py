@@ -227,6 +227,7 @@ def test_without_a_list_there_is_nothing_to_collect(scenario):
 def test_a_collection_that_makes_no_sense_is_refused(scenario, fields, code):
     room = scenario(SimulatedFeedback(each={"guide": (5.0, 5.0, 5.0)}))
     room.introduce()
+    room.node._cards_until = 0.0
     answer = room.collect(**fields)
     assert (answer.accepted, answer.applied, answer.code) == (False, False, code)
     assert room.table()["guide"] == (0, [4.0, 1.5, 3.0])
@@ -404,3 +405,83 @@ def test_two_who_give_at_once_are_both_answered_in_order(scenario):
     room.ros.until(lambda: all(future.done() for future in futures))
     assert sorted(future.result().feedback.revision for future in futures) == [1, 2, 3, 4, 5]
     assert [one.revision for one in room.host.told] == [1, 2, 3, 4, 5]
+
+
+# --- feedback that was kept while the node was away -----------------------------------------
+
+
+def test_kept_feedback_that_comes_before_the_card_of_its_agent_waits_for_it(scenario):
+    room = scenario(SimulatedFeedback(sequence=((5.0, 5.0, 5.0),)))
+    room.ros.until(lambda: room.give_client.service_is_ready())
+    room.ros.until(lambda: room.collect_client.service_is_ready())
+    given = room.give_client.call_async(
+        GiveFeedback.Request(feedback_id="tree/1", agent="guide", kind=1, scene=scene(5.0))
+    )
+    collected = room.collect_client.call_async(
+        CollectFeedback.Request(epoch="e", round=1, agent="guide", outcome=1, scene=scene(4.0))
+    )
+    room.ros.turns()
+    assert not given.done()
+    assert not collected.done()
+    room.introduce()
+    room.ros.until(lambda: given.done() and collected.done())
+    assert given.result().accepted
+    assert collected.result().applied
+    assert room.table()["guide"][0] == 2
+
+
+def test_feedback_without_an_id_was_not_kept_so_nobody_waits_for_a_card(scenario):
+    room = scenario()
+    assert room.give(agent="guide", kind=1).code == "UNKNOWN_AGENT"
+
+
+def test_late_feedback_is_about_the_scene_that_it_names(scenario):
+    room = scenario()
+    room.introduce()
+    room.run()
+    late = scene(5.0, "s0")
+    late.values[0].value, late.values[1].value = 1.0, 5.0
+    answer = room.give(feedback_id="tree/1", agent="guide", kind=Feedback.POSITIVE, scene=late)
+    assert list(answer.feedback.after) == [2.5, 3.25, 4.0]
+    assert (answer.feedback.epoch, answer.feedback.round) == ("", 0)
+    now = room.give(agent="guide", kind=Feedback.POSITIVE, scene=scene(4.0))
+    assert (now.feedback.epoch, now.feedback.round) == ("e", 1)
+
+
+def test_a_scene_that_is_malformed_is_refused_with_its_feedback(scenario):
+    room = scenario()
+    room.introduce()
+    wrong = scene(4.0)
+    wrong.values[0].value = 77.0
+    answer = room.give(agent="guide", kind=Feedback.POSITIVE, scene=wrong)
+    assert (answer.accepted, answer.code) == (False, "OUT_OF_RANGE")
+    assert room.table()["guide"][0] == 0
+
+
+def test_a_tuned_profile_becomes_a_revision_at_once(scenario):
+    room = scenario()
+    room.introduce()
+    answer = room.give(
+        feedback_id="tuning/1", agent="guide", kind=Feedback.SET, values=[NAN, 5.0, NAN]
+    )
+    assert list(answer.feedback.after) == [4.0, 5.0, 3.0]
+    assert (answer.feedback.kind, answer.feedback.learning_rate) == (Feedback.SET, 1.0)
+    assert list(room.host.told[0].values) == [4.0, 5.0, 3.0]
+
+
+def test_a_host_that_did_not_answer_gets_its_profile_again_as_soon_as_it_is_there(scenario):
+    room = scenario(answers=False)
+    room.introduce()
+    assert "it is kept" in room.give(agent="guide", kind=0, values=[5.0, 5.0, 5.0]).message
+    late: list[SetProfile.Request] = []
+
+    def take(request: SetProfile.Request, response: SetProfile.Response) -> SetProfile.Response:
+        late.append(request)
+        response.accepted = True
+        return response
+
+    room.ros.node.create_service(SetProfile, "/agents/set_profile", take, qos_profile=qos.SERVICE)
+    room.ros.until(lambda: late)
+    assert (list(late[0].values), late[0].revision) == ([4.5, 3.25, 4.0], 1)
+    room.ros.turns(150)
+    assert len(late) == 1

@@ -18,16 +18,18 @@ from rclpy.parameter import Parameter
 from rclpy.task import Future
 
 from bt_agents.ros import qos
-from bt_agents.ros.messages import scene_to_msg
+from bt_agents.ros.messages import STOPPED_BY_MARKET, scene_to_msg
 from bt_agents_interfaces.action import RunAgent
 from bt_agents_interfaces.msg import (
     Auction,
     Bids,
     CallForBids,
     Heartbeat,
+    MarketHeartbeat,
     MarketStatus,
     Run,
     Scene,
+    SceneEnd,
     SceneValue,
 )
 from bt_agents_interfaces.srv import CancelRun, CollectFeedback, RegisterHost
@@ -54,6 +56,7 @@ class FakeHost(Node):
         self.goal: Any = None
         self.log: list[str] = []
         self.ended: Any = None
+        self.stopped_early = False
         self.answers = self.create_publisher(Bids, "bids", qos.EVENTS)
         self.heartbeats = self.create_publisher(Heartbeat, "~/heartbeat", qos.EVENTS)
         self.create_subscription(CallForBids, "calls", self.answer, qos.EVENTS)
@@ -114,16 +117,23 @@ class FakeHost(Node):
     def judge(self, goal: Any) -> GoalResponse:
         if goal.agent in self.refuses or self.goal is not None:
             return GoalResponse.REJECT
-        self.goal = goal
-        self.log.append(f"start {goal.agent}")
+        self.goal, self.stopped_early = goal, False
         return GoalResponse.ACCEPT
 
     def stop(self, _handle: Any) -> CancelResponse:
         if self.ended is not None and not self.ended.done():
             self.ended.set_result(RunAgent.Result.CANCELLED)
+        else:
+            self.stopped_early = True
         return CancelResponse.ACCEPT
 
     async def execute(self, handle: Any) -> RunAgent.Result:
+        if self.stopped_early:
+            self.log.append(f"never began {self.goal.agent}")
+            self.goal = None
+            handle.canceled()
+            return RunAgent.Result(outcome=RunAgent.Result.CANCELLED, message="never began")
+        self.log.append(f"start {self.goal.agent}")
         self.ended = Future(executor=self.executor)
         outcome = await self.ended
         self.log.append(f"end {self.goal.agent}")
@@ -154,6 +164,7 @@ class Stage:
         self.market = ros.add(MarketplaceNode(SPACE, "epoch", parameter_overrides=overrides))
         self.auctions = ros.collect(Auction, "auctions", qos.HISTORY)
         self.runs = ros.collect(Run, "runs", qos.HISTORY)
+        self.ends = ros.collect(SceneEnd, "scene_ends", qos.HISTORY)
         self.statuses = ros.collect(MarketStatus, "market", qos.FACT)
         self.scenes = ros.node.create_publisher(Scene, "scene", qos.EVENTS)
         self.registering = ros.node.create_client(
@@ -171,8 +182,8 @@ class Stage:
         host.agent_ids = list(answer.agent_ids)
         return host
 
-    def scene(self, scene_id: str = "s1") -> None:
-        self.scenes.publish(scene_to_msg(scene(scene_id)))
+    def scene(self, scene_id: str = "s1", *values: float, urgent: bool = False) -> None:
+        self.scenes.publish(scene_to_msg(scene(scene_id, *values, urgent=urgent)))
 
     def cancel(self, **fields: Any) -> CancelRun.Response:
         return self.ros.call(self.cancelling, CancelRun.Request(**fields))
@@ -220,7 +231,7 @@ def test_a_scene_leads_to_a_run_of_the_closest_agent(stage: Stage) -> None:
 
 def test_feedback_is_collected_from_the_service(ros: Any) -> None:
     stage = Stage(ros, collect_deadline=5.0)
-    requests: list[CollectFeedback.Request] = []
+    requests: list[Any] = []
 
     def collect(
         request: CollectFeedback.Request, response: CollectFeedback.Response
@@ -367,12 +378,28 @@ def test_hostile_scenes_are_refused_and_a_good_one_is_taken(stage: Stage) -> Non
     strange = SceneValue(name="x", value=1.0, origin=SceneValue.GIVEN)
     infinite = [SceneValue(name=name, value=math.inf, origin=2) for name in SPACE.names]
     unknown = [SceneValue(name=name, value=1.0, origin=77) for name in SPACE.names]
-    for values in ([], [strange], good.values[:2], infinite, unknown, [*good.values] * 2):
-        stage.scenes.publish(Scene(scene_id="bad", values=values))
+    bad = ([], [strange], good.values[:2], infinite, unknown, [*good.values] * 2)
+    for number, values in enumerate(bad):
+        stage.scenes.publish(Scene(scene_id=f"bad{number}", values=values))
     stage.scenes.publish(Scene(scene_id="", values=good.values))
+    stage.scenes.publish(Scene(scene_id="x" * 10_000, values=[]))
     stage.scene("s1")
-    stage.until_over("s1")
+    stage.scene("s1")
+    stage.ros.until(lambda: len(stage.ends) == len(bad) + 4)
 
+    assert [(end.scene_id, end.code) for end in stage.ends] == [
+        ("bad0", "EMPTY"),
+        ("bad1", "UNKNOWN_PARAMETER"),
+        ("bad2", "WRONG_LENGTH"),
+        ("bad3", "NOT_FINITE"),
+        ("bad4", "UNKNOWN_ORIGIN"),
+        ("bad5", "DUPLICATE_PARAMETER"),
+        ("", "EMPTY"),
+        ("x" * 200, "EMPTY"),
+        ("s1", "NO_BIDS"),
+        ("s1", "DUPLICATE"),
+    ]
+    assert all(end.message and end.epoch == "epoch" for end in stage.ends)
     assert [auction.scene.scene_id for auction in stage.auctions] == ["s1"]
 
 
@@ -418,11 +445,12 @@ def test_parameters_are_described_and_checked_before_they_count(stage: Stage) ->
     )
     setting = stage.ros.node.create_client(SetParameters, "marketplace/set_parameters")
     names = ["strategy", "bid_deadline", "on_new_scene", "tie_break", "queue_limit"]
+    names += ["preempt_margin", "preempt_cooldown", "host_lease"]
     described = stage.ros.call(describing, DescribeParameters.Request(names=names)).descriptors
 
     assert all(descriptor.description for descriptor in described)
     assert described[1].floating_point_range[0].to_value == 60.0
-    assert described[2].additional_constraints == "one of: queue, refuse, preempt"
+    assert described[2].additional_constraints == "one of: queue, reject, preempt"
 
     def set_to(name: str, **value: Any) -> Any:
         parameter = ParameterMsg(name=name, value=ParameterValue(**value))
@@ -434,7 +462,10 @@ def test_parameters_are_described_and_checked_before_they_count(stage: Stage) ->
     assert not set_to("bid_deadline", type=double, double_value=-1.0).successful
     assert not set_to("bid_deadline", type=double, double_value=math.nan).successful
     assert not set_to("bid_deadline", type=string, string_value="soon").successful
-    assert set_to("on_new_scene", type=string, string_value="refuse").successful
+    assert set_to("on_new_scene", type=string, string_value="reject").successful
+    assert not set_to("on_new_scene", type=string, string_value="refuse").successful
+    assert not set_to("preempt_margin", type=double, double_value=100.5).successful
+    assert set_to("preempt_cooldown", type=double, double_value=0.0).successful
     assert set_to("bid_deadline", type=double, double_value=0.1).successful
 
     stage.host().silent = True
@@ -452,3 +483,163 @@ def test_stopping_the_market_stops_the_tree(stage: Stage) -> None:
     stage.ros.until(stage.market.stopped)
 
     assert host.log == ["start attentive_guide", "end attentive_guide"]
+
+
+def test_the_market_has_a_heartbeat_that_names_its_epoch(stage: Stage) -> None:
+    heard = stage.ros.collect(MarketHeartbeat, "marketplace/heartbeat", qos.EVENTS)
+    stage.ros.until(lambda: len(heard) >= 5)
+
+    assert {beat.epoch for beat in heard} == {"epoch"}
+    numbers = [beat.sequence for beat in heard]
+    assert numbers == list(range(numbers[0], numbers[0] + len(numbers)))
+
+
+def test_a_nearer_agent_preempts_the_run_for_its_own_scene(ros: Any) -> None:
+    stage = Stage(ros, on_new_scene="preempt")
+    host = stage.host()
+    stage.scene("s1")
+    stage.until_event(Run.STARTED)
+    stage.scene("s2", 3.0, 5.0, 3.5)
+    started = stage.until_event(Run.STARTED, count=2)
+    host.finish()
+    ros.until(lambda: len(stage.ends) == 2)
+
+    assert [auction.outcome for auction in stage.auctions] == [
+        Auction.AWARDED,
+        Auction.PREEMPTS,
+        Auction.AWARDED,
+    ]
+    assert stage.auctions[1].reason == (
+        "professional_express 0.0 for the new scene, attentive_guide who runs has 5.0: better by "
+        "5.0, margin 1.0: attentive_guide is stopped"
+    )
+    assert (started.agent, started.round, started.scene.scene_id) == (EXPRESS, 3, "s2")
+    assert [(end.scene_id, end.code, end.agent) for end in stage.ends] == [
+        ("s1", "PREEMPTED", GUIDE),
+        ("s2", "SUCCEEDED", EXPRESS),
+    ]
+
+
+def test_a_challenge_whose_host_stays_silent_ends_at_the_deadline(ros: Any) -> None:
+    stage = Stage(ros, on_new_scene="preempt")
+    host = stage.host()
+    stage.scene("s1")
+    stage.until_event(Run.STARTED)
+    host.silent = True
+    stage.scene("s2", urgent=True)
+    ros.until(lambda: len(stage.auctions) == 2)
+
+    assert stage.auctions[1].outcome == Auction.WAITS
+    assert list(stage.auctions[1].silent_hosts) == ["/agents"]
+    assert stage.statuses[-1].state == MarketStatus.RUNNING
+    host.silent = False
+    host.finish()
+    assert stage.until_event(Run.STARTED, count=2).scene.scene_id == "s2"
+
+
+def earlier_run(stage: Stage, host: FakeHost, message: str) -> Run:
+    """Return a run that an earlier market has not heard the end of."""
+    return Run(
+        stamp=stage.market.get_clock().now().to_msg(),
+        epoch="earlier",
+        round=7,
+        event=Run.ENDED,
+        outcome=Run.CANCELLED,
+        scene=scene_to_msg(scene("old")),
+        agent=GUIDE,
+        agent_id=3,
+        host=host.host,
+        host_instance="first",
+        message=message,
+    )
+
+
+def test_a_run_of_an_earlier_market_is_recorded_and_its_scene_asked_for_again(
+    stage: Stage,
+) -> None:
+    host = stage.ros.add(FakeHost())
+    cut_off = earlier_run(stage, host, "its market is gone")
+    spoilt = [Run(), Run(epoch="earlier", round=8, event=Run.ENDED, outcome=77, agent=GUIDE)]
+    request = host.request(unreported=[*spoilt, cut_off, cut_off])
+    answer = stage.ros.call(stage.registering, request)
+    host.agent_ids = list(answer.agent_ids)
+    stage.ros.until(lambda: stage.ends)
+
+    (told,) = stage.runs
+    assert (told.epoch, told.round, told.outcome) == ("earlier", 7, Run.CANCELLED)
+    (end,) = stage.ends
+    assert (end.scene_id, end.code, end.agent) == ("old", "LOST", GUIDE)
+    assert end.message.endswith("asked again as scene 'old+again'")
+    stage.ros.until(lambda: stage.auctions)
+    assert stage.auctions[0].scene.scene_id == "old+again"
+
+
+def test_a_run_that_the_earlier_market_had_stopped_is_not_begun_again(stage: Stage) -> None:
+    host = stage.ros.add(FakeHost())
+    stopped = earlier_run(stage, host, f"{STOPPED_BY_MARKET}, after its clean-up")
+    stage.ros.call(stage.registering, host.request(unreported=[stopped]))
+    stage.ros.until(lambda: stage.ends)
+
+    assert [(end.scene_id, end.code) for end in stage.ends] == [("old", "CANCELLED")]
+
+
+def test_a_host_that_was_held_up_finds_the_cancel_beside_the_goal(ros: Any) -> None:
+    stage = Stage(ros, host_lease=0.5)
+    host = stage.host()
+    other = stage.host("others", **{PLAIN: FAR})
+    bids = host.answers
+
+    def hang(message: Bids) -> None:
+        bids.publish(message)
+        ros.executor.remove_node(host)
+        message.epoch = "nothing more"
+
+    host.distort = hang
+    stage.scene()
+    assert stage.until_event(Run.STARTED).agent == PLAIN
+    ros.executor.add_node(host)
+    ros.until(lambda: host.log)
+    ros.until(lambda: host.goal is None)
+
+    assert host.log == [f"never began {GUIDE}"]
+    assert other.log == [f"start {PLAIN}"]
+    assert [run.agent for run in stage.runs if run.event == Run.STARTED] == [PLAIN]
+
+
+def test_feedback_that_could_not_be_collected_is_kept_until_the_node_is_back(ros: Any) -> None:
+    stage = Stage(ros, collect_deadline=0.1)
+    host = stage.host()
+    stage.scene()
+    stage.until_event(Run.STARTED)
+    host.finish()
+    status = stage.until_over()
+    assert status.message.endswith("feedback is kept until the feedback node is back")
+    requests: list[Any] = []
+
+    def collect(request: Any, response: Any) -> Any:
+        requests.append(request)
+        return response
+
+    ros.node.create_service(CollectFeedback, "feedback/collect", collect, qos_profile=qos.SERVICE)
+    ros.until(lambda: requests)
+    ros.turns()
+
+    assert [(request.epoch, request.round) for request in requests] == [("epoch", 1)]
+    assert [end.code for end in stage.ends] == ["SUCCEEDED"]
+
+
+def test_a_full_line_that_ends_at_once_is_told_without_a_gap(ros: Any) -> None:
+    stage = Stage(ros, queue_limit=100, host_lease=0.5)
+    ends = ros.collect(SceneEnd, "scene_ends", qos.FACTS)
+    auctions = ros.collect(Auction, "auctions", qos.FACTS)
+    host = stage.host()
+    for number in range(101):
+        stage.scene(f"s{number}")
+    ros.until(lambda: stage.statuses[-1].queued == 100)
+    ros.remove(host)
+    ros.until(lambda: len(ends) >= 101 and len(auctions) >= 102)
+
+    assert [(end.scene_id, end.code) for end in ends] == [
+        ("s0", "LOST"),
+        *((f"s{number}", "NO_BIDS") for number in range(1, 101)),
+    ]

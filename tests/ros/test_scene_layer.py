@@ -125,6 +125,17 @@ def test_a_hundred_triggers_in_a_row_are_a_hundred_scenes(ros):
     assert [scene.scene_id for scene in layer.scenes] == [f"s{n}" for n in range(1, 101)]
 
 
+def test_a_scene_is_urgent_when_the_caller_or_the_script_says_so(ros):
+    visit = Visit(label="an alarm", person=False, values={"mood": 2.0}, urgent=True)
+    layer = Layer(ros, Script(title="", visits=(visit,)))
+    assert layer.analyze(urgent=True, announce=True).scene.urgent
+    assert not layer.analyze(announce=True).scene.urgent
+    ros.node.create_subscription(Scene, "scene", lambda _: None, qos.EVENTS)
+    layer.status(agents=1)
+    ros.until(lambda: len(layer.scenes) == 3)
+    assert [scene.urgent for scene in layer.scenes] == [True, False, True]
+
+
 def test_a_late_market_is_told_the_last_scene_only(ros):
     layer = Layer(ros)
     for _ in range(3):

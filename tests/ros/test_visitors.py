@@ -120,6 +120,17 @@ def test_visitors_are_sensed_one_after_the_other(ros):
     assert len(street.scenes) == 2
 
 
+def test_an_urgent_visitor_asks_for_an_urgent_scene(ros):
+    street = Street(ros, Visit(label="a", person=True, values={"mood": 4.0}, urgent=True))
+    street.idle()
+    ros.until(lambda: street.scenes)
+    assert street.scenes[0].urgent
+    assert measured(street.scenes[0]) == {"mood": 4.0}
+    street.start(1)
+    street.finish(1)
+    ros.until(lambda: street.done)
+
+
 def test_what_changes_during_the_run_is_sensed(ros):
     change = Change(after_s=1.0, values={"mood": 1.0}, person=False)
     angry = Visit(label="a", person=True, values={"mood": 4.0}, changes=(change,))

@@ -13,9 +13,9 @@ from click.testing import CliRunner
 
 from bt_agents.cli import check as check_module
 from bt_agents.cli.check import check, check_paths, summary, watched
-from bt_agents.cli.watching import PERIOD_S, changes, look_at
 from bt_agents.errors import BtAgentsError
 from bt_agents.language.checking import Checked, check_folder
+from bt_agents.watching import PERIOD_S, changes, look_at
 from stage import TREES
 
 GOOD = (

@@ -3,7 +3,10 @@
 
 from __future__ import annotations
 
+import asyncio
 import sys
+import time
+from collections.abc import Iterator
 from typing import Any
 
 import py_trees
@@ -168,6 +171,75 @@ def test_whatever_a_plug_in_raises_is_a_failure_with_path_and_place(
     }
     assert stage.message.startswith(words[type(error)])
     assert all("shutdown" in nod.calls for nod in Nod.made)
+
+
+def blocking(place: str) -> type:
+    class Blocking(Nod):
+        def __init__(self, name: str) -> None:
+            if place == "init":
+                time.sleep(60.0)
+            super().__init__(name, times=2)
+
+    def block(*_args: object, **_kwargs: object) -> Status:
+        time.sleep(60.0)
+        return Status.SUCCESS
+
+    def block_in_a_tick(_self: object) -> Iterator[object]:
+        yield block()
+
+    if place != "init":
+        setattr(Blocking, place, block_in_a_tick if place == "tick" else block)
+    return Blocking
+
+
+@pytest.mark.parametrize("place", ["init", "setup", "initialise", "update", "tick"])
+def test_a_plug_in_that_blocks_is_a_failure_with_path_and_place(place: str) -> None:
+    stage = Stage(plugged(blocking(place)))
+    began = time.monotonic()
+    assert stage.tick() == "failed"
+    assert time.monotonic() - began < 30.0
+    assert stage.message == "blocked for more than 0.25 s (tree, a.yaml:7:3)"
+    assert all("shutdown" in nod.calls for nod in Nod.made)
+
+
+@pytest.mark.parametrize("place", ["terminate", "shutdown", "stop"])
+def test_a_plug_in_that_blocks_at_its_end_does_not_hold_up_the_end(place: str) -> None:
+    stage = Stage(plugged(blocking(place)))
+    stage.tick()
+    stage.run.cancel("enough")
+    assert stage.outcome == "cancelled"
+    assert "blocked for more than 0.25 s (tree, a.yaml:7:3)" in stage.root.feedback_message
+
+
+def test_what_has_blocked_once_gets_less_time_to_block_again() -> None:
+    class Crowd(py_trees.composites.Sequence):
+        def __init__(self, name: str) -> None:
+            children = [blocking("shutdown")(f"{number}") for number in range(20)]
+            super().__init__(name, memory=True, children=children)
+
+    stage = Stage(plugged(Crowd))
+    stage.tick()
+    began = time.monotonic()
+    stage.run.cancel("enough")
+    assert stage.outcome == "cancelled"
+    assert time.monotonic() - began < 20 * 0.25
+
+
+def test_an_exception_that_is_no_error_is_a_failure_too() -> None:
+    stage = Stage(plugged(broken("update", asyncio.CancelledError("told so"))))
+    assert stage.tick() == "failed"
+    assert stage.message == "the plug-in raised CancelledError: told so (tree, a.yaml:7:3)"
+
+
+def test_a_message_as_long_as_it_likes_is_cut() -> None:
+    class Talker(Nod):
+        def update(self) -> Status:
+            self.feedback_message = "x" * 10_000_000
+            return Status.FAILURE
+
+    stage = Stage(plugged(Talker))
+    assert stage.tick() == "failed"
+    assert len(stage.message) == 500
 
 
 @pytest.mark.parametrize("place", ["terminate", "shutdown", "stop"])

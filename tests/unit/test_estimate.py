@@ -91,6 +91,15 @@ def test_a_given_value_counts_for_its_own_interaction_only():
     assert lab.values(3.0, "waiting") == ["missing", "given 1"]
 
 
+def test_an_urgent_scene_stays_urgent_for_its_own_interaction():
+    lab = Lab()
+    lab.estimate.begin("alarm", "", {"mood": 4.0}, None, 1.0, urgent=True)
+    lab.estimate.begin("calm", "", {"mood": 4.0}, None, 1.0)
+    lab.estimate.give("alarm", {"age": 2.0}, None, 2.0)
+    assert lab.scene(3.0, "alarm").urgent
+    assert not lab.scene(3.0, "calm").urgent
+
+
 def test_values_given_later_are_added():
     lab = Lab()
     lab.estimate.begin("s", "words", {"mood": 4.0}, True, 1.0)

@@ -111,7 +111,7 @@ def test_a_topic_is_explained_by_its_tables():
     assert "\n  round(x) or round(x, 2) for two digits behind the point\n" in (
         explained("expressions")
     )
-    assert "live.mood  live.person\n" in explained("names")
+    assert "live.mood  live.person  live.stale  the others have no value\n" in explained("names")
 
 
 def test_a_library_with_errors_explains_nothing(tmp_path):

@@ -172,7 +172,7 @@ def test_a_replayed_run_that_still_goes_on_is_watched_after_it_has_settled():
     room.teaching.started(run(), replayed=True)
     room.teaching.see(scene(5.0, 1.0))
     room.now = SETTLE_S
-    room.teaching.tick()
+    room.teaching.see(scene(5.0, 1.0))
     room.now = SETTLE_S + 1.0
     assert len(room.teaching.tick()) == 1
 
@@ -234,6 +234,42 @@ def test_positive_and_negative_feedback_take_the_last_scene_of_the_named_agent()
     assert room.teaching.give(Given(agent="guide", kind=2)).after == (3.5, 3.25)
 
 
+LATE = scene(1.0, 2.0, "s0")
+
+
+@pytest.mark.parametrize("ran_since", [True, False])
+def test_late_feedback_moves_towards_the_scene_that_it_is_about(ran_since):
+    room = Room()
+    if ran_since:
+        room.teaching.started(run(7))
+    change = room.teaching.give(Given(agent="guide", kind=1, scene=LATE))
+    assert change.after == (2.0, 2.5)
+    cause = change.revision.cause
+    assert (cause.scene_id, cause.epoch, cause.round) == ("s0", "", 0)
+
+
+def test_feedback_about_the_scene_of_the_last_run_belongs_to_that_run():
+    room = Room()
+    room.teaching.started(run(7))
+    change = room.teaching.give(Given(agent="guide", kind=2, scene=scene(5.0, 4.0)))
+    assert (change.after, change.revision.cause.round) == ((2.0, 2.5), 7)
+
+
+def test_a_profile_is_set_at_once_whatever_the_learning_rate():
+    room = Room()
+    change = room.teaching.give(
+        Given(feedback_id="t1", agent="guide", kind=3, values=(NAN, 4.5), source="tuning")
+    )
+    cause = change.revision.cause
+    assert (change.before, change.after) == ((3.0, 3.0), (3.0, 4.5))
+    assert (cause.kind, cause.rate, cause.source) == (Kind.SET, 1.0, "tuning")
+    assert change.words == "mood 3 → 4.5"
+    assert not room.teaching.give(
+        Given(feedback_id="t1", agent="guide", kind=3, values=(NAN, 4.5))
+    ).fresh
+    assert room.profile() == (3.0, 4.5)
+
+
 def test_direct_feedback_needs_no_run():
     room = Room()
     change = room.teaching.give(Given(agent="guide", kind=0, values=(5.0, NAN)))
@@ -251,6 +287,12 @@ def test_direct_feedback_needs_no_run():
         (Given(agent="guide", kind=2), "NO_SCENE"),
         (Given(agent="guide", kind=7), "UNKNOWN_KIND"),
         (Given(agent="guide", kind=1, values=(3.0, 3.0)), "WRONG_LENGTH"),
+        (Given(agent="guide", kind=1, scene=scene(NAN, NAN)), "NO_SCENE"),
+        (Given(agent="guide", kind=3), "WRONG_LENGTH"),
+        (Given(agent="guide", kind=3, values=(3.0,)), "WRONG_LENGTH"),
+        (Given(agent="guide", kind=3, values=(NAN, NAN)), "NO_OPINION"),
+        (Given(agent="guide", kind=3, values=(3.0, 5.1)), "OUT_OF_RANGE"),
+        (Given(agent="guide", kind=3, values=(-math.inf, 3.0)), "NOT_FINITE"),
         (Given(agent="guide", kind=0), "WRONG_LENGTH"),
         (Given(agent="guide", kind=0, values=(1.0, 2.0, 3.0)), "WRONG_LENGTH"),
         (Given(agent="guide", kind=0, values=(NAN, NAN)), "NO_OPINION"),
@@ -326,6 +368,40 @@ def test_a_collection_for_no_run_uses_up_no_row(asked, code):
         room.teaching.collect(asked)
     assert refusal.value.code == code
     assert room.teaching.collect(run(1)) is not None
+
+
+@pytest.mark.parametrize("repeat", [False, True])
+def test_a_restarted_node_goes_on_in_the_list_and_answers_again_what_it_has_applied(repeat):
+    rows = ((5.0, 5.0), (1.0, 1.0), (3.0, 3.0))
+
+    def prepared() -> SimulatedFeedback:
+        return SimulatedFeedback(each={"express": (4.0, 4.0)}, sequence=rows, repeat=repeat)
+
+    def collected(room: Room, number: int, agent: str = "guide") -> tuple[float, ...] | None:
+        change = room.teaching.collect(run(number, agent))
+        return None if change is None else change.target
+
+    room = Room(prepared())
+    collected(room, 1), collected(room, 2, "express"), collected(room, 3)
+    again = Room(prepared(), None)
+    again.teaching.profiles = room.profiles
+    assert collected(again, 3) == rows[1]
+    assert collected(again, 4) == rows[2]
+    assert collected(again, 5) == (rows[0] if repeat else None)
+    assert collected(again, 1) == rows[0]
+    assert len(room.profiles._ledger.history("guide")) == (5 if repeat else 4)
+
+
+def test_a_list_begins_at_its_first_row_for_another_market():
+    room = Room(SimulatedFeedback(sequence=((5.0, 5.0),)))
+    room.teaching.collect(run(1))
+    other = Teaching(
+        room.profiles,
+        clock=lambda: 0.0,
+        new_id=str,
+        simulated=SimulatedFeedback(sequence=((1.0, 1.0),)),
+    )
+    assert other.collect(replace(run(1), epoch="another")) is not None
 
 
 def test_the_third_experiment_of_the_paper_keeps_each_agent_on_its_own_feedback():

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from market_driver import EXPRESS, GUIDE, PLAIN, SPACE, registration
-from marketplace_node.registry import Registry
+from marketplace_node.registry import FIRST_BEAT_S, Registry
 
 
 @pytest.fixture
@@ -30,11 +30,36 @@ def test_ids_count_from_one_and_stay_with_the_name(registry: Registry) -> None:
 
 def test_registering_again_refreshes_the_list_and_the_lease(registry: Registry) -> None:
     registry.register(registration(), 0.0)
+    registry.beat("/agents", "first", 0.0)
     registry.register(registration(agents=(GUIDE,)), 0.9)
 
     assert dict(registry.entries()[0].agents) == {GUIDE: 1}
     assert [entry.host for entry in registry.live(1.8)] == ["/agents"]
     assert registry.live(2.0) == ()
+
+
+def test_the_lease_of_a_host_begins_with_its_first_heartbeat_or_after_an_allowance(
+    registry: Registry,
+) -> None:
+    registry.register(registration(), 0.0)
+    registry.register(registration("/others", (PLAIN,)), 0.0)
+    registry.beat("/others", "first", 0.1)
+
+    assert [entry.host for entry in registry.live(1.2)] == ["/agents"]
+    assert [entry.host for entry in registry.live(0.99 + FIRST_BEAT_S)] == ["/agents"]
+    assert registry.live(1.0 + FIRST_BEAT_S) == ()
+
+
+def test_a_start_that_was_heard_gets_no_allowance_again_but_the_next_start_does(
+    registry: Registry,
+) -> None:
+    registry.register(registration(), 0.0)
+    registry.beat("/agents", "first", 0.1)
+    registry.register(registration(), 0.5)
+
+    assert registry.live(1.6) == ()
+    registry.register(registration(instance="second"), 2.0)
+    assert [entry.host for entry in registry.live(4.0)] == ["/agents"]
 
 
 def test_a_living_host_cannot_be_replaced_but_a_dead_one_can(registry: Registry) -> None:
@@ -51,6 +76,7 @@ def test_a_living_host_cannot_be_replaced_but_a_dead_one_can(registry: Registry)
 
 def test_heartbeats_of_strangers_and_earlier_starts_count_for_nothing(registry: Registry) -> None:
     registry.register(registration(), 0.0)
+    registry.beat("/agents", "first", 0.0)
 
     assert not registry.beat("/agents", "zeroth", 0.9)
     assert not registry.beat("/strangers", "first", 0.9)

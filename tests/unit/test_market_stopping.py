@@ -188,7 +188,7 @@ def test_scenes_wait_in_order_up_to_the_limit() -> None:
     for name in ("s2", "s3", "s4"):
         market.scene(name)
     assert market.status.queued == 2
-    assert market.refused == [("s4", "QUEUE_FULL")]
+    assert market.ends == [("s4", "QUEUE_FULL")]
     market.end()
     market.collect()
 
@@ -207,37 +207,12 @@ def test_a_waiting_crowd_ends_scene_by_scene_without_agents(market: Driver) -> N
     assert market.over == [f"s{number}" for number in range(1, 10)]
 
 
-def test_a_new_scene_is_refused_when_set_so() -> None:
-    market = Driver(on_new_scene="refuse")
+def test_a_new_scene_is_rejected_when_set_so() -> None:
+    market = Driver(on_new_scene="reject")
     market.run()
     market.scene("s2")
 
-    assert market.refused == [("s2", "BUSY")]
-
-
-def test_a_new_scene_preempts_the_run_when_set_so() -> None:
-    market = Driver(on_new_scene="preempt")
-    market.run()
-    market.scene("s2")
-    market.scene("s3")
-    assert market.refused == [("s2", "PREEMPTED")]
-    assert len(market.all(CancelGoal)) == 1
-    market.end(outcome=3)
-    market.collect()
-
-    assert market.over == ["s1"]
-    assert market.status.scene_id == "s3"
-
-
-def test_a_new_scene_preempts_an_open_round_when_set_so() -> None:
-    market = Driver(on_new_scene="preempt")
-    market.register()
-    market.scene("s1")
-    market.scene("s2")
-
-    assert market.over == ["s1"]
-    assert market.auction.decision.closed_by is ClosedBy.STOPPED
-    assert market.status.scene_id == "s2"
+    assert market.ends == [("s2", "BUSY")]
 
 
 def test_a_known_scene_id_is_a_duplicate(market: Driver) -> None:
@@ -246,7 +221,7 @@ def test_a_known_scene_id_is_a_duplicate(market: Driver) -> None:
     for name in ("s1", "s2"):
         market.scene(name)
 
-    assert market.refused == [("s1", "DUPLICATE"), ("s2", "DUPLICATE")]
+    assert market.ends == [("s1", "DUPLICATE"), ("s2", "DUPLICATE")]
 
 
 def test_shutting_stops_the_run_and_gives_up_what_waits(market: Driver) -> None:
@@ -255,5 +230,5 @@ def test_shutting_stops_the_run_and_gives_up_what_waits(market: Driver) -> None:
     market.do(market.market.shut("shutting down", market.now))
     market.scene("s3")
 
-    assert market.refused == [("s2", "SHUTTING_DOWN"), ("s3", "SHUTTING_DOWN")]
+    assert market.ends == [("s2", "SHUTTING_DOWN"), ("s3", "SHUTTING_DOWN")]
     assert market.status.state is State.CANCELLING

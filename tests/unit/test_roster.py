@@ -30,3 +30,22 @@ def test_an_agent_that_uses_a_skill_which_nobody_offers_does_not_bid_and_says_wh
     reason = "skill 'dance': no robot is bound to it"
     spec = replace(agent("say: x"), unoffered=(reason,))
     assert declined(Roster(SPACE, [spec]), age=3) == {"a": reason}
+
+
+def test_agents_come_and_go_and_one_that_leaves_bids_no_more_and_says_why():
+    roster = Roster(SPACE, [agent("say: x")])
+    second = roster.add(replace(agent("say: x"), name="b"))
+    assert declined(roster, age=3) == {}
+    second.leaving = "its file is gone"
+    assert declined(roster, age=3) == {"b": "its file is gone"}
+    roster.remove("b")
+    assert set(roster.members) == {"a"}
+    roster.enrol(["b"], [7], [""])
+    assert declined(roster, age=3) == {}
+
+
+def test_when_nobody_here_can_run_all_decline_with_that_reason():
+    roster = Roster(SPACE, [agent("say: x", "requires: scene.age >= 3")])
+    roster.enrol(["a"], [1], [""])
+    answer = roster.answer(scene(age=2), obstacle="nothing publishes /clock")
+    assert (answer.bids, answer.declined) == ((), {"a": "nothing publishes /clock"})

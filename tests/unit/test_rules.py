@@ -49,9 +49,15 @@ def rule(when: str, hold_s: float = 1.0, *, cancel: bool = False) -> Rule:
 class Story:
     """A run of which each line is told by the time since its start."""
 
-    def __init__(self, *rules: Rule, awarded: Scene | None = None, settle_s: float = 0.0) -> None:
+    def __init__(
+        self,
+        *rules: Rule,
+        awarded: Scene | None = None,
+        settle_s: float = 0.0,
+        lease_s: float = 1.0,
+    ) -> None:
         self.clock = Clock()
-        self.watch = Watch(rules, awarded or scene(4.0), SPACE, self.clock, settle_s)
+        self.watch = Watch(rules, awarded or scene(4.0), SPACE, self.clock, settle_s, lease_s)
 
     def see(self, at: float, live: Scene) -> list[tuple[int, str]]:
         self.clock.now = 100.0 + at
@@ -107,17 +113,57 @@ def test_an_unknown_mood_starts_the_time_again(gap):
 def test_a_scene_layer_that_falls_silent_leaves_nothing_known():
     story = Story(rule(WORSE, 4.0))
     story.see(0.0, scene(2.5))
-    assert story.tick(3.1) == story.tick(9.0) == []
-    story.see(10.0, scene(2.5))
-    story.see(12.0, scene(2.5))
+    assert story.tick(1.1) == story.tick(9.0) == []
+    for second in range(10, 14):
+        assert story.see(second, scene(2.5)) == []
     assert story.tick(13.9) == []
     assert len(story.tick(14.0)) == 1
+
+
+@pytest.mark.parametrize(
+    ("lease_s", "seen", "fires"),
+    [
+        # A rule that must hold for 2 s; when the live scenes come, and when the rule fires.
+        (1.0, (0.0, 0.5, 1.0, 1.5, 2.0), 2.0),
+        (1.0, (0.0, 1.0, 2.0), 2.0),
+        (1.0, (0.0, 1.0), 2.0),
+        (1.0, (0.0, 0.5), None),
+        (1.0, (0.0, 1.5, 2.0), None),
+        (1.0, (0.0, 0.9, 2.0, 2.5, 3.0, 3.5, 4.0), 4.0),
+        (1.0, (0.0, 0.5, 0.9, 3.0, 3.5, 4.0, 4.5), 5.0),
+        (1.0, (0.0, 1.9, 60.0), None),
+        (3.0, (0.0,), 2.0),
+        (0.2, (0.0, 0.5, 1.0, 1.5, 2.0, 2.5), None),
+    ],
+)
+def test_a_silence_longer_than_the_lease_is_not_held_and_breaks_the_time(lease_s, seen, fires):
+    story = Story(rule(WORSE, 2.0), lease_s=lease_s)
+    fired = []
+    for tenth in range(round(seen[-1] * 10) + 30):
+        at = tenth / 10
+        told = story.see(at, scene(2.5)) if at in seen else story.tick(at)
+        fired += [at for _ in told]
+    assert fired == ([] if fires is None else [fires])
+
+
+def test_a_rule_without_a_time_does_not_fire_on_what_was_seen_before_a_silence():
+    story = Story(rule(WORSE, 0.0), settle_s=5.0)
+    story.see(0.0, scene(2.0))
+    assert story.tick(5.0) == story.see(6.0, scene(4.0)) == []
+    assert len(story.see(7.0, scene(2.0))) == 1
+
+
+def test_a_rule_of_a_person_who_is_lost_does_not_fire_because_the_scene_layer_is():
+    story = Story(rule("not live.person", 2.0), rule("live.stale", 0.0))
+    story.see(0.0, scene(4.0))
+    assert [story.tick(at / 2) for at in range(20)] == [[]] * 20
+    assert story.see(10.0, scene(4.0)) == []
 
 
 def test_a_hold_that_was_complete_before_the_next_scene_still_fires_on_the_scene_it_held_in():
     story = Story(rule(WORSE))
     story.see(0.0, scene(2.5))
-    assert story.see(2.0, scene(4.0)) == [(0, "mood.change <= -1.0 held 1 s: mood 4 → 2.5")]
+    assert story.see(1.0, scene(4.0)) == [(0, "mood.change <= -1.0 held 1 s: mood 4 → 2.5")]
 
 
 def test_nothing_fires_before_the_first_live_scene():

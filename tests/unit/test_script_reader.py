@@ -26,6 +26,7 @@ visits:
       - {after: 3 s, person: false}
       - {after: 500 ms, scene: {mood: 1.5}}
   - {label: a ladder, person: false}
+  - {label: an alarm, person: false, urgent: true}
 """
     script = read_script(Source("s.yaml", text), SPACE)
     assert script.title == "A day"
@@ -42,6 +43,7 @@ visits:
             buttons={"buttons/confirm": "green button"},
         ),
         Visit(label="a ladder", person=False, values={}),
+        Visit(label="an alarm", person=False, values={}, urgent=True),
     )
 
 

@@ -23,5 +23,14 @@ def test_an_agent_with_its_own_vector_always_gets_it_and_uses_up_no_row():
     assert [simulated.next(agent) for agent in ("one", "one", "two", "one")] == [B, B, A, B]
 
 
+def test_a_list_goes_on_after_what_was_given_before_a_restart():
+    simulated = SimulatedFeedback(each={"one": B}, sequence=(A, B), repeat=True)
+    simulated.resume({"one": 7, "two": 2, "three": 1})
+    assert [simulated.next("two") for _ in range(2)] == [B, A]
+    ended = SimulatedFeedback(sequence=(A, B))
+    ended.resume({"two": 2})
+    assert ended.next("two") is None
+
+
 def test_nothing_prepared_is_no_feedback_even_when_repeated():
     assert SimulatedFeedback(repeat=True).next("one") is None

@@ -14,6 +14,8 @@ from rich.console import Console
 from bt_agents.cli.story import Story
 from stage import SPACE
 
+KINDS = {"DIRECT": 0, "POSITIVE": 1, "NEGATIVE": 2, "SET": 3}
+
 
 def told(*events: tuple[str, Any]) -> list[str]:
     output = io.StringIO()
@@ -29,9 +31,15 @@ def scene(mood: float = 3.0, age: float = 1.0, person: bool = True) -> Message:
 
 
 def run_event(event: int, **more: Any) -> Message:
-    return Message(
-        STARTED=1, CANCELLING=2, ENDED=3, REFUSED=4, event=event, agent="a", scene=scene(), **more
-    )
+    events = {"STARTED": 1, "CANCELLING": 2, "ENDED": 3, "REFUSED": 4}
+    outcomes = {"SUCCEEDED": 1, "FAILED": 2, "CANCELLED": 3, "LOST": 4}
+    return Message(**events, **outcomes, event=event, agent="a", scene=scene(), **more)
+
+
+def auction(outcome: int, **more: Any) -> Message:
+    outcomes = {"AWARDED": 1, "NO_BIDS": 2, "PREEMPTS": 3, "WAITS": 4}
+    values = {"round": 2, "follows": 0, "winner": "a", "ranking": [], "refused": []}
+    return Message(**outcomes, outcome=outcome, **(values | more))
 
 
 def change(path: str, status: int, message: str = "") -> Message:
@@ -53,19 +61,44 @@ def test_nothing_known_and_nobody_there_is_said_in_words() -> None:
 
 
 def test_an_auction_shows_each_bid_each_refusal_and_the_reason() -> None:
-    auction = Message(
-        round=2,
-        follows=0,
-        winner="a",
+    awarded = auction(
+        outcome=1,
         reason="a 1.0 = |4−3|",
         ranking=[Message(agent="a", distance=1.0, calculation="1.0 = |4−3|")],
         refused=[Message(agent="b", reason="needs scene.person")],
     )
-    assert told(("auction", auction)) == [
+    assert told(("auction", awarded)) == [
         "    bid 2  a                       1.00 = |4−3|",
         "    bid 2  b                        –   needs scene.person",
         "    award  a wins  a 1.0 = |4−3|",
     ]
+
+
+def test_a_challenge_says_whether_the_run_goes_on() -> None:
+    words = "b 0.5 for the new scene, a who runs has 2.5: better by 2.0, margin 1.0"
+    assert told(
+        ("auction", auction(outcome=3, reason=f"{words}: a is stopped")),
+        ("auction", auction(outcome=4, reason=f"{words}: a goes on, the scene waits")),
+    ) == [
+        f"challenge  the run is stopped  {words}: a is stopped",
+        f"challenge  the run goes on  {words}: a goes on, the scene waits",
+    ]
+
+
+def test_the_end_of_a_scene_is_told_when_no_run_has_told_it() -> None:
+    assert told(
+        ("end", Message(code="QUEUE_FULL", message="10 wait, at most 10 may")),
+        ("end", Message(code="PREEMPTED", message="a cancelled: preempted by scene 's2'")),
+        ("end", Message(code="SUCCEEDED", message="a succeeded: done")),
+        ("end", Message(code="NO_BIDS", message="no agents are registered")),
+    ) == [
+        "    scene  queue full: 10 wait, at most 10 may",
+    ]
+
+
+def test_a_run_ends_with_its_outcome_in_words() -> None:
+    ended = run_event(3, outcome=4, duration_s=1.5, ticks=30, message="no heartbeat", orphans=[])
+    assert told(("run", ended)) == ["      run  a lost after 1.5 s, 30 ticks: no heartbeat"]
 
 
 def test_mood_is_told_only_during_a_run_and_only_when_it_has_changed() -> None:
@@ -107,6 +140,7 @@ def test_a_modifier_is_shown_when_it_made_something_fail() -> None:
 
 def test_feedback_shows_the_profile_before_and_after() -> None:
     feedback = Message(
+        **KINDS,
         agent="a",
         kind=2,
         source="mood rule",
@@ -131,6 +165,7 @@ def test_the_summary_shows_every_profile_whole_on_a_narrow_terminal() -> None:
     story.profiles({"professional_express": [3.0, 5.0, 3.0], "attentive_guide": [4.0, 1.5, 3.0]})
     story.feedback(
         Message(
+            **KINDS,
             agent="attentive_guide",
             kind=2,
             source="mood rule",

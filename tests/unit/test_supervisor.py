@@ -1,15 +1,205 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Command lines and the environment of the supervised processes."""
+"""Supervised processes: command lines, environment, logs, and a new start after an end."""
 
 from __future__ import annotations
 
+import os
+import re
+import signal
 import sys
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
+from bt_agents.cli.backoff import Backoff
+from bt_agents.cli.log_file import LogFile
 from bt_agents.cli.supervisor import LOOPBACK_PROFILE, Component, Supervisor, keep_local
 from bt_agents.errors import BtAgentsError
+
+HANG_S = 30.0
+
+
+@pytest.mark.parametrize(
+    ("lives", "waits"),
+    [
+        ([0.0] * 9, [0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 30.0, 30.0, 30.0]),
+        ([59.9, 59.9, 59.9], [0.5, 1.0, 2.0]),
+        ([0.0, 0.0, 60.0, 0.0], [0.5, 1.0, 0.5, 1.0]),
+        ([0.0] * 8 + [3600.0, 3600.0], [0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 30.0, 30.0, 0.5, 0.5]),
+    ],
+)
+def test_the_wait_doubles_up_to_half_a_minute_and_begins_anew_after_a_minute_of_life(
+    lives: list[float], waits: list[float]
+) -> None:
+    backoff = Backoff()
+    assert [backoff.ended(life) for life in lives] == waits
+
+
+UP_FOR_EVER = """
+import os, signal, time
+def main():
+    signal.signal(signal.SIGTERM, lambda *_: os._exit(0))
+    os.write(int(os.environ["BT_AGENTS_READY"]), b"up")
+    print("pid", os.getpid(), flush=True)
+    while True:
+        time.sleep(60)
+"""
+BROKEN = """
+def main():
+    print("error: scene.yaml is broken", flush=True)
+    return 1
+"""
+
+
+class Watched:
+    """A supervisor whose clock is turned by hand, and modules that it runs."""
+
+    def __init__(self, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+        self.now = 100.0
+        self._folder = folder
+        self.supervisor = Supervisor(folder / "logs", clock=lambda: self.now)
+        monkeypatch.setenv("PYTHONPATH", str(folder))
+        monkeypatch.setenv("PYTHONDONTWRITEBYTECODE", "1")
+
+    def write(self, name: str, text: str) -> Component:
+        (self._folder / f"{name}.py").write_text(text)
+        return Component(name=name, module=name)
+
+    def said(self, name: str) -> str:
+        return self.supervisor.log(name).read_text()
+
+    def until(self, done: Callable[[list[str]], bool]) -> list[str]:
+        """Let it work until what it told is enough."""
+        told: list[str] = []
+        end = time.monotonic() + HANG_S
+        while not done(told):
+            assert time.monotonic() < end, told
+            told += self.supervisor.keep_alive()
+            time.sleep(0.01)
+        return told
+
+    def up(self, name: str, starts: int = 1) -> int:
+        """Wait until a start of a component is up; return its pid."""
+        self.until(lambda _told: len(re.findall(r"pid \d+\n", self.said(name))) == starts)
+        return int(self.said(name).split()[-1])
+
+    def end(self, name: str, pid: int) -> list[str]:
+        """Kill a component; return what is told of it."""
+        os.kill(pid, signal.SIGKILL)
+        return self.until(lambda told: bool(told))
+
+
+@pytest.fixture
+def watched(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Watched]:
+    room = Watched(tmp_path, monkeypatch)
+    try:
+        yield room
+    finally:
+        for kept in room.supervisor._kept.values():
+            kept.process.kill()
+            kept.process.wait()
+            kept.close()
+
+
+def test_a_killed_component_is_started_again_after_a_wait_that_doubles(watched: Watched) -> None:
+    watched.supervisor.start(watched.write("agents", UP_FOR_EVER))
+    for starts, wait in enumerate(("0.5", "1", "2"), 1):
+        pid = watched.up("agents", starts)
+        told = watched.end("agents", pid)
+        log = watched.supervisor.log("agents")
+        assert told == [
+            f"agents ended (killed by signal 9): starting it again in {wait} s (log: {log})",
+            f"  agents: pid {pid}",
+        ]
+        watched.now += float(wait) - 0.01
+        assert watched.supervisor.keep_alive() == []
+        assert watched.said("agents").count("pid ") == starts
+        watched.now += 0.01 + 1.2
+        told = watched.until(lambda told: bool(told))
+        assert told == [f"agents is back after {float(wait) + 1.2:.1f} s"]
+    assert re.findall("--- start [0-9]", watched.said("agents")) == [
+        "--- start 2",
+        "--- start 3",
+        "--- start 4",
+    ]
+
+
+def test_after_a_minute_of_life_the_wait_is_short_again(watched: Watched) -> None:
+    watched.supervisor.start(watched.write("agents", UP_FOR_EVER))
+    assert "again in 0.5 s" in watched.end("agents", watched.up("agents"))[0]
+    watched.now += 0.5
+    watched.until(lambda told: bool(told))
+    pid = watched.up("agents", 2)
+    watched.now += 60.0
+    assert "again in 0.5 s" in watched.end("agents", pid)[0]
+
+
+def test_a_component_that_cannot_start_at_first_is_an_error_with_its_words(
+    watched: Watched,
+) -> None:
+    watched.supervisor.start(watched.write("broken", BROKEN))
+    with pytest.raises(BtAgentsError, match="broken ended with exit code 1") as caught:
+        watched.until(lambda told: bool(told))
+    assert "error: scene.yaml is broken" in str(caught.value)
+
+
+def test_what_was_up_once_is_tried_for_ever_even_when_it_cannot_start(watched: Watched) -> None:
+    component = watched.write("agents", UP_FOR_EVER)
+    watched.supervisor.start(component)
+    watched.end("agents", watched.up("agents"))
+    watched.write("agents", BROKEN)
+    for wait in ("1", "2", "4"):
+        watched.now += 30.0
+        told = watched.until(lambda told: bool(told))
+        assert f"agents ended with exit code 1: starting it again in {wait} s" in told[0]
+        assert told[1:] == ["  agents: error: scene.yaml is broken"]
+    watched.write("agents", UP_FOR_EVER)
+    watched.now += 30.0
+    [back] = watched.until(lambda told: bool(told))
+    assert back == "agents is back after 120.0 s"
+
+
+def test_a_component_that_is_not_to_last_is_an_error_when_it_ends(watched: Watched) -> None:
+    component = watched.write("visitors", UP_FOR_EVER)
+    watched.supervisor.start(replace(component, lasting=False))
+    pid = watched.up("visitors")
+    with pytest.raises(BtAgentsError, match=r"visitors ended .killed by signal 9."):
+        watched.end("visitors", pid)
+
+
+def test_only_the_end_of_a_huge_log_is_read_and_nothing_of_an_earlier_start(
+    tmp_path: Path,
+) -> None:
+    log = LogFile(tmp_path / "log")
+    with log.open(1) as file:
+        file.write(b"of the first start\n")
+    with log.open(2) as file:
+        assert log.last_words(5) == []
+        file.write(b"x" * 1000 + b"\nsecond\n")
+        file.flush()
+        assert log.last_words(1) == ["second"]
+        assert log.last_words(5)[0] == "x" * 500
+        file.truncate(10**11)  # a hundred gigabytes of nothing
+        file.seek(0, os.SEEK_END)
+        file.write(b"\nlast\n")
+    begin = time.monotonic()
+    assert log.last_words(1) == ["last"]
+    assert time.monotonic() - begin < 1.0
+
+
+def test_a_process_that_ends_by_itself_is_named_with_its_last_words(tmp_path: Path) -> None:
+    supervisor = Supervisor(tmp_path / "logs")
+    supervisor.start(Component(name="broken", module="no_such_module"))
+    try:
+        for kept in supervisor._kept.values():
+            kept.process.wait(20)
+        assert "broken ended with exit code 1" in supervisor.dead()
+        assert "No module named 'no_such_module'" in supervisor.dead()
+    finally:
+        assert supervisor.stop() == []
 
 
 def test_parameters_are_handed_over_with_their_types() -> None:
@@ -18,14 +208,14 @@ def test_parameters_are_handed_over_with_their_types() -> None:
         module="m",
         parameters={"voice": "off", "path": 'a "b" c', "pace": 1.0, "count": 4, "flag": True},
     )
-    assert component.command()[5:] == [
+    assert component.command()[6:] == [
         *("-p", 'voice:="off"'),
         *("-p", 'path:="a \\"b\\" c"'),
         *("-p", "pace:=1.0"),
         *("-p", "count:=4"),
         *("-p", "flag:=true"),
     ]
-    assert component.command()[:3] == [sys.executable, "-m", "m"]
+    assert component.command()[:4] == [sys.executable, "-m", "bt_agents.starting", "m"]
 
 
 def test_traffic_stays_on_this_machine_unless_the_user_has_said_otherwise() -> None:
@@ -39,18 +229,6 @@ def test_traffic_stays_on_this_machine_unless_the_user_has_said_otherwise() -> N
     own = {"ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET"}
     keep_local(own)
     assert own == {"ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET"}
-
-
-def test_a_process_that_ends_by_itself_is_named_with_its_last_words(tmp_path: Path) -> None:
-    supervisor = Supervisor(tmp_path / "logs")
-    supervisor.start(Component(name="broken", module="no_such_module"))
-    try:
-        for process in supervisor._processes.values():
-            process.wait(20)
-        assert "broken ended with exit code 1" in supervisor.dead()
-        assert "No module named no_such_module" in supervisor.dead()
-    finally:
-        assert supervisor.stop() == []
 
 
 def test_a_process_that_does_not_end_when_asked_is_killed(

@@ -4,24 +4,23 @@
 from __future__ import annotations
 
 import math
-import os
-from collections.abc import Iterator
-from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from bt_agents.cli.supervisor import keep_local
+from bt_agents.cli.constants import STATES, code_words, word
+from bt_agents.cli.joining import FIND_LIMIT_S, accepted, running_system
 from bt_agents.errors import BtAgentsError, Refused
 
 if TYPE_CHECKING:
     from bt_agents.ros.observer import Observer
 
-_FIND_LIMIT_S = 3.0
 _DECIDE_LIMIT_S = 5.0
 
-_STATES = ("idle", "bidding", "awarding", "running", "cancelling", "collecting feedback")
+_SOON_S = 0.3
 
+_ENDS_SHOWN = 3
+_NOT_TAKEN = ("BUSY", "QUEUE_FULL", "DUPLICATE", "SHUTTING_DOWN")
 
 Assignments = tuple[tuple[str, float], ...]
 
@@ -31,72 +30,57 @@ def _assignments(
 ) -> Assignments:
     """Return ``name=number`` arguments as names and numbers."""
     assignments = []
-    for word in words:
-        name, equals, number = word.partition("=")
+    for text in words:
+        name, equals, number = text.partition("=")
         try:
             assignments.append((name, float(number if equals and name else "")))
         except ValueError:
             raise click.BadParameter(
-                f"'{word}' is not of the form name=number, for example age=4.5"
+                f"'{text}' is not of the form name=number, for example age=4.5"
             ) from None
     return tuple(assignments)
-
-
-@contextmanager
-def _system() -> Iterator[Observer]:
-    """Join the ROS graph of a running system."""
-    keep_local(os.environ)
-    from bt_agents.ros.observer import Observer
-
-    observer = Observer()
-    try:
-        observer.turn_until(lambda: observer.market is not None, _FIND_LIMIT_S)
-        if observer.market is None:
-            raise BtAgentsError(
-                f"no running system on ROS domain {os.environ.get('ROS_DOMAIN_ID', '0')}; start "
-                "one with 'bt-agents up', or set ROS_DOMAIN_ID to its domain"
-            )
-        yield observer
-    finally:
-        observer.close()
-
-
-def _accepted(answer: Any, who: str) -> Any:
-    if answer is None:
-        raise BtAgentsError(f"{who} does not answer; look at 'bt-agents status'")
-    if not answer.accepted:
-        raise Refused(getattr(answer, "code", "") or "REFUSED", answer.message)
-    return answer
 
 
 @click.command()
 @click.argument("values", nargs=-1, callback=_assignments)
 @click.option("--label", default="", help="Words for people.")
 @click.option("--person/--no-person", default=True, help="Whether somebody is there.")
-def trigger(values: Assignments, label: str, person: bool) -> None:
+@click.option("--urgent", is_flag=True, help="Stop whoever runs, where new scenes preempt.")
+def trigger(values: Assignments, label: str, person: bool, urgent: bool) -> None:
     """Put a scene on the market.
 
     For example: bt-agents trigger age=4.5 mood=2. What is not named is as measured, or missing.
     """
-    with _system() as observer:
+    with running_system() as observer:
         from bt_agents.ros import client
 
-        auctions = client.decisions(observer)
+        auctions, ends = client.decisions(observer), client.scene_ends(observer)
         names, numbers = _columns(values)
         answer = client.analyze(
-            observer, names, numbers, label=label, person=person, announce=True
+            observer, names, numbers, label=label, person=person, urgent=urgent, announce=True
         )
-        answer = _accepted(answer, "the scene layer")
-        mine = answer.scene.scene_id
+        mine = accepted(answer, "the scene layer").scene.scene_id
+
+        def rounds() -> list[Any]:
+            return [auction for auction in auctions if auction.scene.scene_id == mine]
+
+        def end() -> Any:
+            return next((end for end in ends if end.scene_id == mine), None)
 
         def decided() -> bool:
-            return any(auction.scene.scene_id == mine for auction in auctions)
+            last = rounds()[-1:]
+            return end() is not None or any(a.outcome != a.PREEMPTS for a in last)
 
-        if observer.turn_until(decided, _DECIDE_LIMIT_S):
-            auction = next(a for a in auctions if a.scene.scene_id == mine)
-            click.echo(f"round {auction.round}: {auction.winner or 'nobody'}")
+        known = observer.turn_until(decided, _DECIDE_LIMIT_S)
+        if any(auction.outcome == auction.WAITS for auction in rounds()[-1:]):
+            # There may be no room to wait.
+            observer.turn_until(lambda: end() is not None, _SOON_S)
+        for auction in rounds():
+            click.echo(f"round {auction.round}: {_headline(auction)}")
             click.echo(auction.reason)
-        else:
+        if end() is not None and end().code in _NOT_TAKEN:
+            raise Refused(end().code, end().message)
+        if not known:
             click.echo(f"not decided yet, the market says: {observer.market.message}")
 
 
@@ -108,32 +92,36 @@ def sense(values: Assignments, person: bool | None) -> None:
 
     For example: bt-agents sense mood=1.5.
     """
-    with _system() as observer:
+    with running_system() as observer:
         from bt_agents.ros import client
 
         names, numbers = _columns(values)
         answer = client.analyze(observer, names, numbers, person=person, announce=False)
-        click.echo(_accepted(answer, "the scene layer").message)
+        click.echo(accepted(answer, "the scene layer").message)
 
 
 @click.command()
 @click.option("--reason", default="the operator stopped it", help="Why, in words.")
 def cancel(reason: str) -> None:
     """Stop the running agent."""
-    with _system() as observer:
+    with running_system() as observer:
         from bt_agents.ros import client
 
         answer = client.cancel_run(observer, reason)
-        click.echo(_accepted(answer, "the marketplace").message)
+        click.echo(accepted(answer, "the marketplace").message)
 
 
 @click.command()
 def status() -> None:
     """Show what runs, all agents, and every problem."""
-    with _system() as observer:
-        observer.turn_until(lambda: bool(observer.cards), _FIND_LIMIT_S)
+    with running_system() as observer:
+        from bt_agents.ros import client
+
+        ends = client.scene_ends(observer)
+        observer.turn_until(lambda: bool(observer.cards), FIND_LIMIT_S)
+        observer.turn_until(lambda: _heard_last(observer, ends), _SOON_S)
         market = observer.market
-        click.echo(f"market    {_STATES[market.state]}: {market.message}")
+        click.echo(f"market    {word(market, market.state, STATES)}: {market.message}")
         click.echo(
             f"          round {market.round}, {market.queued} scenes waiting, "
             f"{market.hosts} hosts, {market.agents} agents"
@@ -142,23 +130,34 @@ def status() -> None:
             click.echo(f"host      {host}")
             for agent in card.agents:
                 profile = _row(card.parameters, agent.current)
-                click.echo(f"  {agent.name:<22} {profile}  (revision {agent.revision})")
+                click.echo(
+                    f"  {agent.name:<22} {profile}  (revision {agent.revision}, "
+                    f"version {agent.version}{_condition(agent)})"
+                )
             for problem in card.problems:
                 click.echo(f"  problem: {problem}")
+        for end in ends[-_ENDS_SHOWN:]:
+            click.echo(f"ended     {_end(end)}")
+
+
+def _condition(agent: Any) -> str:
+    waits = "; a newer one waits for the end of the run" if agent.waiting else ""
+    return waits + ("; its file is broken or gone" if agent.degraded else "")
 
 
 @click.command()
 @click.argument("round_number", metavar="[ROUND]", required=False, type=int)
 def why(round_number: int | None) -> None:
     """Say why an agent won, last or in a ROUND."""
-    with _system() as observer:
+    with running_system() as observer:
         from bt_agents.ros import client
 
-        auctions = client.decisions(observer)
+        auctions, ends = client.decisions(observer), client.scene_ends(observer)
         observer.turn_until(
             lambda: (auctions[-1].round if auctions else 0) >= observer.market.round,
-            _FIND_LIMIT_S,
+            FIND_LIMIT_S,
         )
+        observer.turn_until(lambda: _heard_last(observer, ends), _SOON_S)
         found = [a for a in auctions if round_number is None or a.round == round_number]
         if not found:
             kept = ", ".join(str(a.round) for a in auctions)
@@ -167,6 +166,27 @@ def why(round_number: int | None) -> None:
                 + (f"; there are rounds {kept}" if kept else "; 'bt-agents trigger' asks for one")
             )
         _explain(found[-1])
+        for end in ends:
+            if end.scene_id == found[-1].scene.scene_id and end.code != "DUPLICATE":
+                click.echo(f"the scene ended: {_end(end)}")
+
+
+def _heard_last(observer: Observer, ends: list[Any]) -> bool:
+    """Whether the end of the last interaction has been heard, if there was one."""
+    finished = observer.market.finished_scene_id
+    return not finished or any(end.scene_id == finished for end in ends)
+
+
+def _headline(auction: Any) -> str:
+    if auction.outcome == auction.PREEMPTS:
+        return "the run under way is stopped for it"
+    if auction.outcome == auction.WAITS:
+        return "it waits, the run under way goes on"
+    return auction.winner or "nobody"
+
+
+def _end(end: Any) -> str:
+    return f"{code_words(end.code)}: {end.message}"
 
 
 def _explain(auction: Any) -> None:
@@ -184,7 +204,7 @@ def _explain(auction: Any) -> None:
 
 
 @click.command()
-@click.argument("kind", type=click.Choice(["positive", "negative", "direct"]))
+@click.argument("kind", type=click.Choice(["positive", "negative", "direct", "set"]))
 @click.argument("values", nargs=-1, callback=_assignments)
 @click.option("--agent", default="", help="Whose; default: who runs, else who ran last.")
 @click.option("--reason", default="", help="Why, in words.")
@@ -193,15 +213,16 @@ def feedback(kind: str, values: Assignments, agent: str, reason: str) -> None:
 
     For example: bt-agents feedback positive.
 
-    Direct feedback names the wanted profile: bt-agents feedback direct age=5 mood=2.
+    Direct feedback names the wanted profile: bt-agents feedback direct age=5 mood=2. With set
+    instead of direct the profile takes these values at once.
     """
-    with _system() as observer:
+    with running_system() as observer:
         from bt_agents.ros import client
 
-        observer.turn_until(lambda: observer.profiles is not None, _FIND_LIMIT_S)
-        wanted = _wanted(observer, values) if kind == "direct" else _columns(values)[1]
+        observer.turn_until(lambda: observer.profiles is not None, FIND_LIMIT_S)
+        wanted = _wanted(observer, values) if kind in ("direct", "set") else _columns(values)[1]
         answer = client.give_feedback(observer, agent, kind, wanted, reason)
-        answer = _accepted(answer, "the feedback node")
+        answer = accepted(answer, "the feedback node")
         click.echo(f"{answer.message} (revision {answer.feedback.revision})")
 
 

@@ -11,7 +11,6 @@ from pathlib import Path
 
 import click
 
-from bt_agents.cli.watching import changes, look_at
 from bt_agents.errors import BtAgentsError
 from bt_agents.language.checking import Checked, check_folder
 from bt_agents.language.codes.entry import Severity
@@ -19,6 +18,7 @@ from bt_agents.language.folder_reader import SUFFIXES
 from bt_agents.language.interfaces import Interfaces
 from bt_agents.language.renderers import as_annotation, as_json, as_text, count, wants_colour
 from bt_agents.trees_folder import find_trees, folder_around
+from bt_agents.watching import changes, look_at
 
 
 @click.command()

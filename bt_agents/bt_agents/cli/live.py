@@ -18,9 +18,9 @@ from rich.console import Console
 from bt_agents.cli import system
 from bt_agents.cli.story import Story
 from bt_agents.cli.supervisor import STOP_LIMIT_S, Component, Supervisor, keep_local
-from bt_agents.domain import reserve_domain
+from bt_agents.domain import hold_domain, reserve_domain
 from bt_agents.errors import BtAgentsError
-from bt_agents.interrupt import Interrupt
+from bt_agents.interrupt import Interrupt, loading
 from bt_agents.language.folder_reader import Trees, read_trees
 from bt_agents.trees_folder import find_trees
 
@@ -58,7 +58,7 @@ def demo(voice: bool, script: Path | None, tags: str) -> None:
             system.feedback(trees, ledger=str(Path(folder) / "ledger.sqlite")),
         ]
         visitors = system.visitors(trees, script, pace=1.0)
-        sys.exit(_run(components, trees, tags, interrupt, visitors))
+        sys.exit(_run("demo", components, trees, tags, interrupt, visitors))
 
 
 @click.command()
@@ -78,15 +78,16 @@ def up(directory: str, robot: bool, tags: str, bindings: str, voice: bool, ledge
     components = [
         system.market(trees),
         system.scene_layer(trees),
-        system.host(trees, tags, bindings),
+        system.host(trees, tags, bindings, str(system.state_folder() / "tunings.jsonl")),
         system.feedback(trees, ledger=ledger or str(system.state_folder() / "ledger.sqlite")),
     ]
     if robot:
         components.append(system.robot(pace=1.0, voice="auto" if voice else "off"))
-    sys.exit(_run(components, trees, tags, interrupt))
+    sys.exit(_run("up", components, trees, tags, interrupt))
 
 
 def _run(
+    command: str,
     components: Sequence[Component],
     trees: Path,
     tags: str,
@@ -96,8 +97,11 @@ def _run(
     """Run a system until it is told to stop, or until the visitors are done."""
     start = time.monotonic()
     keep_local(os.environ)
-    from bt_agents.ros import observer as graph
-    from bt_agents.ros.installed import InstalledInterfaces
+    domain = os.environ.get("ROS_DOMAIN_ID") or "0"
+    hold_domain(int(domain), f"'bt-agents {command}' of {trees.resolve()} (process {os.getpid()})")
+    with loading():
+        from bt_agents.ros import observer as graph
+        from bt_agents.ros.installed import InstalledInterfaces
 
     console = Console()
     folder = read_trees(trees, InstalledInterfaces()).tagged(tags)
@@ -108,14 +112,16 @@ def _run(
     story = Story(console, folder.scene.space)
     observer = graph.Observer(story)
     try:
-        if observer.turn_until(lambda: observer.market is not None, _NEIGHBOUR_S):
+        observer.turn_until(lambda: bool(interrupt) or observer.market is not None, _NEIGHBOUR_S)
+        if observer.market is not None:
             raise BtAgentsError(
-                f"a system already runs on ROS domain {os.environ.get('ROS_DOMAIN_ID', '0')}; "
-                "end it, or set ROS_DOMAIN_ID to another number"
+                f"a system already runs on ROS domain {domain}; end it, or set ROS_DOMAIN_ID to "
+                "another number"
             )
         try:
-            supervisor.start(*components)
-            _get_ready(observer, supervisor, len(folder.agents), interrupt)
+            if not interrupt:
+                supervisor.start(*components)
+            _get_ready(console, observer, supervisor, len(folder.agents), interrupt)
             if not interrupt:
                 story.profiles(graph.profiles_by_agent(observer.profiles))
                 _welcome(console, observer.cards.values(), time.monotonic() - start)
@@ -135,20 +141,25 @@ def _run(
 
 
 def _get_ready(
-    observer: Observer, supervisor: Supervisor, agents: int, interrupt: Interrupt
+    console: Console,
+    observer: Observer,
+    supervisor: Supervisor,
+    agents: int,
+    interrupt: Interrupt,
 ) -> None:
     """Wait until all agents are registered.
 
     Raises:
-        BtAgentsError: A process has ended, or it takes too long.
+        BtAgentsError: A process cannot start, or it takes too long.
     """
 
     def ready() -> bool:
         return observer.ready(agents) and observer.can_be_asked()
 
-    observer.turn_until(lambda: bool(interrupt or supervisor.dead()) or ready(), _READY_LIMIT_S)
-    if supervisor.dead():
-        raise BtAgentsError(supervisor.dead())
+    end = time.monotonic() + _READY_LIMIT_S
+    while not (interrupt or ready()) and time.monotonic() < end:
+        _keep_alive(console, supervisor)
+        observer.turn_until(lambda: bool(interrupt) or ready(), _LOOK_S)
     if not interrupt and not ready():
         logs = supervisor.log("agents").parent
         raise BtAgentsError(f"not ready after {_READY_LIMIT_S:g} s; the logs are in {logs}")
@@ -165,7 +176,7 @@ def _follow(
     """Tell what happens, until the visitors are done or the user ends it.
 
     Raises:
-        BtAgentsError: A process has ended by itself, or the visitors take too long.
+        BtAgentsError: The visitors have ended by themselves, or take too long.
     """
     limit = math.inf
     if visitors is not None:
@@ -177,11 +188,16 @@ def _follow(
             highlight=False,
         )
     while not (interrupt or observer.visits_done):
-        if supervisor.dead():
-            raise BtAgentsError(supervisor.dead())
+        _keep_alive(console, supervisor)
         if time.monotonic() > limit:
             raise BtAgentsError(f"the demo did not end within {_DEMO_LIMIT_S:g} s")
         observer.turn_until(lambda: bool(interrupt) or observer.visits_done, _LOOK_S)
+
+
+def _keep_alive(console: Console, supervisor: Supervisor) -> None:
+    for line in supervisor.keep_alive():
+        style = "dim" if line.startswith(" ") else "yellow"
+        console.print(line, style=style, markup=False, highlight=False, soft_wrap=True)
 
 
 def _show_broken(console: Console, folder: Trees) -> None:

@@ -1,66 +1,86 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The command `bt-agents`."""
+"""The command `bt-agents`, of which only the part that is called is loaded."""
 
 from __future__ import annotations
 
-import importlib.metadata
+import importlib
+import signal
 import sys
 
 import click
 
-from bt_agents.cli.ask import cancel, feedback, sense, status, trigger, why
-from bt_agents.cli.check import check
-from bt_agents.cli.experiment import experiment
-from bt_agents.cli.explain import explain
-from bt_agents.cli.fmt import fmt
-from bt_agents.cli.groot import export, import_
-from bt_agents.cli.live import demo, up
-from bt_agents.cli.new import new
-from bt_agents.cli.rehearse import rehearse
-from bt_agents.cli.schema import schema
-from bt_agents.cli.show import show
-from bt_agents.cli.test import test
 from bt_agents.errors import BtAgentsError
+from bt_agents.interrupt import end_silently, loading
+
+COMMANDS = {
+    "demo": "live",
+    "up": "live",
+    "trigger": "ask",
+    "sense": "ask",
+    "cancel": "ask",
+    "status": "ask",
+    "why": "ask",
+    "feedback": "ask",
+    "experiment": "experiment",
+    "check": "check",
+    "explain": "explain",
+    "new": "new",
+    "show": "show",
+    "fmt": "fmt",
+    "rehearse": "rehearse",
+    "test": "test",
+    "schema": "schema",
+    "import": "groot",
+    "export": "groot",
+    "tune": "tune",
+    "preset": "preset",
+    "keep": "keep",
+    "reload": "reload",
+    "versions": "reload",
+    "roll-back": "reload",
+}
+"""Command to the module of ``bt_agents.cli`` that has it.
+
+Its function has the name of the command, with ``_`` for ``-``, and one behind a word of Python.
+"""
+
+_PYTHONS = ("import",)
 
 
-@click.group(context_settings={"help_option_names": ["-h", "--help"]})
-@click.version_option(importlib.metadata.version("bt-agents"), prog_name="bt-agents")
+class LazyGroup(click.Group):
+    """A group whose commands are imported when they are called."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        """Return the names of all commands."""
+        return sorted(COMMANDS)
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        """Import a command; None when there is no such command."""
+        module = COMMANDS.get(cmd_name)
+        if module is None:
+            return None
+        function = cmd_name.replace("-", "_") + ("_" if cmd_name in _PYTHONS else "")
+        with loading():
+            command = getattr(importlib.import_module(f"bt_agents.cli.{module}"), function)
+        assert isinstance(command, click.Command)
+        return command
+
+
+@click.group(cls=LazyGroup, context_settings={"help_option_names": ["-h", "--help"]})
+@click.version_option(package_name="bt-agents", prog_name="bt-agents")
 def bt_agents() -> None:
     """Run interaction characters on a robot: one YAML file an agent, one market a robot."""
 
 
-for _command in (
-    demo,
-    up,
-    trigger,
-    sense,
-    cancel,
-    status,
-    why,
-    feedback,
-    experiment,
-    check,
-    explain,
-    new,
-    show,
-    fmt,
-    rehearse,
-    test,
-    schema,
-    import_,
-    export,
-):
-    bt_agents.add_command(_command)
-
-
 def main() -> None:
     """Run the command line; an error on purpose is one message and exit code 1."""
+    signal.signal(signal.SIGINT, signal.default_int_handler)
     try:
-        bt_agents()
+        bt_agents(prog_name="bt-agents")
     except BtAgentsError as error:
         click.echo(f"error: {error}", err=True)
         sys.exit(1)
-
-
-if __name__ == "__main__":
-    main()
+    except KeyboardInterrupt:
+        sys.exit(130)
+    finally:
+        end_silently()

@@ -10,13 +10,13 @@ from typing import Any
 from rich.console import Console
 from rich.markup import escape
 
+from bt_agents.cli.constants import KINDS, OUTCOMES, code_words, word
 from bt_agents.scene import SceneSpace
 
-_STATUS = {0: "[dim]·", 1: "[yellow]▶", 2: "[green]✔", 3: "[red]✘"}
-_OUTCOME = {1: "succeeded", 2: "failed", 3: "cancelled", 4: "lost"}
-_OUTCOME_STYLE = {1: "green", 2: "red", 3: "yellow", 4: "red"}
-_KIND = {0: "direct", 1: "positive", 2: "negative"}
+_STATUS = {"running": "[yellow]▶", "success": "[green]✔", "failure": "[red]✘"}
+_OUTCOME_STYLE = {"succeeded": "green", "cancelled": "yellow"}
 _MOOD_STEP = 0.25
+_TOLD_BY_THE_RUN = ("SUCCEEDED", "FAILED", "CANCELLED", "PREEMPTED", "NO_BIDS")
 
 
 class Story:
@@ -33,11 +33,12 @@ class Story:
         self._mood: float | None = None
         self._start: dict[str, Sequence[float]] = {}
         self._now: dict[str, Sequence[float]] = {}
-        self.runs: list[tuple[str, int]] = []
+        self.runs: list[tuple[str, str]] = []
         self.rounds = 0
         self.unanswered = 0
-        self.feedbacks: list[Any] = []
+        self.feedbacks: list[tuple[str, str]] = []
         self.takeovers = 0
+        self.preemptions = 0
 
     def profiles(self, profiles: Mapping[str, Sequence[float]]) -> None:
         """Note the profiles as they were before anything happened."""
@@ -71,7 +72,6 @@ class Story:
     def auction(self, message: Any) -> None:
         """Show every bid and the reason of the decision."""
         self.rounds += 1
-        self.takeovers += bool(message.follows and message.winner)
         if message.follows:
             self._line("scene", self._describe(message.scene))
         for bid in message.ranking:
@@ -85,6 +85,13 @@ class Story:
             self._line(
                 f"bid {message.round}", f"[dim]{bid.agent:<22}   –   {escape(bid.reason)}[/]"
             )
+        if message.outcome in (message.PREEMPTS, message.WAITS):
+            stops = message.outcome == message.PREEMPTS
+            title = "[bold yellow]the run is stopped[/]" if stops else "[dim]the run goes on[/]"
+            self._line("challenge", f"{title}  {escape(message.reason)}")
+            self.preemptions += stops
+            return
+        self.takeovers += bool(message.follows and message.winner)
         style = "bold green" if message.winner else "bold yellow"
         title = f"{message.winner} wins" if message.winner else "nobody"
         self._line("award", f"[{style}]{title}[/]  {escape(message.reason)}")
@@ -102,14 +109,21 @@ class Story:
             self._line("run", f"[yellow]{message.agent}: {escape(message.message)}[/]")
         else:
             self._mood = None
-            self.runs.append((message.agent, message.outcome))
-            style = _OUTCOME_STYLE.get(message.outcome, "red")
+            outcome = word(message, message.outcome, OUTCOMES)
+            self.runs.append((message.agent, outcome))
+            style = _OUTCOME_STYLE.get(outcome, "red")
             self._line(
                 "run",
-                f"[{style}]{message.agent} {_OUTCOME.get(message.outcome, '?')}[/] after "
+                f"[{style}]{message.agent} {outcome}[/] after "
                 f"{message.duration_s:.1f} s, {message.ticks} ticks: {escape(message.message)}"
                 + (f" [red]orphans: {', '.join(message.orphans)}[/]" if message.orphans else ""),
             )
+
+    def end(self, message: Any) -> None:
+        """Say how a scene ended, unless its run or its round has said so."""
+        if message.code not in _TOLD_BY_THE_RUN:
+            words = f"[yellow]{escape(code_words(message.code))}:[/] {escape(message.message)}"
+            self._line("scene", words)
 
     def tree(self, message: Any) -> None:
         """Show the nodes that changed in a tick, and modifiers that made something fail.
@@ -126,7 +140,7 @@ class Story:
             words = f" [dim]{escape(change.message)}[/]" if change.message else ""
             self._line(
                 "tree",
-                f"[dim]{message.tick:>4}[/] {'  ' * depth}{_STATUS[change.status]}[/] "
+                f"[dim]{message.tick:>4}[/] {'  ' * depth}{_status(change)}[/] "
                 f"{escape(change.name)}{words}",
             )
 
@@ -136,10 +150,10 @@ class Story:
 
     def feedback(self, message: Any) -> None:
         """Show the feedback and the profile before and after."""
-        self.feedbacks.append(message)
+        kind = word(message, message.kind, KINDS)
+        self.feedbacks.append((message.agent, kind))
         self._start.setdefault(message.agent, list(message.before))
         self._now[message.agent] = list(message.after)
-        kind = _KIND.get(message.kind, "?")
         style = {"positive": "green", "negative": "red"}.get(kind, "blue")
         self._line(
             "feedback",
@@ -152,21 +166,26 @@ class Story:
             f"[dim](revision {message.revision})[/]",
         )
 
+    def news(self, words: str, bad: bool) -> None:
+        """Say what is new with the agents themselves."""
+        self._line("agents", f"[{'red' if bad else 'bold'}]{escape(words)}[/]")
+
     def summary(self) -> None:
         """Print what happened in all, and every profile before and after."""
         self._console.print()
         self._console.rule("[bold]summary", align="left", style="cyan")
         self._row("agent", "runs", "feedback", f"profile ({', '.join(self._space.names)})")
         for agent in sorted(self._start):
-            runs = [o for name, o in self.runs if name == agent]
-            words = ", ".join(_OUTCOME.get(o, "?") for o in runs) or "–"
-            given = [_KIND[f.kind] for f in self.feedbacks if f.agent == agent]
+            runs = [outcome for name, outcome in self.runs if name == agent]
+            words = ", ".join(runs) or "–"
+            given = [kind for name, kind in self.feedbacks if name == agent]
             before, after = self._start[agent], self._now[agent]
             moved = _vector(before) + ("" if before == after else f" → {_vector(after)}")
             self._row(agent, words, ", ".join(given) or "–", moved)
         self._console.print(
             f"{self.rounds} rounds, {len(self.runs)} runs, {self.takeovers} taken over by another "
-            f"agent, {len(self.feedbacks)} times feedback, {self.unanswered} scenes without a bid",
+            f"agent, {len(self.feedbacks)} times feedback, {self.unanswered} scenes without a bid"
+            + (f", {self.preemptions} runs stopped for another scene" if self.preemptions else ""),
             soft_wrap=True,
         )
 
@@ -197,6 +216,10 @@ def _place(path: str) -> list[int]:
     """Return where a node stands in the tree, so that parents sort before children."""
     numbers = (part.partition(".")[0] for part in path.split("/"))
     return [int(number) if number.isdecimal() else 0 for number in numbers]
+
+
+def _status(change: Any) -> str:
+    return _STATUS[word(change, change.status, ("RUNNING", "SUCCESS", "FAILURE"))]
 
 
 def _vector(values: Sequence[float]) -> str:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The processes of a running system: started together, watched, and ended within two seconds."""
+"""The processes of a running system: started together, kept alive, ended in two seconds."""
 
 from __future__ import annotations
 
@@ -8,12 +8,16 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Mapping, MutableMapping, Sequence
+from collections.abc import Callable, Mapping, MutableMapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import bt_agents
+from bt_agents.cli.backoff import Backoff
+from bt_agents.cli.log_file import LogFile
 from bt_agents.errors import BtAgentsError
+from bt_agents.interrupt import hold_back
+from bt_agents.starting import READY, SUPERVISED
 
 LOOPBACK_PROFILE = Path(bt_agents.__file__).parent / "ros" / "loopback.xml"
 
@@ -25,6 +29,8 @@ STOP_LIMIT_S = 1.7
 
 _FIRST_SHARE = 0.7
 _LOOK_S = 0.01
+_LAST_WORDS = 15
+_FEW_WORDS = 3
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -36,16 +42,19 @@ class Component:
         module: Python module that runs the node.
         parameters: ROS parameters by name.
         first: True is ended before the others, which it needs to end well.
+        lasting: True is started again when it ends after it was up.
     """
 
     name: str
     module: str
     parameters: Mapping[str, str | float | bool | int] = field(default_factory=dict)
     first: bool = False
+    lasting: bool = True
 
     def command(self) -> list[str]:
         """Return the command line."""
-        command = [sys.executable, "-m", self.module, "--ros-args", "--disable-external-lib-logs"]
+        command = [sys.executable, "-m", "bt_agents.starting", self.module]
+        command += ["--ros-args", "--disable-external-lib-logs"]
         for name, value in self.parameters.items():
             command += ["-p", f"{name}:={_yaml(value)}"]
         return command
@@ -86,17 +95,60 @@ def keep_local(environment: MutableMapping[str, str]) -> None:
         environment.setdefault("FASTRTPS_DEFAULT_PROFILES_FILE", str(LOOPBACK_PROFILE))
 
 
+@dataclass(eq=False)
+class _Kept:
+    """A component with its process, over all of its starts.
+
+    Attributes:
+        ready: Pipe on which the process says that it is up; -1 once that is known.
+        been_up: Whether any start of it was up.
+        began: When it was started last, on the clock of the supervisor [s].
+        ended: When its end was noticed; None while it runs.
+        due: When it is started again; None when it is not.
+    """
+
+    component: Component
+    log: LogFile
+    process: subprocess.Popen[bytes]
+    ready: int
+    began: float
+    backoff: Backoff = field(default_factory=Backoff)
+    starts: int = 1
+    been_up: bool = False
+    ended: float | None = None
+    due: float | None = None
+
+    def take_ready(self) -> bool:
+        """Return whether the process says now that it is up."""
+        if self.ready < 0:
+            return False
+        try:
+            up = bool(os.read(self.ready, 8))
+        except BlockingIOError:
+            return False
+        self.close()
+        self.been_up = self.been_up or up
+        return up
+
+    def close(self) -> None:
+        """Listen no longer."""
+        if self.ready >= 0:
+            os.close(self.ready)
+            self.ready = -1
+
+
 class Supervisor:
-    """Starts components, each with its own log file, and ends them in order.
+    """Starts components, each with its own log file, keeps them alive, and ends them in order.
 
     Args:
         logs: Folder for the log files; made when absent.
+        clock: Steady seconds.
     """
 
-    def __init__(self, logs: Path) -> None:
-        self._components: list[Component] = []
+    def __init__(self, logs: Path, clock: Callable[[], float] = time.monotonic) -> None:
         self._logs = logs
-        self._processes: dict[str, subprocess.Popen[bytes]] = {}
+        self._clock = clock
+        self._kept: dict[str, _Kept] = {}
 
     def start(self, *components: Component) -> None:
         """Start processes; they get their own session, so that a Ctrl-C reaches only us."""
@@ -107,23 +159,10 @@ class Supervisor:
                 f"no place for the logs: {self._logs} ({error.strerror}); set XDG_STATE_HOME to a "
                 "folder that can be written"
             ) from None
-        environment = {
-            **os.environ,
-            "BT_AGENTS_SUPERVISED": str(os.getpid()),
-            "RCUTILS_COLORIZED_OUTPUT": "0",
-            "PYTHONUNBUFFERED": "1",
-        }
         for component in components:
-            self._components.append(component)
-            with self.log(component.name).open("wb") as log:
-                self._processes[component.name] = subprocess.Popen(
-                    component.command(),
-                    stdin=subprocess.DEVNULL,
-                    stdout=log,
-                    stderr=subprocess.STDOUT,
-                    env=environment,
-                    start_new_session=True,
-                )
+            log = LogFile(self.log(component.name))
+            process, ready = spawn(component, log, 1)
+            self._kept[component.name] = _Kept(component, log, process, ready, self._clock())
 
     def log(self, name: str) -> Path:
         """Return the log file of a component."""
@@ -131,12 +170,67 @@ class Supervisor:
 
     def dead(self) -> str:
         """Return which component ended by itself and its last words; empty when all are alive."""
-        for name, process in self._processes.items():
-            code = process.poll()
+        for kept in self._kept.values():
+            code = kept.process.poll()
             if code is not None:
-                words = self.log(name).read_text(errors="replace").splitlines()[-15:]
-                return "\n".join([f"{name} ended with exit code {code}; its last words:", *words])
+                return _last_words(kept, code)
         return ""
+
+    def keep_alive(self) -> list[str]:
+        """Start again what has ended and whose time has come; never waits.
+
+        Returns:
+            What has happened since the last call, in lines for a terminal.
+
+        Raises:
+            BtAgentsError: A component has ended that has never been up, or that is not to last.
+        """
+        told: list[str] = []
+        for kept in self._kept.values():
+            told += self._keep(kept)
+        return told
+
+    def _keep(self, kept: _Kept) -> list[str]:
+        told: list[str] = []
+        now = self._clock()
+        name = kept.component.name
+        if kept.take_ready() and kept.ended is not None:
+            told.append(f"{name} is back after {now - kept.ended:.1f} s")
+            kept.ended = None
+        if kept.due is None:
+            code = kept.process.poll()
+            if code is not None:
+                told += self._mourn(kept, code, now)
+        elif now >= kept.due:
+            told += self._start_again(kept, now)
+        return told
+
+    def _mourn(self, kept: _Kept, code: int, now: float) -> list[str]:
+        if not (kept.been_up and kept.component.lasting):
+            raise BtAgentsError(_last_words(kept, code))
+        kept.close()
+        kept.ended = kept.ended if kept.ended is not None else now
+        wait_s = kept.backoff.ended(now - kept.began)
+        kept.due = now + wait_s
+        name = kept.component.name
+        words = [f"  {name}: {line}" for line in kept.log.last_words(_FEW_WORDS)]
+        return [
+            f"{name} {_how(code)}: starting it again in {wait_s:g} s (log: {kept.log.path})",
+            *words,
+        ]
+
+    def _start_again(self, kept: _Kept, now: float) -> list[str]:
+        kept.starts += 1
+        kept.began = now
+        try:
+            kept.process, kept.ready = spawn(kept.component, kept.log, kept.starts)
+        except OSError as error:
+            wait_s = kept.backoff.ended(0.0)
+            kept.due = now + wait_s
+            name = kept.component.name
+            return [f"{name} cannot be started ({error}): trying again in {wait_s:g} s"]
+        kept.due = None
+        return []
 
     def stop(self, limit_s: float = STOP_LIMIT_S) -> list[str]:
         """End all processes; return the names of those that had to be killed.
@@ -144,20 +238,66 @@ class Supervisor:
         Args:
             limit_s: For all of them together [s]; a person who pressed Ctrl-C is not kept waiting.
         """
-        start = time.monotonic()
+        start = self._clock()
         first = start + limit_s * _FIRST_SHARE
-        self._end([c.name for c in self._components if c.first], first)
-        stuck = self._end([c.name for c in self._components], start + limit_s)
-        for name in stuck:
-            self._processes[name].kill()
-            self._processes[name].wait()
-        return stuck
+        self._end([k for k in self._kept.values() if k.component.first], first)
+        stuck = self._end(list(self._kept.values()), start + limit_s)
+        for kept in stuck:
+            kept.process.kill()
+            kept.process.wait()
+        for kept in self._kept.values():
+            kept.close()
+        return [kept.component.name for kept in stuck]
 
-    def _end(self, names: Sequence[str], deadline: float) -> list[str]:
-        processes = {name: self._processes[name] for name in names if name in self._processes}
-        for process in processes.values():
+    def _end(self, kept: Sequence[_Kept], deadline: float) -> list[_Kept]:
+        processes = [k.process for k in kept]
+        for process in processes:
             if process.poll() is None:
                 process.send_signal(signal.SIGTERM)
-        while any(p.poll() is None for p in processes.values()) and time.monotonic() < deadline:
+        while any(p.poll() is None for p in processes) and self._clock() < deadline:
             time.sleep(_LOOK_S)
-        return [name for name, process in processes.items() if process.poll() is None]
+        return [k for k in kept if k.process.poll() is None]
+
+
+def spawn(component: Component, log: LogFile, start: int) -> tuple[subprocess.Popen[bytes], int]:
+    """Start a process; return it with the pipe on which it says that it is up."""
+    ready, says_ready = os.pipe()
+    os.set_blocking(ready, False)
+    environment = {
+        **os.environ,
+        SUPERVISED: str(os.getpid()),
+        READY: str(says_ready),
+        "RCUTILS_COLORIZED_OUTPUT": "0",
+        "PYTHONUNBUFFERED": "1",
+    }
+    held_back = hold_back()
+    try:
+        with log.open(start) as file:
+            process = subprocess.Popen(
+                component.command(),
+                stdin=subprocess.DEVNULL,
+                stdout=file,
+                stderr=subprocess.STDOUT,
+                env=environment,
+                start_new_session=True,
+                pass_fds=(says_ready,),
+            )
+    except OSError:
+        os.close(ready)
+        raise
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, held_back)
+        os.close(says_ready)
+    return process, ready
+
+
+def _last_words(kept: _Kept, code: int) -> str:
+    words = kept.log.last_words(_LAST_WORDS)
+    return "\n".join([f"{kept.component.name} {_how(code)}; its last words:", *words])
+
+
+def _how(code: int) -> str:
+    """Return how a process ended, in words."""
+    if code < 0:
+        return f"ended (killed by signal {-code})"
+    return f"ended with exit code {code}"

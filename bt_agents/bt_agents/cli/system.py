@@ -36,12 +36,12 @@ def scene_layer(trees: Path, script: Path | None = None, agents: int = 1) -> Com
     return Component(name="scene_layer", module="scene_layer.node", parameters=parameters)
 
 
-def host(trees: Path, tags: str = "", bindings: str = "") -> Component:
+def host(trees: Path, tags: str = "", bindings: str = "", tunings: str = "") -> Component:
     """Return the host of all agents of a folder; it ends first, while the robot still listens."""
     return Component(
         name="agents",
         module="bt_agents.ros.host",
-        parameters={"trees": str(trees), "tags": tags, "robot": bindings},
+        parameters={"trees": str(trees), "tags": tags, "robot": bindings, "tunings": tunings},
         first=True,
     )
 
@@ -64,9 +64,10 @@ def robot(pace: float, voice: str) -> Component:
 
 
 def visitors(trees: Path, script: Path, pace: float) -> Component:
-    """Return the scripted visitors."""
+    """Return the scripted visitors, who would begin anew."""
     return Component(
         name="visitors",
+        lasting=False,
         module="bt_agents_robot.visitors",
         parameters={
             "trees": str(trees),

@@ -19,7 +19,7 @@ class _OpenGoal:
 
 
 class RunContext:
-    """Gives leaves access to the world and remembers every goal until it has ended.
+    """Gives leaves access to the world and remembers every goal until its end is confirmed.
 
     Args:
         world: What the tree can reach.
@@ -62,9 +62,9 @@ class RunContext:
         """Publish a message."""
         self._world.publish(goal)
 
-    def watch(self, topic: str, type_name: str) -> Inbox:
-        """Listen to a topic."""
-        return self._world.watch(topic, type_name)
+    def watch(self, topic: str, type_name: str, *, latched: bool = False) -> Inbox:
+        """Listen to a topic; if it is latched, its last message from before comes first."""
+        return self._world.watch(topic, type_name, latched=latched)
 
     def log(self, level: str, text: str) -> None:
         """Write a line into the log."""
@@ -77,11 +77,11 @@ class RunContext:
         return self._opened(path, self._world.give_feedback(kind, values, reason))
 
     def open_goals(self) -> tuple[str, ...]:
-        """Return the node paths of all goals that have not ended."""
-        self._goals = [goal for goal in self._goals if not goal.run.state.ended]
+        """Return the node paths of all goals whose end their servers have not confirmed."""
+        self._goals = [goal for goal in self._goals if not goal.run.confirmed]
         return tuple(goal.path for goal in self._goals)
 
     def _opened(self, path: str, run: GoalRun) -> GoalRun:
-        under_way = [goal for goal in self._goals if not goal.run.state.ended]
+        under_way = [goal for goal in self._goals if not goal.run.confirmed]
         self._goals = [*under_way, _OpenGoal(path, run)]
         return run

@@ -12,7 +12,7 @@ def why(error: Exception) -> str:
     """Return an error as a reason in words."""
     match error:
         case MissingValue():
-            return f"'{error.name}' has no value"
+            return str(error)
         case Refused():
             return error.reason
         case EvaluationError():

@@ -42,7 +42,7 @@ class GiveFeedback(Leaf):
             self.feedback_message = words
             return Status.RUNNING
         if state is GoalState.SUCCEEDED:
-            self.feedback_message = f"{words} given"
+            self.feedback_message = f"{words} {self._run.message or 'given'}"
             return Status.SUCCESS
         reason = f": {self._run.message}" if self._run.message else ""
         self.feedback_message = f"{words} {state.value}{reason}"

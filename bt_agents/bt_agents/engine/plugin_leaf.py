@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Callable
+from contextlib import ExitStack
 from typing import TypeVar
 
 from py_trees.behaviour import Behaviour
@@ -12,9 +13,18 @@ from py_trees.common import Status
 
 from bt_agents.engine.leaves import Leaf
 from bt_agents.engine.scope import evaluate, holds
-from bt_agents.errors import Refused
+from bt_agents.engine.watchdog import bounded
+from bt_agents.errors import LONGEST_REASON, Refused
 from bt_agents.language.expression.expressions import Expression
 from bt_agents.language.specs import Plain
+
+BLOCKS_S = 0.25
+"""How long a call into a plug-in may take [s], well below what the market waits for a host."""
+
+BLOCKED_SHARE = 0.2
+"""Each time that a behaviour blocks its next call gets this part of the limit of the last one."""
+
+_LEAST_S = 0.001
 
 T = TypeVar("T")
 
@@ -23,22 +33,25 @@ class PluginLeaf(Leaf):
     """Makes a new behaviour at every start, sets it up, and ticks it to its end.
 
     The behaviour is no part of the tree: it gets its name and copies of its fields, nothing else.
+    Whatever it raises, and a call of it that blocks, is a FAILURE.
     """
 
     acts = True
     _behaviour: Behaviour | None = None
+    _limit_s = BLOCKS_S
 
     def begin(self) -> None:
         """Make the behaviour from what its fields mean now."""
+        self._limit_s = BLOCKS_S
         fields = {name: copy.deepcopy(self._field(name)) for name in self.spec.fields}
-        self._behaviour = _contained(lambda: self._made(fields))
-        _contained(self._behaviour.setup_with_descendants)
+        self._behaviour = self._contained(lambda: self._made(fields))
+        self._contained(self._behaviour.setup_with_descendants)
 
     def step(self) -> Status:
         """Tick it."""
         behaviour = self._behaviour
         assert behaviour is not None
-        _contained(behaviour.tick_once)
+        self._contained(behaviour.tick_once)
         status, message = behaviour.status, behaviour.feedback_message
         if not isinstance(status, Status) or status is Status.INVALID:
             raise Refused(
@@ -46,7 +59,7 @@ class PluginLeaf(Leaf):
                 f"{self.spec.kind} ended its tick as {status}, expected RUNNING, SUCCESS or "
                 "FAILURE",
             )
-        self.feedback_message = str(message)
+        self.feedback_message = str(message)[:LONGEST_REASON]
         return status
 
     def end(self) -> None:
@@ -54,12 +67,11 @@ class PluginLeaf(Leaf):
         behaviour, self._behaviour = self._behaviour, None
         if behaviour is None:
             return
-        try:
-            if behaviour.status not in (Status.SUCCESS, Status.FAILURE):
-                _contained(lambda: behaviour.stop(Status.INVALID))
-        finally:
+        with ExitStack() as rest:
             for node in behaviour.iterate():
-                _contained(node.shutdown)
+                rest.callback(self._contained, node.shutdown)
+            if behaviour.status not in (Status.SUCCESS, Status.FAILURE):
+                self._contained(lambda: behaviour.stop(Status.INVALID))
 
     def _field(self, name: str) -> Plain:
         value = self.spec.fields[name]
@@ -77,14 +89,25 @@ class PluginLeaf(Leaf):
             )
         return made
 
+    def _contained(self, call: Callable[[], T]) -> T:
+        """Return what a call of the plug-in returns; it may neither block nor end the program.
 
-def _contained(call: Callable[[], T]) -> T:
-    """Return what a call of the plug-in returns; its wish to end the program is only an error.
-
-    Raises:
-        Refused: ``EXIT``. Every other error is passed on.
-    """
-    try:
-        return call()
-    except SystemExit:
-        raise Refused("EXIT", "the plug-in wanted to end the program, which it may not") from None
+        Raises:
+            Refused: ``BLOCKED``, ``EXIT``. Every other error is passed on.
+        """
+        try:
+            return bounded(call, self._limit_s)
+        except Refused as refused:
+            if refused.code == "BLOCKED":
+                self._limit_s = max(self._limit_s * BLOCKED_SHARE, _LEAST_S)
+            raise
+        except SystemExit:
+            raise Refused(
+                "EXIT", "the plug-in wanted to end the program, which it may not"
+            ) from None
+        except KeyboardInterrupt:
+            raise
+        except BaseException as error:
+            if isinstance(error, Exception):
+                raise
+            raise Refused("EXIT", f"the plug-in raised {type(error).__name__}: {error}") from None

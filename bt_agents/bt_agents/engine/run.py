@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from enum import Enum
 from random import Random
@@ -52,6 +53,7 @@ class RunResult:
         tip: Path of the node that decided; empty when the tree was never ticked.
         orphans: Paths of the nodes whose goals were not confirmed ended.
         ticks: Ticks of the tree and of its clean-up.
+        overruns: Those that took longer than the time between two.
         duration_s: On the tree's clock [s].
     """
 
@@ -60,12 +62,33 @@ class RunResult:
     tip: str
     orphans: tuple[str, ...]
     ticks: int
+    overruns: int
     duration_s: float
 
 
 @dataclass(frozen=True, kw_only=True)
+class Overrun:
+    """A tick that took longer than the time between two.
+
+    Attributes:
+        took_s: How long it took [s].
+        slowest: Path of the node that took longest itself, without the nodes below it.
+        slowest_s: How long that took [s].
+    """
+
+    took_s: float
+    slowest: str
+    slowest_s: float
+
+
+@dataclass(frozen=True, kw_only=True)
 class RunLimits:
-    """Bounded waits at the end of a run, on the steady clock [s]."""
+    """Bounded waits at the end of a run, on the steady clock [s].
+
+    Attributes:
+        clean_up_s: For the agent's ``on_cancel``.
+        settle_s: For the goals to be confirmed ended, after that.
+    """
 
     clean_up_s: float = 3.0
     settle_s: float = 2.0
@@ -95,7 +118,10 @@ class Run:
             source.
 
     Attributes:
+        period_s: The time between two ticks; one that takes longer is an overrun [s].
         ticks: Ticks so far, of the tree and of its clean-up.
+        overruns: Those that took too long.
+        overrun: The last tick, if it took too long.
         ticked: Nodes of the last tick in the order in which they answered, and how.
         changes: What has changed in the last tick so far, in order.
         result: How it ended; None until then.
@@ -117,7 +143,10 @@ class Run:
     ) -> None:
         scope = RunScope(space=space, scene=scene, live=live, profile=profile, tunables=tunables)
         self.spec = spec
+        self.period_s = math.inf
         self.ticks = 0
+        self.overruns = 0
+        self.overrun: Overrun | None = None
         self.ticked: list[tuple[Behaviour, Status]] = []
         self.changes: list[StatusChange] = []
         self.result: RunResult | None = None
@@ -151,6 +180,7 @@ class Run:
         """Tick once, in whatever phase the run is; return what changed, in order."""
         self.ticked = []
         self.changes = []
+        self.overrun = None
         self._context.wakes.clear()
         match self._phase:
             case _Phase.TICKING:
@@ -159,31 +189,35 @@ class Run:
                     self._finish_tree()
             case _Phase.CLEANING:
                 assert self._clean_up is not None
-                self._tick(self._clean_up)
-                if self._clean_up.status is not Status.RUNNING:
-                    self._settle()
-                elif self._steady() >= self._deadline:
-                    self._clean_up.stop(Status.INVALID)
-                    self.changes += self._untold(self._clean_up)
-                    self._settle()
+                if self._steady() >= self._deadline:
+                    self.changes += self._stop_cleaning()
+                else:
+                    self._tick(self._clean_up)
+                    if self._clean_up.status is not Status.RUNNING:
+                        self._settle()
         if self._phase is _Phase.SETTLING:
             self._try_end()
         return self.changes
 
     def cancel(self, reason: str, *, clean_up: bool = True) -> list[StatusChange]:
-        """Stop every running leaf now; later calls change nothing.
+        """Stop every running leaf now; a run that is ending already goes on ending as it does.
+
+        So does one whose tree has ended and only waits for goals: it keeps that outcome. A tree
+        that was never ticked has begun nothing, and has nothing to clean up.
 
         Args:
             reason: Why, in words.
-            clean_up: False leaves the agent's ``on_cancel`` out.
+            clean_up: False leaves the agent's ``on_cancel`` out, and stops it if it runs.
         """
+        if self._phase is _Phase.CLEANING and not clean_up:
+            return self._stop_cleaning()
         if self._phase is not _Phase.TICKING:
             return []
-        tip = self.tip
+        tip = self.tip if self.ticks else ""
         self._root.stop(Status.INVALID)
         changes = self._untold(self._root)
         self._end = (Outcome.CANCELLED, reason, tip)
-        if self.spec.on_cancel is None or not clean_up:
+        if self.spec.on_cancel is None or not clean_up or not self.ticks:
             self._settle()
             self._try_end()
         else:
@@ -194,9 +228,11 @@ class Run:
 
     def give_up(self, reason: str) -> RunResult:
         """Stop every leaf and end at once, without clean-up or waiting; return how it ended."""
-        self._root.stop(Status.INVALID)
-        if self._clean_up is not None:
-            self._clean_up.stop(Status.INVALID)
+        for tree in (self._root, self._clean_up):
+            # What made it give up may stand in the way of stopping, too.
+            with suppress(Exception):
+                if tree is not None:
+                    tree.stop(Status.INVALID)
         self._end = (Outcome.FAILED, reason, "")
         self._deadline = self._steady()
         self._try_end()
@@ -214,6 +250,12 @@ class Run:
         )
         self._settle()
 
+    def _stop_cleaning(self) -> list[StatusChange]:
+        assert self._clean_up is not None
+        self._clean_up.stop(Status.INVALID)
+        self._settle()
+        return self._untold(self._clean_up)
+
     def _settle(self) -> None:
         self._phase = _Phase.SETTLING
         self._deadline = self._steady() + self._limits.settle_s
@@ -229,17 +271,29 @@ class Run:
             tip=tip,
             orphans=open_goals,
             ticks=self.ticks,
+            overruns=self.overruns,
             duration_s=self._context.clock() - self._start,
         )
         self._phase = _Phase.ENDED
 
     def _tick(self, root: Behaviour) -> None:
         self.ticks += 1
+        began = before = self._steady()
+        slowest: tuple[float, Behaviour] = (0.0, root)
         for node in root.tick():
+            now = self._steady()
+            if now - before > slowest[0]:
+                slowest = (now - before, node)
             self.ticked.append((node, node.status))
             acted = isinstance(node, Leaf) and node.acts and node.status is not Status.RUNNING
             self.changes += self._change(node, again=acted)
+            before = self._steady()
         self.changes += self._untold(root)
+        took = self._steady() - began
+        if took > self.period_s:
+            self.overruns += 1
+            path = _path_of(slowest[1])
+            self.overrun = Overrun(took_s=took, slowest=path, slowest_s=slowest[0])
 
     def _untold(self, root: Behaviour) -> list[StatusChange]:
         """Return what changed without an answer of the node itself: mostly that it was stopped."""

@@ -12,7 +12,12 @@ from typing import Protocol, cast
 from bt_agents.errors import Refused
 from bt_agents.language import quantities
 from bt_agents.language.expression.expression_values import described
-from bt_agents.language.expression.expressions import EvaluationError, Expression, MissingValue
+from bt_agents.language.expression.expressions import (
+    EvaluationError,
+    Expression,
+    MissingValue,
+    StaleValue,
+)
 from bt_agents.language.specs import (
     Computed,
     FieldType,
@@ -57,7 +62,7 @@ class RunScope:
     Attributes:
         space: The scene parameters.
         scene: As awarded.
-        live: Returns the scene as it is now.
+        live: Returns the scene as it is now, or as it was last, marked as stale.
         profile: The agent's own vector.
         tunables: Current values by name, shared with whoever tunes them.
         blackboard: Outputs of leaves and what ``set`` wrote, private to the run; what subtrees
@@ -88,14 +93,22 @@ class RunScope:
         group, _, member = name.partition(".")
         if group == "scene":
             return _of_scene(self.scene, name, member)
+        if name == "live.stale":
+            return self.live().stale_s > 0.0
         if group == "live":
-            return _of_scene(self.live(), name, member)
+            return _of_scene(self._fresh(name), name, member)
         if name == "mood.change" and self.space.mood is not None:
-            live, start = (s.get(self.space.mood) for s in (self.live(), self.scene))
+            live, start = (s.get(self.space.mood) for s in (self._fresh(name), self.scene))
             return _known(name, live - start)
         if group == "profile" and member in self.space.names:
             return self.profile[self.space.names.index(member)]
         raise MissingValue(name)
+
+    def _fresh(self, name: str) -> Scene:
+        live = self.live()
+        if live.stale_s:
+            raise StaleValue(name, live.stale_s)
+        return live
 
 
 def _of_scene(scene: Scene, name: str, member: str) -> Plain:
@@ -268,6 +281,8 @@ def _now(name: str, names: Names) -> str:
     """Return what a name is: ``is 'yes'``, ``is 2``, ``has no value``."""
     try:
         value = names.lookup(name)
+    except StaleValue:
+        return "is stale"
     except MissingValue:
         return "has no value"
     except (Refused, EvaluationError):

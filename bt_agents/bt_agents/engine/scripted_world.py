@@ -8,6 +8,7 @@ from collections import deque
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
+from bt_agents.engine.goals import no_acceptance, no_result, result_limit_s
 from bt_agents.engine.world import GIVE_FEEDBACK, Clock, Goal, GoalState
 from bt_agents.feedback import Kind
 from bt_agents.language.specs import BindingKind, Plain
@@ -39,6 +40,8 @@ class Answer:
         accept_s: Time until it is accepted [s].
         after_s: Time until it ends, from the moment it was sent [s].
         cancel_s: Time a cancel takes [s]; infinite for a server that ignores it.
+        feedback: Times since it was sent [s], rising, and the fields of what is then told.
+        vanishes: Whether the server is gone by then, so that nobody confirms the end.
     """
 
     state: GoalState = GoalState.SUCCEEDED
@@ -47,6 +50,8 @@ class Answer:
     accept_s: float = 0.0
     after_s: float = 0.0
     cancel_s: float = 0.0
+    feedback: tuple[tuple[float, Mapping[str, Plain]], ...] = ()
+    vanishes: bool = False
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -59,58 +64,94 @@ class GivenFeedback:
 
 
 class ScriptedGoal:
-    """One goal of a :class:`ScriptedWorld`."""
+    """One goal of a :class:`ScriptedWorld`; its timeouts count on the same clock as all else."""
 
     def __init__(self, goal: Goal, answer: Answer, clock: Clock) -> None:
         self.goal = goal
         self.cancelled_at: float | None = None
         self._answer = answer
         self._clock = clock
-        self._accepted = clock() + answer.accept_s
-        self._ends = clock() + answer.after_s
+        self._sent = clock()
+        self._accepted = self._sent + answer.accept_s
+        self._ends = self._sent + answer.after_s
+        self._given_up, self._why = self._patience()
 
     @property
     def state(self) -> GoalState:
         """Where it is now."""
-        now = self._clock()
-        cancelled = self._cancelled
-        if cancelled < self._ends and now >= cancelled:
-            return GoalState.CANCELLED
-        if now >= self._ends and self._ends <= cancelled:
-            return self._answer.state
+        now, cancelled = self._clock(), self._cancelled(self.cancelled_at)
+        if self._is_given_up:
+            return self._why[0]
+        if now >= min(cancelled, self._ends):
+            return GoalState.CANCELLED if cancelled < self._ends else self._answer.state
         return GoalState.ACTIVE if now >= self._accepted else GoalState.PENDING
 
     @property
-    def _cancelled(self) -> float:
-        """When a cancel takes effect [s]; one that comes before acceptance does so on it."""
-        if self.cancelled_at is None:
-            return math.inf
-        return max(self.cancelled_at, self._accepted) + self._answer.cancel_s
-
-    @property
-    def next_change(self) -> float:
-        """When it next becomes something else, unless it is cancelled [s]; infinite for never."""
-        match self.state:
-            case GoalState.PENDING:
-                return min(self._accepted, self._ends)
-            case GoalState.ACTIVE:
-                return min(self._cancelled, self._ends)
-        return math.inf
+    def confirmed(self) -> bool:
+        """True when its server surely does nothing for it any more."""
+        if self.goal.kind is BindingKind.SERVICE and self.state.ended:
+            return True
+        return self._clock() >= self._server_ends and not self._answer.vanishes
 
     @property
     def message(self) -> str:
         """Why it is there."""
-        return self._answer.message
+        return self._why[1] if self._is_given_up else self._answer.message
 
     @property
     def result(self) -> Mapping[str, Plain]:
         """Fields of the result once it succeeded."""
         return self._answer.result if self.state is GoalState.SUCCEEDED else {}
 
+    @property
+    def feedback(self) -> Mapping[str, Plain] | None:
+        """Fields of the latest feedback."""
+        until = min(self._clock(), self._server_ends)
+        told = [fields for at, fields in self._answer.feedback if self._sent + at <= until]
+        return told[-1] if told and self._clock() >= self._accepted else None
+
+    @property
+    def next_change(self) -> float:
+        """When it next becomes something else, unless it is cancelled [s]; infinite for never."""
+        if self.state.ended:
+            return math.inf
+        now = self._clock()
+        told = [self._sent + at for at, _ in self._answer.feedback]
+        moments = [self._accepted, self._given_up, self._server_ends, *told]
+        return min((at for at in moments if at > now), default=math.inf)
+
     def cancel(self) -> None:
         """Ask for the end."""
         if self.cancelled_at is None:
             self.cancelled_at = self._clock()
+
+    def _patience(self) -> tuple[float, tuple[GoalState, str]]:
+        """Return when it is given up [s], what it is then, and why."""
+        kind, timeouts = self.goal.kind, self.goal.timeouts
+        if kind is BindingKind.ACTION and self._answer.accept_s > timeouts.accept_s:
+            words = no_acceptance(timeouts.accept_s)
+            return self._sent + timeouts.accept_s, (GoalState.UNREACHABLE, words)
+        limit_s = result_limit_s(kind, timeouts)
+        return self._accepted + limit_s, (GoalState.TIMED_OUT, no_result(kind, limit_s))
+
+    @property
+    def _is_given_up(self) -> bool:
+        ends = min(self._cancelled(self.cancelled_at), self._ends)
+        return self._given_up < ends and self._clock() >= self._given_up
+
+    @property
+    def _server_ends(self) -> float:
+        """When the server has done with it [s]; what is given up is cancelled."""
+        asked = self.cancelled_at
+        if asked is None and self._is_given_up:
+            asked = self._given_up
+        return min(self._cancelled(asked), self._ends)
+
+    def _cancelled(self, asked: float | None) -> float:
+        """Return when a cancel takes effect [s]; before acceptance it does so on it."""
+        if asked is None:
+            return math.inf
+        return max(asked, self._accepted) + self._answer.cancel_s
 
 
 class ScriptedInbox:
@@ -153,6 +194,7 @@ class ScriptedWorld:
         self.feedback_given: list[GivenFeedback] = []
         self._answers = {name: deque(queue) for name, queue in (answers or {}).items()}
         self._inboxes: list[tuple[str, ScriptedInbox]] = []
+        self._last: dict[str, Mapping[str, Plain]] = {}
 
     def send(self, goal: Goal) -> ScriptedGoal:
         """Take a goal or request."""
@@ -166,9 +208,11 @@ class ScriptedWorld:
         """Remember a message."""
         self.published.append(goal)
 
-    def watch(self, topic: str, type_name: str) -> ScriptedInbox:
+    def watch(self, topic: str, type_name: str, *, latched: bool = False) -> ScriptedInbox:
         """Open an inbox."""
         inbox = ScriptedInbox()
+        if latched and topic in self._last:
+            inbox.messages.append(self._last[topic])
         self._inboxes.append((topic, inbox))
         return inbox
 
@@ -184,14 +228,15 @@ class ScriptedWorld:
         return ScriptedGoal(goal, self._answer(GIVE_FEEDBACK), self.clock)
 
     def arrive(self, topic: str, message: Mapping[str, Plain]) -> None:
-        """Let a message arrive in the open inboxes of a topic."""
+        """Let a message arrive in the open inboxes of a topic; latched ones find it later too."""
+        self._last[topic] = message
         for name, inbox in self._inboxes:
             if name == topic and not inbox.closed:
                 inbox.messages.append(message)
 
     def running(self) -> list[str]:
-        """Return the names of the goals that have not ended."""
-        return [run.goal.name for run in self.goals if not run.state.ended]
+        """Return the names of the goals that their servers still carry out."""
+        return [run.goal.name for run in self.goals if not run.confirmed]
 
     def _answer(self, name: str) -> Answer:
         queue = self._answers.get(name) or deque([Answer()])

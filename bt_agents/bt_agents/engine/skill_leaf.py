@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from contextlib import suppress
 
 from py_trees.common import Status
 
@@ -19,19 +20,36 @@ from bt_agents.engine.scope import (
 )
 from bt_agents.engine.world import Goal, GoalRun, GoalState
 from bt_agents.errors import Refused
+from bt_agents.language.expression.expressions import MissingValue
+from bt_agents.language.shortened import shortened
 from bt_agents.language.specs import Binding, BindingKind, Literal, Plain
+
+_WHY = {
+    GoalState.REJECTED: "its server did not take the goal and says nothing about why",
+    GoalState.ABORTED: "its server gave up and says nothing about why",
+    GoalState.CANCELLED: "somebody else has stopped it",
+}
+"""What there is to say where the server says nothing."""
+
+_LONGEST_REASON = 300
+"""Characters of a server's message that are told on."""
 
 
 class SkillLeaf(Leaf):
-    """Uses an action, service or topic, directly or through a skill."""
+    """Uses an action, service or topic, directly or through a skill.
+
+    Its failure says which of the ways to fail it was: the server is unreachable, has rejected,
+    aborted or cancelled the goal, or has timed out.
+    """
 
     acts = True
     _run: GoalRun | None = None
+    _told: Mapping[str, Plain] | None = None
     _meant = ""
 
     def begin(self) -> None:
         """Send."""
-        self._run = None
+        self._run = self._told = None
         skill = self.spec.skill
         assert skill is not None
         binding = self._binding()
@@ -44,6 +62,9 @@ class SkillLeaf(Leaf):
             type=binding.type,
             fields={key: evaluate(item, names) for key, item in binding.fields.items.items()},
             sender=self.spec.path,
+            feedback=bool(self.spec.feedback),
+            timeouts=binding.timeouts,
+            heartbeat=binding.heartbeat,
         )
         if binding.kind is BindingKind.TOPIC:
             self.context.publish(goal)
@@ -55,14 +76,15 @@ class SkillLeaf(Leaf):
         if self._run is None:
             return Status.SUCCESS
         state = self._run.state
+        self._hear(self._run.feedback)
         if not state.ended:
             self.feedback_message = self._meant
             return Status.RUNNING
         if state is GoalState.SUCCEEDED:
             return self._succeeded(self._run.result)
-        reason = self._run.message or _result_message(self._run.result)
+        reason = self._run.message or _result_message(self._run.result) or _WHY.get(state, "")
         self.feedback_message = f"{self._binding().name} {state.value}" + (
-            f": {reason}" if reason else ""
+            f": {shortened(reason, _LONGEST_REASON)}" if reason else ""
         )
         return Status.FAILURE
 
@@ -96,6 +118,16 @@ class SkillLeaf(Leaf):
             self.scope.write(name, value)
         return Status.SUCCESS
 
+    def _hear(self, feedback: Mapping[str, Plain] | None) -> None:
+        """Take over what the server has told since the last look."""
+        if feedback is None or feedback is self._told:
+            return
+        self._told = feedback
+        for name, path in self.spec.feedback.items():
+            # What a server tells on the way is no reason to give its goal up.
+            with suppress(MissingValue, Refused):
+                self.scope.write(name, field_of(feedback, path, f"feedback.{path}"))
+
     def _main_input(self, inputs: Mapping[str, Plain]) -> str:
         """Return what the main input means now, for a node that is named by references."""
         skill = self.spec.skill
@@ -108,4 +140,4 @@ class SkillLeaf(Leaf):
 
 def _result_message(result: Mapping[str, Plain]) -> str:
     message = result.get("message", "")
-    return message if isinstance(message, str) else ""
+    return shortened(message, _LONGEST_REASON) if isinstance(message, str) else ""

@@ -12,7 +12,7 @@ from bt_agents.engine.context import RunContext
 from bt_agents.engine.leaves import Leaf
 from bt_agents.engine.scope import MessageNames, Scope, field_of, holds, not_so
 from bt_agents.engine.world import Inbox
-from bt_agents.language.expression.expressions import MissingValue
+from bt_agents.language.expression.expressions import MissingValue, StaleValue
 from bt_agents.language.specs import Literal, NodeSpec, Plain
 
 
@@ -59,7 +59,7 @@ class WaitForCondition(Leaf):
     def begin(self) -> None:
         """Start without having seen anything."""
         self._hold = _Hold()
-        self._unknown: str | None = None
+        self._unknown: MissingValue | None = None
         self._words = ""
 
     def step(self) -> Status:
@@ -69,15 +69,14 @@ class WaitForCondition(Leaf):
         return Status.SUCCESS if self.context.reached(self.spec.path, due) else Status.RUNNING
 
     def _holds(self) -> bool:
-        unknown = ""
+        before, self._unknown = self._unknown, None
         try:
             if self.fields.holds("condition"):
                 return True
         except MissingValue as missing:
-            unknown = missing.name
+            self._unknown = missing
         # Said once: what the names are would be news at each tick.
-        if unknown != self._unknown:
-            self._unknown = unknown
+        if not self._words or _kind(before) != _kind(self._unknown):
             self._words = self._not_so()
         self.feedback_message = self._words
         return False
@@ -87,9 +86,15 @@ class WaitForCondition(Leaf):
         return self._not_so() if self.feedback_message else ""
 
     def _not_so(self) -> str:
-        if self._unknown:
-            return f"'{self._unknown}' has no value yet"
+        if isinstance(self._unknown, StaleValue):
+            return str(self._unknown)
+        if self._unknown is not None:
+            return f"{self._unknown} yet"
         return self.fields.not_so("condition", verb="not so yet")
+
+
+def _kind(unknown: MissingValue | None) -> tuple[type, str] | None:
+    return None if unknown is None else (type(unknown), unknown.name)
 
 
 class WaitForMessage(Leaf):
@@ -107,7 +112,8 @@ class WaitForMessage(Leaf):
         self._hold = _Hold()
         self._message: Mapping[str, Plain] = {}
         topic, type_name = str(self.fields.value("topic")), str(self.fields.value("type"))
-        self._inbox = self.context.watch(topic, type_name)
+        latched = self.fields.constant("latched", False) is True
+        self._inbox = self.context.watch(topic, type_name, latched=latched)
 
     def step(self) -> Status:
         """Look at what has come."""

@@ -4,12 +4,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import Enum
 from typing import Protocol
 
 from bt_agents.feedback import Kind
-from bt_agents.language.specs import BindingKind, Plain
+from bt_agents.language.specs import BindingKind, HeartbeatSpec, Plain, Timeouts
 
 GIVE_FEEDBACK = "feedback/give"
 """ROS name of the service that takes feedback."""
@@ -27,11 +27,12 @@ class GoalState(Enum):
     REJECTED = "rejected"
     ABORTED = "aborted"
     CANCELLED = "cancelled"
+    TIMED_OUT = "timed out"
     UNREACHABLE = "unreachable"
 
     @property
     def ended(self) -> bool:
-        """True when nothing more will happen to the goal."""
+        """True when its leaf has nothing more to wait for."""
         return self not in (GoalState.PENDING, GoalState.ACTIVE)
 
 
@@ -45,6 +46,9 @@ class Goal:
         type: ROS type.
         fields: Goal, request or message as plain nested data.
         sender: Path of the node that sends it; empty when none does.
+        feedback: Whether the leaf uses the feedback of an action.
+        timeouts: How long the server may take.
+        heartbeat: By which the death of the server is noticed.
     """
 
     kind: BindingKind
@@ -52,6 +56,9 @@ class Goal:
     type: str
     fields: Mapping[str, Plain]
     sender: str = ""
+    feedback: bool = False
+    timeouts: Timeouts = field(default_factory=Timeouts)
+    heartbeat: HeartbeatSpec | None = None
 
 
 class GoalRun(Protocol):
@@ -62,6 +69,16 @@ class GoalRun(Protocol):
         """Where it is now."""
 
     @property
+    def confirmed(self) -> bool:
+        """True when its server surely does nothing for it any more.
+
+        A goal is confirmed when it was never sent, or when its server has said that it rejected,
+        finished or cancelled it. One that was given up, or whose server is gone, may go on out
+        there and is not. A request to a service is as soon as its leaf has done with it: nothing
+        of it can be stopped.
+        """
+
+    @property
     def message(self) -> str:
         """Why it is there, in words; may be empty."""
 
@@ -69,12 +86,16 @@ class GoalRun(Protocol):
     def result(self) -> Mapping[str, Plain]:
         """Fields of the result or response; empty until it succeeded or aborted."""
 
+    @property
+    def feedback(self) -> Mapping[str, Plain] | None:
+        """Fields of the latest feedback, the same object until there is newer; None for none."""
+
     def cancel(self) -> None:
         """Ask for the end; a goal not accepted yet is cancelled on acceptance."""
 
 
 class Inbox(Protocol):
-    """Messages of a topic since it was opened."""
+    """Messages of a topic since it was opened; of a burst maybe only the newest."""
 
     def take(self) -> Mapping[str, Plain] | None:
         """Return the oldest message not taken yet, None when there is none."""
@@ -100,8 +121,8 @@ class World(Protocol):
             Refused: The fields do not fit the type.
         """
 
-    def watch(self, topic: str, type_name: str) -> Inbox:
-        """Listen to a topic."""
+    def watch(self, topic: str, type_name: str, *, latched: bool = False) -> Inbox:
+        """Listen to a topic; if it is latched, its last message from before comes first."""
 
     def log(self, level: str, text: str) -> None:
         """Write a line into the log; the level is ``info``, ``warning`` or ``error``."""

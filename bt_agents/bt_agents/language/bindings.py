@@ -5,13 +5,15 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 from bt_agents.language.fields import Fields
 from bt_agents.language.interfaces import Interfaces, MessageFields, read_ros_name, read_ros_type
 from bt_agents.language.names import Names
+from bt_agents.language.server_limits import LIMIT_KEYS, read_heartbeat, read_timeouts
 from bt_agents.language.shape import FileReading
 from bt_agents.language.specs import Binding, BindingKind, MapValue, Plain
-from bt_agents.language.text.yaml_reader import Entry, Node, Sequence, entries_of
+from bt_agents.language.text.yaml_reader import Entry, Node, Scalar, Sequence, entries_of
 from bt_agents.language.text.yaml_reader import Mapping as MappingNode
 from bt_agents.language.values import is_plain, plain, read_condition, read_map
 
@@ -25,13 +27,62 @@ SENT = {
 RECEIVED = {BindingKind.ACTION: "result", BindingKind.SERVICE: "response"}
 """Section of the type that comes back; a topic has none."""
 
+FEEDBACK = "feedback"
+"""Section of an action's type that comes while it goes on, and the word for it in paths."""
+
 _FIELD_PATH = re.compile(r"[a-z][a-z0-9_]*(\.[a-z0-9_]+)*(#[A-Za-z_]\w*)?")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Back:
+    """What comes back from an interface.
+
+    Attributes:
+        result: The fields of the result or response.
+        feedback: The fields of what comes before that; None where nothing does.
+    """
+
+    result: MessageFields
+    feedback: MessageFields | None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Outputs:
+    """Where the outputs of an interface come from: output name → field path.
+
+    Attributes:
+        result: Those that come at the end.
+        feedback: Those that come while an action goes on.
+    """
+
+    result: dict[str, str] = field(default_factory=dict)
+    feedback: dict[str, str] = field(default_factory=dict)
+
+    def read(self, reading: FileReading, name: str, node: Node, what: str, back: Back) -> None:
+        """Note where an output comes from, unless it is wrong, which is then reported.
+
+        Args:
+            reading: The file.
+            name: The output.
+            node: What is written: ``answer``, ``result.answer`` or ``feedback.progress``.
+            what: The output, for messages.
+            back: What it may come from.
+        """
+        word = node.text.partition(".")[0] if isinstance(node, Scalar) else ""
+        if back.feedback is not None and word == FEEDBACK:
+            path = read_output(reading, node, what, back.feedback, FEEDBACK)
+            if path is not None:
+                self.feedback[name] = path
+            return
+        path = read_output(reading, node, what, back.result)
+        if path is not None:
+            self.result[name] = path
 
 
 def binding_keys(kind: BindingKind, name_key: str = "name") -> tuple[str, ...]:
     """Return the keys of a binding; what comes back can only be read where something does."""
     keys = (name_key, "type", SENT[kind])
-    return (*keys, "succeed_when") if kind in RECEIVED else keys
+    return (*keys, "succeed_when", *LIMIT_KEYS) if kind in RECEIVED else keys
 
 
 def read_binding(
@@ -41,7 +92,7 @@ def read_binding(
     names: Names,
     result_names: Names,
     interfaces: Interfaces | None,
-    outputs: Mapping[str, str],
+    outputs: Outputs,
     name_key: str = "name",
 ) -> Binding | None:
     """Return a binding; None when it is wrong, which is then reported.
@@ -53,7 +104,7 @@ def read_binding(
         names: What the values that are sent may name.
         result_names: What ``succeed_when`` may name besides ``result.*``.
         interfaces: Installed types, None to leave them unchecked.
-        outputs: Output name → field of what comes back, read before.
+        outputs: Where outputs come from, read before.
         name_key: Key of the ROS name.
     """
     name_node, type_node = fields.get(name_key), fields.get("type")
@@ -74,6 +125,8 @@ def read_binding(
         result = result_fields(kind, type_name, interfaces)
         names = result_names.and_message("result", result)
         succeed_when = read_condition(reading, succeed_node, names, "'succeed_when'")
+    timeouts = read_timeouts(reading, fields, kind)
+    heartbeat = read_heartbeat(reading, fields, interfaces)
     if name is None or type_name is None:
         return None
     return Binding(
@@ -81,8 +134,11 @@ def read_binding(
         name=name,
         type=type_name,
         fields=sent,
-        outputs=outputs,
+        outputs=outputs.result,
+        feedback=outputs.feedback,
         succeed_when=succeed_when,
+        timeouts=timeouts,
+        heartbeat=heartbeat,
     )
 
 
@@ -92,6 +148,17 @@ def result_fields(
     """Return the fields of what comes back."""
     known = interfaces if kind in RECEIVED else None
     return MessageFields(known, kind, type_name or "", RECEIVED.get(kind, ""))
+
+
+def what_comes_back(
+    kind: BindingKind, type_name: str | None, interfaces: Interfaces | None
+) -> Back:
+    """Return all that an output may come from."""
+    feedback = MessageFields(interfaces, kind, type_name or "", FEEDBACK)
+    return Back(
+        result=result_fields(kind, type_name, interfaces),
+        feedback=feedback if kind is BindingKind.ACTION else None,
+    )
 
 
 def read_output(

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
@@ -36,10 +37,12 @@ class FolderLibraries:
     Attributes:
         vocabulary: The same, with these libraries.
         broken: The libraries that could not be read, by path.
+        imports: Path of a library → what it imports itself.
     """
 
     def __init__(self, folder: Path, vocabulary: Vocabulary, robot: str = "") -> None:
         self.broken: dict[str, ReadError] = {}
+        self.imports: dict[str, set[str]] = {}
         self._folder = folder
         self.vocabulary = replace(vocabulary, libraries=self)
         self._robot = robot
@@ -49,6 +52,8 @@ class FolderLibraries:
 
     def load(self, path: str) -> Library:
         """Return the library of a path; see :class:`Libraries`."""
+        if self._chain:
+            self.imports.setdefault(self._chain[-1], set()).add(path)
         if path in self._read:
             return self._read[path]
         if path.startswith(_OTHERS):
@@ -91,6 +96,17 @@ class FolderLibraries:
             f"{shown(path)} has errors itself: {first.code} in line {first.position.line}{more}",
             "mend it first",
         )
+
+    def behind(self, paths: Iterable[str]) -> frozenset[str]:
+        """Return libraries with all that they import, one after the other."""
+        found: set[str] = set()
+        waiting = list(paths)
+        while waiting:
+            path = waiting.pop()
+            if path not in found:
+                found.add(path)
+                waiting += self.imports.get(path, ())
+        return frozenset(found)
 
     def _inside(self, path: str) -> Path:
         file = self._folder / path

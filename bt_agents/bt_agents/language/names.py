@@ -176,6 +176,8 @@ def scene_names(
         types.update({f"{group}.{name}": FieldType.NUMBER for name in space.names})
         if group != "profile":
             types[f"{group}.person"] = FieldType.BOOLEAN
+        if group == "live":
+            types["live.stale"] = FieldType.BOOLEAN
     return types
 
 

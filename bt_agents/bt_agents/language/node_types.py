@@ -19,6 +19,8 @@ class Content(Enum):
     ROS_TYPE = "the name of a ROS type"
     MAP = "fields and their values"
     OUTPUTS = "names and the fields whose values they get"
+    TIMEOUTS = "how long the server may take"
+    HEARTBEAT = "what the server publishes while it is alive"
     COUNT = "all, one, a number of children, or a list of their names"
     NODE = "a node"
 
@@ -40,7 +42,8 @@ class NodeField:
         type: Type of a value or constant.
         required: Whether it must be written.
         default: Taken when it is not written; None leaves the field out.
-        words: The possible texts of a constant; of a value, texts that are possible besides.
+        words: The possible texts of a constant; of a value, texts that are possible besides; of
+            timeouts, their keys.
         minimum: Smallest possible number.
         message: Name under which a condition sees a message, for example ``msg``.
     """

@@ -13,7 +13,8 @@ from bt_agents.language.node_types import (
     NodeField,
     NodeKind,
 )
-from bt_agents.language.specs import FieldType
+from bt_agents.language.server_limits import timeout_keys
+from bt_agents.language.specs import BindingKind, FieldType
 
 FOREVER = "forever"
 """Word for an attempt or repetition without end."""
@@ -35,18 +36,20 @@ _PAUSE = NodeField(
 _ROS_TYPE = NodeField(
     name="type", content=Content.ROS_TYPE, description="its ROS type, package/kind/Name"
 )
-_OUTPUTS = NodeField(
-    name="outputs",
-    content=Content.OUTPUTS,
-    required=False,
-    description="names for later nodes, each with the field it gets",
-)
 _SUCCEED_WHEN = NodeField(
     name="succeed_when",
     content=Content.CONDITION,
     required=False,
     message="result",
     description="condition over what came back, result.*; without it, an answer is a success",
+)
+
+_HEARTBEAT = NodeField(
+    name="heartbeat",
+    content=Content.HEARTBEAT,
+    required=False,
+    description="topic, type, and within, 1 s: what its server publishes while it is alive; "
+    "when it falls silent for so long, the node fails",
 )
 
 KINDS: Mapping[str, NodeKind] = {
@@ -147,6 +150,14 @@ KINDS: Mapping[str, NodeKind] = {
                     description="ROS type of the topic",
                 ),
                 NodeField(
+                    name="latched",
+                    content=Content.CONSTANT,
+                    type=FieldType.BOOLEAN,
+                    required=False,
+                    description="whether the last message from before counts too, where its "
+                    "publisher keeps it (transient local)",
+                ),
+                NodeField(
                     name="until",
                     content=Content.CONDITION,
                     required=False,
@@ -180,8 +191,23 @@ KINDS: Mapping[str, NodeKind] = {
                     required=False,
                     description="fields of the goal",
                 ),
-                _OUTPUTS,
+                NodeField(
+                    name="outputs",
+                    content=Content.OUTPUTS,
+                    required=False,
+                    description="names for later nodes, each with the field it gets; feedback.x "
+                    "gives it while the action goes on",
+                ),
                 _SUCCEED_WHEN,
+                NodeField(
+                    name="timeouts",
+                    content=Content.TIMEOUTS,
+                    words=timeout_keys(BindingKind.ACTION),
+                    required=False,
+                    description="server and accept, 3 s each: to be found and to take the goal; "
+                    "result: from then on, without limit if left out",
+                ),
+                _HEARTBEAT,
             ),
             description="Uses a ROS action.",
         ),
@@ -198,8 +224,21 @@ KINDS: Mapping[str, NodeKind] = {
                     required=False,
                     description="fields of the request",
                 ),
-                _OUTPUTS,
+                NodeField(
+                    name="outputs",
+                    content=Content.OUTPUTS,
+                    required=False,
+                    description="names for later nodes, each with the field it gets",
+                ),
                 _SUCCEED_WHEN,
+                NodeField(
+                    name="timeouts",
+                    content=Content.TIMEOUTS,
+                    words=timeout_keys(BindingKind.SERVICE),
+                    required=False,
+                    description="server, 3 s: to be found; result, 10 s: to answer",
+                ),
+                _HEARTBEAT,
             ),
             description="Calls a ROS service.",
         ),

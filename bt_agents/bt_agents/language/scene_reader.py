@@ -19,6 +19,11 @@ from bt_agents.scene import SceneParameter, SceneSpace
 PERSON = "person"
 """What the source of the presence of a person is called; no parameter can be called so."""
 
+_TAKEN = {
+    PERSON: "whether a person is there",
+    "stale": "whether the live scene is too old to count",
+}
+
 _FIELD_PATH = re.compile(r"[a-z][a-z0-9_]*(\.[a-z0-9_]+)*")
 
 
@@ -71,11 +76,11 @@ def _read(reading: FileReading, interfaces: Interfaces | None) -> SceneSpec:
 
 def _parameter(reading: FileReading, entry: Entry) -> SceneParameter | None:
     name = reading.name(entry.key, "the name of a scene parameter")
-    if name == PERSON:
+    if name in _TAKEN:
         reading.error(
             "name-taken",
             entry.key,
-            "'person' has a meaning of its own: whether a person is there",
+            f"'{name}' has a meaning of its own: {_TAKEN[name]}",
             "choose another name",
         )
     what = f"parameter '{entry.key.text[:40]}'"

@@ -14,6 +14,8 @@ from bt_agents.language.text.source import Source
 from bt_agents.language.text.yaml_reader import Node, Sequence
 from bt_agents.scene import SceneSpace
 
+_VISIT_KEYS = ("label", "person", "urgent", "scene", "changes", "answers", "buttons")
+
 
 def read_script(file: Path | Source, space: SceneSpace) -> Script:
     """Return the script of a file.
@@ -37,9 +39,7 @@ def read_script(file: Path | Source, space: SceneSpace) -> Script:
 
 
 def _visit(reading: FileReading, node: Node, space: SceneSpace) -> Visit | None:
-    fields = reading.fields(
-        node, "a visit", ("label", "person", "scene", "changes", "answers", "buttons"), ("label",)
-    )
+    fields = reading.fields(node, "a visit", _VISIT_KEYS, ("label",))
     if fields is None:
         return None
     scene = fields.get("scene")
@@ -54,6 +54,7 @@ def _visit(reading: FileReading, node: Node, space: SceneSpace) -> Visit | None:
         ),
         answers=_answers(reading, fields),
         buttons=_buttons(reading, fields),
+        urgent=bool(fields.boolean("urgent")),
     )
 
 

@@ -7,14 +7,15 @@ from dataclasses import dataclass
 
 from bt_agents.language.bindings import (
     RECEIVED,
+    Back,
+    Outputs,
     binding_keys,
     read_binding,
-    read_output,
-    result_fields,
+    what_comes_back,
 )
 from bt_agents.language.diagnostics import did_you_mean, shown
 from bt_agents.language.fields import Fields
-from bt_agents.language.interfaces import Interfaces, MessageFields, package_of
+from bt_agents.language.interfaces import Interfaces, package_of
 from bt_agents.language.names import Names
 from bt_agents.language.shape import FileReading, listed
 from bt_agents.language.specs import Binding, BindingKind, SkillSpec
@@ -110,8 +111,8 @@ def _outputs(
     interfaces: Interfaces | None,
     what: str,
     inline: bool,
-) -> dict[str, str]:
-    """Return output → field of what comes back."""
+) -> Outputs:
+    """Return where the outputs come from."""
     if fields.get("outputs") is not None and kind not in RECEIVED:
         reading.error(
             "unknown-key",
@@ -119,30 +120,28 @@ def _outputs(
             "a skill that is a topic has no outputs: nothing comes back from it",
             "remove 'outputs'",
         )
-        return {}
-    back = result_fields(kind, type_name, interfaces)
+        return Outputs()
+    back = what_comes_back(kind, type_name, interfaces)
     if inline:
         return _declared_outputs(reading, fields, back)
     return _bound_outputs(reading, fields, back, skill, what)
 
 
-def _declared_outputs(reading: FileReading, fields: Fields, back: MessageFields) -> dict[str, str]:
-    paths: dict[str, str] = {}
+def _declared_outputs(reading: FileReading, fields: Fields, back: Back) -> Outputs:
+    outputs = Outputs()
     for entry in fields.entries("outputs", "names and fields"):
         source: Node = entry.key
         if isinstance(entry.value, MappingNode):
             source = entry.value.get("from") or entry.key
-        path = read_output(reading, source, "'from'", back)
-        if path is not None:
-            paths[entry.key.text] = path
-    return paths
+        outputs.read(reading, entry.key.text, source, "'from'", back)
+    return outputs
 
 
 def _bound_outputs(
-    reading: FileReading, fields: Fields, back: MessageFields, skill: SkillSpec, what: str
-) -> dict[str, str]:
+    reading: FileReading, fields: Fields, back: Back, skill: SkillSpec, what: str
+) -> Outputs:
     declared = [one.name for one in skill.outputs]
-    paths: dict[str, str] = {}
+    outputs = Outputs()
     for entry in fields.entries("outputs", "outputs and fields"):
         if entry.key.text not in declared:
             reading.error(
@@ -152,9 +151,8 @@ def _bound_outputs(
                 did_you_mean(entry.key.text, declared) or "remove it",
             )
             continue
-        path = read_output(reading, entry.value, f"output '{entry.key.text}'", back)
-        if path is not None:
-            paths[entry.key.text] = path
+        name = entry.key.text
+        outputs.read(reading, name, entry.value, f"output '{name}'", back)
     written = {entry.key.text for entry in entries_of(fields.get("outputs"))}
     missing = [name for name in declared if name not in written]
     if missing and written <= {*declared}:
@@ -164,4 +162,4 @@ def _bound_outputs(
             f"{what} says nothing about the output{'s' * (len(missing) > 1)} {listed(missing)}",
             "add 'outputs: {" + ", ".join(f"{name}: …" for name in missing) + "}'",
         )
-    return paths
+    return outputs

@@ -114,6 +114,41 @@ class BindingKind(Enum):
 
 
 @dataclass(frozen=True, kw_only=True)
+class Timeouts:
+    """How long a server may take, on a clock that never stands still.
+
+    Attributes:
+        server_s: To be found, or to come back after it has left the graph [s].
+        accept_s: To answer whether it takes a goal [s].
+        result_s: From the acceptance of a goal to its result, or from a request to its answer
+            [s]; None sets no limit to a goal and :data:`REPLY_LIMIT_S` to a request.
+    """
+
+    server_s: float = 3.0
+    accept_s: float = 3.0
+    result_s: float | None = None
+
+
+REPLY_LIMIT_S = 10.0
+"""How long a service may take to answer where nothing else is written [s]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class HeartbeatSpec:
+    """What a server publishes for as long as it is alive.
+
+    Attributes:
+        topic: ROS name, relative unless it starts with a slash.
+        type: ROS type, for example ``std_msgs/msg/Empty``.
+        within_s: A server that has not been heard for so long is dead [s].
+    """
+
+    topic: str
+    type: str
+    within_s: float = 1.0
+
+
+@dataclass(frozen=True, kw_only=True)
 class Binding:
     """How a skill reaches the robot.
 
@@ -123,7 +158,10 @@ class Binding:
         type: ROS type, for example ``bt_agents_interfaces/action/Say``.
         fields: Goal, request or message; its references name inputs of the skill.
         outputs: Output name → field of the result or response, for example ``answer``.
+        feedback: Output name → field of the feedback, which gives it while the action goes on.
         succeed_when: Condition over ``result.*``; None succeeds whenever ROS says so.
+        timeouts: How long the server may take.
+        heartbeat: By which its death is noticed; None notices it by the graph and the timeouts.
     """
 
     kind: BindingKind
@@ -131,7 +169,10 @@ class Binding:
     type: str
     fields: MapValue
     outputs: Mapping[str, str] = field(default_factory=dict)
+    feedback: Mapping[str, str] = field(default_factory=dict)
     succeed_when: Expression | None = None
+    timeouts: Timeouts = field(default_factory=Timeouts)
+    heartbeat: HeartbeatSpec | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -171,6 +212,7 @@ class NodeSpec:
         skill: Set when ``kind`` is a skill.
         outputs: Name that is written → where its value comes from: a field path of the result or
             message, or a name inside of a subtree.
+        feedback: Name that is written while the node runs → field path of its action's feedback.
         plugin: Class of a node that a plug-in brings.
     """
 
@@ -182,6 +224,7 @@ class NodeSpec:
     children: tuple[NodeSpec, ...] = ()
     skill: SkillSpec | None = None
     outputs: Mapping[str, str] = field(default_factory=dict)
+    feedback: Mapping[str, str] = field(default_factory=dict)
     plugin: type | None = None
 
 
@@ -339,6 +382,7 @@ class Visit:
         changes: In order of time.
         answers: Word in a question → answer; the first that fits counts.
         buttons: Topic of a button → words that the robot says or shows before it is pressed.
+        urgent: True may stop a running tree at once, where new scenes preempt.
     """
 
     label: str
@@ -347,6 +391,7 @@ class Visit:
     changes: tuple[Change, ...] = ()
     answers: Mapping[str, str] = field(default_factory=dict)
     buttons: Mapping[str, str] = field(default_factory=dict)
+    urgent: bool = False
 
 
 @dataclass(frozen=True, kw_only=True)

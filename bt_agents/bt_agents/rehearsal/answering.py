@@ -57,7 +57,7 @@ class Answers:
         """Return how a use of a skill goes: as was typed, as is scripted, or as is likely."""
         scripted = typed or self._scripted(use.node) or ScriptedAnswer()
         outputs = {**likely.outputs(use.node, use.inputs), **scripted.outputs}
-        result = _result(use.node, outputs)
+        result, feedback = _messages(use.node, outputs)
         state, reason = _STATES[scripted.end], scripted.reason
         if scripted.end is GoalEnd.SUCCEEDS:
             objection = _objection(use, outputs, result)
@@ -70,7 +70,13 @@ class Answers:
             after_s = 0.0
         elif after_s is None:
             after_s = likely.duration_s(use.node, use.inputs, fails=fails)
-        answer = Answer(state=state, result=result, message=reason, after_s=after_s)
+        answer = Answer(
+            state=state,
+            result=result,
+            message=reason,
+            after_s=after_s,
+            feedback=((0.0, feedback),) if feedback else (),
+        )
         return Performance(answer=answer, outputs={} if fails else outputs)
 
     def _scripted(self, node: NodeSpec) -> ScriptedAnswer | None:
@@ -82,21 +88,32 @@ class Answers:
         return None
 
 
-def _result(node: NodeSpec, outputs: Mapping[str, Plain]) -> dict[str, Plain]:
-    """Return outputs as the message that they are read from."""
+def _messages(
+    node: NodeSpec, outputs: Mapping[str, Plain]
+) -> tuple[dict[str, Plain], dict[str, Plain]]:
+    """Return outputs as the messages that they are read from: result and feedback."""
     binding = node.skill.binding if node.skill is not None else None
     paths = {**node.outputs, **(binding.outputs if binding is not None else {})}
+    told = {**node.feedback, **(binding.feedback if binding is not None else {})}
     result: dict[str, Plain] = {}
+    feedback: dict[str, Plain] = {}
     for name, value in outputs.items():
-        *groups, last = paths.get(name, name).split(".")
-        inner = result
-        for group in groups:
-            below = inner.setdefault(group, {})
-            if not isinstance(below, dict):
-                break
-            inner = below
-        inner[last] = value
-    return result
+        if name in told:
+            _put(feedback, told[name], value)
+        else:
+            _put(result, paths.get(name, name), value)
+    return result, feedback
+
+
+def _put(message: dict[str, Plain], path: str, value: Plain) -> None:
+    *groups, last = path.split(".")
+    inner = message
+    for group in groups:
+        below = inner.setdefault(group, {})
+        if not isinstance(below, dict):
+            break
+        inner = below
+    inner[last] = value
 
 
 def _objection(use: Use, outputs: Mapping[str, Plain], result: Mapping[str, Plain]) -> str:

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 
 from bt_agents.language.specs import BindingKind, FieldType, NodeSpec, Plain, SkillSpec
 
@@ -57,14 +57,23 @@ def duration_s(node: NodeSpec, inputs: Mapping[str, Plain], *, fails: bool) -> f
 
 
 def outputs(node: NodeSpec, inputs: Mapping[str, Plain]) -> dict[str, Plain]:
-    """Return what a use of a skill gives back: the first of its choices, else a plain value."""
+    """Return what a use of a skill gives back: the first of its choices, else a plain value.
+
+    Of what comes while it goes on nothing is likely.
+    """
     if node.skill is None:
         return {}
-    types = {output.name: output.type for output in node.skill.outputs}
+    types = {one.name: one.type for one in node.skill.outputs if one.name not in told(node)}
     types = types or dict.fromkeys(node.outputs, FieldType.ANY)
     choices = inputs.get("choices")
     text = choices[0] if isinstance(choices, tuple | list) and choices else _TEXT
     return {name: _VALUES.get(field_type, text) for name, field_type in types.items()}
+
+
+def told(node: NodeSpec) -> Collection[str]:
+    """Return the outputs of a skill that come while it goes on."""
+    binding = node.skill.binding if node.skill is not None else None
+    return node.feedback if binding is None else binding.feedback
 
 
 def _speaks(skill: SkillSpec) -> bool:

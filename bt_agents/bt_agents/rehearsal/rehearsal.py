@@ -18,11 +18,12 @@ from bt_agents.feedback import Kind
 from bt_agents.language.specs import AgentSpec, NodeSpec, Plain
 from bt_agents.language.testing.path_patterns import matches, nodes_of
 from bt_agents.language.testing.scenarios import Happening, Scenario, ScriptedAnswer
+from bt_agents.live import LEASE_S
 from bt_agents.rehearsal.answering import Answers, Typist
 from bt_agents.rehearsal.coverage import Mark
 from bt_agents.rehearsal.events import Event, EventKind, Rehearsed, Use
 from bt_agents.rehearsal.preparing import replaced, with_open_bindings, with_replacements
-from bt_agents.rehearsal.scenes import awarded, change_text, changed, watched
+from bt_agents.rehearsal.scenes import RehearsedLive, awarded, change_text, watched
 from bt_agents.rehearsal.telling import Teller
 from bt_agents.rehearsal.transcript import time_text, tuned_text
 from bt_agents.rehearsal.watching import at_rest, limit_of, mark, running_leaves
@@ -34,8 +35,8 @@ from bt_agents.scene import SceneSpace
 TICK_S = 0.1
 """Time between ticks as long as each of them does something, as on the robot [s]."""
 
-LIVE_S = 1.0
-"""Time between live scenes while a mood rule waits, as on the robot [s]."""
+LIVE_S = LEASE_S / 2
+"""Time between live scenes while a mood rule waits [s]."""
 
 _PLACED = re.compile(r"\((?:tree|on_cancel)\S*, \S.*:\d+:\d+\)$")
 """Words that end with a node and its place in a file."""
@@ -133,7 +134,7 @@ class _Rehearsal:
         )
         self._clock = self._world.clock
         self._scene = awarded(space, scenario)
-        self._live = self._scene
+        self._live = RehearsedLive(self._scene, self._clock)
         self._tunables: dict[str, Plain] = {one.name: one.default for one in agent.tunables}
         self._tunables |= scenario.tunables
         self._run = Run(
@@ -141,7 +142,7 @@ class _Rehearsal:
             space=space,
             scene=self._scene,
             profile=agent.profile,
-            live=lambda: self._live,
+            live=self._live.now,
             tunables=self._tunables,
             world=self._world,
             steady=self._clock,
@@ -260,8 +261,11 @@ class _Rehearsal:
         """Let happen what is due, then look at the person."""
         while self._agenda and self._agenda[0][0] <= self._clock.now:
             _, _, one = heapq.heappop(self._agenda)
-            if one.values or one.person is not None:
-                self._live = changed(self._live, one)
+            if one.values or one.person is not None or one.silent is not None:
+                self._live.change(one)
+                if one.silent:
+                    # The tree notices when the lease ends, even one that only waits.
+                    self._plan(Happening(after_s=0.0), self._clock.now + LEASE_S + _NUDGE_S)
                 self._event(EventKind.SCENE, change_text(one))
             if one.tunables:
                 self._tunables |= one.tunables
@@ -283,7 +287,8 @@ class _Rehearsal:
         self._seen_at = self._clock.now
         if self._cancelled_by or self._watch.over:
             return False
-        fired = self._watch.see(self._live)
+        live = self._live
+        fired = self._watch.tick() if live.silent else self._watch.see(live.now())
         for one in fired:
             self._feedback(one.rule.kind, one.reason)
         last = next((one for one in fired if one.rule.cancel), None)

@@ -3,11 +3,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 from bt_agents.feedback import Kind
 from bt_agents.language.specs import FeedbackRule
 from bt_agents.language.testing.scenarios import Happening, Scenario
+from bt_agents.live import LEASE_S
 from bt_agents.rules import Rule
 from bt_agents.scene import Origin, Scene, SceneSpace, SceneValue
 
@@ -29,6 +31,39 @@ def awarded(space: SceneSpace, scenario: Scenario) -> Scene:
     )
 
 
+class RehearsedLive:
+    """The live scene of a rehearsal; it is stale some time after the scene layer fell silent.
+
+    Args:
+        scene: The scene as awarded.
+        clock: Virtual time [s].
+    """
+
+    def __init__(self, scene: Scene, clock: Callable[[], float]) -> None:
+        self._scene = self._seen = scene
+        self._clock = clock
+        self._silent_since: float | None = None
+
+    @property
+    def silent(self) -> bool:
+        """True when nothing new is known."""
+        return self._silent_since is not None
+
+    def change(self, happening: Happening) -> None:
+        """Let something happen; what happens in silence is known once it is over."""
+        self._scene = changed(self._scene, happening)
+        if happening.silent is False:
+            self._silent_since = None
+        if not self.silent:
+            self._seen = self._scene
+            self._silent_since = self._clock() if happening.silent else None
+
+    def now(self) -> Scene:
+        """Return the scene as it is now, or as it was last, marked as stale."""
+        silent_s = 0.0 if self._silent_since is None else self._clock() - self._silent_since
+        return self._seen if silent_s <= LEASE_S else replace(self._seen, stale_s=silent_s)
+
+
 def changed(scene: Scene, happening: Happening) -> Scene:
     """Return a scene after something has happened."""
     values = tuple(
@@ -46,6 +81,8 @@ def change_text(happening: Happening) -> str:
     words = [f"{name} {value:g}" for name, value in happening.values.items()]
     if happening.person is not None:
         words.append("a person comes" if happening.person else "the person leaves")
+    if happening.silent is not None:
+        words.append(f"the scene layer is {'silent' if happening.silent else 'back'}")
     return ", ".join(words)
 
 

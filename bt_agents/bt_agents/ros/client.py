@@ -8,10 +8,15 @@ from typing import Any
 
 from bt_agents.ros import qos
 from bt_agents.ros.observer import Observer
-from bt_agents_interfaces.msg import Auction, Feedback
+from bt_agents_interfaces.msg import Auction, Feedback, SceneEnd
 from bt_agents_interfaces.srv import Analyze, CancelRun, GiveFeedback
 
-KINDS = {"direct": Feedback.DIRECT, "positive": Feedback.POSITIVE, "negative": Feedback.NEGATIVE}
+KINDS = {
+    "direct": Feedback.DIRECT,
+    "positive": Feedback.POSITIVE,
+    "negative": Feedback.NEGATIVE,
+    "set": Feedback.SET,
+}
 
 
 def analyze(
@@ -21,6 +26,7 @@ def analyze(
     *,
     label: str = "",
     person: bool | None = None,
+    urgent: bool = False,
     announce: bool,
 ) -> Any:
     """Ask the scene layer for a scene; return its response, None without an answer.
@@ -31,13 +37,19 @@ def analyze(
         values: Their values, same order.
         label: Words for people.
         person: Whether somebody is there; None takes what is measured.
+        urgent: True may stop a running tree, where new scenes preempt.
         announce: False changes the live scene only.
     """
     presence = Analyze.Request.AS_MEASURED
     if person is not None:
         presence = Analyze.Request.PRESENT if person else Analyze.Request.ABSENT
     request = Analyze.Request(
-        label=label, names=names, values=values, person=presence, announce=announce
+        label=label,
+        names=names,
+        values=values,
+        person=presence,
+        urgent=urgent,
+        announce=announce,
     )
     return observer.call(Analyze, "scene_layer/analyze", request)
 
@@ -56,7 +68,7 @@ def give_feedback(
         observer: In the graph of the system.
         agent: Whose; empty means who runs, else who ran last.
         kind: One of :data:`KINDS`.
-        values: The wanted profile of direct feedback, NaN for no opinion; otherwise empty.
+        values: The wanted profile of direct and set, NaN for no opinion; otherwise empty.
         reason: Why, in words.
     """
     request = GiveFeedback.Request(
@@ -69,6 +81,13 @@ def decisions(observer: Observer) -> list[Any]:
     """Return a list that fills with the last decisions while the observer is turned."""
     heard: list[Any] = []
     observer.node.create_subscription(Auction, "auctions", heard.append, qos.HISTORY)
+    return heard
+
+
+def scene_ends(observer: Observer) -> list[Any]:
+    """Return a list that fills with the last ends of scenes while the observer is turned."""
+    heard: list[Any] = []
+    observer.node.create_subscription(SceneEnd, "scene_ends", heard.append, qos.HISTORY)
     return heard
 
 

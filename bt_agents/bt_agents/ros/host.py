@@ -8,21 +8,23 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from rclpy.clock import Clock, ClockType
-from rclpy.node import Node
-from rclpy.parameter import Parameter
 
 from bt_agents.errors import Refused
 from bt_agents.language.folder_reader import Trees as TreesFolder
 from bt_agents.language.folder_reader import read_trees
-from bt_agents.language.specs import NodeSpec
+from bt_agents.language.specs import AgentSpec
 from bt_agents.language.walking import every_node
+from bt_agents.reload.versions import Act, AgentVersions, Effect
 from bt_agents.ros import qos
+from bt_agents.ros.audience import is_heard
 from bt_agents.ros.installed import InstalledInterfaces
-from bt_agents.ros.introductions import host_card, tree_structures
+from bt_agents.ros.introductions import Introductions
 from bt_agents.ros.live_scene import LiveScene
 from bt_agents.ros.membership import Membership
-from bt_agents.ros.messages import scene_from_msg
-from bt_agents.ros.parameters import declare, describe
+from bt_agents.ros.messages import scene_from_msg, seconds
+from bt_agents.ros.node import GuardedNode
+from bt_agents.ros.reload_services import ReloadServices
+from bt_agents.ros.reloading import Reloading
 from bt_agents.ros.run_server import RunServer
 from bt_agents.ros.runner import run
 from bt_agents.ros.startup import TREES, StartParameter, make_from_parameters
@@ -33,70 +35,69 @@ from bt_agents_interfaces.msg import (
     Bids,
     CallForBids,
     Heartbeat,
-    HostCard,
-    Trees,
 )
 from bt_agents_interfaces.srv import SetProfile
 
 HEARTBEAT_S = 0.1
 
 
-class HostNode(Node):
+class HostNode(GuardedNode):
     """Offers the agents of a trees folder: registers them, bids for them, ticks the winner's tree.
 
     Args:
         folder: What the trees folder says.
+        tunings: File in which what was tuned outlives the host; empty keeps it in memory.
         node_kwargs: For :class:`rclpy.node.Node`.
     """
 
-    def __init__(self, folder: TreesFolder, **node_kwargs: Any) -> None:
+    def __init__(self, folder: TreesFolder, *, tunings: str = "", **node_kwargs: Any) -> None:
         super().__init__("agents", **node_kwargs)
         self.instance = uuid.uuid4().hex[:12]
         self.roster = Roster(folder.scene.space, folder.agents)
-        self._folder = folder
         self._beats = 0
         for broken in folder.broken:
             self.get_logger().error(f"agent file left out, the others run:\n{broken.error.report}")
         for problem in folder.plugin_problems:
             self.get_logger().warning(f"a node of a package is left out: {problem}")
-        self._introduce_publishers()
+        self._bids = self.create_publisher(Bids, "bids", qos.EVENTS)
+        self._heartbeats = self.create_publisher(Heartbeat, "~/heartbeat", qos.EVENTS)
+        stamp = seconds(self.get_clock().now().to_msg())
+        self._versions = AgentVersions(folder, stamp)
+        self._introductions = Introductions(self, self.instance, self.roster, self._versions)
         live = LiveScene(self, self.roster.space)
-        self._runs = RunServer(self, self.roster, self.instance, live.of)
+        self._runs = RunServer(self, self.roster, self.instance, live.follow)
         for member in self.roster.members.values():
-            self._prepare(member.spec.tree)
-            if member.spec.on_cancel is not None:
-                self._prepare(member.spec.on_cancel)
-        TunableParameters(self, self.roster, self._introduce)
-        rate = declare(
+            self._prepare(member.spec)
+        self._tunables = TunableParameters(
             self,
-            "tick_rate",
-            20.0,
-            describe("ticks of the running tree [1/s]", minimum=1.0, maximum=200.0),
+            self.roster,
+            self._introductions.card,
+            set_rate=self._runs.set_rate,
+            tunings=tunings,
         )
-        self._runs.set_rate(float(rate))
-        self.add_post_set_parameters_callback(self._take_rate)
         self.create_service(
             SetProfile, "~/set_profile", self._set_profile, qos_profile=qos.SERVICE
         )
         self.create_subscription(CallForBids, "calls", self._bid, qos.EVENTS)
         self._membership = Membership(
-            self, self.roster, self._runs, self.instance, self._introduce
+            self,
+            self.roster,
+            self._runs,
+            self.instance,
+            heard=lambda: is_heard(self, self._bids, by="market"),
+            changed=self._introductions.card,
         )
+        self._reloading = Reloading(
+            self, self._versions, self._runs, apply=self._change, applied=self._tell_changes
+        )
+        ReloadServices(self, self._reloading, self._runs)
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self.create_timer(HEARTBEAT_S, self._beat, clock=steady)
-        self._introduce()
-        self._trees.publish(
-            tree_structures(self.host, self.instance, self.roster.members.values())
-        )
+        self._introductions.card()
+        self._introductions.trees()
         self.get_logger().info(
             f"{len(self.roster.members)} agents: {', '.join(self.roster.members)}"
         )
-
-    def _introduce_publishers(self) -> None:
-        self._bids = self.create_publisher(Bids, "bids", qos.EVENTS)
-        self._heartbeats = self.create_publisher(Heartbeat, "~/heartbeat", qos.EVENTS)
-        self._cards = self.create_publisher(HostCard, "cards", qos.FACT)
-        self._trees = self.create_publisher(Trees, "~/trees", qos.FACT)
 
     @property
     def host(self) -> str:
@@ -118,31 +119,62 @@ class HostNode(Node):
 
     def destroy_node(self) -> None:
         """Leave the graph, the action first."""
+        self._reloading.close()
+        self._tunables.close()
         self._runs.close()
+        self._runs.world.close()
         super().destroy_node()
 
-    def _prepare(self, tree: NodeSpec) -> None:
-        for spec in every_node(tree):
-            binding = spec.skill.binding if spec.skill is not None else None
-            if binding is not None:
-                self._runs.world.prepare(binding.kind, binding.name, binding.type)
-            if spec.kind == "give_feedback":
-                self._runs.world.prepare_feedback()
+    def _prepare(self, agent: AgentSpec) -> None:
+        for root in filter(None, (agent.tree, agent.on_cancel)):
+            for spec in every_node(root):
+                self._runs.world.prepare(spec)
 
-    def _introduce(self) -> None:
-        card = host_card(self.host, self.instance, self.roster, self._folder)
-        self._cards.publish(card)
+    def _change(self, effect: Effect) -> None:
+        """Change one agent; a tree that runs keeps what it was started with."""
+        name, agent = effect.name, effect.agent
+        if effect.act is Act.REMOVE:
+            self._tunables.remove(name)
+            self.roster.remove(name)
+        elif effect.act is Act.ADD and agent is not None:
+            self._tunables.add(self.roster.add(agent))
+            self._prepare(agent)
+        elif agent is not None:
+            member = self.roster.members[name]
+            if member.spec.profile != agent.profile and member.revision:
+                self.get_logger().info(
+                    f"{name}: what it has learned (revision {member.revision}) counts until the "
+                    "feedback node has recorded the profile of the file"
+                )
+            if effect.act is Act.SWAP:
+                member.tunables = dict(member.tunables)
+            self._tunables.replace(member, agent)
+            self._prepare(agent)
+        if name in self.roster.members:
+            self.roster.members[name].leaving = self._versions.standing(name).leaving
+
+    def _tell_changes(self, effects: Sequence[Effect]) -> None:
+        """Tell everybody about changed agents, in one message each."""
+        acts = {effect.act for effect in effects}
+        if acts & {Act.ADD, Act.REMOVE}:
+            self._membership.refresh()
+        if acts - {Act.NOTE}:
+            self._introductions.trees()
+        self._introductions.card()
 
     def _bid(self, call: CallForBids) -> None:
         same_space = list(call.parameters) == list(self.roster.space.names)
-        if call.epoch != self._membership.epoch or not same_space:
+        member = self._membership
+        if not (member.accepted and call.epoch == member.epoch and same_space):
             return
         try:
             scene = scene_from_msg(call.scene, self.roster.space)
         except Refused as refused:
             self.get_logger().warning(f"call of round {call.round} not answered: {refused}")
             return
-        answer = self.roster.answer(scene, call.excluded)
+        answer = self.roster.answer(
+            scene, call.excluded, obstacle=self._runs.world.clock.obstacle()
+        )
         self._bids.publish(
             Bids(
                 epoch=call.epoch,
@@ -161,19 +193,14 @@ class HostNode(Node):
         self, request: SetProfile.Request, response: SetProfile.Response
     ) -> SetProfile.Response:
         try:
-            member = self.roster.set_profile(request.agent, request.values, request.revision)
+            member = self._tunables.take_profile(request.agent, request.values, request.revision)
         except Refused as refused:
             response.code, response.message = refused.code, refused.reason
             return response
         response.accepted = True
         response.message = f"{request.agent} bids with revision {member.revision}"
-        self._introduce()
+        self._introductions.card()
         return response
-
-    def _take_rate(self, parameters: list[Parameter[Any]]) -> None:
-        for parameter in parameters:
-            if parameter.name == "tick_rate":
-                self._runs.set_rate(float(parameter.value))
 
     def _beat(self) -> None:
         self._beats += 1
@@ -198,6 +225,10 @@ ROBOT = StartParameter(
     name="robot",
     description="robot whose bindings of skills are preferred; empty takes the first that fits",
 )
+TUNINGS = StartParameter(
+    name="tunings",
+    description="file in which tunings outlive the host; empty keeps them in memory",
+)
 
 
 def make_node() -> HostNode:
@@ -210,9 +241,9 @@ def make_node() -> HostNode:
     def make(values: Mapping[str, str]) -> HostNode:
         folder = find_trees(values["trees"])
         trees = read_trees(folder, InstalledInterfaces(), values["robot"])
-        return HostNode(trees.tagged(values["tags"]))
+        return HostNode(trees.tagged(values["tags"]), tunings=values["tunings"])
 
-    return make_from_parameters("agents", (TREES, TAGS, ROBOT), make)
+    return make_from_parameters("agents", (TREES, TAGS, ROBOT, TUNINGS), make)
 
 
 def main(args: Sequence[str] | None = None) -> int:

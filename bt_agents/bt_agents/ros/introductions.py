@@ -3,67 +3,106 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from rclpy.node import Node
 
-from bt_agents.language.folder_reader import Trees as TreesFolder
-from bt_agents.language.specs import NodeSpec
+from bt_agents.language.specs import AgentSpec, NodeSpec
+from bt_agents.reload.versions import AgentVersions
+from bt_agents.ros import qos
 from bt_agents.roster import Member, Roster
 from bt_agents_interfaces.msg import AgentCard, HostCard, MoodRule, Tree, TreeNode, Trees
 
 
-def host_card(host: str, instance: str, roster: Roster, folder: TreesFolder) -> HostCard:
-    """Return the card of a host: its registered agents, and every problem of its files."""
-    problems = [line for broken in folder.broken for line in broken.error.lines]
-    problems += [
-        f"{member.spec.file}: {member.refusal}"
-        for member in roster.members.values()
-        if member.refusal
-    ]
-    return HostCard(
-        host=host,
-        host_instance=instance,
-        parameters=list(roster.space.names),
-        agents=[_agent_card(m) for m in roster.members.values() if m.agent_id],
-        broken_files=[str(broken.file) for broken in folder.broken],
-        problems=problems,
-    )
+class Introductions:
+    """Publishes what others need to know of a host's agents; latched.
 
+    Args:
+        node: The host's node.
+        instance: This start of the host.
+        roster: Its agents.
+        versions: Their versions, and what is wrong with their files.
+    """
 
-def _agent_card(member: Member) -> AgentCard:
-    spec = member.spec
-    return AgentCard(
-        name=spec.name,
-        title=spec.title,
-        description=spec.description,
-        tags=list(spec.tags),
-        profile=list(spec.profile),
-        current=list(member.profile),
-        revision=member.revision,
-        learning_rate=member.learning_rate,
-        rules=[
-            MoodRule(
-                when=rule.when.text,
-                hold_s=rule.hold_s,
-                give=MoodRule.POSITIVE if rule.positive else MoodRule.NEGATIVE,
-                cancel=rule.cancel,
+    def __init__(self, node: Node, instance: str, roster: Roster, versions: AgentVersions) -> None:
+        self._host = str(node.get_fully_qualified_name())
+        self._instance = instance
+        self._roster = roster
+        self._versions = versions
+        self._folder = str(versions.trees.folder.resolve())
+        self._structures: dict[str, tuple[AgentSpec, Tree]] = {}
+        self._cards = node.create_publisher(HostCard, "cards", qos.FACT)
+        self._trees = node.create_publisher(Trees, "~/trees", qos.FACT)
+
+    def card(self) -> None:
+        """Publish the card: the registered agents, and every problem of the files."""
+        trees = self._versions.trees
+        members = self._roster.members.values()
+        problems = [line for broken in trees.broken for line in broken.error.lines]
+        problems += trees.problems
+        problems += [f"{m.spec.file}: {m.refusal}" for m in members if m.refusal]
+        self._cards.publish(
+            HostCard(
+                host=self._host,
+                host_instance=self._instance,
+                trees=self._folder,
+                parameters=list(self._roster.space.names),
+                agents=[self._agent_card(member) for member in members if member.agent_id],
+                broken_files=[str(broken.file) for broken in trees.broken],
+                problems=problems,
             )
-            for rule in spec.rules
-        ],
-    )
+        )
+
+    def trees(self) -> None:
+        """Publish the structure of all trees, the clean-up branches included."""
+        self._structures = {
+            name: self._structure(member) for name, member in self._roster.members.items()
+        }
+        self._trees.publish(
+            Trees(
+                host=self._host,
+                host_instance=self._instance,
+                trees=[tree for _, tree in self._structures.values()],
+            )
+        )
+
+    def _structure(self, member: Member) -> tuple[AgentSpec, Tree]:
+        """Return the structure of a tree; it is made once for each version."""
+        spec = member.spec
+        known = self._structures.get(spec.name)
+        if known is not None and known[0] is spec:
+            return known
+        return spec, Tree(agent=spec.name, nodes=_nodes(spec))
+
+    def _agent_card(self, member: Member) -> AgentCard:
+        spec = member.spec
+        standing = self._versions.standing(spec.name)
+        return AgentCard(
+            name=spec.name,
+            title=spec.title,
+            description=spec.description,
+            tags=list(spec.tags),
+            profile=list(spec.profile),
+            current=list(member.profile),
+            revision=member.revision,
+            learning_rate=member.learning_rate,
+            rules=[
+                MoodRule(
+                    when=rule.when.text,
+                    hold_s=rule.hold_s,
+                    give=MoodRule.POSITIVE if rule.positive else MoodRule.NEGATIVE,
+                    cancel=rule.cancel,
+                )
+                for rule in spec.rules
+            ],
+            version=standing.version,
+            waiting=standing.waiting,
+            degraded=bool(standing.problems),
+            problems=list(standing.problems),
+        )
 
 
-def tree_structures(host: str, instance: str, members: Iterable[Member]) -> Trees:
-    """Return the structure of the trees of all agents, the clean-up branches included."""
-    return Trees(
-        host=host,
-        host_instance=instance,
-        trees=[Tree(agent=m.spec.name, nodes=_nodes(m)) for m in members],
-    )
-
-
-def _nodes(member: Member) -> list[TreeNode]:
+def _nodes(agent: AgentSpec) -> list[TreeNode]:
     nodes: list[TreeNode] = []
-    roots = [member.spec.tree, *([member.spec.on_cancel] if member.spec.on_cancel else [])]
+    roots = [agent.tree, *([agent.on_cancel] if agent.on_cancel else [])]
     open_specs: list[tuple[NodeSpec, int]] = [(root, -1) for root in reversed(roots)]
     while open_specs:
         spec, parent = open_specs.pop()

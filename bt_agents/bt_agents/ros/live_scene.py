@@ -3,17 +3,49 @@
 
 from __future__ import annotations
 
+import time
+from collections.abc import Callable
+from typing import Any
+
 from rclpy.node import Node
+from rclpy.parameter import Parameter
 
 from bt_agents.errors import Refused
+from bt_agents.live import LEASE_S, LiveView
 from bt_agents.ros import qos
 from bt_agents.ros.messages import scene_from_msg
+from bt_agents.ros.parameters import declare, describe
 from bt_agents.scene import Scene, SceneSpace
 from bt_agents_interfaces.msg import Scene as SceneMsg
 
+LIVE_LEASE = "live_lease"
+"""Parameter of hosts and the feedback node: how long a live scene counts."""
+
+
+def declare_live_lease(node: Node, changed: Callable[[float], None]) -> float:
+    """Declare :data:`LIVE_LEASE`; return its value, and call back for every other one [s]."""
+
+    def take(parameters: list[Parameter[Any]]) -> None:
+        for parameter in parameters:
+            if parameter.name == LIVE_LEASE:
+                changed(float(parameter.value))
+
+    value = declare(
+        node,
+        LIVE_LEASE,
+        LEASE_S,
+        describe(
+            "silence after which the live scene is stale, at least 2 / live_rate [s]",
+            minimum=0.1,
+            maximum=60.0,
+        ),
+    )
+    node.add_post_set_parameters_callback(take)
+    return float(value)
+
 
 class LiveScene:
-    """Keeps the latest live scene.
+    """Follows the live scene of the run under way.
 
     Args:
         node: The host's node.
@@ -23,17 +55,26 @@ class LiveScene:
     def __init__(self, node: Node, space: SceneSpace) -> None:
         self._node = node
         self._space = space
-        self._latest: Scene | None = None
+        self._view: LiveView | None = None
+        self._lease_s = declare_live_lease(node, self._set_lease)
         node.create_subscription(SceneMsg, "scene/live", self._take, qos.SENSOR)
 
-    def of(self, scene_id: str) -> Scene | None:
-        """Return the latest live scene of a scene id, None when there is none."""
-        latest = self._latest
-        return latest if latest is not None and latest.scene_id == scene_id else None
+    def follow(self, awarded: Scene) -> Callable[[], Scene]:
+        """Begin with the scene of a run; return what tells the scene as it is at each moment."""
+        self._view = LiveView(awarded, time.monotonic, self._lease_s)
+        return self._view.now
+
+    def _set_lease(self, seconds: float) -> None:
+        self._lease_s = seconds
+        if self._view is not None:
+            self._view.lease_s = seconds
 
     def _take(self, message: SceneMsg) -> None:
+        view = self._view
+        if view is None or message.scene_id != view.scene_id:
+            return
         try:
-            self._latest = scene_from_msg(message, self._space)
+            view.see(scene_from_msg(message, self._space))
         except Refused as refused:
             self._node.get_logger().warning(
                 f"live scene refused: {refused}", throttle_duration_sec=5.0

@@ -3,34 +3,53 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Sequence
+from typing import Any
 
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
+from rclpy.parameter import Parameter
 
+from bt_agents.engine.run import RunResult
+from bt_agents.lease import MarketLease
 from bt_agents.ros import qos
 from bt_agents.ros.calls import Calls
-from bt_agents.ros.run_server import RunServer
+from bt_agents.ros.parameters import declare, describe
+from bt_agents.ros.run_server import OUTCOMES, RunServer
+from bt_agents.ros.unheard import UnheardRuns
 from bt_agents.roster import Roster
-from bt_agents_interfaces.msg import MarketStatus
+from bt_agents_interfaces.msg import MarketHeartbeat, MarketStatus, Run
 from bt_agents_interfaces.srv import RegisterHost
 
-_LIMIT_S = 2.0
+MARKET_LEASE = "market_lease"
+"""Parameter of hosts: how long a run goes on without a sign of life of its market."""
+
+_LIMIT_S = 1.0
 _AGAIN_S = 1.0
+_LOOK_S = 0.02
+_WATCH_S = 0.1
+_TOLD_S = 30.0
 
 
 class Membership:
     """Registers the agents of a host, and opens its action only while the market has them.
+
+    A run whose market falls silent is cancelled. Its end, and that of every other run which its
+    market has not announced, is told to the next market.
 
     Args:
         node: The host's node.
         roster: Its agents.
         runs: Its action.
         instance: This start of the host.
+        heard: Returns whether the market would hear a bid; a host that is not heard yet registers
+            after a second all the same.
         changed: Called after the market has taken or refused agents.
 
     Attributes:
         epoch: The market that has answered last; empty before the first.
+        accepted: Whether it has taken the host.
     """
 
     def __init__(
@@ -39,27 +58,107 @@ class Membership:
         roster: Roster,
         runs: RunServer,
         instance: str,
+        heard: Callable[[], bool],
         changed: Callable[[], None],
     ) -> None:
         self.epoch = ""
+        self.accepted = False
         self._node = node
         self._roster = roster
         self._runs = runs
         self._instance = instance
+        self._heard = heard
         self._changed = changed
         self._registering = False
+        self._stale = False
+        self._asked = 0.0
+        self._watched = time.monotonic()
+        self._unheard = UnheardRuns()
+        self._lease = MarketLease(self._declare_lease())
         self._calls = Calls(node)
         self._client = node.create_client(
             RegisterHost, "marketplace/register", qos_profile=qos.SERVICE
         )
         node.create_subscription(MarketStatus, "market", self._meet, qos.FACT)
+        node.create_subscription(MarketHeartbeat, "marketplace/heartbeat", self._hear, qos.SENSOR)
+        node.create_subscription(Run, "runs", self._unheard.take_event, qos.HISTORY)
+        runs.on_begin(self._run_begins)
+        runs.on_end(self._run_ended)
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         node.create_timer(_AGAIN_S, self._again, clock=steady)
+        node.create_timer(_WATCH_S, self._watch, clock=steady)
+        self._waiting = ""
+        self._look = node.create_timer(
+            _LOOK_S, self._register_heard, clock=steady, autostart=False
+        )
 
     @property
     def complete(self) -> bool:
         """True when the market has taken every agent of this host."""
         return bool(self.epoch) and all(m.agent_id for m in self._roster.members.values())
+
+    def refresh(self) -> None:
+        """Tell the market which agents there are now."""
+        if self.epoch:
+            self._stale = self._registering
+            self._register(self.epoch)
+
+    def _declare_lease(self) -> float:
+        def take(parameters: list[Parameter[Any]]) -> None:
+            for parameter in parameters:
+                if parameter.name == MARKET_LEASE:
+                    self._lease.lease_s = float(parameter.value)
+
+        meaning = "a tree is stopped when the market that started it is silent for this long [s]"
+        value = declare(
+            self._node, MARKET_LEASE, 1.0, describe(meaning, minimum=0.3, maximum=10.0)
+        )
+        self._node.add_post_set_parameters_callback(take)
+        return float(value)
+
+    def _run_begins(self, goal: Any) -> None:
+        self._lease.begin(goal.epoch, time.monotonic())
+
+    def _run_ended(self, goal: Any, result: RunResult) -> None:
+        self._lease.end()
+        self._unheard.keep(
+            Run(
+                stamp=self._node.get_clock().now().to_msg(),
+                epoch=goal.epoch,
+                round=goal.round,
+                event=Run.ENDED,
+                outcome=OUTCOMES[result.outcome],
+                scene=goal.scene,
+                agent=goal.agent,
+                agent_id=goal.agent_id,
+                host=str(self._node.get_fully_qualified_name()),
+                host_instance=self._instance,
+                message=result.message,
+                orphans=list(result.orphans),
+                ticks=result.ticks,
+                overruns=result.overruns,
+                duration_s=result.duration_s,
+            )
+        )
+        if goal.epoch != self.epoch:
+            self.refresh()
+
+    def _hear(self, heartbeat: MarketHeartbeat) -> None:
+        now = time.monotonic()
+        self._lease.heard(heartbeat.epoch, now)
+        # Two markets of one name must not have the host register ten times a second.
+        if heartbeat.epoch != self.epoch and now - self._asked >= _AGAIN_S:
+            self._register(heartbeat.epoch)
+
+    def _watch(self) -> None:
+        now = time.monotonic()
+        if now - self._watched > self._lease.lease_s / 2:
+            # This process was held up; the heartbeats of that time still wait to be read.
+            self._lease.excuse(self._watched, now)
+        self._watched = now
+        silence = self._lease.silence(now)
+        if silence:
+            self._runs.cancel(f"its market has been silent for {silence:.1f} s")
 
     def _meet(self, status: MarketStatus) -> None:
         if status.epoch != self.epoch:
@@ -73,6 +172,17 @@ class Membership:
         if self._registering:
             return
         self._registering = True
+        self._asked = time.monotonic()
+        self._waiting = epoch
+        self._register_heard()
+
+    def _register_heard(self) -> None:
+        """Register as soon as no bid would be lost."""
+        if not self._heard() and time.monotonic() - self._asked < _LIMIT_S:
+            self._look.reset()
+            return
+        self._look.cancel()
+        epoch = self._waiting
         host = str(self._node.get_fully_qualified_name())
         names = list(self._roster.members)
         request = RegisterHost.Request(
@@ -83,17 +193,25 @@ class Membership:
             heartbeat=self._node.resolve_topic_name("~/heartbeat"),
             parameters=list(self._roster.space.names),
             agents=names,
+            unreported=self._unheard.of_others(epoch),
         )
         self._calls.call(
             self._client,
             request,
             deadline_s=_LIMIT_S,
-            on_answer=lambda answer: self._answered(names, answer),
+            on_answer=lambda answer: self._answered(request, answer),
             on_failure=lambda reason: self._unanswered(epoch, reason),
         )
 
-    def _answered(self, names: list[str], answer: RegisterHost.Response) -> None:
+    def _answered(self, request: RegisterHost.Request, answer: RegisterHost.Response) -> None:
         self._registering = False
+        self._take_answer(request, answer)
+        if self._stale or (answer.accepted and self._unheard.of_others(answer.epoch)):
+            self.refresh()
+
+    def _take_answer(self, request: RegisterHost.Request, answer: RegisterHost.Response) -> None:
+        names = list(request.agents)
+        self.accepted = answer.accepted
         if not answer.accepted:
             if self.epoch != answer.epoch:
                 self._node.get_logger().error(f"the market refuses this host: {answer.message}")
@@ -104,12 +222,18 @@ class Membership:
             return
         self.epoch = answer.epoch
         self._runs.open()
-        self._runs.end_orphan(answer.epoch)
+        if self._runs.busy and self._runs.goal.epoch != answer.epoch:
+            self._runs.cancel("its market is gone")
+        # What a market has been told of its own runs it has not been asked to take over.
+        self._unheard.handed_over([r for r in request.unreported if r.epoch != answer.epoch])
         self._enrol(names, answer.agent_ids, answer.reasons)
 
     def _unanswered(self, epoch: str, reason: str) -> None:
         self._registering = False
-        self._node.get_logger().warning(f"registration at market {epoch}: {reason}; trying again")
+        self._node.get_logger().warning(
+            f"registration at market {epoch}: {reason}; trying again",
+            throttle_duration_sec=_TOLD_S,
+        )
         self._register(epoch)
 
     def _enrol(self, names: Sequence[str], ids: Sequence[int], reasons: Sequence[str]) -> None:

@@ -13,6 +13,9 @@ from bt_agents.scene import Origin, Scene, SceneSpace, SceneValue
 from bt_agents_interfaces.msg import Scene as SceneMsg
 from bt_agents_interfaces.msg import SceneValue as SceneValueMsg
 
+STOPPED_BY_MARKET = "the market stopped it"
+"""By these words in the end of a run others know that its market wanted it so."""
+
 
 def seconds(stamp: Any) -> float:
     """Return a ``builtin_interfaces/Time`` or ``Duration`` in seconds."""

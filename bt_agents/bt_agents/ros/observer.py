@@ -14,6 +14,7 @@ from rclpy.signals import SignalHandlerOptions
 from std_msgs.msg import Bool, String
 
 from bt_agents.ros import qos
+from bt_agents.ros.card_listener import CardListener
 from bt_agents.ros.runner import Turner
 from bt_agents_interfaces.msg import (
     Auction,
@@ -23,6 +24,7 @@ from bt_agents_interfaces.msg import (
     Profiles,
     Run,
     Scene,
+    SceneEnd,
     TreeStatus,
 )
 from bt_agents_interfaces.srv import Analyze, GiveFeedback
@@ -46,6 +48,9 @@ class Listener(Protocol):
     def run(self, message: Any) -> None:
         """A run started, is being cancelled, or ended."""
 
+    def end(self, message: Any) -> None:
+        """A scene ended."""
+
     def tree(self, message: Any) -> None:
         """A tree changed in a tick."""
 
@@ -54,6 +59,9 @@ class Listener(Protocol):
 
     def feedback(self, message: Any) -> None:
         """A profile moved."""
+
+    def news(self, words: str, bad: bool) -> None:
+        """The agents of a host have changed, or something is wrong with their files."""
 
 
 _SETTLE_S = 0.1
@@ -98,12 +106,13 @@ class Observer:
 
     def __init__(self, listener: Listener | None = None) -> None:
         rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
-        self.node = rclpy.create_node("bt_agents_observer")
+        self.node = rclpy.create_node("bt_agents_observer", start_parameter_services=False)
         self.market: Any = None
         self.cards: dict[str, Any] = {}
         self.profiles: Any = None
         self.visits_done = False
         self._turner = Turner(self.node)
+        self._card_listener: CardListener | None = None
         self._subscribe(MarketStatus, "market", self._take_market, qos.FACT)
         self._subscribe(HostCard, "cards", self._take_card, qos.FACTS)
         self._subscribe(Profiles, "profiles", self._take_profiles, qos.FACT)
@@ -115,6 +124,7 @@ class Observer:
             self._tell(listener)
 
     def _tell(self, listener: Listener) -> None:
+        self._card_listener = CardListener(self.node, listener.news)
         order = _InOrder(self.node)
         for kind, topic, deliver, profile in (
             (String, "visitors/current", lambda m: listener.visitor(m.data), qos.FACT),
@@ -123,6 +133,7 @@ class Observer:
             (Scene, "scene/live", listener.live, qos.SENSOR),
             (Auction, "auctions", listener.auction, qos.EVENTS),
             (Run, "runs", listener.run, qos.EVENTS),
+            (SceneEnd, "scene_ends", listener.end, qos.EVENTS),
             (TreeStatus, "agents/status", listener.tree, qos.EVENTS),
             (String, "robot/transcript", lambda m: listener.act(m.data), qos.EVENTS),
             (Feedback, "feedback", listener.feedback, qos.EVENTS),
@@ -137,6 +148,8 @@ class Observer:
 
     def _take_card(self, message: Any) -> None:
         self.cards[message.host] = message
+        if self._card_listener is not None:
+            self._card_listener.take(message)
 
     def _take_profiles(self, message: Any) -> None:
         self.profiles = message

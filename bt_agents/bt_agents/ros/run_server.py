@@ -14,19 +14,25 @@ from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.task import Future
 
-from bt_agents.engine.run import Outcome, Run, RunResult, StatusChange
+from bt_agents.engine.pace import Pace
+from bt_agents.engine.run import Outcome, Overrun, Run, RunResult, StatusChange
 from bt_agents.errors import Refused
+from bt_agents.held_up import HeldUp
 from bt_agents.ros import qos
-from bt_agents.ros.messages import scene_from_msg
+from bt_agents.ros.messages import STOPPED_BY_MARKET, scene_from_msg
 from bt_agents.ros.world import RosWorld
 from bt_agents.roster import Roster
 from bt_agents.scene import Scene
 from bt_agents_interfaces.action import RunAgent
+from bt_agents_interfaces.msg import Scene as SceneMsg
 from bt_agents_interfaces.msg import StatusChange as StatusChangeMsg
 from bt_agents_interfaces.msg import TreeStatus
 
 RESULT_KEPT_S = 5
 """How long rclpy keeps a finished goal [s]; its default of 900 s slows acceptance 25-fold."""
+
+_OVERRUNS_TOLD_S = 5.0
+_LOOK_S = 0.1
 
 _STATUS = {
     Status.INVALID: StatusChangeMsg.INVALID,
@@ -35,11 +41,12 @@ _STATUS = {
     Status.FAILURE: StatusChangeMsg.FAILURE,
 }
 
-_OUTCOME = {
+OUTCOMES = {
     Outcome.SUCCEEDED: RunAgent.Result.SUCCEEDED,
     Outcome.FAILED: RunAgent.Result.FAILED,
     Outcome.CANCELLED: RunAgent.Result.CANCELLED,
 }
+"""Outcomes of a run as messages have them."""
 
 
 class RunServer:
@@ -49,7 +56,10 @@ class RunServer:
         node: The host's node.
         roster: Its agents.
         instance: This start of the host; goals meant for another one are refused.
-        live: Returns the latest live scene of a scene id, None when there is none.
+        live: Begins with the scene of a run; returns what tells its live scene.
+
+    Attributes:
+        goal: The goal under way; None without one.
     """
 
     def __init__(
@@ -57,7 +67,7 @@ class RunServer:
         node: Node,
         roster: Roster,
         instance: str,
-        live: Callable[[str], Scene | None],
+        live: Callable[[Scene], Callable[[], Scene]],
     ) -> None:
         self.goal: Any = None
         self._node = node
@@ -69,16 +79,27 @@ class RunServer:
         self._handle: Any = None
         self._cancel_reason = ""
         self._stopping = False
-        self._wake = node.create_guard_condition(self._tick)
+        self._held_up = HeldUp(time.monotonic())
+        self._period_s = 0.05
+        self._pace = Pace(self._period_s, time.monotonic())
+        self._at_begin: list[Callable[[Any], None]] = []
+        self._at_end: list[Callable[[Any, RunResult], None]] = []
         self.world = RosWorld(
             node,
-            self._wake.trigger,
+            self._take_news,
             space=roster.space,
             agent=lambda: self.goal.agent if self.goal is not None else "",
+            scene=lambda: self.goal.scene if self.goal is not None else SceneMsg(),
         )
         self._status = node.create_publisher(TreeStatus, "~/status", qos.EVENTS)
-        self._steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self._timer = node.create_timer(0.05, self._tick, clock=self._steady, autostart=False)
+        # It is set anew for each tick: a timer that is late makes up for nothing.
+        self._timer = node.create_timer(
+            self._period_s,
+            self._tick,
+            clock=Clock(clock_type=ClockType.STEADY_TIME),
+            autostart=False,
+        )
+        node.create_timer(_LOOK_S, self._look, clock=Clock(clock_type=ClockType.STEADY_TIME))
         self._server: ActionServer | None = None
 
     def open(self) -> None:
@@ -90,6 +111,7 @@ class RunServer:
                 "~/run",
                 execute_callback=self._execute,
                 goal_callback=self._answer_goal,
+                handle_accepted_callback=self._begin,
                 cancel_callback=self._answer_cancel,
                 goal_service_qos_profile=qos.SERVICE,
                 result_service_qos_profile=qos.SERVICE,
@@ -109,22 +131,41 @@ class RunServer:
         """True from the acceptance of a goal until its result is on its way."""
         return self.goal is not None
 
-    def set_rate(self, hertz: float) -> None:
-        """Tick this often from the next tick on."""
-        self._timer.timer_period_ns = int(1e9 / hertz)
+    @property
+    def running(self) -> str:
+        """Name of the agent whose goal is under way; empty without one."""
+        return str(self.goal.agent) if self.goal is not None else ""
 
-    def end_orphan(self, epoch: str) -> None:
-        """Stop a tree that another epoch of the market has started, as that one cannot do it."""
-        if self.goal is not None and self.goal.epoch != epoch:
-            self._cancel_reason = self._cancel_reason or "its market is gone"
-            self._wake.trigger()
+    def set_rate(self, hertz: float) -> None:
+        """Tick this often from now on [1/s]."""
+        self._period_s = 1.0 / hertz
+        if self._run is not None:
+            self._run.period_s = self._period_s
+            self._pace.change(self._period_s, time.monotonic())
+            self._set_timer()
+
+    def on_begin(self, listener: Callable[[Any], None]) -> None:
+        """Have a callable told each goal that was accepted."""
+        self._at_begin.append(listener)
+
+    def on_end(self, listener: Callable[[Any, RunResult], None]) -> None:
+        """Have a callable told each goal that is over, and how, before its result goes out.
+
+        The host is not busy any more then.
+        """
+        self._at_end.append(listener)
+
+    def cancel(self, reason: str) -> None:
+        """Stop the running tree from within the host, with its clean-up."""
+        if self.busy and not self._cancel_reason:
+            self._cancel_reason = reason
+            self._pace.hurry(time.monotonic())
+            self._set_timer()
 
     def stop(self, reason: str) -> None:
-        """Stop the running tree from within the host, without its clean-up."""
+        """Stop the running tree without its clean-up, and take no goals any more."""
         self._stopping = True
-        if self.busy:
-            self._cancel_reason = self._cancel_reason or reason
-            self._wake.trigger()
+        self.cancel(reason)
 
     def _answer_goal(self, goal: Any) -> GoalResponse:
         try:
@@ -134,8 +175,15 @@ class RunServer:
                 f"goal for '{goal.agent[:80]}' (round {goal.round}) refused: {refused}"
             )
             return GoalResponse.REJECT
-        self.goal = goal
         return GoalResponse.ACCEPT
+
+    def _begin(self, handle: Any) -> None:
+        """Take a goal whose acceptance is on its way; it is executed in a turn of its own."""
+        self._handle = handle
+        self.goal = handle.request
+        handle.execute()
+        for listener in self._at_begin:
+            self._tell(listener, self.goal)
 
     def _check(self, goal: Any) -> None:
         if self._stopping:
@@ -154,70 +202,130 @@ class RunServer:
             )
         scene_from_msg(goal.scene, self._roster.space)
 
-    def _answer_cancel(self, _handle: Any) -> CancelResponse:
-        self._cancel_reason = self._cancel_reason or "the market stopped it"
-        self._wake.trigger()
+    def _answer_cancel(self, handle: Any) -> CancelResponse:
+        if self._handle is None or handle != self._handle:
+            return CancelResponse.REJECT
+        self.cancel(STOPPED_BY_MARKET)
         return CancelResponse.ACCEPT
 
     async def _execute(self, handle: Any) -> RunAgent.Result:
         goal = handle.request
-        self._handle = handle
         self._ended = Future(executor=self._node.executor)
         try:
-            scene = scene_from_msg(goal.scene, self._roster.space)
-            member = self._roster.member(goal.agent)
-            self._run = Run(
-                member.spec,
-                space=self._roster.space,
-                scene=scene,
-                profile=member.profile,
-                live=lambda: self._live(scene.scene_id) or scene,
-                tunables=member.tunables,
-                world=self.world,
-                steady=time.monotonic,
-            )
-            self._node.get_logger().info(f"round {goal.round}: {goal.agent} runs")
-            self._timer.reset()
-            self._tick()
+            self._start(goal)
             result: RunResult = await self._ended
-            self._node.get_logger().info(
-                f"round {goal.round}: {goal.agent} {result.outcome.value}: {result.message}"
-            )
-            _close(handle, result)
-            return RunAgent.Result(
-                outcome=_OUTCOME[result.outcome],
-                message=result.message,
-                tip=result.tip,
-                orphans=list(result.orphans),
-                ticks=result.ticks,
-                duration_s=result.duration_s,
-            )
+        except Exception as error:
+            result = _not_begun(error)
         finally:
             self.goal = self._run = self._handle = None
             self._cancel_reason = ""
+        self._node.get_logger().info(
+            f"round {goal.round}: {goal.agent} {result.outcome.value}: {result.message}"
+        )
+        for listener in self._at_end:
+            self._tell(listener, goal, result)
+        _close(handle, result)
+        return RunAgent.Result(
+            outcome=OUTCOMES[result.outcome],
+            message=result.message,
+            tip=result.tip,
+            orphans=list(result.orphans),
+            ticks=result.ticks,
+            overruns=result.overruns,
+            duration_s=result.duration_s,
+        )
+
+    def _start(self, goal: Any) -> None:
+        scene = scene_from_msg(goal.scene, self._roster.space)
+        member = self._roster.member(goal.agent)
+        self._run = Run(
+            member.spec,
+            space=self._roster.space,
+            scene=scene,
+            profile=member.profile,
+            live=self._live(scene),
+            tunables=member.tunables,
+            world=self.world,
+            steady=time.monotonic,
+        )
+        self._run.period_s = self._period_s
+        self._pace = Pace(self._period_s, time.monotonic())
+        self._node.get_logger().info(f"round {goal.round}: {goal.agent} runs")
+        self._tick()
+
+    def _tell(self, listener: Callable[..., None], *what: Any) -> None:
+        """Tell a listener, which must not stand between the market and the result."""
+        try:
+            listener(*what)
+        except Exception:
+            self._node.get_logger().error(traceback.format_exc())
+
+    def _take_news(self) -> None:
+        if self._run is not None:
+            self._pace.news(time.monotonic())
+            self._set_timer()
+
+    def _set_timer(self) -> None:
+        now = time.monotonic()
+        wait_s = self._pace.due - now
+        if not self._cancel_reason:
+            wait_s = max(wait_s, self._held_up.wait_s(now))
+        # It rings early rather than never: a period of zero is none.
+        self._timer.timer_period_ns = max(1, int(wait_s * 1e9))
+        self._timer.reset()
 
     def _tick(self) -> None:
+        self._timer.cancel()
         run = self._run
         if run is None or run.result is not None:
             return
+        began = time.monotonic()
+        if self._held_up.wait_s(began) and not self._cancel_reason:
+            # The market may have given the run to another agent meanwhile, and will say so.
+            self._set_timer()
+            return
+        self._pace.begin()
         try:
             self._advance(run)
         except Exception as error:
             # What a node raises is its FAILURE; this is a fault of the engine, and ends the run.
             self._node.get_logger().error(traceback.format_exc())
+            run.give_up(f"{type(error).__name__}: {error}")
+        if run.result is not None:
             self._timer.cancel()
-            self._ended.set_result(run.give_up(f"{type(error).__name__}: {error}"))
+            self._ended.set_result(run.result)
+            return
+        self._pace.end(began, time.monotonic(), run.deadline)
+        self._set_timer()
 
     def _advance(self, run: Run) -> None:
         changes = []
         if self._cancel_reason:
-            changes += run.cancel(self._cancel_reason, clean_up=not self._stopping)
+            changes += self._cancel_now(run)
         changes += run.tick()
         if changes:
             self._publish(run, changes)
-        if run.result is not None:
-            self._timer.cancel()
-            self._ended.set_result(run.result)
+        if run.overrun is not None:
+            self._tell_overrun(run, run.overrun)
+
+    def _cancel_now(self, run: Run) -> list[StatusChange]:
+        reason, clean_up = self._cancel_reason, not self._stopping
+        if self._held_up.wait_s(time.monotonic()):
+            # Another agent may have the robot by now, and must not be talked into.
+            reason += f", after this host had been held up for {self._held_up.lasted_s:.1f} s"
+            clean_up = False
+        return run.cancel(reason, clean_up=clean_up)
+
+    def _look(self) -> None:
+        self._held_up.wait_s(time.monotonic())
+
+    def _tell_overrun(self, run: Run, overrun: Overrun) -> None:
+        self._node.get_logger().warning(
+            f"{run.spec.name}: tick {run.ticks} took {overrun.took_s * 1e3:.0f} ms, there are "
+            f"{self._period_s * 1e3:.0f} ms between two; {overrun.slowest} alone took "
+            f"{overrun.slowest_s * 1e3:.0f} ms ({run.overruns} such ticks in this run so far)",
+            throttle_duration_sec=_OVERRUNS_TOLD_S,
+        )
 
     def _publish(self, run: Run, changes: list[StatusChange]) -> None:
         status = TreeStatus(
@@ -241,6 +349,19 @@ class RunServer:
         self._status.publish(status)
         if self._handle.is_active:
             self._handle.publish_feedback(RunAgent.Feedback(status=status))
+
+
+def _not_begun(error: Exception) -> RunResult:
+    reason = error.reason if isinstance(error, Refused) else f"{type(error).__name__}: {error}"
+    return RunResult(
+        outcome=Outcome.FAILED,
+        message=f"it could not begin: {reason}",
+        tip="",
+        orphans=(),
+        ticks=0,
+        overruns=0,
+        duration_s=0.0,
+    )
 
 
 def _close(handle: Any, result: RunResult) -> None:

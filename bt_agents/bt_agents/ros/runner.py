@@ -10,6 +10,7 @@ import sys
 import time
 import traceback
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from typing import Protocol, TypeVar
 
 import rclpy
@@ -17,10 +18,8 @@ from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
-from bt_agents.interrupt import Interrupt
-
-SUPERVISED = "BT_AGENTS_SUPERVISED"
-"""Environment variable with the pid of the parent to whose life a node's process is tied."""
+from bt_agents.interrupt import Interrupt, Interrupted
+from bt_agents.starting import READY, SUPERVISED
 
 _POLL_S = 0.1
 _STOP_LIMIT_S = 1.0
@@ -95,12 +94,16 @@ def run(make_node: Callable[[], NodeT], args: Sequence[str] | None = None) -> in
     rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
     try:
         try:
-            node = make_node()
+            with interrupt.cutting_short():
+                node = make_node()
+        except Interrupted:
+            return 0
         except Exception as error:
             print(f"error: {error}", file=sys.stderr)
             return 1
         turner = Turner(node)
         try:
+            _say_ready()
             while not interrupt and rclpy.ok():
                 turner.turn()
             if hasattr(node, "request_stop") and rclpy.ok():
@@ -115,6 +118,14 @@ def run(make_node: Callable[[], NodeT], args: Sequence[str] | None = None) -> in
         return 0
     finally:
         rclpy.try_shutdown()
+
+
+def _say_ready() -> None:
+    descriptor = os.environ.pop(READY, "")
+    if descriptor.isdecimal():
+        # The parent may have ended.
+        with suppress(OSError), os.fdopen(int(descriptor), "wb") as parent:
+            parent.write(b"up")
 
 
 def _die_with_parent() -> None:

@@ -7,31 +7,31 @@ import time
 import uuid
 from collections import deque
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import Any
 
-from rcl_interfaces.msg import ParameterDescriptor, SetParametersResult
 from rclpy.clock import Clock, ClockType
-from rclpy.node import Node
-from rclpy.parameter import Parameter
 
 from bt_agents.errors import Refused
 from bt_agents.language.scene_reader import read_scene
 from bt_agents.ros import qos
-from bt_agents.ros.calls import Calls
-from bt_agents.ros.messages import scene_from_msg, scene_to_msg
-from bt_agents.ros.parameters import declare, describe
+from bt_agents.ros.messages import scene_from_msg, scene_to_msg, seconds
+from bt_agents.ros.node import GuardedNode
+from bt_agents.ros.outbox import Outbox
 from bt_agents.ros.runner import run
 from bt_agents.ros.startup import TREES, make_from_parameters
 from bt_agents.scene import SceneSpace
 from bt_agents.trees_folder import find_trees
 from bt_agents_interfaces.msg import Auction as AuctionMsg
 from bt_agents_interfaces.msg import Bids as BidsMsg
-from bt_agents_interfaces.msg import CallForBids, MarketStatus
+from bt_agents_interfaces.msg import CallForBids, MarketHeartbeat, MarketStatus
 from bt_agents_interfaces.msg import Run as RunMsg
 from bt_agents_interfaces.msg import Scene as SceneMsg
+from bt_agents_interfaces.msg import SceneEnd as SceneEndMsg
 from bt_agents_interfaces.srv import CancelRun, CollectFeedback, RegisterHost
+from marketplace_node.award import Stop
+from marketplace_node.earlier import MAX_RUNS
 from marketplace_node.effects import (
+    AnnounceEarlierRun,
     AnnounceRun,
     CancelGoal,
     Collect,
@@ -40,41 +40,35 @@ from marketplace_node.effects import (
     Note,
     OpenCall,
     PublishAuction,
-    SceneOver,
-    SceneRefused,
+    SceneEnded,
     SendGoal,
     State,
     StatusChanged,
 )
-from marketplace_node.interaction import Stop
 from marketplace_node.market import Market
 from marketplace_node.node.hosts import Hosts
 from marketplace_node.node.messages import (
     auction_to_msg,
     bids_from_msg,
+    earlier_run_from_msg,
+    earlier_run_to_msg,
     registration_from_msg,
     run_to_msg,
+    scene_end_to_msg,
     status_to_msg,
 )
+from marketplace_node.node.parameters import declare_settings, follow_settings
 from marketplace_node.registry import HostEntry
-from marketplace_node.settings import MAX_QUEUE, ON_NEW_SCENE, SECONDS, TIE_BREAKS, Settings
-from marketplace_node.strategies import STRATEGIES
+from marketplace_node.settings import Settings
 
 _FAST_S = 0.02
-_LEASE_CHECK_S = 0.1
+_WATCH_S = 0.05
+_HEARTBEAT_S = 0.1
+_SHOWN = 200  # characters of what is malformed
 _CALL_WAITS = 0.5  # at most this part of the bid deadline, for hosts that are just connecting
 
-_SETTINGS = {name.removesuffix("_s"): name for name in Settings.__dataclass_fields__}
-_MEANINGS = {
-    "bid_deadline": "from the call for bids to the close of the round [s]",
-    "host_lease": "a host without a heartbeat for this long is gone [s]",
-    "goal_deadline": "time for a host to take or refuse a run [s]",
-    "cancel_deadline": "time for a run to end after it was told to stop [s]",
-    "collect_deadline": "time for the feedback service to answer after a run [s]",
-}
 
-
-class MarketplaceNode(Node):
+class MarketplaceNode(GuardedNode):
     """Calls for bids on every scene, awards the run to the best and watches over it.
 
     Args:
@@ -86,26 +80,29 @@ class MarketplaceNode(Node):
     def __init__(self, space: SceneSpace, epoch: str | None = None, **node_kwargs: Any) -> None:
         super().__init__("marketplace", **node_kwargs)
         self._space = space
-        self._call: tuple[OpenCall, float] | None = None
+        self._due_calls: dict[int, tuple[OpenCall, float]] = {}
         self._due: deque[Effect] = deque()
         self._carrying = False
         self._state_entered: tuple[tuple[State, int], Any] | None = None
-        self._market = Market(space, epoch or uuid.uuid4().hex[:12], self._declare_settings())
+        self._market = Market(space, epoch or uuid.uuid4().hex[:12], declare_settings(self))
         self._hosts = Hosts(self, self._market, self._carry_out)
-        self.add_on_set_parameters_callback(self._check_parameters)
-        self.add_post_set_parameters_callback(self._take_parameters)
+        follow_settings(self, lambda: self._market.settings, self._configure)
         self._calls = self.create_publisher(CallForBids, "calls", qos.EVENTS)
         self._auctions = self.create_publisher(AuctionMsg, "auctions", qos.HISTORY)
         self._runs = self.create_publisher(RunMsg, "runs", qos.HISTORY)
+        self._ends = self.create_publisher(SceneEndMsg, "scene_ends", qos.HISTORY)
         self._status = self.create_publisher(MarketStatus, "market", qos.FACT)
-        self._feedback = self.create_client(
-            CollectFeedback, "feedback/collect", qos_profile=qos.SERVICE
+        self._heartbeats = self.create_publisher(MarketHeartbeat, "~/heartbeat", qos.EVENTS)
+        self._beats = 0
+        self._feedback = Outbox(
+            self,
+            self.create_client(CollectFeedback, "feedback/collect", qos_profile=qos.SERVICE),
         )
-        self._requests = Calls(self)
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._ticked = time.monotonic()
         self._fast = self.create_timer(_FAST_S, self._tick, clock=steady, autostart=False)
-        self.create_timer(_LEASE_CHECK_S, self._tick, clock=steady)
+        self.create_timer(_WATCH_S, self._tick, clock=steady)
+        self.create_timer(_HEARTBEAT_S, self._beat, clock=steady)
         self.create_service(RegisterHost, "~/register", self._register, qos_profile=qos.SERVICE)
         self.create_service(CancelRun, "~/cancel", self._cancel, qos_profile=qos.SERVICE)
         self.create_subscription(BidsMsg, "bids", self._take_bids, qos.EVENTS)
@@ -119,53 +116,23 @@ class MarketplaceNode(Node):
 
     def stopped(self) -> bool:
         """Return True when no tree runs."""
-        return self._market.state in (State.IDLE, State.COLLECTING)
+        return self._market.state is State.IDLE
 
     def destroy_node(self) -> None:
         """Destroy the node with its action clients, which rclpy would leave behind."""
+        self._feedback.close()
         self._hosts.close()
         super().destroy_node()
 
-    def _declare_settings(self) -> Settings:
-        defaults = Settings()
-        descriptors: dict[str, ParameterDescriptor] = {
-            "strategy": describe("how bids are compared to the scene", choices=tuple(STRATEGIES)),
-            "on_new_scene": describe(
-                "what happens to a scene that comes during an interaction", choices=ON_NEW_SCENE
-            ),
-            "tie_break": describe("which of equally distant bids wins", choices=TIE_BREAKS),
-            "queue_limit": describe(
-                "how many scenes may wait", minimum=0, maximum=MAX_QUEUE, integer=True
-            ),
-        }
-        for name, meaning in _MEANINGS.items():
-            least, most = SECONDS[_SETTINGS[name]]
-            descriptors[name] = describe(meaning, minimum=least, maximum=most)
-        values: dict[str, Any] = {
-            field: declare(self, name, getattr(defaults, field), descriptors[name])
-            for name, field in _SETTINGS.items()
-        }
-        return Settings(**values)
-
-    def _with(self, parameters: list[Parameter[Any]]) -> Settings:
-        changes = {_SETTINGS[p.name]: p.value for p in parameters if p.name in _SETTINGS}
-        return replace(self._market.settings, **changes)
-
-    def _check_parameters(self, parameters: list[Parameter[Any]]) -> SetParametersResult:
-        try:
-            self._with(parameters)
-        except Refused as refused:
-            return SetParametersResult(successful=False, reason=str(refused))
-        return SetParametersResult(successful=True)
-
-    def _take_parameters(self, parameters: list[Parameter[Any]]) -> None:
-        self._carry_out(self._market.configure(self._with(parameters), time.monotonic()))
+    def _configure(self, settings: Settings) -> None:
+        self._carry_out(self._market.configure(settings, time.monotonic()))
 
     def _take_scene(self, message: SceneMsg) -> None:
         try:
             scene = scene_from_msg(message, self._space)
         except Refused as refused:
-            self.get_logger().warning(f"scene '{message.scene_id[:80]}' refused: {refused}")
+            scene_id = message.scene_id[:_SHOWN]
+            self._carry_out(self._market.malformed(scene_id, refused, time.monotonic()))
             return
         self._carry_out(self._market.scene(scene, time.monotonic()))
 
@@ -191,9 +158,30 @@ class MarketplaceNode(Node):
                 "as something else has the name; the log of the marketplace says more"
             )
             response.reasons = [response.message] * len(request.agents)
-        if not response.accepted:
+        if response.accepted:
+            self._take_unreported(request)
+        else:
             self.get_logger().warning(f"host '{request.host}' refused: {response.message}")
         return response
+
+    def _take_unreported(self, request: RegisterHost.Request) -> None:
+        """Take the runs of an earlier market as far as they are in order."""
+        now_s = seconds(self._now())
+        runs = []
+        for message in request.unreported[:MAX_RUNS]:
+            try:
+                runs.append(earlier_run_from_msg(message, self._space, now_s))
+            except Refused as refused:
+                self.get_logger().warning(
+                    f"a run that {request.host} had not reported is left out: "
+                    f"{str(refused)[:_SHOWN]}"
+                )
+        if len(request.unreported) > MAX_RUNS:
+            self.get_logger().warning(
+                f"{request.host} hands over {len(request.unreported)} unreported runs, "
+                f"the first {MAX_RUNS} are taken"
+            )
+        self._carry_out(self._market.unreported(request.host, runs, time.monotonic()))
 
     def _cancel(
         self, request: CancelRun.Request, response: CancelRun.Response
@@ -222,9 +210,15 @@ class MarketplaceNode(Node):
             # This process was held up; the heartbeats of that time still wait to be read.
             self._carry_out(self._market.excuse(self._ticked, now))
         self._ticked = now
-        self._publish_call(now)
+        self._publish_calls(now)
         self._hosts.send_waiting()
         self._carry_out(self._market.tick(now))
+
+    def _beat(self) -> None:
+        self._beats += 1
+        self._heartbeats.publish(
+            MarketHeartbeat(epoch=self._market.epoch, sequence=self._beats % 2**32)
+        )
 
     def _carry_out(self, effects: list[Effect]) -> None:
         self._due.extend(effects)
@@ -236,7 +230,7 @@ class MarketplaceNode(Node):
                 self._do(self._due.popleft())
         finally:
             self._carrying = False
-        if self._market.state in (State.IDLE, State.RUNNING):
+        if not self._market.hurries:
             self._fast.cancel()
         elif self._fast.is_canceled():
             self._fast.reset()
@@ -248,10 +242,11 @@ class MarketplaceNode(Node):
                 self._connect(effect.entry)
             case OpenCall():
                 now = time.monotonic()
-                self._call = (effect, now + _CALL_WAITS * effect.deadline_s)
-                self._publish_call(now)
+                latest = now + _CALL_WAITS * effect.deadline_s
+                self._due_calls[effect.round] = (effect, latest)
+                self._publish_calls(now)
             case PublishAuction():
-                self._call = None
+                self._due_calls.pop(effect.decision.terms.round, None)
                 self._auctions.publish(auction_to_msg(effect, self._now()))
                 log.info(f"round {effect.decision.terms.round}: {effect.reason}")
             case SendGoal():
@@ -262,14 +257,15 @@ class MarketplaceNode(Node):
                 self._runs.publish(run_to_msg(effect, self._market.epoch, self._now()))
                 words = f"{effect.goal.agent} {effect.event.name.lower()}: {effect.message}"
                 log.info(f"round {effect.goal.round}: {words}")
+            case AnnounceEarlierRun():
+                self._runs.publish(earlier_run_to_msg(effect.run, self._now()))
             case Collect():
                 self._collect(effect)
             case StatusChanged():
                 self._publish_status(effect)
-            case SceneRefused():
-                log.warning(f"scene '{effect.scene_id}' {effect.code}: {effect.reason}")
-            case SceneOver():
-                log.info(f"scene '{effect.scene_id}' is over: {effect.message}")
+            case SceneEnded():
+                self._ends.publish(scene_end_to_msg(effect, self._market.epoch, self._now()))
+                log.info(f"scene '{effect.scene_id}' {effect.code}: {effect.message}")
             case Note():
                 log.warning(effect.message)
 
@@ -281,14 +277,14 @@ class MarketplaceNode(Node):
             self.get_logger().error(refused.reason)
             self._carry_out(self._market.disconnect(entry.host, time.monotonic()))
 
-    def _publish_call(self, now: float) -> None:
-        if self._call is None:
-            return
-        effect, latest = self._call
-        # A message to a host that is still being matched would be lost.
-        if self._calls.get_subscription_count() < effect.hosts and now < latest:
-            return
-        self._call = None
+    def _publish_calls(self, now: float) -> None:
+        for effect, latest in list(self._due_calls.values()):
+            # A message to a host that is still being matched would be lost.
+            if self._calls.get_subscription_count() >= effect.hosts or now >= latest:
+                self._due_calls.pop(effect.round, None)
+                self._publish_call(effect, now)
+
+    def _publish_call(self, effect: OpenCall, now: float) -> None:
         self._calls.publish(
             CallForBids(
                 stamp=self._now(),
@@ -305,11 +301,11 @@ class MarketplaceNode(Node):
     def _collect(self, effect: Collect) -> None:
         number = effect.goal.round
 
-        def report(message: str) -> None:
-            self._carry_out(self._market.collected(number, message, time.monotonic()))
+        def answered(answer: Any) -> None:
+            words = answer.message if answer is not None else "the request for feedback was lost"
+            self._carry_out(self._market.collected(number, words, time.monotonic()))
 
-        self._requests.call(
-            self._feedback,
+        self._feedback.put(
             CollectFeedback.Request(
                 epoch=self._market.epoch,
                 round=number,
@@ -317,9 +313,7 @@ class MarketplaceNode(Node):
                 outcome=int(effect.outcome),
                 scene=scene_to_msg(effect.scene),
             ),
-            deadline_s=effect.deadline_s,
-            on_answer=lambda answer: report(answer.message),
-            on_failure=report,
+            answered,
         )
 
     def _publish_status(self, status: StatusChanged) -> None:

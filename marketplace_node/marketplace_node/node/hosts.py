@@ -4,11 +4,13 @@
 from __future__ import annotations
 
 import time
+import uuid
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
 from action_msgs.msg import GoalStatus
+from action_msgs.srv import CancelGoal
 from rclpy.action import ActionClient
 from rclpy.node import Node
 
@@ -26,15 +28,20 @@ from marketplace_node.registry import HostEntry
 class _Link:
     entry: HostEntry
     runs: Any
+    cancels: Any
     heartbeat: Any
 
 
 @dataclass(eq=False, kw_only=True)
 class _Sending:
-    """A goal that waits for its server, is sent, or has been taken when there is a handle."""
+    """A goal that waits for its server, is sent, or has been taken when there is a handle.
+
+    ``cancel`` is the request that cancels it, as soon as it has been sent.
+    """
 
     link: _Link
     message: RunAgent.Goal
+    cancel: Any
     sent: bool = False
     handle: Any = None
 
@@ -70,7 +77,7 @@ class Hosts:
             Refused: ``UNREACHABLE``, when its names cannot be used.
         """
         self.disconnect(entry.host)
-        runs = None
+        runs = cancels = None
         try:
             runs = ActionClient(
                 self._node,
@@ -81,6 +88,10 @@ class Hosts:
                 cancel_service_qos_profile=qos.SERVICE,
                 feedback_sub_qos_profile=qos.SERVICE,
             )
+            # For goals that are not taken yet, which a client of the action cannot cancel.
+            cancels = self._node.create_client(
+                CancelGoal, f"{entry.run_action}/_action/cancel_goal", qos_profile=qos.SERVICE
+            )
             heartbeat = self._node.create_subscription(
                 Heartbeat, entry.heartbeat, self._take_heartbeat, qos.EVENTS
             )
@@ -88,12 +99,16 @@ class Hosts:
             # The names come from outside; rclpy has no common root for what it makes of bad ones.
             if runs is not None:
                 runs.destroy()
+            if cancels is not None:
+                self._node.destroy_client(cancels)
             raise Refused(
                 "UNREACHABLE",
                 f"{entry.host} cannot be reached at {entry.run_action} and {entry.heartbeat}, "
                 f"expected an action and a topic that nothing else is called: {error}",
             ) from None
-        self._links[entry.host] = _Link(entry=entry, runs=runs, heartbeat=heartbeat)
+        self._links[entry.host] = _Link(
+            entry=entry, runs=runs, cancels=cancels, heartbeat=heartbeat
+        )
 
     def disconnect(self, host: str) -> None:
         """Forget a host and all goals sent to it; the market knows from its heartbeat."""
@@ -101,6 +116,7 @@ class Hosts:
         if link is not None:
             self._goals = {g: s for g, s in self._goals.items() if s.link is not link}
             link.runs.destroy()
+            self._node.destroy_client(link.cancels)
             self._node.destroy_subscription(link.heartbeat)
 
     def close(self) -> None:
@@ -116,7 +132,9 @@ class Hosts:
             self._refuse(goal, f"{goal.host} is not connected")
             return
         message = goal_to_msg(effect, self._market.epoch)
-        self._goals[goal] = _Sending(link=link, message=message)
+        cancel = CancelGoal.Request()
+        cancel.goal_info.goal_id.uuid = list(uuid.uuid4().bytes)
+        self._goals[goal] = _Sending(link=link, message=message, cancel=cancel)
         self.send_waiting()
 
     def send_waiting(self) -> None:
@@ -125,19 +143,27 @@ class Hosts:
             # A goal for a server that is still being matched would be lost.
             if not sending.sent and sending.link.runs.server_is_ready():
                 sending.sent = True
-                future = sending.link.runs.send_goal_async(sending.message)
+                future = sending.link.runs.send_goal_async(
+                    sending.message, goal_uuid=sending.cancel.goal_info.goal_id
+                )
                 future.add_done_callback(
                     lambda done, goal=goal, sending=sending: self._answered(goal, sending, done)
                 )
 
     def cancel(self, goal: Goal) -> None:
-        """Cancel a goal or drop it unsent; one that is not taken yet is the market's to cancel."""
+        """Cancel a goal, or drop it unsent.
+
+        One that is not answered yet is cancelled all the same: a host that was held up finds the
+        cancel beside the goal, and does not begin. The market cancels again on acceptance.
+        """
         sending = self._goals.get(goal)
         if sending is None:
             return
         if sending.handle is not None:
             sending.handle.cancel_goal_async()
-        elif not sending.sent:
+        elif sending.sent:
+            sending.link.cancels.call_async(sending.cancel)
+        else:
             del self._goals[goal]
             self._refuse(goal, f"{sending.link.entry.run_action} is not there")
 

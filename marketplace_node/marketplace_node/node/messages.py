@@ -3,9 +3,12 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
-from bt_agents.ros.messages import scene_to_msg
+from bt_agents.errors import Refused
+from bt_agents.ros.messages import STOPPED_BY_MARKET, scene_from_msg, scene_to_msg, seconds
+from bt_agents.scene import SceneSpace
 from bt_agents_interfaces.action import RunAgent
 from bt_agents_interfaces.msg import Auction as AuctionMsg
 from bt_agents_interfaces.msg import Bids as BidsMsg
@@ -13,12 +16,25 @@ from bt_agents_interfaces.msg import MarketStatus
 from bt_agents_interfaces.msg import RankedBid as RankedBidMsg
 from bt_agents_interfaces.msg import RefusedBid as RefusedBidMsg
 from bt_agents_interfaces.msg import Run as RunMsg
+from bt_agents_interfaces.msg import SceneEnd as SceneEndMsg
 from bt_agents_interfaces.srv import RegisterHost
 from marketplace_node import explain
 from marketplace_node.auction import Bids
-from marketplace_node.effects import AnnounceRun, PublishAuction, SendGoal, StatusChanged
-from marketplace_node.interaction import RunEnd
+from marketplace_node.award import RunEnd
+from marketplace_node.effects import (
+    AnnounceRun,
+    EarlierRun,
+    Goal,
+    PublishAuction,
+    RunEventKind,
+    RunOutcome,
+    SceneEnded,
+    SendGoal,
+    StatusChanged,
+)
 from marketplace_node.registry import Registration
+
+_ENDED = (RunMsg.SUCCEEDED, RunMsg.FAILED, RunMsg.CANCELLED, RunMsg.LOST)
 
 
 def bids_from_msg(message: BidsMsg) -> Bids:
@@ -55,6 +71,50 @@ def run_end_from_msg(result: RunAgent.Result) -> RunEnd:
         message=result.message,
         orphans=tuple(result.orphans),
         ticks=result.ticks,
+        overruns=result.overruns,
+    )
+
+
+def earlier_run_from_msg(message: RunMsg, space: SceneSpace, now_s: float) -> EarlierRun:
+    """Check a run of an earlier market and return it.
+
+    Args:
+        message: As the host hands it over.
+        space: The scene parameters.
+        now_s: Time on the clock of its stamp [s].
+
+    Raises:
+        Refused: ``NOT_ENDED``, ``UNKNOWN_OUTCOME``, ``EMPTY``, ``NOT_FINITE``, or as in
+            :func:`scene_from_msg`.
+    """
+    if message.event != RunMsg.ENDED:
+        raise Refused(
+            "NOT_ENDED", f"event is {message.event}, expected {RunMsg.ENDED}: a run that has ended"
+        )
+    if message.outcome not in _ENDED:
+        raise Refused("UNKNOWN_OUTCOME", f"outcome is {message.outcome}, expected 1 to 4")
+    if not (message.epoch and message.round and message.agent):
+        raise Refused("EMPTY", "epoch, round or agent is empty; they name the run")
+    if not math.isfinite(message.duration_s):
+        raise Refused("NOT_FINITE", f"duration_s is {message.duration_s}, expected seconds")
+    return EarlierRun(
+        epoch=message.epoch,
+        goal=Goal(
+            round=message.round,
+            agent=message.agent,
+            agent_id=message.agent_id,
+            host=message.host,
+            instance=message.host_instance,
+        ),
+        outcome=RunOutcome(message.outcome),
+        scene=scene_from_msg(message.scene, space),
+        message=message.message,
+        cut_off=_cut_off(message),
+        orphans=tuple(message.orphans),
+        ticks=message.ticks,
+        overruns=message.overruns,
+        duration_s=message.duration_s,
+        age_s=now_s - seconds(message.stamp),
     )
 
 
@@ -133,6 +193,12 @@ def auction_to_msg(effect: PublishAuction, stamp: Any) -> AuctionMsg:
     )
 
 
+def _cut_off(message: RunMsg) -> bool:
+    """Whether a run was broken off without anybody having wanted it."""
+    cancelled = message.outcome == RunMsg.CANCELLED and STOPPED_BY_MARKET not in message.message
+    return cancelled or message.outcome == RunMsg.LOST
+
+
 def run_to_msg(effect: AnnounceRun, epoch: str, stamp: Any) -> RunMsg:
     """Return the message of an event in the life of a run."""
     return RunMsg(
@@ -149,5 +215,35 @@ def run_to_msg(effect: AnnounceRun, epoch: str, stamp: Any) -> RunMsg:
         message=effect.message,
         orphans=list(effect.orphans),
         ticks=effect.ticks,
+        overruns=effect.overruns,
         duration_s=effect.duration_s,
+    )
+
+
+def earlier_run_to_msg(run: EarlierRun, stamp: Any) -> RunMsg:
+    """Return the message of the end of a run of an earlier market."""
+    end = AnnounceRun(
+        event=RunEventKind.ENDED,
+        outcome=run.outcome,
+        goal=run.goal,
+        scene=run.scene,
+        message=run.message,
+        orphans=run.orphans,
+        ticks=run.ticks,
+        overruns=run.overruns,
+        duration_s=run.duration_s,
+    )
+    return run_to_msg(end, run.epoch, stamp)
+
+
+def scene_end_to_msg(effect: SceneEnded, epoch: str, stamp: Any) -> SceneEndMsg:
+    """Return the message of the end of a scene."""
+    return SceneEndMsg(
+        stamp=stamp,
+        epoch=epoch,
+        scene_id=effect.scene_id,
+        code=effect.code,
+        round=effect.round,
+        agent=effect.agent,
+        message=effect.message,
     )

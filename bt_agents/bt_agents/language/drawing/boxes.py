@@ -112,8 +112,8 @@ def _details(spec: NodeSpec, longest_text: int) -> tuple[str, ...]:
     if spec.kind == "subtree":
         first = [f"with {details[0]}", *details[1:]] if details else []
         details = [*filter(None, [_called(spec)]), *first]
-    if spec.outputs:
-        details.append(f"→ {', '.join(spec.outputs)}")
+    if spec.outputs or spec.feedback:
+        details.append(f"→ {', '.join((*spec.outputs, *spec.feedback))}")
     return tuple(details)
 
 

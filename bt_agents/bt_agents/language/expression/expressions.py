@@ -43,6 +43,7 @@ __all__ = [
     "ExpressionError",
     "Mention",
     "MissingValue",
+    "StaleValue",
     "ValueKind",
     "parse_expression",
 ]
@@ -64,6 +65,18 @@ class MissingValue(BtAgentsError):
     def __init__(self, name: str) -> None:
         super().__init__(f"'{name}' has no value")
         self.name = name
+
+
+class StaleValue(MissingValue):
+    """A name of the live scene whose last value is too old to tell anything about now.
+
+    Attributes:
+        name: The name.
+    """
+
+    def __init__(self, name: str, silent_s: float) -> None:
+        super().__init__(name)
+        self.args = (f"'{name}' is stale: the scene layer has been silent for {silent_s:.1f} s",)
 
 
 @dataclass(frozen=True, kw_only=True)

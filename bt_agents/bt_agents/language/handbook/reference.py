@@ -87,6 +87,8 @@ _CONTENT_WORDS = {
     Content.ROS_TYPE: "ROS type",
     Content.MAP: "fields and values",
     Content.OUTPUTS: "names and fields",
+    Content.TIMEOUTS: "times",
+    Content.HEARTBEAT: "topic, type and time",
     Content.NODE: "node",
 }
 

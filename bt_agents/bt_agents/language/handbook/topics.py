@@ -125,7 +125,7 @@ def _names(space: SceneSpace) -> Topic:
         ("patience", "a tunable of the file, or an input of the subtree"),
         ("answer", "an output of an earlier node, or what 'set' wrote"),
         (of("scene"), "the scene as awarded"),
-        (of("live"), "the same now"),
+        (of("live"), "the same now; live.stale: nothing comes, the others have no value"),
         *mood,
         (of("profile"), "the agent's own profile"),
         ("msg.data", "a field of the message that 'wait_for' waits for"),

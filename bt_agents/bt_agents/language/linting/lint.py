@@ -206,7 +206,7 @@ def _unmarked_names(agent: AgentSpec) -> Found:
         node for tree in filter(None, (agent.tree, agent.on_cancel)) for node in every_node(tree)
     ]
     known = {tunable.name for tunable in agent.tunables}
-    known |= {name for node in nodes for name in node.outputs}
+    known |= {name for node in nodes for name in (*node.outputs, *node.feedback)}
     known |= {name for node in nodes if node.kind == "set" for name in node.fields}
     for node in nodes:
         for text in texts_of(node):

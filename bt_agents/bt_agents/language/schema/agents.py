@@ -3,11 +3,14 @@
 
 from __future__ import annotations
 
+from bt_agents.language.bindings import RECEIVED, SENT
 from bt_agents.language.schema import values
 from bt_agents.language.schema.nodes import NODE, node_definitions
 from bt_agents.language.schema.scenes import document, listed, mapping, vector
+from bt_agents.language.schema.servers import heartbeat, timeouts
 from bt_agents.language.schema.values import Schema, described
-from bt_agents.language.specs import FieldType
+from bt_agents.language.server_limits import timeout_keys
+from bt_agents.language.specs import BindingKind, FieldType
 from bt_agents.language.vocabulary import Vocabulary
 from bt_agents.scene import SceneSpace
 
@@ -77,7 +80,8 @@ def library_schema(vocabulary: Vocabulary) -> Schema:
 
 def _condition_names(space: SceneSpace) -> list[str]:
     names = [f"{group}.{name}" for group in ("scene", "live") for name in space.names]
-    return [*names, "scene.person", "live.person", *(["mood.change"] if space.mood else [])]
+    mood = ["mood.change"] if space.mood else []
+    return [*names, "scene.person", "live.person", "live.stale", *mood]
 
 
 def _imports() -> Schema:
@@ -165,7 +169,9 @@ def _skill() -> Schema:
     result = mapping(
         {
             "type": {"description": "Its type.", "enum": _TYPES},
-            "from": described(values.text(), "Field of the result; its own name if left out."),
+            "from": described(
+                values.text(), "Field of the result, or feedback.x; its own name if left out."
+            ),
             "description": described(values.text(), "What it means."),
         },
         [],
@@ -183,18 +189,21 @@ def _skill() -> Schema:
 
 def _bound(declared: dict[str, Schema]) -> Schema:
     """Return the schema of a skill or binding: at most one ROS interface."""
-    outputs = described(values.names(values.text()), "Output → field of what comes back.")
+    outputs = described(
+        values.names(values.text()), "Output → field of what comes back, feedback.x of feedback."
+    )
     properties = {
         **({} if "outputs" in declared else {"outputs": outputs}),
         **declared,
-        "action": described(_interface("goal", back=True), "The ROS action that does it."),
-        "service": described(_interface("request", back=True), "The ROS service that does it."),
-        "topic": described(_interface("message", back=False), "The ROS topic that does it."),
+        "action": described(_interface(BindingKind.ACTION), "The ROS action that does it."),
+        "service": described(_interface(BindingKind.SERVICE), "The ROS service that does it."),
+        "topic": described(_interface(BindingKind.TOPIC), "The ROS topic that does it."),
     }
     return mapping(properties, [])
 
 
-def _interface(sent: str, *, back: bool) -> Schema:
+def _interface(kind: BindingKind) -> Schema:
+    sent = SENT[kind]
     properties: dict[str, Schema] = {
         "name": described(values.ros_name(), "Its ROS name, relative unless it starts with '/'."),
         "type": described(values.ros_type(), "Its ROS type, package/kind/Name."),
@@ -202,8 +211,14 @@ def _interface(sent: str, *, back: bool) -> Schema:
             {"type": "object"}, f"Fields of the {sent}; ${{input}} fills an input in."
         ),
     }
-    if back:
+    if kind in RECEIVED:
         properties["succeed_when"] = described(
             values.condition(), "Condition over result.*; without it, an answer is a success."
+        )
+        properties["timeouts"] = described(
+            timeouts(timeout_keys(kind)), "How long the server may take; then the node fails."
+        )
+        properties["heartbeat"] = described(
+            heartbeat(), "What the server publishes while it is alive; its death is noticed by it."
         )
     return mapping(properties, ["name", "type"])

@@ -82,6 +82,10 @@ def _happening(vocabulary: Vocabulary) -> Schema:
         "after": described(values.duration(), "Time since the start of the run, or of 'at'."),
         "at": described(values.text(), "Path of the node from whose start on 'after' counts."),
         "person": described(values.boolean(), "Whether the person is there from now on."),
+        "scene_layer": {
+            "description": "Silent: from now on nothing new is known of the scene.",
+            "enum": ["silent", "back"],
+        },
         "publish": described(message, "A message arrives."),
         "tune": described(values.names({}), "Tunable → new value."),
         "cancel": described(values.text(), "The run is cancelled, for this reason."),

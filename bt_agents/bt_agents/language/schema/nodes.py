@@ -10,6 +10,7 @@ from bt_agents.language.node_types import Children, Content, ModifierKind, NodeF
 from bt_agents.language.nodes import BESIDE, MODIFIERS
 from bt_agents.language.schema import values
 from bt_agents.language.schema.scenes import mapping
+from bt_agents.language.schema.servers import heartbeat, timeouts
 from bt_agents.language.schema.values import Schema, described
 from bt_agents.language.specs import FieldSpec, FieldType, SkillSpec
 from bt_agents.language.tree.raw_leaves import RAW_LEAVES
@@ -243,6 +244,10 @@ def _content(field: NodeField) -> Schema:
             return {"type": "object"}
         case Content.OUTPUTS:
             return values.names(values.text())
+        case Content.TIMEOUTS:
+            return timeouts(field.words)
+        case Content.HEARTBEAT:
+            return heartbeat()
         case Content.NODE:
             return NODE
         case Content.COUNT:

@@ -124,6 +124,10 @@ def script_schema(space: SceneSpace) -> Schema:
         {
             "label": described(values.text(), "Who comes, in words."),
             "person": person,
+            "urgent": described(
+                values.boolean(),
+                "Whether it may stop a running tree at once, where new scenes preempt.",
+            ),
             "scene": described(some_values(space), "What is measured; the rest is missing."),
             "changes": described(listed(change), "What changes during the visit."),
             "answers": described(texts, "Words in a question → the person's answer."),

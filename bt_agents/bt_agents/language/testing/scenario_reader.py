@@ -43,7 +43,8 @@ SCENARIO_KEYS = ("scene", "person", "tunables", "seed", "answers", "replace", "d
 
 _ANSWER_KEYS = ("gives", "outputs", "fails", "ends", "after")
 _ENDS = tuple(end.value for end in (GoalEnd.REJECTED, GoalEnd.UNREACHABLE, GoalEnd.NEVER))
-_HAPPENING_KEYS = ("after", "at", "person", "publish", "tune", "cancel")
+_HAPPENING_KEYS = ("after", "at", "person", "scene_layer", "publish", "tune", "cancel")
+_SILENT = {"silent": True, "back": False}
 _LARGEST_SEED = 2**63 - 1
 
 
@@ -297,6 +298,7 @@ class ScenarioReader:
             at=(self.path(at_node, "'at'") or "") if at_node is not None else "",
             values=self._values(fields, names),
             person=fields.boolean("person"),
+            silent=_SILENT.get(fields.choice("scene_layer", tuple(_SILENT)) or ""),
             tunables=self._tuned(fields.entries("tune", "names and values")),
             topic=topic,
             message=message,
@@ -348,8 +350,10 @@ class ScenarioReader:
 def _outputs(node: NodeSpec) -> dict[str, FieldType]:
     """Return what a node's skill gives back, the main one first."""
     assert node.skill is not None
+    told = node.skill.binding.feedback if node.skill.binding is not None else {}
     if node.skill.outputs:
-        return {output.name: output.type for output in node.skill.outputs}
+        ordered = sorted(node.skill.outputs, key=lambda output: output.name in told)
+        return {output.name: output.type for output in ordered}
     return dict.fromkeys(node.outputs, FieldType.ANY)
 
 

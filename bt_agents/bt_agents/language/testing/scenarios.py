@@ -79,6 +79,7 @@ class Happening:
         at: Path of a node; empty counts from the start of the run.
         values: Scene parameters and their new values.
         person: Whether the person is there from now on; None for unchanged.
+        silent: Whether the scene layer is silent from now on; None for unchanged.
         tunables: New values of tunables.
         topic: Where a message arrives; empty for none.
         message: Its fields.
@@ -89,6 +90,7 @@ class Happening:
     at: str = ""
     values: Mapping[str, float] = field(default_factory=dict)
     person: bool | None = None
+    silent: bool | None = None
     tunables: Mapping[str, Plain] = field(default_factory=dict)
     topic: str = ""
     message: Mapping[str, Plain] = field(default_factory=dict)

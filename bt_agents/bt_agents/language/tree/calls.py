@@ -64,6 +64,7 @@ class CallReader:
         # Without a binding, what a rehearsal answers has the outputs by their own names.
         unbound = {output.name: output.name for output in skill.outputs}
         paths = skill.binding.outputs if skill.binding is not None else unbound
+        feedback = skill.binding.feedback if skill.binding is not None else {}
         outputs = self._outputs(draft, skill.outputs, f"skill '{skill.name}'")
         return NodeSpec(
             path=path,
@@ -73,6 +74,7 @@ class CallReader:
             fields=self._inputs(skill.inputs, nodes, names, draft),
             skill=skill,
             outputs={name: paths[of] for name, of in outputs.items() if of in paths},
+            feedback={name: feedback[of] for name, of in outputs.items() if of in feedback},
         )
 
     def subtree(self, draft: Draft, path: str, names: Names) -> NodeSpec | None:

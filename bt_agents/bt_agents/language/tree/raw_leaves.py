@@ -6,10 +6,10 @@ from __future__ import annotations
 from bt_agents.language.bindings import (
     RECEIVED,
     SENT,
+    Outputs,
     binding_keys,
     read_binding,
-    read_output,
-    result_fields,
+    what_comes_back,
 )
 from bt_agents.language.fields import Fields
 from bt_agents.language.interfaces import Interfaces
@@ -56,7 +56,8 @@ def read_raw_leaf(
         main=None,
         inputs=(),
         outputs=tuple(
-            FieldSpec(name=name, type=FieldType.ANY, required=False) for name in outputs
+            FieldSpec(name=name, type=FieldType.ANY, required=False)
+            for name in (*outputs.result, *outputs.feedback)
         ),
         binding=binding,
         position=draft.key.position,
@@ -65,12 +66,12 @@ def read_raw_leaf(
 
 def _outputs(
     reading: FileReading, fields: Fields, kind: BindingKind, interfaces: Interfaces | None
-) -> dict[str, str]:
+) -> Outputs:
     node = fields.get("type")
     type_name = node.text if isinstance(node, Scalar) else ""
-    back = result_fields(kind, type_name, interfaces)
-    paths = {
-        entry.key.text: read_output(reading, entry.value, f"output '{entry.key.text[:40]}'", back)
-        for entry in fields.entries("outputs", "names and fields")
-    }
-    return {name: path for name, path in paths.items() if path is not None}
+    back = what_comes_back(kind, type_name, interfaces)
+    outputs = Outputs()
+    for entry in fields.entries("outputs", "names and fields"):
+        name = entry.key.text
+        outputs.read(reading, name, entry.value, f"output '{name[:40]}'", back)
+    return outputs

@@ -246,7 +246,7 @@ class TreeReader:
         nodes = written_fields(self._reading, draft.value, "'wait_for'", kind.fields, kind.main)
         if nodes is None:
             return None
-        message = [key for key in ("topic", "type", "until", "outputs") if key in nodes]
+        message = [key for key in ("topic", "type", "until", "latched", "outputs") if key in nodes]
         missing = [key for key in ("topic", "type") if key not in nodes]
         if "condition" in nodes and message:
             self._reading.error(
@@ -307,6 +307,7 @@ class TreeReader:
             name=draft.name or f"{key} {leaf.binding.name}",
             skill=leaf,
             outputs=leaf.binding.outputs,
+            feedback=leaf.binding.feedback,
         )
 
     def _set(self, draft: Draft, path: str, names: Names) -> NodeSpec | None:

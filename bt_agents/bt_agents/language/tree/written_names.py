@@ -6,6 +6,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Iterator, Mapping
 
+from bt_agents.language.bindings import FEEDBACK
 from bt_agents.language.inputs import read_new_name
 from bt_agents.language.interfaces import Interfaces, MessageFields
 from bt_agents.language.names import Written
@@ -122,9 +123,14 @@ class WrittenNames:
         named = value.get("type")
         type_name = named.text if isinstance(named, Scalar) else ""
         message = MessageFields(self._interfaces, kind, type_name, section)
+        feedback = MessageFields(self._interfaces, kind, type_name, FEEDBACK)
         for item in entries_of(value.get("outputs")):
             path = item.value.text if isinstance(item.value, Scalar) else ""
-            yield item.key.text, item.key, message.type_of(path.removeprefix(f"{prefix}."))
+            word, _, field = path.partition(".")
+            if kind is BindingKind.ACTION and word == FEEDBACK:
+                yield item.key.text, item.key, feedback.type_of(field)
+            else:
+                yield item.key.text, item.key, message.type_of(path.removeprefix(f"{prefix}."))
 
     def _declared(self, node: Draft) -> tuple[FieldSpec, ...] | None:
         """Return the outputs of a skill or subtree; None for other nodes."""

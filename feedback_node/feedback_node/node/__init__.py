@@ -6,49 +6,58 @@ from __future__ import annotations
 import os
 import time
 import uuid
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import ExitStack
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from rclpy.callback_groups import ReentrantCallbackGroup
-from rclpy.client import Client
 from rclpy.clock import Clock, ClockType
-from rclpy.exceptions import NameValidationException
-from rclpy.node import Node
 from rclpy.task import Future
-from rclpy.validate_full_topic_name import validate_full_topic_name
 
 from bt_agents.errors import Refused
 from bt_agents.language.experiment_reader import read_simulated_feedback
 from bt_agents.language.scene_reader import read_scene
 from bt_agents.ros import qos
 from bt_agents.ros.calls import Calls
-from bt_agents.ros.messages import scene_from_msg, scene_to_msg, to_time
+from bt_agents.ros.live_scene import declare_live_lease
+from bt_agents.ros.messages import scene_from_msg, scene_to_msg
+from bt_agents.ros.node import GuardedNode
 from bt_agents.ros.runner import run
 from bt_agents.ros.startup import TREES, StartParameter, make_from_parameters
-from bt_agents.scene import SceneSpace
+from bt_agents.scene import Scene, SceneSpace
 from bt_agents.simulated import SimulatedFeedback
 from bt_agents.trees_folder import find_trees
 from bt_agents_interfaces.msg import Feedback, HostCard
 from bt_agents_interfaces.msg import Profiles as ProfilesMsg
 from bt_agents_interfaces.msg import Run as RunMsg
 from bt_agents_interfaces.msg import Scene as SceneMsg
-from bt_agents_interfaces.srv import CancelRun, CollectFeedback, GiveFeedback, SetProfile
-from feedback_node.cards import AgentEntry, Card, RuleEntry
+from bt_agents_interfaces.srv import CancelRun, CollectFeedback, GiveFeedback
 from feedback_node.ledger import Ledger
 from feedback_node.ledger_file import ledger_path
-from feedback_node.profiles import Change, Delivery, Profiles
-from feedback_node.runs import Run
-from feedback_node.teaching import Given, Lesson, Stop, Teaching
+from feedback_node.node.hosts import Hosts
+from feedback_node.node.messages import (
+    card_from_msg,
+    collected_from_msg,
+    feedback_to_msg,
+    given_from_msg,
+    run_from_msg,
+    table_to_msg,
+)
+from feedback_node.profiles import Change, Profiles, Table
+from feedback_node.teaching import Lesson, Stop, Teaching
+
+CARDS_S = 10.0
+"""So long after its start the node waits for the card of an agent that it is asked about [s]."""
 
 _TICK_S = 0.025
 _TIDY_S = 1.0
 _CALL_LIMIT_S = 1.0
-_OUTCOMES = (RunMsg.SUCCEEDED, RunMsg.FAILED, RunMsg.CANCELLED, RunMsg.LOST)
+
+ResultT = TypeVar("ResultT")
 
 
-class FeedbackNode(Node):
+class FeedbackNode(GuardedNode):
     """Learns from moods, people and lists, and tells the hosts what their agents are now."""
 
     def __init__(
@@ -76,39 +85,44 @@ class FeedbackNode(Node):
             clock=time.monotonic,
             new_id=lambda: f"given/{uuid.uuid4()}",
             simulated=simulated,
+            lease_s=declare_live_lease(self, self._set_lease),
         )
         self._born_ns = time.time_ns()
+        self._cards_until = time.monotonic() + CARDS_S
+        self._card_awaited: list[Future] = []
         self._calls = Calls(self)
-        self._hosts: dict[str, Client] = {}
+        self._hosts = Hosts(self, self._calls, self._profiles)
         self._problems: dict[str, tuple[str, ...]] = {}
-        self._table: tuple[tuple[str, int, tuple[float, ...]], ...] = ()
+        self._table: Table = ()
+        self._live: Scene | None = None
         self._cancel = self.create_client(CancelRun, "marketplace/cancel", qos_profile=qos.SERVICE)
         self._feedback = self.create_publisher(Feedback, "feedback", qos.HISTORY)
         self._current = self.create_publisher(ProfilesMsg, "profiles", qos.FACT)
-        self._timer = self.create_timer(
-            _TICK_S, self._on_tick, clock=Clock(clock_type=ClockType.STEADY_TIME), autostart=False
-        )
-        self.create_timer(_TIDY_S, self._on_idle, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self._timer = self.create_timer(_TICK_S, self._on_tick, clock=steady, autostart=False)
+        self.create_timer(_TIDY_S, self._on_idle, clock=steady)
         self.create_subscription(HostCard, "cards", self._on_card, qos.FACTS)
         self.create_subscription(RunMsg, "runs", self._on_run, qos.HISTORY)
         self.create_subscription(SceneMsg, "scene/live", self._on_live, qos.SENSOR)
+        self._serve()
+
+    def _serve(self) -> None:
         # Services await other nodes' answers, which the default group would keep from coming.
         group = ReentrantCallbackGroup()
-        self.create_service(
-            CollectFeedback,
-            "~/collect",
-            self._on_collect,
-            qos_profile=qos.SERVICE,
-            callback_group=group,
-        )
-        self.create_service(
-            GiveFeedback, "~/give", self._on_give, qos_profile=qos.SERVICE, callback_group=group
-        )
+        for kind, name, answer in (
+            (CollectFeedback, "~/collect", self._on_collect),
+            (GiveFeedback, "~/give", self._on_give),
+        ):
+            self.create_service(kind, name, answer, qos_profile=qos.SERVICE, callback_group=group)
+
+    def _set_lease(self, seconds: float) -> None:
+        self._teaching.lease_s = seconds
+
+    # What happens around the runs
 
     def _on_card(self, message: HostCard) -> None:
         try:
-            _check_name(message.host)
-            deliveries, problems = self._teaching.introduce(_card(message))
+            deliveries, problems = self._teaching.introduce(card_from_msg(message))
         except Refused as refusal:
             deliveries, problems = (), (str(refusal),)
         if problems != self._problems.get(message.host, ()):
@@ -116,13 +130,14 @@ class FeedbackNode(Node):
                 self.get_logger().error(problem)
             self._problems[message.host] = problems
         for delivery in deliveries:
-            self._send(delivery)
+            self._hosts.deliver(delivery)
         self._publish_table()
         self._set_timer()
+        self._look_again()
 
     def _on_run(self, message: RunMsg, info: dict[str, int]) -> None:
         try:
-            event = _run(message, self._space)
+            event = run_from_msg(message, self._space)
         except Refused as refusal:
             self.get_logger().warning(f"event of a run refused: {refusal}")
             return
@@ -135,17 +150,21 @@ class FeedbackNode(Node):
         self._set_timer()
 
     def _on_live(self, message: SceneMsg) -> None:
+        """Keep the newest live scene; the rules look at it with the next tick."""
+        if not self._teaching.watches(message.scene_id):
+            return
         try:
-            live = scene_from_msg(message, self._space)
+            self._live = scene_from_msg(message, self._space)
         except Refused as refusal:
             self.get_logger().warning(f"live scene refused: {refusal}", throttle_duration_sec=5.0)
-            return
-        self._follow(self._teaching.see(live))
 
     def _on_tick(self) -> None:
-        self._follow(self._teaching.tick())
+        live, self._live = self._live, None
+        self._follow(self._teaching.tick() if live is None else self._teaching.see(live))
 
     def _on_idle(self) -> None:
+        self._hosts.again()
+        self._look_again()
         if self._untidy and not self._teaching.watching:
             self._ledger.tidy()
             self._untidy = False
@@ -157,20 +176,26 @@ class FeedbackNode(Node):
             if lesson.change is not None:
                 self._announce(lesson.change)
                 if self._profiles.knows(lesson.change.revision.agent):
-                    self._send(self._profiles.delivery(lesson.change.revision.agent))
+                    self._hosts.deliver(self._profiles.delivery(lesson.change.revision.agent))
             if lesson.stop is not None:
                 self._stop(lesson.stop)
         self._set_timer()
+
+    def _set_timer(self) -> None:
+        if self._teaching.watching == self._timer.is_canceled():
+            if self._teaching.watching:
+                self._timer.reset()
+            else:
+                self._timer.cancel()
+
+    # Requests
 
     async def _on_collect(
         self, request: CollectFeedback.Request, response: CollectFeedback.Response
     ) -> CollectFeedback.Response:
         try:
-            if request.outcome not in _OUTCOMES:
-                raise Refused(
-                    "UNKNOWN_OUTCOME", f"feedback: outcome {request.outcome}, expected 1 to 4"
-                )
-            change = self._teaching.collect(_run(request, self._space))
+            ended = collected_from_msg(request, self._space)
+            change = await self._introduced(lambda: self._teaching.collect(ended))
         except Refused as refusal:
             response.code, response.message = refusal.code, refusal.reason
             return response
@@ -187,7 +212,11 @@ class FeedbackNode(Node):
         self, request: GiveFeedback.Request, response: GiveFeedback.Response
     ) -> GiveFeedback.Response:
         try:
-            change = self._teaching.give(_given(request))
+            given = given_from_msg(request, self._space)
+            if given.feedback_id:
+                change = await self._introduced(lambda: self._teaching.give(given))
+            else:
+                change = self._teaching.give(given)
         except Refused as refusal:
             response.code, response.message = refusal.code, refusal.reason
             return response
@@ -196,9 +225,31 @@ class FeedbackNode(Node):
         response.message = await self._told(change)
         return response
 
+    async def _introduced(self, teach: Callable[[], ResultT]) -> ResultT:
+        """Do what was kept for this node while it was away, once the agent's card has come.
+
+        Raises:
+            Refused: As ``teach``.
+        """
+        while True:
+            try:
+                return teach()
+            except Refused as refusal:
+                over = time.monotonic() >= self._cards_until
+                if refusal.code != "UNKNOWN_AGENT" or over:
+                    raise
+            card = Future()
+            self._card_awaited.append(card)
+            await card
+
+    def _look_again(self) -> None:
+        awaited, self._card_awaited = self._card_awaited, []
+        for card in awaited:
+            card.set_result(None)
+
     def _announce(self, change: Change) -> Feedback:
         """Publish a change unless it was published when it was new; return its message."""
-        message = _feedback(change, self._space)
+        message = feedback_to_msg(change, self._space)
         if change.fresh:
             self._untidy = True
             self._feedback.publish(message)
@@ -216,35 +267,11 @@ class FeedbackNode(Node):
         if not self._profiles.knows(agent):
             return words
         answer = Future()
-        self._send(self._profiles.delivery(agent), answer)
+        self._hosts.deliver(self._profiles.delivery(agent), answer)
         problem = await answer
         if problem:
             words += f"; it is kept and goes to the host when its card shows up again: {problem}"
         return words
-
-    def _send(self, delivery: Delivery, answer: Future | None = None) -> None:
-        """Tell a host the profile of an agent; ``answer`` gets "" or what went wrong."""
-
-        def done(problem: str) -> None:
-            if problem:
-                self.get_logger().warning(
-                    f"{delivery.agent} revision {delivery.revision} not delivered: {problem}"
-                )
-            if answer is not None:
-                answer.set_result(problem)
-
-        def answered(response: SetProfile.Response) -> None:
-            done("" if response.accepted else f"{response.code}: {response.message}")
-
-        self._calls.call(
-            self._client(delivery.host),
-            SetProfile.Request(
-                agent=delivery.agent, values=delivery.values, revision=delivery.revision
-            ),
-            deadline_s=_CALL_LIMIT_S,
-            on_answer=answered,
-            on_failure=done,
-        )
 
     def _stop(self, stop: Stop) -> None:
         def failed(problem: str) -> None:
@@ -271,107 +298,11 @@ class FeedbackNode(Node):
             on_failure=failed,
         )
 
-    def _client(self, host: str) -> Client:
-        if host not in self._hosts:
-            self._hosts[host] = self.create_client(
-                SetProfile, _set_profile(host), qos_profile=qos.SERVICE
-            )
-        return self._hosts[host]
-
     def _publish_table(self) -> None:
         table = self._profiles.table()
-        if table == self._table:
-            return
-        self._table = table
-        self._current.publish(
-            ProfilesMsg(
-                parameters=self._space.names,
-                agents=[name for name, _, _ in table],
-                revisions=[revision for _, revision, _ in table],
-                vectors=[value for _, _, vector in table for value in vector],
-            )
-        )
-
-    def _set_timer(self) -> None:
-        if self._teaching.watching == self._timer.is_canceled():
-            if self._teaching.watching:
-                self._timer.reset()
-            else:
-                self._timer.cancel()
-
-
-def _set_profile(host: str) -> str:
-    return f"{host}/set_profile"
-
-
-def _check_name(host: str) -> None:
-    try:
-        validate_full_topic_name(_set_profile(host), is_service=True)
-    except NameValidationException as error:
-        raise Refused(
-            "BAD_NAME", f"card of '{host}': {error}; expected a full name like /agents"
-        ) from None
-
-
-def _card(message: HostCard) -> Card:
-    return Card(
-        host=message.host,
-        parameters=tuple(message.parameters),
-        agents=tuple(
-            AgentEntry(
-                name=agent.name,
-                profile=tuple(agent.profile),
-                revision=agent.revision,
-                learning_rate=agent.learning_rate,
-                rules=tuple(
-                    RuleEntry(when=r.when, hold_s=r.hold_s, give=r.give, cancel=r.cancel)
-                    for r in agent.rules
-                ),
-            )
-            for agent in message.agents
-        ),
-    )
-
-
-def _run(message: RunMsg | CollectFeedback.Request, space: SceneSpace) -> Run:
-    return Run(
-        epoch=message.epoch,
-        round=message.round,
-        agent=message.agent,
-        scene=scene_from_msg(message.scene, space),
-    )
-
-
-def _given(request: GiveFeedback.Request) -> Given:
-    return Given(
-        feedback_id=request.feedback_id,
-        agent=request.agent,
-        kind=request.kind,
-        values=tuple(request.values),
-        source=request.source,
-        reason=request.reason,
-    )
-
-
-def _feedback(change: Change, space: SceneSpace) -> Feedback:
-    cause = change.revision.cause
-    return Feedback(
-        stamp=to_time(change.revision.stamp),
-        feedback_id=cause.feedback_id or "",
-        agent=change.revision.agent,
-        kind=cause.kind,
-        source=cause.source,
-        reason=cause.reason,
-        epoch=cause.epoch,
-        round=cause.round,
-        parameters=space.names,
-        before=change.before,
-        after=change.after,
-        target=change.target,
-        learning_rate=cause.rate,
-        revision=change.revision.revision,
-        cancels=cause.cancels,
-    )
+        if table != self._table:
+            self._table = table
+            self._current.publish(table_to_msg(table, self._space))
 
 
 _START = (
@@ -402,7 +333,3 @@ def main(args: Sequence[str] | None = None) -> int:
             return node
 
         return run(lambda: make_from_parameters("feedback", _START, make), args)
-
-
-if __name__ == "__main__":
-    raise SystemExit(main())

@@ -1,0 +1,21 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Words for the numbers in messages, by the names that the messages give them."""
+
+from __future__ import annotations
+
+from typing import Any
+
+STATES = ("IDLE", "BIDDING", "AWARDING", "RUNNING", "CANCELLING", "COLLECTING")
+OUTCOMES = ("SUCCEEDED", "FAILED", "CANCELLED", "LOST")
+KINDS = ("DIRECT", "POSITIVE", "NEGATIVE", "SET")
+
+
+def word(message: Any, value: int, names: tuple[str, ...]) -> str:
+    """Return the name of a value among some constants of a message, as a word for people."""
+    known = (name for name in names if getattr(message, name) == value)
+    return next(known, f"unknown ({value})").lower()
+
+
+def code_words(code: str) -> str:
+    """Return a code as words for people: ``queue full``."""
+    return code.lower().replace("_", " ")

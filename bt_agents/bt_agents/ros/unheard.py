@@ -1,0 +1,52 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Runs whose end no market has announced: kept for the next one."""
+
+from __future__ import annotations
+
+from collections import deque
+
+from bt_agents_interfaces.msg import Run
+
+MOST = 10
+"""Runs that are kept; more push the oldest ones out."""
+
+_REMEMBERED = 50
+
+
+class UnheardRuns:
+    """The runs of a host that have ended and that their market has not yet closed.
+
+    A market has closed a run when it has announced itself that it ended, was lost or was refused.
+    """
+
+    def __init__(self) -> None:
+        self._runs: dict[tuple[str, int], Run] = {}
+        self._closed: deque[tuple[str, int]] = deque(maxlen=_REMEMBERED)
+
+    def keep(self, run: Run) -> None:
+        """Keep a run that has ended, unless its market has closed it before."""
+        key = (run.epoch, run.round)
+        if key in self._closed:
+            return
+        self._runs[key] = run
+        if len(self._runs) > MOST:
+            del self._runs[next(iter(self._runs))]
+
+    def take_event(self, run: Run) -> None:
+        """Forget a run that its market has closed; other events mean nothing."""
+        if run.event in (Run.ENDED, Run.REFUSED):
+            self._close(run)
+
+    def of_others(self, epoch: str) -> list[Run]:
+        """Return the runs of other markets than this one, the oldest first."""
+        return [run for run in self._runs.values() if run.epoch != epoch]
+
+    def handed_over(self, runs: list[Run]) -> None:
+        """Forget runs that a market has taken note of."""
+        for run in runs:
+            self._close(run)
+
+    def _close(self, run: Run) -> None:
+        key = (run.epoch, run.round)
+        self._runs.pop(key, None)
+        self._closed.append(key)

@@ -1,0 +1,131 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Cards, runs and feedback between messages and the pure core."""
+
+from __future__ import annotations
+
+from rclpy.exceptions import NameValidationException
+from rclpy.validate_full_topic_name import validate_full_topic_name
+
+from bt_agents.errors import Refused
+from bt_agents.ros.messages import scene_from_msg, to_time
+from bt_agents.scene import SceneSpace
+from bt_agents_interfaces.msg import Feedback, HostCard
+from bt_agents_interfaces.msg import Profiles as ProfilesMsg
+from bt_agents_interfaces.msg import Run as RunMsg
+from bt_agents_interfaces.srv import CollectFeedback, GiveFeedback
+from feedback_node.cards import AgentEntry, Card, RuleEntry
+from feedback_node.profiles import Change, Table
+from feedback_node.runs import Run
+from feedback_node.teaching import Given
+
+_OUTCOMES = (RunMsg.SUCCEEDED, RunMsg.FAILED, RunMsg.CANCELLED, RunMsg.LOST)
+
+
+def set_profile_name(host: str) -> str:
+    """Return the name of the service by which a host takes profiles."""
+    return f"{host}/set_profile"
+
+
+def card_from_msg(message: HostCard) -> Card:
+    """Return the card of a host.
+
+    Raises:
+        Refused: ``BAD_NAME`` when the host's name is none.
+    """
+    try:
+        validate_full_topic_name(set_profile_name(message.host), is_service=True)
+    except NameValidationException as error:
+        raise Refused(
+            "BAD_NAME", f"card of '{message.host}': {error}; expected a full name like /agents"
+        ) from None
+    return Card(
+        host=message.host,
+        parameters=tuple(message.parameters),
+        agents=tuple(
+            AgentEntry(
+                name=agent.name,
+                profile=tuple(agent.profile),
+                revision=agent.revision,
+                learning_rate=agent.learning_rate,
+                rules=tuple(
+                    RuleEntry(when=r.when, hold_s=r.hold_s, give=r.give, cancel=r.cancel)
+                    for r in agent.rules
+                ),
+            )
+            for agent in message.agents
+        ),
+    )
+
+
+def run_from_msg(message: RunMsg | CollectFeedback.Request, space: SceneSpace) -> Run:
+    """Return the run of an event.
+
+    Raises:
+        Refused: As in :func:`scene_from_msg`.
+    """
+    return Run(
+        epoch=message.epoch,
+        round=message.round,
+        agent=message.agent,
+        scene=scene_from_msg(message.scene, space),
+    )
+
+
+def collected_from_msg(request: CollectFeedback.Request, space: SceneSpace) -> Run:
+    """Return the run that feedback is collected for.
+
+    Raises:
+        Refused: ``UNKNOWN_OUTCOME``, or as in :func:`scene_from_msg`.
+    """
+    if request.outcome not in _OUTCOMES:
+        raise Refused("UNKNOWN_OUTCOME", f"feedback: outcome {request.outcome}, expected 1 to 4")
+    return run_from_msg(request, space)
+
+
+def given_from_msg(request: GiveFeedback.Request, space: SceneSpace) -> Given:
+    """Return what somebody gives.
+
+    Raises:
+        Refused: As in :func:`scene_from_msg` when it names a scene.
+    """
+    return Given(
+        feedback_id=request.feedback_id,
+        agent=request.agent,
+        kind=request.kind,
+        values=tuple(request.values),
+        source=request.source,
+        reason=request.reason,
+        scene=scene_from_msg(request.scene, space) if request.scene.scene_id else None,
+    )
+
+
+def feedback_to_msg(change: Change, space: SceneSpace) -> Feedback:
+    """Return the message of a recorded change."""
+    cause = change.revision.cause
+    return Feedback(
+        stamp=to_time(change.revision.stamp),
+        feedback_id=cause.feedback_id or "",
+        agent=change.revision.agent,
+        kind=cause.kind,
+        source=cause.source,
+        reason=cause.reason,
+        epoch=cause.epoch,
+        round=cause.round,
+        parameters=space.names,
+        before=change.before,
+        after=change.after,
+        target=change.target,
+        learning_rate=cause.rate,
+        revision=change.revision.revision,
+        cancels=cause.cancels,
+    )
+
+
+def table_to_msg(table: Table, space: SceneSpace) -> ProfilesMsg:
+    """Return the message of all current profiles."""
+    return ProfilesMsg(
+        parameters=space.names,
+        agents=[name for name, _, _ in table],
+        revisions=[revision for _, revision, _ in table],
+        vectors=[value for _, _, vector in table for value in vector],
+    )

@@ -1,0 +1,46 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A system whose agents are edited, broken, mended and rolled back while it runs."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from programs import Program
+
+pytestmark = pytest.mark.e2e
+
+
+def test_an_author_edits_breaks_mends_and_rolls_back_an_agent_of_a_running_system(
+    start: Callable[..., Program], ask: Callable[..., str], trees: Path
+) -> None:
+    file = trees / "agents" / "attentive_guide.yaml"
+    first = file.read_text()
+    up = start("up", str(trees), "--no-voice")
+    up.until("ready")
+    file.write_text(first.replace("default: 8 s", "default: 12 s"))
+    up.until(re.escape("attentive_guide: version 2 in force (patience: 8 s → 12 s)"))
+    file.write_text(first.replace("- light: green", "- light: green\n    - wait: 1 s"))
+    up.until(r"attentive_guide: version 3 in force \(tree changed: 1 node added; patience: 12 s")
+    file.write_text(first.replace("sequence:", "sequenze:", 1))
+    up.until("attentive_guide: version 3 stays, as its file is broken: ")
+    said = ask("status")
+    assert "version 3; its file is broken or gone" in said
+    assert "error[" in said
+    assert "4  " not in ask("versions", "attentive_guide")
+    assert "version 4 in force" in ask("roll-back", "attentive_guide", "1")
+    up.until("attentive_guide: version 4 in force")
+    assert file.read_text() == first
+    assert "sequenze" in file.with_name("attentive_guide.yaml~").read_text()
+    assert "roll back to 1" in ask("versions", "attentive_guide")
+    assert "nothing has changed" in ask("reload")
+    assert "UNKNOWN_VERSION" in ask("roll-back", "attentive_guide", "77", code=1)
+    assert "no agent 'nobody' is running" in ask("versions", "nobody", code=1)
+    (trees / "agents" / "silent_text.yaml").unlink()
+    up.until("silent_text does not bid any more")
+    assert "silent_text" not in ask("status")
+    assert up.stop()[0] == 0
+    assert "Traceback" not in up.output

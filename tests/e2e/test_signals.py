@@ -1,0 +1,270 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Every node ends cleanly whenever it is told to, on a machine that is busy."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from random import Random
+from typing import Any
+
+import pytest
+
+from bt_agents.cli import system
+from bt_agents.cli.log_file import LogFile
+from bt_agents.cli.supervisor import Component, spawn
+from bt_agents.interrupt import hold_back
+from bt_agents.ros import qos
+from bt_agents.ros.messages import scene_to_msg
+from bt_agents_interfaces.msg import MarketStatus, Run, Scene
+from graph import Ros, fresh_graph
+from processes import write_trees
+from programs import HANG_S
+from stage import TREES, scene
+
+pytestmark = pytest.mark.e2e
+
+LIMIT_S = 2.0
+"""From the signal to the end [s]."""
+
+LATEST_S = 1.5
+"""From the start, or from the beginning of a run, to the signal [s]."""
+
+EARLY = 12
+"""Times that each of the six kinds is started, and signalled before or while it comes up."""
+
+RUNNING = 4
+"""Times that a system of seven is signalled while an agent runs: 12 * 6 + 4 * 7 = 100."""
+
+SPEAKER = """
+repeat: 1000
+sequence:
+  - say: One more word.
+  - wait: 0.2 s
+"""
+
+
+@dataclass(eq=False)
+class Told:
+    """A process, the signal that it gets, and how it ended.
+
+    Attributes:
+        due: When it is signalled, on the steady clock [s].
+        sent: When it was signalled; None before.
+        ended: When it was seen to have ended; None before.
+    """
+
+    component: Component
+    log: LogFile
+    number: signal.Signals
+    process: subprocess.Popen[bytes] = field(init=False)
+    ready: int = field(init=False)
+    due: float = 0.0
+    sent: float | None = None
+    ended: float | None = None
+
+    def __post_init__(self) -> None:
+        self.process, self.ready = spawn(self.component, self.log, 1)
+
+    def look(self, now: float) -> None:
+        """Signal it when its time has come; note its end."""
+        if self.ended is None and self.process.poll() is not None:
+            self.ended = now
+        elif self.sent is None and now >= self.due:
+            self.process.send_signal(self.number)
+            self.sent = time.monotonic()
+
+    def problem(self) -> str:
+        """Return what was not clean about its end; empty when all was."""
+        said = self.log.path.read_text(errors="replace")
+        code = self.process.returncode
+        up = bool(os.read(self.ready, 8))
+        allowed = (0,) if up else (0, 130, -signal.SIGINT, -signal.SIGTERM)
+        problems = [word for word in ("Traceback", "KeyboardInterrupt", "Fatal") if word in said]
+        if self.sent is None:
+            problems.append("ended before it was told to")
+        elif self.ended is None or self.ended - self.sent > LIMIT_S:
+            problems.append(f"took longer than {LIMIT_S:g} s")
+        if code not in allowed:
+            problems.append(f"exit code {code}, {'up' if up else 'not yet up'}")
+        if not problems:
+            return ""
+        took = (self.ended or 0.0) - (self.sent or 0.0)
+        return (
+            f"{self.component.name}, {self.number.name}, {took:.2f} s: "
+            f"{', '.join(problems)}\n{said}"
+        )
+
+    def close(self) -> None:
+        """Leave nothing behind."""
+        self.process.kill()
+        self.process.wait()
+        os.close(self.ready)
+
+
+@pytest.fixture
+def busy() -> Iterator[None]:
+    """Two processes that take all of the time that they get."""
+    burners = [
+        subprocess.Popen([sys.executable, "-c", "while True: pass"], stdin=subprocess.DEVNULL)
+        for _ in range(2)
+    ]
+    try:
+        yield
+    finally:
+        for burner in burners:
+            burner.kill()
+            burner.wait()
+
+
+def signalled(components: list[Component], folder: Path, random: Random) -> list[Told]:
+    """Start processes, each of which is signalled at a time of its own."""
+    told = [
+        Told(
+            component,
+            LogFile(folder / f"{number}-{component.name}.log"),
+            random.choice([signal.SIGINT, signal.SIGTERM]),
+        )
+        for number, component in enumerate(components)
+    ]
+    now = time.monotonic()
+    for one in told:
+        one.due = now + random.uniform(0.0, LATEST_S)
+    return told
+
+
+def watch(told: list[Told], turn: Callable[[], None]) -> list[str]:
+    """Signal all in time and wait for all ends; return what was not clean."""
+    end = time.monotonic() + LATEST_S + HANG_S
+    while any(one.ended is None for one in told) and time.monotonic() < end:
+        turn()
+        for one in told:
+            one.look(time.monotonic())
+    return [problem for one in told if (problem := one.problem())]
+
+
+def everything(trees: Path, folder: Path) -> list[Component]:
+    script = TREES / "scripts" / "airport_morning.yaml"
+    return [
+        system.market(trees),
+        system.scene_layer(trees),
+        system.host(trees),
+        system.feedback(trees, ledger=str(folder / "ledger.sqlite")),
+        system.robot(pace=1.0, voice="off"),
+        system.visitors(TREES, script, pace=1.0),
+    ]
+
+
+@pytest.mark.usefixtures("busy")
+def test_a_hundred_of_a_hundred_signals_at_random_moments_end_a_node_cleanly(
+    tmp_path: Path,
+) -> None:
+    random = Random(20260518)
+    trees = write_trees(tmp_path / "trees", speaker=(3.0, SPEAKER))
+    problems: list[str] = []
+    count = 0
+    for batch in range(EARLY):
+        folder = tmp_path / f"early{batch}"
+        folder.mkdir()
+        told = signalled(everything(TREES, folder), folder, random)
+        count += len(told)
+        try:
+            problems += watch(told, lambda: time.sleep(0.005))
+        finally:
+            for one in told:
+                one.close()
+    for batch in range(RUNNING):
+        folder = tmp_path / f"running{batch}"
+        folder.mkdir()
+        with fresh_graph() as ros:
+            components = [*everything(trees, folder), system.host(TREES)]
+            told = signalled(components, folder, random)
+            count += len(told)
+            try:
+                problems += in_a_run(ros, told, random)
+            finally:
+                for one in told:
+                    one.close()
+    assert count == 100
+    assert not problems, "\n".join([f"{len(problems)} of {count}", *problems])
+
+
+COMMANDS = (
+    ("up", "--no-voice"),
+    ("status",),
+    ("trigger", "age=3"),
+    ("check", str(TREES)),
+    ("explain", "timeout"),
+    ("--help",),
+)
+"""As many kinds of loading as there are."""
+
+
+@pytest.mark.usefixtures("busy")
+def test_a_ctrl_c_at_any_moment_of_a_command_prints_no_traceback(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
+    random = Random(7)
+    problems = []
+    for batch in range(8):
+        outputs = [tmp_path / f"{batch}-{command[0]}" for command in COMMANDS]
+        started = [
+            started_silently(command, output)
+            for command, output in zip(COMMANDS, outputs, strict=True)
+        ]
+        try:
+            now = time.monotonic()
+            due = {process: now + random.uniform(0.0, LATEST_S) for process in started}
+            for process in sorted(started, key=due.__getitem__):
+                time.sleep(max(0.0, due[process] - time.monotonic()))
+                process.send_signal(signal.SIGINT)
+            end = time.monotonic() + HANG_S
+            while any(process.poll() is None for process in started):
+                assert time.monotonic() < end
+                time.sleep(0.01)
+        finally:
+            for process in started:
+                process.kill()
+                process.wait()
+        for process, output in zip(started, outputs, strict=True):
+            said = output.read_text()
+            if process.returncode not in (0, 1, 130, -signal.SIGINT) or "Traceback" in said:
+                problems.append(f"{output.name} {process.returncode}\n{said}")
+    assert not problems, "\n".join(problems)
+
+
+def started_silently(command: tuple[str, ...], output: Path) -> subprocess.Popen[bytes]:
+    """Start a command that no Ctrl-C reaches before its first line, as that is Python's matter."""
+    held_back = hold_back()
+    try:
+        with output.open("wb") as file:
+            return subprocess.Popen(
+                [sys.executable, "-m", "bt_agents.cli", *command],
+                stdin=subprocess.DEVNULL,
+                stdout=file,
+                stderr=subprocess.STDOUT,
+                start_new_session=True,
+            )
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, held_back)
+
+
+def in_a_run(ros: Ros, told: list[Told], random: Random) -> list[str]:
+    """Signal all once an agent runs."""
+    runs = ros.collect(Run, "runs", qos.HISTORY)
+    statuses: list[Any] = ros.collect(MarketStatus, "market", qos.FACT)
+    scenes = ros.node.create_publisher(Scene, "scene", qos.EVENTS)
+    ros.until(lambda: statuses and statuses[-1].agents > 0 and scenes.get_subscription_count())
+    scenes.publish(scene_to_msg(scene("s1", age=3, familiarity=3, mood=3)))
+    ros.until(lambda: any(run.event == Run.STARTED for run in runs))
+    now = time.monotonic()
+    for one in told:
+        one.due = now + random.uniform(0.0, LATEST_S)
+    return watch(told, lambda: ros.executor.spin_once(timeout_sec=0.005))

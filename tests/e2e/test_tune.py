@@ -1,0 +1,99 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Tuning from the command line: changed, undone, kept in the files, there after a restart."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from programs import Program
+
+pytestmark = pytest.mark.e2e
+
+Start = Callable[..., Program]
+Ask = Callable[..., str]
+
+
+def test_an_author_tunes_a_running_system_and_keeps_the_result(
+    start: Start, ask: Ask, trees: Path
+) -> None:
+    file = trees / "agents" / "attentive_guide.yaml"
+    before = file.read_text()
+    up = start("up", str(trees), "--no-voice")
+    up.until("ready")
+    table = ask("tune", "attentive_guide")
+    assert re.search(r"  patience +8 s +2 s to 30 s +how long to wait for an answer", table)
+    assert "large_print" in ask("tune")
+
+    changed = ask("tune", "attentive_guide", "patience=12", "voice_rate=1.05", "--author", "anna")
+    assert changed == (
+        "attentive_guide.patience: 8 s → 12 s, attentive_guide.voice_rate: 0.9 → 1.05 "
+        "(revision 1)\n"
+    )
+    assert re.search(r"  patience +12 s +file: 8 s", ask("tune", "attentive_guide"))
+    assert "(revision 2)" in ask("tune", "tick_rate=30")
+    assert "(revision 3)" in ask("tune", "attentive_guide", "profile.age=4.5", "--reason", "old")
+    up.until(r"attentive_guide \[4, 1\.5, 3\] → \[4\.5, 1\.5, 3\]")
+    assert "age 4.5" in ask("status")
+
+    assert "OUT_OF_RANGE: attentive_guide.patience is 99 s" in ask(
+        "tune", "attentive_guide", "patience=99", code=1
+    )
+    assert "did you mean 'attentive_guide.patience'" in ask(
+        "tune", "attentive_guide", "patiense=9", code=1
+    )
+    assert "no agent 'nobody'" in ask("tune", "nobody", "patience=9", code=1)
+    assert "name=value" in ask("tune", "attentive_guide", "patience", code=2)
+
+    assert "keeps 4 values" in ask("preset", "save", "care home", "attentive_guide")
+    assert "care home" in ask("preset")
+    assert re.search(r"attentive_guide\.patience +12 s", ask("preset", "show", "care home"))
+    assert "no preset 'night'" in ask("preset", "apply", "night", code=1)
+    undone = ask("tune", "--undo")
+    assert "undo of revision 3: attentive_guide.profile.age: 4.5 → 4" in undone
+    assert "undo of revision 1" in ask("tune", "--undo", "attentive_guide")
+    assert "12 s → 8 s  (anna" not in ask("tune", "--history")
+    assert "patience: 8 s → 12 s" in ask("preset", "apply", "care home")
+
+    diff = ask("keep", "--dry-run")
+    assert diff.count("\n+  ") == 2
+    assert file.read_text() == before
+    kept = ask("keep")
+    assert "attentive_guide.patience: 8 s → 12 s" in kept
+    assert file.read_text() == before.replace("default: 0.9,", "default: 1.05,").replace(
+        "default: 8 s,", "default: 12 s,"
+    )
+    up.until("attentive_guide: version 2")
+    assert "nothing to keep" in ask("keep")
+    assert up.stop()[0] == 0
+
+    again = start("up", str(trees), "--no-voice")
+    again.until("ready")
+    assert re.search(r"  patience +12 s +2 s to 30 s", ask("tune", "attentive_guide"))
+    assert re.search(r"^tick_rate +30 +file: 20", ask("tune"), re.MULTILINE)
+    assert "care home" in ask("preset")
+    assert "12 s → 8 s" in ask("tune", "--undo", "attentive_guide")
+    assert "is forgotten" in ask("preset", "forget", "care home")
+    assert again.stop()[0] == 0
+
+
+def test_a_file_that_differs_from_what_the_robot_has_read_is_not_written(
+    start: Start, ask: Ask, trees: Path
+) -> None:
+    file = trees / "agents" / "attentive_guide.yaml"
+    up = start("up", str(trees), "--no-voice")
+    up.until("ready")
+    ask("tune", "attentive_guide", "patience=12")
+    broken = file.read_text().replace("sequence:", "sequenze:")
+    file.write_text(broken)
+    assert "error[" in ask("keep", code=1)
+    assert file.read_text() == broken
+    assert up.stop()[0] == 0
+
+
+def test_tuning_without_a_running_system_says_how_to_start_one(ask: Ask) -> None:
+    for words in (["tune"], ["preset"], ["keep"], ["tune", "a", "b=1"]):
+        assert "bt-agents up" in ask(*words, code=1)

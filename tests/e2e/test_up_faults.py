@@ -1,0 +1,65 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A run under way when a component of a kept system is killed, and the next run after it."""
+
+from __future__ import annotations
+
+import os
+import signal
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from programs import Program, children
+
+pytestmark = pytest.mark.e2e
+
+Start = Callable[..., Program]
+Ask = Callable[..., str]
+MRS_SMITH = ("trigger", "age=4.5", "familiarity=1", "mood=3")
+
+
+def kill_component(up: Program, module: str) -> None:
+    """Kill the process of ``up`` that runs a module."""
+    [pid] = [
+        pid
+        for pid in children(up.process.pid)
+        if module in Path(f"/proc/{pid}/cmdline").read_text().split("\0")
+    ]
+    os.kill(pid, signal.SIGKILL)
+
+
+def test_a_run_whose_host_is_killed_is_lost_and_the_next_trigger_runs(
+    start: Start, ask: Ask
+) -> None:
+    up = start("up", "--no-voice")
+    up.until("ready")
+    assert "attentive_guide" in ask(*MRS_SMITH)
+    up.until("says: Hello")
+    kill_component(up, "bt_agents.ros.host")
+    up.until("attentive_guide lost")
+    up.until("agents is back")
+    assert "attentive_guide" in ask(*MRS_SMITH)
+    up.until("attentive_guide starts")
+    up.until("says: Hello")
+    assert ask("cancel") != ""
+    up.until("attentive_guide cancelled")
+    assert up.stop()[0] == 0, up.output
+    assert "Traceback" not in up.output
+
+
+def test_a_run_whose_market_is_killed_is_cut_off_and_asked_for_again_by_the_next_one(
+    start: Start, ask: Ask
+) -> None:
+    up = start("up", "--no-voice")
+    up.until("ready")
+    assert "attentive_guide" in ask(*MRS_SMITH)
+    up.until("says: Hello")
+    kill_component(up, "marketplace_node.node")
+    up.until("marketplace is back")
+    up.until("attentive_guide starts")
+    up.until("says: Hello")
+    assert ask("cancel") != ""
+    up.until("attentive_guide cancelled")
+    assert up.stop()[0] == 0, up.output
+    assert "Traceback" not in up.output

@@ -1,0 +1,24 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A system of real processes, each killed by its pid at the end of the test."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from graph import fresh_graph
+from processes import System
+
+
+@pytest.fixture
+def system(tmp_path: Path) -> Iterator[System]:
+    """Processes around a probe, in a ROS context of this test."""
+    with fresh_graph() as ros:
+        processes = System(ros, tmp_path)
+        try:
+            yield processes
+        finally:
+            processes.close()
+    processes.remove_memory()

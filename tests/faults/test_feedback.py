@@ -1,0 +1,79 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Feedback given while the process of the feedback node is dead is applied once, and only once."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import pytest
+
+from bt_agents.cli import system as components
+from bt_agents.ros import qos
+from bt_agents_interfaces.msg import Profiles
+from feedback_node.ledger import Ledger
+from processes import System, write_trees
+
+pytestmark = pytest.mark.e2e
+
+TREE = """
+sequence:
+  - say: the first
+  - give_feedback: positive
+  - say: the second
+"""
+
+SIMULATED = """
+format: 1
+title: one
+rounds: 1
+seed: 0
+scenes: [{age: 5, familiarity: 3, mood: 3}]
+feedback:
+  each:
+    leo: {mood: 5}
+"""
+
+
+def test_feedback_for_a_node_that_was_killed_is_kept_and_applied_exactly_once_over_two_restarts(
+    system: System, tmp_path: Path
+) -> None:
+    trees = write_trees(tmp_path / "a", leo=(4.0, TREE))
+    simulated = tmp_path / "simulated.yaml"
+    simulated.write_text(SIMULATED)
+    ledger = tmp_path / "ledger.sqlite"
+    system.market(trees, collect_deadline=0.5)
+    feedback = system.start(components.feedback(trees, str(ledger), simulated))
+    system.host("agents", trees)
+    profiles: list[Profiles] = system.ros.collect(Profiles, "profiles", qos.FACT)
+    system.until_ready(hosts=1, agents=1)
+    system.until(lambda: profiles and profiles[-1].agents == ["leo"], "the profile of leo")
+
+    system.scene("s1", age=5, familiarity=3, mood=3)
+    system.until_speaking("the first")
+    feedback.kill()
+    system.mouth.finish()
+    system.until_speaking("the second")
+    system.mouth.holds = lambda _text: False
+    system.mouth.finish()
+    assert system.until_end_of("s1").code == "SUCCEEDED"
+    assert list(profiles[-1].revisions) == [0]
+
+    feedback.start()
+    system.until(lambda: list(profiles[-1].revisions) == [2], "both changes are applied")
+    feedback.kill()
+    feedback.start()
+    # What is still to come from the first interaction comes before the feedback of another one.
+    system.scene("s2", age=5, familiarity=3, mood=3)
+    assert system.until_end_of("s2").code == "SUCCEEDED"
+    system.until(lambda: list(profiles[-1].revisions) == [4], "two more changes are applied")
+    feedback.kill()
+    with Ledger(ledger) as book:
+        history = book.history("leo")
+    assert [revision.revision for revision in history] == [0, 1, 2, 3, 4]
+    causes = [revision.cause for revision in history[1:]]
+    assert sorted(cause.source for cause in causes) == ["simulated"] * 2 + ["tree"] * 2
+    assert len({cause.feedback_id for cause in causes}) == 4
+    # positive and direct feedback touch different values, so their order does not matter
+    age = 5 - (5 - 4.0) * 0.8**2 if math.isclose(causes[0].rate, 0.2) else math.nan
+    assert profiles[-1].vectors[0] == pytest.approx(age)

@@ -1,0 +1,243 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the others do when the process of a host is killed, hangs, or runs twice."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from bt_agents.ros import qos
+from bt_agents_interfaces.msg import Auction, Run, TreeStatus
+from processes import BEATS_A_SECOND, NodeProcess, Pulse, SilentHost, System, write_trees
+
+pytestmark = pytest.mark.e2e
+
+TREE = """
+sequence:
+  - say: {name} begins
+  - say: {name} ends
+"""
+LEO, MIRA = 4.5, 2.0
+
+
+def two_hosts(
+    system: System, tmp_path: Path, leo: str = TREE.format(name="leo")
+) -> tuple[NodeProcess, NodeProcess]:
+    """Start a market, leo on one host and mira on another; a scene of age 5 is leo's."""
+    first = write_trees(tmp_path / "a", leo=(LEO, leo))
+    second = write_trees(tmp_path / "b", mira=(MIRA, TREE.format(name="mira")))
+    system.market(first, collect_deadline=0.05)
+    hosts = system.host("agents_a", first), system.host("agents_b", second)
+    system.until_ready(hosts=2, agents=2)
+    return hosts
+
+
+def old_person(system: System, scene_id: str) -> None:
+    system.scene(scene_id, age=5, familiarity=3, mood=3)
+
+
+def until_lost(system: System, other: Pulse) -> tuple[Run, int]:
+    """Wait until leo is lost; return that and how many beats of the other host it took."""
+    before = other.count
+    system.until(lambda: system.ended("leo"), "the end of leo's run")
+    return system.ended("leo")[0], other.count - before
+
+
+@pytest.mark.parametrize("fault", ["killed", "hung"])
+def test_a_host_that_is_gone_mid_run_is_noticed_within_a_second_and_the_next_agent_takes_over(
+    system: System, tmp_path: Path, fault: str
+) -> None:
+    host, _ = two_hosts(system, tmp_path)
+    pulse = system.pulse("agents_b")
+    old_person(system, "s1")
+    system.until_speaking("leo begins")
+    system.until(lambda: pulse.count, "a heartbeat")
+    if fault == "killed":
+        host.kill()
+    else:
+        host.hang()
+    lost, beats = until_lost(system, pulse)
+    assert lost.outcome == Run.LOST
+    assert "/agents_a is gone: no heartbeat" in lost.message
+    assert beats <= BEATS_A_SECOND
+    system.until(lambda: system.started("mira"), "mira's start")
+    second = system.auctions[-1]
+    assert (second.follows, second.winner) == (lost.round, "mira")
+    system.until(lambda: "mira begins" in system.mouth.speaking, "mira speaks")
+    system.mouth.holds = lambda _text: False
+    system.mouth.finish()
+    end = system.until_end_of("s1")
+    assert (end.code, end.agent) == ("SUCCEEDED", "mira")
+    assert [run.agent for run in system.started()] == ["leo", "mira"]
+
+
+@pytest.mark.parametrize("sentence", ["under way", "over"])
+def test_a_host_that_comes_back_from_a_hang_stops_its_tree_and_never_speaks_beside_the_other(
+    system: System, tmp_path: Path, sentence: str
+) -> None:
+    host, _ = two_hosts(system, tmp_path)
+    first = system.pulse("agents_a")
+    old_person(system, "s1")
+    system.until_speaking("leo begins")
+    host.hang()
+    if sentence == "over":
+        system.mouth.finish()
+    system.until(lambda: "mira begins" in system.mouth.speaking, "mira speaks")
+    beats = first.count
+    host.go_on()
+    system.until(lambda: first.count > beats and not first.busy, "leo's host is idle")
+    assert system.mouth.texts == ["leo begins", "mira begins"]
+    assert False
+    assert system.mouth.sentences[0].how == ("finished" if sentence == "over" else "cancelled")
+    assert system.mouth.speaking == ["mira begins"]
+    system.mouth.holds = lambda _text: False
+    system.mouth.finish()
+    assert system.until_end_of("s1").code == "SUCCEEDED"
+    assert system.mouth.texts == ["leo begins", "mira begins", "mira ends"]
+    old_person(system, "s2")
+    assert system.until_end_of("s2").agent == "leo"
+
+
+def test_a_host_that_comes_back_from_a_hang_does_not_act_on_a_wait_that_is_over(
+    system: System, tmp_path: Path
+) -> None:
+    tree = "sequence: [say: leo begins, wait: 500 ms, say: leo ends]"
+    host, _ = two_hosts(system, tmp_path, leo=tree)
+    first = system.pulse("agents_a")
+    statuses = system.ros.collect(TreeStatus, "agents_a/status", qos.EVENTS)
+    system.until(lambda: first.count, "a heartbeat")
+    old_person(system, "s1")
+    system.until_speaking("leo begins")
+    system.mouth.finish()
+    system.until(
+        lambda: any("wait" in change.path for status in statuses for change in status.changes),
+        "leo waits",
+    )
+    host.hang()
+    system.until_speaking("mira begins")
+    beats = first.count
+    host.go_on()
+    system.until(lambda: first.count > beats + 2 and not first.busy, "leo's host is idle")
+    assert system.mouth.texts == ["leo begins", "mira begins"]
+    assert False
+
+
+def test_a_host_that_hangs_between_bid_and_goal_loses_the_run_and_never_runs_it(
+    system: System, tmp_path: Path
+) -> None:
+    host, _ = two_hosts(system, tmp_path)
+    # A third one that is silent keeps every round open, so that the hang comes before the goal.
+    silent = system.ros.add(SilentHost())
+    silent.register(system.ros)
+    first, second = system.pulse("agents_a"), system.pulse("agents_b")
+    for number in range(1, 21):
+        system.until_ready(hosts=3, agents=3)
+        scene_id = f"s{number}"
+        old_person(system, scene_id)
+        system.until(
+            lambda n=number: any((b.host, b.round) == ("/agents_a", n) for b in system.bids),
+            f"the bid of leo in round {number}",
+        )
+        host.hang()
+        hung_at = second.count
+        system.until(lambda n=number: len(system.started()) == n, f"start {number}")
+        assert second.count - hung_at <= BEATS_A_SECOND
+        assert system.auctions[-1].winner == "leo"
+        assert system.auctions[-1].closed_by == Auction.DEADLINE
+        assert (system.started()[-1].agent, system.started()[-1].round) == ("mira", number)
+        system.until_speaking("mira begins")
+        beats = first.count
+        host.go_on()
+        system.until(
+            lambda n=beats: first.count > n + 2 and not first.busy, "leo's host beats and is idle"
+        )
+        for text in ("mira begins", "mira ends"):
+            system.until_speaking(text)
+            system.mouth.finish()
+        assert system.until_end_of(scene_id).agent == "mira"
+    assert system.mouth.texts == ["mira begins", "mira ends"] * 20
+    assert [run.agent for run in system.started()] == ["mira"] * 20
+
+
+def test_a_host_that_is_killed_between_bid_and_goal_is_replaced_by_the_next_best(
+    system: System, tmp_path: Path
+) -> None:
+    host, _ = two_hosts(system, tmp_path)
+    silent = system.ros.add(SilentHost())
+    silent.register(system.ros)
+    system.until_ready(hosts=3, agents=3)
+    pulse = system.pulse("agents_b")
+    system.until(lambda: pulse.count, "a heartbeat")
+    old_person(system, "s1")
+    system.until(lambda: any(b.host == "/agents_a" for b in system.bids), "the bid of leo")
+    host.kill()
+    killed_at = pulse.count
+    system.until(system.started, "a start")
+    assert pulse.count - killed_at <= BEATS_A_SECOND
+    assert [run.agent for run in system.started()] == ["mira"]
+    refused = [run for run in system.runs if run.event == Run.REFUSED]
+    assert [(run.agent, run.message) for run in refused] == [
+        ("leo", "/agents_a is gone: no heartbeat")
+    ]
+    system.mouth.holds = lambda _text: False
+    system.mouth.finish()
+    assert system.until_end_of("s1").code == "SUCCEEDED"
+    host.start()
+    system.until_ready(hosts=3, agents=3)
+    old_person(system, "s2")
+    assert system.until_end_of("s2").agent == "leo"
+
+
+def test_one_of_five_hosts_is_silent_and_the_round_closes_at_the_deadline_with_the_others(
+    system: System, tmp_path: Path
+) -> None:
+    names = [f"agents_{number}" for number in range(1, 6)]
+    folders = {
+        name: write_trees(tmp_path / name, **{f"guide_{name[-1]}": (float(name[-1]), "wait: 0 s")})
+        for name in names
+    }
+    # The lease outlasts the round, so that the silent one counts as asked.
+    system.market(folders["agents_1"], bid_deadline=2.0, host_lease=5.0)
+    hosts = {name: system.host(name, trees) for name, trees in folders.items()}
+    system.until_ready(hosts=5, agents=5)
+    hosts["agents_5"].hang()
+    old_person(system, "s1")
+    system.until(lambda: system.auctions, "the decision")
+    [auction] = system.auctions
+    assert auction.closed_by == Auction.DEADLINE
+    assert 2.0 <= auction.duration_s < 3.0
+    assert auction.silent_hosts == ["/agents_5"], system.told()
+    assert [bid.agent for bid in auction.ranking] == ["guide_4", "guide_3", "guide_2", "guide_1"]
+    end = system.until_end_of("s1")
+    assert (end.code, end.agent) == ("SUCCEEDED", "guide_4")
+
+
+def test_of_two_processes_of_one_host_exactly_one_runs_in_a_hundred_of_a_hundred_scenes(
+    system: System, tmp_path: Path
+) -> None:
+    trees = write_trees(tmp_path / "a", leo=(LEO, "say: leo speaks"))
+    system.mouth.holds = lambda _text: False
+    system.market(trees, collect_deadline=0.05, queue_limit=100)
+    first = system.host("agents", trees)
+    system.until_ready(hosts=1, agents=1)
+    second = system.host("agents", trees)
+    system.until(lambda: "HOST_EXISTS" in second.said, "the refusal of the second")
+    ids = [f"s{number}" for number in range(1, 101)]
+    for scene_id in ids:
+        old_person(system, scene_id)
+    system.until(lambda: len(system.ends) >= 100, "a hundred ends")
+    assert sorted((end.scene_id, end.code) for end in system.ends) == sorted(
+        (scene_id, "SUCCEEDED") for scene_id in ids
+    )
+    assert len(system.mouth.texts) == 100
+    starts = system.started()
+    assert len(starts) == 100
+    assert len({run.host_instance for run in starts}) == 1
+    first.kill()
+    system.until(lambda: system.statuses[-1].hosts == 0, "the first one is missed")
+    system.until_ready(hosts=1, agents=1)
+    old_person(system, "after")
+    assert system.until_end_of("after").code == "SUCCEEDED"
+    assert len(system.mouth.texts) == 101
+    assert system.started()[-1].host_instance != starts[0].host_instance

@@ -1,0 +1,125 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A feedback node that is killed between recording feedback and answering has applied it once."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+from rclpy.callback_groups import ReentrantCallbackGroup
+from rclpy.task import Future
+
+from bt_agents.cli import system as components
+from bt_agents.ros import qos
+from bt_agents.ros.messages import scene_to_msg
+from bt_agents.ros.outbox import Outbox
+from bt_agents_interfaces.msg import AgentCard, Feedback, HostCard
+from bt_agents_interfaces.srv import CollectFeedback, GiveFeedback, SetProfile
+from feedback_node.ledger import Ledger
+from processes import System
+from programs import ROOT
+from stage import SPACE, scene
+
+pytestmark = pytest.mark.e2e
+
+TIMES = 20
+SIMULATED = """
+format: 1
+title: prepared
+rounds: 1
+seed: 0
+scenes: [{age: 5, familiarity: 3, mood: 3}]
+feedback:
+  repeat: true
+  sequence: [{mood: 5}, {mood: 1}, {age: 5}]
+"""
+
+
+class Host:
+    """A host with one agent; while it is told to be slow it answers nothing."""
+
+    def __init__(self, ros: Any) -> None:
+        self.slow: Future | None = None
+        ros.node.create_service(
+            SetProfile,
+            "/agents/set_profile",
+            self._take,
+            qos_profile=qos.SERVICE,
+            callback_group=ReentrantCallbackGroup(),
+        )
+        self._cards = ros.node.create_publisher(HostCard, "cards", qos.FACT)
+        agent = AgentCard(name="mira", profile=[3.0] * 3, learning_rate=0.5)
+        self._cards.publish(HostCard(host="/agents", parameters=SPACE.names, agents=[agent]))
+
+    async def _take(self, _request: Any, response: Any) -> Any:
+        if self.slow is not None:
+            await self.slow
+        response.accepted = True
+        return response
+
+
+class Giver:
+    """Gives feedback and collects it by turns, each through an outbox."""
+
+    def __init__(self, ros: Any) -> None:
+        node = ros.node
+        give = node.create_client(GiveFeedback, "feedback/give", qos_profile=qos.SERVICE)
+        collect = node.create_client(CollectFeedback, "feedback/collect", qos_profile=qos.SERVICE)
+        self._give, self._collect = (
+            Outbox(node, client, answer_s=0.5) for client in (give, collect)
+        )
+        self.answers: list[Any] = []
+
+    def put(self, number: int) -> str:
+        """Give the feedback of a number; return its id."""
+        about = scene_to_msg(scene(f"s{number}", age=5, familiarity=3, mood=3))
+        if number % 2:
+            request = CollectFeedback.Request(
+                epoch="e", round=number, agent="mira", outcome=1, scene=about
+            )
+            self._collect.put(request, self.answers.append)
+            return f"simulated/e/{number}/mira"
+        given = GiveFeedback.Request(
+            feedback_id=f"tree/{number}", agent="mira", kind=1, source="tree", scene=about
+        )
+        self._give.put(given, self.answers.append)
+        return given.feedback_id
+
+
+def test_what_was_recorded_before_a_kill_is_answered_after_it_and_not_applied_again(
+    system: System, tmp_path: Path
+) -> None:
+    simulated = tmp_path / "simulated.yaml"
+    simulated.write_text(SIMULATED)
+    ledger = tmp_path / "ledger.sqlite"
+    host, giver = Host(system.ros), Giver(system.ros)
+    heard: list[Feedback] = system.ros.collect(Feedback, "feedback", qos.HISTORY)
+    node = system.start(components.feedback(ROOT / "trees", str(ledger), simulated))
+    for number in range(1, TIMES + 1):
+        host.slow = Future()
+        feedback_id = giver.put(number)
+        system.until(
+            lambda wanted=feedback_id: wanted in [one.feedback_id for one in heard],
+            f"feedback {number} is recorded",
+        )
+        assert len(giver.answers) == number - 1
+        node.kill()
+        host.slow.set_result(None)
+        host.slow = None
+        node.start()
+        system.until(lambda wanted=number: len(giver.answers) == wanted, "the answer")
+        answer = giver.answers[-1]
+        assert answer.accepted
+        assert f"recorded before as revision {number}, not applied again" in answer.message
+        assert (answer.feedback.feedback_id, answer.feedback.revision) == (feedback_id, number)
+    node.kill()
+    with Ledger(ledger) as book:
+        history = book.history("mira")
+    assert [revision.revision for revision in history] == list(range(TIMES + 1))
+    assert len({revision.cause.feedback_id for revision in history[1:]}) == TIMES
+    # The list went on where it was before each restart.
+    collected = [r.cause.target for r in history if r.cause.source == "simulated"]
+    assert [list(target) for target in collected] == [
+        [name] for name in ("mood", "mood", "age") * 3
+    ] + [["mood"]]

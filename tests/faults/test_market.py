@@ -1,0 +1,122 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What becomes of a run, and of its scene, when the process of the marketplace is killed."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from bt_agents_interfaces.msg import Run
+from processes import BEATS_A_SECOND, NodeProcess, System, write_trees
+
+pytestmark = pytest.mark.e2e
+
+
+def market_and_hosts(system: System, tmp_path: Path) -> NodeProcess:
+    """Start a market, and leo and mira on a host each; a scene of age 5 is leo's."""
+    trees = {
+        name: write_trees(tmp_path / name, **{name: (age, f"say: {name} speaks")})
+        for name, age in (("leo", 4.5), ("mira", 2.0))
+    }
+    market = system.market(trees["leo"], collect_deadline=0.05)
+    system.host("agents_a", trees["leo"])
+    system.host("agents_b", trees["mira"])
+    system.until_ready(hosts=2, agents=2)
+    return market
+
+
+def old_person(system: System, scene_id: str) -> None:
+    system.scene(scene_id, age=5, familiarity=3, mood=3)
+
+
+def check_that_nothing_else_runs(system: System, epoch: str, starts: int) -> None:
+    """Let one more scene run through the new market, and count what has started there."""
+    system.mouth.holds = lambda _text: False
+    system.mouth.finish()
+    old_person(system, "s2")
+    assert system.until_end_of("s2").code == "SUCCEEDED"
+    assert len(system.started(epoch=epoch)) == starts + 1
+    assert len(system.ends_of("s1")) == 1
+
+
+@pytest.mark.parametrize("restart", ["after the host has given up", "at once"])
+def test_a_market_killed_mid_run_takes_its_run_with_it_and_the_next_one_asks_again_once(
+    system: System, tmp_path: Path, restart: str
+) -> None:
+    market = market_and_hosts(system, tmp_path)
+    pulse = system.pulse("agents_a")
+    old_person(system, "s1")
+    system.until_speaking("leo speaks")
+    system.until(lambda: pulse.count, "a heartbeat")
+    epoch = system.kill_market(market)
+    killed_at = pulse.count
+    if restart == "at once":
+        market.start()
+    first = system.mouth.sentences[0]
+    system.until(lambda: first.how, "the end of what leo says")
+    assert first.how == "cancelled"
+    assert pulse.count - killed_at <= 2 * BEATS_A_SECOND
+    if restart != "at once":
+        market.start()
+    system.until_ready(hosts=2, agents=2, after=epoch)
+    new = system.epoch
+    system.until(lambda: system.ends_of("s1"), "the end of the scene that was cut off")
+    [end] = system.ends_of("s1")
+    assert (end.epoch, end.code) == (new, "LOST")
+    [cut_off] = system.ended(epoch=epoch) or system.ended("leo", epoch=new)[:1]
+    assert cut_off.scene.scene_id == "s1"
+    system.until(lambda: system.started(epoch=new), "the scene is run again")
+    system.until_speaking("leo speaks")
+    again = system.started(epoch=new)[0].scene.scene_id
+    assert again != "s1"
+    assert again in end.message
+    check_that_nothing_else_runs(system, new, starts=1)
+    assert system.until_end_of(again).code == "SUCCEEDED"
+    assert system.mouth.texts == ["leo speaks"] * 3
+
+
+def test_a_run_that_ends_while_there_is_no_market_is_handed_to_the_next_one_and_not_run_again(
+    system: System, tmp_path: Path
+) -> None:
+    market = market_and_hosts(system, tmp_path)
+    pulse = system.pulse("agents_a")
+    old_person(system, "s1")
+    system.until_speaking("leo speaks")
+    system.until(lambda: pulse.busy, "the host is busy")
+    epoch = system.kill_market(market)
+    system.mouth.finish()
+    system.until(lambda: not pulse.busy, "the run is over")
+    market.start()
+    system.until_ready(hosts=2, agents=2, after=epoch)
+    end = system.until_end_of("s1")
+    assert (end.code, end.agent) == ("SUCCEEDED", "leo")
+    [ended] = system.ended("leo")
+    assert (ended.outcome, ended.scene.scene_id) == (Run.SUCCEEDED, "s1")
+    check_that_nothing_else_runs(system, system.epoch, starts=0)
+
+
+def test_a_market_that_hangs_longer_than_its_lease_loses_the_run_and_goes_on(
+    system: System, tmp_path: Path
+) -> None:
+    market = market_and_hosts(system, tmp_path)
+    pulse = system.pulse("agents_a")
+    old_person(system, "s1")
+    system.until_speaking("leo speaks")
+    system.until(lambda: pulse.count, "a heartbeat")
+    market.hang()
+    hung_at = pulse.count
+    first = system.mouth.sentences[0]
+    system.until(lambda: first.how, "the end of what leo says")
+    assert first.how == "cancelled"
+    assert pulse.count - hung_at <= 2 * BEATS_A_SECOND
+    market.go_on()
+    system.until_end_of("s1")
+    [ended] = system.ended("leo")
+    assert ended.outcome in (Run.CANCELLED, Run.LOST)
+    assert "silent" in ended.message
+    system.until_ready(hosts=2, agents=2)
+    system.mouth.holds = lambda _text: False
+    old_person(system, "s2")
+    assert system.until_end_of("s2").code == "SUCCEEDED"
+    assert len(system.ends_of("s1")) == 1

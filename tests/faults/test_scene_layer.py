@@ -1,0 +1,72 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What trees see of the live scene when the process of the scene layer is killed."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from bt_agents.cli import system as components
+from bt_agents_interfaces.srv import Analyze
+from processes import BEATS_A_SECOND, System, write_trees
+
+pytestmark = pytest.mark.e2e
+
+TREE = """
+repeat: 100000
+sequence:
+  - selector:
+      - sequence:
+          - check: live.mood >= 1
+          - say: mood ${live.mood}
+      - say: mood unknown
+  - wait: 50 ms
+"""
+
+
+def test_a_tree_sees_no_old_mood_as_a_new_one_while_the_scene_layer_is_dead(
+    system: System, tmp_path: Path
+) -> None:
+    trees = write_trees(tmp_path / "a", leo=(4.0, TREE))
+    system.mouth.holds = lambda _text: False
+    system.market(trees)
+    layer = system.start(components.scene_layer(trees))
+    system.host("agents", trees)
+    system.until_ready(hosts=1, agents=1)
+    pulse = system.pulse("agents")
+    analyze = system.ros.node.create_client(Analyze, "scene_layer/analyze")
+
+    def sense(mood: float, *, announce: bool) -> Any:
+        request = Analyze.Request(
+            names=["age", "mood"],
+            values=[4.0, mood],
+            person=Analyze.Request.PRESENT,
+            announce=announce,
+        )
+        return system.ros.call(analyze, request)
+
+    def last() -> str:
+        said = system.mouth.texts
+        return said[-1] if said else ""
+
+    assert sense(4.0, announce=True).accepted
+    system.until(lambda: last() == "mood 4", "the mood as awarded")
+    sense(2.0, announce=False)
+    system.until(lambda: last() == "mood 2", "the mood of now")
+    system.until(lambda: pulse.count, "a heartbeat")
+
+    layer.kill()
+    killed_at = pulse.count
+    system.until(lambda: last() == "mood unknown", "the mood is stale")
+    assert pulse.count - killed_at <= 1.5 * BEATS_A_SECOND
+    heard = len(system.mouth.texts)
+    system.until(lambda: len(system.mouth.texts) >= heard + 10, "ten more rounds of the tree")
+    assert set(system.mouth.texts[heard:]) == {"mood unknown"}
+
+    layer.start()
+    system.until(lambda: last() != "mood unknown", "the mood is fresh again")
+    system.until(lambda: analyze.service_is_ready(), "the scene layer answers")
+    sense(5.0, announce=False)
+    system.until(lambda: last() == "mood 5", "the mood of now, after the restart")

@@ -1,0 +1,88 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The nodes of a test in this process, and the executor that turns them until something holds."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import pytest
+import rclpy
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.signals import SignalHandlerOptions
+
+
+class Ros:
+    """The nodes of one test and the executor that turns them."""
+
+    def __init__(self) -> None:
+        self.executor = SingleThreadedExecutor()
+        self.nodes: list[Node] = []
+        self.node = self.add(rclpy.create_node("probe"))
+
+    def add(self, node: Any) -> Any:
+        """Turn a node until the end of the test; return it."""
+        self.nodes.append(node)
+        self.executor.add_node(node)
+        return node
+
+    def remove(self, node: Any) -> None:
+        """Take a node away, as if its process had ended."""
+        self.nodes.remove(node)
+        self.executor.remove_node(node)
+        node.destroy_node()
+
+    def until(self, condition: Callable[[], Any], limit_s: float = 30.0) -> None:
+        """Turn until the condition holds; fail the test at the limit."""
+        end = time.monotonic() + limit_s
+        while not condition():
+            if time.monotonic() > end:
+                pytest.fail(f"not within {limit_s} s: {condition}")
+            self.executor.spin_once(timeout_sec=0.05)
+
+    def turns(self, count: int = 20) -> None:
+        """Turn a few times, for things that must not happen."""
+        for _ in range(count):
+            self.executor.spin_once(timeout_sec=0.01)
+
+    def call(self, client: Any, request: Any, limit_s: float = 30.0) -> Any:
+        """Call a service and return its response."""
+        self.until(client.service_is_ready, limit_s)
+        future = client.call_async(request)
+        self.until(future.done, limit_s)
+        return future.result()
+
+    def collect(self, kind: Any, topic: str, qos: Any) -> list[Any]:
+        """Return a list that grows with every message of a topic."""
+        received: list[Any] = []
+        self.node.create_subscription(kind, topic, received.append, qos)
+        return received
+
+    def close(self) -> None:
+        """End what is under way, as the runner does, and destroy everything."""
+        for node in self.nodes:
+            if hasattr(node, "request_stop"):
+                node.request_stop()
+                end = time.monotonic() + 2.0
+                while not node.stopped() and time.monotonic() < end:
+                    self.executor.spin_once(timeout_sec=0.05)
+        for node in list(self.nodes):
+            self.remove(node)
+        self.executor.shutdown()
+
+
+@contextmanager
+def fresh_graph() -> Iterator[Ros]:
+    """Make a ROS context of its own, and take it down again."""
+    rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
+    try:
+        graph = Ros()
+        try:
+            yield graph
+        finally:
+            graph.close()
+    finally:
+        rclpy.try_shutdown()

@@ -1,0 +1,104 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A trees folder that a test edits as people and editors do, and what a watch makes of it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from bt_agents.language.folder_reader import Trees, read_trees
+from bt_agents.reload.folder_watch import FolderWatch
+from bt_agents.reload.versions import AgentVersions, Effect
+
+SCENE = "format: 1\nparameters:\n  age: {min: 1, max: 5, default: 3}\n"
+SKILLS = (
+    "format: 1\nskills:\n"
+    "  say:\n    main: text\n    inputs: {text: text}\n"
+    "    topic: {name: say, type: std_msgs/msg/String, message: {data: '${text}'}}\n"
+)
+MANNERS = "format: 1\nsubtrees:\n  greet: {tree: {say: Good day.}}\n"
+
+
+def agent(name: str, tree: str = "{say: hello}", head: str = "") -> str:
+    """Return the text of an agent file."""
+    return f"format: 1\nagent: {name}\nprofile: {{age: 3}}\n{head}tree: {tree}\n"
+
+
+def new_folder(path: Path, *names: str) -> Path:
+    """Make a trees folder with some agents."""
+    for part in ("skills", "agents", "libraries"):
+        (path / part).mkdir(parents=True)
+    (path / "scene.yaml").write_text(SCENE)
+    (path / "skills" / "robot.yaml").write_text(SKILLS)
+    (path / "libraries" / "manners.yaml").write_text(MANNERS)
+    for name in names:
+        write(path, name, agent(name))
+    return path
+
+
+def write(folder: Path, name: str, text: str) -> Path:
+    """Write an agent file."""
+    file = folder / "agents" / f"{name}.yaml"
+    file.write_text(text)
+    return file
+
+
+class Watched:
+    """A folder, its watch, and the versions of its agents."""
+
+    def __init__(self, folder: Path, tags: str = "") -> None:
+        self.folder = folder
+        self.running = ""
+        self.now = 100.0
+        trees = read_trees(folder).tagged(tags)
+        self.watch = FolderWatch(trees)
+        self.versions = AgentVersions(trees, self.now)
+        self.in_force = {agent.name: agent for agent in trees.agents}
+
+    def look(self) -> list[str]:
+        """Look until the folder stands still; return what was said."""
+        said: list[str] = []
+        for _ in range(3):
+            said += self.look_once()
+        return said
+
+    def look_once(self) -> list[str]:
+        """Look once; return what was said."""
+        trees = self.watch.look()
+        return self.take(trees) if trees is not None else []
+
+    def take(self, trees: Trees) -> list[str]:
+        """Settle all that is new."""
+        self.now += 1.0
+        effects = [
+            self.versions.settle(name, self.running, self.now)
+            for name in self.versions.take(trees)
+        ]
+        return [self.apply(effect) for effect in effects if effect is not None]
+
+    def end_run(self) -> list[str]:
+        """End the run; return what was said."""
+        name, self.running = self.running, ""
+        effect = self.versions.ended(name)
+        return [self.apply(effect)] if effect is not None else []
+
+    def apply(self, effect: Effect) -> str:
+        """Do as a host does; return the words."""
+        match effect.act.value:
+            case "add":
+                assert effect.name not in self.in_force
+                self.in_force[effect.name] = effect.agent
+            case "remove":
+                del self.in_force[effect.name]
+            case "swap" | "retune":
+                assert effect.name in self.in_force
+                self.in_force[effect.name] = effect.agent
+        return f"{effect.act.value} {effect.words}"
+
+    def roll_back(self, name: str, number: int = 0) -> list[str]:
+        """Roll back as a host does; return what was said."""
+        version = self.versions.wanted(name, number)
+        texts = {one.file.text for one in self.versions.versions(name)}
+        file = self.versions.file(name).file
+        written = self.watch.write(file, version.file, texts)
+        effect = self.versions.roll_back(name, version, written.file, self.running, self.now)
+        return [self.apply(effect), *filter(None, [written.words])]

@@ -1,0 +1,404 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Goals, requests and topics of trees against servers that are late, stubborn, dead or hostile."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+import rclpy
+from std_msgs.msg import Bool, String
+from std_srvs.srv import SetBool
+
+from bt_agents.engine.goals import GoalTrack
+from bt_agents.engine.scripted_world import ManualClock
+from bt_agents.engine.world import Goal, GoalRun, GoalState
+from bt_agents.language.specs import BindingKind, HeartbeatSpec, Timeouts
+from bt_agents.ros import qos
+from bt_agents.ros.goals import RosGoal
+from bt_agents.ros.inboxes import DEPTH
+from bt_agents.ros.lookout import MOST_UNCONFIRMED
+from bt_agents.ros.world import RosWorld
+from bt_agents_interfaces.action import Ask
+from scripted_server import Script, ScriptedServer, ScriptedService
+from stage import SPACE, agent
+
+pytestmark = pytest.mark.ros
+
+SAY = Goal(
+    kind=BindingKind.ACTION,
+    name="say",
+    type="bt_agents_interfaces/action/Say",
+    fields={"text": "Hello."},
+)
+SWITCH = Goal(
+    kind=BindingKind.SERVICE, name="switch", type="std_srvs/srv/SetBool", fields={"data": True}
+)
+BEAT = HeartbeatSpec(topic="robot/heartbeat", type="std_msgs/msg/Empty", within_s=0.4)
+
+
+class Host:
+    """A world and how often it has woken its tree."""
+
+    def __init__(self, ros: Any) -> None:
+        self.woken = 0
+        self.seen = 0
+        self.node = ros.add(rclpy.create_node("host"))
+        self.world = RosWorld(self.node, self._wake, space=SPACE, agent=lambda: "guide")
+        self._ros = ros
+
+    def _wake(self) -> None:
+        self.woken += 1
+
+    def prepare(self, tree: str) -> None:
+        """Make ahead what the one node of a tree needs."""
+        self.world.prepare(agent(tree).tree)
+
+    def send(self, goal: Goal = SAY, **changes: Any) -> GoalRun:
+        """Send a goal."""
+        self.seen = self.woken
+        return self.world.send(replace(goal, **changes))
+
+    def accepted(self, goal: Goal = SAY, **changes: Any) -> GoalRun:
+        """Send a goal and wait until it is under way."""
+        run = self.send(goal, **changes)
+        self._ros.until(lambda: run.state is GoalState.ACTIVE)
+        return run
+
+
+@pytest.fixture
+def host(ros: Any) -> Host:
+    """The world of a host."""
+    return Host(ros)
+
+
+def news(ros: Any, host: Host, run: GoalRun) -> GoalState:
+    """Turn until the tree is woken by the last goal; return where the goal is then."""
+    ros.until(lambda: host.woken > host.seen)
+    host.seen = host.woken
+    return run.state
+
+
+def test_a_goal_waits_for_a_server_that_is_only_starting(ros: Any, host: Host) -> None:
+    run = host.send()
+    ros.turns(3)
+    assert run.state is GoalState.PENDING
+    server = ScriptedServer(ros, script=Script(result={"message": "well"}))
+    assert news(ros, host, run) is GoalState.SUCCEEDED
+    assert run.result["message"] == "well"
+    assert run.confirmed
+    assert [goal.request.text for goal in server.goals] == ["Hello."]
+
+
+def test_a_server_that_never_comes_is_noticed_without_a_tick(ros: Any, host: Host) -> None:
+    run = host.send(timeouts=Timeouts(server_s=0.2))
+    assert news(ros, host, run) is GoalState.UNREACHABLE
+    assert run.message == "its server is not there (looked for 0.2 s)"
+    assert run.confirmed
+
+
+def test_rejected_aborted_and_cancelled_by_others_differ(ros: Any, host: Host) -> None:
+    server = ScriptedServer(ros, script=Script(rejects=True))
+    run = host.send()
+    assert news(ros, host, run) is GoalState.REJECTED
+    server.script = Script(aborts=True, result={"message": "motor off"})
+    run = host.send()
+    assert news(ros, host, run) is GoalState.ABORTED
+    assert run.result["message"] == "motor off"
+    server.script = Script(finish_s=None)
+    run = host.accepted()
+    ros.until(lambda: len(server.goals) == 3)
+    server.goals[2].stop()
+    # Nobody asked for it, so the server cannot call it cancelled.
+    assert news(ros, host, run) in (GoalState.ABORTED, GoalState.CANCELLED)
+
+
+def test_a_cancel_before_acceptance_takes_effect_on_acceptance(ros: Any, host: Host) -> None:
+    server = ScriptedServer(ros, script=Script(accept_s=None, finish_s=None))
+    run = host.send()
+    ros.until(lambda: server.goals)
+    run.cancel()
+    ros.turns()
+    assert server.goals[0].cancels == 0
+    assert not run.confirmed
+    server.goals[0].accept()
+    assert news(ros, host, run) is GoalState.CANCELLED
+    assert run.confirmed
+    assert (server.goals[0].cancels, server.goals[0].outcome) == (1, "cancelled")
+
+
+def test_a_goal_cancelled_before_it_is_found_is_never_sent(ros: Any, host: Host) -> None:
+    run = host.send()
+    run.cancel()
+    assert (run.state, run.confirmed) == (GoalState.CANCELLED, True)
+    server = ScriptedServer(ros)
+    ros.turns(40)
+    assert server.goals == []
+
+
+def test_an_acceptance_after_the_give_up_is_cancelled_and_then_confirmed(
+    ros: Any, host: Host
+) -> None:
+    server = ScriptedServer(ros, script=Script(accept_s=None, finish_s=None, cancel_s=0.1))
+    run = host.send(timeouts=Timeouts(server_s=30.0, accept_s=0.2))
+    assert news(ros, host, run) is GoalState.UNREACHABLE
+    assert run.message.startswith("its server does not answer")
+    assert not run.confirmed
+    server.goals[0].accept()
+    ros.until(lambda: run.confirmed)
+    assert (server.goals[0].cancels, server.goals[0].outcome) == (1, "cancelled")
+    assert run.state is GoalState.UNREACHABLE
+
+
+def test_results_go_to_the_goals_they_belong_to_in_whatever_order(ros: Any, host: Host) -> None:
+    server = ScriptedServer(ros, script=Script(finish_s=None, result={"message": "first"}))
+    first = host.accepted(fields={"text": "one"})
+    server.script = Script(finish_s=None, result={"message": "second"})
+    second = host.accepted(fields={"text": "two"})
+    ros.until(lambda: len(server.goals) == 2)
+    server.goals[1].finish()
+    ros.until(lambda: second.state.ended)
+    assert second.result["message"] == "second"
+    assert first.state is GoalState.ACTIVE
+    server.goals[0].finish()
+    ros.until(lambda: first.state.ended)
+    assert first.result["message"] == "first"
+
+
+def test_a_result_after_the_give_up_never_ends_a_later_goal(ros: Any, host: Host) -> None:
+    patience = Timeouts(server_s=30.0, accept_s=30.0, result_s=0.2)
+    server = ScriptedServer(ros, script=Script(finish_s=None, on_cancel="ignores"))
+    late = host.send(timeouts=patience)
+    assert news(ros, host, late) is GoalState.TIMED_OUT
+    assert late.message == "no result within 0.2 s"
+    ros.until(lambda: server.goals[0].cancels == 1)
+    next_one = host.accepted()
+    server.goals[0].finish()
+    ros.until(lambda: late.confirmed)
+    assert late.state is GoalState.TIMED_OUT
+    assert next_one.state is GoalState.ACTIVE
+    server.goals[1].finish()
+    ros.until(lambda: next_one.state.ended)
+    assert next_one.state is GoalState.SUCCEEDED
+
+
+@pytest.mark.parametrize("on_cancel", ["refuses", "ignores", "hangs"])
+def test_a_server_that_does_not_stop_leaves_its_goal_unconfirmed(
+    ros: Any, host: Host, on_cancel: str
+) -> None:
+    server = ScriptedServer(ros, script=Script(finish_s=None, on_cancel=on_cancel))
+    run = host.accepted()
+    ros.turns()  # the server has taken the request for the result
+    run.cancel()
+    ros.until(lambda: server.goals[0].cancels == 1)
+    ros.turns()
+    assert not run.confirmed
+    server.goals[0].finish()
+    ros.until(lambda: run.confirmed)
+
+
+def test_a_server_that_leaves_the_graph_is_noticed(ros: Any, host: Host) -> None:
+    server = ScriptedServer(ros, script=Script(finish_s=None))
+    run = host.accepted(timeouts=Timeouts(server_s=0.5))
+    server.die()
+    assert news(ros, host, run) is GoalState.UNREACHABLE
+    assert run.message == "its server has left the graph (gone for 0.5 s)"
+    assert not run.confirmed
+
+
+SPEAK = """
+action:
+  name: say
+  type: bt_agents_interfaces/action/Say
+  heartbeat: {topic: robot/heartbeat, type: std_msgs/msg/Empty, within: 400 ms}
+"""
+
+
+def test_a_server_that_falls_silent_is_noticed_by_its_heartbeat_and_without_a_tick(
+    ros: Any, host: Host
+) -> None:
+    host.prepare(SPEAK)
+    server = ScriptedServer(ros, script=Script(finish_s=None, on_cancel="ignores"))
+    server.beat(every_s=0.05)
+    run = host.accepted(heartbeat=BEAT)
+    end = time.monotonic() + 1.0
+    ros.until(lambda: time.monotonic() > end)
+    assert run.state is GoalState.ACTIVE
+    server.fall_silent()
+    assert news(ros, host, run) is GoalState.UNREACHABLE
+    assert run.message == "its server has gone silent (no heartbeat for 0.4 s)"
+    assert not run.confirmed
+    ros.until(lambda: server.goals[0].cancels == 1)
+
+
+def test_a_heartbeat_that_was_never_heard_is_named(ros: Any, host: Host) -> None:
+    host.prepare(SPEAK)
+    ScriptedServer(ros, script=Script(finish_s=None))
+    run = host.send(heartbeat=BEAT)
+    assert news(ros, host, run) is GoalState.UNREACHABLE
+    assert run.message.endswith("nor ever one on robot/heartbeat)")
+
+
+def test_feedback_wakes_the_tree_only_where_a_leaf_uses_it(ros: Any, host: Host) -> None:
+    told = ((0.05, {"progress": 0.25}), (0.1, {"progress": 0.5}))
+    server = ScriptedServer(ros, script=Script(finish_s=None, feedback=told))
+    run = host.accepted(feedback=True)
+    before = run.feedback
+    ros.until(lambda: run.feedback is not before and run.feedback["progress"] == 0.5)
+    assert run.feedback is run.feedback
+    other = host.accepted()
+    woken = host.woken
+    ros.until(lambda: len(server.goals) == 2)
+    ros.turns(30)
+    assert (other.feedback, host.woken) == (None, woken)
+
+
+def test_hostile_results_and_feedback_raise_nothing(ros: Any, host: Host) -> None:
+    hostile: Mapping[str, Any] = {"answer": "x" * 10_000_000, "message": "\t\x01" * 100_000}
+    script = Script(
+        finish_s=0.2,
+        result=hostile,
+        feedback=((0.0, {"progress": float("nan")}), (0.05, {"progress": float("inf")})),
+    )
+    ScriptedServer(ros, "ask", kind=Ask, script=script)
+    goal = replace(SAY, name="ask", type="bt_agents_interfaces/action/Ask", feedback=True)
+    run = host.send(goal)
+    ros.until(lambda: run.state.ended)
+    assert run.state is GoalState.SUCCEEDED
+    assert len(str(run.result["answer"])) == 10_000_000
+    assert run.feedback is not None
+    assert set(run.feedback) == {"progress"}
+
+
+def test_a_goal_that_cannot_be_sent_is_unreachable(ros: Any) -> None:
+    def refuse(*_: Any, **__: Any) -> None:
+        raise RuntimeError("the middleware is out of memory")
+
+    client = SimpleNamespace(server_is_ready=lambda: True, send_goal_async=refuse)
+    run = RosGoal(
+        client,
+        object(),
+        GoalTrack(SAY, ManualClock()),
+        rearm=lambda: None,
+        wake=lambda: None,
+        feedback=False,
+        warn=print,
+    )
+    assert run.state is GoalState.UNREACHABLE
+    assert run.message == "it cannot be sent: the middleware is out of memory"
+    assert run.confirmed
+
+
+def test_goals_that_are_never_confirmed_are_forgotten_at_some_time(ros: Any, host: Host) -> None:
+    server = ScriptedServer(ros, script=Script(accept_s=None))
+    ros.until(lambda: host.world._client(SAY.kind, SAY.name, SAY.type).server_is_ready())
+    runs = [host.send(timeouts=Timeouts(accept_s=0.05)) for _ in range(MOST_UNCONFIRMED + 20)]
+    ros.until(lambda: all(run.state.ended for run in runs))
+    ros.until(lambda: len(server.goals) == len(runs))
+    client = host.world._client(SAY.kind, SAY.name, SAY.type)
+    ros.until(lambda: len(client._pending_goal_requests) == MOST_UNCONFIRMED)
+    assert len(host.world._lookout._unconfirmed) == MOST_UNCONFIRMED
+
+
+def switch(ros: Any) -> ScriptedService:
+    """Return a service that echoes the number of its request."""
+    service: ScriptedService
+
+    def fill(request: Any, response: Any) -> None:
+        response.success = request.data
+        number = next(at for at, one in enumerate(service.requests) if one is request)
+        response.message = f"request {number}"
+
+    service = ScriptedService(ros, SetBool, "switch", fill)
+    return service
+
+
+def test_an_answer_after_the_limit_is_discarded_and_not_taken_for_the_next_one(
+    ros: Any, host: Host
+) -> None:
+    service = switch(ros)
+    late = host.send(SWITCH, timeouts=Timeouts(server_s=30.0, result_s=0.2))
+    assert news(ros, host, late) is GoalState.TIMED_OUT
+    assert late.message == "no answer within 0.2 s"
+    assert late.confirmed
+    next_one = host.accepted(SWITCH)
+    ros.until(lambda: len(service.patience) == 2)
+    service.answer(0)
+    ros.turns()
+    assert next_one.state is GoalState.ACTIVE
+    service.answer(1)
+    ros.until(lambda: next_one.state.ended)
+    assert next_one.result["message"] == "request 1"
+    assert (late.state, dict(late.result)) == (GoalState.TIMED_OUT, {})
+
+
+def test_an_answer_after_a_cancel_is_discarded(ros: Any, host: Host) -> None:
+    service = switch(ros)
+    run = host.accepted(SWITCH)
+    ros.until(lambda: service.patience)
+    run.cancel()
+    assert (run.state, run.confirmed) == (GoalState.CANCELLED, True)
+    service.answer(0)
+    ros.turns()
+    assert dict(run.result) == {}
+
+
+def test_a_topic_is_subscribed_to_only_while_a_leaf_waits_for_it(ros: Any, host: Host) -> None:
+    publisher = ros.node.create_publisher(Bool, "button", 10)
+    host.prepare("wait_for: {topic: button, type: std_msgs/msg/Bool}")
+    ros.turns(5)
+    assert publisher.get_subscription_count() == 0
+    inbox = host.world.watch("button", "std_msgs/msg/Bool")
+    ros.until(lambda: publisher.get_subscription_count() == 1)
+    publisher.publish(Bool(data=True))
+    ros.until(lambda: host.woken)
+    message = inbox.take()
+    assert message is not None
+    assert message["data"] is True
+    inbox.close()
+    ros.until(lambda: publisher.get_subscription_count() == 0)
+
+
+def test_a_latched_topic_is_heard_from_the_start_and_begins_with_its_last_message(
+    ros: Any, host: Host
+) -> None:
+    publisher = ros.node.create_publisher(Bool, "door", qos.FACT)
+    publisher.publish(Bool(data=False))
+    publisher.publish(Bool(data=True))
+    host.prepare("wait_for: {topic: door, type: std_msgs/msg/Bool, latched: true}")
+    ros.until(lambda: host.world._latched["door", "std_msgs/msg/Bool"]._last is not None)
+    assert host.woken == 0
+    for _ in range(2):
+        inbox = host.world.watch("door", "std_msgs/msg/Bool", latched=True)
+        message = inbox.take()
+        assert message is not None
+        assert (message["data"], inbox.take()) == (True, None)
+        inbox.close()
+        inbox.close()
+    inbox = host.world.watch("door", "std_msgs/msg/Bool", latched=True)
+    inbox.take()
+    publisher.publish(Bool(data=False))
+    ros.until(lambda: host.woken == 1)
+    message = inbox.take()
+    assert message is not None
+    assert message["data"] is False
+    assert publisher.get_subscription_count() == 1
+
+
+def test_of_a_burst_the_newest_messages_stay(ros: Any, host: Host) -> None:
+    publisher = ros.node.create_publisher(String, "words", qos.FACTS)
+    host.prepare("wait_for: {topic: words, type: std_msgs/msg/String, latched: true}")
+    ros.until(lambda: publisher.get_subscription_count() == 1)
+    inbox = host.world.watch("words", "std_msgs/msg/String", latched=True)
+    count = 3 * DEPTH
+    for number in range(count):
+        publisher.publish(String(data=str(number)))
+    ros.until(lambda: host.woken == count)
+    seen = []
+    while (message := inbox.take()) is not None:
+        seen.append(message["data"])
+    assert seen == [str(number) for number in range(count - DEPTH, count)]

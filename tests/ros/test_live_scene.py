@@ -1,0 +1,267 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The live scene over real DDS: when it is stale, and what a thousand a second do to the nodes."""
+
+from __future__ import annotations
+
+import math
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from typing import Any
+
+import pytest
+import rclpy
+from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
+from rcl_interfaces.srv import SetParameters
+from std_msgs.msg import Float64
+
+from bt_agents.language.specs import Position, SceneSpec, SourceSpec
+from bt_agents.ros import qos
+from bt_agents.ros.live_scene import LiveScene
+from bt_agents.ros.messages import scene_to_msg
+from bt_agents.scene import Scene
+from bt_agents_interfaces.msg import AgentCard, HostCard, MoodRule, Run
+from bt_agents_interfaces.msg import Scene as SceneMsg
+from bt_agents_interfaces.srv import CancelRun, GiveFeedback, SetProfile
+from feedback_node.ledger import Ledger
+from feedback_node.node import FeedbackNode
+from scene_layer.node import SHORTEST_S, SceneLayerNode
+from stage import SPACE, scene
+
+pytestmark = pytest.mark.ros
+
+AWARDED = scene(age=3, familiarity=3, mood=3)
+MOOD = SourceSpec(
+    parameter="mood",
+    topic="sensors/mood",
+    type="std_msgs/msg/Float64",
+    field="data",
+    points=(),
+    stale_after_s=60.0,
+    position=Position(file="scene.yaml", line=1, column=1),
+)
+
+
+class Host:
+    """What a host has for the live scene, and a scene layer that the test plays."""
+
+    def __init__(self, ros: Any) -> None:
+        self.ros = ros
+        self.node = ros.add(rclpy.create_node("agents"))
+        self.live = LiveScene(self.node, SPACE)
+        self.layer = ros.node.create_publisher(SceneMsg, "scene/live", qos.SENSOR)
+        ros.until(lambda: self.layer.get_subscription_count())
+
+    def publish(self, live: Scene) -> None:
+        self.layer.publish(scene_to_msg(live))
+
+    def set_lease(self, seconds: float) -> Any:
+        client = self.ros.node.create_client(SetParameters, "/agents/set_parameters")
+        value = ParameterValue(type=ParameterType.PARAMETER_DOUBLE, double_value=seconds)
+        request = SetParameters.Request(parameters=[Parameter(name="live_lease", value=value)])
+        return self.ros.call(client, request).results[0]
+
+
+def mood(live: Scene) -> float:
+    return live.get("mood")
+
+
+def test_live_scenes_count_until_the_scene_layer_has_been_silent_for_the_lease(ros):
+    host = Host(ros)
+    now = host.live.follow(AWARDED)
+    assert now() == AWARDED
+    host.publish(replace(AWARDED, values=scene(mood=5).values))
+    ros.until(lambda: mood(now()) == 5)
+    heard_at = time.monotonic()
+    assert not now().stale_s
+    ros.until(lambda: now().stale_s)
+    assert now().stale_s > 1.0
+    assert time.monotonic() - heard_at > 0.9
+    assert mood(now()) == 5
+    host.publish(replace(AWARDED, values=scene(mood=4).values))
+    ros.until(lambda: not now().stale_s)
+    assert mood(now()) == 4
+
+
+def test_the_scene_as_awarded_counts_for_the_lease_only(ros):
+    host = Host(ros)
+    now = host.live.follow(AWARDED)
+    assert not now().stale_s
+    ros.until(lambda: now().stale_s)
+
+
+def test_scenes_that_are_malformed_or_of_another_run_do_not_keep_it_fresh(ros):
+    host = Host(ros)
+    now = host.live.follow(AWARDED)
+    wrong = scene_to_msg(AWARDED)
+    wrong.values[0].value = math.inf
+    end = time.monotonic() + 10.0
+    while not now().stale_s and time.monotonic() < end:
+        host.layer.publish(wrong)
+        host.publish(replace(AWARDED, scene_id="another"))
+        ros.turns(5)
+    assert now().stale_s
+    assert now().values == AWARDED.values
+
+
+def test_the_lease_is_a_parameter_with_a_range_that_acts_at_once(ros):
+    host = Host(ros)
+    now = host.live.follow(AWARDED)
+    ros.until(lambda: now().stale_s)
+    assert host.set_lease(60.0).successful
+    assert not now().stale_s
+    assert not host.set_lease(0.0).successful
+    assert not now().stale_s
+
+
+def test_the_scene_layer_keeps_the_live_scene_fresh_as_long_as_it_lives(ros):
+    host = Host(ros)
+    runs = ros.node.create_publisher(Run, "runs", qos.HISTORY)
+    layer = ros.add(SceneLayerNode(SceneSpec(space=SPACE, sources=(), person=None)))
+    now = host.live.follow(AWARDED)
+    runs.publish(Run(epoch="e", round=1, event=Run.STARTED, scene=scene_to_msg(AWARDED)))
+    stale = []
+    end = time.monotonic() + 2.5
+    while time.monotonic() < end:
+        ros.turns(1)
+        stale.append(bool(now().stale_s))
+    assert not any(stale)
+    ros.remove(layer)
+    ros.until(lambda: now().stale_s)
+    # The run is still in the history of its topic, so that a new one finds it.
+    ros.add(SceneLayerNode(SceneSpec(space=SPACE, sources=(), person=None)))
+    ros.until(lambda: not now().stale_s)
+
+
+# --- a thousand a second --------------------------------------------------------------------
+
+
+@contextmanager
+def flood(ros: Any, publish: Callable[[int], None]) -> Iterator[list[int]]:
+    """Publish a thousand times a second in a thread; the list has the number so far."""
+    sent = [0]
+    stop = threading.Event()
+
+    def run() -> None:
+        begun = time.monotonic()
+        while not stop.is_set():
+            due = int((time.monotonic() - begun) * 1000)
+            while sent[0] < due:
+                publish(sent[0])
+                sent[0] += 1
+            time.sleep(0.001)
+
+    thread = threading.Thread(target=run)
+    thread.start()
+    try:
+        yield sent
+    finally:
+        stop.set()
+        thread.join()
+
+
+class Learning:
+    """The feedback node with one agent that runs, and whose rules are watched."""
+
+    def __init__(self, ros: Any, ledger: Ledger, *rules: MoodRule) -> None:
+        self.ros = ros
+        self.cancels: list[CancelRun.Request] = []
+        ros.node.create_service(
+            CancelRun, "marketplace/cancel", self._cancel, qos_profile=qos.SERVICE
+        )
+        ros.node.create_service(
+            SetProfile, "/agents/set_profile", self._take, qos_profile=qos.SERVICE
+        )
+        cards = ros.node.create_publisher(HostCard, "cards", qos.FACT)
+        runs = ros.node.create_publisher(Run, "runs", qos.HISTORY)
+        self.live = ros.node.create_publisher(SceneMsg, "scene/live", qos.SENSOR)
+        self.client = ros.node.create_client(GiveFeedback, "feedback/give")
+        self.node = ros.add(FeedbackNode(SPACE, ledger))
+        self.looks: list[float] = []
+        self._count_looks()
+        agent = AgentCard(name="mira", profile=[3.0] * 3, learning_rate=0.5, rules=rules)
+        cards.publish(HostCard(host="/agents", parameters=SPACE.names, agents=[agent]))
+        ros.until(lambda: self.node._profiles.knows("mira"))
+        awarded = scene_to_msg(AWARDED)
+        runs.publish(Run(epoch="e", round=1, event=Run.STARTED, agent="mira", scene=awarded))
+        ros.until(lambda: self.node._teaching.watching)
+        ros.until(self.live.get_subscription_count)
+
+    def _count_looks(self) -> None:
+        see = self.node._teaching.see
+
+        def counted(live: Scene) -> Any:
+            self.looks.append(mood(live))
+            return see(live)
+
+        self.node._teaching.see = counted
+
+    def _cancel(self, request: Any, response: Any) -> Any:
+        self.cancels.append(request)
+        return self._take(request, response)
+
+    def _take(self, _request: Any, response: Any) -> Any:
+        response.accepted = True
+        return response
+
+    def publish(self, value: float) -> None:
+        self.live.publish(scene_to_msg(replace(AWARDED, values=scene(mood=value).values)))
+
+
+@pytest.fixture
+def ledger() -> Iterator[Ledger]:
+    with Ledger(":memory:") as ledger:
+        yield ledger
+
+
+def test_a_thousand_live_scenes_a_second_do_not_keep_feedback_from_being_given(ros, ledger):
+    never = MoodRule(when="live.mood < 0", hold_s=1.0, give=MoodRule.NEGATIVE, cancel=True)
+    room = Learning(ros, ledger, never)
+    begun = time.monotonic()
+    answers, took = [], []
+    with flood(ros, lambda number: room.publish(2.0 + number % 2)) as sent:
+        for number in range(10):
+            ros.until(lambda number=number: sent[0] >= 200 * number)
+            asked = time.monotonic()
+            request = GiveFeedback.Request(agent="mira", kind=3, values=[1.0 + number % 2] * 3)
+            answers.append(ros.call(room.client, request))
+            took.append(time.monotonic() - asked)
+    passed = time.monotonic() - begun
+    assert [answer.accepted for answer in answers] == [True] * 10
+    assert ledger.current("mira").revision == 10
+    assert max(took) < 1.0
+    # One look a tick, however many scenes there were.
+    assert room.looks
+    assert len(room.looks) <= passed / 0.025 + 5
+    assert room.cancels == []
+
+
+def test_a_rule_fires_once_on_the_mood_as_it_is_at_the_end_of_a_flood(ros, ledger):
+    worse = MoodRule(when="mood.change <= -1", hold_s=0.2, give=MoodRule.NEGATIVE, cancel=True)
+    room = Learning(ros, ledger, worse)
+    with flood(ros, lambda number: room.publish(3.0 if number < 500 else 1.0)):
+        ros.until(lambda: room.cancels)
+        ros.turns()
+    assert len(room.cancels) == 1
+    assert room.cancels[0].reason == "mood.change <= -1 held 0.2 s: mood 3 → 1"
+    assert ledger.current("mira").revision == 1
+
+
+def test_a_thousand_readings_a_second_make_no_more_live_scenes_than_the_shortest_time_allows(ros):
+    runs = ros.node.create_publisher(Run, "runs", qos.HISTORY)
+    readings = ros.node.create_publisher(Float64, MOOD.topic, qos.SENSOR)
+    live = ros.collect(SceneMsg, "scene/live", qos.SENSOR)
+    layer = ros.add(SceneLayerNode(SceneSpec(space=SPACE, sources=(MOOD,), person=None)))
+    runs.publish(Run(epoch="e", round=1, event=Run.STARTED, scene=scene_to_msg(AWARDED)))
+    ros.until(lambda: live and readings.get_subscription_count())
+    live.clear()
+    begun = time.monotonic()
+    with flood(ros, lambda number: readings.publish(Float64(data=1.0 + number % 4))) as sent:
+        ros.until(lambda: sent[0] > 2000)
+    passed = time.monotonic() - begun
+    assert 0 < len(live) <= passed / SHORTEST_S + 5
+    readings.publish(Float64(data=4.5))
+    ros.until(lambda: layer._sources.latest("mood").value == 4.5)
+    ros.until(lambda: any(v.value == 4.5 for v in live[-1].values))

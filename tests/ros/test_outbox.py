@@ -1,0 +1,227 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Requests that must arrive, and the feedback of trees among them, over real DDS."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+import rclpy
+from rclpy.callback_groups import ReentrantCallbackGroup
+from rclpy.task import Future
+
+from bt_agents.engine.world import GoalState
+from bt_agents.feedback import Kind
+from bt_agents.ros import qos
+from bt_agents.ros.feedback_requests import KEPT, FeedbackRequests
+from bt_agents.ros.messages import scene_to_msg
+from bt_agents.ros.outbox import Outbox
+from bt_agents_interfaces.srv import GiveFeedback
+from stage import SPACE, scene
+
+pytestmark = pytest.mark.ros
+
+
+class Server:
+    """A server of feedback in a node of its own, which answers as it is told to."""
+
+    def __init__(self, ros: Any, answers: Callable[[int], str] = lambda _: "accept") -> None:
+        self.heard: list[GiveFeedback.Request] = []
+        self.never = Future()
+        self._answers = answers
+        self.node = ros.add(rclpy.create_node(f"server{next(_NUMBERS)}"))
+        self.node.create_service(
+            GiveFeedback,
+            "feedback/give",
+            self._serve,
+            qos_profile=qos.SERVICE,
+            callback_group=ReentrantCallbackGroup(),
+        )
+
+    @property
+    def ids(self) -> list[str]:
+        return [request.feedback_id for request in self.heard]
+
+    async def _serve(self, request: Any, response: Any) -> Any:
+        self.heard.append(request)
+        how = self._answers(len(self.heard))
+        if how == "swallow":
+            how = await self.never
+        response.accepted = how == "accept"
+        response.code, response.message = ("", "") if response.accepted else ("NO", "not so")
+        return response
+
+
+_NUMBERS = itertools.count()
+
+
+class Sender:
+    """An outbox and what came back."""
+
+    def __init__(self, ros: Any, **limits: Any) -> None:
+        self.answers: list[tuple[str, Any]] = []
+        client = ros.node.create_client(GiveFeedback, "feedback/give", qos_profile=qos.SERVICE)
+        self.outbox = Outbox(ros.node, client, **limits)
+
+    def put(self, *ids: str) -> None:
+        for name in ids:
+            self.outbox.put(
+                GiveFeedback.Request(feedback_id=name),
+                lambda answer, name=name: self.answers.append((name, answer)),
+            )
+
+    @property
+    def outcomes(self) -> list[tuple[str, bool | None]]:
+        return [(name, answer and answer.accepted) for name, answer in self.answers]
+
+
+def test_requests_to_a_server_that_is_away_arrive_in_order_when_it_is_there(ros):
+    sender = Sender(ros)
+    sender.put("a", "b", "c")
+    ros.turns()
+    assert (sender.answers, sender.outbox.waiting) == ([], 3)
+    server = Server(ros)
+    ros.until(lambda: len(sender.answers) == 3)
+    assert sender.outcomes == [("a", True), ("b", True), ("c", True)]
+    assert (server.ids, sender.outbox.waiting) == (["a", "b", "c"], 0)
+
+
+def test_a_request_whose_answer_gets_lost_is_sent_again_under_the_same_id(ros):
+    server = Server(ros, lambda number: "swallow" if number in (1, 2) else "accept")
+    sender = Sender(ros, answer_s=0.3)
+    sender.put("a", "b")
+    ros.until(lambda: len(sender.answers) == 2)
+    assert server.ids == ["a", "a", "a", "b"]
+    assert sender.outcomes == [("a", True), ("b", True)]
+
+
+def test_a_late_answer_to_an_earlier_sending_ends_the_request_once(ros):
+    server = Server(ros, lambda number: "swallow" if number < 3 else "accept")
+    sender = Sender(ros, answer_s=0.5)
+    sender.put("a")
+    ros.until(lambda: len(server.heard) == 2)
+    server.never.set_result("refuse")
+    ros.until(lambda: sender.answers)
+    assert sender.outcomes == [("a", False)]
+    ros.turns()
+    assert (len(sender.answers), sender.outbox.waiting) == (1, 0)
+
+
+def test_a_refusal_is_an_answer_too(ros):
+    server = Server(ros, lambda _: "refuse")
+    sender = Sender(ros)
+    sender.put("a", "b")
+    ros.until(lambda: len(sender.answers) == 2)
+    assert sender.outcomes == [("a", False), ("b", False)]
+    assert server.ids == ["a", "b"]
+
+
+def test_a_server_that_is_restarted_gets_what_was_under_way_again(ros):
+    first = Server(ros, lambda _: "swallow")
+    sender = Sender(ros, answer_s=30.0)
+    sender.put("a", "b")
+    ros.until(lambda: first.heard)
+    ros.remove(first.node)
+    ros.until(lambda: not sender.outbox._client.service_is_ready())
+    ros.turns()
+    second = Server(ros)
+    ros.until(lambda: len(sender.answers) == 2)
+    assert (first.ids, second.ids) == (["a"], ["a", "b"])
+
+
+def test_more_requests_than_are_kept_push_the_oldest_one_out_and_say_so(ros):
+    sender = Sender(ros, most=2)
+    sender.put("a", "b", "c")
+    assert (sender.answers, sender.outbox.waiting) == ([("a", None)], 2)
+    server = Server(ros)
+    ros.until(lambda: len(sender.answers) == 3)
+    assert server.ids == ["b", "c"]
+
+
+def test_a_thousand_kept_requests_all_arrive_once_and_in_order(ros):
+    sender = Sender(ros)
+    names = [str(number) for number in range(1000)]
+    sender.put(*names)
+    server = Server(ros)
+    ros.until(lambda: len(sender.answers) == 1000, limit_s=60.0)
+    assert server.ids == names
+
+
+# --- the feedback of trees ------------------------------------------------------------------
+
+
+class Host:
+    """What a host has for its trees' feedback."""
+
+    def __init__(self, ros: Any) -> None:
+        self.wakes = 0
+        self.scene = scene_to_msg(scene(age=5, familiarity=1, mood=3))
+        self.requests = FeedbackRequests(
+            ros.node,
+            self._wake,
+            space=SPACE,
+            agent=lambda: "mira",
+            scene=lambda: self.scene,
+        )
+
+    def _wake(self) -> None:
+        self.wakes += 1
+
+
+def test_feedback_of_a_tree_names_its_agent_its_scene_and_an_id_of_its_own(ros):
+    server = Server(ros)
+    host = Host(ros)
+    runs = [
+        host.requests.give(Kind.POSITIVE, {}, "she smiled"),
+        host.requests.give(Kind.DIRECT, {"age": 4.0}, ""),
+    ]
+    ros.until(lambda: len(server.heard) == 2)
+    ros.until(lambda: all(run.state is GoalState.SUCCEEDED for run in runs))
+    assert [run.message for run in runs] == ["", ""]
+    assert host.wakes == 2
+    positive, direct = server.heard
+    assert (positive.agent, positive.kind, positive.source) == ("mira", 1, "tree")
+    assert (list(positive.values), positive.scene) == ([], host.scene)
+    assert str(list(direct.values)) == "[4.0, nan, nan]"
+    assert positive.feedback_id != direct.feedback_id
+
+
+def test_refused_feedback_is_a_rejection_with_the_words(ros):
+    Server(ros, lambda _: "refuse")
+    run = Host(ros).requests.give(Kind.POSITIVE, {}, "")
+    ros.until(lambda: run.state.ended)
+    assert (run.state, run.message) == (GoalState.REJECTED, "not so")
+
+
+def test_without_a_feedback_node_a_tree_goes_on_and_the_feedback_is_kept(ros):
+    host = Host(ros)
+    run = host.requests.give(Kind.POSITIVE, {}, "")
+    assert run.state is GoalState.ACTIVE
+    ros.until(lambda: run.state.ended)
+    assert (run.state, run.message, run.confirmed) == (GoalState.SUCCEEDED, KEPT, True)
+    server = Server(ros)
+    ros.until(lambda: server.heard)
+    ros.until(lambda: host.requests.outbox.waiting == 0)
+    assert len(server.heard) == 1
+    assert run.message == KEPT
+
+
+def test_a_tree_that_stops_waiting_has_given_its_feedback_all_the_same(ros):
+    host = Host(ros)
+    run = host.requests.give(Kind.POSITIVE, {}, "")
+    run.cancel()
+    assert run.state is GoalState.CANCELLED
+    server = Server(ros)
+    ros.until(lambda: server.heard)
+
+
+def test_the_scene_is_that_of_the_moment_of_giving_not_of_sending(ros):
+    host = Host(ros)
+    given_for = host.scene
+    host.requests.give(Kind.POSITIVE, {}, "")
+    host.scene = scene_to_msg(scene(age=1, familiarity=1, mood=1))
+    server = Server(ros)
+    ros.until(lambda: server.heard)
+    assert server.heard[0].scene == given_for

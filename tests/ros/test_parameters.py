@@ -1,0 +1,257 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Parameter services of every node: hostile requests are answered, and nothing is lost."""
+
+from __future__ import annotations
+
+import math
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import pytest
+from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
+from rcl_interfaces.srv import (
+    DescribeParameters,
+    GetParameters,
+    GetParameterTypes,
+    ListParameters,
+    SetParameters,
+    SetParametersAtomically,
+)
+from rclpy.exceptions import InvalidParameterValueException
+from rclpy.parameter import Parameter as NodeParameter
+
+from bt_agents.cli import system
+from bt_agents.language.folder_reader import read_trees
+from bt_agents.language.scene_reader import read_scene
+from bt_agents.language.specs import Script
+from bt_agents.ros import qos
+from bt_agents.ros.host import HostNode
+from bt_agents.ros.installed import InstalledInterfaces
+from bt_agents.ros.node import GuardedNode
+from bt_agents.ros.parameter_services import MOST
+from bt_agents_interfaces.msg import Heartbeat
+from bt_agents_robot.robot import RobotNode
+from bt_agents_robot.visitors import VisitorsNode
+from feedback_node.ledger import Ledger
+from feedback_node.node import FeedbackNode
+from marketplace_node.node import MarketplaceNode
+from processes import NodeProcess
+from scene_layer.node import SceneLayerNode
+from stage import SPACE, TREES
+
+pytestmark = pytest.mark.ros
+
+LEASE_S = 0.8
+"""Time without a heartbeat after which the market takes a host for gone [s]."""
+
+SILENT_ROBOT = NodeParameter("voice", value="off")
+NODES = {
+    "agents": lambda: HostNode(read_trees(TREES, InstalledInterfaces())),
+    "marketplace": lambda: MarketplaceNode(SPACE),
+    "scene_layer": lambda: SceneLayerNode(read_scene(TREES / "scene.yaml")),
+    "feedback": lambda: FeedbackNode(SPACE, Ledger(":memory:")),
+    "robot": lambda: RobotNode(parameter_overrides=[SILENT_ROBOT]),
+    "visitors": lambda: VisitorsNode(
+        read_scene(TREES / "scene.yaml"), Script(title="", visits=())
+    ),
+}
+
+DOUBLE = ParameterType.PARAMETER_DOUBLE
+
+
+def parameter(name: str, **value: Any) -> Parameter:
+    return Parameter(name=name, value=ParameterValue(**value))
+
+
+def number(name: str, value: float) -> Parameter:
+    return parameter(name, type=DOUBLE, double_value=value)
+
+
+class Asking:
+    """The clients of the parameter services of one node."""
+
+    def __init__(self, ros: Any, node: str) -> None:
+        self._ros = ros
+        self._clients = {
+            kind: ros.node.create_client(kind, f"{node}/{name}", qos_profile=qos.SERVICE)
+            for kind, name in (
+                (DescribeParameters, "describe_parameters"),
+                (GetParameters, "get_parameters"),
+                (GetParameterTypes, "get_parameter_types"),
+                (ListParameters, "list_parameters"),
+                (SetParameters, "set_parameters"),
+                (SetParametersAtomically, "set_parameters_atomically"),
+            )
+        }
+
+    def ask(self, kind: Any, **request: Any) -> Any:
+        return self._ros.call(self._clients[kind], kind.Request(**request))
+
+    def set_each(self, *parameters: Parameter) -> list[Any]:
+        return list(self.ask(SetParameters, parameters=list(parameters)).results)
+
+    def set_all(self, *parameters: Parameter) -> Any:
+        return self.ask(SetParametersAtomically, parameters=list(parameters)).result
+
+    def values(self) -> dict[str, Any]:
+        names = self.ask(ListParameters, depth=0).result.names
+        return dict(zip(names, self.ask(GetParameters, names=names).values, strict=True))
+
+
+MALFORMED = [
+    (parameter("use_sim_time", type=200), "UNKNOWN_TYPE"),
+    (parameter("use_sim_time", type=255), "UNKNOWN_TYPE"),
+    (parameter("use_sim_time", type=ParameterType.PARAMETER_NOT_SET), "undeclared"),
+    (number("use_sim_time", 1.0), "type"),
+    (parameter("", type=1, bool_value=True), "UNKNOWN_PARAMETER"),
+    (number("no_such_parameter", 1.0), "UNKNOWN_PARAMETER"),
+    (number("x" * 100_000, 1.0), "UNKNOWN_PARAMETER"),
+    (parameter("use_sim_time.\n../\u202e", type=200), "UNKNOWN_PARAMETER"),
+    (parameter("use_sim_time", type=9, string_array_value=["x"] * 2 * MOST), "TOO_MANY"),
+]
+
+
+@pytest.mark.parametrize("name", NODES)
+def test_a_malformed_parameter_is_answered_with_the_reason_and_changes_nothing(
+    ros: Any, name: str
+) -> None:
+    ros.add(NODES[name]())
+    asking = Asking(ros, name)
+    before = asking.values()
+    for malformed, reason in MALFORMED:
+        [single] = asking.set_each(malformed)
+        together = asking.set_all(malformed)
+        for result in (single, together):
+            assert not result.successful
+            assert reason in result.reason
+            assert len(result.reason) < 1000
+    assert asking.values() == before
+
+
+@pytest.mark.parametrize("name", NODES)
+def test_no_number_of_any_node_can_be_made_infinite_or_no_number(ros: Any, name: str) -> None:
+    ros.add(NODES[name]())
+    asking = Asking(ros, name)
+    before = asking.values()
+    numbers = [name for name, value in before.items() if value.type == DOUBLE]
+    for value in (math.nan, math.inf, -math.inf, 1e308):
+        for result in asking.set_each(*(number(name, value) for name in numbers)):
+            assert not result.successful
+            assert result.reason
+    assert asking.values() == before
+
+
+def test_an_infinite_number_at_the_start_is_an_error_in_words(ros: Any) -> None:
+    infinite = NodeParameter("size", value=math.inf)
+    node = ros.add(GuardedNode("sample", parameter_overrides=[infinite]))
+    with pytest.raises(
+        InvalidParameterValueException, match="NOT_FINITE: parameter 'size' is inf"
+    ):
+        node.declare_parameter("size", 1.0)
+
+
+@pytest.mark.parametrize("name", NODES)
+def test_questions_about_hostile_names_are_answered_with_nothing(ros: Any, name: str) -> None:
+    ros.add(NODES[name]())
+    asking = Asking(ros, name)
+    for names in (
+        [""],
+        ["no_such_parameter"],
+        ["use_sim_time", "x" * 100_000],
+        ["use_sim_time"] * (MOST + 1),
+        ["\udfff".encode(errors="replace").decode(), "use_sim_time.."],
+    ):
+        assert asking.ask(DescribeParameters, names=names).descriptors == []
+        assert asking.ask(GetParameters, names=names).values == []
+        assert len(asking.ask(GetParameterTypes, names=names).types) == 0
+    for prefixes in (["x" * 100_000], [".", "..", "\n"], ["use_sim_time"] * (MOST + 1)):
+        result = asking.ask(ListParameters, prefixes=prefixes, depth=2**64 - 1).result
+        assert result.names == []
+    assert asking.ask(ListParameters, prefixes=["use_sim_time"]).result.names == ["use_sim_time"]
+    assert asking.ask(GetParameterTypes, names=["use_sim_time"]).types[0] == 1
+
+
+def test_of_a_list_the_good_parameters_are_set_and_of_an_atomic_one_none(ros: Any) -> None:
+    ros.add(NODES["marketplace"]())
+    asking = Asking(ros, "marketplace")
+    good, bad = number("bid_deadline", 2.0), parameter("bid_deadline", type=200)
+    assert [r.successful for r in asking.set_each(good, bad)] == [True, False]
+    assert asking.values()["bid_deadline"].double_value == 2.0
+    assert not asking.set_all(number("bid_deadline", 3.0), bad).successful
+    assert asking.values()["bid_deadline"].double_value == 2.0
+    assert asking.set_all(number("bid_deadline", 3.0)).successful
+    assert asking.values()["bid_deadline"].double_value == 3.0
+
+
+def test_a_callback_that_fails_is_answered_and_the_node_goes_on(ros: Any) -> None:
+    node: Any = ros.add(GuardedNode("sample"))
+    node.declare_parameter("size", 1.0)
+
+    def fail(_parameters: Any) -> Any:
+        raise ZeroDivisionError("no way")
+
+    node.add_on_set_parameters_callback(fail)
+    asking = Asking(ros, "sample")
+    [result] = asking.set_each(number("size", 2.0))
+    assert result.reason.startswith("FAILED: ZeroDivisionError: no way")
+    assert asking.values()["size"].double_value == 1.0
+
+
+@pytest.mark.parametrize("count", [MOST + 1, 100_000])
+def test_too_many_parameters_in_one_request_are_refused_in_words(ros: Any, count: int) -> None:
+    ros.add(NODES["robot"]())
+    asking = Asking(ros, "robot")
+    many = [number("pace", 2.0)] * count
+    [each] = asking.set_each(*many)
+    for result in (each, asking.set_all(*many)):
+        assert result.reason.startswith(f"TOO_MANY: {count} parameters")
+    assert asking.values()["pace"].double_value == 1.0
+    assert all(result.successful for result in asking.set_each(*many[:MOST]))
+
+
+def test_the_heartbeat_of_a_host_goes_on_while_it_gets_100000_parameters(
+    ros: Any, tmp_path: Path
+) -> None:
+    beats: list[int] = []
+    ros.node.create_subscription(
+        Heartbeat, "agents/heartbeat", lambda _m, info: beats.append(_sent(info)), qos.EVENTS
+    )
+    many = [number("tick_rate", 10.0)] * 100_000
+    host = NodeProcess(system.host(TREES), "agents", tmp_path / "log")
+    try:
+        asking = Asking(ros, "agents")
+        ros.until(lambda: len(beats) > 3)
+        for _ in range(3):
+            assert "TOO_MANY" in asking.set_each(*many)[0].reason
+            seen = len(beats)
+            ros.until(lambda seen=seen: len(beats) > seen + 3)
+    finally:
+        host.kill()
+    worst = max(b - a for a, b in pairwise(beats)) / 1e9
+    print(f"longest time between two heartbeats: {worst:.3f} s")
+    assert worst < LEASE_S
+
+
+def _sent(info: Any) -> int:
+    return int(info["source_timestamp"])
+
+
+def test_of_10000_updates_none_is_lost_and_the_last_one_wins(ros: Any) -> None:
+    host: Any = ros.add(NODES["agents"]())
+    name = "attentive_guide.patience"
+    client = ros.node.create_client(
+        SetParameters, "agents/set_parameters", qos_profile=qos.SERVICE
+    )
+    ros.until(client.service_is_ready)
+    under_way = int(0.9 * qos.QUEUE)
+    futures = []
+    for count in range(10_000):
+        value = 2.0 + count % 1000 * 0.02
+        futures.append(client.call_async(SetParameters.Request(parameters=[number(name, value)])))
+        if count >= under_way:
+            ros.until(futures[count - under_way].done)
+    ros.until(lambda: all(future.done() for future in futures), 60.0)
+    assert all(future.result().results[0].successful for future in futures)
+    assert host.get_parameter(name).value == value
+    assert host.roster.members["attentive_guide"].tunables["patience"] == value

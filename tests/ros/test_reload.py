@@ -1,0 +1,470 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A host whose agents' files change: what comes into force when, and who is told."""
+
+from __future__ import annotations
+
+import time
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import pytest
+from rcl_interfaces.srv import SetParameters
+from rclpy.action import ActionClient
+from rclpy.parameter import Parameter
+
+from bt_agents.language.folder_reader import read_trees
+from bt_agents.language.walking import every_node
+from bt_agents.reload.folder_watch import FolderWatch
+from bt_agents.ros import qos
+from bt_agents.ros.host import HostNode
+from bt_agents.ros.messages import scene_to_msg
+from bt_agents.scene import Origin, Scene, SceneValue
+from bt_agents_interfaces.action import RunAgent
+from bt_agents_interfaces.msg import Heartbeat, HostCard, MarketStatus, Run, Trees, TreeStatus
+from bt_agents_interfaces.msg import Scene as SceneMsg
+from bt_agents_interfaces.srv import (
+    CancelRun,
+    ListVersions,
+    RegisterHost,
+    ReloadAgents,
+    RollBack,
+    SetProfile,
+)
+from marketplace_node.node import MarketplaceNode
+from reloading import SKILLS, agent, new_folder, write
+
+pytestmark = pytest.mark.ros
+
+PATIENT = "tunables:\n  patience: {{default: {}, min: 1 s, max: 60 s, description: d}}\n"
+WAITING = "{wait: '${patience}'}"
+CLEANS_UP = "on_cancel: {log: cleaned up}\n"
+
+
+class Market:
+    """Takes every agent, and sends goals when a test wants it."""
+
+    def __init__(self, ros: Any) -> None:
+        self.ros = ros
+        self.registered: list[list[str]] = []
+        self._ids: dict[str, int] = {}
+        self._status = ros.node.create_publisher(MarketStatus, "market", qos.FACT)
+        ros.node.create_service(
+            RegisterHost, "marketplace/register", self._register, qos_profile=qos.SERVICE
+        )
+        self._action = ActionClient(ros.node, RunAgent, "agents/run")
+
+    def open(self) -> None:
+        self._status.publish(MarketStatus(epoch="e1"))
+
+    def _register(self, request: Any, response: Any) -> Any:
+        self.registered.append(list(request.agents))
+        response.accepted = True
+        response.epoch = "e1"
+        response.reasons = [""] * len(request.agents)
+        response.agent_ids = [
+            self._ids.setdefault(name, len(self._ids) + 1) for name in request.agents
+        ]
+        return response
+
+    def start(self, host: HostNode, name: str) -> Any:
+        """Run an agent; return the handle of its goal."""
+        value = SceneValue(name="age", value=3.0, origin=Origin.GIVEN)
+        awarded = Scene(scene_id="s", label="", person=True, values=(value,))
+        self.ros.until(self._action.server_is_ready)
+        goal = RunAgent.Goal(
+            epoch="e1",
+            round=1,
+            host_instance=host.instance,
+            agent=name,
+            agent_id=host.roster.members[name].agent_id,
+            scene=scene_to_msg(awarded),
+        )
+        future = self._action.send_goal_async(goal)
+        self.ros.until(future.done)
+        assert future.result().accepted
+        return future.result()
+
+    def end(self, handle: Any) -> Any:
+        """Cancel a run; return its result."""
+        handle.cancel_goal_async()
+        return self.result(handle)
+
+    def result(self, handle: Any) -> Any:
+        future = handle.get_result_async()
+        self.ros.until(future.done)
+        return future.result().result
+
+
+class Host:
+    """A host with some agents, and what it says."""
+
+    def __init__(self, ros: Any, path: Path, **agents: str) -> None:
+        self.ros = ros
+        self.folder = new_folder(path / "trees")
+        for name, text in agents.items():
+            write(self.folder, name, text)
+        self.market = Market(ros)
+        self.cards = ros.collect(HostCard, "cards", qos.FACTS)
+        self.trees = ros.collect(Trees, "agents/trees", qos.FACTS)
+        self.node: HostNode = ros.add(HostNode(read_trees(self.folder)))
+        self.market.open()
+        ros.until(lambda: self.node.registered)
+        ros.until(lambda: self.cards and len(self.cards[-1].agents) == len(agents))
+
+    def edit(self, name: str, text: str) -> None:
+        write(self.folder, name, text)
+
+    def card(self, name: str) -> Any:
+        return next((one for one in self.cards[-1].agents if one.name == name), None)
+
+    def await_version(self, name: str, version: int) -> None:
+        self.ros.until(lambda: self.card(name) and self.card(name).version == version)
+
+    def ask(self, kind: Any, service: str, **fields: Any) -> Any:
+        client = self.ros.node.create_client(kind, f"agents/{service}")
+        return self.ros.call(client, kind.Request(**fields))
+
+    def said(self, name: str) -> str:
+        """Return what the tree of an agent says."""
+        return str(self.node.roster.members[name].spec.tree.fields["text"].value)
+
+
+def test_a_changed_file_comes_into_force_by_itself_and_touches_nothing_else(
+    ros: Any, tmp_path: Path
+) -> None:
+    host = Host(ros, tmp_path, ann=agent("ann"), bob=agent("bob"))
+    ann = host.node.roster.members["ann"]
+    spec, tunables, cards, trees = ann.spec, ann.tunables, len(host.cards), len(host.trees)
+    host.edit("bob", agent("bob", "{say: bye}"))
+    host.await_version("bob", 2)
+    assert host.said("bob") == "bye"
+    assert host.node.roster.members["ann"] is ann
+    assert (ann.spec, ann.tunables) == (spec, tunables)
+    assert ann.spec is spec
+    assert host.card("ann").version == 1
+    ros.turns(60)
+    assert host.market.registered == [["ann", "bob"]]
+    assert len(host.cards) == cards + 1
+    assert len(host.trees) == trees + 1
+
+
+def test_a_running_tree_is_retuned_at_once_by_a_changed_default(ros: Any, tmp_path: Path) -> None:
+    host = Host(ros, tmp_path, bob=agent("bob", WAITING, PATIENT.format("50 s")))
+    tunables = host.node.roster.members["bob"].tunables
+    handle = host.market.start(host.node, "bob")
+    host.edit("bob", agent("bob", WAITING, PATIENT.format("1 s")))
+    host.await_version("bob", 2)
+    assert host.node.roster.members["bob"].tunables is tunables
+    assert tunables == {"patience": 1.0}
+    assert not host.card("bob").waiting
+    host.market.end(handle)
+
+
+def test_a_changed_tree_waits_for_the_end_of_its_run(ros: Any, tmp_path: Path) -> None:
+    host = Host(ros, tmp_path, bob=agent("bob", WAITING, PATIENT.format("50 s")))
+    member = host.node.roster.members["bob"]
+    before, tunables = member.spec, member.tunables
+    handle = host.market.start(host.node, "bob")
+    host.edit("bob", agent("bob", "{say: bye}"))
+    ros.until(lambda: host.card("bob").waiting)
+    assert host.card("bob").version == 1
+    assert member.spec is before
+    host.market.end(handle)
+    host.await_version("bob", 2)
+    assert not host.card("bob").waiting
+    assert host.said("bob") == "bye"
+    assert member.tunables == {}
+    assert tunables == {"patience": 50.0}
+
+
+def test_who_does_not_want_to_wait_has_the_run_cancelled_with_its_clean_up(
+    ros: Any, tmp_path: Path
+) -> None:
+    text = agent("bob", WAITING, PATIENT.format("50 s")) + CLEANS_UP
+    host = Host(ros, tmp_path, bob=text)
+    statuses = ros.collect(TreeStatus, "agents/status", qos.EVENTS)
+    handle = host.market.start(host.node, "bob")
+    host.edit("bob", agent("bob", "{say: bye}"))
+    answer = host.ask(ReloadAgents, "reload", now=False)
+    assert answer.accepted
+    assert "bob: version 2 waits for the end of its run" in answer.message
+    answer = host.ask(ReloadAgents, "reload", now=True)
+    assert answer.message == "nothing has changed\nthe run of bob is cancelled for it"
+    result = host.market.result(handle)
+    assert result.outcome == RunAgent.Result.CANCELLED
+    assert result.message == "version 2 of bob waits, and somebody wants it now"
+    assert any(c.message == "cleaned up" for status in statuses for c in status.changes)
+    host.await_version("bob", 2)
+
+
+def test_agents_come_go_and_are_renamed_while_another_one_runs(ros: Any, tmp_path: Path) -> None:
+    text = agent("bob", WAITING, PATIENT.format("50 s"))
+    host = Host(ros, tmp_path, ann=agent("ann", WAITING, PATIENT.format("50 s")), bob=text)
+    handle = host.market.start(host.node, "bob")
+    host.edit("mia", agent("mia", WAITING, PATIENT.format("9 s")))
+    host.await_version("mia", 1)
+    assert host.market.registered[-1] == ["ann", "bob", "mia"]
+    assert host.node.get_parameter("mia.patience").value == 9.0
+    (host.folder / "agents" / "mia.yaml").unlink()
+    ros.until(lambda: host.card("mia") is None)
+    ros.until(lambda: host.market.registered[-1] == ["ann", "bob"])
+    assert not host.node.has_parameter("mia.patience")
+    host.edit("ann", agent("anna"))
+    host.await_version("anna", 1)
+    ros.until(lambda: host.market.registered[-1] == ["bob", "anna"])
+    assert [tree.agent for tree in host.trees[-1].trees] == ["bob", "anna"]
+    assert host.node.roster.members["bob"].tunables == {"patience": 50.0}
+    result = host.market.end(handle)
+    assert result.outcome == RunAgent.Result.CANCELLED
+
+
+def test_an_agent_that_is_deleted_while_it_runs_leaves_at_the_end(
+    ros: Any, tmp_path: Path
+) -> None:
+    text = agent("bob", WAITING, PATIENT.format("50 s"))
+    host = Host(ros, tmp_path, ann=agent("ann"), bob=text)
+    handle = host.market.start(host.node, "bob")
+    (host.folder / "agents" / "bob.yaml").unlink()
+    ros.until(lambda: host.card("bob").degraded)
+    assert "is gone" in host.card("bob").problems[0]
+    assert "is gone" in host.node.roster.members["bob"].leaving
+    host.market.end(handle)
+    ros.until(lambda: host.card("bob") is None)
+    ros.until(lambda: host.market.registered[-1] == ["ann"])
+
+
+def test_a_broken_file_is_published_and_the_last_good_version_runs(
+    ros: Any, tmp_path: Path
+) -> None:
+    host = Host(ros, tmp_path, bob=agent("bob", "{wait: 0 s}"))
+    host.edit("bob", agent("bob", "{wiat: 0 s}"))
+    ros.until(lambda: host.card("bob").degraded)
+    card = host.card("bob")
+    assert card.version == 1
+    assert "bob.yaml:4:8: error[unknown-node]" in card.problems[0]
+    assert [Path(file).name for file in host.cards[-1].broken_files] == ["bob.yaml"]
+    result = host.market.result(host.market.start(host.node, "bob"))
+    assert result.outcome == RunAgent.Result.SUCCEEDED
+    host.edit("bob", agent("bob", "{wait: 0.01 s}"))
+    host.await_version("bob", 2)
+    assert not host.card("bob").degraded
+    assert list(host.cards[-1].problems) == []
+
+
+def test_a_changed_scene_is_a_problem_of_the_host(ros: Any, tmp_path: Path) -> None:
+    host = Host(ros, tmp_path, bob=agent("bob"))
+    assert host.cards[-1].trees == str(host.folder.resolve())
+    scene = host.folder / "scene.yaml"
+    scene.write_text(scene.read_text() + "# more\n")
+    words = f"{scene} has changed; restart everything to use it"
+    ros.until(lambda: list(host.cards[-1].problems) == [words])
+
+
+def test_nothing_is_reloaded_by_itself_while_that_is_switched_off(
+    ros: Any, tmp_path: Path
+) -> None:
+    host = Host(ros, tmp_path, bob=agent("bob"))
+    client = ros.node.create_client(SetParameters, "agents/set_parameters")
+    off = Parameter("reload", value=False).to_parameter_msg()
+    assert ros.call(client, SetParameters.Request(parameters=[off])).results[0].successful
+    host.edit("bob", agent("bob", "{say: bye}"))
+    ros.turns(150)
+    assert host.card("bob").version == 1
+    answer = host.ask(ReloadAgents, "reload")
+    assert answer.message == "bob: version 2 in force (tree changed: 1 node changed)"
+    on = Parameter("reload", value=True).to_parameter_msg()
+    ros.call(client, SetParameters.Request(parameters=[on]))
+    host.edit("bob", agent("bob", "{say: again}"))
+    host.await_version("bob", 3)
+
+
+def test_versions_are_listed_and_rolled_back_to_and_the_file_says_the_same(
+    ros: Any, tmp_path: Path
+) -> None:
+    host = Host(ros, tmp_path, bob=agent("bob"))
+    host.edit("bob", agent("bob", "{say: bye}"))
+    host.await_version("bob", 2)
+    answer = host.ask(RollBack, "roll_back", agent="bob")
+    assert (answer.accepted, answer.code) == (True, "")
+    assert answer.message == "bob: version 3 in force (tree changed: 1 node changed)"
+    assert (host.folder / "agents" / "bob.yaml").read_text() == agent("bob")
+    assert host.said("bob") == "hello"
+    host.await_version("bob", 3)
+    ros.turns(150)
+    listed = host.ask(ListVersions, "versions", agent="bob")
+    assert listed.message == "version 3 of bob is in force"
+    assert [(v.version, v.cause, v.current) for v in listed.versions] == [
+        (1, "start", False),
+        (2, "file changed", False),
+        (3, "roll back to 1", True),
+    ]
+    assert not host.ask(ListVersions, "versions", agent="zoe").accepted
+    for name, number, code in (
+        ("zoe", 1, "UNKNOWN_AGENT"),
+        ("bob", 9, "UNKNOWN_VERSION"),
+        ("bob", 3, "SAME_VERSION"),
+    ):
+        answer = host.ask(RollBack, "roll_back", agent=name, version=number)
+        assert (answer.accepted, answer.code) == (False, code)
+
+
+def test_a_roll_back_now_cancels_the_run_of_that_agent(ros: Any, tmp_path: Path) -> None:
+    host = Host(ros, tmp_path, bob=agent("bob"))
+    host.edit("bob", agent("bob", WAITING, PATIENT.format("50 s")))
+    host.await_version("bob", 2)
+    handle = host.market.start(host.node, "bob")
+    answer = host.ask(RollBack, "roll_back", agent="bob", version=1, now=True)
+    assert "the run of bob is cancelled for it" in answer.message
+    assert host.market.result(handle).outcome == RunAgent.Result.CANCELLED
+    host.await_version("bob", 3)
+    assert host.said("bob") == "hello"
+
+
+def test_a_learned_profile_outlives_a_reload_and_an_initial_one_follows_the_file(
+    ros: Any, tmp_path: Path
+) -> None:
+    host = Host(ros, tmp_path, ann=agent("ann"), bob=agent("bob"))
+    host.ask(SetProfile, "set_profile", agent="ann", values=[4.5], revision=4)
+    for name in ("ann", "bob"):
+        host.edit(name, agent(name).replace("{age: 3}", "{age: 2}"))
+        host.await_version(name, 2)
+    assert [list(host.card(name).profile) for name in ("ann", "bob")] == [[2.0], [2.0]]
+    assert [list(host.card(name).current) for name in ("ann", "bob")] == [[4.5], [2.0]]
+
+
+MARKED = (
+    "{{parallel: {{succeed_on: one, children: [{{name: v{0}_a, wait: {1} ms}}, "
+    "{{name: v{0}_b, repeat: forever, log: v{0}}}, {{name: v{0}_c, wait: 9 s}}]}}}}"
+)
+
+
+def test_a_thousand_swaps_while_the_tree_is_ticked_never_mix_two_versions(
+    ros: Any, tmp_path: Path
+) -> None:
+    def text(name: str, number: int) -> str:
+        return agent(name, MARKED.format(number, 60 + number % 7))
+
+    host = Host(ros, tmp_path, ann=text("ann", 0), bob=text("bob", 0))
+    host.node.set_parameters(
+        [Parameter("tick_rate", value=200.0), Parameter("reload", value=False)]
+    )
+    statuses = ros.collect(TreeStatus, "agents/status", qos.EVENTS)
+    watch = FolderWatch(host.node._versions.trees)
+    runs: list[tuple[list[Any], Any]] = []
+    swaps = swapped = 0
+    while swaps < 1000:
+        first = len(statuses)
+        handle = host.market.start(host.node, "bob")
+        future = handle.get_result_async()
+        while not future.done():
+            if swaps < 1000:
+                swaps += 1
+                name = ("ann", "bob")[swaps % 2]
+                before = host.node.roster.members[name].spec
+                host.edit(name, text(name, swaps))
+                trees = watch.look(settle=False)
+                assert trees is not None
+                host.node._reloading.take(trees)
+                swapped += host.node.roster.members[name].spec is not before
+            ros.turns(3)
+        result = future.result().result
+        ros.until(lambda r=result, f=first: statuses[f:] and statuses[-1].tick == r.ticks)
+        runs.append((statuses[first:], result))
+    assert len(runs) >= 10
+    assert swapped >= 500, "ann does not run, so that each change of her tree is a swap at once"
+    versions = []
+    for told, result in runs:
+        assert result.outcome == RunAgent.Result.SUCCEEDED
+        assert [status.tick for status in told] == list(range(1, result.ticks + 1))
+        names = {c.name for s in told for c in s.changes if c.name.startswith("v")}
+        marks = {name.partition("_")[0] for name in names}
+        assert len(marks) == 1
+        assert {name.partition("_")[2] for name in names} == {"a", "b", "c"}
+        versions.append(int(marks.pop()[1:]))
+    assert versions == sorted(versions)
+    assert len(set(versions)) == len(versions)
+    print(f"{len(runs)} runs, {sum(result.ticks for _, result in runs)} ticks")
+    host.await_version("ann", 501)
+    host.await_version("bob", 501)
+
+
+def test_a_file_that_is_rewritten_again_and_again_never_harms_a_run(
+    ros: Any, tmp_path: Path
+) -> None:
+    def text(number: int) -> str:
+        return agent("bob", MARKED.format(number, 300))
+
+    host = Host(ros, tmp_path, bob=text(0))
+    file = host.folder / "agents" / "bob.yaml"
+    versions = []
+    for number in range(1, 9):
+        handle = host.market.start(host.node, "bob")
+        future = handle.get_result_async()
+        half = True
+        while not future.done():
+            whole = text(number)
+            file.write_text(whole[: len(whole) // 2] if half else whole)
+            half = not half
+            ros.turns(5)
+        assert future.result().result.outcome == RunAgent.Result.SUCCEEDED
+        file.write_text(text(number))
+        versions.append(host.card("bob").version)
+    answer = host.ask(ReloadAgents, "reload")
+    assert answer.accepted
+    tree = host.node.roster.members["bob"].spec.tree
+    names = {node.name for node in every_node(tree) if node.name.startswith("v")}
+    assert names == {"v8_a", "v8_b", "v8_c"}
+    assert not host.card("bob").degraded
+    assert versions == sorted(versions)
+
+
+def test_heartbeats_go_on_while_many_agents_are_read_again(ros: Any, tmp_path: Path) -> None:
+    many = 400
+    texts = {
+        f"a{n}": agent(f"a{n}", "{sequence: [" + "{say: hello}, " * 20 + "{wait: 0 s}]}")
+        for n in range(many)
+    }
+    host = Host(ros, tmp_path, **texts)
+    beats: list[float] = []
+    ros.node.create_subscription(
+        Heartbeat, "agents/heartbeat", lambda _: beats.append(time.monotonic()), qos.EVENTS
+    )
+    ros.until(lambda: len(beats) > 3)
+    begin = time.monotonic()
+    (host.folder / "skills" / "robot.yaml").write_text(SKILLS.replace("name: say,", "name: talk,"))
+    ros.until(lambda: all(one.version == 2 for one in host.cards[-1].agents), 90.0)
+    took = time.monotonic() - begin
+    gaps = [after - before for before, after in pairwise(beats)]
+    print(f"{many} agents again in {took:.1f} s, longest gap {max(gaps):.3f} s")
+    assert max(gaps) < 0.5
+
+
+def test_a_real_market_goes_on_with_a_run_while_other_agents_come_and_go(
+    ros: Any, tmp_path: Path
+) -> None:
+    folder = new_folder(tmp_path / "trees", "bob")
+    write(folder, "ann", agent("ann", "{wait: 60 s}").replace("age: 3", "age: 5"))
+    trees = read_trees(folder)
+    runs = ros.collect(Run, "runs", qos.HISTORY)
+    statuses = ros.collect(MarketStatus, "market", qos.FACT)
+    cards = ros.collect(HostCard, "cards", qos.FACTS)
+    scenes = ros.node.create_publisher(SceneMsg, "scene", qos.EVENTS)
+    ros.add(MarketplaceNode(trees.scene.space, "epoch"))
+    host = ros.add(HostNode(trees))
+    ros.until(lambda: host.registered and scenes.get_subscription_count() > 0)
+    value = SceneValue(name="age", value=5.0, origin=Origin.GIVEN)
+    awarded = Scene(scene_id="s", label="", person=True, values=(value,))
+    scenes.publish(scene_to_msg(awarded))
+    ros.until(lambda: runs)
+    assert (runs[-1].event, runs[-1].agent) == (Run.STARTED, "ann")
+    write(folder, "mia", agent("mia"))
+    write(folder, "zoe", agent("zoe"))
+    (folder / "agents" / "bob.yaml").unlink()
+    ros.until(lambda: {one.name for one in cards[-1].agents} == {"ann", "mia", "zoe"})
+    ros.until(lambda: statuses[-1].agents == 3)
+    assert [run.event for run in runs] == [Run.STARTED]
+    client = ros.node.create_client(CancelRun, "marketplace/cancel")
+    assert ros.call(client, CancelRun.Request(reason="enough")).accepted
+    ros.until(lambda: runs[-1].event == Run.ENDED)
+    assert runs[-1].outcome == Run.CANCELLED

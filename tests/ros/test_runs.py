@@ -1,0 +1,510 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Runs of a host: ticks and their time, cancels at odd moments, markets that go away."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import py_trees
+import pytest
+from action_msgs.msg import GoalStatus
+from action_msgs.srv import CancelGoal
+from builtin_interfaces.msg import Time
+from py_trees.common import Status
+from rcl_interfaces.msg import Log
+from rclpy.clock import Clock, ClockType
+from rclpy.impl.implementation_singleton import rclpy_implementation
+from rclpy.parameter import Parameter
+from rosgraph_msgs.msg import Clock as ClockMsg
+from std_msgs.msg import Bool
+
+from bt_agents.language.specs import NodeSpec, Position
+from bt_agents.ros import qos
+from bt_agents.ros.host import HostNode
+from bt_agents_interfaces.action import RunAgent
+from bt_agents_interfaces.msg import Heartbeat, MarketHeartbeat, Run
+from market_probe import Market, folder, make_host
+from scripted_server import Script, ScriptedServer
+
+pytestmark = pytest.mark.ros
+
+
+def agent(name: str, tree: str, more: str = "") -> str:
+    return (
+        f"format: 1\nagent: {name}\ntitle: {name}\ndescription: {name}\n"
+        f"profile: {{age: 3, familiarity: 3, mood: 3}}\ntree:\n  {tree}\n{more}\n"
+    )
+
+
+TALKER = agent("talker", "say: hello", "on_cancel: {say: good-bye}")
+LISTENER = agent("listener", "wait_for: {topic: button, type: std_msgs/msg/Bool, until: msg.data}")
+SLEEPER = agent("sleeper", "wait: 5 s")
+QUICK = agent("quick", "wait: 0 s")
+TWO_WORDS = agent("two_words", "sequence: [{say: one}, {say: two}]", "on_cancel: {say: good-bye}")
+NOT_ONCE_MORE = 20
+GoalEvent = rclpy_implementation.GoalEvent
+
+
+@pytest.fixture
+def market(ros: Any) -> Market:
+    return Market(ros)
+
+
+@pytest.fixture
+def host(ros: Any, market: Market, tmp_path: Path) -> HostNode:
+    path = folder(tmp_path, TALKER, LISTENER, SLEEPER, QUICK, TWO_WORDS)
+    node: HostNode = ros.add(make_host(path))
+    market.open()
+    ros.until(lambda: node.registered)
+    return node
+
+
+@pytest.fixture
+def mouth(ros: Any) -> ScriptedServer:
+    return ScriptedServer(ros, script=Script(finish_s=None))
+
+
+def set_parameter(node: Any, name: str, value: Any) -> None:
+    [answer] = node.set_parameters([Parameter(name, value=value)])
+    assert answer.successful, answer.reason
+
+
+def results(ros: Any, handle: Any) -> Any:
+    future = handle.get_result_async()
+    ros.until(future.done)
+    return future.result()
+
+
+def test_a_result_is_seen_at_once_however_rarely_the_tree_is_ticked(
+    ros: Any, host: HostNode, market: Market, mouth: ScriptedServer
+) -> None:
+    set_parameter(host, "tick_rate", 1.0)
+    handle = market.send(market.goal(host))
+    ros.until(lambda: mouth.goals)
+    mouth.goals[0].finish()
+    answer = results(ros, handle)
+    assert answer.result.outcome == RunAgent.Result.SUCCEEDED
+    # Without a tick for the result there would be one a second.
+    assert answer.result.duration_s < 0.9
+    assert answer.result.ticks <= 5
+
+
+def test_a_cancel_is_seen_at_once_however_rarely_the_tree_is_ticked(
+    ros: Any, host: HostNode, market: Market, mouth: ScriptedServer
+) -> None:
+    set_parameter(host, "tick_rate", 1.0)
+    handle = market.send(market.goal(host))
+    ros.until(lambda: mouth.goals)
+    handle.cancel_goal_async()
+    ros.until(lambda: len(mouth.goals) == 2)
+    assert mouth.goals[0].cancels == 1
+    mouth.goals[1].finish()
+    answer = results(ros, handle)
+    assert answer.status == GoalStatus.STATUS_CANCELED
+    assert answer.result.duration_s < 0.9
+
+
+def test_a_flood_of_messages_leaves_time_for_everything_else(
+    ros: Any, host: HostNode, market: Market
+) -> None:
+    beats = ros.collect(Heartbeat, "agents/heartbeat", qos.EVENTS)
+    flood = ros.node.create_publisher(Bool, "button", qos.EVENTS)
+    handle = market.send(market.goal(host, agent="listener"))
+    ros.until(flood.get_subscription_count)
+
+    def pour() -> None:
+        for _ in range(20):
+            flood.publish(Bool(data=False))
+
+    clock = Clock(clock_type=ClockType.STEADY_TIME)
+    pouring = ros.node.create_timer(0.02, pour, clock=clock)
+    before = len(beats)
+    began = time.monotonic()
+    ros.until(lambda: len(beats) >= before + 10)
+    took_s = time.monotonic() - began
+    flood.publish(Bool(data=True))
+    pouring.cancel()
+    answer = results(ros, handle)
+    assert answer.result.outcome == RunAgent.Result.SUCCEEDED
+    # 1,000 messages a second; an extra tick at most each two milliseconds, and half of the time.
+    assert answer.result.ticks < 500 * (took_s + 10.0)
+
+
+def test_a_host_that_was_held_up_makes_up_for_no_tick(
+    ros: Any, host: HostNode, market: Market
+) -> None:
+    set_parameter(host, "tick_rate", 100.0)
+    handle = market.send(market.goal(host, agent="sleeper"))
+    ros.turns(5)
+    run = host._runs._run
+    assert run is not None
+    time.sleep(0.5)
+    before = run.ticks
+    began = time.monotonic()
+    while time.monotonic() - began < 0.005:
+        ros.executor.spin_once(timeout_sec=0)
+    assert run.ticks - before <= 3
+    handle.cancel_goal_async()
+    assert results(ros, handle).result.ticks < 100
+
+
+def test_a_host_that_was_held_up_waits_for_news_before_it_goes_on(
+    ros: Any, host: HostNode, market: Market, mouth: ScriptedServer
+) -> None:
+    handle = market.send(market.goal(host, agent="two_words"))
+    ros.until(lambda: mouth.goals)
+    mouth.goals[0].finish()
+    time.sleep(0.7)
+    # A regular tick is due, the result is there, and the market has not spoken yet.
+    ros.until(lambda: mouth.goals[0].outcome)
+    handle.cancel_goal_async()
+    answer = results(ros, handle)
+    assert answer.result.outcome == RunAgent.Result.CANCELLED
+    assert "the market stopped it, after this host had been held up for" in answer.result.message
+    assert len(mouth.goals) == 1
+
+
+def test_a_host_that_was_held_up_goes_on_when_nothing_has_happened(
+    ros: Any, host: HostNode, market: Market, mouth: ScriptedServer
+) -> None:
+    handle = market.send(market.goal(host, agent="two_words"))
+    ros.until(lambda: mouth.goals)
+    mouth.script = Script()
+    mouth.goals[0].finish()
+    time.sleep(0.7)
+    assert results(ros, handle).result.outcome == RunAgent.Result.SUCCEEDED
+    assert len(mouth.goals) == 2
+
+
+class Sleepy(py_trees.behaviour.Behaviour):
+    """Takes a nap in a tick."""
+
+    nap_s = 0.06
+
+    def update(self) -> Status:
+        time.sleep(self.nap_s)
+        return Status.SUCCESS
+
+
+class Dead(Sleepy):
+    """Never wakes up again."""
+
+    nap_s = 60.0
+
+
+def plug_in(host: HostNode, name: str, kind: type) -> None:
+    """Give an agent the tree of a plug-in."""
+    member = host.roster.members[name]
+    position = Position(file="guide.yaml", line=12, column=5)
+    spec = NodeSpec(path="tree", position=position, kind="nap", name="nap", fields={}, plugin=kind)
+    member.spec = replace(member.spec, tree=spec)
+
+
+def test_a_tick_that_takes_too_long_is_counted_and_told_with_the_slowest_node(
+    ros: Any, host: HostNode, market: Market
+) -> None:
+    lines = ros.collect(Log, "/rosout", qos.HISTORY)
+    plug_in(host, "quick", Sleepy)
+    set_parameter(host, "tick_rate", 50.0)
+    answer = results(ros, market.send(market.goal(host, agent="quick")))
+    assert answer.result.outcome == RunAgent.Result.SUCCEEDED
+    assert answer.result.overruns == 1
+    ros.until(lambda: any("tree alone took" in line.msg for line in lines))
+
+
+def test_a_plug_in_that_blocks_fails_and_nobody_else_notices(
+    ros: Any, host: HostNode, market: Market
+) -> None:
+    plug_in(host, "quick", Dead)
+    beats = ros.collect(Heartbeat, "agents/heartbeat", qos.EVENTS)
+    ros.until(lambda: beats)
+    answer = results(ros, market.send(market.goal(host, agent="quick")))
+    assert answer.result.outcome == RunAgent.Result.FAILED
+    assert answer.result.message == "blocked for more than 0.25 s (tree, guide.yaml:12:5)"
+    before = len(beats)
+    ros.until(lambda: len(beats) > before)
+    sequences = [beat.sequence for beat in beats]
+    assert sequences == list(range(sequences[0], sequences[0] + len(sequences)))
+    ScriptedServer(ros)
+    answer = results(ros, market.send(market.goal(host, agent="talker", round=2)))
+    assert answer.result.outcome == RunAgent.Result.SUCCEEDED
+
+
+def test_a_cancel_that_comes_with_the_goal_starts_nothing(
+    ros: Any, host: HostNode, market: Market, mouth: ScriptedServer
+) -> None:
+    begin = host._runs._begin
+
+    def cancelled_at_once(goal: Any) -> None:
+        begin(goal)
+        goal._update_state(GoalEvent.CANCEL_GOAL)
+        host._runs._answer_cancel(goal)
+
+    host._runs._server.register_handle_accepted_callback(cancelled_at_once)
+    handle = market.send(market.goal(host))
+    answer = results(ros, handle)
+    assert answer.status == GoalStatus.STATUS_CANCELED
+    assert (answer.result.outcome, answer.result.ticks) == (RunAgent.Result.CANCELLED, 0)
+    ros.turns(NOT_ONCE_MORE)
+    assert mouth.goals == []
+
+
+def cancel(ros: Any, goal_id: Any) -> Any:
+    client = ros.node.create_client(CancelGoal, "agents/run/_action/cancel_goal")
+    request = CancelGoal.Request()
+    request.goal_info.goal_id.uuid = goal_id
+    return ros.call(client, request)
+
+
+def test_a_cancel_of_an_unknown_goal_is_refused_and_disturbs_nobody(
+    ros: Any, host: HostNode, market: Market, mouth: ScriptedServer
+) -> None:
+    handle = market.send(market.goal(host))
+    ros.until(lambda: mouth.goals)
+    answer = cancel(ros, [7] * 16)
+    assert answer.return_code == CancelGoal.Response.ERROR_UNKNOWN_GOAL_ID
+    ros.turns(NOT_ONCE_MORE)
+    assert mouth.goals[0].cancels == 0
+    mouth.goals[0].finish()
+    assert results(ros, handle).result.outcome == RunAgent.Result.SUCCEEDED
+
+
+def test_a_cancel_of_a_run_that_is_over_does_not_touch_the_next_one(
+    ros: Any, host: HostNode, market: Market, mouth: ScriptedServer
+) -> None:
+    first = market.send(market.goal(host))
+    ros.until(lambda: mouth.goals)
+    mouth.goals[0].finish()
+    assert results(ros, first).result.outcome == RunAgent.Result.SUCCEEDED
+    second = market.send(market.goal(host, round=2))
+    ros.until(lambda: len(mouth.goals) == 2)
+    answer = cancel(ros, first.goal_id.uuid)
+    assert answer.return_code != CancelGoal.Response.ERROR_NONE
+    ros.turns(NOT_ONCE_MORE)
+    assert mouth.goals[1].cancels == 0
+    mouth.goals[1].finish()
+    assert results(ros, second).result.outcome == RunAgent.Result.SUCCEEDED
+
+
+def test_a_second_cancel_changes_nothing_and_the_host_is_busy_until_all_has_settled(
+    ros: Any, host: HostNode, market: Market, mouth: ScriptedServer
+) -> None:
+    mouth.script = Script(finish_s=None, cancel_s=0.3)
+    handle = market.send(market.goal(host))
+    ros.until(lambda: mouth.goals)
+    handle.cancel_goal_async()
+    ros.until(lambda: len(mouth.goals) == 2)
+    again = handle.cancel_goal_async()
+    assert not market.send(market.goal(host, agent="quick", round=2)).accepted
+    ros.until(again.done)
+    assert mouth.goals[1].cancels == 0
+    mouth.goals[1].finish()
+    answer = results(ros, handle)
+    assert answer.status == GoalStatus.STATUS_CANCELED
+    assert list(answer.result.orphans) == []
+    assert [goal.outcome for goal in mouth.goals] == ["cancelled", "succeeded"]
+    assert market.send(market.goal(host, agent="quick", round=2)).accepted
+
+
+def test_a_goal_that_ignores_its_cancel_is_an_orphan_by_name(
+    ros: Any, host: HostNode, market: Market, mouth: ScriptedServer
+) -> None:
+    mouth.script = Script(finish_s=None, on_cancel="ignores")
+    handle = market.send(market.goal(host))
+    ros.until(lambda: mouth.goals)
+    mouth.script = Script()
+    handle.cancel_goal_async()
+    answer = results(ros, handle)
+    assert answer.result.outcome == RunAgent.Result.CANCELLED
+    assert list(answer.result.orphans) == ["tree"]
+
+
+def test_a_run_whose_market_falls_silent_is_stopped_and_told_to_the_next_one(
+    ros: Any, host: HostNode, market: Market, mouth: ScriptedServer
+) -> None:
+    set_parameter(host, "market_lease", 0.3)
+    market.live()
+    handle = market.send(market.goal(host, round=7))
+    ros.until(lambda: mouth.goals)
+    ros.until(lambda: host._membership._lease._known)
+    end = time.monotonic() + 0.6
+    ros.until(lambda: time.monotonic() > end)
+    assert mouth.goals[0].cancels == 0
+    market.fall_silent()
+    mouth.script = Script()
+    answer = results(ros, handle)
+    assert answer.result.outcome == RunAgent.Result.CANCELLED
+    assert answer.result.message.startswith("its market has been silent for 0.")
+    assert [goal.outcome for goal in mouth.goals] == ["cancelled", "succeeded"]
+    assert list(market.requests[-1].unreported) == []
+
+    market.epoch = "e2"
+    market.live()
+    ros.until(lambda: market.requests[-1].unreported)
+    [run] = market.requests[-1].unreported
+    assert (run.epoch, run.round, run.agent) == ("e1", 7, "talker")
+    assert (run.event, run.outcome) == (Run.ENDED, Run.CANCELLED)
+    assert run.host_instance == host.instance
+    assert run.scene.scene_id == "s1"
+    ros.until(lambda: host._membership.epoch == "e2")
+    count = len(market.requests)
+    market.epoch = "e3"
+    market.open()
+    ros.until(lambda: len(market.requests) > count)
+    assert list(market.requests[-1].unreported) == []
+
+
+def test_a_market_that_has_no_heartbeat_is_not_missed(
+    ros: Any, host: HostNode, market: Market, mouth: ScriptedServer
+) -> None:
+    set_parameter(host, "market_lease", 0.3)
+    handle = market.send(market.goal(host))
+    ros.until(lambda: mouth.goals)
+    end = time.monotonic() + 0.6
+    ros.until(lambda: time.monotonic() > end)
+    assert mouth.goals[0].cancels == 0
+    mouth.goals[0].finish()
+    assert results(ros, handle).result.outcome == RunAgent.Result.SUCCEEDED
+
+
+def test_a_run_whose_market_was_started_anew_is_stopped_and_told_once_it_has_ended(
+    ros: Any, host: HostNode, market: Market, mouth: ScriptedServer
+) -> None:
+    handle = market.send(market.goal(host))
+    ros.until(lambda: mouth.goals)
+    market.epoch = "e2"
+    market.live()
+    ros.until(lambda: len(mouth.goals) == 2)
+    assert mouth.goals[0].cancels == 1
+    assert all(not request.unreported for request in market.requests)
+    mouth.goals[1].finish()
+    answer = results(ros, handle)
+    assert answer.result.message == "its market is gone"
+    ros.until(lambda: market.requests[-1].unreported)
+    [run] = market.requests[-1].unreported
+    assert (run.epoch, run.outcome, run.message) == ("e1", Run.CANCELLED, "its market is gone")
+
+
+def test_a_run_that_its_market_has_announced_is_not_told_again(
+    ros: Any, host: HostNode, market: Market
+) -> None:
+    for number in (1, 2):
+        goal = market.goal(host, agent="quick", round=number)
+        results(ros, market.send(goal))
+    ros.until(market._runs.get_subscription_count)
+    market.announce(1)
+    ros.until(lambda: ("e1", 1) in host._membership._unheard._closed)
+    market.epoch = "e2"
+    market.open()
+    ros.until(lambda: market.requests[-1].unreported)
+    [run] = market.requests[-1].unreported
+    assert (run.round, run.outcome) == (2, Run.SUCCEEDED)
+
+
+def test_a_host_registers_anew_when_a_heartbeat_shows_another_market(
+    ros: Any, host: HostNode, market: Market
+) -> None:
+    before = len(market.requests)
+    market.epoch = "e2"
+    market.live()
+    ros.until(lambda: len(market.requests) > before)
+    ros.until(lambda: host._membership.epoch == "e2")
+
+
+def test_two_markets_of_one_name_do_not_have_a_host_register_all_the_time(
+    ros: Any, host: HostNode, market: Market
+) -> None:
+    before = len(market.requests)
+    began = time.monotonic()
+    heart = market._heart
+    clock = Clock(clock_type=ClockType.STEADY_TIME)
+    stranger = ros.node.create_timer(
+        0.01, lambda: heart.publish(MarketHeartbeat(epoch="other")), clock=clock
+    )
+    ros.until(lambda: time.monotonic() - began > 1.5)
+    stranger.cancel()
+    took_s = time.monotonic() - began
+    assert len(market.requests) - before <= took_s + 1
+
+
+@pytest.fixture
+def simulated(ros: Any, market: Market, tmp_path: Path) -> HostNode:
+    path = folder(tmp_path, SLEEPER, QUICK)
+    overrides = [Parameter("use_sim_time", value=True)]
+    node: HostNode = ros.add(make_host(path, parameter_overrides=overrides))
+    market.open()
+    ros.until(lambda: node.registered)
+    return node
+
+
+class Bag:
+    """Publishes simulated time when it is told to."""
+
+    def __init__(self, ros: Any) -> None:
+        self._ros = ros
+        self._clock = ros.node.create_publisher(ClockMsg, "/clock", qos.SENSOR)
+
+    def play(self, host: HostNode, seconds: int) -> None:
+        """Set the time, and wait until the host has it."""
+
+        def told() -> bool:
+            self._clock.publish(ClockMsg(clock=Time(sec=seconds)))
+            return bool(host.get_clock().now().nanoseconds == seconds * 10**9)
+
+        self._ros.until(told)
+
+
+def test_without_simulated_time_agents_that_wait_for_it_do_not_bid(
+    ros: Any, simulated: HostNode, market: Market
+) -> None:
+    market.call(round_number=1)
+    ros.until(lambda: market.bids)
+    assert list(market.bids[0].agents) == []
+    reasons = ["use_sim_time is set, but nothing publishes /clock"] * 2
+    assert list(market.bids[0].decline_reasons) == reasons
+    Bag(ros).play(simulated, 100)
+    market.call(round_number=2)
+    ros.until(lambda: len(market.bids) == 2)
+    assert list(market.bids[1].agents) == ["quick", "sleeper"]
+
+
+def test_a_tree_waits_on_simulated_time_and_goes_on_when_the_bag_starts_again(
+    ros: Any, simulated: HostNode, market: Market
+) -> None:
+    bag = Bag(ros)
+    bag.play(simulated, 100)
+    handle = market.send(market.goal(simulated, agent="sleeper"))
+    end = handle.get_result_async()
+    bag.play(simulated, 103)
+    ros.turns(NOT_ONCE_MORE)
+    assert not end.done()
+    bag.play(simulated, 10)
+    ros.turns(NOT_ONCE_MORE)
+    assert not end.done()
+    bag.play(simulated, 11)
+    ros.turns(NOT_ONCE_MORE)
+    assert not end.done()
+    bag.play(simulated, 12)
+    ros.until(end.done)
+    assert end.result().result.outcome == RunAgent.Result.SUCCEEDED
+    assert end.result().result.duration_s == pytest.approx(5.0)
+
+
+def test_deadlines_pass_while_simulated_time_stands_still(
+    ros: Any, market: Market, tmp_path: Path
+) -> None:
+    mouth = ScriptedServer(ros, script=Script(finish_s=None, on_cancel="ignores"))
+    overrides = [Parameter("use_sim_time", value=True)]
+    host = ros.add(make_host(folder(tmp_path, TALKER), parameter_overrides=overrides))
+    market.open()
+    ros.until(lambda: host.registered)
+    Bag(ros).play(host, 100)
+    handle = market.send(market.goal(host))
+    ros.until(lambda: mouth.goals)
+    handle.cancel_goal_async()
+    answer = results(ros, handle)
+    assert answer.result.outcome == RunAgent.Result.CANCELLED
+    assert list(answer.result.orphans) == ["tree", "on_cancel"]

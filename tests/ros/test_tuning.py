@@ -1,0 +1,558 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Tuning over ROS: parameters, the service, undo, presets, profiles and restarts of the host."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+from rcl_interfaces.srv import DescribeParameters, ListParameters, SetParametersAtomically
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+
+from bt_agents.language.specs import AgentSpec
+from bt_agents.ros import qos
+from bt_agents.ros.node import GuardedNode
+from bt_agents.ros.tunables import TunableParameters
+from bt_agents.roster import Member, Roster
+from bt_agents_interfaces.msg import Feedback, Tunings
+from bt_agents_interfaces.srv import GiveFeedback, Tune
+from stage import SPACE, agent
+
+pytestmark = pytest.mark.ros
+
+HEAD = """
+learning_rate: 0.2
+tunables:
+  patience: {default: 8 s, min: 2 s, max: 30 s, description: how long}
+  rate: {default: 0.9, min: 0.5, max: 1.5, step: 0.05, description: speed}
+  tilt: {default: 0.0, min: -0.3, max: 0.3, step: 0.1, description: of the head}
+  attempts: {default: 2, min: 1, max: 5, description: how often}
+  loud: {default: true}
+  place: {default: station 4}
+"""
+
+
+def spec(name: str = "a", head: str = HEAD) -> AgentSpec:
+    return replace(agent("wait: 0 s", head), name=name)
+
+
+class Host(GuardedNode):
+    """The tuning of a host, and nothing else of it."""
+
+    def __init__(self, *specs: AgentSpec, tunings: str = "", **node_kwargs: Any) -> None:
+        super().__init__("agents", **node_kwargs)
+        self.roster = Roster(SPACE, specs or (spec("a"), spec("b")))
+        self.rates: list[float] = []
+        self.cards = 0
+        self.tunables = TunableParameters(
+            self, self.roster, self._card, set_rate=self.rates.append, tunings=tunings
+        )
+
+    def _card(self) -> None:
+        self.cards += 1
+
+    def destroy_node(self) -> None:
+        self.tunables.close()
+        super().destroy_node()
+
+    def value(self, name: str) -> Any:
+        return self.get_parameter(name).value
+
+    def member(self, name: str = "a") -> Member:
+        return self.roster.members[name]
+
+
+@pytest.fixture
+def host(ros: Any) -> Host:
+    return ros.add(Host())  # type: ignore[no-any-return]
+
+
+class Tuner:
+    """Asks ``agents/tune``."""
+
+    def __init__(self, ros: Any) -> None:
+        self._ros = ros
+        self._client = ros.node.create_client(Tune, "agents/tune", qos_profile=qos.SERVICE)
+        self._together = ros.node.create_client(
+            SetParametersAtomically, "agents/set_parameters_atomically"
+        )
+
+    def ask(self, action: int, **fields: Any) -> Any:
+        return self._ros.call(self._client, Tune.Request(action=action, **fields))
+
+    def set(self, *, author: str = "anna", reason: str = "", **values: str) -> Any:
+        names = [name.replace("__", ".") for name in values]
+        return self.ask(
+            Tune.Request.SET,
+            names=names,
+            values=list(values.values()),
+            author=author,
+            reason=reason,
+        )
+
+    def undo(self, *agents: str) -> Any:
+        return self.ask(Tune.Request.UNDO, agents=list(agents), author="anna")
+
+    def redo(self, *agents: str) -> Any:
+        return self.ask(Tune.Request.REDO, agents=list(agents), author="anna")
+
+    def parameters(self, **values: Any) -> Any:
+        request = SetParametersAtomically.Request(
+            parameters=[
+                Parameter(name.replace("__", "."), value=value).to_parameter_msg()
+                for name, value in values.items()
+            ]
+        )
+        return self._ros.call(self._together, request).result
+
+
+@pytest.fixture
+def tuner(ros: Any, host: Host) -> Tuner:
+    return Tuner(ros)
+
+
+class Ledger:
+    """A feedback node that keeps what it is given, as far as it is allowed to answer."""
+
+    def __init__(self, node: Node) -> None:
+        self.given: list[Any] = []
+        self.refuse = ""
+        self.profile = [3.0, 3.0, 3.0]
+        self._node = node
+
+    def open(self) -> None:
+        self._node.create_service(
+            GiveFeedback, "feedback/give", self._give, qos_profile=qos.SERVICE
+        )
+
+    def _give(self, request: Any, response: Any) -> Any:
+        self.given.append(request)
+        response.accepted = not self.refuse
+        response.code = self.refuse
+        if response.accepted:
+            self.profile = [
+                old if math.isnan(new) else new
+                for old, new in zip(self.profile, request.values, strict=True)
+            ]
+            response.feedback.after = self.profile
+            response.feedback.revision = len(self.given)
+        return response
+
+
+def test_everything_that_can_be_tuned_is_a_described_parameter(ros: Any, host: Host) -> None:
+    listed = ros.call(
+        ros.node.create_client(ListParameters, "agents/list_parameters"),
+        ListParameters.Request(prefixes=["a"]),
+    ).result.names
+    assert sorted(listed) == [
+        "a.attempts", "a.learning_rate", "a.loud", "a.patience", "a.place", "a.profile.age",
+        "a.profile.familiarity", "a.profile.mood", "a.rate", "a.tilt",
+    ]  # fmt: skip
+    described = ros.call(
+        ros.node.create_client(DescribeParameters, "agents/describe_parameters"),
+        DescribeParameters.Request(names=["a.patience", "a.profile.age", "tick_rate", "a.rate"]),
+    ).descriptors
+    ranges = [d.floating_point_range[0] for d in described]
+    assert [(r.from_value, r.to_value) for r in ranges] == [(2, 30), (1, 5), (1, 200), (0.5, 1.5)]
+    assert described[0].description == "how long [s]"
+    assert [d.additional_constraints for d in described] == [
+        "default: 8 s", "default: 3", "default: 20", "default: 0.9",
+    ]  # fmt: skip
+    assert ranges[3].step == 0.05
+
+
+def test_a_plain_parameter_acts_on_the_agent_and_is_a_revision(
+    ros: Any, host: Host, tuner: Tuner
+) -> None:
+    seen = ros.collect(Tunings, "agents/tunings", qos.FACT)
+    mapping = host.member().tunables
+    assert tuner.parameters(a__patience=12.0, a__loud=False, tick_rate=30.0).successful
+    assert host.member().tunables is mapping
+    assert (mapping["patience"], mapping["loud"]) == (12.0, False)
+    assert host.rates == [20.0, 30.0]
+    ros.until(lambda: seen and seen[-1].revision == 1)
+    assert [(t.name, t.before, t.after, t.author) for t in seen[-1].tunings] == [
+        ("a.patience", "8 s", "12 s", "ros parameter"),
+        ("a.loud", "true", "false", "ros parameter"),
+        ("tick_rate", "20", "30", "ros parameter"),
+    ]
+    assert seen[-1].undo == (
+        "a.patience: 12 s → 8 s, a.loud: false → true, tick_rate: 30 → 20 (revision 1)"
+    )
+
+
+@pytest.mark.parametrize(
+    ("bad", "words"),
+    [
+        ({"a__patience": 31.0}, "out of range"),
+        ({"a__patience": math.nan}, ""),
+        ({"a__patience": math.inf}, ""),
+        ({"a__rate": 0.93}, "step"),
+        ({"a__tilt": 0.05}, "OFF_STEP: a.tilt is 0.05"),
+        ({"a__attempts": 2.0}, "type"),
+        ({"a__attempts": 9}, "out of range"),
+        ({"a__loud": "yes"}, "type"),
+        ({"a__place": "x" * 2000}, "NOT_A_VALUE: a.place has 2000 characters"),
+        ({"a__profile__age": 6.0}, "out of range"),
+        ({"a__learning_rate": -0.1}, "out of range"),
+        ({"tick_rate": 0.0}, "out of range"),
+        ({"a__nothing": 1.0}, "UNKNOWN_PARAMETER"),
+    ],
+)
+def test_one_bad_value_of_a_set_changes_nothing_and_says_why(
+    host: Host, tuner: Tuner, bad: dict[str, Any], words: str
+) -> None:
+    before = {name: p.value for name, p in host._parameters.items()}
+    result = tuner.parameters(b__patience=12.0, **bad)
+    assert not result.successful
+    assert result.reason
+    assert words in result.reason
+    assert {name: p.value for name, p in host._parameters.items()} == before
+    assert host.member("b").tunables["patience"] == 8.0
+    assert tuner.undo().code == "NOTHING_TO_UNDO"
+
+
+def test_zero_can_be_set_where_steps_go_through_it(host: Host, tuner: Tuner) -> None:
+    assert tuner.parameters(a__tilt=0.1).successful
+    assert tuner.parameters(a__tilt=0.0).successful
+
+
+def test_the_service_takes_values_as_authors_write_them_with_author_and_reason(
+    host: Host, tuner: Tuner
+) -> None:
+    answer = tuner.set(a__patience="12", b__patience="0.5 min", reason="Mrs Smith is slow")
+    assert answer.accepted
+    assert answer.message == "a.patience: 8 s → 12 s, b.patience: 8 s → 30 s (revision 1)"
+    assert [(t.author, t.reason, t.revision) for t in answer.tunings] == [
+        ("anna", "Mrs Smith is slow", 1)
+    ] * 2
+    assert (host.value("a.patience"), host.value("b.patience")) == (12.0, 30.0)
+    assert tuner.set(a__patience="12 s").message == "everything stands so already"
+
+
+@pytest.mark.parametrize(
+    ("fields", "code"),
+    [
+        ({"action": 99}, "UNKNOWN_ACTION"),
+        ({"action": 0}, "WRONG_LENGTH"),
+        ({"action": 0, "names": ["a.patience"], "values": []}, "WRONG_LENGTH"),
+        ({"action": 0, "names": ["a.patiense"], "values": ["3"]}, "UNKNOWN_PARAMETER"),
+        ({"action": 0, "names": ["use_sim_time"], "values": ["true"]}, "UNKNOWN_PARAMETER"),
+        ({"action": 0, "names": ["a.patience"], "values": ["nan"]}, "NOT_A_VALUE"),
+        ({"action": 0, "names": ["a.rate"], "values": ["0.93"]}, "OFF_STEP"),
+        ({"action": 0, "names": ["a.rate"] * 2, "values": ["1", "1"]}, "DUPLICATE"),
+        ({"action": 0, "author": "x" * 61}, "NOT_WORDS"),
+        ({"action": 0, "reason": "two\nlines"}, "NOT_WORDS"),
+        ({"action": 1, "agents": ["c"]}, "UNKNOWN_AGENT"),
+        ({"action": 2}, "NOTHING_TO_REDO"),
+        ({"action": 3, "preset": "x"}, "UNKNOWN_PRESET"),
+        ({"action": 4, "preset": ""}, "NOT_A_NAME"),
+        ({"action": 5, "preset": "x"}, "UNKNOWN_PRESET"),
+    ],
+)
+def test_a_request_that_makes_no_sense_is_refused_with_its_name(
+    host: Host, tuner: Tuner, fields: dict[str, Any], code: str
+) -> None:
+    answer = tuner.ask(**fields)
+    assert not answer.accepted
+    assert answer.code == code
+    assert answer.message
+
+
+def test_undo_and_redo_are_revisions_and_take_sets_as_a_whole(host: Host, tuner: Tuner) -> None:
+    tuner.set(a__patience="12", b__patience="12")
+    tuner.set(b__attempts="4")
+    undone = tuner.undo("a")
+    assert undone.message.startswith("undo of revision 1: a.patience: 12 s → 8 s")
+    assert (host.value("a.patience"), host.value("b.patience")) == (8.0, 8.0)
+    assert host.member("b").tunables == {**host.member("a").tunables, "attempts": 4}
+    assert tuner.redo().accepted
+    assert host.value("b.patience") == 12.0
+    assert tuner.undo("b").message.startswith("undo of revision 1")
+    assert tuner.undo("b").message.startswith("undo of revision 2")
+    tuner.set(a__loud="false")
+    assert tuner.redo().code == "NOTHING_TO_REDO"
+
+
+def test_a_preset_is_saved_applied_and_forgotten(ros: Any, host: Host, tuner: Tuner) -> None:
+    seen = ros.collect(Tunings, "agents/tunings", qos.FACT)
+    tuner.set(a__patience="12", a__loud="false")
+    saved = tuner.ask(Tune.Request.SAVE, preset="care home", agents=["a"])
+    assert saved.message == "preset 'care home' keeps 7 values"
+    ros.until(lambda: seen and seen[-1].presets)
+    [preset] = seen[-1].presets
+    assert dict(zip(preset.names, preset.values, strict=True))["a.patience"] == "12 s"
+    tuner.undo()
+    applied = tuner.ask(Tune.Request.APPLY, preset="care home", author="anna")
+    assert applied.message.endswith("a.patience: 8 s → 12 s, a.loud: true → false (revision 3)")
+    assert [t.reason for t in applied.tunings] == ["preset 'care home'"] * 2
+    assert tuner.ask(Tune.Request.FORGET, preset="care home").accepted
+    ros.until(lambda: not seen[-1].presets)
+
+
+def test_a_tuned_profile_is_bid_at_once_and_recorded_as_one_revision_of_the_ledger(
+    ros: Any, host: Host, tuner: Tuner
+) -> None:
+    ledger = Ledger(ros.node)
+    answer = tuner.set(a__profile__age="4.5", a__profile__mood="2", reason="older people")
+    assert answer.accepted
+    assert host.member().profile == (4.5, 3.0, 2.0)
+    # What the feedback node recorded before must not take the place of what was tuned after.
+    host.tunables.take_profile("a", [1.0, 3.5, 1.0], 0)
+    assert host.member().profile == (4.5, 3.5, 2.0)
+    ledger.open()
+    ros.until(lambda: ledger.given and host.member().revision == 1)
+    [request] = ledger.given
+    assert (request.agent, request.kind, request.source) == ("a", Feedback.SET, "tuning")
+    assert request.reason == "tuned by anna: older people"
+    assert (request.values[0], request.values[2]) == (4.5, 2.0)
+    assert math.isnan(request.values[1])
+    ros.turns()
+    assert len(ledger.given) == 1
+    assert host.cards >= 1
+
+
+def test_what_the_feedback_node_delivers_moves_the_parameters_without_a_revision_or_an_echo(
+    ros: Any, host: Host, tuner: Tuner
+) -> None:
+    ledger = Ledger(ros.node)
+    ledger.open()
+    host.tunables.take_profile("a", [4.0, 2.0, 1.0], 7)
+    assert [host.value(f"a.profile.{n}") for n in SPACE.names] == [4.0, 2.0, 1.0]
+    assert tuner.undo().code == "NOTHING_TO_UNDO"
+    ros.turns()
+    assert ledger.given == []
+
+
+def test_the_undo_of_a_profile_is_recorded_too(ros: Any, host: Host, tuner: Tuner) -> None:
+    ledger = Ledger(ros.node)
+    ledger.open()
+    tuner.set(a__profile__age="4.5")
+    ros.until(lambda: host.member().revision == 1)
+    tuner.undo()
+    ros.until(lambda: host.member().revision == 2)
+    assert host.member().profile == (3.0, 3.0, 3.0)
+    assert [request.values[0] for request in ledger.given] == [4.5, 3.0]
+
+
+def test_a_profile_that_the_feedback_node_refuses_is_said(
+    ros: Any, host: Host, tuner: Tuner
+) -> None:
+    ledger = Ledger(ros.node)
+    ledger.refuse = "UNKNOWN_AGENT"
+    ledger.open()
+    tuner.set(a__profile__age="4.5")
+    ros.until(lambda: ledger.given)
+    ros.turns()
+    assert host.member().profile == (4.5, 3.0, 3.0)
+    host.tunables.take_profile("a", [1.0, 1.0, 1.0], 0)
+    assert host.member().profile == (1.0, 1.0, 1.0)
+
+
+@pytest.fixture
+def file(tmp_path: Path) -> str:
+    return str(tmp_path / "state" / "tunings.jsonl")
+
+
+@pytest.fixture
+def restarted(ros: Any, file: str) -> Callable[..., Host]:
+    """Start a host on the same file, instead of the one before."""
+    hosts: list[Host] = []
+
+    def restart(*specs: AgentSpec, **node_kwargs: Any) -> Host:
+        if hosts:
+            ros.remove(hosts.pop())
+        hosts.append(ros.add(Host(*specs, tunings=file, **node_kwargs)))
+        return hosts[0]
+
+    return restart
+
+
+def test_a_restarted_host_has_what_was_tuned_and_can_undo_it(
+    ros: Any, restarted: Callable[..., Host]
+) -> None:
+    host, tuner = restarted(), Tuner(ros)
+    tuner.set(a__patience="12", tick_rate="30")
+    tuner.ask(Tune.Request.SAVE, preset="slow")
+    host = restarted()
+    assert host.member().tunables["patience"] == host.value("a.patience") == 12.0
+    assert host.rates == [30.0]
+    assert tuner.undo().accepted
+    assert host.value("a.patience") == 8.0
+    assert tuner.ask(Tune.Request.APPLY, preset="slow").accepted
+    assert host.value("a.patience") == 12.0
+
+
+def test_a_file_with_another_default_wins_over_what_was_tuned(
+    ros: Any, restarted: Callable[..., Host]
+) -> None:
+    restarted()
+    tuner = Tuner(ros)
+    tuner.set(a__patience="12")
+    seen = ros.collect(Tunings, "agents/tunings", qos.FACT)
+    host = restarted(spec(head=HEAD.replace("default: 8 s", "default: 10 s")))
+    assert host.value("a.patience") == 10.0
+    ros.until(lambda: seen and seen[-1].revision == 2)
+    assert (seen[-1].tunings[-1].author, seen[-1].tunings[-1].reason) == (
+        "file",
+        "a.patience: the file says 10 s now",
+    )
+    assert tuner.undo().accepted
+    assert host.value("a.patience") == 12.0
+
+
+def test_what_a_launch_file_sets_holds_for_this_start_only(
+    ros: Any, restarted: Callable[..., Host]
+) -> None:
+    restarted()
+    Tuner(ros).set(a__patience="12")
+    launched = restarted(parameter_overrides=[Parameter("a.patience", value=20.0)])
+    assert launched.member().tunables["patience"] == 20.0
+    assert restarted().value("a.patience") == 12.0
+
+
+@pytest.mark.parametrize("value", [99.0, "soon", math.nan])
+def test_an_impossible_value_of_a_launch_file_is_left_out(ros: Any, value: Any) -> None:
+    host = ros.add(Host(parameter_overrides=[Parameter("a.patience", value=value)]))
+    assert host.value("a.patience") == 8.0
+
+
+def test_a_second_host_on_the_same_file_goes_on_in_memory(ros: Any, file: str) -> None:
+    ros.add(Host(tunings=file))
+    second = Host(tunings=file, namespace="/other")
+    ros.add(second)
+    second.set_parameters([Parameter("a.patience", value=12.0)])
+    assert second.value("a.patience") == 12.0
+
+
+def retuned(host: Host, head: str) -> None:
+    host.tunables.replace(host.member(), spec(head=head))
+
+
+def test_a_changed_default_in_the_file_wins_and_can_be_undone(host: Host, tuner: Tuner) -> None:
+    tuner.set(a__patience="12", a__attempts="4")
+    mapping = host.member().tunables
+    retuned(host, HEAD.replace("default: 8 s", "default: 10 s").replace("0.2", "0.4"))
+    assert host.member().tunables is mapping
+    assert (mapping["patience"], mapping["attempts"]) == (10.0, 4)
+    assert host.member().learning_rate == host.value("a.learning_rate") == 0.4
+    assert tuner.undo().message.startswith("undo of revision 2: a.patience: 10 s → 12 s")
+
+
+def test_a_narrower_range_keeps_the_value_while_it_fits(host: Host, tuner: Tuner) -> None:
+    tuner.set(a__patience="12")
+    retuned(host, HEAD.replace("max: 30 s", "max: 12 s"))
+    assert host.value("a.patience") == 12.0
+    retuned(host, HEAD.replace("max: 30 s", "max: 10 s"))
+    assert host.value("a.patience") == host.member().tunables["patience"] == 8.0
+    assert not tuner.parameters(a__patience=11.0).successful
+
+
+def test_tunables_come_go_and_change_their_type(host: Host, tuner: Tuner) -> None:
+    tuner.set(a__patience="12", a__loud="false")
+    fresh = "fresh: {default: 1 s, min: 0 s, max: 2 s}"
+    retuned(host, f"tunables:\n  patience: {{default: soon}}\n  {fresh}")
+    assert host.member().tunables == {"patience": "soon", "fresh": 1.0}
+    assert not host.has_parameter("a.loud")
+    assert tuner.parameters(a__fresh=2.0).successful
+    retuned(host, HEAD)
+    assert host.member().tunables["patience"] == 8.0
+    assert host.member().tunables["loud"] is False
+
+
+def test_an_agent_goes_and_comes_back_with_what_was_tuned(host: Host, tuner: Tuner) -> None:
+    tuner.set(a__patience="12")
+    host.tunables.remove("a")
+    host.roster.remove("a")
+    assert tuner.set(a__patience="3").code == "UNKNOWN_PARAMETER"
+    assert tuner.undo().code == "NOTHING_TO_UNDO"
+    host.tunables.add(host.roster.add(spec("a")))
+    assert host.member().tunables["patience"] == host.value("a.patience") == 12.0
+    assert tuner.undo().accepted
+
+
+def test_a_swap_fills_a_new_mapping_and_leaves_the_old_one_to_the_tree_that_runs(
+    host: Host, tuner: Tuner
+) -> None:
+    tuner.set(a__patience="12")
+    running = host.member().tunables
+    host.member().tunables = {}
+    retuned(host, HEAD.replace("default: 2,", "default: 3,"))
+    assert running["attempts"] == 2
+    assert host.member().tunables["attempts"] == 3
+    assert host.member().tunables["patience"] == 12.0
+
+
+def test_the_profile_follows_the_file_until_something_was_learned(host: Host) -> None:
+    other = replace(spec(), profile=(1.0, 2.0, 3.0))
+    host.tunables.replace(host.member(), other)
+    assert host.member().profile == (1.0, 2.0, 3.0)
+    assert host.value("a.profile.age") == 1.0
+    host.tunables.take_profile("a", [5.0, 5.0, 5.0], 1)
+    host.tunables.replace(host.member(), spec())
+    assert host.member().profile == (5.0, 5.0, 5.0)
+
+
+def test_a_tick_sees_all_of_an_atomic_set_or_none_of_it(ros: Any, host: Host) -> None:
+    seen: set[tuple[Any, Any]] = set()
+    tunables = host.member().tunables
+    timer = host.create_timer(
+        0.001, lambda: seen.add((tunables["patience"], tunables["attempts"]))
+    )
+    client = ros.node.create_client(
+        SetParametersAtomically, "agents/set_parameters_atomically", qos_profile=qos.SERVICE
+    )
+    ros.until(client.service_is_ready)
+    pairs = [(2.0 + number % 4, 1 + number % 4) for number in range(400)]
+    futures = [
+        client.call_async(
+            SetParametersAtomically.Request(
+                parameters=[
+                    Parameter("a.patience", value=patience).to_parameter_msg(),
+                    Parameter("a.attempts", value=attempts).to_parameter_msg(),
+                ]
+            )
+        )
+        for patience, attempts in pairs
+    ]
+    ros.until(lambda: all(future.done() for future in futures))
+    assert timer is not None
+    assert len(seen) > 2
+    assert seen <= {*pairs, (8.0, 2)}
+
+
+def test_ten_thousand_updates_all_arrive_the_last_wins_and_the_history_is_bounded(
+    ros: Any, host: Host, tuner: Tuner
+) -> None:
+    seen = ros.collect(Tunings, "agents/tunings", qos.FACT)
+    client = ros.node.create_client(
+        SetParametersAtomically, "agents/set_parameters_atomically", qos_profile=qos.SERVICE
+    )
+    ros.until(client.service_is_ready)
+    refused = 0
+    for start in range(0, 10_000, 500):
+        futures = [
+            client.call_async(
+                SetParametersAtomically.Request(
+                    parameters=[
+                        Parameter("a.patience", value=2.0 + number % 28).to_parameter_msg()
+                    ]
+                )
+            )
+            for number in range(start, start + 500)
+        ]
+        for future in futures:
+            ros.until(future.done)
+        refused += sum(not future.result().result.successful for future in futures)
+    assert refused == 0
+    last = 2.0 + 9_999 % 28
+    assert host.member().tunables["patience"] == host.value("a.patience") == last
+    ros.until(lambda: seen and seen[-1].revision == 10_000)
+    assert len(seen[-1].tunings) == 100
+    assert tuner.undo().accepted
+    assert host.value("a.patience") == last - 1.0

@@ -1,0 +1,52 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The command `bt-agents` as a whole: what it loads, lists and refuses."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+import click
+import pytest
+from click.testing import CliRunner
+
+from bt_agents.cli.main import COMMANDS, bt_agents
+
+LOADED = """
+import sys
+from bt_agents.cli.main import bt_agents
+bt_agents({arguments!r}, standalone_mode=False)
+print(sorted(n for n in sys.modules if n.startswith("bt_agents.")))
+"""
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_each_command_is_found_under_its_name_and_has_short_help(name: str) -> None:
+    command = bt_agents.get_command(click.Context(bt_agents), name)
+    assert command is not None
+    assert command.get_short_help_str()
+
+
+def test_the_help_lists_every_command() -> None:
+    result = CliRunner().invoke(bt_agents, ["--help"])
+    assert result.exit_code == 0
+    for name in COMMANDS:
+        assert f"\n  {name} " in result.output
+
+
+def test_an_unknown_command_is_refused_by_its_name() -> None:
+    result = CliRunner().invoke(bt_agents, ["dance"])
+    assert result.exit_code == 2
+    assert "No such command 'dance'" in result.output
+
+
+def test_the_version_is_told_without_loading_any_command() -> None:
+    code = LOADED.format(arguments=["--version"])
+    said = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, timeout=60, check=True
+    ).stdout
+    version, loaded = said.splitlines()
+    assert version.startswith("bt-agents, version ")
+    assert loaded == str(
+        ["bt_agents.cli", "bt_agents.cli.main", "bt_agents.errors", "bt_agents.interrupt"]
+    )

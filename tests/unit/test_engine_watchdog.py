@@ -1,0 +1,137 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Calls that block are ended, whatever they do against it, and nothing else is disturbed."""
+
+from __future__ import annotations
+
+import signal
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+
+import pytest
+
+from bt_agents.engine.watchdog import bounded
+from bt_agents.errors import Refused
+
+LIMIT_S = 0.02
+FAR_S = 60.0
+
+
+def sleeps() -> None:
+    time.sleep(FAR_S)
+
+
+def loops() -> None:
+    while True:
+        pass
+
+
+def waits_for_a_lock() -> None:
+    lock = threading.Lock()
+    lock.acquire()
+    lock.acquire()
+
+
+def catches_exceptions() -> None:
+    with suppress(Exception):
+        time.sleep(FAR_S)
+
+
+def catches_everything_once() -> None:
+    with suppress(BaseException):
+        time.sleep(FAR_S)
+    time.sleep(FAR_S)
+
+
+def swallows_and_returns() -> None:
+    with suppress(BaseException):
+        time.sleep(FAR_S)
+
+
+def raises_something_else_instead() -> None:
+    try:
+        time.sleep(FAR_S)
+    except BaseException:
+        raise ValueError("interrupted") from None
+
+
+@pytest.fixture(autouse=True)
+def nothing_stays_behind() -> Iterator[None]:
+    before = signal.getsignal(signal.SIGALRM)
+    yield
+    assert signal.getsignal(signal.SIGALRM) is before
+    assert signal.getitimer(signal.ITIMER_REAL) == (0.0, 0.0)
+
+
+@pytest.mark.parametrize(
+    "call",
+    [
+        sleeps,
+        loops,
+        waits_for_a_lock,
+        catches_exceptions,
+        catches_everything_once,
+        swallows_and_returns,
+        raises_something_else_instead,
+    ],
+)
+def test_a_call_that_blocks_is_interrupted_whatever_it_does(call: Callable[[], None]) -> None:
+    began = time.monotonic()
+    with pytest.raises(Refused, match=r"blocked for more than 0\.02 s") as refused:
+        bounded(call, LIMIT_S)
+    assert refused.value.code == "BLOCKED"
+    assert time.monotonic() - began < FAR_S / 2
+
+
+def test_a_quick_call_returns_or_raises_as_it_would() -> None:
+    assert bounded(lambda: 7, LIMIT_S) == 7
+    with pytest.raises(KeyError):
+        bounded(lambda: {}["x"], LIMIT_S)
+    with pytest.raises(SystemExit):
+        bounded(lambda: exec("raise SystemExit"), LIMIT_S)
+
+
+def test_elsewhere_than_in_the_main_thread_it_is_refused_afterwards() -> None:
+    caught: list[Refused] = []
+
+    def work() -> None:
+        assert bounded(lambda: 7, 10.0) == 7
+        try:
+            bounded(lambda: time.sleep(0.03), LIMIT_S)
+        except Refused as refused:
+            caught.append(refused)
+
+    thread = threading.Thread(target=work)
+    thread.start()
+    thread.join()
+    assert [refused.code for refused in caught] == ["BLOCKED"]
+
+
+def test_the_alarm_of_somebody_else_rings_when_it_should() -> None:
+    rang: list[float] = []
+    before = signal.signal(signal.SIGALRM, lambda *_: rang.append(time.monotonic()))
+    try:
+        signal.setitimer(signal.ITIMER_REAL, FAR_S, 7.0)
+        bounded(lambda: time.sleep(0.01), 1.0)
+        left, interval = signal.setitimer(signal.ITIMER_REAL, 0.0)
+        assert FAR_S - 10.0 < left < FAR_S - 0.005
+        assert interval == 7.0
+        signal.setitimer(signal.ITIMER_REAL, 0.005)
+        bounded(lambda: time.sleep(0.05), 1.0)
+        end = time.monotonic() + 10.0
+        while not rang and time.monotonic() < end:
+            time.sleep(0.001)
+        assert len(rang) == 1
+    finally:
+        signal.signal(signal.SIGALRM, before)
+
+
+def test_one_bounded_call_in_another_keeps_both_limits() -> None:
+    def outer() -> None:
+        with suppress(Refused):
+            bounded(sleeps, LIMIT_S)
+        time.sleep(FAR_S)
+
+    with pytest.raises(Refused, match=r"more than 0\.1 s"):
+        bounded(outer, 0.1)

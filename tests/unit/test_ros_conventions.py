@@ -1,0 +1,221 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What every node keeps to, read from the sources: one runner, one table of QoS, steady timers."""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Callable, Iterator
+
+import pytest
+
+from programs import ROOT
+
+PACKAGES = ("bt_agents", "marketplace_node", "scene_layer", "feedback_node", "robot")
+RUNNER = "bt_agents/bt_agents/ros/runner.py"
+QOS = "bt_agents/bt_agents/ros/qos.py"
+BASE = "bt_agents/bt_agents/ros/node.py"
+RELOADING = "bt_agents/bt_agents/ros/reloading.py"
+"""Its thread gives way to the node's own."""
+
+INITS = (RUNNER, "bt_agents/bt_agents/ros/observer.py")
+
+SOURCES = {
+    str(path.relative_to(ROOT)): ast.parse(path.read_text())
+    for package in PACKAGES
+    for path in sorted((ROOT / package).rglob("*.py"))
+    if "rclpy" in path.read_text() or "/ros/" in str(path)
+}
+"""All sources that have to do with ROS."""
+
+
+def name_of(node: ast.expr) -> str:
+    """Return the last name of ``a.b.c`` or ``c``; empty for anything else."""
+    if isinstance(node, ast.Attribute):
+        return node.attr
+    return node.id if isinstance(node, ast.Name) else ""
+
+
+def calls(tree: ast.AST) -> Iterator[tuple[str, ast.Call, list[ast.expr]]]:
+    """Yield the name, the call and the arguments of each call, of those by ``partial`` too."""
+    for node in ast.walk(tree):
+        if not isinstance(node, ast.Call):
+            continue
+        if name_of(node.func) == "partial" and node.args:
+            yield name_of(node.args[0]), node, node.args[1:]
+        else:
+            yield name_of(node.func), node, node.args
+
+
+def from_the_table(value: ast.expr | None) -> bool:
+    """Return whether a quality of service is ``qos.SOMETHING`` or handed over from elsewhere."""
+    if isinstance(value, ast.Attribute):
+        return name_of(value.value) == "qos"
+    return isinstance(value, ast.Name)
+
+
+def keyword(call: ast.Call, *names: str) -> ast.expr | None:
+    return next((k.value for k in call.keywords if k.arg in names), None)
+
+
+def own_qos(tree: ast.AST) -> Iterator[ast.AST]:
+    """Profiles that are made on the spot."""
+    for name, call, _ in calls(tree):
+        if name == "QoSProfile":
+            yield call
+    for node in ast.walk(tree):
+        if isinstance(node, ast.alias) and node.name.startswith("qos_profile_"):
+            yield node
+
+
+def topics_without_table(tree: ast.AST) -> Iterator[ast.AST]:
+    places = {"create_publisher": 2, "create_subscription": 3}
+    for name, call, arguments in calls(tree):
+        if name in places:
+            place = places[name]
+            given = arguments[place] if len(arguments) > place else keyword(call, "qos_profile")
+            if not from_the_table(given):
+                yield call
+
+
+def services_without_table(tree: ast.AST) -> Iterator[ast.AST]:
+    wanted = {
+        "create_client": ["qos_profile"],
+        "create_service": ["qos_profile"],
+        "ActionClient": [f"{kind}_service_qos_profile" for kind in ("goal", "result", "cancel")],
+        "ActionServer": [f"{kind}_service_qos_profile" for kind in ("goal", "result", "cancel")],
+    }
+    for name, call, _ in calls(tree):
+        if any(not from_the_table(keyword(call, option)) for option in wanted.get(name, [])):
+            yield call
+
+
+def endless_servers(tree: ast.AST) -> Iterator[ast.AST]:
+    """Actions that keep each result for a quarter of an hour, as rclpy does by itself."""
+    for name, call, _ in calls(tree):
+        if name == "ActionServer" and keyword(call, "result_timeout") is None:
+            yield call
+
+
+def unsteady_timers(tree: ast.AST) -> Iterator[ast.AST]:
+    for name, call, _ in calls(tree):
+        if name == "create_timer" and keyword(call, "clock") is None:
+            yield call
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Attribute) and name_of(node.value) == "ClockType":
+            yield from [node] * (node.attr != "STEADY_TIME")
+
+
+def spinning(tree: ast.AST) -> Iterator[ast.AST]:
+    for name, call, _ in calls(tree):
+        if name.startswith("spin") or name.endswith("ThreadedExecutor") or "EventsExec" in name:
+            yield call
+
+
+def initialising(tree: ast.AST) -> Iterator[ast.AST]:
+    for name, call, _ in calls(tree):
+        if name == "init" and name_of(getattr(call.func, "value", call.func)) == "rclpy":
+            yield call
+
+
+def blocking(tree: ast.AST) -> Iterator[ast.AST]:
+    """Waits that hold the executor up, and calls that wait for their answer."""
+    for name, call, _ in calls(tree):
+        waits = name in ("wait_for_service", "wait_for_server", "sleep", "send_goal")
+        if waits or (name == "call" and name_of(getattr(call.func, "value", call)) == "client"):
+            yield call
+
+
+def plain_nodes(tree: ast.AST) -> Iterator[ast.AST]:
+    for node in ast.walk(tree):
+        if isinstance(node, ast.ClassDef) and any(name_of(base) == "Node" for base in node.bases):
+            yield node
+
+
+def served_nodes(tree: ast.AST) -> Iterator[ast.AST]:
+    """Nodes with the parameter services of rclpy, which one malformed request ends."""
+    for name, call, _ in calls(tree):
+        off = keyword(call, "start_parameter_services")
+        if name == "create_node" and not (isinstance(off, ast.Constant) and off.value is False):
+            yield call
+
+
+@pytest.mark.parametrize(
+    ("offences", "allowed"),
+    [
+        (own_qos, (QOS,)),
+        (topics_without_table, ()),
+        (services_without_table, ()),
+        (endless_servers, ()),
+        (unsteady_timers, ()),
+        (spinning, (RUNNER,)),
+        (initialising, INITS),
+        (plain_nodes, (BASE,)),
+        (served_nodes, ()),
+        (blocking, (RELOADING,)),
+    ],
+)
+def test_all_sources_keep_to_it(
+    offences: Callable[[ast.AST], Iterator[ast.AST]], allowed: tuple[str, ...]
+) -> None:
+    found = {
+        path: [getattr(node, "lineno", 0) for node in offences(tree)]
+        for path, tree in SOURCES.items()
+        if path not in allowed
+    }
+    assert {path: lines for path, lines in found.items() if lines} == {}
+    for path in allowed:
+        assert list(offences(SOURCES[path])), f"{path} needs no exception any more"
+
+
+EXECUTABLES = (
+    "bt_agents/bt_agents/ros/host.py",
+    "marketplace_node/marketplace_node/node/__init__.py",
+    "scene_layer/scene_layer/node.py",
+    "feedback_node/feedback_node/node/__init__.py",
+    "robot/bt_agents_robot/robot.py",
+    "robot/bt_agents_robot/visitors.py",
+)
+
+
+@pytest.mark.parametrize("path", EXECUTABLES)
+def test_every_executable_is_run_by_the_one_runner(path: str) -> None:
+    tree = SOURCES[path]
+    imported = [
+        node
+        for node in ast.walk(tree)
+        if isinstance(node, ast.ImportFrom)
+        and node.module == "bt_agents.ros.runner"
+        and [alias.name for alias in node.names] == ["run"]
+    ]
+    assert imported
+    [main] = [n for n in ast.walk(tree) if isinstance(n, ast.FunctionDef) and n.name == "main"]
+    assert "run" in [name for name, _, _ in calls(main)]
+
+
+def test_every_executable_of_the_packages_is_loaded_silently() -> None:
+    for package in PACKAGES:
+        setup = (ROOT / package / "setup.py").read_text()
+        [scripts] = [
+            ast.literal_eval(node.values[0])
+            for node in ast.walk(ast.parse(setup))
+            if isinstance(node, ast.Dict)
+            and any(
+                isinstance(k, ast.Constant) and k.value == "console_scripts" for k in node.keys
+            )
+        ]
+        for script in scripts:
+            module, _, function = script.partition("=")[2].strip().partition(":")
+            assert "rclpy" not in imports_of(module), f"{script} imports rclpy before it is silent"
+            assert function
+
+
+def imports_of(module: str) -> str:
+    """Return the text of a module of ours."""
+    for package in PACKAGES:
+        for path in (
+            ROOT / package / f"{module.replace('.', '/')}.py",
+            ROOT / package / module.replace(".", "/") / "__init__.py",
+        ):
+            if path.is_file():
+                return path.read_text()
+    raise AssertionError(f"no module {module}")

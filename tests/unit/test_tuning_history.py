@@ -1,0 +1,167 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Undo and redo: what is next, what stands in the way, and that nothing grows for ever."""
+
+from __future__ import annotations
+
+import pytest
+
+from bt_agents.errors import Refused
+from bt_agents.tuning.history import (
+    MOST_SHOWN,
+    MOST_UNDONE,
+    Action,
+    Cause,
+    Change,
+    History,
+    Revision,
+)
+from bt_agents.tuning.knobs import Setting
+
+
+class Desk:
+    """Values and their history, as a host keeps them."""
+
+    def __init__(self, **values: Setting) -> None:
+        self.values: dict[str, Setting] = {
+            name.replace("_", ".", 1): v for name, v in values.items()
+        }
+        self.history = History()
+        self.impossible: set[str] = set()
+
+    def set(self, **values: Setting) -> None:
+        self._record(_named(values), Cause(author="test"))
+
+    def undo(self, *agents: str) -> int:
+        found, values = self.history.undo(agents, self._possible)
+        self._record(values, Cause(author="test", action=Action.UNDO, of=found.number))
+        return found.number
+
+    def redo(self, *agents: str) -> int:
+        found, values = self.history.redo(agents, self._possible)
+        self._record(values, Cause(author="test", action=Action.REDO, of=found.number))
+        return found.number
+
+    def _possible(self, name: str, _value: Setting) -> bool:
+        return name not in self.impossible
+
+    def _record(self, values: dict[str, Setting], cause: Cause) -> None:
+        changes = tuple(
+            Change(name=name, before=self.values[name], after=value)
+            for name, value in values.items()
+        )
+        number = self.history.revision + 1
+        self.history.add(Revision(number=number, stamp=0.0, cause=cause, changes=changes))
+        self.values |= values
+
+
+def _named(values: dict[str, Setting]) -> dict[str, Setting]:
+    return {name.replace("_", ".", 1): value for name, value in values.items()}
+
+
+def test_an_undo_gives_back_what_was_and_is_a_revision_itself():
+    desk = Desk(a_x=1)
+    desk.set(a_x=2)
+    assert desk.undo() == 1
+    assert desk.values == {"a.x": 1}
+    assert desk.history.revision == 2
+    assert [(r.number, c.before, c.after) for r, c in desk.history.shown] == [(1, 1, 2), (2, 2, 1)]
+
+
+def test_a_redo_makes_it_again_and_it_can_be_undone_again():
+    desk = Desk(a_x=1)
+    desk.set(a_x=2)
+    desk.undo()
+    desk.redo()
+    assert desk.values == {"a.x": 2}
+    desk.undo()
+    assert desk.values == {"a.x": 1}
+
+
+def test_a_new_change_ends_what_could_be_redone():
+    desk = Desk(a_x=1, b_x=1)
+    desk.set(a_x=2)
+    desk.undo()
+    desk.set(b_x=2)
+    with pytest.raises(Refused, match="NOTHING_TO_REDO: no change to redo"):
+        desk.redo()
+
+
+@pytest.mark.parametrize("word", ["undo", "redo"])
+def test_nothing_to_take_back_is_said(word):
+    with pytest.raises(Refused, match=f"NOTHING_TO_{word.upper()}: no change of a to {word}"):
+        getattr(Desk(a_x=1), word)("a")
+
+
+def test_values_that_were_set_together_are_undone_together():
+    desk = Desk(a_x=1, b_x=1)
+    desk.set(a_x=2, b_x=2)
+    desk.undo("b")
+    assert desk.values == {"a.x": 1, "b.x": 1}
+    desk.redo("a")
+    assert desk.values == {"a.x": 2, "b.x": 2}
+
+
+def test_the_undo_of_an_agent_leaves_later_changes_of_others():
+    desk = Desk(a_x=1, b_x=1)
+    desk.set(a_x=2)
+    desk.set(b_x=2)
+    desk.undo("a")
+    assert desk.values == {"a.x": 1, "b.x": 2}
+    desk.undo()
+    assert desk.values == {"a.x": 1, "b.x": 1}
+    desk.redo("b")
+    assert desk.values == {"a.x": 1, "b.x": 2}
+
+
+def test_a_change_waits_while_a_later_one_of_the_same_value_stands():
+    desk = Desk(a_x=1, b_x=1)
+    desk.set(a_x=2, b_x=2)
+    desk.set(b_x=3)
+    with pytest.raises(Refused, match=r"revision 1 has to wait: b\.x was changed after it"):
+        desk.undo("a")
+    desk.undo("b")
+    desk.undo("a")
+    assert desk.values == {"a.x": 1, "b.x": 1}
+
+
+def test_what_is_not_possible_any_more_is_passed_over_and_named():
+    desk = Desk(a_x=1, b_x=1)
+    desk.set(b_x=2)
+    desk.set(a_x=2)
+    desk.impossible = {"a.x"}
+    assert desk.undo() == 1
+    with pytest.raises(Refused, match=r"revision 2 cannot be: its value of a\.x is not possible"):
+        desk.undo()
+    desk.impossible = set()
+    assert desk.undo() == 2
+
+
+def test_the_tick_rate_belongs_to_no_agent():
+    history = History()
+    change = Change(name="tick_rate", before=20.0, after=30.0)
+    history.add(Revision(number=1, stamp=0.0, cause=Cause(author="x"), changes=(change,)))
+    with pytest.raises(Refused, match="NOTHING_TO_UNDO"):
+        history.undo(["tick_rate"], lambda _n, _v: True)
+    assert history.undo([], lambda _n, _v: True)[1] == {"tick_rate": 20.0}
+
+
+def test_ten_thousand_changes_leave_a_bounded_history():
+    desk = Desk(a_x=0)
+    for value in range(1, 10_001):
+        desk.set(a_x=value)
+    assert desk.history.revision == 10_000
+    assert len(desk.history.undoable) == MOST_UNDONE
+    assert len(desk.history.shown) == MOST_SHOWN
+    for _ in range(MOST_UNDONE):
+        desk.undo()
+    assert desk.values == {"a.x": 10_000 - MOST_UNDONE}
+    with pytest.raises(Refused):
+        desk.undo()
+
+
+def test_an_undo_of_an_unknown_revision_is_refused_and_changes_nothing():
+    history = History()
+    cause = Cause(author="x", action=Action.UNDO, of=7)
+    with pytest.raises(Refused, match="UNKNOWN_REVISION: revision 7"):
+        history.add(Revision(number=1, stamp=0.0, cause=cause, changes=()))
+    assert history.revision == 0

@@ -1,0 +1,70 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Runs whose end nobody has announced wait for the next market, each is told once."""
+
+from __future__ import annotations
+
+import pytest
+
+from bt_agents.ros.unheard import MOST, UnheardRuns
+from bt_agents_interfaces.msg import Run
+
+
+def ended(number: int, epoch: str = "e1", event: int = Run.ENDED) -> Run:
+    return Run(epoch=epoch, round=number, event=event, outcome=Run.CANCELLED)
+
+
+def rounds(runs: list[Run]) -> list[int]:
+    return [run.round for run in runs]
+
+
+def test_a_run_is_for_every_market_but_its_own() -> None:
+    runs = UnheardRuns()
+    runs.keep(ended(1))
+    assert runs.of_others("e1") == []
+    assert rounds(runs.of_others("e2")) == [1]
+
+
+def test_what_was_handed_over_is_forgotten_and_not_kept_again() -> None:
+    runs = UnheardRuns()
+    runs.keep(ended(1))
+    runs.handed_over(runs.of_others("e2"))
+    runs.keep(ended(1))
+    assert runs.of_others("e3") == []
+
+
+@pytest.mark.parametrize("event", [Run.ENDED, Run.REFUSED])
+def test_a_run_that_its_market_has_closed_is_forgotten(event: int) -> None:
+    runs = UnheardRuns()
+    runs.keep(ended(1))
+    runs.keep(ended(2))
+    runs.take_event(ended(1, event=event))
+    assert rounds(runs.of_others("e2")) == [2]
+
+
+def test_a_run_that_its_market_had_given_up_before_it_ended_is_not_kept() -> None:
+    runs = UnheardRuns()
+    runs.take_event(ended(1))
+    runs.keep(ended(1))
+    assert runs.of_others("e2") == []
+
+
+@pytest.mark.parametrize("event", [Run.STARTED, Run.CANCELLING])
+def test_a_run_that_goes_on_is_not_closed(event: int) -> None:
+    runs = UnheardRuns()
+    runs.take_event(ended(1, event=event))
+    runs.keep(ended(1))
+    assert rounds(runs.of_others("e2")) == [1]
+
+
+def test_the_same_round_of_another_market_is_another_run() -> None:
+    runs = UnheardRuns()
+    runs.keep(ended(1))
+    runs.take_event(ended(1, epoch="e0"))
+    assert rounds(runs.of_others("e2")) == [1]
+
+
+def test_only_the_last_ones_are_kept() -> None:
+    runs = UnheardRuns()
+    for number in range(MOST + 3):
+        runs.keep(ended(number))
+    assert rounds(runs.of_others("e2")) == list(range(3, MOST + 3))
