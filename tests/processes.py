@@ -18,7 +18,6 @@ from typing import Any
 import pytest
 from rclpy.action import ActionServer, CancelResponse
 from rclpy.clock import Clock, ClockType
-from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.node import Node
 from rclpy.task import Future
 
@@ -30,6 +29,7 @@ from bt_agents_interfaces.action import Say
 from bt_agents_interfaces.msg import (
     Auction,
     Bids,
+    CallForBids,
     Heartbeat,
     MarketStatus,
     Run,
@@ -41,7 +41,7 @@ from graph import Ros
 from programs import ROOT
 from stage import SPACE, scene
 
-LIMIT_S = float(os.environ.get("H_LIMIT", "60"))
+LIMIT_S = 60.0
 """Until a test gives up waiting for something that hangs [s]."""
 
 BEATS_A_SECOND = 10
@@ -239,6 +239,7 @@ class SilentHost(Node):
         self._beats = self.create_publisher(Heartbeat, "~/heartbeat", qos.EVENTS)
         self.create_timer(0.1, self._beat, clock=Clock(clock_type=ClockType.STEADY_TIME))
         self.create_publisher(Bids, "bids", qos.EVENTS)
+        self.create_subscription(CallForBids, "calls", lambda _call: None, qos.EVENTS)
         self._market = self.create_client(
             RegisterHost, "marketplace/register", qos_profile=qos.SERVICE
         )
@@ -292,14 +293,7 @@ class System:
         self.mouth: Mouth = ros.add(Mouth())
         self.auctions: list[Auction] = ros.collect(Auction, "auctions", qos.HISTORY)
         self.bids: list[Bids] = []
-        self._bidders = 0
-        ros.node.create_subscription(
-            Bids,
-            "bids",
-            self.bids.append,
-            qos.EVENTS,
-            event_callbacks=SubscriptionEventCallbacks(matched=self._count_bidders),
-        )
+        self._bidding = ros.node.create_subscription(Bids, "bids", self.bids.append, qos.EVENTS)
         self.runs: list[Run] = ros.collect(Run, "runs", qos.HISTORY)
         self.ends: list[SceneEnd] = ros.collect(SceneEnd, "scene_ends", qos.HISTORY)
         self.statuses: list[MarketStatus] = ros.collect(MarketStatus, "market", qos.FACTS)
@@ -401,10 +395,8 @@ class System:
         self.until(ready, f"{agents} agents of {hosts} hosts at a market other than '{after}'")
         heard = self._scenes.get_subscription_count
         self.until(lambda: heard() > self._dead_readers, "the market hears scenes")
-        self.until(lambda: self._bidders >= hosts, "the bids of all hosts are heard")
-
-    def _count_bidders(self, info: Any) -> None:
-        self._bidders = info.current_count
+        bidders = self._bidding.get_publisher_count
+        self.until(lambda: bidders() >= hosts, "the bids of all hosts are heard")
 
     def kill_market(self, market: NodeProcess) -> str:
         """Kill the marketplace; return its epoch."""
@@ -418,6 +410,10 @@ class System:
     def scene(self, scene_id: str, **values: float) -> None:
         """Put a scene on the market."""
         self._scenes.publish(scene_to_msg(scene(scene_id, **values)))
+
+    def has_bid(self, host: str, round_number: int) -> bool:
+        """Return whether a host has answered the call of a round."""
+        return any((b.host, b.round) == (host, round_number) for b in self.bids)
 
     def started(self, agent: str = "", *, epoch: str = "") -> list[Run]:
         """Return the starts of runs, of one agent and of one market where they are named."""

@@ -67,6 +67,11 @@ class Market:
         return self._interaction.state if self._interaction else State.IDLE
 
     @property
+    def goal(self) -> Goal | None:
+        """The award of the moment."""
+        return self._interaction.goal if self._interaction else None
+
+    @property
     def hurries(self) -> bool:
         """True while somebody has to answer soon, so that deadlines are worth a close look."""
         calm = self.state in (State.IDLE, State.RUNNING)
@@ -272,7 +277,7 @@ class Market:
     def _describe(self, now: float) -> StatusChanged:
         interaction = self._interaction
         goal = interaction.goal if interaction else None
-        live = self._floor.registry.live(now)
+        live = self._floor.registry.heard(now)
         return StatusChanged(
             state=self.state,
             round=interaction.round if interaction else self._last_round,

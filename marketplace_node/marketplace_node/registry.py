@@ -169,6 +169,10 @@ class Registry:
         """Return the hosts within their lease."""
         return tuple(e for e in self._entries.values() if self.is_live(e.host, e.instance, now))
 
+    def heard(self, now: float) -> tuple[HostEntry, ...]:
+        """Return the hosts within their lease of which a heartbeat was heard."""
+        return tuple(e for e in self.live(now) if self._heard.get(e.host) == e.instance)
+
     def _check_host(self, registration: Registration, now: float) -> None:
         for what, name in (
             ("host", registration.host),

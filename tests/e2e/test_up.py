@@ -12,6 +12,7 @@ from pathlib import Path
 
 import pytest
 
+from processes import shared_memory
 from programs import HANG_S, Program, alive, children
 
 pytestmark = pytest.mark.e2e
@@ -96,6 +97,9 @@ def test_an_unknown_ros_type_is_an_error_at_load_that_names_it(start: Start, tre
     assert re.search(r"silent_text\.yaml:\d+:\d+: error\[.*nav9_msgs/msg/Bool", logs)
 
 
+AT_ONCE_S = 3.0
+"""Two seconds, and some more for a machine that is busy with other tests [s]."""
+
 COMPONENTS = {
     "marketplace": "marketplace_node.node",
     "scene_layer": "scene_layer.node",
@@ -133,8 +137,10 @@ def test_each_killed_component_comes_back_and_then_an_agent_runs_to_its_end(
     (trees / "agents" / "greeter.yaml").write_text(GREETER)
     up = start("up", str(trees), "--no-voice")
     up.until("ready after")
+    left = set()
     for component in COMPONENTS:
         pid = process_of(up, component)
+        left |= shared_memory([pid])
         os.kill(pid, signal.SIGKILL)
         ended = up.until(
             rf"^{component} ended \(killed by signal 9\): starting it again in 0\.5 s"
@@ -150,9 +156,11 @@ def test_each_killed_component_comes_back_and_then_an_agent_runs_to_its_end(
     pids = children(up.process.pid)
     code, seconds = up.stop()
     assert code == 0
-    assert seconds < 2.0
+    assert seconds < AT_ONCE_S
     assert "Traceback" not in up.output
     assert not [pid for pid in pids if alive(pid)]
+    for path in left:  # a killed process cannot remove its own
+        path.unlink(missing_ok=True)
 
 
 def test_a_ctrl_c_while_a_component_waits_for_its_new_start_ends_everything(start: Start) -> None:
@@ -164,10 +172,12 @@ def test_a_ctrl_c_while_a_component_waits_for_its_new_start_ends_everything(star
         if "in 1 s" in up.output:
             break
         up.until("robot is back")
+    backs = up.output.count("robot is back")
     code, seconds = up.stop()
     assert code == 0
-    assert seconds < 2.0
+    assert seconds < AT_ONCE_S
     assert "stopped" in up.output
+    assert up.output.count("robot is back") == backs
     assert "Traceback" not in up.output
 
 

@@ -13,6 +13,7 @@ from processes import BEATS_A_SECOND, NodeProcess, Pulse, SilentHost, System, wr
 
 pytestmark = pytest.mark.e2e
 
+WORDS = ("begins", "ends")
 TREE = """
 sequence:
   - say: {name} begins
@@ -22,12 +23,16 @@ LEO, MIRA = 4.5, 2.0
 
 
 def two_hosts(
-    system: System, tmp_path: Path, leo: str = TREE.format(name="leo")
+    system: System,
+    tmp_path: Path,
+    *,
+    leo: str = TREE.format(name="leo"),
+    bid_deadline: float = 5.0,
 ) -> tuple[NodeProcess, NodeProcess]:
     """Start a market, leo on one host and mira on another; a scene of age 5 is leo's."""
     first = write_trees(tmp_path / "a", leo=(LEO, leo))
     second = write_trees(tmp_path / "b", mira=(MIRA, TREE.format(name="mira")))
-    system.market(first, collect_deadline=0.05)
+    system.market(first, collect_deadline=0.05, bid_deadline=bid_deadline)
     hosts = system.host("agents_a", first), system.host("agents_b", second)
     system.until_ready(hosts=2, agents=2)
     return hosts
@@ -88,7 +93,6 @@ def test_a_host_that_comes_back_from_a_hang_stops_its_tree_and_never_speaks_besi
     host.go_on()
     system.until(lambda: first.count > beats and not first.busy, "leo's host is idle")
     assert system.mouth.texts == ["leo begins", "mira begins"]
-    assert False
     assert system.mouth.sentences[0].how == ("finished" if sentence == "over" else "cancelled")
     assert system.mouth.speaking == ["mira begins"]
     system.mouth.holds = lambda _text: False
@@ -120,25 +124,37 @@ def test_a_host_that_comes_back_from_a_hang_does_not_act_on_a_wait_that_is_over(
     host.go_on()
     system.until(lambda: first.count > beats + 2 and not first.busy, "leo's host is idle")
     assert system.mouth.texts == ["leo begins", "mira begins"]
-    assert False
+
+
+def let_them_speak(system: System, *texts: str) -> None:
+    """Let a tree come to its end, which says these texts."""
+    for text in texts:
+        system.until_speaking(text)
+        system.mouth.finish()
 
 
 def test_a_host_that_hangs_between_bid_and_goal_loses_the_run_and_never_runs_it(
     system: System, tmp_path: Path
 ) -> None:
-    host, _ = two_hosts(system, tmp_path)
+    host, _ = two_hosts(system, tmp_path, bid_deadline=0.5)
     # A third one that is silent keeps every round open, so that the hang comes before the goal.
     silent = system.ros.add(SilentHost())
     silent.register(system.ros)
     first, second = system.pulse("agents_a"), system.pulse("agents_b")
-    for number in range(1, 21):
+    hung = 0
+    for number in range(1, 41):
         system.until_ready(hosts=3, agents=3)
         scene_id = f"s{number}"
         old_person(system, scene_id)
         system.until(
-            lambda n=number: any((b.host, b.round) == ("/agents_a", n) for b in system.bids),
+            lambda n=number: system.has_bid("/agents_a", n) or len(system.auctions) == n,
             f"the bid of leo in round {number}",
         )
+        if len(system.auctions) == number:  # under load, a bid may be late
+            system.until(lambda n=number: len(system.started()) == n, f"start {number}")
+            let_them_speak(system, *(f"{system.started()[-1].agent} {what}" for what in WORDS))
+            system.until_end_of(scene_id)
+            continue
         host.hang()
         hung_at = second.count
         system.until(lambda n=number: len(system.started()) == n, f"start {number}")
@@ -147,30 +163,31 @@ def test_a_host_that_hangs_between_bid_and_goal_loses_the_run_and_never_runs_it(
         assert system.auctions[-1].closed_by == Auction.DEADLINE
         assert (system.started()[-1].agent, system.started()[-1].round) == ("mira", number)
         system.until_speaking("mira begins")
-        beats = first.count
+        said, beats = len(system.mouth.texts), first.count
         host.go_on()
         system.until(
             lambda n=beats: first.count > n + 2 and not first.busy, "leo's host beats and is idle"
         )
-        for text in ("mira begins", "mira ends"):
-            system.until_speaking(text)
-            system.mouth.finish()
+        let_them_speak(system, "mira begins", "mira ends")
         assert system.until_end_of(scene_id).agent == "mira"
-    assert system.mouth.texts == ["mira begins", "mira ends"] * 20
-    assert [run.agent for run in system.started()] == ["mira"] * 20
+        assert system.mouth.texts[said:] == ["mira ends"]
+        hung += 1
+        if hung == 20:
+            return
+    pytest.fail("the bid of leo was late in half of the rounds")
 
 
 def test_a_host_that_is_killed_between_bid_and_goal_is_replaced_by_the_next_best(
     system: System, tmp_path: Path
 ) -> None:
-    host, _ = two_hosts(system, tmp_path)
+    host, _ = two_hosts(system, tmp_path, bid_deadline=0.5)
     silent = system.ros.add(SilentHost())
     silent.register(system.ros)
     system.until_ready(hosts=3, agents=3)
     pulse = system.pulse("agents_b")
     system.until(lambda: pulse.count, "a heartbeat")
     old_person(system, "s1")
-    system.until(lambda: any(b.host == "/agents_a" for b in system.bids), "the bid of leo")
+    system.until(lambda: system.has_bid("/agents_a", 1), "the bid of leo")
     host.kill()
     killed_at = pulse.count
     system.until(system.started, "a start")

@@ -19,7 +19,7 @@ def market_and_hosts(system: System, tmp_path: Path) -> NodeProcess:
         name: write_trees(tmp_path / name, **{name: (age, f"say: {name} speaks")})
         for name, age in (("leo", 4.5), ("mira", 2.0))
     }
-    market = system.market(trees["leo"], collect_deadline=0.05)
+    market = system.market(trees["leo"], collect_deadline=0.05, bid_deadline=5.0)
     system.host("agents_a", trees["leo"])
     system.host("agents_b", trees["mira"])
     system.until_ready(hosts=2, agents=2)

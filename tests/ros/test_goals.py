@@ -4,14 +4,14 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
 import pytest
 import rclpy
-from std_msgs.msg import Bool, String
+from std_msgs.msg import Bool, ByteMultiArray, String
 from std_srvs.srv import SetBool
 
 from bt_agents.engine.goals import GoalTrack
@@ -22,6 +22,7 @@ from bt_agents.ros import qos
 from bt_agents.ros.goals import RosGoal
 from bt_agents.ros.inboxes import DEPTH
 from bt_agents.ros.lookout import MOST_UNCONFIRMED
+from bt_agents.ros.message_view import MessageView
 from bt_agents.ros.world import RosWorld
 from bt_agents_interfaces.action import Ask
 from scripted_server import Script, ScriptedServer, ScriptedService
@@ -71,9 +72,11 @@ class Host:
 
 
 @pytest.fixture
-def host(ros: Any) -> Host:
+def host(ros: Any) -> Iterator[Host]:
     """The world of a host."""
-    return Host(ros)
+    subject = Host(ros)
+    yield subject
+    subject.world.close()
 
 
 def news(ros: Any, host: Host, run: GoalRun) -> GoalState:
@@ -272,6 +275,17 @@ def test_hostile_results_and_feedback_raise_nothing(ros: Any, host: Host) -> Non
     assert len(str(run.result["answer"])) == 10_000_000
     assert run.feedback is not None
     assert set(run.feedback) == {"progress"}
+
+
+def test_of_a_message_only_what_is_looked_at_is_converted() -> None:
+    view = MessageView(ByteMultiArray(data=[b"x"] * 1_000_000))
+    assert set(view) == {"layout", "data"}
+    assert view["layout"] == {"dim": [], "data_offset": 0}
+    assert view["layout"] is view["layout"]
+    assert list(view._converted) == ["layout"]
+    assert "size" not in view
+    with pytest.raises(KeyError):
+        view["size"]
 
 
 def test_a_goal_that_cannot_be_sent_is_unreachable(ros: Any) -> None:

@@ -164,6 +164,7 @@ def test_a_message_becomes_plain_data_and_back():
         "label": "words",
         "person": True,
         "values": [{"name": "mood", "value": 2.0, "origin": 2, "age_s": 0.0}],
+        "urgent": True,
     }
     message = Scene()
     fill(message, plain)

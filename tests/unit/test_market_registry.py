@@ -45,6 +45,7 @@ def test_the_lease_of_a_host_begins_with_its_first_heartbeat_or_after_an_allowan
     registry.register(registration("/others", (PLAIN,)), 0.0)
     registry.beat("/others", "first", 0.1)
 
+    assert [entry.host for entry in registry.heard(0.2)] == ["/others"]
     assert [entry.host for entry in registry.live(1.2)] == ["/agents"]
     assert [entry.host for entry in registry.live(0.99 + FIRST_BEAT_S)] == ["/agents"]
     assert registry.live(1.0 + FIRST_BEAT_S) == ()

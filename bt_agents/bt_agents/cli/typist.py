@@ -36,9 +36,10 @@ class Typist:
     def asks(self, use: Use) -> bool:
         """Return whether a skill is asked for: not for texts that are only said or shown."""
         skill = use.node.skill
-        if skill is None or (skill.main == "text" and not skill.outputs):
+        outputs = likely.returned(use.node)
+        if skill is None or (skill.main == "text" and not outputs):
             return False
-        return bool(skill.outputs) or likely.duration_s(use.node, use.inputs, fails=False) > 0.0
+        return bool(outputs) or likely.duration_s(use.node, use.inputs, fails=False) > 0.0
 
     def answer(self, use: Use) -> ScriptedAnswer | Happening | None:
         """Ask how a skill ends, or what happens first."""

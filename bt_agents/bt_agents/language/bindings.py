@@ -68,8 +68,8 @@ class Outputs:
             what: The output, for messages.
             back: What it may come from.
         """
-        word = node.text.partition(".")[0] if isinstance(node, Scalar) else ""
-        if back.feedback is not None and word == FEEDBACK:
+        told = isinstance(node, Scalar) and node.text.startswith(f"{FEEDBACK}.")
+        if back.feedback is not None and told:
             path = read_output(reading, node, what, back.feedback, FEEDBACK)
             if path is not None:
                 self.feedback[name] = path

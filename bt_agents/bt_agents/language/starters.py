@@ -90,7 +90,7 @@ _CANCELLED = """
   - name: it stops when somebody cancels it
     scene: {scene}
     during:
-      - {{after: 0 s, cancel: the operator}}
+      - {{after: 1 s, cancel: the operator}}
     expect:
       ends: cancelled
 """

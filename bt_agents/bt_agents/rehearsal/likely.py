@@ -3,9 +3,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Mapping
 
-from bt_agents.language.specs import BindingKind, FieldType, NodeSpec, Plain, SkillSpec
+from bt_agents.language.specs import BindingKind, FieldSpec, FieldType, NodeSpec, Plain, SkillSpec
 
 BREATH_S = 0.4
 """Before the first word of a text [s]."""
@@ -51,7 +51,7 @@ def duration_s(node: NodeSpec, inputs: Mapping[str, Plain], *, fails: bool) -> f
     text = inputs.get(skill.main or "")
     rate = _number(inputs.get("rate")) or 1.0
     spoken_s = (BREATH_S + CHARACTER_S * len(str(text or ""))) / rate
-    if not skill.outputs:
+    if not returned(node):
         return spoken_s
     return spoken_s + (_number(inputs.get("wait")) if fails else THINKING_S)
 
@@ -63,17 +63,20 @@ def outputs(node: NodeSpec, inputs: Mapping[str, Plain]) -> dict[str, Plain]:
     """
     if node.skill is None:
         return {}
-    types = {one.name: one.type for one in node.skill.outputs if one.name not in told(node)}
+    types = {one.name: one.type for one in returned(node)}
     types = types or dict.fromkeys(node.outputs, FieldType.ANY)
     choices = inputs.get("choices")
     text = choices[0] if isinstance(choices, tuple | list) and choices else _TEXT
     return {name: _VALUES.get(field_type, text) for name, field_type in types.items()}
 
 
-def told(node: NodeSpec) -> Collection[str]:
-    """Return the outputs of a skill that come while it goes on."""
-    binding = node.skill.binding if node.skill is not None else None
-    return node.feedback if binding is None else binding.feedback
+def returned(node: NodeSpec) -> tuple[FieldSpec, ...]:
+    """Return the outputs of a skill that come with its result."""
+    if node.skill is None:
+        return ()
+    binding = node.skill.binding
+    told = binding.feedback if binding is not None else {}
+    return tuple(one for one in node.skill.outputs if one.name not in told)
 
 
 def _speaks(skill: SkillSpec) -> bool:

@@ -16,7 +16,7 @@ from bt_agents.language.specs import AgentSpec
 from bt_agents.language.walking import every_node
 from bt_agents.reload.versions import Act, AgentVersions, Effect
 from bt_agents.ros import qos
-from bt_agents.ros.audience import is_heard
+from bt_agents.ros.audience import hear_each_other
 from bt_agents.ros.installed import InstalledInterfaces
 from bt_agents.ros.introductions import Introductions
 from bt_agents.ros.live_scene import LiveScene
@@ -78,13 +78,13 @@ class HostNode(GuardedNode):
         self.create_service(
             SetProfile, "~/set_profile", self._set_profile, qos_profile=qos.SERVICE
         )
-        self.create_subscription(CallForBids, "calls", self._bid, qos.EVENTS)
+        self._calls = self.create_subscription(CallForBids, "calls", self._bid, qos.EVENTS)
         self._membership = Membership(
             self,
             self.roster,
             self._runs,
             self.instance,
-            heard=lambda: is_heard(self, self._bids, by="market"),
+            heard=lambda: hear_each_other(self, self._bids, self._calls, partner="market"),
             changed=self._introductions.card,
         )
         self._reloading = Reloading(

@@ -43,7 +43,7 @@ class Membership:
         roster: Its agents.
         runs: Its action.
         instance: This start of the host.
-        heard: Returns whether the market would hear a bid; a host that is not heard yet registers
+        heard: Returns whether calls and bids get through already; if not, the host registers
             after a second all the same.
         changed: Called after the market has taken or refused agents.
 
@@ -146,6 +146,7 @@ class Membership:
     def _hear(self, heartbeat: MarketHeartbeat) -> None:
         now = time.monotonic()
         self._lease.heard(heartbeat.epoch, now)
+        self._runs.hear_market(heartbeat)
         # Two markets of one name must not have the host register ten times a second.
         if heartbeat.epoch != self.epoch and now - self._asked >= _AGAIN_S:
             self._register(heartbeat.epoch)

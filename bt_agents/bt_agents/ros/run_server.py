@@ -24,6 +24,7 @@ from bt_agents.ros.world import RosWorld
 from bt_agents.roster import Roster
 from bt_agents.scene import Scene
 from bt_agents_interfaces.action import RunAgent
+from bt_agents_interfaces.msg import MarketHeartbeat
 from bt_agents_interfaces.msg import Scene as SceneMsg
 from bt_agents_interfaces.msg import StatusChange as StatusChangeMsg
 from bt_agents_interfaces.msg import TreeStatus
@@ -80,6 +81,8 @@ class RunServer:
         self._cancel_reason = ""
         self._stopping = False
         self._held_up = HeldUp(time.monotonic())
+        self._market: MarketHeartbeat | None = None
+        self._given_away = False
         self._period_s = 0.05
         self._pace = Pace(self._period_s, time.monotonic())
         self._at_begin: list[Callable[[Any], None]] = []
@@ -167,6 +170,22 @@ class RunServer:
         self._stopping = True
         self.cancel(reason)
 
+    def hear_market(self, heartbeat: MarketHeartbeat) -> None:
+        """Take a sign of life of a market, which names the run that it knows of."""
+        before, self._market = self._market, heartbeat
+        if self._held_up.sure or self._held_up.wait_s(time.monotonic()):
+            return
+        goal = self.goal
+        if goal is None or goal.epoch != heartbeat.epoch or _names(heartbeat, goal):
+            self._held_up.sure = True
+            if goal is not None:
+                self._set_timer()
+        elif before is not None and not _names(before, goal):
+            # Twice, as the first may be from before the award.
+            self._held_up.sure = True
+            self._given_away = True
+            self.cancel("the market has given its run away")
+
     def _answer_goal(self, goal: Any) -> GoalResponse:
         try:
             self._check(goal)
@@ -195,6 +214,9 @@ class RunServer:
                 "WRONG_INSTANCE",
                 f"meant for instance '{goal.host_instance}', this is '{self._instance}'",
             )
+        market = self._market
+        if market is not None and market.epoch == goal.epoch and market.round > goal.round:
+            raise Refused("OVER", f"the market is at round {market.round} already")
         member = self._roster.member(goal.agent)
         if not member.agent_id or member.agent_id != goal.agent_id:
             raise Refused(
@@ -219,6 +241,7 @@ class RunServer:
         finally:
             self.goal = self._run = self._handle = None
             self._cancel_reason = ""
+            self._given_away = False
         self._node.get_logger().info(
             f"round {goal.round}: {goal.agent} {result.outcome.value}: {result.message}"
         )
@@ -269,7 +292,7 @@ class RunServer:
         now = time.monotonic()
         wait_s = self._pace.due - now
         if not self._cancel_reason:
-            wait_s = max(wait_s, self._held_up.wait_s(now))
+            wait_s = max(wait_s, self._wait_s(now))
         # It rings early rather than never: a period of zero is none.
         self._timer.timer_period_ns = max(1, int(wait_s * 1e9))
         self._timer.reset()
@@ -280,7 +303,7 @@ class RunServer:
         if run is None or run.result is not None:
             return
         began = time.monotonic()
-        if self._held_up.wait_s(began) and not self._cancel_reason:
+        if self._wait_s(began) and not self._cancel_reason:
             # The market may have given the run to another agent meanwhile, and will say so.
             self._set_timer()
             return
@@ -310,11 +333,17 @@ class RunServer:
 
     def _cancel_now(self, run: Run) -> list[StatusChange]:
         reason, clean_up = self._cancel_reason, not self._stopping
-        if self._held_up.wait_s(time.monotonic()):
+        if self._given_away or self._wait_s(time.monotonic()):
             # Another agent may have the robot by now, and must not be talked into.
             reason += f", after this host had been held up for {self._held_up.lasted_s:.1f} s"
             clean_up = False
         return run.cancel(reason, clean_up=clean_up)
+
+    def _wait_s(self, now: float) -> float:
+        """Return how long not to tick, as the market may have given the run away meanwhile [s]."""
+        calm_s = self._held_up.wait_s(now)
+        beats = self._market is not None and self._market.epoch == self.goal.epoch
+        return calm_s if self._held_up.sure or not beats else max(calm_s, _LOOK_S)
 
     def _look(self) -> None:
         self._held_up.wait_s(time.monotonic())
@@ -349,6 +378,10 @@ class RunServer:
         self._status.publish(status)
         if self._handle.is_active:
             self._handle.publish_feedback(RunAgent.Feedback(status=status))
+
+
+def _names(heartbeat: MarketHeartbeat, goal: Any) -> bool:
+    return (heartbeat.round, heartbeat.agent) == (goal.round, goal.agent)
 
 
 def _not_begun(error: Exception) -> RunResult:

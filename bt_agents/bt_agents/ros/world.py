@@ -145,7 +145,11 @@ class RosWorld:
         return self._feedback_requests().give(kind, values, reason)
 
     def close(self) -> None:
-        """Say which feedback of trees has never arrived."""
+        """Leave the actions, which a node does not do; say which feedback has never arrived."""
+        for (kind, _, _), client in self._clients.items():
+            if kind is BindingKind.ACTION:
+                client.destroy()
+        self._clients.clear()
         if self._feedback is not None:
             self._feedback.outbox.close()
 

@@ -105,7 +105,7 @@ class MarketplaceNode(GuardedNode):
         self.create_timer(_HEARTBEAT_S, self._beat, clock=steady)
         self.create_service(RegisterHost, "~/register", self._register, qos_profile=qos.SERVICE)
         self.create_service(CancelRun, "~/cancel", self._cancel, qos_profile=qos.SERVICE)
-        self.create_subscription(BidsMsg, "bids", self._take_bids, qos.EVENTS)
+        self._bids = self.create_subscription(BidsMsg, "bids", self._take_bids, qos.EVENTS)
         self.create_subscription(SceneMsg, "scene", self._take_scene, qos.EVENTS)
         self._carry_out(self._market.tick(self._ticked))
         self.get_logger().info(f"market '{self._market.epoch}' waits for scenes")
@@ -216,8 +216,14 @@ class MarketplaceNode(GuardedNode):
 
     def _beat(self) -> None:
         self._beats += 1
+        goal = self._market.goal
         self._heartbeats.publish(
-            MarketHeartbeat(epoch=self._market.epoch, sequence=self._beats % 2**32)
+            MarketHeartbeat(
+                epoch=self._market.epoch,
+                round=goal.round if goal else 0,
+                agent=goal.agent if goal else "",
+                sequence=self._beats % 2**32,
+            )
         )
 
     def _carry_out(self, effects: list[Effect]) -> None:
@@ -279,10 +285,15 @@ class MarketplaceNode(GuardedNode):
 
     def _publish_calls(self, now: float) -> None:
         for effect, latest in list(self._due_calls.values()):
-            # A message to a host that is still being matched would be lost.
-            if self._calls.get_subscription_count() >= effect.hosts or now >= latest:
+            if self._matched(effect.hosts) or now >= latest:
                 self._due_calls.pop(effect.round, None)
                 self._publish_call(effect, now)
+
+    def _matched(self, hosts: int) -> bool:
+        """Return whether so many hosts hear a call, and are heard; else messages would be lost."""
+        heard = int(self._bids.get_publisher_count())
+        hearing = int(self._calls.get_subscription_count())
+        return min(heard, hearing) >= hosts
 
     def _publish_call(self, effect: OpenCall, now: float) -> None:
         self._calls.publish(

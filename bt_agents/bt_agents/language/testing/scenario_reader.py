@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 from bt_agents.language.diagnostics import did_you_mean, shown
 from bt_agents.language.fields import Fields
@@ -205,9 +205,7 @@ class ScenarioReader:
             return None
         return AnswerRule(key=key, answers=tuple(one for one in answers if one is not None))
 
-    def _answer(
-        self, node: Node, outputs: Mapping[str, FieldType], what: str
-    ) -> ScriptedAnswer | None:
+    def _answer(self, node: Node, outputs: _Outputs, what: str) -> ScriptedAnswer | None:
         if not isinstance(node, MappingNode):
             given = self._given(node, outputs, what)
             return None if given is None else ScriptedAnswer(outputs=given)
@@ -235,10 +233,8 @@ class ScenarioReader:
             given = self._named(fields, outputs)
         return None if given is None else ScriptedAnswer(outputs=given, after_s=after_s)
 
-    def _given(
-        self, node: Node, outputs: Mapping[str, FieldType], what: str
-    ) -> dict[str, Plain] | None:
-        if not outputs:
+    def _given(self, node: Node, outputs: _Outputs, what: str) -> dict[str, Plain] | None:
+        if outputs.main is None:
             self._reading.error(
                 "wrong-type",
                 node,
@@ -246,23 +242,23 @@ class ScenarioReader:
                 "write {after: 3 s}, {fails: why} or {ends: never}",
             )
             return None
-        name, field_type = next(iter(outputs.items()))
+        name, field_type = outputs.main
         value = self.plain(node, field_type, f"'{name}'")
         return None if value is None else {name: value}
 
-    def _named(self, fields: Fields, outputs: Mapping[str, FieldType]) -> dict[str, Plain] | None:
+    def _named(self, fields: Fields, outputs: _Outputs) -> dict[str, Plain] | None:
         values: dict[str, Plain] = {}
         for entry in fields.entries("outputs", "outputs and values"):
             name = entry.key.text
-            if name not in outputs:
+            if name not in outputs.types:
                 self._reading.error(
                     "unknown-name",
                     entry.key,
                     f"there is no output {shown(name)}",
-                    did_you_mean(name, outputs),
+                    did_you_mean(name, outputs.types),
                 )
                 return None
-            values[name] = self.plain(entry.value, outputs[name], f"'{name}'")
+            values[name] = self.plain(entry.value, outputs.types[name], f"'{name}'")
         return values
 
     def _replacement(self, entry: Entry) -> Replacement | None:
@@ -347,14 +343,27 @@ class ScenarioReader:
             )
 
 
-def _outputs(node: NodeSpec) -> dict[str, FieldType]:
-    """Return what a node's skill gives back, the main one first."""
+@dataclass(frozen=True, kw_only=True)
+class _Outputs:
+    """What a skill gives back.
+
+    Attributes:
+        types: Output → its type.
+        main: The first that comes with the result; None when only feedback gives any.
+    """
+
+    types: Mapping[str, FieldType]
+    main: tuple[str, FieldType] | None
+
+
+def _outputs(node: NodeSpec) -> _Outputs:
+    """Return what a node's skill gives back."""
     assert node.skill is not None
     told = node.skill.binding.feedback if node.skill.binding is not None else {}
-    if node.skill.outputs:
-        ordered = sorted(node.skill.outputs, key=lambda output: output.name in told)
-        return {output.name: output.type for output in ordered}
-    return dict.fromkeys(node.outputs, FieldType.ANY)
+    types = {output.name: output.type for output in node.skill.outputs}
+    types = types or dict.fromkeys((*node.outputs, *node.feedback), FieldType.ANY)
+    last = {name: types[name] for name in types if name not in told}
+    return _Outputs(types=types, main=next(iter(last.items()), None))
 
 
 def _without_person(scene: MappingNode) -> MappingNode:

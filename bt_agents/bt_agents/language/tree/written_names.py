@@ -126,8 +126,8 @@ class WrittenNames:
         feedback = MessageFields(self._interfaces, kind, type_name, FEEDBACK)
         for item in entries_of(value.get("outputs")):
             path = item.value.text if isinstance(item.value, Scalar) else ""
-            word, _, field = path.partition(".")
-            if kind is BindingKind.ACTION and word == FEEDBACK:
+            if kind is BindingKind.ACTION and path.startswith(f"{FEEDBACK}."):
+                field = path.removeprefix(f"{FEEDBACK}.")
                 yield item.key.text, item.key, feedback.type_of(field)
             else:
                 yield item.key.text, item.key, message.type_of(path.removeprefix(f"{prefix}."))
