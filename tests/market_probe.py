@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import shutil
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -28,6 +29,9 @@ class Market:
         epoch: Its name; another one is a market that was started anew.
         requests: Registrations so far.
         refuse: Names of agents that it refuses → why.
+        refuses_host: Why it refuses every host; empty to take them.
+        award: Round and agent that its heartbeat names: those of the goal sent last.
+        on_register: Called before a registration is answered.
         bids: Answers to its calls so far.
     """
 
@@ -37,6 +41,9 @@ class Market:
         self.epoch = "e1"
         self.requests: list[Any] = []
         self.refuse: dict[str, str] = {}
+        self.refuses_host = ""
+        self.award = (0, "")
+        self.on_register: Callable[[], None] = lambda: None
         self._status = node.create_publisher(MarketStatus, "market", qos.FACT)
         self._calls = node.create_publisher(CallForBids, "calls", qos.EVENTS)
         self.bids = ros.collect(Bids, "bids", qos.EVENTS)
@@ -59,7 +66,9 @@ class Market:
 
     def _register(self, request: Any, response: Any) -> Any:
         self.requests.append(request)
-        response.accepted = True
+        self.on_register()
+        response.accepted = not self.refuses_host
+        response.message = self.refuses_host
         response.epoch = self.epoch
         response.reasons = [self.refuse.get(name, "") for name in request.agents]
         response.agent_ids = [
@@ -73,7 +82,8 @@ class Market:
 
     def beat(self) -> None:
         """Give a sign of life."""
-        self._heart.publish(MarketHeartbeat(epoch=self.epoch))
+        number, agent = self.award
+        self._heart.publish(MarketHeartbeat(epoch=self.epoch, round=number, agent=agent))
 
     def live(self) -> None:
         """Give signs of life from now on."""
@@ -83,9 +93,9 @@ class Market:
         """Give none any more."""
         self._beats.cancel()
 
-    def announce(self, round_number: int, event: int = Run.ENDED) -> None:
+    def announce(self, round_number: int, agent: str, event: int = Run.ENDED) -> None:
         """Say what has become of a run."""
-        self._runs.publish(Run(epoch=self.epoch, round=round_number, event=event))
+        self._runs.publish(Run(epoch=self.epoch, round=round_number, agent=agent, event=event))
 
     def call(self, round_number: int = 1, **changes: Any) -> None:
         """Call for bids."""
@@ -119,6 +129,7 @@ class Market:
     def send(self, goal: RunAgent.Goal) -> Any:
         """Send a goal; return its handle when the host has answered."""
         self.ros.until(self.action.server_is_ready)
+        self.award = (goal.round, goal.agent)
         future = self.action.send_goal_async(goal)
         self.ros.until(future.done)
         return future.result()

@@ -358,6 +358,22 @@ class System:
             assert not crashed, f"{crashed} ended while the test waited for {what}"
             self.ros.executor.spin_once(timeout_sec=0.05)
 
+    def ask(self, client: Any, request: Any) -> Any:
+        """Call a service of a process, again and again: what the graph shows may be dead."""
+        asked = time.monotonic()
+        answers = [client.call_async(request)]
+
+        def answered() -> bool:
+            nonlocal asked
+            if time.monotonic() - asked > 1.0:
+                asked = time.monotonic()
+                answers.append(client.call_async(request))
+            return any(answer.done() for answer in answers)
+
+        self.until(client.service_is_ready, f"{client.srv_name} is there")
+        self.until(answered, f"an answer of {client.srv_name}")
+        return next(answer.result() for answer in answers if answer.done())
+
     def told(self) -> str:
         """Return what has happened so far, in words."""
         lines = [

@@ -6,6 +6,7 @@ from __future__ import annotations
 import fcntl
 import os
 import tempfile
+import time
 from contextlib import suppress
 from pathlib import Path
 
@@ -41,6 +42,8 @@ def reserve_domain() -> int:
 
 
 _LONGEST_WORDS = 300
+_TRIES = 3
+_TRY_S = 0.02
 
 
 def hold_domain(domain: int, who: str) -> None:
@@ -53,25 +56,63 @@ def hold_domain(domain: int, who: str) -> None:
     Raises:
         BtAgentsError: Another process of this machine holds it, or the lock file cannot be used.
     """
-    path = Path(tempfile.gettempdir()) / f"bt-agents-system-{domain}.lock"
+    path = _lock_file(domain)
     try:
         lock = _open_lock(path)
     except OSError as error:
         raise BtAgentsError(
             f"the lock file {path} cannot be opened ({error.strerror}); remove it"
         ) from None
-    try:
-        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError:
-        other = os.pread(lock, _LONGEST_WORDS, 0).decode(errors="replace").strip()
+    if not _locked(lock):
+        other = _words(lock)
         os.close(lock)
         raise BtAgentsError(
-            f"a system already runs on ROS domain {domain}: {other or 'it says no name'}; end it, "
-            "or set ROS_DOMAIN_ID to another number",
-        ) from None
+            f"a system already runs on ROS domain {domain}: {other}; end it, or set ROS_DOMAIN_ID "
+            "to another number",
+        )
     with suppress(OSError):  # another user's file cannot be written, the lock holds all the same
         os.ftruncate(lock, 0)
         os.pwrite(lock, f"{who}\n".encode()[:_LONGEST_WORDS], 0)
+
+
+def holder(domain: int) -> str:
+    """Return who runs a system on a domain, in the words of :func:`hold_domain`.
+
+    Empty when no process of this machine does.
+    """
+    try:
+        lock = os.open(_lock_file(domain), os.O_RDONLY | os.O_NOFOLLOW)
+    except OSError:
+        return ""
+    try:
+        fcntl.flock(lock, fcntl.LOCK_SH | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return _words(lock)
+    else:
+        return ""
+    finally:
+        os.close(lock)
+
+
+def _lock_file(domain: int) -> Path:
+    return Path(tempfile.gettempdir()) / f"bt-agents-system-{domain}.lock"
+
+
+def _locked(lock: int) -> bool:
+    """Return whether the lock is ours now; :func:`holder` may have it for an instant."""
+    for _ in range(_TRIES):
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            time.sleep(_TRY_S)
+        else:
+            return True
+    return False
+
+
+def _words(lock: int) -> str:
+    words = os.pread(lock, _LONGEST_WORDS, 0).decode(errors="replace").strip()
+    return words or "a process that says no name"
 
 
 def _open_lock(path: Path) -> int:

@@ -92,6 +92,9 @@ class Watch:
     Between two live scenes the last one counts, so a hold can complete while nothing arrives. A
     longer silence than the lease means that nothing is known any more: what has held until then
     has to hold anew for its whole time after it.
+
+    Attributes:
+        lease_s: A live scene counts for so long after it has come [s].
     """
 
     def __init__(
@@ -119,7 +122,7 @@ class Watch:
         self._space = space
         self._clock = clock
         self._not_before = clock() + settle_s
-        self._lease_s = lease_s
+        self.lease_s = lease_s
         self._mood = mood.at_start(awarded, space)
         self._live: Scene | None = None
         self._live_at = clock()
@@ -156,7 +159,7 @@ class Watch:
         now = self._clock()
         if self._live is None or now < self._not_before:
             return ()
-        if now - self._live_at > self._lease_s:
+        if now - self._live_at > self.lease_s:
             self._since.clear()
             return ()
         fired = []

@@ -37,6 +37,7 @@ class Card:
     """One host's card as received, unchecked; see ``HostCard.msg``."""
 
     host: str
+    instance: str
     parameters: tuple[str, ...]
     agents: tuple[AgentEntry, ...]
 

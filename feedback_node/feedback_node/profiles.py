@@ -15,6 +15,9 @@ from feedback_node.cards import Agent, Card, read_card
 from feedback_node.ledger import Cause, Ledger, Revision
 from feedback_node.runs import Run
 
+MOST_HOSTS = 100
+"""Hosts whose agents are known at once."""
+
 _LONGEST_TEXT = 1000
 _RULES = {
     Kind.DIRECT: learning.direct,
@@ -66,19 +69,32 @@ class Profiles:
         self.space = space
         self._ledger = ledger
         self._agents: dict[str, Agent] = {}
+        self._starts: dict[str, str] = {}
         self._current: dict[str, Revision] = {}
 
     def introduce(self, card: Card) -> tuple[tuple[Delivery, ...], tuple[str, ...]]:
         """Take a host's card.
 
+        One without agents is of a start that the market does not have: it takes nothing away from
+        another start of the same name.
+
         Returns:
             What the host has yet to learn, and the problems of its agents in words.
 
         Raises:
-            Refused: The card as a whole is not taken; see :func:`read_card` and
-                :meth:`Ledger.enter`.
+            Refused: The card as a whole is not taken: ``TOO_MANY_HOSTS``, or see
+                :func:`read_card` and :meth:`Ledger.enter`.
         """
         agents, problems = read_card(card, self.space)
+        hosts = self.hosts
+        if not card.agents and self._starts.get(card.host, card.instance) != card.instance:
+            return (), ()
+        if card.host not in hosts and len(hosts) >= MOST_HOSTS:
+            raise Refused(
+                "TOO_MANY_HOSTS",
+                f"card of {card.host}: agents of {len(hosts)} hosts are known, expected "
+                f"{MOST_HOSTS} at most; restart the feedback node when most of them are gone",
+            )
         news = {
             agent.name: self._named(agent.authored)
             for agent in agents
@@ -90,6 +106,8 @@ class Profiles:
         for name, known in list(self._agents.items()):
             if known.host == card.host and name not in listed:
                 del self._agents[name], self._current[name]
+        self._starts = {host: start for host, start in self._starts.items() if host in hosts}
+        self._starts[card.host] = card.instance
         self._current.update(entered)
         deliveries, more = [], []
         for agent in agents:
@@ -122,6 +140,11 @@ class Profiles:
             known = ", ".join(sorted(self._agents)) or "none yet"
             raise Refused("UNKNOWN_AGENT", f"no agent '{name}'; known are: {known}")
         return self._agents[name]
+
+    @property
+    def hosts(self) -> frozenset[str]:
+        """The hosts at which agents are known."""
+        return frozenset(agent.host for agent in self._agents.values())
 
     def knows(self, name: str) -> bool:
         """Return True when a card has introduced the agent."""

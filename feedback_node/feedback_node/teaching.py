@@ -79,7 +79,7 @@ class Teaching:
             lease_s: A live scene counts for so long after it has come [s].
         """
         self.profiles = profiles
-        self.lease_s = lease_s
+        self._lease_s = lease_s
         self._clock = clock
         self._new_id = new_id
         self._simulated = simulated
@@ -88,6 +88,16 @@ class Teaching:
         self._watch: Watch | None = None
         self._settle_s = 0.0
         self._card_awaited = False
+
+    def set_lease(self, seconds: float) -> None:
+        """Let a live scene count for so long after it has come [s], from now on."""
+        self._lease_s = seconds
+        if self._watch is not None:
+            self._watch.lease_s = seconds
+
+    def runs(self, run: Run) -> bool:
+        """Return True while a run goes on."""
+        return self._runs.current is not None and self._runs.current.key == run.key
 
     @property
     def watching(self) -> bool:
@@ -120,7 +130,7 @@ class Teaching:
 
     def cancelling(self, run: Run) -> None:
         """Watch a run no more: what the person does while it is being stopped teaches nothing."""
-        if self._runs.current is not None and self._runs.current.key == run.key:
+        if self.runs(run):
             self._stop_watching()
 
     def ended(self, run: Run) -> None:
@@ -223,7 +233,7 @@ class Teaching:
                 self.profiles.space,
                 self._clock,
                 self._settle_s,
-                self.lease_s,
+                self._lease_s,
             )
 
     def _stop_watching(self) -> None:

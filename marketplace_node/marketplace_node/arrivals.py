@@ -7,7 +7,7 @@ from collections import deque
 
 from bt_agents.errors import Refused
 from bt_agents.scene import Scene
-from marketplace_node.award import PREEMPTED, SHUTTING_DOWN, Stop
+from marketplace_node.award import PREEMPTED, SHUTTING_DOWN, STOPPED, Stop
 from marketplace_node.challenge import Challenge
 from marketplace_node.effects import SceneEnded, State
 from marketplace_node.floor import Floor
@@ -75,11 +75,23 @@ class Arrivals:
         while (scene := self.next()) is not None:
             self.refuse(scene.scene_id, SHUTTING_DOWN, reason)
 
+    def forget(self, reason: str, now: float) -> str:
+        """End all scenes that wait, as somebody wants an end; return it in words."""
+        self._give_up_challenge(reason, now)
+        count = len(self._line)
+        while (scene := self.next()) is not None:
+            self.refuse(scene.scene_id, STOPPED, f"stopped while it waited: {reason}")
+        noun = "scene that waited is" if count == 1 else "scenes that waited are"
+        return f"; {count} {noun} forgotten" if count else ""
+
     def mind(self, interaction: Interaction | None, now: float) -> None:
         """Decide the challenge that is due, and open those that are allowed now."""
         if not _running(interaction) and self._challenge is not None:
             ends = interaction is not None and interaction.state is State.CANCELLING
             self._give_up_challenge("the run is being stopped" if ends else "the run ended", now)
+        if self._challenge is not None and not self._preempts:
+            mode = self._floor.settings.on_new_scene
+            self._give_up_challenge(f"on_new_scene is '{mode}' now", now)
         while interaction is not None and _running(interaction):
             if self._challenge is None:
                 waiting = self._line.unasked() if self._preempts else None

@@ -53,6 +53,7 @@ class Award:
     Attributes:
         goal: What the host is to run.
         scene: For which scene.
+        held: Why the goal is not sent yet; empty once it is.
         accepted: True once the host has taken the goal.
         started: When it was taken, steady time [s]; None for one that was stopped before.
         stop: Why it has to stop; None while it has not.
@@ -61,6 +62,7 @@ class Award:
 
     goal: Goal
     scene: Scene
+    held: str = ""
     accepted: bool = False
     started: float | None = None
     stop: Stop | None = None

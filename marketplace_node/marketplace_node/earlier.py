@@ -23,7 +23,7 @@ MAX_RUNS = 10
 ASK_AGAIN_S = 10.0
 """A person waits about this long for a robot that has broken off in the middle [s]."""
 
-GATHER_S = 0.5
+GATHER_S = 1.5
 """After that long the hosts of a restarted market have registered and hear its calls [s]."""
 
 AGAIN = "+again"
@@ -41,7 +41,7 @@ class EarlierRuns:
 
     def __init__(self, floor: Floor) -> None:
         self._floor = floor
-        self._runs: deque[tuple[str, int]] = deque(maxlen=_REMEMBERED)
+        self._runs: deque[tuple[str, int, str]] = deque(maxlen=_REMEMBERED)
         self._scenes: deque[tuple[str, str]] = deque(maxlen=_REMEMBERED)
         self._again: list[tuple[float, Scene]] = []
 
@@ -50,6 +50,10 @@ class EarlierRuns:
         scenes = [scene for at, scene in self._again if now >= at]
         self._again = [(at, scene) for at, scene in self._again if now < at]
         return scenes
+
+    def excuse(self, lasted_s: float) -> None:
+        """Wait longer, as nobody has listened for so long [s]."""
+        self._again = [(at + lasted_s, scene) for at, scene in self._again]
 
     def take(
         self, host: str, runs: Iterable[EarlierRun], now: float, *, obstacle: str = ""
@@ -78,7 +82,7 @@ class EarlierRuns:
                 self._end(origin, run, run.outcome, words)
 
     def _is_new(self, host: str, run: EarlierRun) -> bool:
-        which = (run.epoch, run.goal.round)
+        which = (run.epoch, run.goal.round, run.goal.agent)
         said = f"{host} says how the run of round {run.goal.round} of market '{run.epoch}' ended"
         if run.epoch == self._floor.epoch:
             self._note(f"{said}, but this market knows its own runs; it is left out")

@@ -60,6 +60,13 @@ class Connect:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Disconnect:
+    """Reach a host no more, as it is forgotten."""
+
+    host: str
+
+
+@dataclass(frozen=True, kw_only=True)
 class OpenCall:
     """Publish the call for bids as soon as all hosts hear it, then report ``called``."""
 
@@ -91,6 +98,13 @@ class CancelGoal:
     """Cancel a goal, or drop it when it has not been sent yet."""
 
     goal: Goal
+
+
+@dataclass(frozen=True, kw_only=True)
+class CancelAll:
+    """Cancel whatever runs at a host, as none of it is known."""
+
+    host: str
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -183,10 +197,12 @@ class Note:
 
 Effect = (
     Connect
+    | Disconnect
     | OpenCall
     | PublishAuction
     | SendGoal
     | CancelGoal
+    | CancelAll
     | AnnounceRun
     | AnnounceEarlierRun
     | Collect

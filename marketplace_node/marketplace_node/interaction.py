@@ -29,6 +29,9 @@ NOT_TAKEN = "NOT_TAKEN"
 _REPORTED = (RunOutcome.SUCCEEDED, RunOutcome.FAILED, RunOutcome.CANCELLED)
 _STOPPABLE = (RunOutcome.CANCELLED, RunOutcome.LOST)
 
+_AS_TOLD = "the market stopped it"
+"""What a host says of a run that it stopped only because it was told to."""
+
 
 class Interaction:
     """Conducts one interaction; whoever drives it calls nothing more once ``over`` is set.
@@ -73,7 +76,8 @@ class Interaction:
         agent = self.goal.agent if self.goal else ""
         match self.state:
             case State.AWARDING:
-                return f"{agent} gets the run"
+                held = self._award.held if self._award else ""
+                return f"{agent} gets the run" + (f", but {held}" if held else "")
             case State.RUNNING:
                 return f"{agent} is running"
             case State.CANCELLING:
@@ -93,7 +97,8 @@ class Interaction:
         """The host has taken the goal; one that nobody waits for any more is cancelled."""
         award = self._waiting(goal)
         if award is None:
-            self._floor.give_up(goal, f"it took the run of round {goal.round} too late", now)
+            late = f"it took the run of round {goal.round} too late"
+            self._floor.give_up(goal, late, now, runs=True)
         elif not award.accepted:
             award.accepted = True
             self._floor.count_run(goal.agent)
@@ -119,7 +124,8 @@ class Interaction:
             self._floor.ended(goal)
         elif end.outcome in _REPORTED:
             if award.stop is not None and end.outcome == RunOutcome.CANCELLED:
-                end = replace(end, message=f"{award.stop.reason} ({end.message})")
+                more = "" if end.message == _AS_TOLD else f" ({end.message})"
+                end = replace(end, message=f"{award.stop.reason}{more}")
             self._end(award, RunOutcome(end.outcome), end, now)
         else:
             message = f"the host reported the unknown outcome {end.outcome}; {end.message}"
@@ -135,11 +141,24 @@ class Interaction:
         elif award.unheard_since is None:
             award.unheard_since = now
 
+    def excuse(self, lasted_s: float) -> None:
+        """Move all deadlines, as nobody has listened for so long [s]."""
+        if self.open_round is not None:
+            self.open_round.excuse(lasted_s)
+        if self._deadline is not None:
+            self._deadline += lasted_s
+        if self._award is not None and self._award.unheard_since is not None:
+            self._award.unheard_since += lasted_s
+
     def collected(self, message: str) -> None:
         """The feedback service has answered, or will not answer; ``message`` says which."""
         if self.state is State.COLLECTING:
             self._last_words += f"; {message}"
             self._proceed()
+
+    def kept(self) -> None:
+        """The feedback service is away, and its answer is not waited for."""
+        self.collected("feedback is kept until the feedback node is back")
 
     def stop(self, stop: Stop, now: float) -> tuple[bool, str]:
         """Stop what is going on; return whether it will, and the answer in words."""
@@ -158,11 +177,16 @@ class Interaction:
         award.stop = stop if award.accepted else replace(stop, again=False)
         self._enter(State.CANCELLING, self._deadline)
         self._floor.effects.append(award.event(RunEventKind.CANCELLING, stop.reason))
+        if award.held:
+            self._not_taken(award, award.held, now)
+            return True, f"{award.goal.agent} does not begin"
         self._cancel(award, now)
         return True, f"{award.goal.agent} is told to stop"
 
     def go_on(self, now: float) -> None:
-        """Open the follow-up round that is due, once all else is done about the last run."""
+        """Send the goal or open the round that is due, once all else is done."""
+        if self._award is not None and self._award.held:
+            self._send(self._award, now)
         if self.state is State.BIDDING and self._again is not None:
             self._open(self._again, now, follows=self.round)
 
@@ -183,7 +207,8 @@ class Interaction:
             return
         host = award.goal.host
         if not self._floor.registry.is_live(host, award.goal.instance, now):
-            self._floor.give_up(award.goal, award.unfinished, now)
+            if not award.held:
+                self._floor.give_up(award.goal, award.unfinished, now, runs=award.accepted)
             gone = f"{host} is gone: no heartbeat"
             if award.accepted:
                 self._lose(award, gone, now)
@@ -200,13 +225,14 @@ class Interaction:
         award = self._award
         assert award is not None, "outside of a round only an award has a deadline"
         if self.state is State.COLLECTING:
-            self.collected("feedback is kept until the feedback node is back")
+            self.kept()
         elif award.accepted:
-            self._floor.give_up(award.goal, award.unfinished, now)
+            self._floor.give_up(award.goal, award.unfinished, now, runs=True)
             limit = settings.cancel_deadline_s
             self._lose(award, f"it did not end within {limit:g} s after it was told to stop", now)
         else:
-            self._floor.give_up(award.goal, "it has not said whether it takes a run", now)
+            silent = "it has not said whether it takes a run"
+            self._floor.give_up(award.goal, silent, now, runs=False)
             limit = settings.goal_deadline_s
             self._not_taken(award, f"{award.goal.host} did not answer within {limit:g} s", now)
 
@@ -246,10 +272,22 @@ class Interaction:
             if obstacle:
                 self._decline(self._award, obstacle)
                 continue
-            self._enter(State.AWARDING, now + self._floor.settings.goal_deadline_s)
-            self._floor.effects.append(SendGoal(goal=goal, scene=decision.terms.scene))
+            self._send(self._award, now)
             return
         self._finish(NOT_TAKEN, f"nobody took the run: {'; '.join(self._not_taken_by)}")
+
+    def _send(self, award: Award, now: float) -> None:
+        """Send the goal, unless another host still has the robot."""
+        obstacle = self._floor.obstacle(award.goal, now)
+        if obstacle:
+            self._not_taken(award, obstacle, now)
+            return
+        award.held = self._floor.in_the_way(award.goal.host, now)
+        if award.held:
+            self._enter(State.AWARDING)
+            return
+        self._enter(State.AWARDING, now + self._floor.settings.goal_deadline_s)
+        self._floor.effects.append(SendGoal(goal=award.goal, scene=award.scene))
 
     def _decline(self, award: Award, reason: str) -> None:
         self._not_taken_by.append(f"{award.goal.agent} ({reason})")

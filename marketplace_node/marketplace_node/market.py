@@ -110,6 +110,8 @@ class Market:
         """Enter a host; ``Connect`` follows when it has to be reached anew."""
         registry = self._floor.registry
         before = registry.get(registration.host)
+        if before is None and (dead := registry.replaceable(now)):
+            self._floor.forget(dead)
         answer = registry.register(registration, now)
         entry = registry.get(registration.host)
         if answer.accepted and entry is not None:
@@ -130,14 +132,19 @@ class Market:
     ) -> list[Effect]:
         """A host is alive and says which run it is busy with; round 0 means none."""
         if self._floor.registry.beat(host, instance, now):
-            self._floor.heartbeat(host, epoch, round_number, now)
+            self._floor.heartbeat(host, epoch, round_number, self._under_way, now)
             if self._interaction is not None:
                 self._interaction.heard(host, epoch, round_number, now)
         return self._settle(now)
 
     def excuse(self, since: float, now: float) -> list[Effect]:
-        """Renew the leases: the market itself has not listened since ``since``."""
-        self._floor.registry.excuse(since, now)
+        """Renew leases and move deadlines: the market itself has not listened since ``since``."""
+        self._floor.excuse(since, now)
+        self._earlier.excuse(now - since)
+        if self._interaction is not None:
+            self._interaction.excuse(now - since)
+        if self._arrivals.open_round is not None:
+            self._arrivals.open_round.excuse(now - since)
         return self._settle(now)
 
     def called(self, round_number: int, now: float) -> list[Effect]:
@@ -174,7 +181,8 @@ class Market:
         if self._interaction is not None:
             self._interaction.accepted(goal, now)
         else:
-            self._floor.give_up(goal, f"it took the run of round {goal.round} too late", now)
+            late = f"it took the run of round {goal.round} too late"
+            self._floor.give_up(goal, late, now, runs=True)
         return self._settle(now)
 
     def goal_refused(self, goal: Goal, reason: str, now: float) -> list[Effect]:
@@ -197,6 +205,12 @@ class Market:
             self._interaction.collected(message)
         return self._settle(now)
 
+    def kept(self, round_number: int, now: float) -> list[Effect]:
+        """The feedback service is away; it is asked until it has answered, without the market."""
+        if self._interaction is not None and round_number == self._interaction.round:
+            self._interaction.kept()
+        return self._settle(now)
+
     def cancel(
         self, epoch: str, round_number: int, stop: Stop, now: float
     ) -> tuple[bool, str, list[Effect]]:
@@ -204,7 +218,7 @@ class Market:
 
         Args:
             epoch: Market of the run; empty for this one.
-            round_number: Round of the run; 0 for whatever runs.
+            round_number: Round of the run; 0 for whatever runs, and for the scenes that wait.
             stop: Why, and whether to ask again.
             now: Steady time [s].
 
@@ -221,6 +235,8 @@ class Market:
             message = f"round {round_number} does not run; the current one is {current}"
         else:
             accepted, message = self._interaction.stop(stop, now)
+            if accepted and round_number == 0 and not stop.again:
+                message += self._arrivals.forget(stop.reason, now)
         return accepted, message, self._settle(now)
 
     def tick(self, now: float) -> list[Effect]:
@@ -229,6 +245,11 @@ class Market:
         if self._interaction is not None:
             self._interaction.tick(now)
         return self._settle(now)
+
+    @property
+    def _under_way(self) -> Goal | None:
+        """The award whose run has not ended."""
+        return None if self.state is State.COLLECTING else self.goal
 
     def _check_host(self, now: float) -> list[Effect]:
         if self._interaction is not None:

@@ -61,6 +61,10 @@ class OpenRound:
         self._opened = now
         self._deadline = now + self._limit_s
 
+    def excuse(self, lasted_s: float) -> None:
+        """Move the deadline, as nobody has listened for so long [s]."""
+        self._deadline += lasted_s
+
     def take(self, bids: Bids) -> None:
         """Take a host's answer, whatever it looks like."""
         self._auction.take(bids)

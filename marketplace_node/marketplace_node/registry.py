@@ -13,6 +13,9 @@ _AGENT_NAME = re.compile(r"[a-z][a-z0-9_]*")
 _ROS_NAME = re.compile(r"(/(?!\w*__)[A-Za-z_][A-Za-z0-9_]*)+", re.ASCII)
 _MAX_NAME = 180
 
+MOST_HOSTS = 100
+"""Hosts that are known; a new one takes the place of the one that is gone for longest."""
+
 FIRST_BEAT_S = 3.0
 """A start of a host that was never heard is alive for so long beyond its lease [s].
 
@@ -127,6 +130,13 @@ class Registry:
             message += f"; {refused_count} refused"
         return Answer(accepted=True, agent_ids=tuple(ids), reasons=tuple(reasons), message=message)
 
+    def replaceable(self, now: float) -> str:
+        """Return the host to forget before another one can be entered; empty for none."""
+        if len(self._entries) < MOST_HOSTS:
+            return ""
+        longest = min(self._entries.values(), key=lambda entry: self._seen[entry.host])
+        return "" if self.is_live(longest.host, longest.instance, now) else longest.host
+
     def remove(self, host: str) -> None:
         """Forget a host; its agents keep their ids."""
         self._entries.pop(host, None)
@@ -185,6 +195,12 @@ class Registry:
                     f"{what} is '{name[:_MAX_NAME]}', expected a fully qualified ROS name of at "
                     f"most {_MAX_NAME} characters such as /agents/run",
                 )
+        if registration.host not in self._entries and len(self._entries) >= MOST_HOSTS:
+            raise Refused(
+                "TOO_MANY_HOSTS",
+                f"{len(self._entries)} hosts are alive, at most {MOST_HOSTS} may be; let one host "
+                "have more agents",
+            )
         if not registration.instance:
             raise Refused(
                 "NO_INSTANCE", "host_instance is empty; give every start of the host another one"

@@ -35,7 +35,8 @@ class Settings:
         bid_deadline_s: From the call to the close of a round [s].
         host_lease_s: A host without a heartbeat for this long is gone [s].
         goal_deadline_s: Time for a host to take or refuse a goal [s].
-        cancel_deadline_s: Time for a run to end after it was told to stop [s].
+        cancel_deadline_s: Time for a run to end after it was told to stop; longer than what a
+            host needs for clean-up and open goals together [s].
         collect_deadline_s: Time for the feedback service to answer [s].
         on_new_scene: What happens to a scene that comes during an interaction.
         queue_limit: How many scenes may wait.
@@ -52,7 +53,7 @@ class Settings:
     bid_deadline_s: float = 0.5
     host_lease_s: float = 0.8
     goal_deadline_s: float = 2.0
-    cancel_deadline_s: float = 5.0
+    cancel_deadline_s: float = 6.5
     collect_deadline_s: float = 2.0
     on_new_scene: str = "queue"
     queue_limit: int = 10

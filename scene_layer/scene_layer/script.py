@@ -8,8 +8,14 @@ from dataclasses import dataclass
 
 from bt_agents.language.specs import Change, Script, Visit
 
+AGAIN = "+again"
+"""Ends the id of a scene that a restarted market asks for again by itself."""
+
 TAKEN_WITHIN_S = 5.0
 """A market that stays idle this long after a scene was sent has not got it [s]."""
+
+AGAIN_WITHIN_S = 10.0
+"""A restarted market that stays idle this long will not ask for the scene again [s]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -25,8 +31,9 @@ class Market:
 class Performance:
     """Plays the visits of a script one after the other, each until the market has finished it.
 
-    A visit is begun again when the market was restarted meanwhile or did not take its scene, so a
-    play neither hangs nor skips a visit.
+    A visit whose run a restarted market takes up again goes on as that. It is begun again when the
+    restarted market knows nothing of it, or when its scene was not taken, so a play neither hangs
+    nor skips a visit, nor serves a visitor twice.
 
     Example:
         The owner reports what happens and asks what to do: ``market`` and ``over`` at every
@@ -50,6 +57,7 @@ class Performance:
         self._index = 0
         self._epoch = ""
         self._begun_at = math.inf
+        self._limit_s = TAKEN_WITHIN_S
         self._scene_id = ""
         self._started_at: float | None = None
         self._changes: list[Change] = []
@@ -76,14 +84,17 @@ class Performance:
         if market.idle and not was_idle:
             self._idle_since = now
         self._market = market
+        if self._under_way and market.epoch != self._epoch:
+            self._epoch = market.epoch
+            self._begun_at = now
+            self._limit_s = AGAIN_WITHIN_S
+            self._started_at = None
 
     def over(self) -> bool:
         """Return True once when the visit under way is over."""
         if not self._under_way or self._market is None:
             return False
-        if self._market.epoch != self._epoch:
-            self._under_way = False
-        elif self._scene_id and self._market.finished_scene_id == self._scene_id:
+        if self._is_of_visit(self._market.finished_scene_id):
             self._under_way = False
             self._index += 1
         return not self._under_way
@@ -92,7 +103,7 @@ class Performance:
         """Return True once when the market leaves the scene of the visit lying about."""
         if not self._under_way or self._market is None or not self._market.idle:
             return False
-        self._under_way = now - max(self._idle_since, self._begun_at) <= TAKEN_WITHIN_S
+        self._under_way = now - max(self._idle_since, self._begun_at) <= self._limit_s
         return not self._under_way
 
     def next(self, now: float) -> Visit | None:
@@ -104,6 +115,7 @@ class Performance:
         self._under_way = True
         self._epoch = self._market.epoch
         self._begun_at = now
+        self._limit_s = TAKEN_WITHIN_S
         self._scene_id = ""
         self._started_at = None
         return self.visit
@@ -116,7 +128,7 @@ class Performance:
     def started(self, scene_id: str, now: float) -> None:
         """Take the start of a run; the first one of the visit starts its clock."""
         visit = self.visit
-        if visit is None or not self._scene_id or scene_id != self._scene_id:
+        if visit is None or not self._is_of_visit(scene_id):
             return
         if self._started_at is None:
             self._changes = sorted(visit.changes, key=lambda change: change.after_s)
@@ -130,6 +142,10 @@ class Performance:
         changes = [change for change in self._changes if change.after_s <= elapsed]
         self._changes = self._changes[len(changes) :]
         return changes
+
+    def _is_of_visit(self, scene_id: str) -> bool:
+        ids = (self._scene_id, self._scene_id + AGAIN)
+        return bool(self._scene_id) and scene_id in ids
 
 
 def answer(visit: Visit, question: str) -> str:

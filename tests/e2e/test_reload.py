@@ -28,7 +28,7 @@ def test_an_author_edits_breaks_mends_and_rolls_back_an_agent_of_a_running_syste
     file.write_text(first.replace("sequence:", "sequenze:", 1))
     up.until("attentive_guide: version 3 stays, as its file is broken: ")
     said = ask("status")
-    assert "version 3; its file is broken or gone" in said
+    assert "version 3; broken: attentive_guide.yaml:" in said
     assert "error[" in said
     assert "4  " not in ask("versions", "attentive_guide")
     assert "version 4 in force" in ask("roll-back", "attentive_guide", "1")
@@ -38,7 +38,7 @@ def test_an_author_edits_breaks_mends_and_rolls_back_an_agent_of_a_running_syste
     assert "roll back to 1" in ask("versions", "attentive_guide")
     assert "nothing has changed" in ask("reload")
     assert "UNKNOWN_VERSION" in ask("roll-back", "attentive_guide", "77", code=1)
-    assert "no agent 'nobody' is running" in ask("versions", "nobody", code=1)
+    assert "no agent 'nobody' here" in ask("versions", "nobody", code=1)
     (trees / "agents" / "silent_text.yaml").unlink()
     up.until("silent_text does not bid any more")
     assert "silent_text" not in ask("status")

@@ -19,14 +19,14 @@ Ask = Callable[..., str]
 MRS_SMITH = ("trigger", "age=4.5", "familiarity=1", "mood=3")
 
 
-def kill_component(up: Program, module: str) -> None:
-    """Kill the process of ``up`` that runs a module."""
+def kill_component(up: Program, module: str, number: int = signal.SIGKILL) -> None:
+    """Kill the process of ``up`` that runs a module, or send it another signal."""
     [pid] = [
         pid
         for pid in children(up.process.pid)
         if module in Path(f"/proc/{pid}/cmdline").read_text().split("\0")
     ]
-    os.kill(pid, signal.SIGKILL)
+    os.kill(pid, number)
 
 
 def test_a_run_whose_host_is_killed_is_lost_and_the_next_trigger_runs(
@@ -61,5 +61,24 @@ def test_a_run_whose_market_is_killed_is_cut_off_and_asked_for_again_by_the_next
     up.until("says: Hello")
     assert ask("cancel") != ""
     up.until("attentive_guide cancelled")
+    assert up.stop()[0] == 0, up.output
+    assert "Traceback" not in up.output
+
+
+def test_a_market_and_a_host_that_hang_are_killed_and_the_next_trigger_runs(
+    start: Start, ask: Ask
+) -> None:
+    up = start("up", "--no-voice")
+    up.until("ready")
+    kill_component(up, "marketplace_node.node", signal.SIGSTOP)
+    kill_component(up, "bt_agents.ros.host", signal.SIGSTOP)
+    up.until(r"hangs \(no sign of life for \d+ s\): killing it")
+    up.until("is back after")
+    up.until("is back after")
+    for name in ("marketplace", "agents"):
+        assert f"{name} hangs (no sign of life for" in up.output
+        assert f"{name} is back after" in up.output
+    assert "attentive_guide" in ask(*MRS_SMITH)
+    up.until("attentive_guide starts")
     assert up.stop()[0] == 0, up.output
     assert "Traceback" not in up.output

@@ -42,7 +42,7 @@ def test_feedback_for_a_node_that_was_killed_is_kept_and_applied_exactly_once_ov
     simulated = tmp_path / "simulated.yaml"
     simulated.write_text(SIMULATED)
     ledger = tmp_path / "ledger.sqlite"
-    system.market(trees, collect_deadline=0.5)
+    system.market(trees, collect_deadline=0.5, bid_deadline=5.0)
     feedback = system.start(components.feedback(trees, str(ledger), simulated))
     system.host("agents", trees)
     profiles: list[Profiles] = system.ros.collect(Profiles, "profiles", qos.FACT)

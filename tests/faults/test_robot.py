@@ -27,7 +27,7 @@ def test_a_robot_killed_in_the_middle_of_a_sentence_makes_the_leaf_fail_and_ends
     shutil.copytree(ROOT / "trees" / "skills", trees / "skills")
     system.ros.remove(system.mouth)
     acts: list[String] = system.ros.collect(String, "robot/transcript", qos.EVENTS)
-    system.market(trees, collect_deadline=0.05)
+    system.market(trees, collect_deadline=0.05, bid_deadline=5.0)
     robot = system.start(components.robot(pace=1.0, voice="off"))
     system.host("agents", trees)
     system.until_ready(hosts=1, agents=1)

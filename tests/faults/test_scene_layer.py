@@ -31,7 +31,7 @@ def test_a_tree_sees_no_old_mood_as_a_new_one_while_the_scene_layer_is_dead(
 ) -> None:
     trees = write_trees(tmp_path / "a", leo=(4.0, TREE))
     system.mouth.holds = lambda _text: False
-    system.market(trees)
+    system.market(trees, bid_deadline=5.0)
     layer = system.start(components.scene_layer(trees))
     system.host("agents", trees)
     system.until_ready(hosts=1, agents=1)
@@ -45,7 +45,7 @@ def test_a_tree_sees_no_old_mood_as_a_new_one_while_the_scene_layer_is_dead(
             person=Analyze.Request.PRESENT,
             announce=announce,
         )
-        return system.ros.call(analyze, request)
+        return system.ask(analyze, request)
 
     def last() -> str:
         said = system.mouth.texts

@@ -24,7 +24,7 @@ targets = st.tuples(*(st.floats(low, high) | st.just(math.nan) for low, high in 
     lambda vector: not all(map(math.isnan, vector))
 )
 rates = st.floats(0.0, 1.0)
-rules = st.sampled_from([learning.direct, learning.positive, learning.negative])
+rules = st.sampled_from([learning.direct, learning.positive, learning.negative, learning.assigned])
 
 
 @given(rules, profiles, targets, rates)

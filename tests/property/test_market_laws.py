@@ -61,6 +61,16 @@ class AnyMarket(RuleBasedStateMachine):
     def wait(self, seconds: float) -> None:
         self.driver.wait(seconds)
 
+    @rule(lasted_s=st.sampled_from([0.5, 2.5, 30.0]))
+    def hold_the_market_up(self, lasted_s: float) -> None:
+        since, self.driver.now = self.driver.now, self.driver.now + lasted_s
+        self.driver.do(self.driver.market.excuse(since, self.driver.now))
+
+    @rule(host=hosts, round_number=st.sampled_from([1, 99]), own=st.booleans())
+    def run_something_else(self, host: str, round_number: int, own: bool) -> None:
+        epoch = "epoch" if own else "old"
+        self.driver.beat(host, epoch=epoch, round_number=round_number)
+
     @rule(again=st.sampled_from([0, 0, 0, 1]), urgent=st.sampled_from([False, False, True]))
     def scene(self, again: int, urgent: bool = False) -> None:
         if not (again and self.scenes):

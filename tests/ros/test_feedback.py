@@ -100,15 +100,15 @@ class Scenario:
         simulated: SimulatedFeedback | None = None,
         *,
         answers: bool = True,
+        market: bool = True,
     ) -> None:
         self.ros = ros
         self.host = FakeHost(ros, answers=answers)
         self.runs = ros.node.create_publisher(Run, "runs", qos.HISTORY)
         self.live = ros.node.create_publisher(SceneMsg, "scene/live", qos.SENSOR)
         self.cancels: list[CancelRun.Request] = []
-        ros.node.create_service(
-            CancelRun, "marketplace/cancel", self._cancel, qos_profile=qos.SERVICE
-        )
+        if market:
+            self.start_market()
         self.feedback: list[Feedback] = ros.collect(Feedback, "feedback", qos.HISTORY)
         self.profiles: list[Profiles] = ros.collect(Profiles, "profiles", qos.FACT)
         self.collect_client = ros.node.create_client(
@@ -118,6 +118,11 @@ class Scenario:
             GiveFeedback, "feedback/give", qos_profile=qos.SERVICE
         )
         self.node = ros.add(FeedbackNode(SPACE, ledger, simulated))
+
+    def start_market(self) -> None:
+        self.ros.node.create_service(
+            CancelRun, "marketplace/cancel", self._cancel, qos_profile=qos.SERVICE
+        )
 
     def _cancel(self, request: Any, response: Any) -> Any:
         self.cancels.append(request)
@@ -294,6 +299,55 @@ def test_a_mood_that_falls_teaches_the_agent_and_asks_the_market_again(scenario)
     assert list(feedback.after) == list(room.host.told[0].values) == [3.5, 1.75, 2.5]
     room.ros.turns()
     assert (len(room.cancels), len(room.feedback)) == (1, 1)
+
+
+def test_a_market_that_is_away_is_asked_for_the_cancel_when_it_is_back(scenario):
+    room = scenario(market=False)
+    room.introduce(WORSE)
+    room.run()
+    room.ros.until(lambda: room.live.get_subscription_count() == 1)
+    room.live.publish(scene(2.5))
+    room.ros.until(lambda: room.node._unanswered)
+    room.start_market()
+    room.ros.until(lambda: room.cancels)
+    assert (room.cancels[0].round, room.cancels[0].again) == (1, True)
+    assert room.cancels[0].scene == scene(2.5)
+    room.ros.turns(150)
+    assert len(room.cancels) == 1
+
+
+def test_a_run_that_has_ended_is_not_asked_to_be_cancelled_any_more(scenario):
+    room = scenario(market=False)
+    room.introduce(WORSE)
+    room.run()
+    room.ros.until(lambda: room.live.get_subscription_count() == 1)
+    room.live.publish(scene(2.5))
+    room.ros.until(lambda: room.node._unanswered)
+    room.event(Run.ENDED)
+    room.ros.until(lambda: room.node._teaching._runs.current is None)
+    room.ros.until(lambda: not (room.node._unanswered or room.node._calls._open))
+    room.start_market()
+    room.ros.turns(150)
+    assert room.cancels == []
+
+
+def test_feedback_reaches_an_agent_whose_name_another_start_has_on_an_empty_card(scenario):
+    room = scenario()
+    room.introduce()
+    room.host.cards.publish(room.host.card(instance="i2", agents=[]))
+    room.ros.turns()
+    assert room.give(agent="guide", kind=0, values=[5.0, 5.0, 5.0]).accepted
+
+
+def test_a_host_without_agents_is_forgotten_when_nothing_is_under_way(scenario):
+    room = scenario()
+    room.introduce()
+    room.give(agent="guide", kind=0, values=[5.0, 5.0, 5.0])
+    assert set(room.node._hosts._clients) == {"/agents"}
+    room.introduce(agents=[])
+    room.ros.until(lambda: not room.node._hosts._clients)
+    room.introduce()
+    room.ros.until(lambda: len(room.host.told) == 2)
 
 
 def test_a_run_replayed_from_history_that_is_over_is_not_watched(ros, ledger):

@@ -148,6 +148,16 @@ def test_all_agents_bid_in_one_message_and_one_that_does_not_fit_declines(
     assert bids.host_instance == host.instance
 
 
+def test_a_call_that_comes_before_the_answer_to_the_registration_is_answered_after_it(
+    ros: Any, market: Market, tmp_path: Path
+) -> None:
+    host = ros.add(make_host(folder(tmp_path, TALKER)))
+    market.on_register = market.call
+    market.open()
+    ros.until(lambda: host.registered and market.bids)
+    assert [(bids.round, list(bids.agent_ids)) for bids in market.bids] == [(1, [1])]
+
+
 def test_an_excluded_agent_stays_silent_and_a_foreign_call_is_not_answered(
     ros: Any, host: HostNode, market: Market
 ) -> None:
@@ -170,6 +180,28 @@ def test_an_agent_that_the_market_refuses_does_not_bid_and_its_card_says_why(
     market.call()
     ros.until(lambda: market.bids)
     assert list(market.bids[0].agents) == ["talker"]
+
+
+def test_a_host_has_a_card_only_while_the_market_has_the_host(
+    ros: Any, market: Market, tmp_path: Path
+) -> None:
+    market.refuses_host = "HOST_EXISTS: another /agents is alive"
+    cards = ros.collect(HostCard, "cards", qos.FACTS)
+    host = ros.add(make_host(folder(tmp_path, TALKER)))
+    market.open()
+    ros.until(lambda: len(market.requests) >= 2)
+    ros.turns(20)
+    assert cards == []
+    market.refuses_host = ""
+    ros.until(lambda: cards)
+    assert [card.name for card in cards[0].agents] == ["talker"]
+    market.refuses_host = "OTHER_PARAMETERS: both must read the same scene.yaml"
+    market.epoch = "e2"
+    market.open()
+    ros.until(lambda: not host._membership.accepted)
+    late = ros.collect(HostCard, "cards", qos.FACTS)
+    ros.turns(20)
+    assert (len(cards), late) == (1, [])
 
 
 def test_a_run_ticks_the_tree_tells_what_changed_and_succeeds(

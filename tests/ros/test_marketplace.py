@@ -11,14 +11,14 @@ import pytest
 from rcl_interfaces.msg import Parameter as ParameterMsg
 from rcl_interfaces.msg import ParameterType, ParameterValue
 from rcl_interfaces.srv import DescribeParameters, SetParameters
-from rclpy.action import ActionServer, CancelResponse, GoalResponse
+from rclpy.action import ActionClient, ActionServer, CancelResponse, GoalResponse
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.task import Future
 
 from bt_agents.ros import qos
-from bt_agents.ros.messages import STOPPED_BY_MARKET, scene_to_msg
+from bt_agents.ros.messages import scene_to_msg
 from bt_agents_interfaces.action import RunAgent
 from bt_agents_interfaces.msg import (
     Auction,
@@ -211,7 +211,9 @@ def test_a_scene_leads_to_a_run_of_the_closest_agent(stage: Stage) -> None:
     started = stage.until_event(Run.STARTED)
     host.finish()
     ended = stage.until_event(Run.ENDED)
-    status = stage.until_over()
+    stage.until_over()
+    stage.ros.until(lambda: stage.statuses[-1].hosts == 1)
+    status = stage.statuses[-1]
 
     auction = stage.auctions[0]
     assert auction.reason == (
@@ -574,9 +576,17 @@ def test_a_run_of_an_earlier_market_is_recorded_and_its_scene_asked_for_again(
     assert stage.auctions[0].scene.scene_id == "old+again"
 
 
-def test_a_run_that_the_earlier_market_had_stopped_is_not_begun_again(stage: Stage) -> None:
+@pytest.mark.parametrize(
+    "message",
+    [
+        "the market stopped it",
+        "version 2 of guide waits, and somebody wants it now",
+        "the market stopped it, and its market is gone",
+    ],
+)
+def test_a_run_that_somebody_had_stopped_is_not_begun_again(stage: Stage, message: str) -> None:
     host = stage.ros.add(FakeHost())
-    stopped = earlier_run(stage, host, f"{STOPPED_BY_MARKET}, after its clean-up")
+    stopped = earlier_run(stage, host, message)
     stage.ros.call(stage.registering, host.request(unreported=[stopped]))
     stage.ros.until(lambda: stage.ends)
 
@@ -607,7 +617,7 @@ def test_a_host_that_was_held_up_finds_the_cancel_beside_the_goal(ros: Any) -> N
 
 
 def test_feedback_that_could_not_be_collected_is_kept_until_the_node_is_back(ros: Any) -> None:
-    stage = Stage(ros, collect_deadline=0.1)
+    stage = Stage(ros, collect_deadline=600.0)  # it is known to be away, so nobody waits
     host = stage.host()
     stage.scene()
     stage.until_event(Run.STARTED)
@@ -643,3 +653,18 @@ def test_a_full_line_that_ends_at_once_is_told_without_a_gap(ros: Any) -> None:
         ("s0", "LOST"),
         *((f"s{number}", "NO_BIDS") for number in range(1, 101)),
     ]
+
+
+def test_a_tree_that_the_market_takes_for_refused_is_cancelled(stage: Stage) -> None:
+    host = stage.host()
+    host.refuses = {GUIDE, EXPRESS}
+    stage.scene()
+    assert stage.until_over().state == MarketStatus.IDLE
+    host.refuses = set()
+    runner = ActionClient(stage.ros.node, RunAgent, "agents/run")
+    stage.ros.until(runner.server_is_ready)
+    goal = runner.send_goal_async(RunAgent.Goal(epoch="epoch", round=1, agent=GUIDE))
+
+    stage.ros.until(lambda: host.log == ["start attentive_guide", "end attentive_guide"])
+    assert goal.result().accepted
+    runner.destroy()

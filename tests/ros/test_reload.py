@@ -129,6 +129,52 @@ class Host:
         """Return what the tree of an agent says."""
         return str(self.node.roster.members[name].spec.tree.fields["text"].value)
 
+    def says_on(self) -> set[str]:
+        """Return the topics for words that its node publishes."""
+        names = {publisher.topic_name for publisher in self.node.publishers}
+        return {name for name in names if name.startswith("/say")}
+
+
+def test_a_change_that_cannot_be_made_is_undone_and_whoever_asked_is_told(
+    ros: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    host = Host(ros, tmp_path, ann=agent("ann", WAITING, PATIENT.format("8 s")))
+
+    def broken(*_arguments: Any) -> None:
+        raise RuntimeError("cogwheel")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(host.node._tunables, "add", broken)
+        host.edit("bob", agent("bob", WAITING, PATIENT.format("8 s")))
+        answer = host.ask(ReloadAgents, "reload")
+        assert not answer.accepted
+        assert answer.message == "bob: version 1 could not be added: RuntimeError: cogwheel"
+        assert list(host.node.roster.members) == ["ann"]
+
+    replace, count = host.node._tunables.replace, 0
+
+    def broken_once(*arguments: Any) -> None:
+        nonlocal count
+        count += 1
+        if count == 1:
+            raise RuntimeError("cogwheel")
+        replace(*arguments)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(host.node._tunables, "replace", broken_once)
+        host.edit("ann", agent("ann", "{say: bye}"))
+        answer = host.ask(ReloadAgents, "reload")
+    assert not answer.accepted
+    assert "ann: version 2 could not be brought into force, version 1 stays" in answer.message
+    assert host.node.has_parameter("ann.patience")
+    assert host.node.roster.members["ann"].spec.tree.kind == "wait"
+    assert list(host.node.roster.members) == ["ann", "bob"]
+
+    host.edit("ann", agent("ann", "{say: good-bye}"))
+    answer = host.ask(ReloadAgents, "reload")
+    assert answer.accepted
+    assert host.said("ann") == "good-bye"
+
 
 def test_a_changed_file_comes_into_force_by_itself_and_touches_nothing_else(
     ros: Any, tmp_path: Path
@@ -189,8 +235,12 @@ def test_who_does_not_want_to_wait_has_the_run_cancelled_with_its_clean_up(
     answer = host.ask(ReloadAgents, "reload", now=False)
     assert answer.accepted
     assert "bob: version 2 waits for the end of its run" in answer.message
+    answer = host.ask(ReloadAgents, "reload", now=False)
+    assert answer.message == (
+        "version 2 of bob waits for the end of the run; 'bt-agents reload --now' cancels it"
+    )
     answer = host.ask(ReloadAgents, "reload", now=True)
-    assert answer.message == "nothing has changed\nthe run of bob is cancelled for it"
+    assert answer.message == "version 2 of bob waits: the run of bob is cancelled for it"
     result = host.market.result(handle)
     assert result.outcome == RunAgent.Result.CANCELLED
     assert result.message == "version 2 of bob waits, and somebody wants it now"
@@ -472,3 +522,18 @@ def test_a_real_market_goes_on_with_a_run_while_other_agents_come_and_go(
     assert ros.call(client, CancelRun.Request(reason="enough")).accepted
     ros.until(lambda: runs[-1].event == Run.ENDED)
     assert runs[-1].outcome == Run.CANCELLED
+
+
+def test_what_only_an_earlier_version_used_is_dropped_when_no_tree_runs(
+    ros: Any, tmp_path: Path
+) -> None:
+    text = agent("bob", WAITING, PATIENT.format("50 s"))
+    host = Host(ros, tmp_path, ann=agent("ann"), bob=text)
+    handle = host.market.start(host.node, "bob")
+    robot = host.folder / "skills" / "robot.yaml"
+    for number in range(3):
+        robot.write_text(SKILLS.replace("name: say,", f"name: say_{number},"))
+        host.await_version("ann", number + 2)
+    assert host.says_on() == {"/say", "/say_0", "/say_1", "/say_2"}
+    host.market.end(handle)
+    ros.until(lambda: host.says_on() == {"/say_2"})

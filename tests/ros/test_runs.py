@@ -184,6 +184,118 @@ def test_a_host_that_was_held_up_goes_on_when_nothing_has_happened(
     assert len(mouth.goals) == 2
 
 
+@pytest.fixture
+def beating(ros: Any, host: HostNode, market: Market) -> Market:
+    """A market of which the host has heard a heartbeat."""
+    market.live()
+    ros.until(lambda: host._runs._market._award)
+    return market
+
+
+def test_a_run_given_away_while_its_host_was_held_up_is_stopped_without_a_further_word(
+    ros: Any, host: HostNode, beating: Market, mouth: ScriptedServer
+) -> None:
+    handle = beating.send(beating.goal(host, agent="two_words"))
+    ros.until(lambda: mouth.goals)
+    mouth.goals[0].finish()
+    beating.award = (1, "talker")
+    time.sleep(0.7)
+    answer = results(ros, handle)
+    assert answer.result.outcome == RunAgent.Result.CANCELLED
+    assert answer.result.message.startswith(
+        "the market has given its run away, after this host had been held up for 0."
+    )
+    # Neither the second word nor the clean-up.
+    assert len(mouth.goals) == 1
+    assert beating.send(beating.goal(host, agent="quick", round=2)).accepted
+
+
+def test_a_host_that_was_held_up_goes_on_when_the_market_names_its_run_and_not_before(
+    ros: Any, host: HostNode, beating: Market, mouth: ScriptedServer
+) -> None:
+    set_parameter(host, "market_lease", 10.0)
+    handle = beating.send(beating.goal(host, agent="two_words"))
+    ros.until(lambda: mouth.goals)
+    beating.fall_silent()
+    mouth.script = Script()
+    mouth.goals[0].finish()
+    time.sleep(0.7)
+    end = time.monotonic() + 0.6
+    ros.until(lambda: time.monotonic() > end)
+    assert len(mouth.goals) == 1
+    beating.live()
+    assert results(ros, handle).result.outcome == RunAgent.Result.SUCCEEDED
+    assert len(mouth.goals) == 2
+
+
+def test_a_cancel_after_a_hold_up_stops_a_clean_up_that_has_begun(
+    ros: Any, host: HostNode, beating: Market, mouth: ScriptedServer
+) -> None:
+    handle = beating.send(beating.goal(host))
+    ros.until(lambda: mouth.goals)
+    handle.cancel_goal_async()
+    ros.until(lambda: len(mouth.goals) == 2)
+    time.sleep(0.7)
+    answer = results(ros, handle)
+    assert answer.result.outcome == RunAgent.Result.CANCELLED
+    assert mouth.goals[1].cancels == 1
+
+
+def test_a_goal_of_a_round_that_is_over_is_refused(
+    ros: Any, host: HostNode, market: Market
+) -> None:
+    market.award = (3, "talker")
+    ros.until(market._heart.get_subscription_count)
+    market.beat()
+    ros.until(lambda: host._runs._market._award)
+    assert not market.send(market.goal(host, agent="quick", round=2)).accepted
+    assert market.send(market.goal(host, agent="quick", round=3)).accepted
+
+
+def test_a_host_that_was_held_up_registers_again_once(
+    ros: Any, host: HostNode, market: Market
+) -> None:
+    before = len(market.requests)
+    time.sleep(0.7)
+    ros.until(lambda: len(market.requests) > before)
+    ros.turns(NOT_ONCE_MORE)
+    assert len(market.requests) == before + 1
+
+
+def test_a_host_whose_place_was_taken_stops_its_run_in_silence_and_leaves(
+    ros: Any, host: HostNode, beating: Market, mouth: ScriptedServer
+) -> None:
+    handle = beating.send(beating.goal(host))
+    ros.until(lambda: mouth.goals)
+    beating.refuses_host = "HOST_EXISTS: another /agents is alive"
+    time.sleep(0.7)
+    answer = results(ros, handle)
+    assert answer.result.outcome == RunAgent.Result.CANCELLED
+    assert answer.result.message.startswith("the market refuses this host: HOST_EXISTS")
+    assert [goal.outcome for goal in mouth.goals] == ["cancelled"]
+    ros.until(lambda: not beating.action.server_is_ready())
+    beating.refuses_host = ""
+    ros.until(lambda: host.registered)
+    assert beating.send(beating.goal(host, agent="quick", round=2)).accepted
+
+
+def test_a_refused_host_takes_no_goal_while_its_run_ends(
+    ros: Any, host: HostNode, market: Market, mouth: ScriptedServer
+) -> None:
+    mouth.script = Script(finish_s=None, on_cancel="ignores")
+    handle = market.send(market.goal(host))
+    ros.until(lambda: mouth.goals)
+    market.refuses_host = "OTHER_PARAMETERS: both must read the same scene.yaml"
+    market.epoch = "e2"
+    market.open()
+    ros.until(lambda: not host._membership.accepted)
+    assert host._runs.busy
+    assert not market.send(market.goal(host, agent="quick", round=2)).accepted
+    answer = results(ros, handle)
+    assert answer.result.message.startswith("the market refuses this host: OTHER_PARAMETERS")
+    assert list(answer.result.orphans) == ["tree"]
+
+
 class Sleepy(py_trees.behaviour.Behaviour):
     """Takes a nap in a tick."""
 
@@ -400,8 +512,8 @@ def test_a_run_that_its_market_has_announced_is_not_told_again(
         goal = market.goal(host, agent="quick", round=number)
         results(ros, market.send(goal))
     ros.until(market._runs.get_subscription_count)
-    market.announce(1)
-    ros.until(lambda: ("e1", 1) in host._membership._unheard._closed)
+    market.announce(1, "quick")
+    ros.until(lambda: ("e1", 1, "quick") in host._membership._unheard._closed)
     market.epoch = "e2"
     market.open()
     ros.until(lambda: market.requests[-1].unreported)

@@ -4,7 +4,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+import os
+import threading
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -84,6 +86,9 @@ class Tuner:
 
     def ask(self, action: int, **fields: Any) -> Any:
         return self._ros.call(self._client, Tune.Request(action=action, **fields))
+
+    def send(self, action: int, **fields: Any) -> Any:
+        return self._client.call_async(Tune.Request(action=action, **fields))
 
     def set(self, *, author: str = "anna", reason: str = "", **values: str) -> Any:
         names = [name.replace("__", ".") for name in values]
@@ -344,7 +349,7 @@ def test_a_profile_that_the_feedback_node_refuses_is_said(
     ros: Any, host: Host, tuner: Tuner
 ) -> None:
     ledger = Ledger(ros.node)
-    ledger.refuse = "UNKNOWN_AGENT"
+    ledger.refuse = "WRONG_LENGTH"
     ledger.open()
     tuner.set(a__profile__age="4.5")
     ros.until(lambda: ledger.given)
@@ -352,6 +357,106 @@ def test_a_profile_that_the_feedback_node_refuses_is_said(
     assert host.member().profile == (4.5, 3.0, 3.0)
     host.tunables.take_profile("a", [1.0, 1.0, 1.0], 0)
     assert host.member().profile == (1.0, 1.0, 1.0)
+
+
+def test_a_profile_waits_until_the_feedback_node_knows_its_agent(
+    ros: Any, host: Host, tuner: Tuner
+) -> None:
+    ledger = Ledger(ros.node)
+    ledger.refuse = "UNKNOWN_AGENT"
+    ledger.open()
+    tuner.set(a__profile__age="4.5", a__profile__mood="2")
+    ros.until(lambda: ledger.given)
+    tuner.set(a__profile__age="4")
+    ros.until(lambda: len(ledger.given) == 2)
+    ledger.refuse = ""
+    ros.until(lambda: host.member().revision == 3)
+    assert [list(one.values)[::2] for one in ledger.given] == [[4.5, 2.0], [4.0, 2.0], [4.0, 2.0]]
+    assert host.member().profile == (4.0, 3.0, 2.0)
+
+
+class SlowDisk:
+    """Takes its time for each sync, which happens in a thread that is not the executor's."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        self.free = threading.Event()
+        self.threads: list[str] = []
+        self.error: OSError | None = None
+        monkeypatch.setattr(os, "fdatasync", self._sync)
+        monkeypatch.setattr(os, "fsync", self._sync)
+
+    def _sync(self, _file: int) -> None:
+        self.threads.append(threading.current_thread().name)
+        self.free.wait(20.0)
+        if self.error is not None:
+            raise self.error
+
+
+@pytest.fixture
+def disk(monkeypatch: pytest.MonkeyPatch) -> Iterator[SlowDisk]:
+    disk = SlowDisk(monkeypatch)
+    yield disk
+    disk.free.set()
+
+
+def test_nothing_waits_for_the_disk_but_the_answer_to_a_tuning(
+    ros: Any, disk: SlowDisk, restarted: Callable[..., Host]
+) -> None:
+    host, tuner = restarted(), Tuner(ros)
+    for number in range(30):
+        assert tuner.parameters(a__patience=3.0 + number % 2).successful
+    ros.until(lambda: disk.threads)
+    asked = tuner.send(Tune.Request.SET, names=["a.attempts"], values=["4"])
+    saved = tuner.send(Tune.Request.SAVE, preset="slow")
+    ros.until(lambda: host.value("a.attempts") == 4)
+    assert tuner.parameters(a__patience=12.0).successful
+    assert not asked.done()
+    assert not saved.done()
+    disk.free.set()
+    ros.until(lambda: asked.done() and saved.done())
+    assert asked.result().accepted
+    assert saved.result().accepted
+    assert {name.split("_")[0] for name in disk.threads} == {"tunings"}
+
+
+def test_values_that_are_kept_in_their_file_need_no_sync(
+    ros: Any, disk: SlowDisk, restarted: Callable[..., Host]
+) -> None:
+    disk.free.set()
+    host, tuner = restarted(), Tuner(ros)
+    tuner.set(a__patience="12", a__attempts="4", a__rate="1")
+    ros.turns()
+    before = len(disk.threads)
+    kept = HEAD.replace("default: 8 s", "default: 12 s").replace("default: 2,", "default: 4,")
+    host.tunables.replace(host.member(), spec(head=kept.replace("default: 0.9", "default: 1.0")))
+    ros.until(lambda: host.get_parameter("a.rate").value == 1.0)
+    ros.turns()
+    assert len(disk.threads) == before
+
+
+def test_a_sync_that_fails_is_said_in_the_answer(
+    ros: Any, disk: SlowDisk, restarted: Callable[..., Host]
+) -> None:
+    disk.free.set()
+    disk.error = OSError(5, "Input/output error")
+    host, tuner = restarted(), Tuner(ros)
+    answer = tuner.set(a__patience="12")
+    assert answer.accepted
+    assert "a power cut may undo it: [Errno 5] Input/output error" in answer.message
+    assert host.value("a.patience") == 12.0
+    assert tuner.ask(Tune.Request.SAVE, preset="slow").code == "NOT_KEPT"
+
+
+def test_a_tuning_that_goes_wrong_in_another_way_is_answered(
+    host: Host, tuner: Tuner, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail(*_: Any) -> None:
+        raise RuntimeError("something else")
+
+    monkeypatch.setattr(host.tunables._board, "read", fail)
+    answer = tuner.set(a__patience="12")
+    assert (answer.accepted, answer.code) == (False, "FAILED")
+    assert answer.message == "RuntimeError: something else; the log says more"
 
 
 @pytest.fixture

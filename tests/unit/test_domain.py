@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from bt_agents.domain import hold_domain
+from bt_agents.domain import hold_domain, holder
 from bt_agents.errors import BtAgentsError
 
 HOLD = """
@@ -37,6 +37,8 @@ def test_a_domain_is_held_by_one_process_until_that_is_killed() -> None:
         assert other.stdout is not None
         assert other.stdin is not None
         assert other.stdout.readline() == b"held\n"
+        assert holder(7) == "'bt-agents up' of /trees (process 1)"
+        assert holder(8) == ""
         with pytest.raises(BtAgentsError) as caught:
             hold_domain(7, "me")
         assert str(caught.value) == (
@@ -49,6 +51,7 @@ def test_a_domain_is_held_by_one_process_until_that_is_killed() -> None:
         other.wait()
         other.stdout.close()
         other.stdin.close()
+    assert holder(7) == ""
     hold_domain(7, "me")
 
 

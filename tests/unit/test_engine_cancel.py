@@ -155,6 +155,23 @@ def test_a_clean_up_whose_time_is_over_begins_nothing_more() -> None:
     assert stage.said == ["hello", "good-bye"]
 
 
+@pytest.mark.parametrize("wait_s", [0.0, 1.0])
+def test_a_run_in_a_hurry_waits_less_for_its_goals_whenever_that_is_said(wait_s: float) -> None:
+    stage = Stage(SPEAKS, answers={"say": [STUBBORN]}, limits=RunLimits(settle_s=2.0))
+    stage.tick()
+    if not wait_s:
+        stage.run.hurry(0.7)
+    stage.run.cancel("the host is stopping")
+    assert stage.after(wait_s) == "running"
+    stage.run.hurry(0.7)
+    assert stage.after(0.6) == "running"
+    assert stage.after(0.1) == "cancelled"
+    assert stage.run.result is not None
+    assert stage.run.result.orphans == ("tree/0.say",)
+    stage.run.hurry(0.7)
+    assert stage.outcome == "cancelled"
+
+
 def test_giving_up_ends_a_run_even_when_its_nodes_cannot_be_stopped(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

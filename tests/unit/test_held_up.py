@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Whoever was held up waits a while before acting, in tables on a clock turned by hand."""
+"""Whoever was held up waits for news before going on, in tables on a clock turned by hand."""
 
 from __future__ import annotations
 
 import pytest
 
-from bt_agents.held_up import HeldUp
+from bt_agents.held_up import Award, HeldUp, LastWord
 
 
 @pytest.mark.parametrize(
@@ -30,3 +30,67 @@ def test_after_a_gap_it_is_waited_for_news(
         found = held_up.wait_s(now)
     assert found == pytest.approx(wait_s)
     assert held_up.lasted_s == pytest.approx(lasted_s)
+    assert held_up.sure == (lasted_s == 0.0)
+
+
+MINE = Award(epoch="e1", round=3, agent="guide")
+NOBODYS = Award(epoch="e1")
+NEXT_BEST = Award(epoch="e1", round=3, agent="talker")
+LATER = Award(epoch="e1", round=4, agent="guide")
+STRANGE = Award(epoch="e2", round=9, agent="guide")
+
+
+def after_a_hold_up(*heard_before: Award) -> LastWord:
+    """Return what a process knows that was held up from 0 to 2 s and is calm again at 2.3 s."""
+    word = LastWord(0.0)
+    for award in heard_before:
+        assert not word.hear(award, MINE, 0.0)
+    word.held_up.wait_s(2.0)
+    return word
+
+
+@pytest.mark.parametrize(
+    ("heard", "given_away", "goes_on"),
+    [
+        ([], False, False),
+        ([MINE], False, True),
+        ([NOBODYS], False, False),
+        ([NOBODYS, NOBODYS], True, False),
+        ([NEXT_BEST, NEXT_BEST], True, False),
+        ([NOBODYS, MINE], False, True),
+        ([LATER, LATER], True, False),
+        ([STRANGE, STRANGE], False, False),
+        ([STRANGE, MINE], False, True),
+    ],
+)
+def test_a_run_goes_on_when_its_market_names_it_and_is_given_away_when_it_twice_does_not(
+    heard: list[Award], given_away: bool, goes_on: bool
+) -> None:
+    word = after_a_hold_up(MINE)
+    assert [word.hear(award, MINE, 2.5) for award in heard][-1:] in ([], [given_away])
+    assert (word.wait_s(MINE, 2.5) == 0.0) == goes_on
+
+
+def test_what_waited_to_be_read_during_a_hold_up_confirms_nothing() -> None:
+    word = after_a_hold_up(MINE)
+    assert not word.hear(MINE, MINE, 2.1)
+    assert word.wait_s(MINE, 2.4) > 0.0
+
+
+def test_a_market_that_has_never_named_a_run_is_not_waited_for() -> None:
+    word = after_a_hold_up()
+    assert word.wait_s(MINE, 2.2) == pytest.approx(0.1)
+    assert word.wait_s(MINE, 2.4) == 0.0
+
+
+def test_without_a_run_every_sign_of_life_will_do() -> None:
+    word = after_a_hold_up(MINE)
+    assert not word.hear(STRANGE, None, 2.5)
+    assert word.held_up.sure
+
+
+@pytest.mark.parametrize(("said", "over"), [(MINE, False), (LATER, True), (STRANGE, False)])
+def test_a_round_is_over_when_its_market_is_at_a_later_one(said: Award, over: bool) -> None:
+    word = LastWord(0.0)
+    word.hear(said, None, 0.0)
+    assert word.is_over(MINE) == over

@@ -14,7 +14,7 @@ from bt_agents.feedback import Kind
 from bt_agents.scene import SceneParameter, SceneSpace
 from feedback_node.cards import AgentEntry, Card, RuleEntry, read_card
 from feedback_node.ledger import Ledger
-from feedback_node.profiles import Change, Delivery, Profiles
+from feedback_node.profiles import MOST_HOSTS, Change, Delivery, Profiles
 
 NAN = math.nan
 SPACE = SceneSpace(
@@ -28,8 +28,8 @@ GUIDE = AgentEntry(name="guide", profile=(4.0, 3.0), revision=0, learning_rate=0
 EXPRESS = AgentEntry(name="express", profile=(2.0, 3.0), revision=0, learning_rate=0.2)
 
 
-def card(*agents: AgentEntry, host: str = "/agents") -> Card:
-    return Card(host=host, parameters=SPACE.names, agents=agents)
+def card(*agents: AgentEntry, host: str = "/agents", instance: str = "i1") -> Card:
+    return Card(host=host, instance=instance, parameters=SPACE.names, agents=agents)
 
 
 def profiles(*agents: AgentEntry) -> Profiles:
@@ -125,6 +125,35 @@ def test_an_agent_that_left_its_host_is_unknown_and_comes_back_with_what_it_lear
         teach(known, feedback_id="f2")
     deliveries, _ = known.introduce(card(GUIDE, EXPRESS))
     assert [one.values for one in deliveries] == [(4.5, 3.0)]
+
+
+def test_a_start_without_agents_takes_none_away_from_another_start_of_the_host():
+    known = profiles(GUIDE, EXPRESS)
+    assert known.introduce(card(instance="i2")) == ((), ())
+    assert known.table() == (("express", 0, (2.0, 3.0)), ("guide", 0, (4.0, 3.0)))
+    known.introduce(card())
+    assert known.table() == ()
+
+
+def test_a_start_with_agents_takes_over_from_the_one_before():
+    known = profiles(GUIDE, EXPRESS)
+    known.introduce(card(GUIDE, instance="i2"))
+    assert [name for name, _, _ in known.table()] == ["guide"]
+    known.introduce(card(instance="i1"))
+    assert [name for name, _, _ in known.table()] == ["guide"]
+    known.introduce(card(instance="i2"))
+    assert known.table() == ()
+
+
+def test_the_hosts_are_bounded_and_one_that_lost_its_agents_makes_room():
+    known = Profiles(SPACE, Ledger(":memory:"))
+    for number in range(MOST_HOSTS):
+        known.introduce(card(replace(GUIDE, name=f"a{number}"), host=f"/h{number}"))
+    with pytest.raises(Refused, match="TOO_MANY_HOSTS: card of /more: agents of 100 hosts"):
+        known.introduce(card(GUIDE, host="/more"))
+    known.introduce(card(host="/h7"))
+    known.introduce(card(GUIDE, host="/more"))
+    assert len(known.hosts) == MOST_HOSTS
 
 
 def test_an_agent_at_a_second_host_is_reported_and_learns_there():

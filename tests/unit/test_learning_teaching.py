@@ -30,7 +30,7 @@ SPACE = SceneSpace(
 WORSE = RuleEntry(when="mood.change <= -1", hold_s=1.0, give=2, cancel=True)
 GUIDE = AgentEntry(name="guide", profile=(3.0, 3.0), revision=0, learning_rate=0.5, rules=(WORSE,))
 EXPRESS = AgentEntry(name="express", profile=(2.0, 3.0), revision=0, learning_rate=0.5)
-CARD = Card(host="/agents", parameters=SPACE.names, agents=(GUIDE, EXPRESS))
+CARD = Card(host="/agents", instance="i1", parameters=SPACE.names, agents=(GUIDE, EXPRESS))
 
 
 def scene(age: float, mood: float, scene_id: str = "s1") -> Scene:
@@ -67,6 +67,20 @@ class Room:
 
     def profile(self, agent: str = "guide") -> tuple[float, ...]:
         return self.profiles.profile(agent)
+
+
+def test_another_lease_counts_for_the_run_under_way():
+    room = Room()
+    room.teaching.started(run())
+    room.teaching.set_lease(5.0)
+    room.teaching.see(scene(5.0, 2.0))
+    room.now = 1.2
+    assert len(room.teaching.tick()) == 1
+    room = Room()
+    room.teaching.started(run())
+    room.teaching.see(scene(5.0, 2.0))
+    room.now = 1.2
+    assert room.teaching.tick() == ()
 
 
 # --- runs ---------------------------------------------------------------------------------

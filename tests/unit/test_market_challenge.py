@@ -319,7 +319,7 @@ def test_a_challenge_ends_with_the_run(market: Driver, what: str, words: str, en
         market.do(market.market.tick(market.now))
         market.busy["/agents"] = 0
     else:
-        market.cancel("button", again=what == "again")
+        market.cancel("button", again=what == "again", round_number=1)
         market.end(outcome=3)
 
     (auction,) = (a for a in market.all(PublishAuction) if a.decision.terms.round == 2)
@@ -395,3 +395,16 @@ def test_a_call_that_is_never_published_decides_a_challenge_all_the_same(market:
 
     assert outcome(market) is Outcome.WAITS
     assert math.isnan(market.auction.decision.margin)
+
+
+def test_a_challenge_stops_nothing_once_scenes_are_to_wait() -> None:
+    market = Driver(on_new_scene="preempt")
+    market.run()
+    market.scene("s2", 3.0, 5.0, 3.5)
+    market.do(market.market.configure(Settings(on_new_scene="queue"), market.now))
+    assert market.auction.decision.outcome is Outcome.WAITS
+    assert "on_new_scene is 'queue' now" in market.auction.reason
+    market.bid(round=2)
+
+    assert market.status.state is State.RUNNING
+    assert market.status.queued == 1

@@ -57,7 +57,7 @@ def test_a_run_that_was_cut_off_is_recorded_and_its_scene_asked_for_again(
     assert market.ends == [("old", "LOST")]
     assert market.end_words == ("the marketplace was restarted; asked again as scene 'old+again'")
     assert market.calls == [], "other hosts may still be on their way"
-    market.wait(0.6)
+    market.wait(1.6)
     assert (market.status.scene_id, market.status.state) == ("old+again", State.BIDDING)
     assert market.calls[-1].scene.vector == cut_off.scene.vector
     assert market.calls[-1].round == 1
@@ -79,7 +79,7 @@ def test_a_run_that_ended_by_itself_ends_its_scene(
     (end,) = market.all(SceneEnded)
     assert (end.scene_id, end.code, end.agent, end.round) == ("old", code, GUIDE, 0)
     assert end.message == f"attentive_guide {code.lower()}: done"
-    market.wait(0.6)
+    market.wait(1.6)
     assert market.calls == []
 
 
@@ -100,7 +100,7 @@ def test_what_is_not_asked_for_again_says_why(
     (end,) = market.all(SceneEnded)
     assert end.code == "LOST"
     assert words in end.message
-    market.wait(0.6)
+    market.wait(1.6)
     assert market.calls == []
 
 
@@ -115,7 +115,7 @@ def test_a_market_that_shuts_down_asks_for_nothing_again(market: Driver) -> None
 def test_what_was_to_be_asked_for_again_ends_when_the_market_shuts_down(market: Driver) -> None:
     tell(market, run())
     market.do(market.market.shut("shutting down", market.now))
-    market.wait(0.6)
+    market.wait(1.6)
 
     assert market.ends == [("old", "LOST"), ("old+again", "SHUTTING_DOWN")]
 
@@ -124,7 +124,7 @@ def test_nothing_is_asked_for_twice(market: Driver) -> None:
     tell(market, run(), run(message="once more"))
     tell(market, run())
     tell(market, run(round=5, scene=scene("old")))
-    market.wait(0.4)
+    market.wait(1.4)
     tell(market, run())
     market.wait(0.2)
 
@@ -162,7 +162,7 @@ def test_runs_that_a_host_cannot_know_of_are_left_out(
 def test_what_is_asked_for_again_waits_like_any_other_scene(market: Driver) -> None:
     market.run()
     tell(market, run())
-    market.wait(0.6)
+    market.wait(1.6)
 
     assert market.ends == [("old", "LOST")]
     assert (market.status.scene_id, market.status.queued) == ("s1", 1)

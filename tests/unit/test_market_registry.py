@@ -7,8 +7,9 @@ from typing import Any
 
 import pytest
 
-from market_driver import EXPRESS, GUIDE, PLAIN, SPACE, registration
-from marketplace_node.registry import FIRST_BEAT_S, Registry
+from market_driver import EXPRESS, GUIDE, PLAIN, SPACE, Driver, registration
+from marketplace_node.effects import Disconnect
+from marketplace_node.registry import FIRST_BEAT_S, MOST_HOSTS, Registry
 
 
 @pytest.fixture
@@ -152,3 +153,28 @@ def test_leases_are_renewed_when_nobody_listened_but_the_dead_stay_dead(
 
     assert [entry.host for entry in registry.live(9.0)] == ["/others"]
     assert registry.live(9.6) == ()
+
+
+def test_a_host_too_many_is_refused_while_all_others_live() -> None:
+    market = Driver()
+    for number in range(MOST_HOSTS):
+        market.register(f"/h{number}", f"a{number}")
+
+    answer = market.register("/more", "more")
+
+    assert not answer.accepted
+    assert answer.message.startswith(f"TOO_MANY_HOSTS: {MOST_HOSTS} hosts are alive")
+    assert market.register("/h0", "a0").accepted, "who is in may register again"
+
+
+def test_a_host_too_many_takes_the_place_of_the_one_that_is_gone_for_longest() -> None:
+    market = Driver()
+    for number in range(MOST_HOSTS):
+        market.register(f"/h{number}", f"a{number}")
+    market.die("/h7")
+    market.wait(1.0)
+    market.die("/h3")
+    market.wait(1.0)
+
+    assert market.register("/more", "more").accepted
+    assert market.all(Disconnect) == [Disconnect(host="/h7")]

@@ -169,9 +169,9 @@ def test_a_run_that_ignores_the_stop_is_lost_and_its_host_left_out_until_it_is_f
 ) -> None:
     market.run()
     market.cancel("button")
-    market.wait(5.1)
+    market.wait(6.6)
     assert market.events[-1] == "1 attentive_guide ENDED LOST"
-    assert "did not end within 5 s" in market.all(AnnounceRun)[-1].message
+    assert "did not end within 6.5 s" in market.all(AnnounceRun)[-1].message
     assert market.over == ["s1"]
 
     market.scene("s2")
@@ -232,3 +232,44 @@ def test_shutting_stops_the_run_and_gives_up_what_waits(market: Driver) -> None:
 
     assert market.ends == [("s2", "SHUTTING_DOWN"), ("s3", "SHUTTING_DOWN")]
     assert market.status.state is State.CANCELLING
+
+
+def test_whoever_says_stop_is_not_spoken_to_by_the_next() -> None:
+    market = Driver()
+    market.run()
+    market.scene("s2")
+    market.scene("s3")
+
+    accepted, words = market.cancel("she says stop")
+
+    assert accepted
+    assert words == "attentive_guide is told to stop; 2 scenes that waited are forgotten"
+    assert market.ends == [("s2", "STOPPED"), ("s3", "STOPPED")]
+    market.end(outcome=3)
+    market.collect()
+    assert market.status.state is State.IDLE
+
+
+def test_a_cancel_that_names_its_round_leaves_the_scenes_in_line() -> None:
+    market = Driver()
+    market.run()
+    market.scene("s2")
+
+    assert market.cancel("the next, please", round_number=1) == (
+        True,
+        "attentive_guide is told to stop",
+    )
+    market.end(outcome=3)
+    market.collect()
+    assert market.status.scene_id == "s2"
+
+
+def test_a_stop_that_asks_again_forgets_nothing() -> None:
+    market = Driver()
+    market.run()
+    market.scene("s2")
+
+    market.cancel("the mood fell", again=True)
+
+    assert market.status.queued == 1
+    assert market.ends == []

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from bt_agents.reload.card_news import CardNews
+from bt_agents.reload.card_news import CardNews, why_kept
 
 
 def agent(name: str = "ann", version: int = 1, waiting: bool = False, *problems: str) -> Message:
@@ -59,6 +59,70 @@ def news(*cards: Message) -> list[str]:
 )
 def test_a_change_on_a_card_is_one_line(before: Any, now: Any, words: list[str]) -> None:
     assert news(card(before), card(now)) == words
+
+
+BROKEN = "t/a.yaml:1:1: error[x]: y"
+
+
+@pytest.mark.parametrize(
+    ("before", "now", "words"),
+    [
+        (
+            agent("ann", 3, True),
+            agent("ann", 3, True, BROKEN),
+            f"ann: the newer version still waits for the end of its run, as its file is broken: "
+            f"{BROKEN}",
+        ),
+        (
+            agent(),
+            agent("ann", 1, False, "its file a.yaml is gone"),
+            "ann: its file a.yaml is gone; it leaves at the end of its run",
+        ),
+        (
+            agent(),
+            agent("ann", 1, False, "ann: version 2 could not be brought into force"),
+            "ann: version 2 could not be brought into force",
+        ),
+    ],
+)
+def test_what_becomes_of_the_agent_is_told_as_it_is(before: Any, now: Any, words: str) -> None:
+    assert news(card(before), card(now)) == [words]
+
+
+@pytest.mark.parametrize(
+    ("problems", "words"),
+    [
+        (
+            ("t/skills/r.yaml:9:3: error[x]: y", "t/skills/r.yaml:9:4: error[x]: y"),
+            ["t/skills/r.yaml is good again"],
+        ),
+        (("scene.yaml has changed",), ["no longer: scene.yaml has changed"]),
+    ],
+)
+def test_a_problem_of_the_folder_that_is_mended_is_told(
+    problems: tuple[str, ...], words: list[str]
+) -> None:
+    assert news(card(agent(), problems=problems), card(agent())) == words
+    assert news(card(agent(), problems=problems), card(agent(), problems=problems[:1])) == []
+
+
+def test_the_own_file_of_an_agent_is_told_of_once_when_it_is_mended() -> None:
+    assert news(card(agent("ann", 1, False, BROKEN)), card(agent())) == [
+        "ann: its file is good again"
+    ]
+
+
+@pytest.mark.parametrize(
+    ("problems", "why"),
+    [
+        ((), ""),
+        ((BROKEN,), "broken: a.yaml:1"),
+        (("t/libraries/m.yaml:13:3: error[x]: y", BROKEN), "broken: m.yaml:13 (and 1 more)"),
+        (("its file a.yaml is gone",), "its file a.yaml is gone"),
+    ],
+)
+def test_why_an_agent_is_kept_is_said_in_a_few_words(problems: tuple[str, ...], why: str) -> None:
+    assert why_kept(agent("ann", 1, False, *problems)) == why
 
 
 def test_a_problem_of_the_folder_is_told_once() -> None:

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from bt_agents.errors import Refused
-from bt_agents.reload.versions import KEPT
+from bt_agents.reload.shelf import KEPT
 from reloading import MANNERS, Watched, agent, new_folder, write
 
 TUNABLES = "tunables:\n  patience: {{default: {}, min: 1 s, max: 60 s, description: d}}\n"
@@ -45,6 +45,42 @@ def test_a_changed_tree_is_swapped_when_the_agent_does_not_run(watched):
         (1, "start", ""),
         (2, "file changed", "tree changed: 1 node changed, 2 nodes added"),
     ]
+
+
+def fail(watched: Watched, name: str) -> list[str]:
+    """Settle an agent as a host whose parameters cannot be declared; return what is told."""
+    trees = watched.watch.look(settle=False)
+    assert trees is not None
+    assert watched.versions.take(trees) == [name]
+    effect = watched.versions.settle(name, watched.running, watched.now)
+    assert effect is not None
+    told = watched.versions.failed(effect, "OSError: disk")
+    assert told.bad
+    return [told.words]
+
+
+def test_a_version_that_failed_is_taken_back_and_tried_again_with_the_next_reading(watched):
+    write(watched.folder, "bob", agent("bob", "{say: bye}"))
+    assert fail(watched, "bob") == [
+        "bob: version 2 could not be brought into force, version 1 stays: OSError: disk"
+    ]
+    assert watched.versions.standing("bob").version == 1
+    assert watched.versions.standing("bob").problems
+    assert causes(watched, "bob") == [(1, "start", "")]
+    assert edit(watched, "ann", agent("ann", "{say: hi}")) == [
+        "swap ann: version 2 in force (tree changed: 1 node changed)",
+        "swap bob: version 2 in force (tree changed: 1 node changed)",
+    ]
+    assert not watched.versions.standing("bob").problems
+
+
+def test_an_agent_that_could_not_be_added_is_not_there_and_is_tried_again(watched):
+    write(watched.folder, "cid", agent("cid"))
+    assert fail(watched, "cid") == ["cid: version 1 could not be added: OSError: disk"]
+    with pytest.raises(Refused, match="no agent 'cid'"):
+        watched.versions.versions("cid")
+    said = edit(watched, "ann", agent("ann", "{say: hi}"))
+    assert "add cid: new agent from cid.yaml, version 1 in force" in said
 
 
 def test_a_changed_default_is_a_retune_also_while_the_agent_runs(watched):

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from bt_agents.language.specs import Change, Script, Visit
-from scene_layer.script import TAKEN_WITHIN_S, Market, Performance, answer
+from scene_layer.script import AGAIN_WITHIN_S, TAKEN_WITHIN_S, Market, Performance, answer
 
 
 def visit(label: str, **more: object) -> Visit:
@@ -65,16 +65,34 @@ def test_a_visit_is_over_though_the_market_has_turned_to_another_scene_already()
     assert performance.next(2.0) is not None
 
 
-def test_a_restarted_market_gets_the_same_visit_again():
+def test_a_visit_that_a_restarted_market_takes_up_again_is_not_sent_again():
+    a = visit("a", changes=(Change(after_s=1.0, values={"mood": 2.0}),))
+    performance = play(a)
+    performance.market(market(), 0.0)
+    begin(performance, "s1")
+    performance.started("s1", 0.0)
+    performance.market(market(epoch="new"), 1.0)
+    assert not performance.over()
+    assert performance.next(1.0) is None
+    assert performance.due(2.0) == [], "the person begins anew with the run"
+    performance.market(market(idle=False, epoch="new"), 3.0)
+    performance.started("s1+again", 3.0)
+    assert performance.due(4.0) == list(a.changes)
+    performance.market(market("s1+again", epoch="new"), 5.0)
+    assert performance.over()
+    assert performance.done
+
+
+def test_a_restarted_market_that_knows_nothing_of_the_visit_gets_it_again():
     a = visit("a")
     performance = play(a)
     performance.market(market(), 0.0)
     begin(performance, "s1")
     performance.market(market(epoch="new"), 1.0)
-    assert performance.over()
-    assert not performance.done
-    assert begin(performance, "s2", 1.0) is a
-    performance.market(market("s2", epoch="new"), 2.0)
+    assert not performance.not_taken(1.0 + AGAIN_WITHIN_S)
+    assert performance.not_taken(1.1 + AGAIN_WITHIN_S)
+    assert begin(performance, "s2", 12.0) is a
+    performance.market(market("s2", epoch="new"), 13.0)
     assert performance.over()
     assert performance.done
 

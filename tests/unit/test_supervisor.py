@@ -16,7 +16,13 @@ import pytest
 
 from bt_agents.cli.backoff import Backoff
 from bt_agents.cli.log_file import LogFile
-from bt_agents.cli.supervisor import LOOPBACK_PROFILE, Component, Supervisor, keep_local
+from bt_agents.cli.supervisor import (
+    LOOPBACK_PROFILE,
+    Component,
+    Supervisor,
+    keep_local,
+    reach_in_words,
+)
 from bt_agents.errors import BtAgentsError
 
 HANG_S = 30.0
@@ -137,6 +143,75 @@ def test_after_a_minute_of_life_the_wait_is_short_again(watched: Watched) -> Non
     assert "again in 0.5 s" in watched.end("agents", pid)[0]
 
 
+def test_a_component_that_falls_silent_is_killed_after_ten_seconds_and_started_again(
+    watched: Watched,
+) -> None:
+    supervisor = watched.supervisor
+    supervisor.start(watched.write("agents", UP_FOR_EVER), watched.write("robot", UP_FOR_EVER))
+    pid = watched.up("agents")
+    watched.up("robot")
+    supervisor.keep_alive()
+    os.kill(pid, signal.SIGSTOP)
+    supervisor.hear("agents")
+    for _ in range(19):
+        watched.now += 0.5
+        assert supervisor.keep_alive() == []
+    watched.now += 0.5
+    told = watched.until(lambda told: len(told) > 1)
+    assert told[0] == "agents hangs (no sign of life for 10 s): killing it"
+    assert told[1].startswith("agents ended (killed by signal 9): starting it again in 0.5 s")
+    supervisor.hear("agents")  # late, from the one that was killed
+    for _ in range(60):
+        watched.now += 0.5
+        supervisor.keep_alive()
+    assert watched.up("agents", 2) != pid
+    assert "--- start" not in watched.said("robot")
+
+
+def test_silence_while_nobody_listened_is_no_reason_to_kill(watched: Watched) -> None:
+    watched.supervisor.start(watched.write("agents", UP_FOR_EVER))
+    watched.up("agents")
+    watched.supervisor.keep_alive()
+    watched.supervisor.hear("agents")
+    watched.now += 3600.0
+    assert watched.supervisor.keep_alive() == []
+    for _ in range(19):
+        watched.now += 0.5
+        assert watched.supervisor.keep_alive() == []
+    watched.now += 0.5
+    [hangs] = watched.supervisor.keep_alive()
+    assert hangs == "agents hangs (no sign of life for 10 s): killing it"
+
+
+UP_AND_GONE = """
+import os, time
+def main():
+    while not os.path.exists(os.environ["GO"]):
+        time.sleep(0.01)
+    os.write(int(os.environ["BT_AGENTS_READY"]), b"up")
+    return 1
+"""
+
+
+def test_a_component_that_is_up_and_gone_while_it_is_looked_at_has_been_up(
+    watched: Watched, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setenv("GO", str(tmp_path / "go"))
+    watched.supervisor.start(watched.write("agents", UP_AND_GONE))
+    [kept] = watched.supervisor._kept.values()
+    take_ready = kept.take_ready
+
+    def taken_just_before() -> bool:
+        up = take_ready()
+        (tmp_path / "go").touch()
+        kept.process.wait(HANG_S)
+        return up
+
+    monkeypatch.setattr(kept, "take_ready", taken_just_before)
+    [ended] = watched.until(lambda told: bool(told))
+    assert "agents ended with exit code 1: starting it again in 0.5 s" in ended
+
+
 def test_a_component_that_cannot_start_at_first_is_an_error_with_its_words(
     watched: Watched,
 ) -> None:
@@ -218,17 +293,43 @@ def test_parameters_are_handed_over_with_their_types() -> None:
     assert component.command()[:4] == [sys.executable, "-m", "bt_agents.starting", "m"]
 
 
+def test_parameters_win_over_those_of_a_file_which_comes_before_them() -> None:
+    component = Component(name="n", module="m", parameters={"x": 1}, file=Path("/f.yaml"))
+    assert component.command()[6:] == ["--params-file", "/f.yaml", "-p", "x:=1"]
+
+
 def test_traffic_stays_on_this_machine_unless_the_user_has_said_otherwise() -> None:
     environment: dict[str, str] = {}
     keep_local(environment)
-    assert environment == {
-        "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
+    whitelisted = {
+        "ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET",
         "FASTRTPS_DEFAULT_PROFILES_FILE": str(LOOPBACK_PROFILE),
     }
-    assert LOOPBACK_PROFILE.is_file()
+    assert environment == whitelisted
+    assert "<address>127.0.0.1</address>" in LOOPBACK_PROFILE.read_text()
+    keep_local(environment)
+    assert environment == whitelisted
+    assert reach_in_words(environment) == "this machine only"
     own = {"ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET"}
     keep_local(own)
     assert own == {"ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET"}
+    assert reach_in_words(own) == "discovery range SUBNET"
+
+
+@pytest.mark.parametrize(
+    "own",
+    [
+        {"RMW_IMPLEMENTATION": "rmw_cyclonedds_cpp"},
+        {"FASTRTPS_DEFAULT_PROFILES_FILE": "/home/ann/fast.xml"},
+    ],
+)
+def test_without_our_whitelist_the_range_keeps_traffic_on_this_machine(
+    own: dict[str, str],
+) -> None:
+    environment = dict(own)
+    keep_local(environment)
+    assert environment == {**own, "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
+    assert reach_in_words(environment) == "this machine only"
 
 
 def test_a_process_that_does_not_end_when_asked_is_killed(
@@ -248,6 +349,33 @@ def test_a_process_that_does_not_end_when_asked_is_killed(
     assert supervisor.stop() == ["deaf"]
 
 
+def test_a_process_that_needs_some_seconds_to_end_is_not_killed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "slow.py").write_text(
+        "import signal, sys, time\n"
+        "def end(*_):\n"
+        "    time.sleep(2.2)\n"
+        "    sys.exit(0)\n"
+        "signal.signal(signal.SIGTERM, end)\n"
+        "print('slow', flush=True)\n"
+        "while True:\n"
+        "    time.sleep(1)\n"
+    )
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
+    supervisor = Supervisor(tmp_path / "logs")
+    supervisor.start(Component(name="slow", module="slow"))
+    while "slow" not in supervisor.log("slow").read_text():
+        assert not supervisor.dead()
+    assert supervisor.stop() == []
+
+
+def test_every_process_is_put_into_the_namespace(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("ROS_NAMESPACE", "robot1")
+    keep_local(dict(os.environ))
+    assert "-r __ns:=/robot1" in " ".join(Component(name="a", module="b").command())
+
+
 @pytest.mark.parametrize(
     "wrong",
     [
@@ -255,6 +383,8 @@ def test_a_process_that_does_not_end_when_asked_is_killed(
         {"ROS_DOMAIN_ID": "999"},
         {"ROS_DOMAIN_ID": "-1"},
         {"ROS_AUTOMATIC_DISCOVERY_RANGE": "everywhere"},
+        {"ROS_NAMESPACE": "my robot"},
+        {"ROS_NAMESPACE": "//robot1"},
     ],
 )
 def test_an_environment_that_ros_does_not_know_is_refused_in_words(wrong: dict[str, str]) -> None:

@@ -9,12 +9,14 @@ from pathlib import Path
 import pytest
 
 from bt_agents.errors import Refused
+from bt_agents.language.specs import FieldType
 from bt_agents.tuning.board import FILE, Board, words_of
 from bt_agents.tuning.history import Action, Cause
 from bt_agents.tuning.journal import Journal
 from bt_agents.tuning.knobs import TICK_RATE, Knob, knobs_of
 from bt_agents.tuning.presets import Presets
 from bt_agents.tuning.profile_orders import ProfileOrders
+from disk import Disk
 from stage import SPACE, agent
 
 HEAD = """
@@ -31,8 +33,9 @@ class Host:
 
     def __init__(self, file: Path | None = None, knobs: tuple[Knob, ...] = KNOBS) -> None:
         self.told: list[str] = []
-        journal = Journal(file) if file is not None else None
-        self.board = Board(journal, Presets(None), lambda: 1.0, self.told.append)
+        disk = Disk()
+        journal = Journal(file, disk, self.told.append) if file is not None else None
+        self.board = Board(journal, Presets(None), disk, lambda: 1.0, self.told.append)
         self.starts = {knob.name: self.board.start(knob) for knob in knobs}
         for knob in knobs:
             self.board.add(knob, self.starts[knob.name].value)
@@ -180,9 +183,9 @@ def test_names_and_values_have_to_fit(names, texts, code):
 
 def test_a_preset_brings_back_tuned_values_and_those_of_the_files():
     board = Host().board
-    assert board.save("evening", ["a"]) == 3
+    assert board.save("evening", ["a"])[0] == 3
     board.record({"a.patience": 12.0, "tick_rate": 30.0}, ANNA)
-    assert board.save("morning", []) == 3
+    assert board.save("morning", [])[0] == 3
     assert board.preset("evening") == (
         {"a.patience": 8.0, "a.attempts": 2, "a.learning_rate": 0.2},
         [],
@@ -231,6 +234,24 @@ def test_words_from_outside_are_one_line_that_can_be_shown(text):
         words_of(text, "the reason")
 
 
+def test_the_character_that_cannot_be_shown_is_named():
+    with pytest.raises(Refused, match=r"the reason is 'a b', with the character '\\n'; expected"):
+        words_of("a\nb", "the reason")
+
+
+def test_a_tunable_without_its_agent_is_asked_whose_it_is():
+    with pytest.raises(Refused, match=r"UNKNOWN_PARAMETER: whose 'patience'\? a\.patience$"):
+        Host().board.read(["patience"], ["5"])
+
+
+def test_an_empty_text_is_shown_in_quotes():
+    knob = replace(KNOBS[0], name="a.place", key="place", type=FieldType.TEXT, default="dock")
+    board = Host(None, (knob,)).board
+    revision = board.record({"a.place": ""}, ANNA)
+    assert revision is not None
+    assert board.words(revision.changes) == "a.place: dock → ''"
+
+
 def test_profile_values_wait_for_the_answer_and_newer_ones_take_the_place_of_older_ones():
     orders = ProfileOrders()
     names = ("age", "familiarity", "mood")
@@ -249,6 +270,22 @@ def test_profile_values_wait_for_the_answer_and_newer_ones_take_the_place_of_old
     orders.done("a")
     assert orders.next("a") is None
     assert orders.over("a", names, (1.0, 1.0, 1.0)) == (1.0, 1.0, 1.0)
+
+
+def test_an_order_that_was_not_taken_is_wanted_again_beneath_what_is_newer():
+    orders = ProfileOrders()
+    names = ("age", "familiarity", "mood")
+    orders.want("a", {"age": 4.0, "mood": 2.0}, "first")
+    assert orders.next("a") is not None
+    orders.want("a", {"age": 4.5}, "second")
+    orders.again("a")
+    assert orders.agents == ("a",)
+    assert orders.over("a", names, (1.0, 1.0, 1.0)) == (4.5, 1.0, 2.0)
+    again = orders.next("a")
+    assert again is not None
+    assert (dict(again.values), again.reason) == ({"age": 4.5, "mood": 2.0}, "second")
+    orders.done("a")
+    assert orders.agents == ()
 
 
 def test_a_value_that_was_written_into_the_file_is_not_tuned_any_more(tmp_path):

@@ -4,6 +4,9 @@
 from __future__ import annotations
 
 import os
+import signal
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -15,6 +18,7 @@ from bt_agents.tuning.journal import Journal
 from bt_agents.tuning.journal_lines import revision_line
 from bt_agents.tuning.presets import Presets, presets_text, read_presets
 from bt_agents.tuning.remembered import Kept
+from disk import Disk
 
 
 def revision(number: int, before: float, after: float, *, of: int = 0) -> Revision:
@@ -32,14 +36,19 @@ def path(tmp_path: Path) -> Path:
     return tmp_path / "state" / "tunings.jsonl"
 
 
+def opened(path: Path, disk: Disk | None = None, told: list[str] | None = None) -> Journal:
+    tell = told.append if told is not None else pytest.fail
+    return Journal(path, disk or Disk(), tell)
+
+
 def reopened(path: Path) -> Journal:
-    journal = Journal(path)
+    journal = opened(path)
     journal.close()
     return journal
 
 
 def test_what_was_written_is_there_after_a_restart(path):
-    journal = Journal(path)
+    journal = opened(path)
     journal.append(revision(1, 8.0, 12.0), {"a.x": 8.0})
     journal.append(revision(2, 12.0, 8.0, of=1), {"a.x": 8.0})
     journal.append(revision(3, 8.0, 10.0), {"a.x": 8.0})
@@ -53,7 +62,7 @@ def test_what_was_written_is_there_after_a_restart(path):
 
 
 def test_a_value_that_is_as_in_the_file_again_is_not_kept(path):
-    journal = Journal(path)
+    journal = opened(path)
     journal.append(revision(1, 8.0, 12.0), {"a.x": 8.0})
     journal.append(revision(2, 12.0, 8.0), {"a.x": 8.0})
     journal.close()
@@ -62,12 +71,12 @@ def test_a_value_that_is_as_in_the_file_again_is_not_kept(path):
 
 @pytest.mark.parametrize("torn", [b'{"revision":2,"sta', b'{"revision":2}', b"\xff\xfe"])
 def test_a_torn_last_line_is_dropped_with_words_and_the_next_one_is_whole(path, torn):
-    journal = Journal(path)
+    journal = opened(path)
     journal.append(revision(1, 8.0, 12.0), {"a.x": 8.0})
     journal.close()
     with path.open("ab") as file:
         file.write(torn)
-    again = Journal(path)
+    again = opened(path)
     assert again.problems == [f"{path}:2: its end is missing; it is left out"]
     again.append(revision(2, 12.0, 9.0), {"a.x": 8.0})
     again.close()
@@ -101,7 +110,7 @@ def test_a_torn_last_line_is_dropped_with_words_and_the_next_one_is_whole(path, 
 def test_a_line_that_cannot_be_read_is_left_out_with_its_place_and_the_rest_is_used(
     path, line, words
 ):
-    journal = Journal(path)
+    journal = opened(path)
     journal.append(revision(1, 8.0, 12.0), {"a.x": 8.0})
     journal.close()
     good = path.read_text()
@@ -122,7 +131,7 @@ def test_a_file_full_of_garbage_is_told_in_a_few_lines(path):
 
 def test_a_long_file_becomes_short_and_says_the_same(path, monkeypatch):
     monkeypatch.setattr(journal_module, "MOST_LINES", 50)
-    journal = Journal(path)
+    journal = opened(path)
     for number in range(1, 52):
         one = revision(number, number - 1.0, float(number))
         journal.append(one, {"a.x": 0.0})
@@ -142,7 +151,7 @@ def test_a_long_file_becomes_short_and_says_the_same(path, monkeypatch):
 
 
 def test_a_disk_that_takes_nothing_refuses_and_leaves_the_file_as_it_was(path, monkeypatch):
-    journal = Journal(path)
+    journal = opened(path)
     journal.append(revision(1, 8.0, 12.0), {"a.x": 8.0})
     before = path.read_bytes()
     real = os.write
@@ -161,13 +170,144 @@ def test_a_disk_that_takes_nothing_refuses_and_leaves_the_file_as_it_was(path, m
     assert reopened(path).problems == []
 
 
+def test_a_line_that_could_not_even_be_taken_back_is_gone_before_the_next_one(path, monkeypatch):
+    journal = opened(path)
+    journal.append(revision(1, 8.0, 12.0), {"a.x": 8.0})
+    real = os.write
+
+    def half(descriptor: int, content: bytes) -> int:
+        real(descriptor, content[:5])
+        raise OSError(5, "Input/output error")
+
+    def no(descriptor: int, size: int) -> None:
+        raise OSError(5, "Input/output error")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(os, "write", half)
+        patch.setattr(os, "ftruncate", no)
+        for _ in range(2):
+            with pytest.raises(Refused, match=r"NOT_KEPT: .*Input/output error"):
+                journal.append(revision(2, 12.0, 9.0), {"a.x": 8.0})
+    journal.append(revision(2, 12.0, 9.0), {"a.x": 8.0})
+    journal.close()
+    again = reopened(path)
+    assert again.problems == []
+    assert again.remembered.kept["a.x"].value == 9.0
+
+
+def test_a_change_outlives_a_process_that_is_killed(path):
+    program = (
+        "import os, signal, sys\n"
+        "from pathlib import Path\n"
+        "from test_tuning_files import opened, revision\n"
+        "journal = opened(Path(sys.argv[1]))\n"
+        "journal.append(revision(1, 8.0, 12.0), {'a.x': 8.0})\n"
+        "os.kill(os.getpid(), signal.SIGKILL)\n"
+    )
+    folders = [str(Path(__file__).parent), str(Path(__file__).parents[1])]
+    killed = subprocess.run(
+        [sys.executable, "-c", program, str(path)],
+        env={**os.environ, "PYTHONPATH": os.pathsep.join(folders)},
+        timeout=60,
+        check=False,
+    )
+    assert killed.returncode == -signal.SIGKILL
+    assert reopened(path).remembered.kept["a.x"].value == 12.0
+
+
+@pytest.fixture
+def synced(monkeypatch: pytest.MonkeyPatch) -> list[bytes]:
+    """What the file had in it at each sync."""
+    seen: list[bytes] = []
+    monkeypatch.setattr(os, "fdatasync", lambda file: seen.append(os.pread(file, 10**6, 0)))
+    return seen
+
+
+def test_a_change_is_written_at_once_and_only_the_disk_waits_for_itself(path, synced):
+    disk = Disk(at_once=False)
+    journal = opened(path, disk)
+    journal.append(revision(1, 8.0, 12.0), {"a.x": 8.0})
+    assert path.read_bytes().count(b"\n") == 1
+    job = journal.sync()
+    assert (synced, job.done()) == ([], False)
+    disk.turn()
+    assert job.done()
+    assert synced == [path.read_bytes()]
+    journal.close()
+
+
+def test_what_comes_before_a_sync_begins_shares_it_and_nothing_new_needs_none(path, synced):
+    disk = Disk(at_once=False)
+    journal = opened(path, disk)
+    jobs = []
+    for number in range(1, 41):
+        journal.append(revision(number, number - 1.0, float(number)), {"a.x": 0.0})
+        jobs.append(journal.sync())
+    disk.turn()
+    assert len(set(map(id, jobs))) == 1
+    for number in range(40):
+        journal.agree(f"a.x{number}")
+    assert journal.sync() is jobs[0]
+    assert len(synced) == 1
+    journal.append(revision(41, 40.0, 41.0), {"a.x": 0.0})
+    assert journal.sync() is not jobs[0]
+    disk.turn()
+    assert len(synced) == 2
+    journal.close()
+
+
+def test_what_is_written_while_the_file_is_made_short_is_in_both(path):
+    disk = Disk(at_once=False)
+    journal = opened(path, disk)
+    for number in (1, 2, 3):
+        one = revision(number, number - 1.0, float(number))
+        journal.append(one, {"a.x": 0.0})
+        journal.remembered.take(one, {"a.x": 0.0})
+    journal.shorten(journal.remembered)
+    journal.append(revision(4, 3.0, 4.0), {"a.x": 0.0})
+    assert path.read_bytes().count(b"\n") == 4
+    disk.turn()
+    assert path.read_bytes().count(b"\n") == 2
+    journal.append(revision(5, 4.0, 5.0), {"a.x": 0.0})
+    disk.turn()
+    journal.close()
+    again = reopened(path)
+    assert again.problems == []
+    assert again.remembered.kept["a.x"].value == 5.0
+    assert len(again.remembered.history.undoable) == 5
+    assert len(list(path.parent.iterdir())) == 1
+
+
+def test_a_file_that_cannot_be_made_short_stays_and_is_said(path, monkeypatch):
+    told: list[str] = []
+    disk = Disk(at_once=False)
+    journal = opened(path, disk, told)
+    journal.append(revision(1, 8.0, 12.0), {"a.x": 8.0})
+    journal.shorten(journal.remembered)
+
+    def no(*_: object) -> None:
+        raise OSError(30, "Read-only file system")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(os, "replace", no)
+        disk.turn()
+    journal.append(revision(2, 12.0, 9.0), {"a.x": 8.0})
+    disk.turn()
+    journal.close()
+    assert told == [
+        "the file of tunings grows, it cannot be written anew: [Errno 30] Read-only file system"
+    ]
+    assert reopened(path).remembered.kept["a.x"].value == 9.0
+    assert len(list(path.parent.iterdir())) == 1
+
+
 def test_two_hosts_cannot_have_the_same_file(path):
-    first = Journal(path)
+    first = opened(path)
     with pytest.raises(BtAgentsError, match="in use by another host; give each host a file"):
-        Journal(path)
+        opened(path)
     first.shorten(first.remembered)
     with pytest.raises(BtAgentsError, match="in use by another host"):
-        Journal(path)
+        opened(path)
     first.close()
     reopened(path)
 
@@ -175,11 +315,11 @@ def test_two_hosts_cannot_have_the_same_file(path):
 def test_a_file_that_cannot_be_opened_is_named(tmp_path):
     (tmp_path / "file").write_text("")
     with pytest.raises(BtAgentsError, match="cannot be opened"):
-        Journal(tmp_path / "file" / "tunings.jsonl")
+        opened(tmp_path / "file" / "tunings.jsonl")
 
 
 def test_ten_thousand_lines_are_read_and_bounded(path):
-    journal = Journal(path)
+    journal = opened(path)
     journal.close()
     lines = []
     for number in range(1, 10_001):

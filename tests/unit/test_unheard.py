@@ -9,8 +9,8 @@ from bt_agents.ros.unheard import MOST, UnheardRuns
 from bt_agents_interfaces.msg import Run
 
 
-def ended(number: int, epoch: str = "e1", event: int = Run.ENDED) -> Run:
-    return Run(epoch=epoch, round=number, event=event, outcome=Run.CANCELLED)
+def ended(number: int, epoch: str = "e1", event: int = Run.ENDED, agent: str = "guide") -> Run:
+    return Run(epoch=epoch, round=number, agent=agent, event=event, outcome=Run.CANCELLED)
 
 
 def rounds(runs: list[Run]) -> list[int]:
@@ -46,6 +46,13 @@ def test_a_run_that_its_market_had_given_up_before_it_ended_is_not_kept() -> Non
     runs.take_event(ended(1))
     runs.keep(ended(1))
     assert runs.of_others("e2") == []
+
+
+def test_a_run_whose_round_another_agent_had_refused_is_kept() -> None:
+    runs = UnheardRuns()
+    runs.take_event(ended(1, event=Run.REFUSED, agent="talker"))
+    runs.keep(ended(1))
+    assert rounds(runs.of_others("e2")) == [1]
 
 
 @pytest.mark.parametrize("event", [Run.STARTED, Run.CANCELLING])

@@ -4,13 +4,19 @@
 from __future__ import annotations
 
 import math
+import time
+from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any
 
 import click
+from rich.console import Console
 
 from bt_agents.cli.constants import STATES, code_words, word
 from bt_agents.cli.joining import FIND_LIMIT_S, accepted, running_system
+from bt_agents.cli.lines import print_line
+from bt_agents.cli.scene_names import SceneNames
 from bt_agents.errors import BtAgentsError, Refused
+from bt_agents.reload.card_news import why_kept
 
 if TYPE_CHECKING:
     from bt_agents.ros.observer import Observer
@@ -18,6 +24,8 @@ if TYPE_CHECKING:
 _DECIDE_LIMIT_S = 5.0
 
 _SOON_S = 0.3
+
+_CHALLENGE_LIMIT_S = 1.0
 
 _ENDS_SHOWN = 3
 _NOT_TAKEN = ("BUSY", "QUEUE_FULL", "DUPLICATE", "SHUTTING_DOWN")
@@ -71,17 +79,41 @@ def trigger(values: Assignments, label: str, person: bool, urgent: bool) -> None
             last = rounds()[-1:]
             return end() is not None or any(a.outcome != a.PREEMPTS for a in last)
 
-        known = observer.turn_until(decided, _DECIDE_LIMIT_S)
+        def waits() -> bool:
+            return not rounds() and bool(observer.market.queued)
+
+        observer.turn_until(lambda: decided() or waits(), _DECIDE_LIMIT_S)
+        # A scene that waits may still be asked about, or be refused.
+        known = observer.turn_until(decided, _CHALLENGE_LIMIT_S) if waits() else decided()
+        names_of_scenes = _names(auctions)
         if any(auction.outcome == auction.WAITS for auction in rounds()[-1:]):
             # There may be no room to wait.
             observer.turn_until(lambda: end() is not None, _SOON_S)
         for auction in rounds():
             click.echo(f"round {auction.round}: {_headline(auction)}")
-            click.echo(auction.reason)
+            click.echo(names_of_scenes.in_words(auction.reason))
         if end() is not None and end().code in _NOT_TAKEN:
-            raise Refused(end().code, end().message)
+            raise Refused(end().code, names_of_scenes.in_words(end().message))
         if not known:
-            click.echo(f"not decided yet, the market says: {observer.market.message}")
+            says = names_of_scenes.in_words(observer.market.message)
+            click.echo(
+                f"waits in line: {_place(observer, urgent)}; {says}"
+                if waits()
+                else f"not decided yet, the market says: {says}"
+            )
+
+
+def _place(observer: Observer, urgent: bool) -> str:
+    """Return how many scenes wait, and what an urgent one cannot expect."""
+    from bt_agents.ros import client
+
+    waiting = f"{observer.market.queued}"
+    settings = client.new_scenes(observer)
+    if settings is None:
+        return f"{waiting} wait"
+    mode, limit = settings
+    in_vain = f" (urgent counts only where new scenes preempt, here they {mode})"
+    return f"{waiting} of {limit} wait" + (in_vain if urgent and mode != "preempt" else "")
 
 
 @click.command()
@@ -102,12 +134,13 @@ def sense(values: Assignments, person: bool | None) -> None:
 
 @click.command()
 @click.option("--reason", default="the operator stopped it", help="Why, in words.")
-def cancel(reason: str) -> None:
-    """Stop the running agent."""
+@click.option("--next", "next_", is_flag=True, help="Go on with the next scene that waits.")
+def cancel(reason: str, next_: bool) -> None:
+    """Stop the running agent, and forget the scenes that wait."""
     with running_system() as observer:
         from bt_agents.ros import client
 
-        answer = client.cancel_run(observer, reason)
+        answer = client.cancel_run(observer, reason, observer.market.round if next_ else 0)
         click.echo(accepted(answer, "the marketplace").message)
 
 
@@ -117,32 +150,57 @@ def status() -> None:
     with running_system() as observer:
         from bt_agents.ros import client
 
-        ends = client.scene_ends(observer)
+        auctions, ends = client.decisions(observer), client.scene_ends(observer)
         observer.turn_until(lambda: bool(observer.cards), FIND_LIMIT_S)
         observer.turn_until(lambda: _heard_last(observer, ends), _SOON_S)
-        market = observer.market
-        click.echo(f"market    {word(market, market.state, STATES)}: {market.message}")
-        click.echo(
-            f"          round {market.round}, {market.queued} scenes waiting, "
-            f"{market.hosts} hosts, {market.agents} agents"
+        market, names = observer.market, _names(auctions)
+        known = any(end.scene_id == market.finished_scene_id for end in ends[-_ENDS_SHOWN:])
+        state = word(market, market.state, STATES)
+        if market.state != market.IDLE or not known:
+            state += f": {names.in_words(market.message)}"
+        _say("market    ", state)
+        _say(
+            "          ",
+            f"round {market.round}, {_counted(market.hosts, 'host')}, "
+            f"{_counted(market.agents, 'agent')}; new scenes: {_line(observer)}",
         )
         for host, card in sorted(observer.cards.items()):
             click.echo(f"host      {host}")
             for agent in card.agents:
                 profile = _row(card.parameters, agent.current)
-                click.echo(
-                    f"  {agent.name:<22} {profile}  (revision {agent.revision}, "
-                    f"version {agent.version}{_condition(agent)})"
+                _say(
+                    f"  {agent.name:<22} ",
+                    f"{profile}  (revision {agent.revision}, "
+                    f"version {agent.version}{_condition(agent)})",
                 )
             for problem in card.problems:
-                click.echo(f"  problem: {problem}")
+                _say("  problem: ", problem)
         for end in ends[-_ENDS_SHOWN:]:
-            click.echo(f"ended     {_end(end)}")
+            when = time.strftime("%H:%M:%S", time.localtime(end.stamp.sec))
+            place = f"round {end.round}, " if end.round else ""
+            _say("ended     ", f"{when}, {place}'{names.of(end.scene_id)}', {_end(end, names)}")
+
+
+def _line(observer: Observer) -> str:
+    """Return what becomes of new scenes, and how many wait."""
+    from bt_agents.ros import client
+
+    waiting = observer.market.queued
+    settings = client.new_scenes(observer)
+    if settings is None:
+        return f"{waiting} wait"
+    mode, limit = settings
+    return f"{mode}, {waiting} of {limit} wait"
+
+
+def _counted(number: int, what: str) -> str:
+    return f"{number} {what}" if number == 1 else f"{number} {what}s"
 
 
 def _condition(agent: Any) -> str:
     waits = "; a newer one waits for the end of the run" if agent.waiting else ""
-    return waits + ("; its file is broken or gone" if agent.degraded else "")
+    why = why_kept(agent)
+    return waits + (f"; {why}" if why else "")
 
 
 @click.command()
@@ -165,10 +223,10 @@ def why(round_number: int | None) -> None:
                 f"no decision {'yet' if round_number is None else f'of round {round_number}'}"
                 + (f"; there are rounds {kept}" if kept else "; 'bt-agents trigger' asks for one")
             )
-        _explain(found[-1])
+        _explain(found[-1], _names(auctions))
         for end in ends:
             if end.scene_id == found[-1].scene.scene_id and end.code != "DUPLICATE":
-                click.echo(f"the scene ended: {_end(end)}")
+                click.echo(f"the scene ended: {_end(end, _names(auctions))}")
 
 
 def _heard_last(observer: Observer, ends: list[Any]) -> bool:
@@ -185,11 +243,22 @@ def _headline(auction: Any) -> str:
     return auction.winner or "nobody"
 
 
-def _end(end: Any) -> str:
-    return f"{code_words(end.code)}: {end.message}"
+def _end(end: Any, names: SceneNames) -> str:
+    return f"{code_words(end.code)}: {names.in_words(end.message)}"
 
 
-def _explain(auction: Any) -> None:
+def _names(auctions: Iterable[Any]) -> SceneNames:
+    names = SceneNames()
+    for auction in auctions:
+        names.take(auction.scene)
+    return names
+
+
+def _say(head: str, words: str) -> None:
+    print_line(Console(), head, words)
+
+
+def _explain(auction: Any, names: SceneNames) -> None:
     values = ", ".join(
         f"{v.name} {'missing' if math.isnan(v.value) else format(v.value, 'g')}"
         for v in auction.scene.values
@@ -200,7 +269,7 @@ def _explain(auction: Any) -> None:
         click.echo(f"  {bid.agent:<22} {bid.calculation}")
     for bid in auction.refused:
         click.echo(f"  {bid.agent:<22} {bid.reason}")
-    click.echo(auction.reason)
+    click.echo(names.in_words(auction.reason))
 
 
 @click.command()

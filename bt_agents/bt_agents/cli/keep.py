@@ -18,10 +18,10 @@ from bt_agents.errors import BtAgentsError
 from bt_agents.language.agent_reader import read_agent_text
 from bt_agents.language.folder_reader import Trees, read_trees
 from bt_agents.language.specs import AgentSpec
-from bt_agents.language.text.source import read_source
-from bt_agents.tuning.keeping import Tuned
+from bt_agents.language.text.source import Source, read_source
+from bt_agents.tuning.keeping import Tuned, default_text
 from bt_agents.tuning.keeping import keep as kept_text
-from bt_agents.tuning.knobs import KnobKind
+from bt_agents.tuning.knobs import Knob, KnobKind, shown_value
 
 if TYPE_CHECKING:
     from bt_agents.ros.observer import Observer
@@ -103,16 +103,22 @@ def _edit(trees: Trees, agent: str, tuned: Sequence[Tuned]) -> _Edit:
     def read(text: str) -> AgentSpec:
         return read_agent_text(text, source.file, trees.vocabulary)
 
+    after = kept_text(source, tuned, trees.vocabulary.space, read)
+    written = Source(source.file, after)
     return _Edit(
         path=Path(spec.file),
         before=source.text,
-        after=kept_text(source, tuned, trees.vocabulary.space, read),
+        after=after,
         words=tuple(
-            f"{one.knob.name}: {one.knob.written(one.knob.default)} → "
-            f"{one.knob.written(one.value)}"
+            f"{one.knob.name}: {_default(source, one.knob)} → {_default(written, one.knob)}"
             for one in tuned
         ),
     )
+
+
+def _default(source: Source, knob: Knob) -> str:
+    """Return the default of a knob as a file writes it, or as it counts without a line."""
+    return default_text(source, knob) or shown_value(knob, knob.default)
 
 
 def _text(path: Path) -> str:

@@ -9,15 +9,23 @@ import sys
 import tempfile
 import time
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 from rich.console import Console
+from rich.text import Text
 
 from bt_agents.cli import system
+from bt_agents.cli.lines import print_line
 from bt_agents.cli.story import Story
-from bt_agents.cli.supervisor import STOP_LIMIT_S, Component, Supervisor, keep_local
+from bt_agents.cli.supervisor import (
+    Component,
+    Supervisor,
+    keep_local,
+    reach_in_words,
+)
 from bt_agents.domain import hold_domain, reserve_domain
 from bt_agents.errors import BtAgentsError
 from bt_agents.interrupt import Interrupt, loading
@@ -28,9 +36,9 @@ if TYPE_CHECKING:
     from bt_agents.ros.observer import Observer
 
 _DEMO_LIMIT_S = 55.0
-_OWN_END_LIMIT_S = 5.0
 _READY_LIMIT_S = 20.0
 _LOOK_S = 0.2
+_INDENT = 4
 _NEIGHBOUR_S = 0.5
 
 
@@ -68,7 +76,26 @@ def demo(voice: bool, script: Path | None, tags: str) -> None:
 @click.option("--bindings", default="", help="Robot whose bindings of skills are preferred.")
 @click.option("--voice/--no-voice", default=True, help="Speak aloud when espeak-ng is installed.")
 @click.option("--ledger", default="", help="File of the learned profiles.")
-def up(directory: str, robot: bool, tags: str, bindings: str, voice: bool, ledger: str) -> None:
+@click.option(
+    "--on-new-scene",
+    type=click.Choice(["queue", "reject", "preempt"]),
+    help="What becomes of a scene that comes during a run.  [default: queue]",
+)
+@click.option(
+    "--params",
+    type=click.Path(exists=True, dir_okay=False, resolve_path=True, path_type=Path),
+    help="ROS parameter file for all nodes; what 'up' sets by itself wins.",
+)
+def up(
+    directory: str,
+    robot: bool,
+    tags: str,
+    bindings: str,
+    voice: bool,
+    ledger: str,
+    on_new_scene: str | None,
+    params: Path | None,
+) -> None:
     """Keep the agents of a trees DIRECTORY running.
 
     In another terminal: bt-agents trigger age=4.5 mood=2, sense, cancel, status, why, feedback.
@@ -76,13 +103,14 @@ def up(directory: str, robot: bool, tags: str, bindings: str, voice: bool, ledge
     interrupt = Interrupt()
     trees = find_trees(directory)
     components = [
-        system.market(trees),
+        system.market(trees, on_new_scene or ""),
         system.scene_layer(trees),
         system.host(trees, tags, bindings, str(system.state_folder() / "tunings.jsonl")),
         system.feedback(trees, ledger=ledger or str(system.state_folder() / "ledger.sqlite")),
     ]
     if robot:
         components.append(system.robot(pace=1.0, voice="auto" if voice else "off"))
+    components = [replace(component, file=params) for component in components]
     sys.exit(_run("up", components, trees, tags, interrupt))
 
 
@@ -111,6 +139,7 @@ def _run(
     supervisor = Supervisor(system.new_log_folder())
     story = Story(console, folder.scene.space)
     observer = graph.Observer(story)
+    observer.hear_heartbeats(supervisor.hear)
     try:
         observer.turn_until(lambda: bool(interrupt) or observer.market is not None, _NEIGHBOUR_S)
         if observer.market is not None:
@@ -130,7 +159,7 @@ def _run(
                 story.summary()
                 console.print(f"done in {time.monotonic() - start:.0f} s")
         finally:
-            killed = supervisor.stop(STOP_LIMIT_S if interrupt else _OWN_END_LIMIT_S)
+            killed = supervisor.stop()
     finally:
         observer.close()
     if interrupt:
@@ -197,7 +226,8 @@ def _follow(
 def _keep_alive(console: Console, supervisor: Supervisor) -> None:
     for line in supervisor.keep_alive():
         style = "dim" if line.startswith(" ") else "yellow"
-        console.print(line, style=style, markup=False, highlight=False, soft_wrap=True)
+        indent = len(line) - len(line.lstrip())
+        print_line(console, "", Text(line, style=style), indent + _INDENT)
 
 
 def _show_broken(console: Console, folder: Trees) -> None:
@@ -208,10 +238,9 @@ def _show_broken(console: Console, folder: Trees) -> None:
 
 def _welcome(console: Console, cards: Iterable[Any], seconds: float) -> None:
     names = [agent.title for card in cards for agent in card.agents]
-    console.print(
-        f"[green]ready[/] after {seconds:.1f} s: one robot, {len(names)} agents "
+    words = (
+        f"after {seconds:.1f} s: one robot, {len(names)} agents "
         f"({', '.join(names)}), ROS domain {os.environ.get('ROS_DOMAIN_ID', '0')}, "
-        f"{os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE']} only",
-        highlight=False,
-        soft_wrap=True,
+        f"{reach_in_words(os.environ)}"
     )
+    print_line(console, "[green]ready[/] ", words, _INDENT)

@@ -25,9 +25,17 @@ def preset(context: click.Context) -> None:
     """
     if context.invoked_subcommand is None:
         with running_system() as observer:
-            for one in _presets(observer):
+            found = list(_presets(observer))
+            if not found:
+                click.echo("no preset yet; 'bt-agents preset save NAME' makes one")
+            for one in found:
                 agents = {name.partition(".")[0] for name in one.names}
-                click.echo(f"{one.name:<24} {len(one.names)} values, {len(agents)} agent(s)")
+                values = _counted(len(one.names), "value")
+                click.echo(f"{one.name:<24} {values}, {_counted(len(agents), 'agent')}")
+
+
+def _counted(number: int, what: str) -> str:
+    return f"{number} {what}" if number == 1 else f"{number} {what}s"
 
 
 @preset.command()

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import sys
 import time
 from typing import Any
 
@@ -18,15 +19,20 @@ _NOW = "Do not wait for the end of a run: cancel it, with its clean-up."
 def reload(now: bool) -> None:
     """Look at the agents' files at once.
 
-    Files that have changed are taken over by themselves; this says what has changed and what
-    waits for the end of a run.
+    Files that have changed are taken over by themselves; this says what has changed, what waits
+    for the end of a run, and what is broken: then the exit code is 1.
     """
+    fine = True
     with running_system() as observer:
         from bt_agents.ros import reload_client
 
         for host in hosts(observer):
             answer = reload_client.reload_agents(observer, host, now)
-            click.echo(accepted(answer, f"the host {host}").message)
+            if answer is None:
+                accepted(answer, f"the host {host}")
+            click.echo(answer.message)
+            fine = fine and answer.accepted
+    sys.exit(0 if fine else 1)
 
 
 @click.command()

@@ -9,13 +9,19 @@ from typing import Any
 
 from rich.console import Console
 from rich.markup import escape
+from rich.text import Text
 
 from bt_agents.cli.constants import KINDS, OUTCOMES, code_words, word
+from bt_agents.cli.lines import print_line
+from bt_agents.cli.scene_names import SceneNames
 from bt_agents.scene import SceneSpace
 
 _STATUS = {"running": "[yellow]▶", "success": "[green]✔", "failure": "[red]✘"}
 _OUTCOME_STYLE = {"succeeded": "green", "cancelled": "yellow"}
 _MOOD_STEP = 0.25
+TUNING = "tuning"
+"""Source of a feedback that sets what somebody has tuned, which has a line of its own."""
+
 _TOLD_BY_THE_RUN = ("SUCCEEDED", "FAILED", "CANCELLED", "PREEMPTED", "NO_BIDS")
 
 
@@ -33,6 +39,13 @@ class Story:
         self._mood: float | None = None
         self._start: dict[str, Sequence[float]] = {}
         self._now: dict[str, Sequence[float]] = {}
+        self._scene_id = ""
+        self._names = SceneNames()
+        self._queued = 0
+        self._under_way = ""
+        self._stopping = False
+        self._started = ("", 0)
+        self._tuned: dict[str, int] = {}
         self.runs: list[tuple[str, str]] = []
         self.rounds = 0
         self.unanswered = 0
@@ -55,7 +68,17 @@ class Story:
 
     def scene(self, message: Any) -> None:
         """Say what the scene is."""
+        self._scene_id = message.scene_id
+        self._names.take(message)
         self._line("scene", self._describe(message))
+
+    def market(self, message: Any) -> None:
+        """Say when a scene has to wait."""
+        if message.queued > self._queued:
+            busy = f"{message.agent} has the robot" if message.agent else "another is under way"
+            count = f" as the last of {message.queued}" if message.queued > 1 else ""
+            self._line("scene", f"[dim]waits in line{count}: {escape(busy)}[/]")
+        self._queued = message.queued
 
     def live(self, message: Any) -> None:
         """Say when the mood has changed."""
@@ -72,8 +95,8 @@ class Story:
     def auction(self, message: Any) -> None:
         """Show every bid and the reason of the decision."""
         self.rounds += 1
-        if message.follows:
-            self._line("scene", self._describe(message.scene))
+        if message.follows or message.scene.scene_id != self._scene_id:
+            self.scene(message.scene)
         for bid in message.ranking:
             style = "bold" if bid.agent == message.winner else "dim"
             self._line(
@@ -88,13 +111,13 @@ class Story:
         if message.outcome in (message.PREEMPTS, message.WAITS):
             stops = message.outcome == message.PREEMPTS
             title = "[bold yellow]the run is stopped[/]" if stops else "[dim]the run goes on[/]"
-            self._line("challenge", f"{title}  {escape(message.reason)}")
+            self._line("challenge", f"{title}  {self._words(message.reason)}")
             self.preemptions += stops
             return
         self.takeovers += bool(message.follows and message.winner)
         style = "bold green" if message.winner else "bold yellow"
         title = f"{message.winner} wins" if message.winner else "nobody"
-        self._line("award", f"[{style}]{title}[/]  {escape(message.reason)}")
+        self._line("award", f"[{style}]{title}[/]  {self._words(message.reason)}")
         self.unanswered += not message.winner
 
     def run(self, message: Any) -> None:
@@ -102,28 +125,40 @@ class Story:
         if message.event == message.STARTED:
             moods = (v.value for v in message.scene.values if v.name == self._space.mood)
             self._mood = next((mood for mood in moods if not math.isnan(mood)), None)
-            self._line("run", f"{message.agent} starts")
+            self._starts(message)
         elif message.event == message.CANCELLING:
-            self._line("run", f"[yellow]stopping {message.agent}:[/] {escape(message.message)}")
+            self._stopping = True
+            words = self._words(message.message)
+            self._line("run", f"[yellow]stopping {message.agent}:[/] {words}")
         elif message.event == message.REFUSED:
-            self._line("run", f"[yellow]{message.agent}: {escape(message.message)}[/]")
+            self._line("run", f"[yellow]{message.agent}: {self._words(message.message)}[/]")
         else:
             self._mood = None
+            self._under_way = ""
             outcome = word(message, message.outcome, OUTCOMES)
             self.runs.append((message.agent, outcome))
             style = _OUTCOME_STYLE.get(outcome, "red")
+            # Of a host that is gone nobody knows the last count.
+            ticks = f", {message.ticks} ticks" if message.ticks else ""
             self._line(
                 "run",
                 f"[{style}]{message.agent} {outcome}[/] after "
-                f"{message.duration_s:.1f} s, {message.ticks} ticks: {escape(message.message)}"
+                f"{message.duration_s:.1f} s{ticks}: {self._words(message.message)}"
                 + (f" [red]orphans: {', '.join(message.orphans)}[/]" if message.orphans else ""),
             )
+
+    def _starts(self, message: Any) -> None:
+        """Say once that a run starts: its first tick may be heard before the market's word."""
+        if self._started != (message.epoch, message.round):
+            self._started = (message.epoch, message.round)
+            self._under_way, self._stopping = message.agent, False
+            self._line("run", f"{message.agent} starts")
 
     def end(self, message: Any) -> None:
         """Say how a scene ended, unless its run or its round has said so."""
         if message.code not in _TOLD_BY_THE_RUN:
-            words = f"[yellow]{escape(code_words(message.code))}:[/] {escape(message.message)}"
-            self._line("scene", words)
+            title = f"[yellow]{escape(code_words(message.code))}:[/]"
+            self._line("scene", f"{title} {self._words(message.message)}")
 
     def tree(self, message: Any) -> None:
         """Show the nodes that changed in a tick, and modifiers that made something fail.
@@ -132,6 +167,11 @@ class Story:
         """
         ended = [change for change in message.changes if change.status != change.RUNNING]
         begun = [change for change in message.changes if change.status == change.RUNNING]
+        if message.tick == 1:
+            self._starts(message)
+        if self._under_way == message.agent and not self._stopping and _cleans_up(message):
+            self._stopping = True
+            self._line("run", f"[yellow]stopping {message.agent}:[/] its host hears no market")
         for change in [*ended, *sorted(begun, key=lambda change: _place(change.path))]:
             modifier = "@" in change.path.rpartition("/")[2]
             if change.status == change.INVALID or (modifier and change.status != change.FAILURE):
@@ -155,16 +195,30 @@ class Story:
         self._start.setdefault(message.agent, list(message.before))
         self._now[message.agent] = list(message.after)
         style = {"positive": "green", "negative": "red"}.get(kind, "blue")
-        self._line(
-            "feedback",
-            f"[{style}]{kind}[/] for {message.agent} by {escape(message.source)}"
-            + (f": {escape(message.reason)}" if message.reason else ""),
-        )
+        if message.source != TUNING:
+            self._line(
+                "feedback",
+                f"[{style}]{kind}[/] for {message.agent} by {escape(message.source)}"
+                + (f": {escape(message.reason)}" if message.reason else ""),
+            )
         self._line(
             "profile",
             f"{message.agent} {_vector(message.before)} → [bold]{_vector(message.after)}[/] "
             f"[dim](revision {message.revision})[/]",
         )
+
+    def tunings(self, message: Any) -> None:
+        """Say what was tuned since the last message of its host; its first one is no news."""
+        last = self._tuned.get(message.host, message.revision)
+        self._tuned[message.host] = message.revision
+        for one in message.tunings:
+            if one.revision > last:
+                reason = f": {one.reason}" if one.reason else ""
+                self._line(
+                    "tuned",
+                    f"[bold]{escape(f'{one.name}: {one.before} → {one.after}')}[/] "
+                    f"[dim]({escape(one.author + reason)}, revision {one.revision})[/]",
+                )
 
     def news(self, words: str, bad: bool) -> None:
         """Say what is new with the agents themselves."""
@@ -189,7 +243,15 @@ class Story:
             soft_wrap=True,
         )
 
+    def _words(self, text: str) -> str:
+        return escape(self._names.in_words(text))
+
     def _describe(self, message: Any) -> str:
+        urgent = "[bold]urgent[/] " if message.urgent else ""
+        label = f"[bold]{escape(message.label)}[/]: " if message.label else ""
+        return urgent + label + self._values(message)
+
+    def _values(self, message: Any) -> str:
         if not message.person and all(math.isnan(v.value) for v in message.values):
             return "no person, nothing else is known"
         words = []
@@ -209,7 +271,11 @@ class Story:
         self._console.print(row, markup=False, highlight=False, soft_wrap=True)
 
     def _line(self, what: str, words: str) -> None:
-        self._console.print(f"[cyan]{what:>9}[/]  {words}", highlight=False, soft_wrap=True)
+        print_line(self._console, f"[cyan]{what:>9}[/]  ", Text.from_markup(words))
+
+
+def _cleans_up(message: Any) -> bool:
+    return any(change.path.startswith("on_cancel") for change in message.changes)
 
 
 def _place(path: str) -> list[int]:

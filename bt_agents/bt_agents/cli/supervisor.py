@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The processes of a running system: started together, kept alive, ended in two seconds."""
+"""The processes of a running system: started together, kept alive, ended in order."""
 
 from __future__ import annotations
 
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -21,13 +22,24 @@ from bt_agents.starting import READY, SUPERVISED
 
 LOOPBACK_PROFILE = Path(bt_agents.__file__).parent / "ros" / "loopback.xml"
 
+_PROFILE = "FASTRTPS_DEFAULT_PROFILES_FILE"
+_FAST_DDS = ("", "rmw_fastrtps_cpp", "rmw_fastrtps_dynamic_cpp")
+
 RANGES = ("LOCALHOST", "SUBNET", "OFF", "SYSTEM_DEFAULT")
 LAST_DOMAIN = 232
 
-STOP_LIMIT_S = 1.7
-"""How long a person who pressed Ctrl-C waits at most [s]."""
+FIRST_LIMIT_S = 1.2
+"""How long the others wait for those that end before them [s]."""
 
-_FIRST_SHARE = 0.7
+STOP_LIMIT_S = 5.0
+"""How long a busy machine may need to end the others; what lives then is killed [s]."""
+
+SILENCE_S = 10.0
+"""A component that gives signs of life and then none for so long hangs, and is killed [s]."""
+
+_NAMESPACE = re.compile(r"/?([A-Za-z]\w*/)*([A-Za-z]\w*)?", re.ASCII)
+
+_GAP_S = 1.0
 _LOOK_S = 0.01
 _LAST_WORDS = 15
 _FEW_WORDS = 3
@@ -40,7 +52,8 @@ class Component:
     Attributes:
         name: For people, and of its log file.
         module: Python module that runs the node.
-        parameters: ROS parameters by name.
+        parameters: ROS parameters by name; they win over those of the file.
+        file: ROS parameter file; None for none.
         first: True is ended before the others, which it needs to end well.
         lasting: True is started again when it ends after it was up.
     """
@@ -48,6 +61,7 @@ class Component:
     name: str
     module: str
     parameters: Mapping[str, str | float | bool | int] = field(default_factory=dict)
+    file: Path | None = None
     first: bool = False
     lasting: bool = True
 
@@ -55,6 +69,9 @@ class Component:
         """Return the command line."""
         command = [sys.executable, "-m", "bt_agents.starting", self.module]
         command += ["--ros-args", "--disable-external-lib-logs"]
+        namespace = os.environ.get("ROS_NAMESPACE", "").strip("/")
+        command += ["-r", f"__ns:=/{namespace}"] if namespace else []
+        command += ["--params-file", str(self.file)] if self.file else []
         for name, value in self.parameters.items():
             command += ["-p", f"{name}:={_yaml(value)}"]
         return command
@@ -75,7 +92,8 @@ def _yaml(value: str | float | bool | int) -> str:
 def keep_local(environment: MutableMapping[str, str]) -> None:
     """Set what keeps all traffic on this machine, unless the user has set it otherwise.
 
-    A whitelist of loopback addresses goes with the range ``LOCALHOST`` only.
+    With Fast DDS that is a whitelist of loopback addresses. Its range is then ``SUBNET``: with
+    ``LOCALHOST`` ROS adds shared memory, in which the death of a process can leave others deaf.
 
     Raises:
         BtAgentsError: The user has set something that ROS does not know.
@@ -85,14 +103,28 @@ def keep_local(environment: MutableMapping[str, str]) -> None:
         raise BtAgentsError(
             f"ROS_DOMAIN_ID is '{domain}', expected a number from 0 to {LAST_DOMAIN}"
         )
+    namespace = environment.get("ROS_NAMESPACE", "")
+    if not _NAMESPACE.fullmatch(namespace):
+        raise BtAgentsError(
+            f"ROS_NAMESPACE is '{namespace}', expected words of letters, digits and '_' with '/' "
+            "between, as in /robot1"
+        )
     reach = environment.get("ROS_AUTOMATIC_DISCOVERY_RANGE", RANGES[0])
     if reach not in RANGES:
         raise BtAgentsError(
             f"ROS_AUTOMATIC_DISCOVERY_RANGE is '{reach}', expected one of {', '.join(RANGES)}"
         )
-    environment.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
-    if environment["ROS_AUTOMATIC_DISCOVERY_RANGE"] == "LOCALHOST":
-        environment.setdefault("FASTRTPS_DEFAULT_PROFILES_FILE", str(LOOPBACK_PROFILE))
+    if reach == "LOCALHOST" and environment.get("RMW_IMPLEMENTATION", "") in _FAST_DDS:
+        profile = environment.setdefault(_PROFILE, str(LOOPBACK_PROFILE))
+        reach = "SUBNET" if profile == str(LOOPBACK_PROFILE) else reach
+    environment["ROS_AUTOMATIC_DISCOVERY_RANGE"] = reach
+
+
+def reach_in_words(environment: Mapping[str, str]) -> str:
+    """Return how far the traffic goes after :func:`keep_local`."""
+    reach = environment["ROS_AUTOMATIC_DISCOVERY_RANGE"]
+    local = reach == "LOCALHOST" or environment.get(_PROFILE) == str(LOOPBACK_PROFILE)
+    return "this machine only" if local else f"discovery range {reach}"
 
 
 @dataclass(eq=False)
@@ -103,6 +135,7 @@ class _Kept:
         ready: Pipe on which the process says that it is up; -1 once that is known.
         been_up: Whether any start of it was up.
         began: When it was started last, on the clock of the supervisor [s].
+        heard: When this start of it gave its last sign of life; None before the first.
         ended: When its end was noticed; None while it runs.
         due: When it is started again; None when it is not.
     """
@@ -115,6 +148,7 @@ class _Kept:
     backoff: Backoff = field(default_factory=Backoff)
     starts: int = 1
     been_up: bool = False
+    heard: float | None = None
     ended: float | None = None
     due: float | None = None
 
@@ -149,6 +183,7 @@ class Supervisor:
         self._logs = logs
         self._clock = clock
         self._kept: dict[str, _Kept] = {}
+        self._looked = clock()
 
     def start(self, *components: Component) -> None:
         """Start processes; they get their own session, so that a Ctrl-C reaches only us."""
@@ -176,8 +211,15 @@ class Supervisor:
                 return _last_words(kept, code)
         return ""
 
+    def hear(self, name: str) -> None:
+        """Take a sign of life of a component, which is expected to give more of them."""
+        kept = self._kept.get(name)
+        # One of an earlier start may come late, while the next one is still being loaded.
+        if kept is not None and kept.been_up and kept.due is None and kept.ended is None:
+            kept.heard = self._clock()
+
     def keep_alive(self) -> list[str]:
-        """Start again what has ended and whose time has come; never waits.
+        """Kill what hangs, start again what has ended and whose time has come; never waits.
 
         Returns:
             What has happened since the last call, in lines for a terminal.
@@ -186,7 +228,13 @@ class Supervisor:
             BtAgentsError: A component has ended that has never been up, or that is not to last.
         """
         told: list[str] = []
+        now = self._clock()
+        held_up = now - self._looked > _GAP_S
+        self._looked = now
         for kept in self._kept.values():
+            if held_up and kept.heard is not None:
+                # Nobody has listened meanwhile.
+                kept.heard = now
             told += self._keep(kept)
         return told
 
@@ -194,21 +242,26 @@ class Supervisor:
         told: list[str] = []
         now = self._clock()
         name = kept.component.name
+        # Asked first: what it has said before its end is in the pipe then.
+        code = kept.process.poll() if kept.due is None else None
         if kept.take_ready() and kept.ended is not None:
             told.append(f"{name} is back after {now - kept.ended:.1f} s")
             kept.ended = None
-        if kept.due is None:
-            code = kept.process.poll()
-            if code is not None:
-                told += self._mourn(kept, code, now)
-        elif now >= kept.due:
-            told += self._start_again(kept, now)
+        if code is not None:
+            told += self._mourn(kept, code, now)
+        elif kept.due is not None:
+            told += self._start_again(kept, now) if now >= kept.due else []
+        elif kept.heard is not None and now - kept.heard >= SILENCE_S:
+            told.append(f"{name} hangs (no sign of life for {now - kept.heard:.0f} s): killing it")
+            kept.heard = None
+            kept.process.kill()
         return told
 
     def _mourn(self, kept: _Kept, code: int, now: float) -> list[str]:
         if not (kept.been_up and kept.component.lasting):
             raise BtAgentsError(_last_words(kept, code))
         kept.close()
+        kept.heard = None
         kept.ended = kept.ended if kept.ended is not None else now
         wait_s = kept.backoff.ended(now - kept.began)
         kept.due = now + wait_s
@@ -232,16 +285,10 @@ class Supervisor:
         kept.due = None
         return []
 
-    def stop(self, limit_s: float = STOP_LIMIT_S) -> list[str]:
-        """End all processes; return the names of those that had to be killed.
-
-        Args:
-            limit_s: For all of them together [s]; a person who pressed Ctrl-C is not kept waiting.
-        """
-        start = self._clock()
-        first = start + limit_s * _FIRST_SHARE
-        self._end([k for k in self._kept.values() if k.component.first], first)
-        stuck = self._end(list(self._kept.values()), start + limit_s)
+    def stop(self) -> list[str]:
+        """End all processes, in order; return the names of those that had to be killed."""
+        self._end([k for k in self._kept.values() if k.component.first], FIRST_LIMIT_S)
+        stuck = self._end(list(self._kept.values()), STOP_LIMIT_S)
         for kept in stuck:
             kept.process.kill()
             kept.process.wait()
@@ -249,7 +296,8 @@ class Supervisor:
             kept.close()
         return [kept.component.name for kept in stuck]
 
-    def _end(self, kept: Sequence[_Kept], deadline: float) -> list[_Kept]:
+    def _end(self, kept: Sequence[_Kept], limit_s: float) -> list[_Kept]:
+        deadline = self._clock() + limit_s
         processes = [k.process for k in kept]
         for process in processes:
             if process.poll() is None:

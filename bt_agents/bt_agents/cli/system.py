@@ -21,11 +21,12 @@ def new_log_folder() -> Path:
     return state_folder() / "logs" / f"{time.strftime('%Y-%m-%d-%H%M%S')}-{os.getpid()}"
 
 
-def market(trees: Path) -> Component:
-    """Return the marketplace."""
-    return Component(
-        name="marketplace", module="marketplace_node.node", parameters={"trees": str(trees)}
-    )
+def market(trees: Path, on_new_scene: str = "") -> Component:
+    """Return the marketplace; an empty ``on_new_scene`` leaves it at its own."""
+    parameters = {"trees": str(trees)}
+    if on_new_scene:
+        parameters["on_new_scene"] = on_new_scene
+    return Component(name="marketplace", module="marketplace_node.node", parameters=parameters)
 
 
 def scene_layer(trees: Path, script: Path | None = None, agents: int = 1) -> Component:

@@ -4,6 +4,8 @@
 from __future__ import annotations
 
 import getpass
+import shutil
+import sys
 import time
 from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, Any
@@ -11,13 +13,14 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from bt_agents.cli.joining import accepted, host_of, hosts, running_system
+from bt_agents.cli.tune_table import table
 from bt_agents.errors import BtAgentsError
+from bt_agents.tuning.knobs import TICK_RATE
 
 if TYPE_CHECKING:
     from bt_agents.ros.observer import Observer
-    from bt_agents.ros.tune_client import KnobState
 
-_LONGEST_SHOWN = 40
+_NO_TERMINAL = 10_000
 
 
 def user() -> str:
@@ -52,8 +55,14 @@ def tune(
     """
     agent, values = _split(words)
     asked = [name for name, on in (("undo", undo), ("redo", redo), ("history", history)) if on]
-    if len(asked) > 1 or (asked and values):
-        raise click.UsageError(f"--{asked[0]} goes with an AGENT only")
+    if len(asked) > 1:
+        raise click.UsageError(f"--{asked[0]} and --{asked[1]} do not go together")
+    if asked and values:
+        raise click.UsageError(f"--{asked[0]} goes with an AGENT, not with values")
+    if asked and agent == TICK_RATE.name:
+        raise click.UsageError(
+            f"tick_rate belongs to no agent; --{asked[0]} alone is for the whole host"
+        )
     with running_system() as observer:
         if history:
             for host in _hosts(observer, agent):
@@ -126,31 +135,13 @@ def _show(observer: Observer, host: str, agent: str) -> None:
     from bt_agents.ros import tune_client
 
     states = tune_client.knobs(observer, host, [agent] if agent else ())
-    whose = ""
-    for state in sorted(
-        states, key=lambda one: (one.knob.agent, one.knob.kind.value == "profile")
-    ):
-        if state.knob.agent != whose:
-            whose = state.knob.agent
-            click.echo(whose)
-        click.echo(_row(state))
+    for line in table(states, _width()):
+        click.echo(line)
 
 
-def _row(state: KnobState) -> str:
-    knob = state.knob
-    name = knob.name[len(knob.agent) + 1 :] if knob.agent else knob.name
-    value = _shortened(knob.written(state.value))
-    changed = state.value != knob.default
-    default = f"file: {_shortened(knob.written(knob.default))}" if changed else ""
-    limits = ""
-    if knob.minimum is not None and knob.maximum is not None:
-        limits = f"{knob.written(knob.minimum)} to {knob.written(knob.maximum)}"
-    indent = "  " if knob.agent else ""
-    return f"{indent}{name:<22} {value:<12} {default:<14} {limits:<18} {knob.description}".rstrip()
-
-
-def _shortened(text: str) -> str:
-    return text if len(text) <= _LONGEST_SHOWN else f"{text[: _LONGEST_SHOWN - 1]}…"
+def _width() -> int:
+    """Return the columns of the terminal; what goes into a file or pipe is not wrapped."""
+    return shutil.get_terminal_size().columns if sys.stdout.isatty() else _NO_TERMINAL
 
 
 def _show_history(observer: Observer, host: str, agent: str) -> None:

@@ -6,7 +6,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 from random import Random
 
@@ -225,6 +225,12 @@ class Run:
             self._phase = _Phase.CLEANING
             self._deadline = self._steady() + self._limits.clean_up_s
         return changes
+
+    def hurry(self, settle_s: float) -> None:
+        """Wait no longer than this for goals to be confirmed ended, from now or its end on [s]."""
+        self._limits = replace(self._limits, settle_s=min(self._limits.settle_s, settle_s))
+        if self._phase is _Phase.SETTLING:
+            self._deadline = min(self._deadline, self._steady() + settle_s)
 
     def give_up(self, reason: str) -> RunResult:
         """Stop every leaf and end at once, without clean-up or waiting; return how it ended."""

@@ -77,6 +77,16 @@ def as_lines(diagnostics: Iterable[Diagnostic]) -> tuple[str, ...]:
     return tuple(_limited(diagnostics, as_line, False))
 
 
+def as_hinted_lines(diagnostics: Iterable[Diagnostic]) -> tuple[str, ...]:
+    """Return problems as :func:`as_lines`, each with its hint in parentheses."""
+    return tuple(_limited(diagnostics, _as_line_with_hint, False))
+
+
+def _as_line_with_hint(diagnostic: Diagnostic, colour: bool) -> str:
+    hint = f" ({visible(diagnostic.hint)})" if diagnostic.hint else ""
+    return as_line(diagnostic, colour) + hint
+
+
 def as_json(diagnostics: Iterable[Diagnostic], about: Mapping[str, object]) -> str:
     """Return problems as one JSON object.
 

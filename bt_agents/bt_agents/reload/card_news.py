@@ -3,9 +3,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import re
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Protocol
+
+_PLACE = re.compile(r"(.+?):(\d+)(?::\d+)?: error\b")
 
 
 class AgentOnCard(Protocol):
@@ -66,6 +70,18 @@ class CardNews:
         return [*news, *_of_folder(before, card, has)]
 
 
+def why_kept(agent: AgentOnCard) -> str:
+    """Return why an agent is not as its files say, in a few words; empty when it is."""
+    if not agent.degraded:
+        return ""
+    first, *more = agent.problems
+    place = _PLACE.match(first)
+    if place is None:
+        return first.removeprefix(f"{agent.name}: ")
+    others = f" (and {len(more)} more)" if more else ""
+    return f"broken: {Path(place[1]).name}:{place[2]}{others}"
+
+
 def _of_agent(before: AgentOnCard, now: AgentOnCard) -> list[News]:
     name = now.name
     news = []
@@ -74,16 +90,45 @@ def _of_agent(before: AgentOnCard, now: AgentOnCard) -> list[News]:
     if now.waiting and not before.waiting:
         news.append(News(words=f"{name}: a newer version waits for the end of its run"))
     if now.degraded and list(now.problems) != list(before.problems):
-        first, *more = now.problems
-        others = f" (and {len(more)} more)" if more else ""
-        words = f"{name}: version {now.version} stays, as its file is broken: {first}{others}"
-        news.append(News(words=words, bad=True))
+        news.append(News(words=_degraded(now), bad=True))
     if before.degraded and not now.degraded and now.version == before.version:
         news.append(News(words=f"{name}: its file is good again"))
     return news
 
 
+def _degraded(now: AgentOnCard) -> str:
+    first, *more = now.problems
+    if _PLACE.match(first) is None:
+        # It is not broken: the agent leaves, or a good file could not be brought into force.
+        if first.startswith(f"{now.name}: "):
+            return first
+        return f"{now.name}: {first}; it leaves at the end of its run"
+    others = f" (and {len(more)} more)" if more else ""
+    stays = f"version {now.version} stays"
+    if now.waiting:
+        stays = "the newer version still waits for the end of its run"
+    return f"{now.name}: {stays}, as its file is broken: {first}{others}"
+
+
 def _of_folder(before: Card, card: Card, agents: Mapping[str, AgentOnCard]) -> list[News]:
-    told = {line for agent in agents.values() for line in agent.problems}
+    told = {form for agent in agents.values() for form in _told(agent)}
     known = {*before.problems, *told}
-    return [News(words=problem, bad=True) for problem in card.problems if problem not in known]
+    news = [News(words=problem, bad=True) for problem in card.problems if problem not in known]
+    own = {form for agent in before.agents for form in _told(agent)}
+    gone = [one for one in before.problems if one not in own and one not in card.problems]
+    mended = _files(gone) - _files([*card.problems, *own])
+    over = [f"no longer: {one}" for one in gone if _PLACE.match(one) is None]
+    words = [*(f"{file} is good again" for file in sorted(mended)), *over]
+    return [*news, *(News(words=one) for one in words)]
+
+
+def _told(agent: AgentOnCard) -> Iterator[str]:
+    """Yield the problems of an agent as they stand on its card and on that of its host."""
+    for line in agent.problems:
+        yield line
+        yield f"{agent.name}: {line}"
+
+
+def _files(problems: Iterable[str]) -> set[str]:
+    places = (_PLACE.match(problem) for problem in problems)
+    return {place[1] for place in places if place is not None}

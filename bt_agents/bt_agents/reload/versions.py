@@ -4,115 +4,16 @@
 from __future__ import annotations
 
 from collections import OrderedDict
-from dataclasses import dataclass, field
-from enum import Enum
 
 from bt_agents.errors import Refused
 from bt_agents.language.agent_file import AgentFile
 from bt_agents.language.folder_reader import Trees
-from bt_agents.language.specs import AgentSpec
+from bt_agents.language.renderers import as_hinted_lines
 from bt_agents.reload.changes import compare
-
-KEPT = 50
-"""Good versions of an agent that can be rolled back to."""
+from bt_agents.reload.effects import Act, Effect
+from bt_agents.reload.shelf import Shelf, Standing, Version, first_shelf
 
 _DEPARTED_KEPT = 100
-
-
-@dataclass(frozen=True, kw_only=True)
-class Version:
-    """One good version of an agent.
-
-    Attributes:
-        number: Counts up from 1.
-        file: Text and agent.
-        cause: Why there is this version, in words.
-        change: What differs from the version before, in words.
-        stamp: When it was read [s].
-    """
-
-    number: int
-    file: AgentFile
-    cause: str
-    change: str
-    stamp: float
-
-    @property
-    def agent(self) -> AgentSpec:
-        """The agent."""
-        assert self.file.agent is not None
-        return self.file.agent
-
-
-class Act(Enum):
-    """What is to be done with an agent."""
-
-    ADD = "add"
-    REMOVE = "remove"
-    SWAP = "swap"
-    """Give it another tree for its next run."""
-    RETUNE = "retune"
-    """Give it other values, also while it runs; its tree is the same."""
-    NOTE = "note"
-    """Nothing but telling people."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Effect:
-    """What a change of a file leads to.
-
-    Attributes:
-        act: What is to be done.
-        name: With which agent.
-        agent: What its file says; None for one that is removed or only spoken of.
-        words: The same for people.
-        bad: True when somebody has to mend something.
-    """
-
-    act: Act
-    name: str
-    words: str
-    agent: AgentSpec | None = None
-    bad: bool = False
-
-
-@dataclass(frozen=True, kw_only=True)
-class Standing:
-    """How an agent stands.
-
-    Attributes:
-        version: Number of the version in force.
-        waiting: True when another one comes into force at the end of its run.
-        leaving: Why it goes at the end of its run; empty when it stays.
-        problems: Why its file is not in force, one line each; empty when it is.
-    """
-
-    version: int
-    waiting: bool
-    leaving: str
-    problems: tuple[str, ...]
-
-
-@dataclass(kw_only=True)
-class _Shelf:
-    current: Version
-    seen: AgentFile
-    kept: list[Version] = field(default_factory=list)
-    waiting: Version | None = None
-    leaving: str = ""
-    problems: tuple[str, ...] = ()
-
-    @property
-    def newest(self) -> Version:
-        return self.waiting or self.current
-
-    def keep(self, version: Version) -> Version:
-        """Put a version on the shelf; the oldest goes, but never the one in force."""
-        self.kept.append(version)
-        while len(self.kept) > KEPT:
-            oldest = next(one for one in self.kept if one is not self.current)
-            self.kept.remove(oldest)
-        return version
 
 
 class AgentVersions:
@@ -130,10 +31,10 @@ class AgentVersions:
         self.trees = trees
         self._good = _good(trees)
         self._space = trees.scene.space
-        self._shelves: dict[str, _Shelf] = {}
-        self._departed: OrderedDict[str, _Shelf] = OrderedDict()
+        self._shelves: dict[str, Shelf] = {}
+        self._departed: OrderedDict[str, Shelf] = OrderedDict()
         for name, file in self._good.items():
-            self._shelves[name] = _first(file, stamp)
+            self._shelves[name] = first_shelf(file, stamp)
 
     def take(self, trees: Trees) -> list[str]:
         """Take the folder as it is now; return the agents that are to be settled, in order."""
@@ -173,6 +74,34 @@ class AgentVersions:
             return None
         shelf.current, shelf.waiting = shelf.waiting, None
         return self._in_force(name, shelf.current, Act.SWAP)
+
+    def failed(self, effect: Effect, error: str) -> Effect:
+        """Take back a version that could not be brought into force; return what to tell.
+
+        It is tried again when the folder is read the next time.
+
+        Args:
+            effect: What could not be done.
+            error: Why, in words.
+        """
+        name = effect.name
+        shelf = self._shelves.get(name)
+        words = f"{effect.words}; this failed: {error}"
+        if shelf is not None and effect.act is Act.ADD:
+            del self._shelves[name]
+            if len(shelf.kept) > 1:
+                self._departed[name] = shelf
+            words = f"{name}: version {shelf.current.number} could not be added: {error}"
+        elif shelf is not None and effect.agent is not None:
+            number = shelf.current.number
+            shelf.kept.remove(shelf.current)
+            shelf.current = shelf.kept[-1]
+            words = (
+                f"{name}: version {number} could not be brought into force, version "
+                f"{shelf.current.number} stays: {error}"
+            )
+            shelf.problems = (words,)
+        return Effect(act=Act.NOTE, name=name, words=words, bad=True)
 
     def standing(self, name: str) -> Standing:
         """Return how an agent stands."""
@@ -272,7 +201,7 @@ class AgentVersions:
         file = file or version.file
         return self._newer(name, shelf, file, f"roll back to {version.number}", running, stamp)
 
-    def _shelf(self, name: str) -> _Shelf:
+    def _shelf(self, name: str) -> Shelf:
         if name not in self._shelves:
             known = ", ".join(sorted(self._shelves)) or "none"
             raise Refused("UNKNOWN_AGENT", f"no agent '{name}' here; there are: {known}")
@@ -289,10 +218,10 @@ class AgentVersions:
         holder = self.trees.holders.get(name)
         for file in self.trees.files:
             if file.file == holder and file.error is not None:
-                return file.error.lines
+                return as_hinted_lines(file.error.diagnostics)
         return ()
 
-    def _without(self, name: str, shelf: _Shelf, running: str) -> Effect | None:
+    def _without(self, name: str, shelf: Shelf, running: str) -> Effect | None:
         problems = self._problems(name)
         if problems:
             shelf.problems = problems
@@ -310,7 +239,7 @@ class AgentVersions:
         words = f"{name}: {reason}; it leaves at the end of its run"
         return Effect(act=Act.NOTE, name=name, words=words)
 
-    def _why_gone(self, name: str, shelf: _Shelf) -> str:
+    def _why_gone(self, name: str, shelf: Shelf) -> str:
         file = shelf.seen.file
         now = next((one for one in self.trees.files if one.file == file), None)
         if now is None:
@@ -319,7 +248,7 @@ class AgentVersions:
             return f"{file.name} calls it '{now.agent.name}' now"
         return f"it has none of the tags {', '.join(self.trees.tags)} any more"
 
-    def _remove(self, name: str, shelf: _Shelf, reason: str) -> Effect:
+    def _remove(self, name: str, shelf: Shelf, reason: str) -> Effect:
         del self._shelves[name]
         shelf.leaving, shelf.problems = "", ()
         self._departed[name] = shelf
@@ -330,7 +259,7 @@ class AgentVersions:
     def _add(self, name: str, file: AgentFile, stamp: float) -> Effect:
         shelf = self._departed.pop(name, None)
         if shelf is None:
-            shelf = _first(file, stamp)
+            shelf = first_shelf(file, stamp)
             words = f"{name}: new agent from {file.file.name}, version 1 in force"
         else:
             shelf.seen = file
@@ -341,7 +270,7 @@ class AgentVersions:
         return Effect(act=Act.ADD, name=name, agent=shelf.current.agent, words=words)
 
     def _renew(
-        self, name: str, shelf: _Shelf, file: AgentFile, running: str, stamp: float
+        self, name: str, shelf: Shelf, file: AgentFile, running: str, stamp: float
     ) -> Effect | None:
         mended = bool(shelf.problems)
         shelf.seen, shelf.problems, shelf.leaving = file, (), ""
@@ -360,7 +289,7 @@ class AgentVersions:
         return self._newer(name, shelf, file, file.cause, running, stamp)
 
     def _newer(
-        self, name: str, shelf: _Shelf, file: AgentFile, cause: str, running: str, stamp: float
+        self, name: str, shelf: Shelf, file: AgentFile, cause: str, running: str, stamp: float
     ) -> Effect:
         version = self._version(shelf, file, cause, stamp)
         structure = compare(shelf.current.file, file, self._space).structure
@@ -373,7 +302,7 @@ class AgentVersions:
         shelf.current, shelf.waiting = version, None
         return self._in_force(name, version, Act.SWAP if structure else Act.RETUNE)
 
-    def _version(self, shelf: _Shelf, file: AgentFile, cause: str, stamp: float) -> Version:
+    def _version(self, shelf: Shelf, file: AgentFile, cause: str, stamp: float) -> Version:
         change = compare(shelf.newest.file, file, self._space).words
         number = shelf.kept[-1].number + 1
         return shelf.keep(
@@ -383,11 +312,6 @@ class AgentVersions:
     def _in_force(self, name: str, version: Version, act: Act) -> Effect:
         words = f"{name}: version {version.number} in force ({version.change})"
         return Effect(act=act, name=name, agent=version.agent, words=words)
-
-
-def _first(file: AgentFile, stamp: float) -> _Shelf:
-    version = Version(number=1, file=file, cause=file.cause, change="", stamp=stamp)
-    return _Shelf(current=version, seen=file, kept=[version])
 
 
 def _good(trees: Trees) -> dict[str, AgentFile]:

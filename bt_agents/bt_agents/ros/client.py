@@ -6,6 +6,8 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Any
 
+from rcl_interfaces.srv import GetParameters
+
 from bt_agents.ros import qos
 from bt_agents.ros.observer import Observer
 from bt_agents_interfaces.msg import Auction, Feedback, SceneEnd
@@ -54,9 +56,26 @@ def analyze(
     return observer.call(Analyze, "scene_layer/analyze", request)
 
 
-def cancel_run(observer: Observer, reason: str) -> Any:
-    """Stop whatever runs; return the market's response, None without an answer."""
-    return observer.call(CancelRun, "marketplace/cancel", CancelRun.Request(reason=reason))
+def cancel_run(observer: Observer, reason: str, round_number: int = 0) -> Any:
+    """Stop a run; return the market's response, None without an answer.
+
+    Args:
+        observer: In the graph of the system.
+        reason: Why, in words.
+        round_number: Round of the run; 0 stops whatever runs and forgets the scenes that wait.
+    """
+    request = CancelRun.Request(reason=reason, round=round_number)
+    return observer.call(CancelRun, "marketplace/cancel", request)
+
+
+def new_scenes(observer: Observer) -> tuple[str, int] | None:
+    """Return what becomes of new scenes and how many may wait; None when the market is silent."""
+    request = GetParameters.Request(names=["on_new_scene", "queue_limit"])
+    answer = observer.call(GetParameters, "marketplace/get_parameters", request)
+    if answer is None or len(answer.values) != len(request.names):
+        return None
+    mode, limit = answer.values
+    return mode.string_value, int(limit.integer_value)
 
 
 def give_feedback(

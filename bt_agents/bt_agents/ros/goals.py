@@ -33,6 +33,9 @@ class _Sent:
         track: Says where it is.
         rearm: Called when it may have to be looked at earlier than before.
         wake: Called when there is news for its leaf, or for the run that waits for its end.
+
+    Attributes:
+        client: The same.
     """
 
     def __init__(
@@ -44,7 +47,7 @@ class _Sent:
         rearm: Callable[[], None],
         wake: Callable[[], None],
     ) -> None:
-        self._client = client
+        self.client = client
         self._message = message
         self._track = track
         self._rearm = rearm
@@ -184,11 +187,11 @@ class RosGoal(_Sent):
             self._track.cancel()
 
     def _there(self) -> bool:
-        return bool(self._client.server_is_ready())
+        return bool(self.client.server_is_ready())
 
     def _send(self) -> None:
         listener = _listener(self) if self._wants_feedback else None
-        future = self._client.send_goal_async(self._message, feedback_callback=listener)
+        future = self.client.send_goal_async(self._message, feedback_callback=listener)
         self._track.sent()
         self._expect(future, self._answered)
 
@@ -235,14 +238,14 @@ class RosRequest(_Sent):
     def forget(self) -> None:
         """Wait for no answer any more; one that comes is discarded."""
         for future in self._futures:
-            self._client.remove_pending_request(future)
+            self.client.remove_pending_request(future)
         self._futures.clear()
 
     def _there(self) -> bool:
-        return bool(self._client.service_is_ready())
+        return bool(self.client.service_is_ready())
 
     def _send(self) -> None:
-        future = self._client.call_async(self._message)
+        future = self.client.call_async(self._message)
         self._track.sent()
         self._expect(future, self._answered)
 

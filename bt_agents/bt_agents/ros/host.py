@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import uuid
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from rclpy.clock import Clock, ClockType
@@ -12,9 +12,10 @@ from rclpy.clock import Clock, ClockType
 from bt_agents.errors import Refused
 from bt_agents.language.folder_reader import Trees as TreesFolder
 from bt_agents.language.folder_reader import read_trees
-from bt_agents.language.specs import AgentSpec
+from bt_agents.language.specs import AgentSpec, NodeSpec
 from bt_agents.language.walking import every_node
-from bt_agents.reload.versions import Act, AgentVersions, Effect
+from bt_agents.reload.effects import Act, Effect
+from bt_agents.reload.versions import AgentVersions
 from bt_agents.ros import qos
 from bt_agents.ros.audience import hear_each_other
 from bt_agents.ros.installed import InstalledInterfaces
@@ -29,7 +30,7 @@ from bt_agents.ros.run_server import RunServer
 from bt_agents.ros.runner import run
 from bt_agents.ros.startup import TREES, StartParameter, make_from_parameters
 from bt_agents.ros.tunables import TunableParameters
-from bt_agents.roster import Roster
+from bt_agents.roster import Member, Roster
 from bt_agents.trees_folder import find_trees
 from bt_agents_interfaces.msg import (
     Bids,
@@ -85,15 +86,16 @@ class HostNode(GuardedNode):
             self._runs,
             self.instance,
             heard=lambda: hear_each_other(self, self._bids, self._calls, partner="market"),
-            changed=self._introductions.card,
+            changed=lambda: self._introductions.admit(self._membership.accepted),
         )
         self._reloading = Reloading(
             self, self._versions, self._runs, apply=self._change, applied=self._tell_changes
         )
         ReloadServices(self, self._reloading, self._runs)
+        self._changed = False
+        self._runs.on_end(lambda *_: self._tidy_up())
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self.create_timer(HEARTBEAT_S, self._beat, clock=steady)
-        self._introductions.card()
         self._introductions.trees()
         self.get_logger().info(
             f"{len(self.roster.members)} agents: {', '.join(self.roster.members)}"
@@ -126,19 +128,24 @@ class HostNode(GuardedNode):
         super().destroy_node()
 
     def _prepare(self, agent: AgentSpec) -> None:
-        for root in filter(None, (agent.tree, agent.on_cancel)):
-            for spec in every_node(root):
-                self._runs.world.prepare(spec)
+        for spec in _nodes(agent):
+            self._runs.world.prepare(spec)
+
+    def _tidy_up(self) -> None:
+        """Drop what only earlier versions of the agents have used, when no tree runs."""
+        if self._changed and not self._runs.busy:
+            self._changed = False
+            members = self.roster.members.values()
+            self._runs.world.keep(node for member in members for node in _nodes(member.spec))
 
     def _change(self, effect: Effect) -> None:
-        """Change one agent; a tree that runs keeps what it was started with."""
+        """Change one agent, or leave it as it was; a tree that runs keeps what it began with."""
         name, agent = effect.name, effect.agent
         if effect.act is Act.REMOVE:
-            self._tunables.remove(name)
             self.roster.remove(name)
+            self._tunables.remove(name)
         elif effect.act is Act.ADD and agent is not None:
-            self._tunables.add(self.roster.add(agent))
-            self._prepare(agent)
+            self._add(agent)
         elif agent is not None:
             member = self.roster.members[name]
             if member.spec.profile != agent.profile and member.revision:
@@ -148,10 +155,27 @@ class HostNode(GuardedNode):
                 )
             if effect.act is Act.SWAP:
                 member.tunables = dict(member.tunables)
-            self._tunables.replace(member, agent)
-            self._prepare(agent)
+            self._replace(member, agent)
         if name in self.roster.members:
             self.roster.members[name].leaving = self._versions.standing(name).leaving
+
+    def _add(self, agent: AgentSpec) -> None:
+        try:
+            self._tunables.add(self.roster.add(agent))
+        except Exception:
+            self.roster.remove(agent.name)
+            self._tunables.remove(agent.name)
+            raise
+        self._prepare(agent)
+
+    def _replace(self, member: Member, agent: AgentSpec) -> None:
+        before = member.spec
+        try:
+            self._tunables.replace(member, agent)
+        except Exception:
+            self._tunables.replace(member, before)
+            raise
+        self._prepare(agent)
 
     def _tell_changes(self, effects: Sequence[Effect]) -> None:
         """Tell everybody about changed agents, in one message each."""
@@ -160,11 +184,15 @@ class HostNode(GuardedNode):
             self._membership.refresh()
         if acts - {Act.NOTE}:
             self._introductions.trees()
+            self._changed = True
+            self._tidy_up()
         self._introductions.card()
 
     def _bid(self, call: CallForBids) -> None:
         same_space = list(call.parameters) == list(self.roster.space.names)
         member = self._membership
+        if call.epoch != member.epoch and member.after_answer(lambda: self._bid(call)):
+            return
         if not (member.accepted and call.epoch == member.epoch and same_space):
             return
         try:
@@ -215,6 +243,11 @@ class HostNode(GuardedNode):
                 sequence=self._beats % 2**32,
             )
         )
+
+
+def _nodes(agent: AgentSpec) -> Iterator[NodeSpec]:
+    for root in filter(None, (agent.tree, agent.on_cancel)):
+        yield from every_node(root)
 
 
 TAGS = StartParameter(

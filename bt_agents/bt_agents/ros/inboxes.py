@@ -49,7 +49,7 @@ class TopicInbox:
 
 
 class LatchedTopic:
-    """A topic whose publisher keeps its last message; subscribed to once and for good.
+    """A topic whose publisher keeps its last message; subscribed to until it is closed.
 
     Args:
         node: The host's node.
@@ -59,10 +59,11 @@ class LatchedTopic:
     """
 
     def __init__(self, node: Node, topic: str, kind: Any, wake: Callable[[], None]) -> None:
+        self._node = node
         self._wake = wake
         self._last: Any = None
         self._inboxes: list[LatchedInbox] = []
-        node.create_subscription(kind, topic, self._take_in, qos.FACTS)
+        self._subscription = node.create_subscription(kind, topic, self._take_in, qos.FACTS)
 
     def open(self) -> LatchedInbox:
         """Return an inbox that begins with the last message, if there was one."""
@@ -71,6 +72,10 @@ class LatchedTopic:
             inbox.put(self._last)
         self._inboxes.append(inbox)
         return inbox
+
+    def close(self) -> None:
+        """Stop listening."""
+        self._node.destroy_subscription(self._subscription)
 
     def _take_in(self, message: Any) -> None:
         self._last = message

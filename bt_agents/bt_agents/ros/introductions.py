@@ -4,8 +4,10 @@
 from __future__ import annotations
 
 from rclpy.node import Node
+from rclpy.publisher import Publisher
 
 from bt_agents.language.specs import AgentSpec, NodeSpec
+from bt_agents.reload.report import problems_of
 from bt_agents.reload.versions import AgentVersions
 from bt_agents.ros import qos
 from bt_agents.roster import Member, Roster
@@ -14,6 +16,9 @@ from bt_agents_interfaces.msg import AgentCard, HostCard, MoodRule, Tree, TreeNo
 
 class Introductions:
     """Publishes what others need to know of a host's agents; latched.
+
+    The card stands under the name of the host. Only the host that the market has taken may have
+    one: another of the same name would have everybody forget the agents of the first.
 
     Args:
         node: The host's node.
@@ -29,15 +34,31 @@ class Introductions:
         self._versions = versions
         self._folder = str(versions.trees.folder.resolve())
         self._structures: dict[str, tuple[AgentSpec, Tree]] = {}
-        self._cards = node.create_publisher(HostCard, "cards", qos.FACT)
+        self._node = node
+        self._taken = False
+        self._cards = self._card_publisher()
         self._trees = node.create_publisher(Trees, "~/trees", qos.FACT)
+
+    def admit(self, taken: bool) -> None:
+        """Publish the card of a host that the market has taken; take back that of one refused."""
+        if self._taken and not taken:
+            self._node.destroy_publisher(self._cards)
+            self._cards = self._card_publisher()
+        self._taken = taken
+        self.card()
 
     def card(self) -> None:
         """Publish the card: the registered agents, and every problem of the files."""
+        if not self._taken:
+            return
         trees = self._versions.trees
         members = self._roster.members.values()
-        problems = [line for broken in trees.broken for line in broken.error.lines]
-        problems += trees.problems
+        problems = problems_of(trees)
+        for member in members:
+            name = member.spec.name
+            for line in self._versions.standing(name).problems:
+                if line not in problems:
+                    problems.append(f"{name}: {line.removeprefix(f'{name}: ')}")
         problems += [f"{m.spec.file}: {m.refusal}" for m in members if m.refusal]
         self._cards.publish(
             HostCard(
@@ -63,6 +84,9 @@ class Introductions:
                 trees=[tree for _, tree in self._structures.values()],
             )
         )
+
+    def _card_publisher(self) -> Publisher[HostCard]:
+        return self._node.create_publisher(HostCard, "cards", qos.FACT)
 
     def _structure(self, member: Member) -> tuple[AgentSpec, Tree]:
         """Return the structure of a tree; it is made once for each version."""

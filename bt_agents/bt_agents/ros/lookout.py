@@ -5,8 +5,8 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Callable
-from typing import Protocol
+from collections.abc import Callable, Collection
+from typing import Any, Protocol
 
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
@@ -23,7 +23,13 @@ _SHORTEST_S = 0.001
 
 
 class Watched(Protocol):
-    """A goal or request on its way."""
+    """A goal or request on its way.
+
+    Attributes:
+        client: By which it is sent, cancelled and answered.
+    """
+
+    client: Any
 
     def look(self) -> None:
         """Compare it with the clock."""
@@ -61,6 +67,11 @@ class Lookout:
         self._under_way.append(goal)
         self.rearm()
 
+    def clients(self) -> list[Any]:
+        """Return the clients of all goals whose end is not confirmed."""
+        self._sort_out()
+        return [goal.client for goal in (*self._under_way, *self._unconfirmed)]
+
     def rearm(self) -> None:
         """Set the timer to the first goal that is due, after something has changed."""
         self._sort_out()
@@ -96,6 +107,7 @@ class Heartbeats:
         self._node = node
         self._steady = steady
         self._last: dict[tuple[str, str], float] = {}
+        self._subscriptions: dict[tuple[str, str], Any] = {}
 
     def listen(self, spec: HeartbeatSpec) -> Callable[[], float]:
         """Return what says when it was last heard [s], minus infinity for never.
@@ -104,13 +116,20 @@ class Heartbeats:
             Refused: ``UNKNOWN_TYPE``.
         """
         key = (spec.topic, spec.type)
-        if key not in self._last:
+        if key not in self._subscriptions:
             kind = load_type(spec.type)
-            self._last[key] = -math.inf
 
             def beat(_message: object) -> None:
                 self._last[key] = self._steady()
 
             # Its content does not matter, so it is not even decoded.
-            self._node.create_subscription(kind, spec.topic, beat, qos.SENSOR, raw=True)
-        return lambda: self._last[key]
+            self._subscriptions[key] = self._node.create_subscription(
+                kind, spec.topic, beat, qos.SENSOR, raw=True
+            )
+        return lambda: self._last.get(key, -math.inf)
+
+    def keep(self, wanted: Collection[tuple[str, str]]) -> None:
+        """Stop listening to all others than these topics, each with its type."""
+        for key in self._subscriptions.keys() - set(wanted):
+            self._node.destroy_subscription(self._subscriptions.pop(key))
+            self._last.pop(key, None)

@@ -12,9 +12,11 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from bt_agents.engine.run import RunResult
+from bt_agents.held_up import LIMIT_S as HELD_UP_S
 from bt_agents.lease import MarketLease
 from bt_agents.ros import qos
 from bt_agents.ros.calls import Calls
+from bt_agents.ros.messages import CUT_OFF
 from bt_agents.ros.parameters import declare, describe
 from bt_agents.ros.run_server import OUTCOMES, RunServer
 from bt_agents.ros.unheard import UnheardRuns
@@ -45,7 +47,7 @@ class Membership:
         instance: This start of the host.
         heard: Returns whether calls and bids get through already; if not, the host registers
             after a second all the same.
-        changed: Called after the market has taken or refused agents.
+        changed: Called after the market has taken or refused the host or some of its agents.
 
     Attributes:
         epoch: The market that has answered last; empty before the first.
@@ -70,6 +72,7 @@ class Membership:
         self._heard = heard
         self._changed = changed
         self._registering = False
+        self._later: Callable[[], None] | None = None
         self._stale = False
         self._asked = 0.0
         self._watched = time.monotonic()
@@ -96,6 +99,15 @@ class Membership:
     def complete(self) -> bool:
         """True when the market has taken every agent of this host."""
         return bool(self.epoch) and all(m.agent_id for m in self._roster.members.values())
+
+    def after_answer(self, act: Callable[[], None]) -> bool:
+        """Have something done when the market has answered; return False when it is not asked.
+
+        A market may call for bids before its answer to the registration has been read.
+        """
+        if self._registering:
+            self._later = act
+        return self._registering
 
     def refresh(self) -> None:
         """Tell the market which agents there are now."""
@@ -153,13 +165,17 @@ class Membership:
 
     def _watch(self) -> None:
         now = time.monotonic()
-        if now - self._watched > self._lease.lease_s / 2:
+        held_up_s = now - self._watched
+        if held_up_s > self._lease.lease_s / 2:
             # This process was held up; the heartbeats of that time still wait to be read.
             self._lease.excuse(self._watched, now)
+        if held_up_s > HELD_UP_S:
+            # Another start of this host may have taken its place.
+            self.refresh()
         self._watched = now
         silence = self._lease.silence(now)
         if silence:
-            self._runs.cancel(f"its market has been silent for {silence:.1f} s")
+            self._runs.cancel(f"{CUT_OFF}has been silent for {silence:.1f} s")
 
     def _meet(self, status: MarketStatus) -> None:
         if status.epoch != self.epoch:
@@ -209,25 +225,28 @@ class Membership:
         self._take_answer(request, answer)
         if self._stale or (answer.accepted and self._unheard.of_others(answer.epoch)):
             self.refresh()
+        later, self._later = self._later, None
+        if later is not None:
+            later()
 
     def _take_answer(self, request: RegisterHost.Request, answer: RegisterHost.Response) -> None:
         names = list(request.agents)
-        self.accepted = answer.accepted
+        before, self.accepted = self.accepted, answer.accepted
         if not answer.accepted:
             if self.epoch != answer.epoch:
                 self._node.get_logger().error(f"the market refuses this host: {answer.message}")
             self.epoch = answer.epoch
-            self._runs.close()
+            self._runs.leave(f"the market refuses this host: {answer.message}")
             refused = [answer.message] * len(names)
-            self._enrol(names, [0] * len(names), refused)
+            self._enrol(names, [0] * len(names), refused, news=before)
             return
         self.epoch = answer.epoch
         self._runs.open()
         if self._runs.busy and self._runs.goal.epoch != answer.epoch:
-            self._runs.cancel("its market is gone")
+            self._runs.cancel(f"{CUT_OFF}is gone")
         # What a market has been told of its own runs it has not been asked to take over.
         self._unheard.handed_over([r for r in request.unreported if r.epoch != answer.epoch])
-        self._enrol(names, answer.agent_ids, answer.reasons)
+        self._enrol(names, answer.agent_ids, answer.reasons, news=not before)
 
     def _unanswered(self, epoch: str, reason: str) -> None:
         self._registering = False
@@ -237,7 +256,9 @@ class Membership:
         )
         self._register(epoch)
 
-    def _enrol(self, names: Sequence[str], ids: Sequence[int], reasons: Sequence[str]) -> None:
+    def _enrol(
+        self, names: Sequence[str], ids: Sequence[int], reasons: Sequence[str], *, news: bool
+    ) -> None:
         before = {n: (m.agent_id, m.refusal) for n, m in self._roster.members.items()}
         if not len(names) == len(ids) == len(reasons):
             self._node.get_logger().error("the market's answer to the registration is malformed")
@@ -247,5 +268,5 @@ class Membership:
         for name, (_, refusal) in after.items():
             if refusal and refusal != before[name][1]:
                 self._node.get_logger().error(f"agent '{name}' is not registered: {refusal}")
-        if after != before:
+        if news or after != before:
             self._changed()

@@ -13,8 +13,8 @@ from bt_agents.scene import Origin, Scene, SceneSpace, SceneValue
 from bt_agents_interfaces.msg import Scene as SceneMsg
 from bt_agents_interfaces.msg import SceneValue as SceneValueMsg
 
-STOPPED_BY_MARKET = "the market stopped it"
-"""By these words in the end of a run others know that its market wanted it so."""
+CUT_OFF = "its market "
+"""How the message of a run begins that was broken off because its market was lost."""
 
 
 def seconds(stamp: Any) -> float:

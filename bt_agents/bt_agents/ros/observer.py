@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import heapq
+import os
 import time
 from collections.abc import Callable, Sequence
 from typing import Any, Protocol
@@ -11,7 +12,7 @@ from typing import Any, Protocol
 import rclpy
 from rclpy.clock import Clock, ClockType
 from rclpy.signals import SignalHandlerOptions
-from std_msgs.msg import Bool, String
+from std_msgs.msg import Bool, Empty, String
 
 from bt_agents.ros import qos
 from bt_agents.ros.card_listener import CardListener
@@ -19,13 +20,16 @@ from bt_agents.ros.runner import Turner
 from bt_agents_interfaces.msg import (
     Auction,
     Feedback,
+    Heartbeat,
     HostCard,
+    MarketHeartbeat,
     MarketStatus,
     Profiles,
     Run,
     Scene,
     SceneEnd,
     TreeStatus,
+    Tunings,
 )
 from bt_agents_interfaces.srv import Analyze, GiveFeedback
 
@@ -38,6 +42,9 @@ class Listener(Protocol):
 
     def scene(self, message: Any) -> None:
         """A scene was analysed."""
+
+    def market(self, message: Any) -> None:
+        """The market does something else than before."""
 
     def live(self, message: Any) -> None:
         """The scene as it is now."""
@@ -60,9 +67,15 @@ class Listener(Protocol):
     def feedback(self, message: Any) -> None:
         """A profile moved."""
 
+    def tunings(self, message: Any) -> None:
+        """Values were tuned; the last changes of a host, and first of all what is known of it."""
+
     def news(self, words: str, bad: bool) -> None:
         """The agents of a host have changed, or something is wrong with their files."""
 
+
+_FIND_S = 10.0
+"""How long discovery may take on a busy machine [s]."""
 
 _SETTLE_S = 0.1
 """How long an event waits for one of another topic that was sent before it [s]."""
@@ -98,6 +111,7 @@ class Observer:
     """Listens while it is turned.
 
     Attributes:
+        namespace: Where the system is; the environment's ``ROS_NAMESPACE``.
         market: The latest status of the marketplace; None before the first.
         cards: The latest card of each host.
         profiles: The latest profiles; None before the first.
@@ -106,7 +120,12 @@ class Observer:
 
     def __init__(self, listener: Listener | None = None) -> None:
         rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
-        self.node = rclpy.create_node("bt_agents_observer", start_parameter_services=False)
+        self.node = rclpy.create_node(
+            "bt_agents_observer",
+            namespace=os.environ.get("ROS_NAMESPACE", ""),
+            start_parameter_services=False,
+        )
+        self.namespace = self.node.get_namespace()
         self.market: Any = None
         self.cards: dict[str, Any] = {}
         self.profiles: Any = None
@@ -130,15 +149,34 @@ class Observer:
             (String, "visitors/current", lambda m: listener.visitor(m.data), qos.FACT),
             (Bool, "visitors/done", self._take_done, qos.FACT),
             (Scene, "scene", listener.scene, qos.EVENTS),
+            (MarketStatus, "market", listener.market, qos.FACT),
             (Scene, "scene/live", listener.live, qos.SENSOR),
-            (Auction, "auctions", listener.auction, qos.EVENTS),
-            (Run, "runs", listener.run, qos.EVENTS),
-            (SceneEnd, "scene_ends", listener.end, qos.EVENTS),
+            # A market that is started again may say these before it is known to be back.
+            (Auction, "auctions", listener.auction, qos.FACTS),
+            (Run, "runs", listener.run, qos.FACTS),
+            (SceneEnd, "scene_ends", listener.end, qos.FACTS),
             (TreeStatus, "agents/status", listener.tree, qos.EVENTS),
             (String, "robot/transcript", lambda m: listener.act(m.data), qos.EVENTS),
             (Feedback, "feedback", listener.feedback, qos.EVENTS),
+            (Tunings, "agents/tunings", listener.tunings, qos.FACT),
         ):
             self._subscribe(kind, topic, order.take(deliver), profile)
+
+    def hear_heartbeats(self, heard: Callable[[str], None]) -> None:
+        """Have a callable told the name of each node of the system that gives a sign of life."""
+        for kind, name in (
+            (MarketHeartbeat, "marketplace"),
+            (Heartbeat, "agents"),
+            (Empty, "robot"),
+        ):
+            # What they say does not matter here, so it is not even decoded.
+            self.node.create_subscription(
+                kind,
+                f"{name}/heartbeat",
+                lambda _message, name=name: heard(name),
+                qos.SENSOR,
+                raw=True,
+            )
 
     def _subscribe(self, kind: Any, topic: str, take: Callable[..., None], profile: Any) -> None:
         self.node.create_subscription(kind, topic, take, profile)
@@ -166,6 +204,18 @@ class Observer:
         known = {name for name, revision in learned if bidding.get(name, -1) >= revision}
         return len(known & set(bidding)) >= agents
 
+    def namespaces_of_markets(self) -> list[str]:
+        """Return where marketplaces are on this domain, as far as that is known yet."""
+        kind = "bt_agents_interfaces/msg/MarketStatus"
+        topics = [name for name, kinds in self.node.get_topic_names_and_types() if kind in kinds]
+        return sorted(
+            {
+                end.node_namespace
+                for topic in topics
+                for end in self.node.get_publishers_info_by_topic(topic)
+            }
+        )
+
     def can_be_asked(self) -> bool:
         """Return True when scene layer and feedback node answer requests."""
         return all(service.service_is_ready() for service in self._services)
@@ -174,10 +224,17 @@ class Observer:
         """Turn until ``done()`` is true or the time is up; return ``done()``."""
         return self._turner.turn_until(done, limit_s)
 
-    def call(self, kind: Any, name: str, request: Any, limit_s: float = 3.0) -> Any:
-        """Call a service; return its response, or None when it is not there or stays silent."""
+    def call(self, kind: Any, name: str, request: Any, limit_s: float = 5.0) -> Any:
+        """Call a service; return its response, or None when it is not there or stays silent.
+
+        Args:
+            kind: Type of the service.
+            name: Its name.
+            request: The request.
+            limit_s: For the answer [s]; the service itself is looked for up to 10 s.
+        """
         client = self.node.create_client(kind, name, qos_profile=qos.SERVICE)
-        if not self.turn_until(client.service_is_ready, limit_s):
+        if not self.turn_until(client.service_is_ready, _FIND_S):
             return None
         future = client.call_async(request)
         self.turn_until(future.done, limit_s)

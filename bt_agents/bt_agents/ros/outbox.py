@@ -16,7 +16,7 @@ from rclpy.node import Node
 from bt_agents.letters import Letters
 
 ANSWER_S = 2.0
-"""A request without an answer for so long is sent again; longer than a server may take [s]."""
+"""A request without an answer for so long is sent again; most answers take less [s]."""
 
 MOST = 1000
 """Requests that are kept; more push the oldest ones out."""
@@ -61,6 +61,11 @@ class Outbox:
     def waiting(self) -> int:
         """How many requests have no answer yet."""
         return len(self._letters)
+
+    @property
+    def late(self) -> bool:
+        """True while the server is away or owes an answer for too long."""
+        return self._late
 
     def put(self, request: Any, on_done: Callable[[Any | None], None]) -> None:
         """Keep a request until it is answered.

@@ -3,11 +3,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from rclpy.node import Node
 from rclpy.task import Future
 
 from bt_agents.errors import Refused
+from bt_agents.reload.report import problems_of, report
 from bt_agents.reload.versions import AgentVersions
 from bt_agents.ros import qos
 from bt_agents.ros.messages import to_time
@@ -48,11 +51,19 @@ class ReloadServices:
         done = Future(executor=self._node.executor)
         self._reloading.look_now(done.set_result)
         request: Request = await done
-        response.accepted = not request.error
-        words = [request.error] if request.error else request.words or ["nothing has changed"]
-        running = self._runs.running
-        response.message = "\n".join([*words, *self._hurry(asked.now, running)])
+        problems = problems_of(self._versions.trees)
+        response.accepted = not (request.error or problems)
+        changed = [request.error] if request.error else list(request.words)
+        hurried = self._hurry(asked.now, self._runs.running)
+        waits = "" if hurried else self._waits_unsaid(changed)
+        response.message = "\n".join(report([*changed, *hurried], waits, problems))
         return response
+
+    def _waits_unsaid(self, changed: Sequence[str]) -> str:
+        """Return what waits for the end of the run, unless what has changed says so already."""
+        running = self._runs.running
+        said = any(words.startswith(f"{running}: ") for words in changed)
+        return "" if said else self._versions.waits(running)
 
     async def _roll_back(
         self, asked: RollBack.Request, response: RollBack.Response
@@ -105,4 +116,4 @@ class ReloadServices:
         if not waits:
             return []
         self._runs.cancel(f"{waits}, and somebody wants it now")
-        return [f"the run of {agent} is cancelled for it"]
+        return [f"{waits}: the run of {agent} is cancelled for it"]

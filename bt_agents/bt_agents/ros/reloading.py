@@ -8,7 +8,6 @@ import traceback
 from collections import deque
 from collections.abc import Callable
 from concurrent.futures import Future as Job
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -18,8 +17,11 @@ from rclpy.parameter import Parameter
 
 from bt_agents.errors import BtAgentsError
 from bt_agents.language.folder_reader import Trees
+from bt_agents.reload.effects import Effect
 from bt_agents.reload.folder_watch import FolderWatch, Stopped, Written
-from bt_agents.reload.versions import AgentVersions, Effect, Version
+from bt_agents.reload.reading_thread import ReadingThread
+from bt_agents.reload.shelf import Version
+from bt_agents.reload.versions import AgentVersions
 from bt_agents.ros.messages import seconds
 from bt_agents.ros.parameters import declare, describe
 from bt_agents.ros.run_server import RunServer
@@ -89,7 +91,7 @@ class Reloading:
         self._apply = apply
         self._applied = applied
         self._watch = FolderWatch(versions.trees, lambda: time.sleep(_GIVE_WAY_S))
-        self._thread = ThreadPoolExecutor(1, thread_name_prefix="reload")
+        self._thread = ReadingThread()
         self._readings: deque[_Reading] = deque()
         self._unsettled: deque[str] = deque()
         self._effects: list[Effect] = []
@@ -97,7 +99,6 @@ class Reloading:
         self._requests: list[Request] = []
         self._next_look = time.monotonic() + PERIOD_S
         self._trouble = ""
-        self._ran = ""
         what = "take changed files of agents over by itself"
         self._on = bool(declare(node, _RELOAD, True, describe(what)))
         node.add_post_set_parameters_callback(self._take_switch)
@@ -107,11 +108,10 @@ class Reloading:
     def close(self) -> None:
         """Stop reading; nothing is waited for."""
         self._watch.stop()
-        self._thread.shutdown(wait=False, cancel_futures=True)
+        self._thread.close()
 
     def run_ended(self, agent: str) -> None:
         """Change the agent whose run has ended, when something waits for that."""
-        self._ran = ""
         effect = self.versions.ended(agent)
         if effect is not None:
             self._do(effect)
@@ -168,11 +168,14 @@ class Reloading:
         self._tell()
 
     def _do(self, effect: Effect) -> None:
+        log = self._node.get_logger()
         try:
             self._apply(effect)
-        except Exception:
-            self._node.get_logger().error(f"{effect.words} failed:\n{traceback.format_exc()}")
-        log = self._node.get_logger()
+        except Exception as error:
+            log.error(f"{effect.words}: this failed:\n{traceback.format_exc()}")
+            effect = self.versions.failed(effect, f"{type(error).__name__}: {error}")
+            for request in self._requests:
+                request.error = "; ".join(filter(None, (request.error, effect.words)))
         if effect.bad:
             log.warning(effect.words)
         else:
@@ -192,10 +195,6 @@ class Reloading:
 
     def _turn(self) -> None:
         now = time.monotonic()
-        if self._ran and self._runs.running != self._ran:
-            # Its run could not even begin.
-            self.run_ended(self._ran)
-        self._ran = self._runs.running
         if self._unsettled:
             self._settle()
         while self._readings and not self._unsettled and self._readings[0].job.done():

@@ -17,23 +17,27 @@ from rclpy.task import Future
 from bt_agents.engine.pace import Pace
 from bt_agents.engine.run import Outcome, Overrun, Run, RunResult, StatusChange
 from bt_agents.errors import Refused
-from bt_agents.held_up import HeldUp
+from bt_agents.held_up import Award, LastWord
 from bt_agents.ros import qos
-from bt_agents.ros.messages import STOPPED_BY_MARKET, scene_from_msg
+from bt_agents.ros.messages import scene_from_msg
 from bt_agents.ros.world import RosWorld
 from bt_agents.roster import Roster
 from bt_agents.scene import Scene
 from bt_agents_interfaces.action import RunAgent
-from bt_agents_interfaces.msg import MarketHeartbeat
+from bt_agents_interfaces.msg import MarketHeartbeat, TreeStatus
 from bt_agents_interfaces.msg import Scene as SceneMsg
 from bt_agents_interfaces.msg import StatusChange as StatusChangeMsg
-from bt_agents_interfaces.msg import TreeStatus
 
 RESULT_KEPT_S = 5
 """How long rclpy keeps a finished goal [s]; its default of 900 s slows acceptance 25-fold."""
 
+_STOP_SETTLE_S = 0.7
+"""How long a host that is stopped waits for goals to end [s]; it has a second for everything."""
+
 _OVERRUNS_TOLD_S = 5.0
 _LOOK_S = 0.1
+_FAREWELL_S = 0.2
+"""How long the last result has to go out before the action leaves the graph [s]."""
 
 _STATUS = {
     Status.INVALID: StatusChangeMsg.INVALID,
@@ -79,10 +83,11 @@ class RunServer:
         self._ended: Any = None
         self._handle: Any = None
         self._cancel_reason = ""
+        self._clean_up = True
         self._stopping = False
-        self._held_up = HeldUp(time.monotonic())
-        self._market: MarketHeartbeat | None = None
-        self._given_away = False
+        self._leaving = False
+        self._free_since = 0.0
+        self._market = LastWord(time.monotonic())
         self._period_s = 0.05
         self._pace = Pace(self._period_s, time.monotonic())
         self._at_begin: list[Callable[[Any], None]] = []
@@ -107,6 +112,7 @@ class RunServer:
 
     def open(self) -> None:
         """Take goals; two servers of one name would each take every goal."""
+        self._leaving = False
         if self._server is None:
             self._server = ActionServer(
                 self._node,
@@ -123,8 +129,15 @@ class RunServer:
                 result_timeout=RESULT_KEPT_S,
             )
 
+    def leave(self, reason: str) -> None:
+        """Take the action off the graph, but first stop the running tree, without its clean-up."""
+        self._leaving = True
+        self.cancel(reason, clean_up=False)
+        if not self.busy and time.monotonic() - self._free_since >= _FAREWELL_S:
+            self.close()
+
     def close(self) -> None:
-        """Take the action off the graph."""
+        """Take the action off the graph now."""
         if self._server is not None:
             self._server.destroy()
             self._server = None
@@ -158,33 +171,29 @@ class RunServer:
         """
         self._at_end.append(listener)
 
-    def cancel(self, reason: str) -> None:
-        """Stop the running tree from within the host, with its clean-up."""
-        if self.busy and not self._cancel_reason:
-            self._cancel_reason = reason
+    def cancel(self, reason: str, *, clean_up: bool = True) -> None:
+        """Stop the running tree from within the host; the first reason counts."""
+        if not self.busy or (self._cancel_reason and (clean_up or not self._clean_up)):
+            return
+        self._cancel_reason = self._cancel_reason or reason
+        self._clean_up = clean_up
+        self._pace.hurry(time.monotonic())
+        self._set_timer()
+
+    def stop(self, reason: str) -> None:
+        """Stop the running tree soon, without its clean-up, and take no goals any more."""
+        self._stopping = True
+        self.cancel(reason, clean_up=False)
+        if self._run is not None:
+            self._run.hurry(_STOP_SETTLE_S)
             self._pace.hurry(time.monotonic())
             self._set_timer()
 
-    def stop(self, reason: str) -> None:
-        """Stop the running tree without its clean-up, and take no goals any more."""
-        self._stopping = True
-        self.cancel(reason)
-
     def hear_market(self, heartbeat: MarketHeartbeat) -> None:
         """Take a sign of life of a market, which names the run that it knows of."""
-        before, self._market = self._market, heartbeat
-        if self._held_up.sure or self._held_up.wait_s(time.monotonic()):
-            return
-        goal = self.goal
-        if goal is None or goal.epoch != heartbeat.epoch or _names(heartbeat, goal):
-            self._held_up.sure = True
-            if goal is not None:
-                self._set_timer()
-        elif before is not None and not _names(before, goal):
-            # Twice, as the first may be from before the award.
-            self._held_up.sure = True
-            self._given_away = True
-            self.cancel("the market has given its run away")
+        run = _award(self.goal) if self.busy else None
+        if self._market.hear(_award(heartbeat), run, time.monotonic()):
+            self.cancel("the market has given its run away", clean_up=False)
 
     def _answer_goal(self, goal: Any) -> GoalResponse:
         try:
@@ -207,6 +216,8 @@ class RunServer:
     def _check(self, goal: Any) -> None:
         if self._stopping:
             raise Refused("STOPPING", "this host is being stopped")
+        if self._leaving:
+            raise Refused("REFUSED", "the market has refused this host, so it takes no goals")
         if self.busy:
             raise Refused("BUSY", f"{self.goal.agent} is running; one tree at a time")
         if goal.host_instance != self._instance:
@@ -214,9 +225,8 @@ class RunServer:
                 "WRONG_INSTANCE",
                 f"meant for instance '{goal.host_instance}', this is '{self._instance}'",
             )
-        market = self._market
-        if market is not None and market.epoch == goal.epoch and market.round > goal.round:
-            raise Refused("OVER", f"the market is at round {market.round} already")
+        if self._market.is_over(_award(goal)):
+            raise Refused("OVER", f"the market has gone on from round {goal.round} already")
         member = self._roster.member(goal.agent)
         if not member.agent_id or member.agent_id != goal.agent_id:
             raise Refused(
@@ -227,7 +237,7 @@ class RunServer:
     def _answer_cancel(self, handle: Any) -> CancelResponse:
         if self._handle is None or handle != self._handle:
             return CancelResponse.REJECT
-        self.cancel(STOPPED_BY_MARKET)
+        self.cancel("the market stopped it")
         return CancelResponse.ACCEPT
 
     async def _execute(self, handle: Any) -> RunAgent.Result:
@@ -241,7 +251,8 @@ class RunServer:
         finally:
             self.goal = self._run = self._handle = None
             self._cancel_reason = ""
-            self._given_away = False
+            self._clean_up = True
+            self._free_since = time.monotonic()
         self._node.get_logger().info(
             f"round {goal.round}: {goal.agent} {result.outcome.value}: {result.message}"
         )
@@ -312,14 +323,25 @@ class RunServer:
             self._advance(run)
         except Exception as error:
             # What a node raises is its FAILURE; this is a fault of the engine, and ends the run.
-            self._node.get_logger().error(traceback.format_exc())
-            run.give_up(f"{type(error).__name__}: {error}")
+            self._end(self._give_up(run, f"{type(error).__name__}: {error}"))
+            return
         if run.result is not None:
-            self._timer.cancel()
-            self._ended.set_result(run.result)
+            self._end(run.result)
             return
         self._pace.end(began, time.monotonic(), run.deadline)
         self._set_timer()
+
+    def _end(self, result: RunResult) -> None:
+        self._timer.cancel()
+        self._ended.set_result(result)
+
+    def _give_up(self, run: Run, reason: str) -> RunResult:
+        self._node.get_logger().error(traceback.format_exc())
+        try:
+            return run.give_up(reason)
+        except Exception:
+            self._node.get_logger().error(traceback.format_exc())
+            return _failed(reason)
 
     def _advance(self, run: Run) -> None:
         changes = []
@@ -332,21 +354,24 @@ class RunServer:
             self._tell_overrun(run, run.overrun)
 
     def _cancel_now(self, run: Run) -> list[StatusChange]:
-        reason, clean_up = self._cancel_reason, not self._stopping
-        if self._given_away or self._wait_s(time.monotonic()):
+        reason, clean_up = self._cancel_reason, self._clean_up
+        if self._wait_s(time.monotonic()):
             # Another agent may have the robot by now, and must not be talked into.
-            reason += f", after this host had been held up for {self._held_up.lasted_s:.1f} s"
+            reason += (
+                f", after this host had been held up for {self._market.held_up.lasted_s:.1f} s"
+            )
             clean_up = False
         return run.cancel(reason, clean_up=clean_up)
 
     def _wait_s(self, now: float) -> float:
         """Return how long not to tick, as the market may have given the run away meanwhile [s]."""
-        calm_s = self._held_up.wait_s(now)
-        beats = self._market is not None and self._market.epoch == self.goal.epoch
-        return calm_s if self._held_up.sure or not beats else max(calm_s, _LOOK_S)
+        return self._market.wait_s(_award(self.goal), now)
 
     def _look(self) -> None:
-        self._held_up.wait_s(time.monotonic())
+        now = time.monotonic()
+        self._market.held_up.wait_s(now)
+        if self._leaving and not self.busy and now - self._free_since >= _FAREWELL_S:
+            self.close()
 
     def _tell_overrun(self, run: Run, overrun: Overrun) -> None:
         self._node.get_logger().warning(
@@ -380,15 +405,20 @@ class RunServer:
             self._handle.publish_feedback(RunAgent.Feedback(status=status))
 
 
-def _names(heartbeat: MarketHeartbeat, goal: Any) -> bool:
-    return (heartbeat.round, heartbeat.agent) == (goal.round, goal.agent)
+def _award(message: Any) -> Award:
+    """Return the award that a goal is for, or that a heartbeat names."""
+    return Award(epoch=message.epoch, round=message.round, agent=message.agent)
 
 
 def _not_begun(error: Exception) -> RunResult:
     reason = error.reason if isinstance(error, Refused) else f"{type(error).__name__}: {error}"
+    return _failed(f"it could not begin: {reason}")
+
+
+def _failed(reason: str) -> RunResult:
     return RunResult(
         outcome=Outcome.FAILED,
-        message=f"it could not begin: {reason}",
+        message=reason,
         tip="",
         orphans=(),
         ticks=0,

@@ -22,7 +22,9 @@ from bt_agents.interrupt import Interrupt, Interrupted
 from bt_agents.starting import READY, SUPERVISED
 
 _POLL_S = 0.1
-_STOP_LIMIT_S = 1.0
+STOP_LIMIT_S = 1.0
+"""How long a node that is stopped has to end what it has under way [s]."""
+
 _LAST_RESULTS_S = 0.05
 _PR_SET_PDEATHSIG = 1
 
@@ -108,7 +110,7 @@ def run(make_node: Callable[[], NodeT], args: Sequence[str] | None = None) -> in
                 turner.turn()
             if hasattr(node, "request_stop") and rclpy.ok():
                 node.request_stop()
-                turner.turn_until(node.stopped, _STOP_LIMIT_S)
+                turner.turn_until(node.stopped, STOP_LIMIT_S)
                 # The executor still has to send the results of what has just ended.
                 turner.turn_until(lambda: False, _LAST_RESULTS_S)
         except ExternalShutdownException:

@@ -4,8 +4,8 @@
 from __future__ import annotations
 
 import time
-import uuid
 from collections.abc import Callable, Mapping
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -16,13 +16,11 @@ from rclpy.exceptions import InvalidParameterTypeException, InvalidParameterValu
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from bt_agents.engine.world import GIVE_FEEDBACK
 from bt_agents.errors import BtAgentsError, Refused
-from bt_agents.feedback import Kind
 from bt_agents.language.specs import AgentSpec, FieldType
-from bt_agents.ros import qos
-from bt_agents.ros.outbox import Outbox
+from bt_agents.ros.jobs import Jobs
 from bt_agents.ros.parameters import describe
+from bt_agents.ros.profile_requests import ProfileRequests
 from bt_agents.ros.tune_server import TuneServer
 from bt_agents.roster import Member, Roster
 from bt_agents.tuning.board import FILE, Board, Start
@@ -30,8 +28,6 @@ from bt_agents.tuning.history import Cause, Revision
 from bt_agents.tuning.journal import Journal
 from bt_agents.tuning.knobs import TICK_RATE, Knob, KnobKind, Setting, knobs_of
 from bt_agents.tuning.presets import Presets
-from bt_agents.tuning.profile_orders import ProfileOrders
-from bt_agents_interfaces.srv import GiveFeedback
 
 ROS_PARAMETER = "ros parameter"
 """Author of what is set without a name."""
@@ -73,15 +69,15 @@ class TunableParameters:
         self._roster = roster
         self._changed = changed
         self._set_rate = set_rate
+        self._disk = ThreadPoolExecutor(1, thread_name_prefix="tunings")
+        self._jobs = Jobs(node)
         self._board = self._open(tunings)
         self._cause = Cause(author=ROS_PARAMETER)
         self._recorded: Revision | None = None
         self._quiet = False
         self._cards_due = False
-        self._orders = ProfileOrders()
-        self._outbox = Outbox(
-            node, node.create_client(GiveFeedback, GIVE_FEEDBACK, qos_profile=qos.SERVICE)
-        )
+        self._sync_due = False
+        self._profiles = ProfileRequests(node, roster, self._recorded_profile)
         self._tell_timer = node.create_timer(
             _TOLD_AFTER_S, self._tell, clock=Clock(clock_type=ClockType.STEADY_TIME)
         )
@@ -91,7 +87,7 @@ class TunableParameters:
             self.add(member)
         node.add_on_set_parameters_callback(self._check)
         node.add_post_set_parameters_callback(self._apply)
-        self._server = TuneServer(node, self._board, self.set)
+        self._server = TuneServer(node, self._board, self.set, self._jobs)
 
     def _open(self, tunings: str) -> Board:
         log = self._node.get_logger()
@@ -100,7 +96,7 @@ class TunableParameters:
         if tunings:
             path = Path(tunings)
             try:
-                journal = Journal(path)
+                journal = Journal(path, self._disk, log.error)
             except BtAgentsError as error:
                 log.error(f"what is tuned now is lost with this host: {error}")
             else:
@@ -109,7 +105,7 @@ class TunableParameters:
                 presets = Presets(path.with_name(PRESETS))
                 if presets.problem:
                     log.error(f"there are no presets, their file is broken:\n{presets.problem}")
-        return Board(journal, presets, time.time, log.error)
+        return Board(journal, presets, self._disk, time.time, log.error)
 
     def add(self, member: Member) -> None:
         """Declare the parameters of an agent; what was tuned before stands where it stood."""
@@ -121,7 +117,7 @@ class TunableParameters:
         """Undeclare the parameters of an agent."""
         for knob in self._board.of(name):
             self._undeclare(knob)
-        self._orders.forget(name)
+        self._profiles.forget(name)
         self._tell_soon()
 
     def replace(self, member: Member, spec: AgentSpec) -> None:
@@ -153,11 +149,15 @@ class TunableParameters:
             )
             wanted[name] = value
         if wanted:
-            with suppress(Refused):
+            try:
                 self.set(wanted, Cause(author=FILE, reason=f"{spec.file} has changed"))
+            except Refused as refused:
+                self._node.get_logger().error(
+                    f"{spec.file} has changed, but its defaults are not in force: {refused}"
+                )
         member.spec = spec
         if member.revision == 0 and spec.profile != member.profile:
-            member.profile = self._orders.over(spec.name, self._roster.space.names, spec.profile)
+            member.profile = self._profiles.over(spec.name, spec.profile)
         self._show_profile(member)
         self._fill(member)
         self._tell_soon()
@@ -171,7 +171,7 @@ class TunableParameters:
             Refused: As in :meth:`Roster.set_profile`.
         """
         member = self._roster.set_profile(name, values, revision)
-        member.profile = self._orders.over(name, self._roster.space.names, member.profile)
+        member.profile = self._profiles.over(name, member.profile)
         self._show_profile(member)
         return member
 
@@ -197,8 +197,9 @@ class TunableParameters:
 
     def close(self) -> None:
         """Let others have the file; say what the feedback node never got."""
-        self._outbox.close()
+        self._profiles.close()
         self._board.close()
+        self._disk.shutdown(wait=False)
 
     def _declare_together(self, knobs: tuple[Knob, ...] | list[Knob]) -> None:
         overruled: dict[str, Start] = {}
@@ -210,6 +211,7 @@ class TunableParameters:
                 overruled[knob.name] = start
         revision = self._board.overrule(overruled)
         if revision is not None:
+            self._sync_due = True
             self._node.get_logger().warning(
                 f"tuned before, but not in force: {self._board.words(revision.changes)}: "
                 f"{revision.cause.reason}"
@@ -262,6 +264,7 @@ class TunableParameters:
             )
         except Refused as refused:
             return SetParametersResult(successful=False, reason=str(refused))
+        self._sync_due = True
         return SetParametersResult(successful=True)
 
     def _apply(self, parameters: list[Parameter[Any]]) -> None:
@@ -300,39 +303,15 @@ class TunableParameters:
         reason = f"tuned by {self._cause.author}"
         if self._cause.reason:
             reason += f": {self._cause.reason}"
-        self._orders.want(agent, values, reason)
-        member.profile = self._orders.over(agent, names, member.profile)
+        self._profiles.want(agent, values, reason)
+        member.profile = self._profiles.over(agent, member.profile)
         self._cards_due = True
-        self._order(agent)
+        self._profiles.send(agent)
 
-    def _order(self, agent: str) -> None:
-        order = self._orders.next(agent)
-        if order is None:
-            return
-        request = GiveFeedback.Request(
-            feedback_id=f"tuning/{uuid.uuid4()}",
-            agent=agent,
-            kind=int(Kind.SET),
-            values=list(order.vector(self._roster.space.names)),
-            source="tuning",
-            reason=order.reason,
-        )
-        self._outbox.put(request, lambda answer: self._ordered(agent, answer))
-
-    def _ordered(self, agent: str, answer: Any | None) -> None:
-        self._orders.done(agent)
-        if agent not in self._roster.members:
-            return
-        if answer is not None and answer.accepted:
-            feedback = answer.feedback
+    def _recorded_profile(self, agent: str, feedback: Any | None) -> None:
+        if feedback is not None:
             with suppress(Refused):
                 self.take_profile(agent, list(feedback.after), feedback.revision)
-        elif answer is not None:
-            self._node.get_logger().error(
-                f"the feedback node does not record the profile that was tuned, so that {agent} "
-                f"has it until the next feedback only: {answer.code}: {answer.message}"
-            )
-        self._order(agent)
         self._cards_due = True
         self._tell_soon()
 
@@ -357,10 +336,23 @@ class TunableParameters:
 
     def _tell(self) -> None:
         self._tell_timer.cancel()
+        self._sync()
         self._server.publish()
         if self._cards_due:
             self._cards_due = False
             self._changed()
+
+    def _sync(self) -> None:
+        job = self._board.sync() if self._sync_due else None
+        self._sync_due = False
+        if job is not None:
+            self._jobs.follow(job, self._synced)
+
+    def _synced(self, trouble: str) -> None:
+        if trouble:
+            self._node.get_logger().error(
+                f"what was tuned is in force, but a power cut may undo it: {trouble}"
+            )
 
 
 def _descriptor(knob: Knob) -> ParameterDescriptor:

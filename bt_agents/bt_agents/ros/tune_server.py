@@ -3,14 +3,20 @@
 
 from __future__ import annotations
 
+import traceback
 from collections.abc import Callable, Mapping
+from concurrent.futures import Future as Job
+from dataclasses import dataclass
 from typing import Any
 
+from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.node import Node
+from rclpy.task import Future
 
 from bt_agents.errors import Refused
 from bt_agents.language.diagnostics import shown
 from bt_agents.ros import qos
+from bt_agents.ros.jobs import Jobs
 from bt_agents.ros.messages import to_time
 from bt_agents.tuning.board import Board, words_of
 from bt_agents.tuning.history import Action, Cause, Change, Revision
@@ -29,6 +35,21 @@ Found = tuple[Revision, Mapping[str, Setting]]
 Set = Callable[[Mapping[str, Setting], Cause], Revision | None]
 
 
+@dataclass(frozen=True, kw_only=True)
+class _Done:
+    """What an action has done.
+
+    Attributes:
+        words: For people.
+        revision: What has come into force.
+        kept: Ends when a preset is kept, or not: it counts only then.
+    """
+
+    words: str
+    revision: Revision | None = None
+    kept: Job[Any] | None = None
+
+
 class TuneServer:
     """Serves ``~/tune`` and publishes ``~/tunings``.
 
@@ -36,16 +57,22 @@ class TuneServer:
         node: The host's node.
         board: Its knobs.
         set_together: Sets values, or refuses all of them.
+        jobs: Says when the disk has what was tuned.
     """
 
-    def __init__(self, node: Node, board: Board, set_together: Set) -> None:
+    def __init__(self, node: Node, board: Board, set_together: Set, jobs: Jobs) -> None:
         self._node = node
         self._board = board
         self._set_together = set_together
+        self._jobs = jobs
         self._shown: dict[tuple[int, str], Tuning] = {}
         self._tunings = node.create_publisher(Tunings, "~/tunings", qos.FACT)
-        node.create_service(Tune, "~/tune", self._tune, qos_profile=qos.SERVICE)
-        self._actions: dict[int, Callable[[Any, str, str], tuple[str, Revision | None]]] = {
+        # One that waits for the disk holds up no other.
+        group = ReentrantCallbackGroup()
+        node.create_service(
+            Tune, "~/tune", self._tune, qos_profile=qos.SERVICE, callback_group=group
+        )
+        self._actions: dict[int, Callable[[Any, str, str], _Done]] = {
             Tune.Request.SET: self._set,
             Tune.Request.UNDO: self._undo,
             Tune.Request.REDO: self._redo,
@@ -97,44 +124,71 @@ class TuneServer:
             after=self._board.written(change.name, change.after),
         )
 
-    def _tune(self, request: Tune.Request, response: Tune.Response) -> Tune.Response:
+    async def _tune(self, request: Tune.Request, response: Tune.Response) -> Tune.Response:
         try:
-            act = self._actions.get(request.action)
-            if act is None:
-                raise Refused(
-                    "UNKNOWN_ACTION",
-                    f"action {request.action}, expected 0 (set), 1 (undo), 2 (redo), 3 (apply), "
-                    "4 (save) or 5 (forget)",
-                )
-            author = words_of(request.author, "the author", _LONGEST_AUTHOR) or SOMEBODY
-            message, revision = act(request, author, words_of(request.reason, "the reason"))
+            done = self._act(request)
+            if done.kept is not None:
+                await self._kept(done.kept)
         except Refused as refused:
             response.code, response.message = refused.code, refused.reason
             return response
+        except Exception as error:
+            self._node.get_logger().error(f"~/tune failed:\n{traceback.format_exc()}")
+            response.code = "FAILED"
+            response.message = f"{type(error).__name__}: {error}; the log says more"
+            return response
         response.accepted = True
-        response.message = message
-        if revision is not None:
-            response.tunings = [self._message(revision, one) for one in revision.changes]
+        response.message = done.words
+        if done.revision is not None:
+            response.tunings = [self._message(done.revision, o) for o in done.revision.changes]
+            synced = self._board.sync()
+            trouble = await self._trouble(synced) if synced is not None else ""
+            if trouble:
+                response.message += f"; it is in force, but a power cut may undo it: {trouble}"
         return response
 
-    def _set(self, request: Any, author: str, reason: str) -> tuple[str, Revision | None]:
+    def _act(self, request: Tune.Request) -> _Done:
+        act = self._actions.get(request.action)
+        if act is None:
+            raise Refused(
+                "UNKNOWN_ACTION",
+                f"action {request.action}, expected 0 (set), 1 (undo), 2 (redo), 3 (apply), "
+                "4 (save) or 5 (forget)",
+            )
+        author = words_of(request.author, "the author", _LONGEST_AUTHOR) or SOMEBODY
+        return act(request, author, words_of(request.reason, "the reason"))
+
+    async def _trouble(self, job: Job[Any]) -> str:
+        """Wait for a job; return what went wrong in words."""
+        ended = Future(executor=self._node.executor)
+        self._jobs.follow(job, ended.set_result)
+        trouble: str = await ended
+        return trouble
+
+    async def _kept(self, job: Job[Any]) -> None:
+        """Wait until a preset is kept.
+
+        Raises:
+            Refused: It is not.
+        """
+        trouble = await self._trouble(job)
+        if not job.done():
+            raise Refused("NOT_KEPT", f"the preset is {trouble}; look at the presets in a while")
+        job.result()
+        self.publish()
+
+    def _set(self, request: Any, author: str, reason: str) -> _Done:
         values = self._board.read(request.names, request.values)
         revision = self._set_together(values, Cause(author=author, reason=reason))
-        return self._told(revision), revision
+        return _Done(words=self._told(revision), revision=revision)
 
-    def _undo(self, request: Any, author: str, reason: str) -> tuple[str, Revision | None]:
+    def _undo(self, request: Any, author: str, reason: str) -> _Done:
         return self._take_back(Action.UNDO, self._board.undo(request.agents), author, reason)
 
-    def _redo(self, request: Any, author: str, reason: str) -> tuple[str, Revision | None]:
+    def _redo(self, request: Any, author: str, reason: str) -> _Done:
         return self._take_back(Action.REDO, self._board.redo(request.agents), author, reason)
 
-    def _take_back(
-        self,
-        action: Action,
-        found: Found,
-        author: str,
-        reason: str,
-    ) -> tuple[str, Revision | None]:
+    def _take_back(self, action: Action, found: Found, author: str, reason: str) -> _Done:
         old, values = found
         cause = Cause(
             author=author,
@@ -143,24 +197,23 @@ class TuneServer:
             of=old.number,
         )
         revision = self._set_together(values, cause)
-        return f"{action.value} of revision {old.number}: {self._told(revision)}", revision
+        words = f"{action.value} of revision {old.number}: {self._told(revision)}"
+        return _Done(words=words, revision=revision)
 
-    def _apply(self, request: Any, author: str, reason: str) -> tuple[str, Revision | None]:
+    def _apply(self, request: Any, author: str, reason: str) -> _Done:
         values, gone = self._board.preset(request.preset)
         words = f"preset {shown(request.preset)}"
         revision = self._set_together(values, Cause(author=author, reason=reason or words))
         left_out = f"; left out, as it is not here any more: {', '.join(gone)}" if gone else ""
-        return f"{words}: {self._told(revision)}{left_out}", revision
+        return _Done(words=f"{words}: {self._told(revision)}{left_out}", revision=revision)
 
-    def _save(self, request: Any, _author: str, _reason: str) -> tuple[str, Revision | None]:
-        count = self._board.save(request.preset, request.agents)
-        self.publish()
-        return f"preset {shown(request.preset)} keeps {count} values", None
+    def _save(self, request: Any, _author: str, _reason: str) -> _Done:
+        count, kept = self._board.save(request.preset, request.agents)
+        return _Done(words=f"preset {shown(request.preset)} keeps {count} values", kept=kept)
 
-    def _forget(self, request: Any, _author: str, _reason: str) -> tuple[str, Revision | None]:
-        self._board.presets.forget(request.preset)
-        self.publish()
-        return f"preset {shown(request.preset)} is forgotten", None
+    def _forget(self, request: Any, _author: str, _reason: str) -> _Done:
+        kept = self._board.forget(request.preset)
+        return _Done(words=f"preset {shown(request.preset)} is forgotten", kept=kept)
 
     def _told(self, revision: Revision | None) -> str:
         if revision is None or not revision.changes:

@@ -20,12 +20,12 @@ class UnheardRuns:
     """
 
     def __init__(self) -> None:
-        self._runs: dict[tuple[str, int], Run] = {}
-        self._closed: deque[tuple[str, int]] = deque(maxlen=_REMEMBERED)
+        self._runs: dict[tuple[str, int, str], Run] = {}
+        self._closed: deque[tuple[str, int, str]] = deque(maxlen=_REMEMBERED)
 
     def keep(self, run: Run) -> None:
         """Keep a run that has ended, unless its market has closed it before."""
-        key = (run.epoch, run.round)
+        key = _key(run)
         if key in self._closed:
             return
         self._runs[key] = run
@@ -47,6 +47,11 @@ class UnheardRuns:
             self._close(run)
 
     def _close(self, run: Run) -> None:
-        key = (run.epoch, run.round)
+        key = _key(run)
         self._runs.pop(key, None)
         self._closed.append(key)
+
+
+def _key(run: Run) -> tuple[str, int, str]:
+    """Return what names a run: when one agent of a round refuses it, the next one is asked."""
+    return run.epoch, run.round, run.agent

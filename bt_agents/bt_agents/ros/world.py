@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
 from rclpy.action import ActionClient
@@ -78,6 +78,33 @@ class RosWorld:
                 self._latched_topic(str(_constant(spec, "topic")), str(_constant(spec, "type")))
         except Exception as error:
             self._node.get_logger().warning(f"{spec.path}, {spec.position}: {error}")
+
+    def keep(self, specs: Iterable[NodeSpec]) -> None:
+        """Drop what was made for nodes that are no more; to be called while no tree runs.
+
+        A goal whose end is not confirmed yet keeps its client until the next call.
+
+        Args:
+            specs: Every node that there is.
+        """
+        clients, publishers, latched, beats = set(), set(), set(), set()
+        for spec in specs:
+            if spec.skill is not None and (binding := spec.skill.binding) is not None:
+                clients.add((binding.kind, binding.name, binding.type))
+                publishers.add((binding.name, binding.type))
+                if binding.heartbeat is not None:
+                    beats.add((binding.heartbeat.topic, binding.heartbeat.type))
+            elif spec.kind == "wait_for":
+                latched.add((str(_constant(spec, "topic")), str(_constant(spec, "type"))))
+        in_use = self._lookout.clients()
+        for key in [key for key in self._clients if key not in clients]:
+            if self._clients[key] not in in_use:
+                self._drop_client(key)
+        for name in self._publishers.keys() - publishers:
+            self._node.destroy_publisher(self._publishers.pop(name))
+        for name in self._latched.keys() - latched:
+            self._latched.pop(name).close()
+        self._heartbeats.keep(beats)
 
     def send(self, goal: Goal) -> GoalRun:
         """Send a goal or request.
@@ -179,6 +206,13 @@ class RosWorld:
                     loaded, name, qos_profile=qos.SERVICE
                 )
         return self._clients[key]
+
+    def _drop_client(self, key: tuple[BindingKind, str, str]) -> None:
+        client = self._clients.pop(key)
+        if key[0] is BindingKind.ACTION:
+            client.destroy()
+        else:
+            self._node.destroy_client(client)
 
     def _publisher(self, name: str, type_name: str) -> Any:
         key = (name, type_name)

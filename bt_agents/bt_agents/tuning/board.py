@@ -4,13 +4,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from concurrent.futures import Executor
+from concurrent.futures import Future as Job
 from dataclasses import dataclass
 
 from bt_agents.errors import Refused
 from bt_agents.language.diagnostics import did_you_mean, shown
 from bt_agents.tuning.history import Action, Cause, Change, History, Revision, agent_of
 from bt_agents.tuning.journal import Journal
-from bt_agents.tuning.knobs import Knob, KnobKind, Setting, same
+from bt_agents.tuning.knobs import Knob, KnobKind, Setting, same, shown_value
 from bt_agents.tuning.presets import Presets, check_name
 from bt_agents.tuning.remembered import Remembered
 
@@ -19,6 +21,7 @@ FILE = "file"
 
 _SAVED = (KnobKind.TUNABLE, KnobKind.LEARNING_RATE)
 _LONGEST_WORDS = 300
+_FEW = 8
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,7 +44,8 @@ class Board:
 
     Args:
         journal: Where changes are written before they count; None keeps them in memory.
-        presets: Values under names.
+        presets: Values under names; only ``disk`` changes them.
+        disk: Does one thing after the other, in a thread of its own.
         now: Returns the time [s since 1970].
         tell: Takes words for the log.
 
@@ -53,6 +57,7 @@ class Board:
         self,
         journal: Journal | None,
         presets: Presets,
+        disk: Executor,
         now: Callable[[], float],
         tell: Callable[[str], None],
     ) -> None:
@@ -61,6 +66,7 @@ class Board:
         self._knobs: dict[str, Knob] = {}
         self._of_agents: dict[str, dict[str, Knob]] = {}
         self._journal = journal
+        self._disk = disk
         self._remembered = journal.remembered if journal is not None else Remembered()
         self._now = now
         self._tell = tell
@@ -156,6 +162,12 @@ class Board:
         agent = agent_of(name)
         own = [one.name for one in self.of(agent)]
         hint = did_you_mean(name, own) if own else did_you_mean(agent, sorted(self._agents))
+        alike = [one.name for one in self._knobs.values() if one.agent and one.key == name]
+        if alike and not agent:
+            more = f", and {len(alike) - _FEW} more" if len(alike) > _FEW else ""
+            raise Refused(
+                "UNKNOWN_PARAMETER", f"whose {shown(name)}? {', '.join(alike[:_FEW])}{more}"
+            )
         if agent and own:
             what = f"{shown(agent)} has no {shown(name[len(agent) + 1 :])}"
         else:
@@ -184,7 +196,7 @@ class Board:
     def record(
         self, values: Mapping[str, Setting], cause: Cause, *, kept_or_refused: bool = True
     ) -> Revision | None:
-        """Let values come into force; when this returns, the change outlives the host.
+        """Let values come into force; when this returns, the change outlives the process.
 
         Args:
             values: They were checked.
@@ -205,6 +217,13 @@ class Board:
         if not changes and cause.action is Action.SET:
             return None
         return self._take(changes, cause, kept_or_refused)
+
+    def sync(self) -> Job[None] | None:
+        """Return the job after which the changes so far outlive a power cut; None without a file.
+
+        Its error is an ``OSError``.
+        """
+        return self._journal.sync() if self._journal is not None else None
 
     def overrule(self, overruled: Mapping[str, Start]) -> Revision | None:
         """Record that files have overruled values that were tuned before the start."""
@@ -283,8 +302,8 @@ class Board:
             )
         return values, [one for one in preset if one not in self._knobs]
 
-    def save(self, name: str, agents: Collection[str]) -> int:
-        """Keep the tunables and learning rates of agents under a name; return how many values.
+    def save(self, name: str, agents: Collection[str]) -> tuple[int, Job[None]]:
+        """Keep the tunables and learning rates of agents under a name.
 
         Those that are as in the file are kept too, so that the preset brings back all of them.
 
@@ -292,8 +311,11 @@ class Board:
             name: Of the preset.
             agents: Whose; empty for all.
 
+        Returns:
+            How many values, and the job that keeps them; its error is as in :meth:`Presets.save`.
+
         Raises:
-            Refused: ``UNKNOWN_AGENT``, or as in :meth:`Presets.save`.
+            Refused: ``NOT_A_NAME`` or ``UNKNOWN_AGENT``.
         """
         check_name(name)
         wanted = self._known(agents)
@@ -302,8 +324,11 @@ class Board:
             for knob in self._knobs.values()
             if knob.kind in _SAVED and (not wanted or knob.agent in wanted)
         }
-        self.presets.save(name, values)
-        return len(values)
+        return len(values), self._disk.submit(self.presets.save, name, values)
+
+    def forget(self, name: str) -> Job[None]:
+        """Remove a preset; the error of the job is as in :meth:`Presets.forget`."""
+        return self._disk.submit(self.presets.forget, name)
 
     @property
     def _agents(self) -> Collection[str]:
@@ -334,10 +359,10 @@ class Board:
         )
 
     def written(self, name: str, value: Setting) -> str:
-        """Return a value as an author writes it, also of a knob that is gone."""
+        """Return a value for people, also of a knob that is gone."""
         knob = self._knobs.get(name)
         if knob is not None:
-            return knob.written(value)
+            return shown_value(knob, value)
         return str(value).lower() if isinstance(value, bool) else f"{value}"
 
     def close(self) -> None:
@@ -353,8 +378,11 @@ def words_of(text: str, what: str, longest: int = _LONGEST_WORDS) -> str:
         Refused: ``NOT_WORDS``.
     """
     if len(text) > longest or not text.isprintable():
+        bad = next((one for one in text if not one.isprintable()), "")
+        found = f", with the character {bad!r}" if bad else f", {len(text)} characters"
         raise Refused(
             "NOT_WORDS",
-            f"{what} is {shown(text)}, expected one line of at most {longest} visible characters",
+            f"{what} is {shown(text)}{found}; expected one line of at most {longest} visible "
+            "characters",
         )
     return text

@@ -1,11 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The file in which tuning outlives the host: one line a change, on the disk before it counts."""
+"""The file in which tuning outlives the host: one line a change, written before it counts."""
 
 from __future__ import annotations
 
 import fcntl
 import os
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from concurrent.futures import Executor, wait
+from concurrent.futures import Future as Job
+from contextlib import suppress
 from pathlib import Path
 
 from bt_agents.errors import BtAgentsError, Refused
@@ -21,13 +24,48 @@ MOST_BYTES = 64 * 2**20
 """A larger file is none of ours."""
 
 _MOST_PROBLEMS = 20
+_CLOSE_S = 5.0
+
+
+class _Lines:
+    """An open file of lines: each is in it as a whole or not at all.
+
+    Attributes:
+        size: Of its whole lines [bytes].
+    """
+
+    def __init__(self, path: Path, descriptor: int) -> None:
+        self.path = path
+        self.descriptor = descriptor
+        self.size = os.fstat(descriptor).st_size
+        self._torn = False
+
+    def write(self, line: bytes) -> None:
+        """Write a line that counts when the size says so."""
+        if self._torn:
+            os.ftruncate(self.descriptor, self.size)
+            self._torn = False
+        while line:
+            line = line[os.write(self.descriptor, line) :]
+
+    def take_back(self) -> None:
+        """Remove what does not count, now or before the next line."""
+        self._torn = True
+        with suppress(OSError):
+            os.ftruncate(self.descriptor, self.size)
+            self._torn = False
 
 
 class Journal:
     """An open file of tunings; nobody else can open it meanwhile.
 
+    A line that is written outlives the process at once, and a power cut as soon as the disk has
+    it. Only ``disk`` waits for that, nobody else.
+
     Args:
         path: Made, with its folder, when it is not there.
+        disk: Does one thing after the other, in a thread of its own.
+        tell: Takes words for the log.
 
     Attributes:
         problems: What was wrong with the file when it was opened, in words, with the line.
@@ -36,99 +74,159 @@ class Journal:
         BtAgentsError: It cannot be opened, is too large, or another host has it open.
     """
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, disk: Executor, tell: Callable[[str], None]) -> None:
         self.problems: list[str] = []
         self._path = path
-        self._lines = 0
+        self._disk = disk
+        self._tell = tell
+        self._count = 0
+        self._unsynced = False
+        self._syncing: Job[None] = Job()
+        self._syncing.set_result(None)
+        self._renewal: Job[None] | None = None
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
-            self._file = _locked(path)
+            file = _Lines(path, _locked(path))
+            # While the file is written anew there are two, and each line goes to both.
+            self._files: tuple[_Lines, ...] = (file,)
             try:
-                self._size = os.fstat(self._file).st_size
-                if self._size > MOST_BYTES:
+                if file.size > MOST_BYTES:
                     raise BtAgentsError(
-                        f"{path} has {self._size} bytes, expected at most {MOST_BYTES}; "
+                        f"{path} has {file.size} bytes, expected at most {MOST_BYTES}; "
                         "move it away"
                     )
-                self.remembered = self._read()
+                self.remembered = self._read(file)
             except BaseException:
-                os.close(self._file)
+                os.close(file.descriptor)
                 raise
         except OSError as error:
             raise BtAgentsError(f"{path} cannot be opened: {error.strerror or error}") from error
 
     def append(self, revision: Revision, defaults: Mapping[str, Setting]) -> None:
-        """Write a revision; when this returns, it outlives a power cut.
+        """Write a revision; when this returns, it outlives the process.
 
         Raises:
             Refused: ``NOT_KEPT``: it cannot be written; the file is as before.
         """
         self._append(revision_line(revision, defaults))
+        self._unsynced = True
 
     def agree(self, name: str) -> None:
         """Write that a file has a tuned value as its default now; as :meth:`append`.
+
+        It needs no :meth:`sync`: when it is lost, the next start notices it again.
 
         Raises:
             Refused: ``NOT_KEPT``.
         """
         self._append(agreed_line(name))
 
+    def sync(self) -> Job[None]:
+        """Return a job that has ended when every revision so far outlives a power cut.
+
+        It is one for all that is written before it begins. Its error is an ``OSError``.
+        """
+        begun = self._syncing.running() or self._syncing.done()
+        if self._unsynced and begun:
+            self._syncing = self._disk.submit(self._sync)
+        self._unsynced = False
+        return self._syncing
+
+    def _sync(self) -> None:
+        for file in self._files:
+            os.fdatasync(file.descriptor)
+
     def _append(self, text: str) -> None:
+        self._take_renewed()
         line = text.encode()
         try:
-            _write(self._file, line)
-            os.fdatasync(self._file)
+            for file in self._files:
+                file.write(line)
         except OSError as error:
-            os.ftruncate(self._file, self._size)
+            for file in self._files:
+                file.take_back()
             raise Refused(
                 "NOT_KEPT",
                 f"{self._path} cannot be written: {error.strerror or error}; nothing is changed, "
                 "because it would be lost with the host",
             ) from error
-        self._size += len(line)
-        self._lines += 1
+        for file in self._files:
+            file.size += len(line)
+        self._count += 1
 
     @property
     def is_long(self) -> bool:
         """True when the file is to be written anew, see :meth:`shorten`."""
-        return self._lines > MOST_LINES
+        return self._count > MOST_LINES and self._renewal is None
 
     def shorten(self, remembered: Remembered) -> None:
-        """Write the file anew, as one line.
+        """Begin to write the file anew, as one line; until then the old file is there.
 
         Raises:
-            OSError: It cannot be written; the old file is still there.
+            OSError: It cannot be written.
         """
-        self._lines = 0
+        self._count = 0
         text = state_line(remembered).encode()
-        fresh = self._path.with_name(f".{self._path.name}.{os.getpid()}")
-        opened = os.open(fresh, os.O_RDWR | os.O_APPEND | os.O_CREAT | os.O_TRUNC, 0o644)
+        path = self._path.with_name(f".{self._path.name}.{os.getpid()}")
+        opened = os.open(path, os.O_RDWR | os.O_APPEND | os.O_CREAT | os.O_TRUNC, 0o644)
         try:
             fcntl.flock(opened, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            _write(opened, text)
-            os.fsync(opened)
-            os.replace(fresh, self._path)
+            fresh = _Lines(path, opened)
+            fresh.write(text)
         except BaseException:
             os.close(opened)
-            fresh.unlink(missing_ok=True)
+            path.unlink(missing_ok=True)
             raise
-        os.close(self._file)
-        self._file, self._size = opened, len(text)
+        fresh.size = len(text)
+        self._files = (*self._files, fresh)
+        self._renewal = self._disk.submit(self._put_in_place, fresh)
+
+    def _put_in_place(self, fresh: _Lines) -> None:
+        try:
+            os.fsync(fresh.descriptor)
+            os.replace(fresh.path, self._path)
+        except BaseException:
+            fresh.path.unlink(missing_ok=True)
+            raise
+        folder = os.open(self._path.parent, os.O_RDONLY)
+        try:
+            with suppress(OSError):
+                os.fsync(folder)
+        finally:
+            os.close(folder)
+
+    def _take_renewed(self) -> None:
+        """Write to one file again when the other one is in its place."""
+        if self._renewal is None or not self._renewal.done():
+            return
+        error = self._renewal.exception()
+        self._renewal = None
+        old, fresh = self._files
+        if error is not None:
+            old, fresh = fresh, old
+            self._tell(f"the file of tunings grows, it cannot be written anew: {error}")
+        self._files = (fresh,)
+        # A sync of both may be under way.
+        self._disk.submit(os.close, old.descriptor)
 
     def close(self) -> None:
-        """Let others have the file."""
-        os.close(self._file)
+        """Let others have the file; the disk is waited for, but not for ever."""
+        jobs = [self.sync(), *([self._renewal] if self._renewal is not None else [])]
+        wait(jobs, _CLOSE_S)
+        self._take_renewed()
+        for file in self._files:
+            os.close(file.descriptor)
 
-    def _read(self) -> Remembered:
-        content = os.pread(self._file, self._size, 0)
+    def _read(self, file: _Lines) -> Remembered:
+        content = os.pread(file.descriptor, file.size, 0)
         whole = content.rfind(b"\n") + 1
         if whole < len(content):
             self._problem(content.count(b"\n") + 1, "its end is missing; it is left out")
-            os.ftruncate(self._file, whole)
-            self._size = whole
+            os.ftruncate(file.descriptor, whole)
+            file.size = whole
         remembered = Remembered()
         for number, line in enumerate(content[:whole].split(b"\n")[:-1], start=1):
-            self._lines += 1
+            self._count += 1
             try:
                 remembered = take_line(line.decode(), remembered)
             except UnicodeDecodeError:
@@ -155,8 +253,3 @@ def _locked(path: Path) -> int:
             "'tunings')"
         ) from None
     return opened
-
-
-def _write(opened: int, content: bytes) -> None:
-    while content:
-        content = content[os.write(opened, content) :]

@@ -131,6 +131,12 @@ def _texts(source: Source, value: Setting, knob: Knob) -> Iterator[str]:
         yield f"{source.text[:start]}{quoted(value)}{source.text[end:]}"
 
 
+def default_text(source: Source, knob: Knob) -> str:
+    """Return how a file writes the default of a knob; empty when it does not."""
+    node = _place(read_yaml(source, Diagnostics(None)), knob)
+    return node.text if node is not None else ""
+
+
 def _place(root: Node | None, knob: Knob) -> Scalar | None:
     """Return where the file says a default."""
     path = {

@@ -181,15 +181,6 @@ class Knob:
         """Return a value as an author writes it: ``12 s``; :meth:`read` gives the same value."""
         return written(value, self.type)
 
-    def has_range_of(self, other: Knob) -> bool:
-        """Return whether another knob allows the same values."""
-        return (self.type, self.minimum, self.maximum, self.step) == (
-            other.type,
-            other.minimum,
-            other.maximum,
-            other.step,
-        )
-
 
 def written(value: Setting, field_type: FieldType) -> str:
     """Return a value as an author writes it, with as many digits as it needs."""
@@ -206,6 +197,11 @@ def written(value: Setting, field_type: FieldType) -> str:
         if not math.isfinite(value) or read(text) == value:
             return text
     return f"{value!r} {_UNITS[field_type]}"
+
+
+def shown_value(knob: Knob, value: Setting) -> str:
+    """Return a value for people: an empty text as ``''``, else as an author writes it."""
+    return knob.written(value) or "''"
 
 
 def same(one: Setting, other: Setting) -> bool:

@@ -28,6 +28,8 @@ Preset = Mapping[str, str]
 class Presets:
     """The presets of a host, on the disk before they count.
 
+    One thread may change them, and others read them meanwhile.
+
     Args:
         file: Where they are kept; None keeps them in memory.
 
@@ -48,7 +50,8 @@ class Presets:
     @property
     def by_name(self) -> Mapping[str, Preset]:
         """All presets, by name in the order of the alphabet."""
-        return {name: self._presets[name] for name in sorted(self._presets)}
+        presets = self._presets
+        return {name: presets[name] for name in sorted(presets)}
 
     def get(self, name: str) -> Preset:
         """Return a preset.
@@ -56,11 +59,12 @@ class Presets:
         Raises:
             Refused: ``UNKNOWN_PRESET``, or ``BROKEN_PRESETS``.
         """
-        if name not in self._presets:
+        presets = self._presets
+        if name not in presets:
             self._refuse_broken()
-            hint = did_you_mean(name, self.by_name) or "'bt-agents preset save NAME' makes one"
+            hint = did_you_mean(name, presets) or "'bt-agents preset save NAME' makes one"
             raise Refused("UNKNOWN_PRESET", f"no preset {shown(name)}; {hint}")
-        return self._presets[name]
+        return presets[name]
 
     def save(self, name: str, values: Preset) -> None:
         """Keep values under a name, instead of what had it before.

@@ -62,6 +62,18 @@ class ProfileOrders:
             if not orders.wanted:
                 del self._agents[agent]
 
+    def again(self, agent: str) -> None:
+        """Note that the order under way was not taken and is still wanted."""
+        orders = self._agents.get(agent)
+        if orders is not None and orders.under_way is not None:
+            orders.wanted = {**orders.under_way.values, **orders.wanted}
+            orders.under_way = None
+
+    @property
+    def agents(self) -> Sequence[str]:
+        """The agents of which something is wanted."""
+        return tuple(self._agents)
+
     def forget(self, agent: str) -> None:
         """Want nothing more for an agent that is gone."""
         self._agents.pop(agent, None)

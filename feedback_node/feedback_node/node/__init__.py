@@ -53,6 +53,7 @@ CARDS_S = 10.0
 _TICK_S = 0.025
 _TIDY_S = 1.0
 _CALL_LIMIT_S = 1.0
+_MOST_PROBLEMS = 100
 
 ResultT = TypeVar("ResultT")
 
@@ -90,6 +91,7 @@ class FeedbackNode(GuardedNode):
         self._born_ns = time.time_ns()
         self._cards_until = time.monotonic() + CARDS_S
         self._card_awaited: list[Future] = []
+        self._unanswered: list[Stop] = []
         self._calls = Calls(self)
         self._hosts = Hosts(self, self._calls, self._profiles)
         self._problems: dict[str, tuple[str, ...]] = {}
@@ -116,7 +118,7 @@ class FeedbackNode(GuardedNode):
             self.create_service(kind, name, answer, qos_profile=qos.SERVICE, callback_group=group)
 
     def _set_lease(self, seconds: float) -> None:
-        self._teaching.lease_s = seconds
+        self._teaching.set_lease(seconds)
 
     # What happens around the runs
 
@@ -128,7 +130,10 @@ class FeedbackNode(GuardedNode):
         if problems != self._problems.get(message.host, ()):
             for problem in problems:
                 self.get_logger().error(problem)
+            self._problems.pop(message.host, None)
             self._problems[message.host] = problems
+            if len(self._problems) > _MOST_PROBLEMS:
+                del self._problems[next(iter(self._problems))]
         for delivery in deliveries:
             self._hosts.deliver(delivery)
         self._publish_table()
@@ -165,6 +170,7 @@ class FeedbackNode(GuardedNode):
     def _on_idle(self) -> None:
         self._hosts.again()
         self._look_again()
+        self._stop_again()
         if self._untidy and not self._teaching.watching:
             self._ledger.tidy()
             self._untidy = False
@@ -273,16 +279,25 @@ class FeedbackNode(GuardedNode):
             words += f"; it is kept and goes to the host when its card shows up again: {problem}"
         return words
 
+    def _stop_again(self) -> None:
+        """Ask again for what the market has not answered, as long as the run goes on."""
+        stops, self._unanswered = self._unanswered, []
+        for stop in stops:
+            if self._teaching.runs(stop.run):
+                self._stop(stop)
+
     def _stop(self, stop: Stop) -> None:
-        def failed(problem: str) -> None:
-            self.get_logger().error(
-                f"{stop.run.agent} in round {stop.run.round} was to be stopped "
-                f"({stop.reason}): {problem}"
+        what = f"{stop.run.agent} in round {stop.run.round} was to be stopped ({stop.reason})"
+
+        def unanswered(problem: str) -> None:
+            self._unanswered.append(stop)
+            self.get_logger().warning(
+                f"{what}: {problem}; asked again until its run ends", throttle_duration_sec=10.0
             )
 
         def answered(response: CancelRun.Response) -> None:
             if not response.accepted:
-                failed(response.message)
+                self.get_logger().error(f"{what}: {response.message}")
 
         self._calls.call(
             self._cancel,
@@ -295,7 +310,7 @@ class FeedbackNode(GuardedNode):
             ),
             deadline_s=_CALL_LIMIT_S,
             on_answer=answered,
-            on_failure=failed,
+            on_failure=unanswered,
         )
 
     def _publish_table(self) -> None:

@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+from collections import Counter
+
 from rclpy.client import Client
 from rclpy.node import Node
 from rclpy.task import Future
@@ -30,6 +32,7 @@ class Hosts:
         self._calls = calls
         self._profiles = profiles
         self._clients: dict[str, Client] = {}
+        self._under_way: Counter[str] = Counter()
         self._untaken: set[str] = set()
         self._told: set[str] = set()
 
@@ -37,6 +40,7 @@ class Hosts:
         """Tell a host the profile of an agent; ``answer`` gets "" or what went wrong."""
 
         def done(problem: str) -> None:
+            self._under_way[delivery.host] -= 1
             if problem and delivery.agent not in self._told:
                 self._told.add(delivery.agent)
                 self._node.get_logger().warning(
@@ -53,6 +57,7 @@ class Hosts:
             self._told.discard(delivery.agent)
             done("" if response.accepted else f"{response.code}: {response.message}")
 
+        self._under_way[delivery.host] += 1
         self._calls.call(
             self._client(delivery.host),
             SetProfile.Request(
@@ -64,7 +69,7 @@ class Hosts:
         )
 
     def again(self) -> None:
-        """Deliver what a host that is there has not answered."""
+        """Deliver what a host that is there has not answered; forget hosts without agents."""
         for agent in sorted(self._untaken):
             known = self._profiles.knows(agent)
             delivery = self._profiles.delivery(agent) if known else None
@@ -72,6 +77,9 @@ class Hosts:
                 self._untaken.discard(agent)
             if delivery is not None and agent not in self._untaken:
                 self.deliver(delivery)
+        self._under_way = +self._under_way
+        for host in self._clients.keys() - self._profiles.hosts - self._under_way.keys():
+            self._node.destroy_client(self._clients.pop(host))
 
     def _client(self, host: str) -> Client:
         if host not in self._clients:

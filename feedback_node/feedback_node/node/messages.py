@@ -40,6 +40,7 @@ def card_from_msg(message: HostCard) -> Card:
         ) from None
     return Card(
         host=message.host,
+        instance=message.host_instance,
         parameters=tuple(message.parameters),
         agents=tuple(
             AgentEntry(

@@ -33,9 +33,11 @@ from marketplace_node.earlier import MAX_RUNS
 from marketplace_node.effects import (
     AnnounceEarlierRun,
     AnnounceRun,
+    CancelAll,
     CancelGoal,
     Collect,
     Connect,
+    Disconnect,
     Effect,
     Note,
     OpenCall,
@@ -64,6 +66,7 @@ from marketplace_node.settings import Settings
 _FAST_S = 0.02
 _WATCH_S = 0.05
 _HEARTBEAT_S = 0.1
+_NOTES_S = 1.0  # one note in so long: a peer that misbehaves must not fill the disk
 _SHOWN = 200  # characters of what is malformed
 _CALL_WAITS = 0.5  # at most this part of the bid deadline, for hosts that are just connecting
 
@@ -246,6 +249,8 @@ class MarketplaceNode(GuardedNode):
         match effect:
             case Connect():
                 self._connect(effect.entry)
+            case Disconnect():
+                self._hosts.disconnect(effect.host)
             case OpenCall():
                 now = time.monotonic()
                 latest = now + _CALL_WAITS * effect.deadline_s
@@ -259,6 +264,9 @@ class MarketplaceNode(GuardedNode):
                 self._hosts.send(effect)
             case CancelGoal():
                 self._hosts.cancel(effect.goal)
+            case CancelAll():
+                log.warning(f"{effect.host} runs a tree that nobody waits for: it is cancelled")
+                self._hosts.cancel_all(effect.host)
             case AnnounceRun():
                 self._runs.publish(run_to_msg(effect, self._market.epoch, self._now()))
                 words = f"{effect.goal.agent} {effect.event.name.lower()}: {effect.message}"
@@ -273,7 +281,7 @@ class MarketplaceNode(GuardedNode):
                 self._ends.publish(scene_end_to_msg(effect, self._market.epoch, self._now()))
                 log.info(f"scene '{effect.scene_id}' {effect.code}: {effect.message}")
             case Note():
-                log.warning(effect.message)
+                log.warning(effect.message, throttle_duration_sec=_NOTES_S)
 
     def _connect(self, entry: HostEntry) -> None:
         try:
@@ -326,6 +334,8 @@ class MarketplaceNode(GuardedNode):
             ),
             answered,
         )
+        if self._feedback.late:
+            self._carry_out(self._market.kept(number, time.monotonic()))
 
     def _publish_status(self, status: StatusChanged) -> None:
         key = (status.state, status.round)

@@ -158,14 +158,24 @@ class Hosts:
         """
         sending = self._goals.get(goal)
         if sending is None:
-            return
-        if sending.handle is not None:
+            link = self._links.get(goal.host)
+            if link is not None and link.entry.instance == goal.instance:
+                # Another server of this name has answered for it, or the host was reached anew.
+                self.cancel_all(goal.host)
+        elif sending.handle is not None:
             sending.handle.cancel_goal_async()
         elif sending.sent:
             sending.link.cancels.call_async(sending.cancel)
         else:
             del self._goals[goal]
             self._refuse(goal, f"{sending.link.entry.run_action} is not there")
+
+    def cancel_all(self, host: str) -> None:
+        """Cancel all goals at the action of a host, also those of others."""
+        link = self._links.get(host)
+        if link is not None:
+            # An action takes a request without an id and a stamp for all its goals.
+            link.cancels.call_async(CancelGoal.Request())
 
     def _take_heartbeat(self, message: Heartbeat) -> None:
         self._carry_out(

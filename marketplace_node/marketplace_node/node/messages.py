@@ -7,7 +7,7 @@ import math
 from typing import Any
 
 from bt_agents.errors import Refused
-from bt_agents.ros.messages import STOPPED_BY_MARKET, scene_from_msg, scene_to_msg, seconds
+from bt_agents.ros.messages import CUT_OFF, scene_from_msg, scene_to_msg, seconds
 from bt_agents.scene import SceneSpace
 from bt_agents_interfaces.action import RunAgent
 from bt_agents_interfaces.msg import Auction as AuctionMsg
@@ -195,7 +195,7 @@ def auction_to_msg(effect: PublishAuction, stamp: Any) -> AuctionMsg:
 
 def _cut_off(message: RunMsg) -> bool:
     """Whether a run was broken off without anybody having wanted it."""
-    cancelled = message.outcome == RunMsg.CANCELLED and STOPPED_BY_MARKET not in message.message
+    cancelled = message.outcome == RunMsg.CANCELLED and str(message.message).startswith(CUT_OFF)
     return cancelled or message.outcome == RunMsg.LOST
 
 

@@ -1,0 +1,47 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Settings that an author gives to `up`, which a component that is started again has, too."""
+
+from __future__ import annotations
+
+import os
+import signal
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from programs import Program, children
+
+pytestmark = pytest.mark.e2e
+
+Start = Callable[..., Program]
+Ask = Callable[..., str]
+
+
+def test_options_and_the_parameter_file_count_also_after_a_new_start_of_the_market(
+    start: Start, ask: Ask, tmp_path: Path
+) -> None:
+    file = tmp_path / "my.yaml"
+    file.write_text(
+        "marketplace: {ros__parameters: {on_new_scene: reject, queue_limit: 3}}\n"
+        "agents: {ros__parameters: {tick_rate: 25.0}}\n"
+    )
+    up = start("up", "--no-voice", "--on-new-scene", "preempt", "--params", str(file))
+    up.until("ready")
+    settings = "new scenes: preempt, 0 of 3 wait"
+    assert settings in ask("status")
+    assert "tick_rate   25" in ask("tune")
+    [market] = [
+        pid
+        for pid in children(up.process.pid)
+        if "marketplace_node.node" in Path(f"/proc/{pid}/cmdline").read_text().split("\0")
+    ]
+    os.kill(market, signal.SIGKILL)
+    up.until("marketplace is back")
+    assert settings in ask("status")
+    assert up.stop()[0] == 0, up.output
+
+
+def test_a_parameter_file_that_is_not_there_is_named(ask: Ask, tmp_path: Path) -> None:
+    gone = tmp_path / "gone.yaml"
+    assert f"'{gone}' does not exist" in " ".join(ask("up", "--params", str(gone), code=2).split())

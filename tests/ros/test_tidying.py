@@ -1,0 +1,99 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a host made for its trees goes when no tree names it any more."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import pytest
+import rclpy
+from rclpy.node import Node
+
+from bt_agents.engine.world import Goal
+from bt_agents.language.specs import BindingKind, NodeSpec, Timeouts
+from bt_agents.language.walking import every_node
+from bt_agents.ros.world import RosWorld
+from scripted_server import Script, ScriptedServer
+from stage import SPACE, agent
+
+pytestmark = pytest.mark.ros
+
+TREE = """
+sequence:
+  - say: Hello.
+  - service: {name: switch, type: std_srvs/srv/SetBool, request: {data: true}}
+  - publish: {topic: sound, type: std_msgs/msg/String, message: {data: ping}}
+  - wait_for: {topic: door, type: std_msgs/msg/Bool, latched: true}
+"""
+SAY = Goal(
+    kind=BindingKind.ACTION,
+    name="say",
+    type="bt_agents_interfaces/action/Say",
+    fields={"text": "Hello."},
+    timeouts=Timeouts(server_s=30.0, accept_s=0.1),
+)
+ALL = {"say", "switch", "sound", "door", "robot/heartbeat"}
+
+
+def used(node: Node) -> set[str]:
+    """Return what a node has on the graph for its trees."""
+    names = {one._action_name for one in node.waitables if hasattr(one, "_action_name")}
+    names |= {one.srv_name for one in node.clients}
+    names |= {one.topic_name for one in (*node.publishers, *node.subscriptions)}
+    return {name.removeprefix("/") for name in names} & ALL
+
+
+@pytest.fixture
+def node(ros: Any) -> Node:
+    """The node of a host."""
+    return ros.add(rclpy.create_node("host"))
+
+
+@pytest.fixture
+def world(node: Node) -> Iterator[RosWorld]:
+    """What its trees reach."""
+    subject = RosWorld(node, lambda: None, space=SPACE, agent=lambda: "guide")
+    yield subject
+    subject.close()
+
+
+def prepared(world: RosWorld, tree: str) -> list[NodeSpec]:
+    """Make what a tree needs; return its nodes."""
+    nodes = list(every_node(agent(tree).tree))
+    for spec in nodes:
+        world.prepare(spec)
+    return nodes
+
+
+def test_what_no_tree_names_any_more_leaves_the_graph_and_the_rest_stays_as_it_is(
+    node: Node, world: RosWorld
+) -> None:
+    nodes = prepared(world, TREE)
+    assert used(node) == ALL
+    before = [*node.waitables, *node.clients, *node.publishers, *node.subscriptions]
+    world.keep(nodes)
+    assert [*node.waitables, *node.clients, *node.publishers, *node.subscriptions] == before
+    world.keep(spec for spec in nodes if spec.kind != "say")
+    assert used(node) == {"switch", "sound", "door"}
+    world.keep([])
+    assert used(node) == set()
+    prepared(world, TREE)
+    assert used(node) == ALL
+
+
+def test_a_goal_that_is_not_confirmed_keeps_its_client_until_it_is(
+    ros: Any, node: Node, world: RosWorld
+) -> None:
+    server = ScriptedServer(ros, script=Script(accept_s=None, finish_s=None))
+    prepared(world, "say: Hello.")
+    run = world.send(SAY)
+    ros.until(lambda: run.state.ended)
+    assert not run.confirmed
+    world.keep([])
+    assert used(node) == {"say"}
+    server.goals[0].accept()
+    ros.until(lambda: run.confirmed)
+    world.keep([])
+    assert used(node) == set()
+    ros.turns(5)

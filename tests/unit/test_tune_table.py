@@ -1,0 +1,74 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The table of tuned values, on wide and narrow terminals."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import pytest
+
+from bt_agents.cli.tune_table import table
+from bt_agents.language.specs import FieldType
+from bt_agents.tuning.knobs import TICK_RATE, Knob, KnobKind, Setting
+
+WORDS = "how long to wait for an answer, in the eyes of the person before the robot"
+PATIENCE = Knob(
+    name="ann.patience",
+    agent="ann",
+    key="patience",
+    kind=KnobKind.TUNABLE,
+    type=FieldType.DURATION,
+    default=8.0,
+    minimum=2.0,
+    maximum=30.0,
+    description=WORDS,
+)
+PLACE = replace(
+    PATIENCE,
+    name="ann.place",
+    key="place",
+    type=FieldType.TEXT,
+    default="",
+    minimum=None,
+    maximum=None,
+)
+
+
+@dataclass(frozen=True)
+class Stand:
+    knob: Knob
+    value: Setting
+
+
+STANDS = (Stand(PATIENCE, 8.0), Stand(TICK_RATE, 20.0), Stand(PLACE, ""))
+
+
+def test_each_agent_has_its_rows_behind_those_of_the_host() -> None:
+    assert list(table(STANDS, 10_000)) == [
+        "tick_rate   20   1 to 200     ticks of the running tree [1/s]",
+        "ann",
+        f"  patience  8 s  2 s to 30 s  {WORDS}",
+        f"  place     ''                {WORDS}",
+    ]
+
+
+def test_the_default_of_the_file_has_a_column_only_when_a_value_differs() -> None:
+    rows = list(table((Stand(PATIENCE, 12.0),), 10_000))
+    assert rows[1] == f"  patience  12 s  file: 8 s  2 s to 30 s  {WORDS}"
+
+
+@pytest.mark.parametrize("width", [50, 60, 80, 120])
+def test_no_row_is_wider_than_the_terminal_and_no_word_is_lost(width: int) -> None:
+    rows = list(table((*STANDS, Stand(PATIENCE, 12.0)), width))
+    assert max(map(len, rows)) <= width
+    assert " ".join(" ".join(rows).split()).count(WORDS.split()[-1]) == 3
+    assert all(row == "ann" or row.startswith(("  ", "tick_rate")) for row in rows)
+
+
+def test_a_description_without_room_has_lines_of_its_own() -> None:
+    rows = list(table((Stand(PATIENCE, 8.0),), 50))
+    assert rows[:3] == [
+        "ann",
+        "  patience  8 s  2 s to 30 s",
+        "      how long to wait for an answer, in the eyes",
+    ]
