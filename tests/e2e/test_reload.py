@@ -30,7 +30,7 @@ def test_an_author_edits_breaks_mends_and_rolls_back_an_agent_of_a_running_syste
     said = ask("status")
     assert "version 3; broken: attentive_guide.yaml:" in said
     assert "error[" in said
-    assert "4  " not in ask("versions", "attentive_guide")
+    assert "     4  " not in ask("versions", "attentive_guide")
     assert "version 4 in force" in ask("roll-back", "attentive_guide", "1")
     up.until("attentive_guide: version 4 in force")
     assert file.read_text() == first

@@ -108,7 +108,9 @@ class AnyMarket(RuleBasedStateMachine):
         for host, agents in AGENTS.items():
             if self.driver.status.state is State.BIDDING:
                 self.driver.bid(host, dict.fromkeys(agents, (3.0, 3.0, 3.0)))
-        if self.outstanding is None and self.driver.status.state is State.AWARDING:
+        goals = [effect.goal for effect in self.driver.all(SendGoal)]
+        is_sent = bool(goals) and goals[-1] == self.driver.market.goal
+        if is_sent and self.outstanding is None and self.driver.status.state is State.AWARDING:
             self.driver.accept()
 
     @rule(data=st.data(), what=st.sampled_from(["accept", "accept", "refuse", "end", "end"]))

@@ -40,6 +40,12 @@ def test_an_unknown_command_is_refused_by_its_name() -> None:
     assert "No such command 'dance'" in result.output
 
 
+def test_a_misspelt_command_is_refused_with_the_nearest() -> None:
+    result = CliRunner().invoke(bt_agents, ["statsu"])
+    assert result.exit_code == 2
+    assert "no command 'statsu'; did you mean 'status'?" in result.output
+
+
 def test_the_version_is_told_without_loading_any_command() -> None:
     code = LOADED.format(arguments=["--version"])
     said = subprocess.run(

@@ -41,6 +41,15 @@ def test_cancel_stops_the_run_and_ends_the_interaction(market: Driver) -> None:
     assert len(market.calls) == 1
 
 
+def test_the_reason_of_a_stop_stands_alone_when_the_host_has_nothing_to_add(
+    market: Driver,
+) -> None:
+    market.run()
+    market.cancel("she says stop")
+    market.end(outcome=3, message="the market stopped it")
+    assert market.all(AnnounceRun)[-1].message == "she says stop"
+
+
 def test_cancel_and_ask_again_leaves_out_the_stopped_until_nobody_is_left(
     market: Driver,
 ) -> None:

@@ -284,7 +284,7 @@ def test_a_long_line_is_wrapped_at_words_behind_its_column_on_a_terminal() -> No
     terminal = Console(file=output, width=40, color_system=None, force_terminal=True)
     ended = run_event(3, outcome=1, duration_s=1.5, ticks=30, message="all is said", orphans=[])
     Story(terminal, SPACE).run(ended)
-    assert [line.rstrip() for line in output.getvalue().splitlines()] == [
+    assert output.getvalue().splitlines() == [
         "      run  a succeeded after 1.5 s, 30",
         "           ticks: all is said",
     ]

@@ -83,8 +83,10 @@ def trigger(values: Assignments, label: str, person: bool, urgent: bool) -> None
             return not rounds() and bool(observer.market.queued)
 
         observer.turn_until(lambda: decided() or waits(), _DECIDE_LIMIT_S)
-        # A scene that waits may still be asked about, or be refused.
-        known = observer.turn_until(decided, _CHALLENGE_LIMIT_S) if waits() else decided()
+        if waits():
+            # It may still be asked about, or be refused.
+            observer.turn_until(lambda: decided() or bool(rounds()), _CHALLENGE_LIMIT_S)
+        known = observer.turn_until(decided, _DECIDE_LIMIT_S) if rounds() else decided()
         names_of_scenes = _names(auctions)
         if any(auction.outcome == auction.WAITS for auction in rounds()[-1:]):
             # There may be no room to wait.
@@ -285,6 +287,11 @@ def feedback(kind: str, values: Assignments, agent: str, reason: str) -> None:
     Direct feedback names the wanted profile: bt-agents feedback direct age=5 mood=2. With set
     instead of direct the profile takes these values at once.
     """
+    if kind in ("direct", "set") and not values:
+        raise click.UsageError(
+            f"{kind} feedback names the wanted values, for example: bt-agents feedback {kind} "
+            "age=5 mood=2"
+        )
     with running_system() as observer:
         from bt_agents.ros import client
 

@@ -25,5 +25,6 @@ def print_line(console: Console, head: str, words: Text | str, indent: int = 0) 
     if console.is_terminal:
         lines = list(text.wrap(console, max(_NARROWEST, console.width - indent)))
     for line in lines or [text]:
+        line.rstrip()
         console.print(front + line, highlight=False, soft_wrap=True)
         front = Text(" " * indent)

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import difflib
 import importlib
 import signal
 import sys
@@ -64,6 +65,15 @@ class LazyGroup(click.Group):
             command = getattr(importlib.import_module(f"bt_agents.cli.{module}"), function)
         assert isinstance(command, click.Command)
         return command
+
+    def resolve_command(
+        self, ctx: click.Context, args: list[str]
+    ) -> tuple[str | None, click.Command | None, list[str]]:
+        """Find the command of some arguments; a misspelt one is refused with the nearest."""
+        near = difflib.get_close_matches(args[0], COMMANDS, n=1, cutoff=0.75)
+        if args[0] not in COMMANDS and near:
+            ctx.fail(f"no command '{args[0]}'; did you mean '{near[0]}'?")
+        return super().resolve_command(ctx, args)
 
 
 @click.group(cls=LazyGroup, context_settings={"help_option_names": ["-h", "--help"]})

@@ -18,7 +18,8 @@ from bt_agents.ros import qos
 from bt_agents.ros.calls import Calls
 from bt_agents.ros.messages import CUT_OFF
 from bt_agents.ros.parameters import declare, describe
-from bt_agents.ros.run_server import OUTCOMES, RunServer
+from bt_agents.ros.run_messages import OUTCOMES
+from bt_agents.ros.run_server import RunServer
 from bt_agents.ros.unheard import UnheardRuns
 from bt_agents.roster import Roster
 from bt_agents_interfaces.msg import MarketHeartbeat, MarketStatus, Run

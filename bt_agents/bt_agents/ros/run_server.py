@@ -8,7 +8,6 @@ import traceback
 from collections.abc import Callable
 from typing import Any
 
-from py_trees.common import Status
 from rclpy.action import ActionServer, CancelResponse, GoalResponse
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
@@ -20,13 +19,13 @@ from bt_agents.errors import Refused
 from bt_agents.held_up import Award, LastWord
 from bt_agents.ros import qos
 from bt_agents.ros.messages import scene_from_msg
+from bt_agents.ros.run_messages import failed, not_begun, run_result_to_msg, tree_status
 from bt_agents.ros.world import RosWorld
 from bt_agents.roster import Roster
 from bt_agents.scene import Scene
 from bt_agents_interfaces.action import RunAgent
 from bt_agents_interfaces.msg import MarketHeartbeat, TreeStatus
 from bt_agents_interfaces.msg import Scene as SceneMsg
-from bt_agents_interfaces.msg import StatusChange as StatusChangeMsg
 
 RESULT_KEPT_S = 5
 """How long rclpy keeps a finished goal [s]; its default of 900 s slows acceptance 25-fold."""
@@ -38,20 +37,6 @@ _OVERRUNS_TOLD_S = 5.0
 _LOOK_S = 0.1
 _FAREWELL_S = 0.2
 """How long the last result has to go out before the action leaves the graph [s]."""
-
-_STATUS = {
-    Status.INVALID: StatusChangeMsg.INVALID,
-    Status.RUNNING: StatusChangeMsg.RUNNING,
-    Status.SUCCESS: StatusChangeMsg.SUCCESS,
-    Status.FAILURE: StatusChangeMsg.FAILURE,
-}
-
-OUTCOMES = {
-    Outcome.SUCCEEDED: RunAgent.Result.SUCCEEDED,
-    Outcome.FAILED: RunAgent.Result.FAILED,
-    Outcome.CANCELLED: RunAgent.Result.CANCELLED,
-}
-"""Outcomes of a run as messages have them."""
 
 
 class RunServer:
@@ -247,7 +232,7 @@ class RunServer:
             self._start(goal)
             result: RunResult = await self._ended
         except Exception as error:
-            result = _not_begun(error)
+            result = not_begun(error)
         finally:
             self.goal = self._run = self._handle = None
             self._cancel_reason = ""
@@ -259,15 +244,7 @@ class RunServer:
         for listener in self._at_end:
             self._tell(listener, goal, result)
         _close(handle, result)
-        return RunAgent.Result(
-            outcome=OUTCOMES[result.outcome],
-            message=result.message,
-            tip=result.tip,
-            orphans=list(result.orphans),
-            ticks=result.ticks,
-            overruns=result.overruns,
-            duration_s=result.duration_s,
-        )
+        return run_result_to_msg(result)
 
     def _start(self, goal: Any) -> None:
         scene = scene_from_msg(goal.scene, self._roster.space)
@@ -341,7 +318,7 @@ class RunServer:
             return run.give_up(reason)
         except Exception:
             self._node.get_logger().error(traceback.format_exc())
-            return _failed(reason)
+            return failed(reason)
 
     def _advance(self, run: Run) -> None:
         changes = []
@@ -382,24 +359,8 @@ class RunServer:
         )
 
     def _publish(self, run: Run, changes: list[StatusChange]) -> None:
-        status = TreeStatus(
-            stamp=self._node.get_clock().now().to_msg(),
-            epoch=self.goal.epoch,
-            round=self.goal.round,
-            agent=self.goal.agent,
-            host_instance=self._instance,
-            tick=run.ticks,
-            tip=run.tip,
-            changes=[
-                StatusChangeMsg(
-                    path=change.path,
-                    name=change.name,
-                    status=_STATUS[change.status],
-                    message=change.message,
-                )
-                for change in changes
-            ],
-        )
+        stamp = self._node.get_clock().now().to_msg()
+        status = tree_status(stamp, self.goal, self._instance, run, changes)
         self._status.publish(status)
         if self._handle.is_active:
             self._handle.publish_feedback(RunAgent.Feedback(status=status))
@@ -408,23 +369,6 @@ class RunServer:
 def _award(message: Any) -> Award:
     """Return the award that a goal is for, or that a heartbeat names."""
     return Award(epoch=message.epoch, round=message.round, agent=message.agent)
-
-
-def _not_begun(error: Exception) -> RunResult:
-    reason = error.reason if isinstance(error, Refused) else f"{type(error).__name__}: {error}"
-    return _failed(f"it could not begin: {reason}")
-
-
-def _failed(reason: str) -> RunResult:
-    return RunResult(
-        outcome=Outcome.FAILED,
-        message=reason,
-        tip="",
-        orphans=(),
-        ticks=0,
-        overruns=0,
-        duration_s=0.0,
-    )
 
 
 def _close(handle: Any, result: RunResult) -> None:

@@ -1,0 +1,102 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How a command line finds a running system, and what it says when it does not."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+
+from bt_agents.cli import joining
+from bt_agents.cli.joining import wait_for_market
+from bt_agents.errors import BtAgentsError
+
+UP = "'bt-agents up' of /trees (process 1)"
+
+
+class Graph:
+    """An observer's graph, in which time goes by only while it is turned.
+
+    Args:
+        heard_after_s: When the market is heard [s]; None for never.
+        markets: Namespaces of the marketplaces.
+    """
+
+    namespace = "/"
+
+    def __init__(self, heard_after_s: float | None = None, markets: tuple[str, ...] = ()) -> None:
+        self.now = 0.0
+        self._heard_after_s = heard_after_s
+        self._markets = list(markets)
+
+    @property
+    def market(self) -> Any:
+        heard = self._heard_after_s is not None and self.now >= self._heard_after_s
+        return "a status" if heard else None
+
+    def namespaces_of_markets(self) -> list[str]:
+        return self._markets
+
+    def turn_until(self, done: Callable[[], bool], limit_s: float) -> bool:
+        end = self.now + limit_s
+        while self.now < end and not done():
+            self.now += 0.5
+        return done()
+
+
+@pytest.fixture
+def holds(monkeypatch: pytest.MonkeyPatch) -> Callable[[str], None]:
+    def hold(who: str) -> None:
+        monkeypatch.setattr(joining, "holder", lambda domain: who if domain == 7 else "")
+
+    hold("")
+    return hold
+
+
+def words(graph: Any) -> str:
+    with pytest.raises(BtAgentsError) as caught:
+        wait_for_market(graph, 7)
+    return str(caught.value)
+
+
+def test_a_market_that_is_slow_to_be_found_is_waited_for_when_its_domain_is_held(
+    holds: Callable[[str], None],
+) -> None:
+    holds(UP)
+    graph: Any = Graph(heard_after_s=9.5)
+    wait_for_market(graph, 7)
+    assert graph.now == 9.5
+
+
+@pytest.mark.usefixtures("holds")
+def test_a_market_of_which_only_the_topic_is_seen_is_waited_for() -> None:
+    graph: Any = Graph(heard_after_s=9.5, markets=("/",))
+    wait_for_market(graph, 7)
+    assert graph.now == 9.5
+
+
+@pytest.mark.usefixtures("holds")
+def test_where_nothing_runs_that_is_said_soon() -> None:
+    graph = Graph(heard_after_s=9.5)
+    assert words(graph) == (
+        "no running system on ROS domain 7; start one with 'bt-agents up', or set ROS_DOMAIN_ID "
+        "to its domain"
+    )
+    assert graph.now == 3.0
+
+
+def test_a_system_that_stays_silent_is_not_said_to_be_none(holds: Callable[[str], None]) -> None:
+    holds(UP)
+    assert words(Graph()) == (
+        f"{UP} is on ROS domain 7, but its marketplace has not been heard for 10 s: it is being "
+        "started, or the machine is very busy; try again"
+    )
+
+
+@pytest.mark.usefixtures("holds")
+def test_systems_in_other_namespaces_are_named() -> None:
+    assert words(Graph(markets=("/robot1", "/robot2"))) == (
+        "no running system in namespace '/' of ROS domain 7; set ROS_NAMESPACE, there is one in "
+        "/robot1, /robot2"
+    )
