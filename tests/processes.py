@@ -4,13 +4,12 @@
 from __future__ import annotations
 
 import os
-import re
 import shutil
 import signal
 import subprocess
 import textwrap
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -93,7 +92,6 @@ class NodeProcess:
         self.node = node
         self._component = component
         self._log = log
-        self.memory: set[Path] = set()
         self.start()
 
     def start(self) -> None:
@@ -133,21 +131,8 @@ class NodeProcess:
     def kill(self) -> None:
         """End it as a crash does; nothing when it has ended."""
         self._killed = True
-        self.memory |= shared_memory([self._process.pid])
         self._process.kill()
         self._process.wait()
-
-
-def shared_memory(pids: Iterable[int]) -> set[Path]:
-    """Return the files in /dev/shm that only these processes can have made for themselves."""
-    found: set[Path] = set()
-    for pid in pids:
-        try:
-            maps = Path(f"/proc/{pid}/maps").read_text()
-        except OSError:
-            continue
-        found |= {Path(name) for name in re.findall(r"/dev/shm/fastrtps_[0-9a-f]+", maps)}
-    return found
 
 
 @dataclass(eq=False, kw_only=True)
@@ -337,14 +322,6 @@ class System:
         self.mouth.holds = lambda _text: False
         self.mouth.finish()
         self.ros.turns()
-
-    def remove_memory(self) -> None:
-        """Remove the shared memory that the killed ones have left, once nobody uses it."""
-        left = set().union(*(process.memory for process in self.processes))
-        pids = (int(path.name) for path in Path("/proc").glob("[0-9]*"))
-        for path in left - shared_memory(pids):
-            path.unlink(missing_ok=True)
-            path.with_name(f"{path.name}_el").unlink(missing_ok=True)
 
     # Waiting
 

@@ -21,4 +21,3 @@ def system(tmp_path: Path) -> Iterator[System]:
             yield processes
         finally:
             processes.close()
-    processes.remove_memory()

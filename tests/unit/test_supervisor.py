@@ -168,6 +168,21 @@ def test_a_component_that_falls_silent_is_killed_after_ten_seconds_and_started_a
     assert "--- start" not in watched.said("robot")
 
 
+def test_a_sign_of_life_before_the_first_look_counts(watched: Watched) -> None:
+    supervisor = watched.supervisor
+    supervisor.start(watched.write("agents", UP_FOR_EVER))
+    end = time.monotonic() + HANG_S
+    while supervisor._kept["agents"].heard is None:
+        assert time.monotonic() < end
+        supervisor.hear("agents")
+        time.sleep(0.01)
+    told = []
+    for _ in range(20):
+        watched.now += 0.5
+        told += supervisor.keep_alive()
+    assert told == ["agents hangs (no sign of life for 10 s): killing it"]
+
+
 def test_silence_while_nobody_listened_is_no_reason_to_kill(watched: Watched) -> None:
     watched.supervisor.start(watched.write("agents", UP_FOR_EVER))
     watched.up("agents")

@@ -215,7 +215,10 @@ class Supervisor:
         """Take a sign of life of a component, which is expected to give more of them."""
         kept = self._kept.get(name)
         # One of an earlier start may come late, while the next one is still being loaded.
-        if kept is not None and kept.been_up and kept.due is None and kept.ended is None:
+        if kept is None or kept.due is not None or kept.ended is not None:
+            return
+        kept.take_ready()
+        if kept.been_up:
             kept.heard = self._clock()
 
     def keep_alive(self) -> list[str]:
