@@ -70,6 +70,7 @@ def test_a_market_and_a_host_that_hang_are_killed_and_the_next_trigger_runs(
 ) -> None:
     up = start("up", "--no-voice")
     up.until("ready")
+    assert "attentive_guide" in ask("status")  # by then both have been heard
     kill_component(up, "marketplace_node.node", signal.SIGSTOP)
     kill_component(up, "bt_agents.ros.host", signal.SIGSTOP)
     up.until(r"hangs \(no sign of life for \d+ s\): killing it")
