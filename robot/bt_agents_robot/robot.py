@@ -10,7 +10,6 @@ from functools import partial
 from typing import Any
 
 from rclpy.action import ActionServer, CancelResponse
-from rclpy.clock import Clock, ClockType
 from rclpy.task import Future
 from std_msgs.msg import Empty, String
 
@@ -19,6 +18,7 @@ from bt_agents.ros import qos
 from bt_agents.ros.node import GuardedNode
 from bt_agents.ros.parameters import declare, describe
 from bt_agents.ros.runner import run
+from bt_agents.ros.timers import steady_timer
 from bt_agents_interfaces.action import Ask as AskAction
 from bt_agents_interfaces.action import Drive as DriveAction
 from bt_agents_interfaces.action import Say as SayAction
@@ -81,17 +81,9 @@ class RobotNode(GuardedNode):
         self._transcript = self.create_publisher(String, "robot/transcript", qos.EVENTS)
         self._questions = self.create_publisher(String, "robot/questions", qos.EVENTS)
         self._heartbeat = self.create_publisher(Empty, "robot/heartbeat", qos.SENSOR)
-        self.create_timer(
-            _HEARTBEAT_S,
-            lambda: self._heartbeat.publish(Empty()),
-            clock=Clock(clock_type=ClockType.STEADY_TIME),
-        )
-        self._timer = self.create_timer(
-            min(max(_SLOWEST_TICK_S / self._pace, _FASTEST_TICK_S), _SLOWEST_TICK_S),
-            self._tick,
-            clock=Clock(clock_type=ClockType.STEADY_TIME),
-            autostart=False,
-        )
+        steady_timer(self, _HEARTBEAT_S, lambda: self._heartbeat.publish(Empty()))
+        tick_s = min(max(_SLOWEST_TICK_S / self._pace, _FASTEST_TICK_S), _SLOWEST_TICK_S)
+        self._timer = steady_timer(self, tick_s, self._tick, running=False)
         self._servers = [
             self._serve(SayAction, "say", self._say, _say_result),
             self._serve(AskAction, "ask", self._ask, _ask_result),

@@ -9,7 +9,6 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.publisher import Publisher
 from std_msgs.msg import Bool, Empty, String
@@ -25,6 +24,7 @@ from bt_agents.ros.node import GuardedNode
 from bt_agents.ros.parameters import declare, describe
 from bt_agents.ros.runner import run
 from bt_agents.ros.startup import TREES, StartParameter, make_from_parameters
+from bt_agents.ros.timers import steady_timer
 from bt_agents.trees_folder import find_trees
 from bt_agents_interfaces.msg import MarketStatus, Run
 from bt_agents_interfaces.msg import Scene as SceneMsg
@@ -111,9 +111,8 @@ class VisitorsNode(GuardedNode):
         self._sensing_pending = False
         self._reactions: list[tuple[float, Publisher, Any]] = []
         self._publish_and_subscribe()
-        steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self.create_timer(SENSOR_PERIOD_S, self._sense, clock=steady)
-        self._timer = self.create_timer(_TICK_S, self._tick, clock=steady)
+        steady_timer(self, SENSOR_PERIOD_S, self._sense)
+        self._timer = steady_timer(self, _TICK_S, self._tick)
 
     def _declare(self) -> None:
         pace = describe(

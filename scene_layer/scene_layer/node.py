@@ -10,7 +10,6 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from rclpy.clock import Clock, ClockType
 from std_msgs.msg import Empty
 
 from bt_agents.errors import Refused
@@ -22,9 +21,10 @@ from bt_agents.ros.installed import InstalledInterfaces
 from bt_agents.ros.interfaces import load_type, read_field
 from bt_agents.ros.messages import scene_from_msg, scene_to_msg
 from bt_agents.ros.node import GuardedNode
-from bt_agents.ros.parameters import declare, describe
+from bt_agents.ros.parameters import declare, describe, follow
 from bt_agents.ros.runner import run
 from bt_agents.ros.startup import TREES, StartParameter, make_from_parameters
+from bt_agents.ros.timers import steady_timer
 from bt_agents.scene import Scene
 from bt_agents.trees_folder import find_trees
 from bt_agents_interfaces.msg import MarketStatus, Run
@@ -88,24 +88,20 @@ class SceneLayerNode(GuardedNode):
             self._perform(script)
 
     def _make_timers(self) -> None:
-        rate = declare(
+        rate = follow(
             self,
             "live_rate",
             10.0,
             describe("live scenes a second while an agent runs [Hz]", minimum=1.0, maximum=50.0),
+            self._set_rate,
         )
-        self.add_post_set_parameters_callback(self._on_parameters)
-        timer = partial(
-            self.create_timer, clock=Clock(clock_type=ClockType.STEADY_TIME), autostart=False
-        )
+        timer = partial(steady_timer, self, running=False)
         self._live_timer = timer(1.0 / float(rate), self._publish_live)
         self._soon_timer = timer(SHORTEST_S, self._publish_live)
         self._script_timer = timer(SHORTEST_S, self._play)
 
-    def _on_parameters(self, parameters: list[Any]) -> None:
-        for parameter in parameters:
-            if parameter.name == "live_rate":
-                self._live_timer.timer_period_ns = round(1e9 / parameter.value)
+    def _set_rate(self, hertz: float) -> None:
+        self._live_timer.timer_period_ns = round(1e9 / hertz)
 
     # Sources
 

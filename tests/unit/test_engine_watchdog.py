@@ -3,7 +3,9 @@
 
 from __future__ import annotations
 
+import gc
 import signal
+import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -135,3 +137,41 @@ def test_one_bounded_call_in_another_keeps_both_limits() -> None:
 
     with pytest.raises(Refused, match=r"more than 0\.1 s"):
         bounded(outer, 0.1)
+
+
+def test_an_interruption_that_python_drops_is_no_error_of_somebody_else(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    lost: list[type[BaseException]] = []
+    monkeypatch.setattr(sys, "unraisablehook", lambda what: lost.append(what.exc_type))
+
+    class SlowToGo:
+        def __del__(self) -> None:
+            time.sleep(2 * LIMIT_S)
+            raise ValueError("its own")
+
+    def call() -> None:
+        SlowToGo()
+        gc.callbacks.append(slow)
+        gc.collect()
+        time.sleep(FAR_S)
+
+    def slow(_phase: str, _info: object) -> None:
+        time.sleep(2 * LIMIT_S)
+
+    hook = sys.unraisablehook
+    try:
+        with pytest.raises(Refused, match="blocked"):
+            bounded(call, LIMIT_S)
+    finally:
+        gc.callbacks.remove(slow)
+    assert sys.unraisablehook is hook
+    assert lost == []
+    assert capsys.readouterr().err == ""
+
+    class Faulty:
+        def __del__(self) -> None:
+            raise ValueError("its own")
+
+    bounded(lambda: Faulty() and None, FAR_S)
+    assert lost == [ValueError]

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import signal
+import sys
 import threading
 import time
 from collections.abc import Callable
@@ -28,7 +29,9 @@ def bounded(call: Callable[[], T], limit_s: float) -> T:
     In the main thread, where there is ``SIGALRM``, it is interrupted: sleeping, waiting for input
     and endless loops of Python end there. A call into C that never returns to Python does not.
     Elsewhere nothing can be interrupted, and a call that took too long is refused afterwards.
-    An alarm that somebody else has set is kept.
+    An alarm that somebody else has set is kept. Where Python drops exceptions (in ``__del__`` and
+    in callbacks of the garbage collector) an interruption is lost without a word, and the next
+    one ends the call.
 
     Args:
         call: The call.
@@ -55,7 +58,17 @@ def _interrupted(call: Callable[[], T], limit_s: float) -> T:
             rang = True
             raise Blocked
 
+    tell = sys.unraisablehook
+
+    def tell_others(lost: sys.UnraisableHookArgs) -> None:
+        nonlocal guarding
+        guarding, was_guarding = False, guarding
+        if lost.exc_type is not Blocked:
+            tell(lost)
+        guarding = was_guarding
+
     began = time.monotonic()
+    sys.unraisablehook = tell_others
     handler = signal.signal(signal.SIGALRM, ring)
     left, interval = 0.0, 0.0
     try:
@@ -73,6 +86,7 @@ def _interrupted(call: Callable[[], T], limit_s: float) -> T:
     finally:
         signal.setitimer(signal.ITIMER_REAL, 0.0)
         signal.signal(signal.SIGALRM, signal.SIG_DFL if handler is None else handler)
+        sys.unraisablehook = tell
         if left:
             left = max(left - (time.monotonic() - began), _SOON_S)
             signal.setitimer(signal.ITIMER_REAL, left, interval)

@@ -9,8 +9,9 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from rclpy.client import Client
-from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
+
+from bt_agents.ros.timers import steady_timer
 
 _SWEEP_S = 0.02
 
@@ -35,9 +36,7 @@ class Calls:
     def __init__(self, node: Node) -> None:
         self._node = node
         self._open: list[_Call] = []
-        self._timer = node.create_timer(
-            _SWEEP_S, self._sweep, clock=Clock(clock_type=ClockType.STEADY_TIME), autostart=False
-        )
+        self._timer = steady_timer(node, _SWEEP_S, self._sweep, running=False)
 
     def call(
         self,

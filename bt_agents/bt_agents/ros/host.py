@@ -7,8 +7,6 @@ import uuid
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
-from rclpy.clock import Clock, ClockType
-
 from bt_agents.errors import Refused
 from bt_agents.language.folder_reader import Trees as TreesFolder
 from bt_agents.language.folder_reader import read_trees
@@ -29,6 +27,7 @@ from bt_agents.ros.reloading import Reloading
 from bt_agents.ros.run_server import RunServer
 from bt_agents.ros.runner import run
 from bt_agents.ros.startup import TREES, StartParameter, make_from_parameters
+from bt_agents.ros.timers import steady_timer
 from bt_agents.ros.tunables import TunableParameters
 from bt_agents.roster import Member, Roster
 from bt_agents.trees_folder import find_trees
@@ -94,8 +93,7 @@ class HostNode(GuardedNode):
         ReloadServices(self, self._reloading, self._runs)
         self._changed = False
         self._runs.on_end(lambda *_: self._tidy_up())
-        steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self.create_timer(HEARTBEAT_S, self._beat, clock=steady)
+        steady_timer(self, HEARTBEAT_S, self._beat)
         self._introductions.trees()
         self.get_logger().info(
             f"{len(self.roster.members)} agents: {', '.join(self.roster.members)}"

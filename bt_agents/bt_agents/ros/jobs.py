@@ -8,8 +8,9 @@ from collections.abc import Callable
 from concurrent.futures import Future as Job
 from typing import Any
 
-from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
+
+from bt_agents.ros.timers import steady_timer
 
 LIMIT_S = 5.0
 """How long a job is waited for [s]; it goes on after that."""
@@ -26,9 +27,7 @@ class Jobs:
 
     def __init__(self, node: Node) -> None:
         self._followed: list[tuple[Job[Any], float, Callable[[str], None]]] = []
-        self._timer = node.create_timer(
-            _LOOK_S, self._look, clock=Clock(clock_type=ClockType.STEADY_TIME), autostart=False
-        )
+        self._timer = steady_timer(node, _LOOK_S, self._look, running=False)
 
     def follow(self, job: Job[Any], done: Callable[[str], None]) -> None:
         """Call back once, when a job has ended or :data:`LIMIT_S` has passed.

@@ -5,16 +5,14 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from typing import Any
 
 from rclpy.node import Node
-from rclpy.parameter import Parameter
 
 from bt_agents.errors import Refused
 from bt_agents.live import LEASE_S, LiveView
 from bt_agents.ros import qos
 from bt_agents.ros.messages import scene_from_msg
-from bt_agents.ros.parameters import declare, describe
+from bt_agents.ros.parameters import describe, follow
 from bt_agents.scene import Scene, SceneSpace
 from bt_agents_interfaces.msg import Scene as SceneMsg
 
@@ -24,24 +22,12 @@ LIVE_LEASE = "live_lease"
 
 def declare_live_lease(node: Node, changed: Callable[[float], None]) -> float:
     """Declare :data:`LIVE_LEASE`; return its value, and call back for every other one [s]."""
-
-    def take(parameters: list[Parameter[Any]]) -> None:
-        for parameter in parameters:
-            if parameter.name == LIVE_LEASE:
-                changed(float(parameter.value))
-
-    value = declare(
-        node,
-        LIVE_LEASE,
-        LEASE_S,
-        describe(
-            "silence after which the live scene is stale, at least 2 / live_rate [s]",
-            minimum=0.1,
-            maximum=60.0,
-        ),
+    limits = describe(
+        "silence after which the live scene is stale, at least 2 / live_rate [s]",
+        minimum=0.1,
+        maximum=60.0,
     )
-    node.add_post_set_parameters_callback(take)
-    return float(value)
+    return float(follow(node, LIVE_LEASE, LEASE_S, limits, changed))
 
 
 class LiveScene:

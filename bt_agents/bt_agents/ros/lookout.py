@@ -8,13 +8,13 @@ from collections import deque
 from collections.abc import Callable, Collection
 from typing import Any, Protocol
 
-from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 
 from bt_agents.engine.world import Clock as SteadyClock
 from bt_agents.language.specs import HeartbeatSpec
 from bt_agents.ros import qos
 from bt_agents.ros.interfaces import load_type
+from bt_agents.ros.timers import steady_timer
 
 MOST_UNCONFIRMED = 100
 """Goals that were given up and are still remembered; of more the oldest are forgotten."""
@@ -58,9 +58,7 @@ class Lookout:
         self._steady = steady
         self._under_way: list[Watched] = []
         self._unconfirmed: deque[Watched] = deque()
-        self._timer = node.create_timer(
-            1.0, self._look, clock=Clock(clock_type=ClockType.STEADY_TIME), autostart=False
-        )
+        self._timer = steady_timer(node, 1.0, self._look, running=False)
 
     def add(self, goal: Watched) -> None:
         """Look after a goal from now on."""

@@ -7,9 +7,7 @@ import time
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
-from rclpy.parameter import Parameter
 
 from bt_agents.engine.run import RunResult
 from bt_agents.held_up import LIMIT_S as HELD_UP_S
@@ -17,9 +15,10 @@ from bt_agents.lease import MarketLease
 from bt_agents.ros import qos
 from bt_agents.ros.calls import Calls
 from bt_agents.ros.messages import CUT_OFF
-from bt_agents.ros.parameters import declare, describe
+from bt_agents.ros.parameters import describe, follow
 from bt_agents.ros.run_messages import OUTCOMES
 from bt_agents.ros.run_server import RunServer
+from bt_agents.ros.timers import steady_timer
 from bt_agents.ros.unheard import UnheardRuns
 from bt_agents.roster import Roster
 from bt_agents_interfaces.msg import MarketHeartbeat, MarketStatus, Run
@@ -88,13 +87,10 @@ class Membership:
         node.create_subscription(Run, "runs", self._unheard.take_event, qos.HISTORY)
         runs.on_begin(self._run_begins)
         runs.on_end(self._run_ended)
-        steady = Clock(clock_type=ClockType.STEADY_TIME)
-        node.create_timer(_AGAIN_S, self._again, clock=steady)
-        node.create_timer(_WATCH_S, self._watch, clock=steady)
+        steady_timer(node, _AGAIN_S, self._again)
+        steady_timer(node, _WATCH_S, self._watch)
         self._waiting = ""
-        self._look = node.create_timer(
-            _LOOK_S, self._register_heard, clock=steady, autostart=False
-        )
+        self._look = steady_timer(node, _LOOK_S, self._register_heard, running=False)
 
     @property
     def complete(self) -> bool:
@@ -117,17 +113,12 @@ class Membership:
             self._register(self.epoch)
 
     def _declare_lease(self) -> float:
-        def take(parameters: list[Parameter[Any]]) -> None:
-            for parameter in parameters:
-                if parameter.name == MARKET_LEASE:
-                    self._lease.lease_s = float(parameter.value)
+        def take(seconds: float) -> None:
+            self._lease.lease_s = seconds
 
         meaning = "a tree is stopped when the market that started it is silent for this long [s]"
-        value = declare(
-            self._node, MARKET_LEASE, 1.0, describe(meaning, minimum=0.3, maximum=10.0)
-        )
-        self._node.add_post_set_parameters_callback(take)
-        return float(value)
+        limits = describe(meaning, minimum=0.3, maximum=10.0)
+        return float(follow(self._node, MARKET_LEASE, 1.0, limits, take))
 
     def _run_begins(self, goal: Any) -> None:
         self._lease.begin(goal.epoch, time.monotonic())

@@ -10,13 +10,13 @@ from collections.abc import Callable, Sequence
 from typing import Any, Protocol
 
 import rclpy
-from rclpy.clock import Clock, ClockType
 from rclpy.signals import SignalHandlerOptions
 from std_msgs.msg import Bool, Empty, String
 
 from bt_agents.ros import qos
 from bt_agents.ros.card_listener import CardListener
 from bt_agents.ros.runner import Turner
+from bt_agents.ros.timers import steady_timer
 from bt_agents_interfaces.msg import (
     Auction,
     Feedback,
@@ -87,9 +87,7 @@ class _InOrder:
     def __init__(self, node: Any) -> None:
         self._waiting: list[tuple[int, int, Callable[[], None]]] = []
         self._count = 0
-        node.create_timer(
-            _SETTLE_S / 2, self._pass_on, clock=Clock(clock_type=ClockType.STEADY_TIME)
-        )
+        steady_timer(node, _SETTLE_S / 2, self._pass_on)
 
     def take(self, deliver: Callable[[Any], None]) -> Callable[[Any, Any], None]:
         """Return a callback of a subscription that delivers in order."""

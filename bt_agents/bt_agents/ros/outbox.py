@@ -10,10 +10,10 @@ from dataclasses import dataclass
 from typing import Any
 
 from rclpy.client import Client
-from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 
 from bt_agents.letters import Letters
+from bt_agents.ros.timers import steady_timer
 
 ANSWER_S = 2.0
 """A request without an answer for so long is sent again; most answers take less [s]."""
@@ -53,9 +53,7 @@ class Outbox:
         self._letters: Letters[_Letter] = Letters(time.monotonic, most=most, answer_s=answer_s)
         self._sendings: deque[Any] = deque()
         self._late = False
-        self._timer = node.create_timer(
-            _LOOK_S, self._send, clock=Clock(clock_type=ClockType.STEADY_TIME), autostart=False
-        )
+        self._timer = steady_timer(node, _LOOK_S, self._send, running=False)
 
     @property
     def waiting(self) -> int:

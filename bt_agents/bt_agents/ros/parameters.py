@@ -3,8 +3,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import Any
+
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
 from rclpy.node import Node
+from rclpy.parameter import Parameter
 
 Value = bool | int | float | str
 
@@ -50,4 +54,23 @@ def describe(
 def declare(node: Node, name: str, default: Value, descriptor: ParameterDescriptor) -> Value:
     """Declare a parameter and return its value, which a launch file may have set."""
     value: Value = node.declare_parameter(name, default, descriptor).value
+    return value
+
+
+def follow(
+    node: Node,
+    name: str,
+    default: Value,
+    descriptor: ParameterDescriptor,
+    changed: Callable[[Any], None],
+) -> Value:
+    """Declare a parameter as :func:`declare`, and hand over each value that it gets later."""
+
+    def take(parameters: list[Parameter[Any]]) -> None:
+        for parameter in parameters:
+            if parameter.name == name:
+                changed(parameter.value)
+
+    value = declare(node, name, default, descriptor)
+    node.add_post_set_parameters_callback(take)
     return value

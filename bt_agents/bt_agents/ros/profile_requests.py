@@ -7,13 +7,13 @@ import uuid
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 
 from bt_agents.engine.world import GIVE_FEEDBACK
 from bt_agents.feedback import Kind
 from bt_agents.ros import qos
 from bt_agents.ros.outbox import Outbox
+from bt_agents.ros.timers import steady_timer
 from bt_agents.roster import Roster
 from bt_agents.scene import Vector
 from bt_agents.tuning.profile_orders import ProfileOrders
@@ -43,12 +43,7 @@ class ProfileRequests:
         self._outbox = Outbox(
             node, node.create_client(GiveFeedback, GIVE_FEEDBACK, qos_profile=qos.SERVICE)
         )
-        self._again = node.create_timer(
-            _AGAIN_S,
-            self._send_again,
-            clock=Clock(clock_type=ClockType.STEADY_TIME),
-            autostart=False,
-        )
+        self._again = steady_timer(node, _AGAIN_S, self._send_again, running=False)
 
     def want(self, agent: str, values: Mapping[str, float], reason: str) -> None:
         """Note values that were tuned, by scene parameter; :meth:`send` has them recorded."""

@@ -11,9 +11,7 @@ from concurrent.futures import Future as Job
 from dataclasses import dataclass, field
 from typing import Any
 
-from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
-from rclpy.parameter import Parameter
 
 from bt_agents.errors import BtAgentsError
 from bt_agents.language.folder_reader import Trees
@@ -23,11 +21,11 @@ from bt_agents.reload.reading_thread import ReadingThread
 from bt_agents.reload.shelf import Version
 from bt_agents.reload.versions import AgentVersions
 from bt_agents.ros.messages import seconds
-from bt_agents.ros.parameters import declare, describe
+from bt_agents.ros.parameters import describe, follow
 from bt_agents.ros.run_server import RunServer
+from bt_agents.ros.timers import steady_timer
 from bt_agents.watching import PERIOD_S
 
-_RELOAD = "reload"
 _TURN_S = 0.05
 _SLICE_S = 0.02
 """How long agents are changed before other callbacks have their turn [s]."""
@@ -100,10 +98,9 @@ class Reloading:
         self._next_look = time.monotonic() + PERIOD_S
         self._trouble = ""
         what = "take changed files of agents over by itself"
-        self._on = bool(declare(node, _RELOAD, True, describe(what)))
-        node.add_post_set_parameters_callback(self._take_switch)
+        self._on = bool(follow(node, "reload", True, describe(what), self._switch))
         runs.on_end(lambda goal, _result: self.run_ended(goal.agent))
-        node.create_timer(_TURN_S, self._turn, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        steady_timer(node, _TURN_S, self._turn)
 
     def close(self) -> None:
         """Stop reading; nothing is waited for."""
@@ -254,7 +251,5 @@ class Reloading:
     def _now(self) -> float:
         return seconds(self._node.get_clock().now().to_msg())
 
-    def _take_switch(self, parameters: list[Parameter[Any]]) -> None:
-        for parameter in parameters:
-            if parameter.name == _RELOAD:
-                self._on = bool(parameter.value)
+    def _switch(self, on: bool) -> None:
+        self._on = on

@@ -9,7 +9,6 @@ from collections.abc import Callable
 from typing import Any
 
 from rclpy.action import ActionServer, CancelResponse, GoalResponse
-from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.task import Future
 
@@ -20,6 +19,7 @@ from bt_agents.held_up import Award, LastWord
 from bt_agents.ros import qos
 from bt_agents.ros.messages import scene_from_msg
 from bt_agents.ros.run_messages import failed, not_begun, run_result_to_msg, tree_status
+from bt_agents.ros.timers import steady_timer
 from bt_agents.ros.world import RosWorld
 from bt_agents.roster import Roster
 from bt_agents.scene import Scene
@@ -86,13 +86,8 @@ class RunServer:
         )
         self._status = node.create_publisher(TreeStatus, "~/status", qos.EVENTS)
         # It is set anew for each tick: a timer that is late makes up for nothing.
-        self._timer = node.create_timer(
-            self._period_s,
-            self._tick,
-            clock=Clock(clock_type=ClockType.STEADY_TIME),
-            autostart=False,
-        )
-        node.create_timer(_LOOK_S, self._look, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        self._timer = steady_timer(node, self._period_s, self._tick, running=False)
+        steady_timer(node, _LOOK_S, self._look)
         self._server: ActionServer | None = None
 
     def open(self) -> None:

@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import Any
 
 from rcl_interfaces.msg import ParameterDescriptor, SetParametersResult
-from rclpy.clock import Clock, ClockType
 from rclpy.exceptions import InvalidParameterTypeException, InvalidParameterValueException
 from rclpy.node import Node
 from rclpy.parameter import Parameter
@@ -21,6 +20,7 @@ from bt_agents.language.specs import AgentSpec, FieldType
 from bt_agents.ros.jobs import Jobs
 from bt_agents.ros.parameters import describe
 from bt_agents.ros.profile_requests import ProfileRequests
+from bt_agents.ros.timers import steady_timer
 from bt_agents.ros.tune_server import TuneServer
 from bt_agents.roster import Member, Roster
 from bt_agents.tuning.board import FILE, Board, Start
@@ -78,9 +78,7 @@ class TunableParameters:
         self._cards_due = False
         self._sync_due = False
         self._profiles = ProfileRequests(node, roster, self._recorded_profile)
-        self._tell_timer = node.create_timer(
-            _TOLD_AFTER_S, self._tell, clock=Clock(clock_type=ClockType.STEADY_TIME)
-        )
+        self._tell_timer = steady_timer(node, _TOLD_AFTER_S, self._tell)
         self._declare_together((TICK_RATE,))
         self._set_rate(float(self._board.values[TICK_RATE.name]))
         for member in roster.members.values():

@@ -12,7 +12,6 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from rclpy.callback_groups import ReentrantCallbackGroup
-from rclpy.clock import Clock, ClockType
 from rclpy.task import Future
 
 from bt_agents.errors import Refused
@@ -25,6 +24,7 @@ from bt_agents.ros.messages import scene_from_msg, scene_to_msg
 from bt_agents.ros.node import GuardedNode
 from bt_agents.ros.runner import run
 from bt_agents.ros.startup import TREES, StartParameter, make_from_parameters
+from bt_agents.ros.timers import steady_timer
 from bt_agents.scene import Scene, SceneSpace
 from bt_agents.simulated import SimulatedFeedback
 from bt_agents.trees_folder import find_trees
@@ -100,9 +100,8 @@ class FeedbackNode(GuardedNode):
         self._cancel = self.create_client(CancelRun, "marketplace/cancel", qos_profile=qos.SERVICE)
         self._feedback = self.create_publisher(Feedback, "feedback", qos.HISTORY)
         self._current = self.create_publisher(ProfilesMsg, "profiles", qos.FACT)
-        steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self._timer = self.create_timer(_TICK_S, self._on_tick, clock=steady, autostart=False)
-        self.create_timer(_TIDY_S, self._on_idle, clock=steady)
+        self._timer = steady_timer(self, _TICK_S, self._on_tick, running=False)
+        steady_timer(self, _TIDY_S, self._on_idle)
         self.create_subscription(HostCard, "cards", self._on_card, qos.FACTS)
         self.create_subscription(RunMsg, "runs", self._on_run, qos.HISTORY)
         self.create_subscription(SceneMsg, "scene/live", self._on_live, qos.SENSOR)

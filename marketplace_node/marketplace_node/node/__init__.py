@@ -9,8 +9,6 @@ from collections import deque
 from collections.abc import Sequence
 from typing import Any
 
-from rclpy.clock import Clock, ClockType
-
 from bt_agents.errors import Refused
 from bt_agents.language.scene_reader import read_scene
 from bt_agents.ros import qos
@@ -19,6 +17,7 @@ from bt_agents.ros.node import GuardedNode
 from bt_agents.ros.outbox import Outbox
 from bt_agents.ros.runner import run
 from bt_agents.ros.startup import TREES, make_from_parameters
+from bt_agents.ros.timers import steady_timer
 from bt_agents.scene import SceneSpace
 from bt_agents.trees_folder import find_trees
 from bt_agents_interfaces.msg import Auction as AuctionMsg
@@ -101,11 +100,10 @@ class MarketplaceNode(GuardedNode):
             self,
             self.create_client(CollectFeedback, "feedback/collect", qos_profile=qos.SERVICE),
         )
-        steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._ticked = time.monotonic()
-        self._fast = self.create_timer(_FAST_S, self._tick, clock=steady, autostart=False)
-        self.create_timer(_WATCH_S, self._tick, clock=steady)
-        self.create_timer(_HEARTBEAT_S, self._beat, clock=steady)
+        self._fast = steady_timer(self, _FAST_S, self._tick, running=False)
+        steady_timer(self, _WATCH_S, self._tick)
+        steady_timer(self, _HEARTBEAT_S, self._beat)
         self.create_service(RegisterHost, "~/register", self._register, qos_profile=qos.SERVICE)
         self.create_service(CancelRun, "~/cancel", self._cancel, qos_profile=qos.SERVICE)
         self._bids = self.create_subscription(BidsMsg, "bids", self._take_bids, qos.EVENTS)
