@@ -17,7 +17,6 @@ from bt_agents.errors import BtAgentsError
 from bt_agents.language.folder_reader import Trees
 from bt_agents.reload.effects import Effect
 from bt_agents.reload.folder_watch import FolderWatch, Stopped, Written
-from bt_agents.reload.reading_thread import ReadingThread
 from bt_agents.reload.shelf import Version
 from bt_agents.reload.versions import AgentVersions
 from bt_agents.ros.messages import seconds
@@ -25,6 +24,7 @@ from bt_agents.ros.parameters import describe, follow
 from bt_agents.ros.run_server import RunServer
 from bt_agents.ros.timers import steady_timer
 from bt_agents.watching import PERIOD_S
+from bt_agents.worker_thread import WorkerThread
 
 _TURN_S = 0.05
 _SLICE_S = 0.02
@@ -89,7 +89,7 @@ class Reloading:
         self._apply = apply
         self._applied = applied
         self._watch = FolderWatch(versions.trees, lambda: time.sleep(_GIVE_WAY_S))
-        self._thread = ReadingThread()
+        self._thread = WorkerThread("reload")
         self._readings: deque[_Reading] = deque()
         self._unsettled: deque[str] = deque()
         self._effects: list[Effect] = []
@@ -105,7 +105,7 @@ class Reloading:
     def close(self) -> None:
         """Stop reading; nothing is waited for."""
         self._watch.stop()
-        self._thread.close()
+        self._thread.shutdown(wait=False, cancel_futures=True)
 
     def run_ended(self, agent: str) -> None:
         """Change the agent whose run has ended, when something waits for that."""

@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping
-from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -28,6 +27,7 @@ from bt_agents.tuning.history import Cause, Revision
 from bt_agents.tuning.journal import Journal
 from bt_agents.tuning.knobs import TICK_RATE, Knob, KnobKind, Setting, knobs_of
 from bt_agents.tuning.presets import Presets
+from bt_agents.worker_thread import WorkerThread
 
 ROS_PARAMETER = "ros parameter"
 """Author of what is set without a name."""
@@ -69,7 +69,7 @@ class TunableParameters:
         self._roster = roster
         self._changed = changed
         self._set_rate = set_rate
-        self._disk = ThreadPoolExecutor(1, thread_name_prefix="tunings")
+        self._disk = WorkerThread("tunings")
         self._jobs = Jobs(node)
         self._board = self._open(tunings)
         self._cause = Cause(author=ROS_PARAMETER)
@@ -197,7 +197,7 @@ class TunableParameters:
         """Let others have the file; say what the feedback node never got."""
         self._profiles.close()
         self._board.close()
-        self._disk.shutdown(wait=False)
+        self._disk.shutdown()
 
     def _declare_together(self, knobs: tuple[Knob, ...] | list[Knob]) -> None:
         overruled: dict[str, Start] = {}

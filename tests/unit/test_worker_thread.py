@@ -1,22 +1,23 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The thread that reads files beside a host."""
+"""The thread that reads and saves files beside a host."""
 
 from __future__ import annotations
 
 import subprocess
 import sys
 import threading
+import time
 from concurrent.futures import CancelledError
 
 import pytest
 
-from bt_agents.reload.reading_thread import ReadingThread
+from bt_agents.worker_thread import WorkerThread
 
 HANG_S = 30.0
 
 
 def test_work_is_done_in_order_and_what_it_raises_is_told_by_its_result() -> None:
-    thread, done = ReadingThread(), []
+    thread, done = WorkerThread("files"), []
 
     def broken() -> None:
         raise OSError("the folder is gone")
@@ -29,30 +30,40 @@ def test_work_is_done_in_order_and_what_it_raises_is_told_by_its_result() -> Non
     with pytest.raises(OSError, match="the folder is gone"):
         second.result(0)
     assert done == [1, 3]
-    thread.close()
+    thread.shutdown()
+    with pytest.raises(RuntimeError, match="shut down"):
+        thread.submit(broken)
 
 
-def test_what_still_waits_when_it_is_closed_is_not_done() -> None:
-    thread, begun, go = ReadingThread(), threading.Event(), threading.Event()
+def test_what_waits_is_done_before_a_shutdown_that_waits_ends() -> None:
+    thread, done = WorkerThread("files"), []
+    for number in range(3):
+        thread.submit(lambda number: time.sleep(0.01) or done.append(number), number)
+    thread.shutdown()
+    assert done == [0, 1, 2]
+
+
+def test_what_still_waits_when_it_is_given_up_is_not_done() -> None:
+    thread, begun, go = WorkerThread("files"), threading.Event(), threading.Event()
     under_way = thread.submit(lambda: begun.set() or go.wait(HANG_S))
     waiting = thread.submit(lambda: "read")
     assert begun.wait(HANG_S)
-    thread.close()
+    thread.shutdown(wait=False, cancel_futures=True)
     go.set()
     assert under_way.result(HANG_S) is True
     with pytest.raises(CancelledError):
         waiting.result(HANG_S)
 
 
-def test_a_process_ends_although_a_reading_hangs() -> None:
+def test_a_process_ends_although_its_work_hangs() -> None:
     code = (
         "import threading\n"
-        "from bt_agents.reload.reading_thread import ReadingThread\n"
+        "from bt_agents.worker_thread import WorkerThread\n"
         "begun = threading.Event()\n"
-        "thread = ReadingThread()\n"
+        "thread = WorkerThread('files')\n"
         "thread.submit(lambda: (begun.set(), threading.Event().wait()))\n"
         "begun.wait()\n"
-        "thread.close()\n"
+        "thread.shutdown(wait=False)\n"
     )
     assert (
         subprocess.run([sys.executable, "-c", code], timeout=HANG_S, check=False).returncode == 0
