@@ -1,9 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The kinds of feedback, as rules, trees and people give it."""
+"""The kinds of feedback, as rules, trees and people give it, and a source of it."""
 
 from __future__ import annotations
 
 from enum import IntEnum
+
+TUNING = "tuning"
+"""Source of feedback that sets what somebody has tuned."""
 
 
 class Kind(IntEnum):

@@ -16,6 +16,9 @@ Vector = tuple[float, ...]
 
 MISSING = math.nan
 
+AGAIN = "+again"
+"""Ends the id of a scene that a restarted market asks for again by itself."""
+
 
 class Origin(IntEnum):
     """Where a value of a scene comes from; the numbers are those of ``SceneValue.msg``."""

@@ -7,7 +7,7 @@ import re
 from collections import deque
 from collections.abc import Iterable
 
-from bt_agents.scene import Scene
+from bt_agents.scene import AGAIN, Scene
 from marketplace_node.effects import (
     AnnounceEarlierRun,
     EarlierRun,
@@ -25,8 +25,6 @@ ASK_AGAIN_S = 10.0
 
 GATHER_S = 1.5
 """After that long the hosts of a restarted market have registered and hear its calls [s]."""
-
-AGAIN = "+again"
 
 _FOLLOW_UP = re.compile(r"\+\d+$")
 _REMEMBERED = 400

@@ -6,6 +6,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from bt_agents.scene import Scene
+from bt_agents.stop_words import AS_TOLD
 from marketplace_node import explain
 from marketplace_node.auction import ClosedBy, Decision, Outcome
 from marketplace_node.award import Award, RunEnd, Stop
@@ -28,9 +29,6 @@ NOT_TAKEN = "NOT_TAKEN"
 
 _REPORTED = (RunOutcome.SUCCEEDED, RunOutcome.FAILED, RunOutcome.CANCELLED)
 _STOPPABLE = (RunOutcome.CANCELLED, RunOutcome.LOST)
-
-_AS_TOLD = "the market stopped it"
-"""What a host says of a run that it stopped only because it was told to."""
 
 
 class Interaction:
@@ -124,7 +122,7 @@ class Interaction:
             self._floor.ended(goal)
         elif end.outcome in _REPORTED:
             if award.stop is not None and end.outcome == RunOutcome.CANCELLED:
-                more = "" if end.message == _AS_TOLD else f" ({end.message})"
+                more = "" if end.message == AS_TOLD else f" ({end.message})"
                 end = replace(end, message=f"{award.stop.reason}{more}")
             self._end(award, RunOutcome(end.outcome), end, now)
         else:

@@ -7,9 +7,7 @@ import math
 from dataclasses import dataclass
 
 from bt_agents.language.specs import Change, Script, Visit
-
-AGAIN = "+again"
-"""Ends the id of a scene that a restarted market asks for again by itself."""
+from bt_agents.scene import AGAIN
 
 TAKEN_WITHIN_S = 5.0
 """A market that stays idle this long after a scene was sent has not got it [s]."""

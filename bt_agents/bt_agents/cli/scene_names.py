@@ -7,7 +7,7 @@ import math
 import re
 from typing import Any
 
-AGAIN = "+again"
+from bt_agents.scene import AGAIN
 
 _QUOTED = re.compile(r"'([^']*)'")
 

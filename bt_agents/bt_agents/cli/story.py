@@ -14,14 +14,12 @@ from rich.text import Text
 from bt_agents.cli.constants import KINDS, OUTCOMES, code_words, word
 from bt_agents.cli.lines import print_line
 from bt_agents.cli.scene_names import SceneNames
+from bt_agents.feedback import TUNING
 from bt_agents.scene import SceneSpace
 
 _STATUS = {"running": "[yellow]▶", "success": "[green]✔", "failure": "[red]✘"}
 _OUTCOME_STYLE = {"succeeded": "green", "cancelled": "yellow"}
 _MOOD_STEP = 0.25
-TUNING = "tuning"
-"""Source of a feedback that sets what somebody has tuned, which has a line of its own."""
-
 _TOLD_BY_THE_RUN = ("SUCCEEDED", "FAILED", "CANCELLED", "PREEMPTED", "NO_BIDS")
 
 

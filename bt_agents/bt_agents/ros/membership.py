@@ -14,13 +14,13 @@ from bt_agents.held_up import LIMIT_S as HELD_UP_S
 from bt_agents.lease import MarketLease
 from bt_agents.ros import qos
 from bt_agents.ros.calls import Calls
-from bt_agents.ros.messages import CUT_OFF
 from bt_agents.ros.parameters import describe, follow
 from bt_agents.ros.run_messages import OUTCOMES
 from bt_agents.ros.run_server import RunServer
 from bt_agents.ros.timers import steady_timer
 from bt_agents.ros.unheard import UnheardRuns
 from bt_agents.roster import Roster
+from bt_agents.stop_words import CUT_OFF
 from bt_agents_interfaces.msg import MarketHeartbeat, MarketStatus, Run
 from bt_agents_interfaces.srv import RegisterHost
 

@@ -13,9 +13,6 @@ from bt_agents.scene import Origin, Scene, SceneSpace, SceneValue
 from bt_agents_interfaces.msg import Scene as SceneMsg
 from bt_agents_interfaces.msg import SceneValue as SceneValueMsg
 
-CUT_OFF = "its market "
-"""How the message of a run begins that was broken off because its market was lost."""
-
 
 def seconds(stamp: Any) -> float:
     """Return a ``builtin_interfaces/Time`` or ``Duration`` in seconds."""

@@ -10,7 +10,7 @@ from typing import Any
 from rclpy.node import Node
 
 from bt_agents.engine.world import GIVE_FEEDBACK
-from bt_agents.feedback import Kind
+from bt_agents.feedback import TUNING, Kind
 from bt_agents.ros import qos
 from bt_agents.ros.outbox import Outbox
 from bt_agents.ros.timers import steady_timer
@@ -76,7 +76,7 @@ class ProfileRequests:
             agent=agent,
             kind=int(Kind.SET),
             values=list(order.vector(self._roster.space.names)),
-            source="tuning",
+            source=TUNING,
             reason=order.reason,
         )
         self._outbox.put(request, lambda answer: self._answered(agent, answer))

@@ -23,6 +23,7 @@ from bt_agents.ros.timers import steady_timer
 from bt_agents.ros.world import RosWorld
 from bt_agents.roster import Roster
 from bt_agents.scene import Scene
+from bt_agents.stop_words import AS_TOLD
 from bt_agents_interfaces.action import RunAgent
 from bt_agents_interfaces.msg import MarketHeartbeat, TreeStatus
 from bt_agents_interfaces.msg import Scene as SceneMsg
@@ -217,7 +218,7 @@ class RunServer:
     def _answer_cancel(self, handle: Any) -> CancelResponse:
         if self._handle is None or handle != self._handle:
             return CancelResponse.REJECT
-        self.cancel("the market stopped it")
+        self.cancel(AS_TOLD)
         return CancelResponse.ACCEPT
 
     async def _execute(self, handle: Any) -> RunAgent.Result:

@@ -7,8 +7,9 @@ import math
 from typing import Any
 
 from bt_agents.errors import Refused
-from bt_agents.ros.messages import CUT_OFF, scene_from_msg, scene_to_msg, seconds
+from bt_agents.ros.messages import scene_from_msg, scene_to_msg, seconds
 from bt_agents.scene import SceneSpace
+from bt_agents.stop_words import CUT_OFF
 from bt_agents_interfaces.action import RunAgent
 from bt_agents_interfaces.msg import Auction as AuctionMsg
 from bt_agents_interfaces.msg import Bids as BidsMsg
