@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import click
 from rich.console import Console
 
-from bt_agents.cli.constants import STATES, code_words, word
+from bt_agents.cli.constants import STATES, code_words, counted, word
 from bt_agents.cli.joining import FIND_LIMIT_S, accepted, running_system
 from bt_agents.cli.lines import print_line
 from bt_agents.cli.scene_names import SceneNames
@@ -107,15 +107,22 @@ def trigger(values: Assignments, label: str, person: bool, urgent: bool) -> None
 
 def _place(observer: Observer, urgent: bool) -> str:
     """Return how many scenes wait, and what an urgent one cannot expect."""
+    mode, waiting = _line(observer)
+    if urgent and mode not in ("", "preempt"):
+        waiting += f" (urgent counts only where new scenes preempt, here they {mode})"
+    return waiting
+
+
+def _line(observer: Observer) -> tuple[str, str]:
+    """Return what becomes of new scenes, empty when nobody knows, and how many wait in words."""
     from bt_agents.ros import client
 
-    waiting = f"{observer.market.queued}"
+    waiting = observer.market.queued
     settings = client.new_scenes(observer)
     if settings is None:
-        return f"{waiting} wait"
+        return "", f"{waiting} wait"
     mode, limit = settings
-    in_vain = f" (urgent counts only where new scenes preempt, here they {mode})"
-    return f"{waiting} of {limit} wait" + (in_vain if urgent and mode != "preempt" else "")
+    return mode, f"{waiting} of {limit} wait"
 
 
 @click.command()
@@ -161,10 +168,11 @@ def status() -> None:
         if market.state != market.IDLE or not known:
             state += f": {names.in_words(market.message)}"
         _say("market    ", state)
+        new_scenes = ", ".join(filter(None, _line(observer)))
         _say(
             "          ",
-            f"round {market.round}, {_counted(market.hosts, 'host')}, "
-            f"{_counted(market.agents, 'agent')}; new scenes: {_line(observer)}",
+            f"round {market.round}, {counted(market.hosts, 'host')}, "
+            f"{counted(market.agents, 'agent')}; new scenes: {new_scenes}",
         )
         for host, card in sorted(observer.cards.items()):
             click.echo(f"host      {host}")
@@ -181,22 +189,6 @@ def status() -> None:
             when = time.strftime("%H:%M:%S", time.localtime(end.stamp.sec))
             place = f"round {end.round}, " if end.round else ""
             _say("ended     ", f"{when}, {place}'{names.of(end.scene_id)}', {_end(end, names)}")
-
-
-def _line(observer: Observer) -> str:
-    """Return what becomes of new scenes, and how many wait."""
-    from bt_agents.ros import client
-
-    waiting = observer.market.queued
-    settings = client.new_scenes(observer)
-    if settings is None:
-        return f"{waiting} wait"
-    mode, limit = settings
-    return f"{mode}, {waiting} of {limit} wait"
-
-
-def _counted(number: int, what: str) -> str:
-    return f"{number} {what}" if number == 1 else f"{number} {what}s"
 
 
 def _condition(agent: Any) -> str:

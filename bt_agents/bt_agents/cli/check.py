@@ -11,6 +11,7 @@ from pathlib import Path
 
 import click
 
+from bt_agents.cli.constants import counted
 from bt_agents.errors import BtAgentsError
 from bt_agents.language.checking import Checked, check_folder
 from bt_agents.language.codes.entry import Severity
@@ -114,17 +115,17 @@ def summary(checked: Checked) -> str:
     parts = []
     agents, fine = len(checked.agents), not count(checked.problems, Severity.ERROR)
     if agents:
-        parts.append(f"{_counted(agents, 'agent')} {'is' if agents == 1 else 'are'} fine")
+        parts.append(f"{counted(agents, 'agent')} {'is' if agents == 1 else 'are'} fine")
     elif fine:
         files = checked.files
-        parts.append(f"{_counted(files, 'file')} {'is' if files == 1 else 'are'} fine")
+        parts.append(f"{counted(files, 'file')} {'is' if files == 1 else 'are'} fine")
     for severity in Severity:
         number = count(checked.problems, severity)
         if number:
-            parts.append(_counted(number, severity.value))
+            parts.append(counted(number, severity.value))
     if checked.unchecked:
         parts.append(
-            f"{_counted(len(checked.unchecked), 'file')} not checked: mend the scene and the "
+            f"{counted(len(checked.unchecked), 'file')} not checked: mend the scene and the "
             "skills first, which they need"
         )
     return ", ".join(parts)
@@ -169,10 +170,6 @@ _SHOW: Mapping[str, Callable[[Checked], None]] = {
     "json": _show_json,
     "github": _show_annotations,
 }
-
-
-def _counted(number: int, word: str) -> str:
-    return f"{number} {word}{'s' * (number != 1)}"
 
 
 def _installed() -> Interfaces | None:

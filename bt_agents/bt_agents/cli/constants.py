@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Words for the numbers in messages, by the names that the messages give them."""
+"""Words for numbers: those in messages, by the names that the messages give them, and counts."""
 
 from __future__ import annotations
 
@@ -19,3 +19,8 @@ def word(message: Any, value: int, names: tuple[str, ...]) -> str:
 def code_words(code: str) -> str:
     """Return a code as words for people: ``queue full``."""
     return code.lower().replace("_", " ")
+
+
+def counted(number: int, what: str) -> str:
+    """Return how many there are of something: ``1 agent``, ``2 agents``."""
+    return f"{number} {what}" if number == 1 else f"{number} {what}s"

@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from bt_agents.cli.joining import accepted, host_of, hosts, running_system
-from bt_agents.cli.tune import user
+from bt_agents.cli.constants import counted
+from bt_agents.cli.joining import host_of, hosts, running_system
+from bt_agents.cli.tune import ask_host, user
 from bt_agents.errors import BtAgentsError
 
 if TYPE_CHECKING:
@@ -30,12 +31,8 @@ def preset(context: click.Context) -> None:
                 click.echo("no preset yet; 'bt-agents preset save NAME' makes one")
             for one in found:
                 agents = {name.partition(".")[0] for name in one.names}
-                values = _counted(len(one.names), "value")
-                click.echo(f"{one.name:<24} {values}, {_counted(len(agents), 'agent')}")
-
-
-def _counted(number: int, what: str) -> str:
-    return f"{number} {what}" if number == 1 else f"{number} {what}s"
+                values = counted(len(one.names), "value")
+                click.echo(f"{one.name:<24} {values}, {counted(len(agents), 'agent')}")
 
 
 @preset.command()
@@ -48,7 +45,7 @@ def save(name: str, agents: tuple[str, ...]) -> None:
         for agent in agents:
             by_host.setdefault(host_of(observer, agent), []).append(agent)
         for host, named in (by_host or {host: [] for host in hosts(observer)}).items():
-            _ask(observer, host, "save", preset=name, agents=named)
+            ask_host(observer, host, "save", preset=name, agents=named)
 
 
 @preset.command()
@@ -59,7 +56,7 @@ def apply(name: str, reason: str, author: str) -> None:
     """Give the values of the preset NAME, all or none."""
     with running_system() as observer:
         for host in _hosts_with(observer, name):
-            _ask(observer, host, "apply", preset=name, reason=reason, author=author)
+            ask_host(observer, host, "apply", preset=name, reason=reason, author=author)
 
 
 @preset.command()
@@ -68,7 +65,7 @@ def forget(name: str) -> None:
     """Remove the preset NAME."""
     with running_system() as observer:
         for host in _hosts_with(observer, name):
-            _ask(observer, host, "forget", preset=name)
+            ask_host(observer, host, "forget", preset=name)
 
 
 @preset.command()
@@ -102,10 +99,3 @@ def _hosts_with(observer: Observer, name: str) -> list[str]:
         and any(one.name == name for one in tune_client.tunings(observer, host).presets)
     ]
     return found or every
-
-
-def _ask(observer: Observer, host: str, action: str, **fields: Any) -> None:
-    from bt_agents.ros import tune_client
-
-    answer = tune_client.tune(observer, host, action, **fields)
-    click.echo(accepted(answer, f"the host {host}").message)

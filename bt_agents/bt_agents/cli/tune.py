@@ -31,6 +31,18 @@ def user() -> str:
         return ""
 
 
+def ask_host(observer: Observer, host: str, action: str, **fields: Any) -> None:
+    """Have a host tune, and show what it says.
+
+    Raises:
+        BtAgentsError: It does not answer, or refuses.
+    """
+    from bt_agents.ros import tune_client
+
+    answer = tune_client.tune(observer, host, action, **fields)
+    click.echo(accepted(answer, f"the host {host}").message)
+
+
 @click.command()
 @click.argument("words", metavar="[AGENT] [NAME=VALUE]...", nargs=-1)
 @click.option("--undo", is_flag=True, help="Take the last change back.")
@@ -70,11 +82,11 @@ def tune(
         elif asked:
             host = _one_host(observer, agent)
             agents = [agent] if agent else []
-            _ask(observer, host, asked[0], agents=agents, author=author, reason=reason)
+            ask_host(observer, host, asked[0], agents=agents, author=author, reason=reason)
         elif values:
             for host, named in _by_host(observer, agent, values):
                 names, texts = [name for name, _ in named], [text for _, text in named]
-                _ask(
+                ask_host(
                     observer, host, "set", names=names, values=texts, author=author, reason=reason
                 )
         else:
@@ -122,13 +134,6 @@ def _by_host(
             "together; tune one after the other"
         )
     return [(host, listed) for host in found]
-
-
-def _ask(observer: Observer, host: str, action: str, **fields: Any) -> None:
-    from bt_agents.ros import tune_client
-
-    answer = tune_client.tune(observer, host, action, **fields)
-    click.echo(accepted(answer, f"the host {host}").message)
 
 
 def _show(observer: Observer, host: str, agent: str) -> None:
