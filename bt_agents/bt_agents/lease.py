@@ -1,11 +1,27 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How long a run goes on without a sign of life of the market that started it."""
+"""How long somebody who is silent counts as alive: a host, or the market that started a run."""
 
 from __future__ import annotations
 
 
+def excused(heard: float, lease_s: float, since: float, now: float) -> float:
+    """Return when somebody counts as heard, as nobody has listened after ``since``.
+
+    A lease that was valid then lasts for half its length from now at least.
+
+    Args:
+        heard: When a sign of life was heard last, on the steady clock [s].
+        lease_s: How long one counts [s].
+        since: When somebody listened last.
+        now: The time.
+    """
+    return max(heard, now - lease_s / 2) if since - heard < lease_s else heard
+
+
 class MarketLease:
-    """Watches over the market of one run at a time; all times are on the steady clock [s].
+    """Says how long a run goes on without a sign of life of its market, one run at a time.
+
+    All times are on the steady clock [s].
 
     A market that has never been heard of is not missed: it may be one without heartbeats.
 
@@ -39,8 +55,7 @@ class MarketLease:
 
     def excuse(self, since: float, now: float) -> None:
         """Renew the lease valid at ``since``, as nobody has listened to heartbeats after it."""
-        if since - self._last < self.lease_s:
-            self._last = max(self._last, now - self.lease_s / 2)
+        self._last = excused(self._last, self.lease_s, since, now)
 
     def silence(self, now: float) -> float:
         """Return how long the market has been silent if that is too long, else 0 [s]."""

@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from bt_agents.errors import Refused
+from bt_agents.lease import excused
 
 _AGENT_NAME = re.compile(r"[a-z][a-z0-9_]*")
 _ROS_NAME = re.compile(r"(/(?!\w*__)[A-Za-z_][A-Za-z0-9_]*)+", re.ASCII)
@@ -155,8 +156,7 @@ class Registry:
     def excuse(self, since: float, now: float) -> None:
         """Renew the leases valid at ``since``, as nobody has listened to heartbeats after it."""
         for host, seen in self._seen.items():
-            if since - seen < self.lease_s:
-                self._seen[host] = max(seen, now - self.lease_s / 2)
+            self._seen[host] = excused(seen, self.lease_s, since, now)
 
     def entries(self) -> tuple[HostEntry, ...]:
         """Return all registered hosts, dead or alive, in the order of their registration."""
