@@ -293,7 +293,7 @@ class Run:
             self.ticked.append((node, node.status))
             acted = isinstance(node, Leaf) and node.acts and node.status is not Status.RUNNING
             self.changes += self._change(node, again=acted)
-            before = self._steady()
+            before = now
         self.changes += self._untold(root)
         took = self._steady() - began
         if took > self.period_s:
