@@ -15,6 +15,10 @@ from bt_agents.errors import BtAgentsError
 FIRST, LAST = 40, 100
 """Private use on every platform, with ports below the ephemeral ones of Linux."""
 
+_LONGEST_WORDS = 300
+_TRIES = 3
+_TRY_S = 0.02
+
 
 def reserve_domain() -> int:
     """Return a domain id that no other process of this machine holds.
@@ -39,11 +43,6 @@ def reserve_domain() -> int:
     raise RuntimeError(
         f"no free ROS domain between {FIRST} and {LAST}; end another demo or test run"
     )
-
-
-_LONGEST_WORDS = 300
-_TRIES = 3
-_TRY_S = 0.02
 
 
 def hold_domain(domain: int, who: str) -> None:
