@@ -18,7 +18,33 @@ DEPTH = 100
 
 
 class TopicInbox:
-    """Messages of a topic from now on; nothing is subscribed to before or afterwards.
+    """Messages of a topic for one leaf.
+
+    Args:
+        on_close: Called with the inbox when nobody listens any more.
+    """
+
+    def __init__(self, on_close: Callable[[TopicInbox], None]) -> None:
+        self._messages: deque[Any] = deque(maxlen=DEPTH)
+        self._on_close: Callable[[TopicInbox], None] | None = on_close
+
+    def put(self, message: Any) -> None:
+        """Take a message in."""
+        self._messages.append(message)
+
+    def take(self) -> Mapping[str, Plain] | None:
+        """Return the oldest message not taken yet."""
+        return MessageView(self._messages.popleft()) if self._messages else None
+
+    def close(self) -> None:
+        """Stop listening."""
+        if self._on_close is not None:
+            on_close, self._on_close = self._on_close, None
+            on_close(self)
+
+
+def open_inbox(node: Node, topic: str, kind: Any, wake: Callable[[], None]) -> TopicInbox:
+    """Return an inbox of a topic from now on; nothing is subscribed to before or afterwards.
 
     Args:
         node: The host's node.
@@ -27,25 +53,13 @@ class TopicInbox:
         wake: Called when a message has come.
     """
 
-    def __init__(self, node: Node, topic: str, kind: Any, wake: Callable[[], None]) -> None:
-        self._node = node
-        self._messages: deque[Any] = deque(maxlen=DEPTH)
-        self._wake = wake
-        self._subscription: Any = node.create_subscription(kind, topic, self._take_in, qos.SENSOR)
+    def take_in(message: Any) -> None:
+        inbox.put(message)
+        wake()
 
-    def take(self) -> Mapping[str, Plain] | None:
-        """Return the oldest message not taken yet."""
-        return MessageView(self._messages.popleft()) if self._messages else None
-
-    def close(self) -> None:
-        """Stop listening."""
-        if self._subscription is not None:
-            self._node.destroy_subscription(self._subscription)
-            self._subscription = None
-
-    def _take_in(self, message: Any) -> None:
-        self._messages.append(message)
-        self._wake()
+    subscription = node.create_subscription(kind, topic, take_in, qos.SENSOR)
+    inbox = TopicInbox(lambda _inbox: node.destroy_subscription(subscription))
+    return inbox
 
 
 class LatchedTopic:
@@ -62,12 +76,12 @@ class LatchedTopic:
         self._node = node
         self._wake = wake
         self._last: Any = None
-        self._inboxes: list[LatchedInbox] = []
+        self._inboxes: list[TopicInbox] = []
         self._subscription = node.create_subscription(kind, topic, self._take_in, qos.FACTS)
 
-    def open(self) -> LatchedInbox:
+    def open(self) -> TopicInbox:
         """Return an inbox that begins with the last message, if there was one."""
-        inbox = LatchedInbox(self._inboxes.remove)
+        inbox = TopicInbox(self._inboxes.remove)
         if self._last is not None:
             inbox.put(self._last)
         self._inboxes.append(inbox)
@@ -83,29 +97,3 @@ class LatchedTopic:
             inbox.put(message)
         if self._inboxes:
             self._wake()
-
-
-class LatchedInbox:
-    """One leaf's view of a latched topic.
-
-    Args:
-        on_close: Called with the inbox when nobody listens any more.
-    """
-
-    def __init__(self, on_close: Callable[[LatchedInbox], None]) -> None:
-        self._messages: deque[Any] = deque(maxlen=DEPTH)
-        self._on_close: Callable[[LatchedInbox], None] | None = on_close
-
-    def put(self, message: Any) -> None:
-        """Take a message in."""
-        self._messages.append(message)
-
-    def take(self) -> Mapping[str, Plain] | None:
-        """Return the oldest message not taken yet."""
-        return MessageView(self._messages.popleft()) if self._messages else None
-
-    def close(self) -> None:
-        """Stop listening."""
-        if self._on_close is not None:
-            on_close, self._on_close = self._on_close, None
-            on_close(self)

@@ -18,7 +18,7 @@ from bt_agents.ros import qos
 from bt_agents.ros.clock import TreeClock
 from bt_agents.ros.feedback_requests import FeedbackRequests
 from bt_agents.ros.goals import RosGoal, RosRequest
-from bt_agents.ros.inboxes import LatchedTopic, TopicInbox
+from bt_agents.ros.inboxes import LatchedTopic, open_inbox
 from bt_agents.ros.interfaces import fill, load_type
 from bt_agents.ros.lookout import Heartbeats, Lookout
 from bt_agents.scene import SceneSpace
@@ -153,7 +153,7 @@ class RosWorld:
         """
         if latched:
             return self._latched_topic(topic, type_name).open()
-        return TopicInbox(self._node, topic, load_type(type_name, BindingKind.TOPIC), self._wake)
+        return open_inbox(self._node, topic, load_type(type_name, BindingKind.TOPIC), self._wake)
 
     def log(self, level: str, text: str) -> None:
         """Write a line into the log, under the name of the running agent."""
