@@ -29,40 +29,42 @@ def kill_component(up: Program, module: str, number: int = signal.SIGKILL) -> No
     os.kill(pid, number)
 
 
-def test_a_run_whose_host_is_killed_is_lost_and_the_next_trigger_runs(
-    start: Start, ask: Ask
-) -> None:
+def up_with_a_run(start: Start, ask: Ask) -> Program:
     up = start("up", "--no-voice")
     up.until("ready")
     assert "attentive_guide" in ask(*MRS_SMITH)
     up.until("says: Hello")
-    kill_component(up, "bt_agents.ros.host")
-    up.until("attentive_guide lost")
-    up.until("agents is back")
-    assert "attentive_guide" in ask(*MRS_SMITH)
+    return up
+
+
+def cancel_the_next_run(up: Program, ask: Ask) -> None:
+    """Wait until a run is under way again, stop it, and end the system."""
     up.until("attentive_guide starts")
     up.until("says: Hello")
     assert ask("cancel") != ""
     up.until("attentive_guide cancelled")
     assert up.stop()[0] == 0, up.output
     assert "Traceback" not in up.output
+
+
+def test_a_run_whose_host_is_killed_is_lost_and_the_next_trigger_runs(
+    start: Start, ask: Ask
+) -> None:
+    up = up_with_a_run(start, ask)
+    kill_component(up, "bt_agents.ros.host")
+    up.until("attentive_guide lost")
+    up.until("agents is back")
+    assert "attentive_guide" in ask(*MRS_SMITH)
+    cancel_the_next_run(up, ask)
 
 
 def test_a_run_whose_market_is_killed_is_cut_off_and_asked_for_again_by_the_next_one(
     start: Start, ask: Ask
 ) -> None:
-    up = start("up", "--no-voice")
-    up.until("ready")
-    assert "attentive_guide" in ask(*MRS_SMITH)
-    up.until("says: Hello")
+    up = up_with_a_run(start, ask)
     kill_component(up, "marketplace_node.node")
     up.until("marketplace is back")
-    up.until("attentive_guide starts")
-    up.until("says: Hello")
-    assert ask("cancel") != ""
-    up.until("attentive_guide cancelled")
-    assert up.stop()[0] == 0, up.output
-    assert "Traceback" not in up.output
+    cancel_the_next_run(up, ask)
 
 
 def test_a_market_and_a_host_that_hang_are_killed_and_the_next_trigger_runs(

@@ -78,6 +78,13 @@ def results(ros: Any, handle: Any) -> Any:
     return future.result()
 
 
+def assert_undisturbed(ros: Any, handle: Any, goal: Any) -> None:
+    """Nobody has cancelled what a run does; it succeeds when that has ended."""
+    assert goal.cancels == 0
+    goal.finish()
+    assert results(ros, handle).result.outcome == RunAgent.Result.SUCCEEDED
+
+
 def running(ros: Any, host: HostNode) -> Any:
     """Return the run of a host as soon as there is one."""
     ros.until(lambda: host._runs._run)
@@ -384,9 +391,7 @@ def test_a_cancel_of_an_unknown_goal_is_refused_and_disturbs_nobody(
     answer = cancel(ros, [7] * 16)
     assert answer.return_code == CancelGoal.Response.ERROR_UNKNOWN_GOAL_ID
     ros.turns(NOT_ONCE_MORE)
-    assert mouth.goals[0].cancels == 0
-    mouth.goals[0].finish()
-    assert results(ros, handle).result.outcome == RunAgent.Result.SUCCEEDED
+    assert_undisturbed(ros, handle, mouth.goals[0])
 
 
 def test_a_cancel_of_a_run_that_is_over_does_not_touch_the_next_one(
@@ -401,9 +406,7 @@ def test_a_cancel_of_a_run_that_is_over_does_not_touch_the_next_one(
     answer = cancel(ros, first.goal_id.uuid)
     assert answer.return_code != CancelGoal.Response.ERROR_NONE
     ros.turns(NOT_ONCE_MORE)
-    assert mouth.goals[1].cancels == 0
-    mouth.goals[1].finish()
-    assert results(ros, second).result.outcome == RunAgent.Result.SUCCEEDED
+    assert_undisturbed(ros, second, mouth.goals[1])
 
 
 def test_a_second_cancel_changes_nothing_and_the_host_is_busy_until_all_has_settled(
@@ -482,9 +485,7 @@ def test_a_market_that_has_no_heartbeat_is_not_missed(
     ros.until(lambda: mouth.goals)
     end = time.monotonic() + 0.6
     ros.until(lambda: time.monotonic() > end)
-    assert mouth.goals[0].cancels == 0
-    mouth.goals[0].finish()
-    assert results(ros, handle).result.outcome == RunAgent.Result.SUCCEEDED
+    assert_undisturbed(ros, handle, mouth.goals[0])
 
 
 def test_a_run_whose_market_was_started_anew_is_stopped_and_told_once_it_has_ended(
