@@ -26,6 +26,8 @@ class Origin(IntEnum):
     MISSING = 0
     MEASURED = 1
     GIVEN = 2
+    ESTIMATED = 3
+    DEFAULT = 4
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -39,6 +41,7 @@ class SceneParameter:
         default: Value in the range that stands for "nothing special"; never used as a measurement.
         description: What the dimension means, in words.
         labels: Words for some values, for example ``{1.0: "child"}``.
+        weight: How much it counts where distances are weighted, 0 or more.
     """
 
     name: str
@@ -47,6 +50,7 @@ class SceneParameter:
     default: float
     description: str = ""
     labels: Mapping[float, str] = field(default_factory=dict)
+    weight: float = 1.0
 
     def clamp(self, value: float) -> float:
         """Return ``value`` moved into the range; NaN stays NaN."""
@@ -55,17 +59,38 @@ class SceneParameter:
 
 @dataclass(frozen=True, kw_only=True)
 class SceneValue:
-    """One value of a scene; ``value`` is NaN exactly when ``origin`` is ``MISSING``."""
+    """One value of a scene; ``value`` is NaN exactly when ``origin`` is ``MISSING``.
+
+    Attributes:
+        name: Its parameter.
+        value: In the unit of the parameter.
+        origin: Where it comes from.
+        age_s: Time since the reading; 0 when given, NaN when missing [s].
+        std: Standard deviation in the unit of the parameter; 0 when exact or not stated, NaN when
+            missing.
+        confidence: 0..1 as the sources state it; 1 when not stated, 0 when missing.
+        source: Where it comes from in words; may be empty.
+    """
 
     name: str
     value: float
     origin: Origin
     age_s: float = 0.0
+    std: float = 0.0
+    confidence: float = 1.0
+    source: str = ""
 
     @classmethod
     def missing(cls, name: str) -> SceneValue:
         """Return the value of a parameter that nobody measured."""
-        return cls(name=name, value=MISSING, origin=Origin.MISSING, age_s=math.nan)
+        return cls(
+            name=name,
+            value=MISSING,
+            origin=Origin.MISSING,
+            age_s=math.nan,
+            std=math.nan,
+            confidence=0.0,
+        )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -78,6 +103,9 @@ class Scene:
         person: True when a person is there.
         values: Every parameter of the space once, in its order.
         urgent: True may stop a running tree at once, where new scenes preempt.
+        person_id: Who it is, by name or as a tracker calls them; empty when nobody knows.
+        place: Where it is; may be empty.
+        persons: How many persons are tracked; 0 when nobody counts them.
         stamp: Time of the analysis [s].
         stale_s: Of a live scene: how long the scene layer has been silent, once that is so long
             that the values tell nothing about now; 0 otherwise [s].
@@ -88,6 +116,9 @@ class Scene:
     person: bool
     values: tuple[SceneValue, ...]
     urgent: bool = False
+    person_id: str = ""
+    place: str = ""
+    persons: int = 0
     stamp: float = 0.0
     stale_s: float = 0.0
 
@@ -95,6 +126,11 @@ class Scene:
     def vector(self) -> Vector:
         """The values alone, in the order of the space, NaN where missing."""
         return tuple(value.value for value in self.values)
+
+    @cached_property
+    def std(self) -> Vector:
+        """The standard deviations alone, in the order of the space, NaN where missing."""
+        return tuple(value.std for value in self.values)
 
     def get(self, name: str) -> float:
         """Return the value of a parameter, NaN when missing.
@@ -201,7 +237,8 @@ class SceneSpace:
 
         Raises:
             Refused: ``EMPTY``, ``UNKNOWN_PARAMETER``, ``DUPLICATE_PARAMETER``, ``WRONG_LENGTH``,
-                ``ORIGIN_MISMATCH``, ``NOT_FINITE`` or ``OUT_OF_RANGE``.
+                ``ORIGIN_MISMATCH``, ``NOT_FINITE``, ``OUT_OF_RANGE``, ``BAD_STD`` or
+                ``BAD_CONFIDENCE``.
         """
         found: dict[str, SceneValue] = {}
         for value in values:
@@ -217,8 +254,10 @@ class SceneSpace:
                         f"{_subject(what)}'{value.name}' is marked missing but has the value "
                         f"{value.value:g}; a missing value is NaN",
                     )
+                value = replace(SceneValue.missing(value.name), source=value.source)
             else:
                 check_value(parameter, value.value, what=what)
+                _check_certainty(value, what)
             found[value.name] = value
         if not found:
             raise Refused("EMPTY", f"{_subject(what)}no values; expected {', '.join(self.names)}")
@@ -251,6 +290,21 @@ def check_value(parameter: SceneParameter, value: float, *, what: str = "") -> f
             f"{parameter.minimum:g} to {parameter.maximum:g}",
         )
     return value
+
+
+def _check_certainty(value: SceneValue, what: str) -> None:
+    if not 0.0 <= value.std < math.inf:
+        raise Refused(
+            "BAD_STD",
+            f"{_subject(what)}the standard deviation of {value.name} is {value.std:g}, expected "
+            "0 or more",
+        )
+    if not 0.0 <= value.confidence <= 1.0:
+        raise Refused(
+            "BAD_CONFIDENCE",
+            f"{_subject(what)}the confidence in {value.name} is {value.confidence:g}, expected "
+            "0 to 1",
+        )
 
 
 def _subject(what: str) -> str:

@@ -40,7 +40,7 @@ COMMANDS = {
     "versions": "reload",
     "roll-back": "reload",
 }
-"""Command to the module of ``bt_agents.cli`` that has it.
+"""Command to the module that has it; one without a dot is in ``bt_agents.cli``.
 
 Its function has the name of the command, with ``_`` for ``-``, and one behind a word of Python.
 """
@@ -60,9 +60,10 @@ class LazyGroup(click.Group):
         module = COMMANDS.get(cmd_name)
         if module is None:
             return None
+        path = module if "." in module else f"bt_agents.cli.{module}"
         function = cmd_name.replace("-", "_") + ("_" if cmd_name in _PYTHONS else "")
         with loading():
-            command = getattr(importlib.import_module(f"bt_agents.cli.{module}"), function)
+            command = getattr(importlib.import_module(path), function)
         assert isinstance(command, click.Command)
         return command
 

@@ -13,6 +13,9 @@ from bt_agents.scene import Origin, Scene, SceneSpace, SceneValue
 from bt_agents_interfaces.msg import Scene as SceneMsg
 from bt_agents_interfaces.msg import SceneValue as SceneValueMsg
 
+LONGEST_NAME = 200
+"""Characters of the name of a person or a place."""
+
 
 def seconds(stamp: Any) -> float:
     """Return a ``builtin_interfaces/Time`` or ``Duration`` in seconds."""
@@ -34,9 +37,18 @@ def scene_to_msg(scene: Scene) -> SceneMsg:
         label=scene.label,
         person=scene.person,
         urgent=scene.urgent,
+        person_id=scene.person_id,
+        place=scene.place,
+        persons=scene.persons,
         values=[
             SceneValueMsg(
-                name=v.name, value=float(v.value), origin=int(v.origin), age_s=float(v.age_s)
+                name=v.name,
+                value=float(v.value),
+                origin=int(v.origin),
+                age_s=float(v.age_s),
+                std=float(v.std),
+                confidence=float(v.confidence),
+                source=v.source,
             )
             for v in scene.values
         ],
@@ -47,17 +59,24 @@ def scene_from_msg(message: Any, space: SceneSpace) -> Scene:
     """Check a scene message and return the scene.
 
     Raises:
-        Refused: As in :meth:`SceneSpace.scene`; also ``EMPTY`` without a scene id and
-            ``UNKNOWN_ORIGIN``.
+        Refused: As in :meth:`SceneSpace.scene`; also ``EMPTY`` without a scene id,
+            ``TOO_LONG`` and ``UNKNOWN_ORIGIN``.
     """
     if not message.scene_id:
         raise Refused("EMPTY", "scene: no scene_id; every scene needs a unique one")
+    for field in ("person_id", "place"):
+        if len(getattr(message, field)) > LONGEST_NAME:
+            raise Refused(
+                "TOO_LONG",
+                f"scene: {field} has {len(getattr(message, field))} characters, expected "
+                f"{LONGEST_NAME} at most",
+            )
     values = []
     for value in message.values:
         if value.origin not in set(Origin):
             raise Refused(
                 "UNKNOWN_ORIGIN",
-                f"scene: '{value.name}' has the origin {value.origin}, expected 0-2",
+                f"scene: '{value.name}' has the origin {value.origin}, expected 0-4",
             )
         values.append(
             SceneValue(
@@ -65,6 +84,9 @@ def scene_from_msg(message: Any, space: SceneSpace) -> Scene:
                 value=value.value,
                 origin=Origin(value.origin),
                 age_s=value.age_s,
+                std=value.std,
+                confidence=value.confidence,
+                source=value.source,
             )
         )
     return Scene(
@@ -72,6 +94,9 @@ def scene_from_msg(message: Any, space: SceneSpace) -> Scene:
         label=message.label,
         person=message.person,
         urgent=message.urgent,
+        person_id=message.person_id,
+        place=message.place,
+        persons=message.persons,
         values=space.scene(values),
         stamp=seconds(message.stamp),
     )

@@ -1,0 +1,21 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Installs bt_agents_lab as a ROS package."""
+
+from setuptools import find_packages, setup
+
+setup(
+    name="bt_agents_lab",
+    version="0.1.0",
+    description="A journal of everything that was decided, its replay, and experiments.",
+    license="Apache-2.0",
+    maintainer="bt-agents maintainers",
+    maintainer_email="maintainers@bt-agents.invalid",
+    packages=find_packages(include=["bt_agents_lab", "bt_agents_lab.*"]),
+    data_files=[
+        ("share/ament_index/resource_index/packages", ["resource/bt_agents_lab"]),
+        ("share/bt_agents_lab", ["package.xml"]),
+    ],
+    install_requires=["setuptools"],
+    zip_safe=True,
+    entry_points={"console_scripts": ["journal = bt_agents_lab:run_journal"]},
+)
