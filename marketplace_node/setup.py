@@ -20,6 +20,7 @@ setup(
     entry_points={
         "console_scripts": [
             "marketplace = marketplace_node:main",
+            "selector = marketplace_node:selector",
         ]
     },
 )

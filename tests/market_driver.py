@@ -6,14 +6,17 @@ from __future__ import annotations
 import math
 from typing import Any, TypeVar
 
+from bt_agents.errors import Refused
 from bt_agents.scene import Origin, Scene, SceneParameter, SceneSpace, SceneValue
-from marketplace_node.auction import Bids
 from marketplace_node.award import RunEnd, Stop
+from marketplace_node.decision import Bids, External
 from marketplace_node.effects import (
     AnnounceRun,
+    AskOutside,
     Effect,
     Goal,
     OpenCall,
+    PreviewEnded,
     PublishAuction,
     SceneEnded,
     SendGoal,
@@ -21,6 +24,7 @@ from marketplace_node.effects import (
 )
 from marketplace_node.market import Market
 from marketplace_node.registry import Answer, Registration
+from marketplace_node.say import Act, Order
 from marketplace_node.settings import Settings
 
 SPACE = SceneSpace(
@@ -158,6 +162,29 @@ class Driver:
         self.do(effects)
         return accepted, message
 
+    def operate(self, act: Act, agent: str = "", **fields: Any) -> str:
+        """Have a say; return the answer, or the code of the refusal."""
+        order = Order(act=act, agent=agent, **fields)
+        try:
+            message, effects = self.market.operate(order, self.now)
+        except Refused as refused:
+            return refused.code
+        self.do(effects)
+        return message
+
+    def preview(self, *values: float, strategy: str = "", last: bool = False) -> int:
+        """Ask who would win; return the number of the preview."""
+        asked = None if last else scene("preview", *values)
+        number, effects = self.market.preview(asked, strategy, self.now)
+        self.do(effects)
+        return number
+
+    def ranked(self, *agents: str, failure: str = "", round_number: int = 0) -> None:
+        """Answer a question to the outside, by default the last one."""
+        external = External(ranking=agents, message="it fits", failure=failure)
+        number = round_number or self.questions[-1].round
+        self.do(self.market.ranked(number, external, self.now))
+
     def wait(self, seconds: float) -> None:
         """Let time pass in steps of a heartbeat; hosts in ``busy`` are alive."""
         for _ in range(round(seconds / _STEP_S)):
@@ -198,6 +225,14 @@ class Driver:
     @property
     def auction(self) -> PublishAuction:
         return self.all(PublishAuction)[-1]
+
+    @property
+    def questions(self) -> list[AskOutside]:
+        return self.all(AskOutside)
+
+    @property
+    def previews(self) -> list[PreviewEnded]:
+        return self.all(PreviewEnded)
 
     @property
     def calls(self) -> list[OpenCall]:

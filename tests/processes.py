@@ -124,6 +124,11 @@ class NodeProcess:
         self._process.send_signal(signal.SIGCONT)
 
     @property
+    def pid(self) -> int:
+        """Id of its process."""
+        return self._process.pid
+
+    @property
     def crashed(self) -> bool:
         """Whether it has ended without having been killed."""
         return not self._killed and self._process.poll() is not None

@@ -3,9 +3,10 @@
 
 from __future__ import annotations
 
+import math
 import random
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from bt_agents.scene import Vector
 from bt_agents.simulated import SimulatedFeedback
@@ -33,6 +34,10 @@ class ExperimentSpec:
         """Return the scene of every round, drawn at random with the seed."""
         draw = random.Random(self.seed)
         return tuple(draw.choice(self.scenes) for _ in range(self.rounds))
+
+    def shortened(self, rounds: int) -> ExperimentSpec:
+        """Return the same experiment with another number of rounds; the first ones are equal."""
+        return replace(self, rounds=rounds)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -87,3 +92,20 @@ def deviation(
             largest = max(largest, *differences)
         cycles[agent] += 1
     return largest
+
+
+def difference(one: Sequence[Record], other: Sequence[Record]) -> float:
+    """Return the largest difference between two recordings of the same experiment.
+
+    It is infinite when they differ in more than the values of profiles.
+    """
+    if [(r.scene, r.winner) for r in one] != [(r.scene, r.winner) for r in other]:
+        return math.inf
+    return max(
+        (
+            abs(a - b)
+            for mine, yours in zip(one, other, strict=True)
+            for a, b in zip(mine.before + mine.after, yours.before + yours.after, strict=True)
+        ),
+        default=0.0,
+    )

@@ -10,6 +10,7 @@ from bt_agents.engine.scope import RunScope, holds
 from bt_agents.errors import Refused
 from bt_agents.language.expression.expressions import EvaluationError, MissingValue
 from bt_agents.language.specs import AgentSpec, Plain
+from bt_agents.layers import MOST_LAYERS, checked_layer, layers_of
 from bt_agents.scene import Scene, SceneSpace, Vector
 
 
@@ -21,6 +22,7 @@ class Member:
         spec: The file.
         profile: What it bids now.
         revision: Ledger revision of that profile; 0 for the one in the file.
+        layers: Profile and ledger revision for a person or a place, by ``person/anna``.
         learning_rate: 0..1.
         tunables: Current values by name; a running tree reads the same mapping.
         agent_id: Id from the market; 0 while it is not registered.
@@ -31,11 +33,19 @@ class Member:
     spec: AgentSpec
     profile: Vector
     revision: int = 0
+    layers: dict[str, tuple[Vector, int]] = field(default_factory=dict)
     learning_rate: float
     tunables: dict[str, Plain] = field(default_factory=dict)
     agent_id: int = 0
     refusal: str = ""
     leaving: str = ""
+
+    def profile_for(self, scene: Scene) -> Vector:
+        """Return what it bids for a scene: the person's profile, else the place's, else its own."""
+        for kind, layer in layers_of(scene).items():
+            if kind in self.spec.learning.layers and layer in self.layers:
+                return self.layers[layer][0]
+        return self.profile
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -126,12 +136,60 @@ class Roster:
         member.revision = revision
         return member
 
+    def set_layer(self, name: str, layer: str, values: Iterable[float], revision: int) -> Member:
+        """Give an agent a new profile for a person or a place; return the agent.
+
+        Raises:
+            Refused: ``BAD_LAYER``, ``TOO_MANY_LAYERS``, or as in :meth:`set_profile`.
+        """
+        member = self.member(name)
+        profile = self.space.vector(values, what=f"profile of {name} for {checked_layer(layer)}")
+        held = member.layers.get(layer)
+        if held is None and len(member.layers) >= MOST_LAYERS:
+            raise Refused(
+                "TOO_MANY_LAYERS",
+                f"{name} has profiles for {MOST_LAYERS} persons and places already",
+            )
+        if held is not None and revision < held[1]:
+            raise Refused(
+                "STALE_REVISION",
+                f"{name} has revision {held[1]} for {layer} already, {revision} is older",
+            )
+        member.layers[layer] = (profile, revision)
+        return member
+
+    def weights(self, members: Iterable[Member]) -> list[float]:
+        """Return how much each parameter counts for each of some agents, one after the other.
+
+        Empty when all count as scene.yaml says.
+        """
+        own = [member.spec.weights for member in members]
+        if not any(own):
+            return []
+        return [
+            float(one.get(parameter.name, parameter.weight))
+            for one in own
+            for parameter in self.space.parameters
+        ]
+
+    def remove_layer(self, name: str, layer: str) -> None:
+        """Forget the profile of an agent for a person or a place; all of all with empty names.
+
+        Raises:
+            Refused: ``UNKNOWN_AGENT`` or ``BAD_LAYER``.
+        """
+        if not name and not layer:
+            for member in self.members.values():
+                member.layers.clear()
+            return
+        self.member(name).layers.pop(checked_layer(layer), None)
+
     def _obstacle(self, member: Member, scene: Scene) -> str:
         if member.leaving:
             return member.leaving
         if member.spec.unoffered:
             return "; ".join(member.spec.unoffered)
-        return unmet(member.spec, self.space, scene, member.profile, member.tunables)
+        return unmet(member.spec, self.space, scene, member.profile_for(scene), member.tunables)
 
 
 def unmet(

@@ -80,6 +80,11 @@ class SceneValue:
     confidence: float = 1.0
     source: str = ""
 
+    @property
+    def observed(self) -> bool:
+        """True when somebody measured or gave it, so that it is neither estimated nor assumed."""
+        return self.origin in (Origin.MEASURED, Origin.GIVEN)
+
     @classmethod
     def missing(cls, name: str) -> SceneValue:
         """Return the value of a parameter that nobody measured."""
@@ -126,6 +131,11 @@ class Scene:
     def vector(self) -> Vector:
         """The values alone, in the order of the space, NaN where missing."""
         return tuple(value.value for value in self.values)
+
+    @cached_property
+    def observed(self) -> Vector:
+        """The values that were measured or given, in the order of the space, NaN for others."""
+        return tuple(value.value if value.observed else MISSING for value in self.values)
 
     @cached_property
     def std(self) -> Vector:

@@ -37,23 +37,52 @@ def folder_around(path: Path) -> Path:
     )
 
 
-def find_experiment(name: str) -> Path:
-    """Return the folder of an experiment: a path, else one of ``./experiments`` or the installed.
+def find_experiments(name: str) -> tuple[Path, ...]:
+    """Return the folders of an experiment: a path, else of ``./experiments`` or the installed.
+
+    An experiment of several parts has a folder for each: ``2`` is all of ``2-*``.
 
     Raises:
         BtAgentsError: There is no such experiment.
     """
     explicit = name if "/" in name or (Path(name) / "experiment.yaml").exists() else ""
     if explicit:
-        return _find("", explicit, "", "experiment.yaml")
-    root = _find("experiments", "", "bt_agents_experiments", "")
-    if not (root / name / "experiment.yaml").is_file():
-        known = sorted(path.parent.name for path in root.glob("*/experiment.yaml"))
+        return (_find("", explicit, "", "experiment.yaml"),)
+    root = experiments_folder()
+    known = sorted(path.parent for path in root.glob("*/experiment.yaml"))
+    found = tuple(folder for folder in known if folder.name == name)
+    found = found or tuple(folder for folder in known if folder.name.startswith(f"{name}-"))
+    if not found:
         raise BtAgentsError(
-            f"no experiment '{name}'; there are {', '.join(known)}, or name a folder that holds "
-            "an experiment.yaml"
+            f"no experiment '{name}'; there are {', '.join(folder.name for folder in known)}, or "
+            "name a folder that holds an experiment.yaml"
         )
-    return root / name
+    return found
+
+
+def find_sweep(name: str) -> Path:
+    """Return the file of a sweep: a path, else of ``./experiments/sweeps`` or the installed.
+
+    Raises:
+        BtAgentsError: There is no such sweep.
+    """
+    if Path(name).is_file():
+        return Path(name)
+    folder = experiments_folder() / "sweeps"
+    found = folder / f"{name}.yaml"
+    if "/" in name or not found.is_file():
+        known = ", ".join(sorted(path.stem for path in folder.glob("*.yaml")))
+        raise BtAgentsError(f"no sweep '{name}'; there are {known}, or name a file")
+    return found
+
+
+def experiments_folder() -> Path:
+    """Return the folder of all experiments: ``./experiments`` or the installed one.
+
+    Raises:
+        BtAgentsError: There is none.
+    """
+    return _find("experiments", "", "bt_agents_experiments", "")
 
 
 def _find(local: str, explicit: str, package: str, proof: str) -> Path:

@@ -3,12 +3,16 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from bt_agents.errors import Refused
+from bt_agents.feedback import LearningRule, Update
+from bt_agents.language.learning_reader import LAYERS, MAX_ANNEAL, MAX_WEIGHT, MAX_WINDOW
 from bt_agents.rules import Rule, read_rule
 from bt_agents.scene import SceneSpace, Vector
-from feedback_node.learning import checked_rate
+from feedback_node.learning import PLAIN, checked_rate
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -19,6 +23,29 @@ class RuleEntry:
     hold_s: float
     give: int
     cancel: bool
+    baseline_s: float = 0.0
+    release: str = ""
+    cooldown_s: float = 0.0
+    confidence: float = 0.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class LearningEntry:
+    """How an agent learns as a card has it, in the order of its parameters; see ``Learning.msg``.
+
+    An empty ``update`` says nothing: the agent learns by the paper's formula.
+    """
+
+    update: str = ""
+    rates: tuple[float, ...] = ()
+    width: tuple[float, ...] = ()
+    window: int = 0
+    anneal: float = 0.0
+    drift: tuple[float, ...] = ()
+    sources: tuple[str, ...] = ()
+    weights: tuple[float, ...] = ()
+    layers: tuple[str, ...] = ()
+    general: float = 1.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -29,6 +56,7 @@ class AgentEntry:
     profile: tuple[float, ...]
     revision: int
     learning_rate: float
+    learning: LearningEntry = LearningEntry()
     rules: tuple[RuleEntry, ...] = ()
 
 
@@ -52,6 +80,7 @@ class Agent:
         authored: Profile of its file.
         held: Ledger revision that its host bids with.
         rate: Learning rate, 0..1.
+        learning: How feedback moves its profile.
         rules: Mood rules that could be read.
     """
 
@@ -60,7 +89,8 @@ class Agent:
     authored: Vector
     held: int
     rate: float
-    rules: tuple[Rule, ...]
+    learning: LearningRule = PLAIN
+    rules: tuple[Rule, ...] = ()
 
 
 def read_card(card: Card, space: SceneSpace) -> tuple[tuple[Agent, ...], tuple[str, ...]]:
@@ -99,11 +129,75 @@ def read_card(card: Card, space: SceneSpace) -> tuple[tuple[Agent, ...], tuple[s
                 authored=space.vector(entry.profile, what=what),
                 held=entry.revision,
                 rate=checked_rate(entry.learning_rate, what=what),
+                learning=read_learning(entry.learning, space, what=what),
                 rules=_rules(entry, what, space, problems),
             )
         except Refused as refusal:
             problems.append(str(refusal))
     return tuple(agents.values()), tuple(problems)
+
+
+def read_learning(entry: LearningEntry, space: SceneSpace, *, what: str) -> LearningRule:
+    """Check how an agent learns.
+
+    Args:
+        entry: As a card has it.
+        space: The parameters of the card.
+        what: Whose it is, for messages.
+
+    Raises:
+        Refused: ``BAD_LEARNING``.
+    """
+    if not entry.update:
+        return PLAIN
+    if entry.update not in {*Update}:
+        raise _bad_learning(what, f"update '{entry.update}', expected {', '.join(Update)}")
+    ranges = {p.name: p.maximum - p.minimum for p in space.parameters}
+    if len(entry.sources) != len(entry.weights):
+        raise _bad_learning(
+            what,
+            f"{len(entry.sources)} sources and {len(entry.weights)} weights, expected as many",
+        )
+    if entry.update == Update.MEDIAN and not 1 <= entry.window <= MAX_WINDOW:
+        raise _bad_learning(what, f"window {entry.window}, expected 1 to {MAX_WINDOW}")
+    if not set(entry.layers) <= set(LAYERS):
+        raise _bad_learning(what, f"layers {_list(entry.layers)}, expected {' or '.join(LAYERS)}")
+    for weight in entry.weights:
+        _within(weight, 0.0, MAX_WEIGHT, "weight", what)
+    return LearningRule(
+        rates=_by_name(entry.rates, dict.fromkeys(ranges, 1.0), "learning rate", what),
+        update=Update(entry.update),
+        width=_by_name(entry.width, ranges, "width", what),
+        window=entry.window or PLAIN.window,
+        anneal=_within(entry.anneal, 0.0, MAX_ANNEAL, "anneal", what),
+        drift=_by_name(entry.drift, ranges, "drift", what),
+        weights=dict(zip(entry.sources, entry.weights, strict=True)),
+        layers=entry.layers,
+        general=_within(entry.general, 0.0, 1.0, "general", what),
+    )
+
+
+def _by_name(
+    values: Sequence[float], limits: Mapping[str, float], of: str, what: str
+) -> dict[str, float]:
+    """Return values, each from 0 to its limit, by name; NaN says nothing."""
+    if len(values) not in (0, len(limits)):
+        raise _bad_learning(what, f"{len(values)} times a {of}, expected {len(limits)} or none")
+    return {
+        name: _within(value, 0.0, limits[name], f"{of} of {name}", what)
+        for name, value in zip(limits, values, strict=False)
+        if not math.isnan(value)
+    }
+
+
+def _within(value: float, low: float, high: float, of: str, what: str) -> float:
+    if not low <= value <= high:
+        raise _bad_learning(what, f"{of} {value:g}, expected {low:g} to {high:g}")
+    return value
+
+
+def _bad_learning(what: str, words: str) -> Refused:
+    return Refused("BAD_LEARNING", f"{what}: {words}")
 
 
 def _rules(
@@ -112,7 +206,19 @@ def _rules(
     rules = []
     for rule in entry.rules:
         try:
-            rules.append(read_rule(rule.when, rule.hold_s, rule.give, rule.cancel, space))
+            rules.append(
+                read_rule(
+                    rule.when,
+                    rule.hold_s,
+                    rule.give,
+                    rule.cancel,
+                    space,
+                    baseline_s=rule.baseline_s,
+                    release=rule.release,
+                    cooldown_s=rule.cooldown_s,
+                    confidence=rule.confidence,
+                )
+            )
         except Refused as refusal:
             problems.append(f"{refusal.code}: {what}: {refusal.reason}; the rule is skipped")
     return tuple(rules)

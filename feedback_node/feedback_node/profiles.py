@@ -4,62 +4,36 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Collection, Iterable, Mapping
+from contextlib import suppress
+from dataclasses import replace
 
 from bt_agents.errors import Refused
 from bt_agents.feedback import Kind
-from bt_agents.scene import MISSING, SceneSpace, Vector
+from bt_agents.layers import MOST_LAYERS
+from bt_agents.scene import SceneSpace, Vector
 from feedback_node import learning
 from feedback_node.cards import Agent, Card, read_card
-from feedback_node.ledger import Cause, Ledger, Revision
+from feedback_node.changes import Change, Delivery, Table, moved, together
+from feedback_node.layers import (
+    LayerStep,
+    anonymous,
+    check_texts,
+    layer_step,
+    named,
+    shares,
+    taught,
+    vector,
+)
+from feedback_node.ledger import Entry, Ledger
+from feedback_node.ledger_file import LedgerError
+from feedback_node.ledger_rows import FORGOTTEN, LAYER, Cause, Revision
 from feedback_node.runs import Run
 
 MOST_HOSTS = 100
 """Hosts whose agents are known at once."""
 
-_LONGEST_TEXT = 1000
-_RULES = {
-    Kind.DIRECT: learning.direct,
-    Kind.POSITIVE: learning.positive,
-    Kind.NEGATIVE: learning.negative,
-    Kind.SET: learning.assigned,
-}
-
-
-@dataclass(frozen=True, kw_only=True)
-class Change:
-    """Feedback that is recorded; vectors in the order of the space, NaN for what was not there.
-
-    Attributes:
-        revision: Row of the ledger, with agent, cause and time.
-        before: Profile before.
-        after: Profile after.
-        target: Vector moved towards or away from; NaN for no opinion.
-        fresh: False when the same feedback had been recorded earlier and was not applied again.
-        words: The change in words and numbers.
-    """
-
-    revision: Revision
-    before: Vector
-    after: Vector
-    target: Vector
-    fresh: bool
-    words: str
-
-
-Table = tuple[tuple[str, int, Vector], ...]
-"""Name, revision and profile of every known agent, by name."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Delivery:
-    """A profile that a host is to bid with from now on."""
-
-    host: str
-    agent: str
-    values: Vector
-    revision: int
+_BEGINS = "begins as the profile for everybody"
 
 
 class Profiles:
@@ -70,7 +44,7 @@ class Profiles:
         self._ledger = ledger
         self._agents: dict[str, Agent] = {}
         self._starts: dict[str, str] = {}
-        self._current: dict[str, Revision] = {}
+        self._current: dict[tuple[str, str], Revision] = {}
 
     def introduce(self, card: Card) -> tuple[tuple[Delivery, ...], tuple[str, ...]]:
         """Take a host's card.
@@ -95,21 +69,18 @@ class Profiles:
                 f"card of {card.host}: agents of {len(hosts)} hosts are known, expected "
                 f"{MOST_HOSTS} at most; restart the feedback node when most of them are gone",
             )
-        news = {
-            agent.name: self._named(agent.authored)
-            for agent in agents
-            if agent.name not in self._agents
-            or self._agents[agent.name].authored != agent.authored
-        }
-        entered = self._ledger.enter(news) if news else {}
+        entered = self._enter(agents)
         listed = {agent.name for agent in agents}
         for name, known in list(self._agents.items()):
             if known.host == card.host and name not in listed:
-                del self._agents[name], self._current[name]
+                self._drop(name)
+        fresh = self._starts.get(card.host) != card.instance
         self._starts = {host: start for host, start in self._starts.items() if host in hosts}
         self._starts[card.host] = card.instance
-        self._current.update(entered)
         deliveries, more = [], []
+        if fresh and agents and self._ledger.has_layers():
+            # Its answer is followed by the layers; it may hold some that are forgotten by now.
+            deliveries.append(self.clearing(card.host))
         for agent in agents:
             known_host = (
                 self._agents[agent.name].host if agent.name in self._agents else agent.host
@@ -120,7 +91,7 @@ class Profiles:
                     f"what it learns goes there"
                 )
             self._agents[agent.name] = agent
-            revision = self._current[agent.name].revision
+            revision = self._current[agent.name, ""].revision
             if agent.held < revision:
                 deliveries.append(self.delivery(agent.name))
             elif agent.held > revision:
@@ -128,6 +99,8 @@ class Profiles:
                     f"STALE_LEDGER: {agent.host} holds revision {agent.held} of '{agent.name}', "
                     f"the ledger ends at {revision}; restart the host, or put its ledger back"
                 )
+        if not fresh:
+            deliveries += [d for d in self.layers_at(card.host) if d.agent in entered]
         return tuple(deliveries), (*problems, *more)
 
     def agent(self, name: str) -> Agent:
@@ -150,27 +123,53 @@ class Profiles:
         """Return True when a card has introduced the agent."""
         return name in self._agents
 
-    def profile(self, name: str) -> Vector:
-        """Return the current profile of a known agent."""
-        values, authored = self._current[name].profile, self._agents[name].authored
+    def profile(self, name: str, layer: str = "") -> Vector:
+        """Return the current profile of a known agent; everybody's where a layer is not there."""
+        current = self._current.get((name, layer), self._current[name, ""])
+        values, authored = current.profile, self._agents[name].authored
         return self.space.clamp(
             [values.get(key, own) for key, own in zip(self.space.names, authored, strict=True)]
         )
 
-    def delivery(self, name: str) -> Delivery:
-        """Return what the host of a known agent is to be told."""
+    def delivery(self, name: str, layer: str = "") -> Delivery:
+        """Return what the host of a known agent is to be told, as it is now."""
+        host = self._agents[name].host
+        current = self._current.get((name, layer))
+        if current is None:
+            return Delivery(host=host, agent=name, layer=layer, remove=True)
         return Delivery(
-            host=self._agents[name].host,
+            host=host,
             agent=name,
-            values=self.profile(name),
-            revision=self._current[name].revision,
+            layer=layer,
+            values=self.profile(name, layer),
+            revision=current.revision,
+        )
+
+    def clearing(self, host: str) -> Delivery:
+        """Return what makes a host forget all layers; those that there are follow its answer."""
+        return Delivery(host=host, agent="", remove=True)
+
+    def layers_at(self, host: str) -> tuple[Delivery, ...]:
+        """Return what a host is to be told of layers."""
+        return tuple(
+            self.delivery(name, layer)
+            for name, layer in sorted(self._current)
+            if layer and self._agents[name].host == host
+        )
+
+    def deliveries(self, changes: Iterable[Change]) -> tuple[Delivery, ...]:
+        """Return what the hosts of those agents that are known are to be told of changes."""
+        return tuple(
+            self.delivery(change.revision.agent, change.revision.layer)
+            for change in changes
+            if self.knows(change.revision.agent)
         )
 
     def table(self) -> Table:
-        """Return name, revision and profile of every known agent, by name."""
+        """Return every known agent and layer."""
         return tuple(
-            (name, self._current[name].revision, self.profile(name))
-            for name in sorted(self._agents)
+            (name, layer, self._current[name, layer].revision, self.profile(name, layer))
+            for name, layer in sorted(self._current)
         )
 
     def recorded_of(self, prefix: str) -> Mapping[str, int]:
@@ -179,11 +178,18 @@ class Profiles:
 
     def recorded(self, feedback_id: str) -> Change | None:
         """Return the change that a feedback led to; None for a new id."""
-        revision = self._ledger.find(feedback_id)
-        if revision is None:
+        found = self._ledger.found(feedback_id)
+        if not found:
             return None
-        words = f"recorded before as revision {revision.revision}, not applied again"
-        return self._change(revision, self._ledger.before(revision), fresh=False, words=words)
+        changes = []
+        for revision in found:
+            gone = revision.cause.cause == FORGOTTEN
+            words = f"recorded before as revision {revision.revision}, not applied again"
+            if gone:
+                words = "recorded before, and forgotten since; not applied again"
+            before = revision if gone else self._ledger.before(revision)
+            changes.append(self._change(revision, before, fresh=False, words=words))
+        return replace(changes[0], others=tuple(changes[1:]))
 
     def apply(
         self,
@@ -196,8 +202,12 @@ class Profiles:
         reason: str,
         run: Run | None,
         cancels: bool = False,
+        leaf: str = "",
     ) -> Change:
         """Move an agent's profile and record it; the same id is applied once.
+
+        Where the agent learns apart for the person or the place of the run's scene, their layers
+        move, and the profile for everybody in part; ``SET`` sets that for everybody.
 
         Args:
             name: Whose profile.
@@ -208,22 +218,16 @@ class Profiles:
             reason: Why, in words.
             run: The run that it belongs to, if any.
             cancels: True when the run is stopped because of it.
+            leaf: Path of the node that it is about; may be empty.
 
         Raises:
-            Refused: ``UNKNOWN_AGENT``, ``TOO_LONG``, or as in :mod:`feedback_node.learning` and
-                :meth:`Ledger.append`; nothing has changed.
+            Refused: ``UNKNOWN_AGENT``, ``TOO_LONG``, ``RESERVED_ID``, ``TOO_MANY_LAYERS``, or as
+                in :func:`learning.step` and :meth:`Ledger.record`; nothing has changed.
         """
         if (known := self.recorded(feedback_id)) is not None:
             return known
         agent = self.agent(name)
-        for field, text in (("feedback_id", feedback_id), ("source", source), ("reason", reason)):
-            if len(text) > _LONGEST_TEXT:
-                raise Refused(
-                    "TOO_LONG",
-                    f"feedback: {field} has {len(text)} characters, "
-                    f"expected {_LONGEST_TEXT} at most",
-                )
-        step = _RULES[kind](self.profile(name), target, agent.rate, self.space)
+        check_texts(feedback_id=feedback_id, source=source, reason=reason, leaf=leaf)
         cause = Cause(
             kind=kind,
             source=source,
@@ -231,31 +235,156 @@ class Profiles:
             feedback_id=feedback_id,
             epoch=run.epoch if run else "",
             round=run.round if run else 0,
-            rate=step.rate,
-            target=self._named(step.target),
             scene_id=run.scene.scene_id if run else "",
+            leaf=leaf,
             cancels=cancels,
         )
-        before = self._current[name]
-        self._current[name] = self._ledger.append(name, self._named(step.after), cause)
-        return self._change(self._current[name], before, fresh=True, words=step.words)
+        entries: list[Entry] = []
+        steps: dict[str, LayerStep] = {}
+        for layer, share in shares(agent.learning, kind, run.scene if run else None):
+            known_layer = self._current.get((name, layer))
+            if known_layer is None:
+                entries.append(self.beginning(name, layer))
+            window = agent.learning.window
+            one = layer_step(
+                kind,
+                self.profile(name, layer),
+                target,
+                agent=agent,
+                share=share,
+                cause=anonymous(cause) if steps else cause,
+                changes=known_layer.cause.changes if known_layer else 0,
+                recent=taught(self._ledger, name, layer, self.space, window),
+                space=self.space,
+            )
+            steps[layer] = one
+            after = named(one.step.after, self.space)
+            entries.append(Entry(agent=name, layer=layer, profile=after, cause=one.cause))
+        try:
+            recorded = self._ledger.record(entries)
+        except LedgerError:
+            # It may be recorded and not acknowledged.
+            self.reload()
+            raise
+        return self.taken(recorded, steps)
 
-    def _change(self, revision: Revision, before: Revision, *, fresh: bool, words: str) -> Change:
+    def taken(
+        self, revisions: Iterable[Revision], steps: Mapping[str, LayerStep] | None = None
+    ) -> Change:
+        """Take over what the ledger has recorded for agents, known or not.
+
+        Args:
+            revisions: One or more; beginnings of layers belong to what follows them.
+            steps: By layer, when they come from feedback.
+
+        Raises:
+            LedgerError: ``LEDGER_CORRUPT`` or ``LEDGER_UNREADABLE``.
+        """
+        changes = []
+        for revision in revisions:
+            name, layer = revision.agent, revision.layer
+            if self.knows(name):
+                self._current[name, layer] = revision
+            if revision.cause.cause == LAYER:
+                continue
+            one = steps.get(layer) if steps else None
+            before = self._ledger.before(revision)
+            words = one.step.words if one else moved(before, revision)
+            changes.append(
+                self._change(
+                    revision,
+                    before,
+                    fresh=True,
+                    words=f"for {layer} {words}" if layer else words,
+                    false_rate=one.false_rate if one else self.false_rate(name, layer),
+                )
+            )
+        return together(changes)
+
+    def gone(self, profiles: Iterable[tuple[str, str]]) -> tuple[Delivery, ...]:
+        """Take over that layers are forgotten; return what hosts are to be told."""
+        told = []
+        for name, layer in profiles:
+            self._current.pop((name, layer), None)
+            if self.knows(name):
+                told.append(self.delivery(name, layer))
+        return tuple(told)
+
+    def false_rate(self, name: str, layer: str = "") -> float:
+        """Return how much of what a profile was taught seems to be wrong; see :class:`Change`.
+
+        Raises:
+            LedgerError: ``LEDGER_CORRUPT`` or ``LEDGER_UNREADABLE``.
+        """
+        return learning.false_rate(taught(self._ledger, name, layer, self.space, 0), self.space)
+
+    def beginning(self, name: str, layer: str) -> Entry:
+        """Return how a layer of an agent that the ledger knows begins.
+
+        Raises:
+            Refused: ``TOO_MANY_LAYERS``.
+            LedgerError: ``LEDGER_CORRUPT`` or ``LEDGER_UNREADABLE``.
+        """
+        count = self._ledger.count_layers(name)
+        if count >= MOST_LAYERS:
+            raise Refused(
+                "TOO_MANY_LAYERS",
+                f"{name} has profiles of its own for {count} persons and places, expected "
+                f"{MOST_LAYERS} at most; 'bt-agents profile expire' forgets those that have not "
+                "changed for long",
+            )
+        cause = Cause(cause=LAYER, source="feedback", reason=_BEGINS)
+        everybody = self._ledger.current(name)
+        profile = everybody.profile if everybody is not None else {}
+        return Entry(agent=name, layer=layer, profile=profile, cause=cause)
+
+    def reload(self) -> None:
+        """Take over what the ledger has, after it could not say whether something is recorded."""
+        with suppress(LedgerError):
+            for name in self._agents:
+                for row in (self._ledger.current(name), *self._ledger.layers(name)):
+                    if row is not None:
+                        self._current[name, row.layer] = row
+
+    def _enter(self, agents: Iterable[Agent]) -> Collection[str]:
+        """Have the ledger know what files say that are new; return the names of their agents."""
+        news = [
+            agent
+            for agent in agents
+            if agent.name not in self._agents
+            or self._agents[agent.name].authored != agent.authored
+        ]
+        if not news:
+            return ()
+        entered = self._ledger.enter({a.name: named(a.authored, self.space) for a in news})
+        for name, revision in entered.items():
+            self._current[name, ""] = revision
+            for row in self._ledger.layers(name):
+                self._current[name, row.layer] = row
+        return entered.keys()
+
+    def _drop(self, name: str) -> None:
+        del self._agents[name]
+        for key in [key for key in self._current if key[0] == name]:
+            del self._current[key]
+
+    def _change(
+        self,
+        revision: Revision,
+        before: Revision,
+        *,
+        fresh: bool,
+        words: str,
+        false_rate: float = math.nan,
+    ) -> Change:
+        rates = revision.cause.rates
         return Change(
             revision=revision,
-            before=self._vector(before.profile),
-            after=self._vector(revision.profile),
-            target=self._vector(revision.cause.target),
+            before=vector(before.profile, self.space),
+            after=vector(revision.profile, self.space),
+            target=vector(revision.cause.target, self.space),
+            rates=vector(rates, self.space) if rates else (),
+            false_rate=false_rate,
             fresh=fresh,
             words=words,
         )
-
-    def _named(self, vector: Vector) -> dict[str, float]:
-        return {
-            name: value
-            for name, value in zip(self.space.names, vector, strict=True)
-            if not math.isnan(value)
-        }
-
-    def _vector(self, values: Mapping[str, float]) -> Vector:
-        return tuple(values.get(name, MISSING) for name in self.space.names)

@@ -7,13 +7,15 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from bt_agents.errors import Refused
-from bt_agents.feedback import Kind
+from bt_agents.feedback import MOOD_RULE, Kind
 from bt_agents.live import LEASE_S
 from bt_agents.rules import Fired, Watch
 from bt_agents.scene import Scene, Vector
 from bt_agents.simulated import SimulatedFeedback
 from feedback_node.cards import Card
-from feedback_node.profiles import Change, Delivery, Profiles
+from feedback_node.changes import Change, Delivery
+from feedback_node.mood_traces import LeafMood, MoodTrace
+from feedback_node.profiles import Profiles
 from feedback_node.runs import Run, Runs
 
 SETTLE_S = 0.5
@@ -30,6 +32,7 @@ class Given:
     values: tuple[float, ...] = ()
     source: str = ""
     reason: str = ""
+    leaf: str = ""
     scene: Scene | None = None
 
 
@@ -55,6 +58,14 @@ class Lesson:
     change: Change | None = None
     problem: str = ""
     stop: Stop | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Told:
+    """How the mood went in a run that has ended."""
+
+    run: Run
+    leaves: tuple[LeafMood, ...]
 
 
 class Teaching:
@@ -86,6 +97,8 @@ class Teaching:
         self._resumed = False
         self._runs = Runs()
         self._watch: Watch | None = None
+        self._trace: MoodTrace | None = None
+        self._tip: tuple[tuple[str, int, str], str] | None = None
         self._settle_s = 0.0
         self._card_awaited = False
 
@@ -94,6 +107,8 @@ class Teaching:
         self._lease_s = seconds
         if self._watch is not None:
             self._watch.lease_s = seconds
+        if self._trace is not None:
+            self._trace.lease_s = seconds
 
     def runs(self, run: Run) -> bool:
         """Return True while a run goes on."""
@@ -104,10 +119,15 @@ class Teaching:
         """True while a rule may fire because time passes."""
         return self._watch is not None and not self._watch.over
 
-    def watches(self, scene_id: str) -> bool:
-        """Return True while a rule may fire on a live scene of this id."""
+    @property
+    def following(self) -> bool:
+        """True while the mood of a run is followed."""
+        return self._trace is not None
+
+    def follows(self, scene_id: str) -> bool:
+        """Return True while live scenes of this id count."""
         run = self._runs.current
-        return self.watching and run is not None and run.scene.scene_id == scene_id
+        return self.following and run is not None and run.scene.scene_id == scene_id
 
     def introduce(self, card: Card) -> tuple[tuple[Delivery, ...], tuple[str, ...]]:
         """Take a host's card; see :meth:`Profiles.introduce`."""
@@ -125,6 +145,8 @@ class Teaching:
         if self._runs.started(run):
             self._watch = None
             self._settle_s = SETTLE_S if replayed else 0.0
+            self._trace = MoodTrace(run.scene, self.profiles.space, self._clock, self._lease_s)
+            self._follow_tip()
             self._card_awaited = True
             self._begin()
 
@@ -133,17 +155,35 @@ class Teaching:
         if self.runs(run):
             self._stop_watching()
 
-    def ended(self, run: Run) -> None:
-        """Note the end of a run, including one that never started for this node."""
-        if self._runs.ended(run):
-            self._stop_watching()
+    def ended(self, run: Run) -> Told | None:
+        """Note the end of a run, including one that never started for this node.
+
+        Returns:
+            How the mood went in it; None when it was not followed, or no node of it was heard of.
+        """
+        if not self._runs.ended(run):
+            return None
+        self._stop_watching()
+        trace, self._trace = self._trace, None
+        leaves = trace.so_far() if trace is not None else ()
+        return Told(run=run, leaves=leaves) if leaves else None
+
+    def ticked(self, key: tuple[str, int, str], leaf: str) -> None:
+        """Take the path of the node that is at work in a run; see :attr:`Run.key`.
+
+        It may be heard before the start of the run, which somebody else tells.
+        """
+        self._tip = (key, leaf)
+        self._follow_tip()
 
     def see(self, live: Scene) -> tuple[Lesson, ...]:
         """Take a live scene; one of another scene than the run's is ignored."""
         run = self._runs.current
-        if run is None or self._watch is None or live.scene_id != run.scene.scene_id:
+        if run is None or live.scene_id != run.scene.scene_id:
             return ()
-        return self._lessons(run, self._watch.see(live))
+        if self._trace is not None:
+            self._trace.see(live)
+        return () if self._watch is None else self._lessons(run, self._watch.see(live))
 
     def tick(self) -> tuple[Lesson, ...]:
         """Let time pass."""
@@ -186,6 +226,7 @@ class Teaching:
             source=given.source,
             reason=given.reason,
             run=run,
+            leaf=given.leaf or self._leaf(run),
         )
 
     def collect(self, run: Run) -> Change | None:
@@ -223,6 +264,13 @@ class Teaching:
             run=run,
         )
 
+    def _follow_tip(self) -> None:
+        run = self._runs.current
+        if self._trace is not None and run is not None and self._tip is not None:
+            key, leaf = self._tip
+            if key == run.key:
+                self._trace.tip(leaf)
+
     def _begin(self) -> None:
         run = self._runs.current
         if run is not None and self._card_awaited and self.profiles.knows(run.agent):
@@ -249,17 +297,23 @@ class Teaching:
             change = self.profiles.apply(
                 run.agent,
                 fired.rule.kind,
-                run.scene.vector,
-                # The same after a restart of this node, so that a run teaches a rule only once.
-                feedback_id=f"rule/{run.epoch}/{run.round}/{run.agent}/{fired.index}",
-                source="mood rule",
+                run.scene.observed,
+                feedback_id=_rule_id(run, fired),
+                source=MOOD_RULE,
                 reason=fired.reason,
                 run=run,
                 cancels=fired.rule.cancel,
+                leaf=self._trace.leaf_at(fired.since) if self._trace is not None else "",
             )
         except Refused as refusal:
             return Lesson(problem=f"{run.agent}: {fired.reason}, but {refusal}", stop=stop)
         return Lesson(change=change, stop=stop)
+
+    def _leaf(self, run: Run | None) -> str:
+        """Return which node of a run is at work now; empty when it does not go on."""
+        if run is None or self._trace is None or not self.runs(run):
+            return ""
+        return self._trace.leaf_at(self._clock())
 
     def _agent(self) -> str:
         run = self._runs.last()
@@ -283,7 +337,13 @@ def _scene(given: Given, agent: str, run: Run | None) -> Vector:
             f"feedback: '{agent}' has not run yet, so there is no scene to move towards or away "
             f"from; give DIRECT feedback",
         )
-    return run.scene.vector
+    return run.scene.observed
+
+
+def _rule_id(run: Run, fired: Fired) -> str:
+    """Return the id of what a rule teaches: the same after a restart of this node."""
+    again = f"/{fired.count}" if fired.count else ""
+    return f"rule/{run.epoch}/{run.round}/{run.agent}/{fired.index}{again}"
 
 
 def _same(given: Given, known: Change) -> Change:

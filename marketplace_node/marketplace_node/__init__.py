@@ -7,3 +7,8 @@ from bt_agents.starting import start
 def main() -> int:
     """Run the marketplace; return the exit code."""
     return start("marketplace_node.node")
+
+
+def selector() -> int:
+    """Run the selector, which has a language model rank bids; return the exit code."""
+    return start("marketplace_node.node.selector")

@@ -51,11 +51,19 @@ class Arrivals:
     def take(self, scene: Scene, interaction: Interaction | None) -> None:
         """Put a scene in line, or end it at once."""
         try:
-            self._check(scene, interaction)
+            self.join(scene, interaction)
         except Refused as refused:
             self.refuse(scene.scene_id, refused.code, refused.reason)
-            return
+
+    def join(self, scene: Scene, interaction: Interaction | None) -> None:
+        """Put a scene in line.
+
+        Raises:
+            Refused: ``SHUTTING_DOWN``, ``DUPLICATE``, ``BUSY`` or ``QUEUE_FULL``.
+        """
+        self._check(scene, interaction)
         self._known.append(scene.scene_id)
+        self._floor.last_scene = scene
         self._line.join(scene, urgent_first=self._preempts)
 
     def refuse(self, scene_id: str, code: str, message: str, round_number: int = 0) -> None:

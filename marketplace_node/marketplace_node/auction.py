@@ -3,144 +3,25 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, field
-from enum import IntEnum
+from collections.abc import Iterable
 
 from bt_agents.errors import Refused
-from bt_agents.scene import Scene, SceneSpace, Vector
+from bt_agents.scene import SceneSpace
+from marketplace_node.bid_rows import BidRows
+from marketplace_node.bid_table import BidColumns
+from marketplace_node.decision import (
+    Bids,
+    ClosedBy,
+    Decision,
+    External,
+    Kind,
+    Outcome,
+    RankedBid,
+    RefusedBid,
+    Terms,
+)
+from marketplace_node.ranking import decide, nearest
 from marketplace_node.registry import HostEntry
-from marketplace_node.strategies import STRATEGIES
-
-
-class Outcome(IntEnum):
-    """How a round ends; the numbers are those of ``Auction.msg``."""
-
-    AWARDED = 1
-    NO_BIDS = 2
-    PREEMPTS = 3
-    WAITS = 4
-
-
-class ClosedBy(IntEnum):
-    """What closes a round; the numbers are those of ``Auction.msg``."""
-
-    ALL_ANSWERED = 1
-    DEADLINE = 2
-    STOPPED = 3
-
-
-class Kind(IntEnum):
-    """Who does not want a bid; the numbers are those of ``RefusedBid.msg``."""
-
-    DECLINED = 0
-    REFUSED = 1
-
-
-@dataclass(frozen=True, kw_only=True)
-class Bids:
-    """One host's answer, as it came in and before any check; fields as in ``Bids.msg``."""
-
-    epoch: str
-    round: int
-    host: str
-    instance: str
-    agents: tuple[str, ...]
-    agent_ids: tuple[int, ...]
-    vectors: Vector
-    declined: tuple[str, ...] = ()
-    decline_reasons: tuple[str, ...] = ()
-
-
-@dataclass(frozen=True, kw_only=True)
-class RankedBid:
-    """An accepted bid; ``last_run`` counts the runs of the market, 0 when the agent never ran."""
-
-    agent: str
-    agent_id: int
-    host: str
-    instance: str
-    vector: Vector
-    distance: float
-    last_run: int
-
-
-@dataclass(frozen=True, kw_only=True)
-class RefusedBid:
-    """A bid outside the ranking; ``agent`` is empty when a whole message is refused."""
-
-    agent: str
-    host: str
-    kind: Kind
-    code: str
-    reason: str
-
-
-@dataclass(frozen=True, kw_only=True)
-class Terms:
-    """What is fixed when a round opens.
-
-    Attributes:
-        epoch: The instance of the market.
-        round: Number of the round, from 1.
-        follows: The round this one continues, 0 for none.
-        scene: What the bids are for.
-        strategy: Name of the ranking function.
-        tie_break: Which of equally distant bids wins.
-        excluded: Agents that may not bid, with the reason.
-        unasked: Registered hosts that are not asked, with the reason.
-        last_run: Number of the last run of each agent that ever ran.
-    """
-
-    epoch: str
-    round: int
-    follows: int
-    scene: Scene
-    strategy: str
-    tie_break: str
-    excluded: Mapping[str, str] = field(default_factory=dict)
-    unasked: Mapping[str, str] = field(default_factory=dict)
-    last_run: Mapping[str, int] = field(default_factory=dict)
-
-
-@dataclass(frozen=True, kw_only=True)
-class Decision:
-    """The outcome of a round.
-
-    Attributes:
-        terms: What was fixed at the opening.
-        outcome: ``NO_BIDS`` also when the round was stopped; of a challenge ``PREEMPTS`` or
-            ``WAITS``.
-        closed_by: What closed it.
-        duration_s: From the call to the close [s].
-        ranking: Accepted bids, best first.
-        refused: Declined and refused bids, in the order they came.
-        silent_hosts: Hosts that were asked and did not answer.
-        stopped: Why the round was stopped; empty when it was not.
-    """
-
-    terms: Terms
-    outcome: Outcome
-    closed_by: ClosedBy
-    duration_s: float
-    ranking: tuple[RankedBid, ...]
-    refused: tuple[RefusedBid, ...]
-    silent_hosts: tuple[str, ...]
-    stopped: str = ""
-
-    @property
-    def winner(self) -> RankedBid | None:
-        """The best bid; None without a bid and when the round was stopped."""
-        stopped = self.closed_by is ClosedBy.STOPPED
-        return self.ranking[0] if self.ranking and not stopped else None
-
-    @property
-    def margin(self) -> float:
-        """Distance of the runner-up minus that of the winner; NaN without a runner-up."""
-        if self.winner is None or len(self.ranking) < 2:
-            return math.nan
-        return self.ranking[1].distance - self.ranking[0].distance
 
 
 class Auction:
@@ -157,13 +38,21 @@ class Auction:
         self._space = space
         self._asked = {entry.host: entry for entry in asked}
         self._answered: set[str] = set()
-        self._accepted: list[RankedBid] = []
-        self._refused: list[RefusedBid] = []
+        self._accepted = BidColumns(space)
+        self._barred = frozenset(refused.agent for refused in terms.barred)
+        self._may_be_silent = self._barred | terms.excluded.keys()
+        self._refused = list(terms.barred)
 
     @property
     def complete(self) -> bool:
         """True when every host that was asked has answered."""
         return len(self._answered) == len(self._asked)
+
+    @property
+    def accepted(self) -> tuple[RankedBid, ...]:
+        """The bids accepted so far, by Manhattan distance."""
+        table = self._accepted.table()
+        return nearest(self._space, self.terms, table) if len(table) else ()
 
     def take(self, bids: Bids) -> None:
         """Take one message; whatever is wrong with it is recorded, never raised."""
@@ -179,14 +68,30 @@ class Auction:
             self._refuse(bids, _only_agent(bids), refused)
             return
         named: set[str] = set()
-        for agent, agent_id, vector in _rows(bids, len(self._space)):
+        rows = BidRows(self._space, bids)
+        taken: list[int] = []
+        for row, (agent, agent_id) in enumerate(zip(bids.agents, bids.agent_ids, strict=True)):
+            if agent in self._barred:
+                continue
             try:
                 self._check_agent(agent, entry, named)
-                self._accept(agent, agent_id, vector, entry)
+                self._check_bid(agent, agent_id, entry)
+                rows.check(row, agent)
+                taken.append(row)
             except Refused as refused:
                 self._refuse(bids, agent, refused)
             named.add(agent)
+        self._accepted.add(
+            [bids.agents[row] for row in taken],
+            [bids.agent_ids[row] for row in taken],
+            entry.host,
+            entry.instance,
+            rows.vectors[taken],
+            None if rows.weights is None else rows.weights[taken],
+        )
         for agent, reason in zip(bids.declined, bids.decline_reasons, strict=True):
+            if agent in self._barred:
+                continue
             try:
                 self._check_agent(agent, entry, named)
                 self._record(bids, agent, Kind.DECLINED, "DECLINED", reason or "gives no reason")
@@ -194,30 +99,35 @@ class Auction:
                 self._refuse(bids, agent, refused)
             named.add(agent)
         for agent in entry.agents:
-            if agent not in named and agent not in self.terms.excluded:
+            if agent not in named and agent not in self._may_be_silent:
                 self._record(
                     bids, agent, Kind.REFUSED, "NO_ANSWER", f"{entry.host} says nothing about it"
                 )
 
-    def close(self, by: ClosedBy, duration_s: float, *, stopped: str = "") -> Decision:
+    def close(
+        self,
+        by: ClosedBy,
+        duration_s: float,
+        *,
+        stopped: str = "",
+        external: External | None = None,
+    ) -> Decision:
         """Rank what was accepted and return the outcome.
 
         Args:
             by: What closes the round.
             duration_s: From the call to now [s].
             stopped: Why the round is stopped; only with ``ClosedBy.STOPPED``.
+            external: What a program outside answered; None when it was not asked.
         """
-        by_name = self.terms.tie_break == "name"
-        ranking = sorted(
-            self._accepted, key=lambda b: (b.distance, 0 if by_name else b.last_run, b.agent)
-        )
-        awarded = bool(ranking) and by is not ClosedBy.STOPPED
+        ranked = decide(self._space, self.terms, self._accepted.table(), external=external)
+        awarded = bool(ranked.bids) and by is not ClosedBy.STOPPED
         return Decision(
             terms=self.terms,
             outcome=Outcome.AWARDED if awarded else Outcome.NO_BIDS,
             closed_by=by,
             duration_s=duration_s,
-            ranking=tuple(ranking),
+            ranked=ranked,
             refused=tuple(self._refused),
             silent_hosts=tuple(h for h in self._asked if h not in self._answered),
             stopped=stopped,
@@ -252,6 +162,12 @@ class Auction:
                 f"expected {agents} ids and {agents * width} values: "
                 f"{', '.join(self._space.names)} of each agent",
             )
+        if len(bids.weights) not in (0, agents * width):
+            raise Refused(
+                "WRONG_LENGTH",
+                f"{agents} agents with {len(bids.weights)} weights, expected none or "
+                f"{agents * width}: one of each parameter for each agent",
+            )
         if len(bids.declined) != len(bids.decline_reasons):
             raise Refused(
                 "WRONG_LENGTH",
@@ -268,25 +184,13 @@ class Auction:
         if agent in named:
             raise Refused("DUPLICATE", f"'{agent}' is named twice; the first one counts")
 
-    def _accept(self, agent: str, agent_id: int, vector: Vector, entry: HostEntry) -> None:
+    def _check_bid(self, agent: str, agent_id: int, entry: HostEntry) -> None:
         if agent in self.terms.excluded:
             raise Refused("EXCLUDED", f"'{agent}' may not bid: {self.terms.excluded[agent]}")
         if agent_id != entry.agents[agent]:
             raise Refused(
                 "WRONG_ID", f"'{agent}' bids with id {agent_id}, expected {entry.agents[agent]}"
             )
-        checked = self._space.vector(vector, what=f"bid of {agent}")
-        self._accepted.append(
-            RankedBid(
-                agent=agent,
-                agent_id=agent_id,
-                host=entry.host,
-                instance=entry.instance,
-                vector=checked,
-                distance=STRATEGIES[self.terms.strategy](checked, self.terms.scene.vector),
-                last_run=self.terms.last_run.get(agent, 0),
-            )
-        )
 
     def _refuse(self, bids: Bids, agent: str, refused: Refused) -> None:
         self._record(bids, agent, Kind.REFUSED, refused.code, refused.reason)
@@ -315,8 +219,3 @@ def check_round(bids: Bids, epoch: str, current: int) -> None:
 
 def _only_agent(bids: Bids) -> str:
     return bids.agents[0] if len(bids.agents) == 1 else ""
-
-
-def _rows(bids: Bids, width: int) -> Iterator[tuple[str, int, Vector]]:
-    for index, (agent, agent_id) in enumerate(zip(bids.agents, bids.agent_ids, strict=True)):
-        yield agent, agent_id, bids.vectors[index * width : (index + 1) * width]

@@ -21,7 +21,8 @@ class Stop:
         reason: Why, in words.
         again: True: ask the market again, without the stopped agent.
         scene: What to ask for then; None means the scene as awarded.
-        code: ``STOPPED``, ``SHUTTING_DOWN`` or ``PREEMPTED``; for the end of the scene.
+        code: ``STOPPED``, ``SHUTTING_DOWN``, ``PREEMPTED`` or ``VETOED``; for the end of
+            the scene.
     """
 
     reason: str

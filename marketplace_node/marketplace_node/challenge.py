@@ -7,8 +7,7 @@ import math
 from dataclasses import replace
 
 from marketplace_node import explain
-from marketplace_node.auction import ClosedBy, Decision, Outcome
-from marketplace_node.effects import PublishAuction
+from marketplace_node.decision import ClosedBy, Decision, Outcome
 from marketplace_node.floor import Floor
 from marketplace_node.line import Waiting
 from marketplace_node.open_round import OpenRound
@@ -59,7 +58,7 @@ class Challenge:
         reason = explain.challenge(
             decision, self._running, settings.preempt_margin, obstacle=obstacle, line=line
         )
-        self._floor.effects.append(PublishAuction(decision=decision, reason=reason))
+        self._floor.publish(decision, reason)
         return stops, reason
 
     def give_up(self, reason: str, now: float) -> None:
@@ -67,7 +66,7 @@ class Challenge:
         decision = self.open_round.close(ClosedBy.STOPPED, now, stopped=reason)
         decision = replace(decision, outcome=Outcome.WAITS)
         words = explain.challenge(decision, self._running, 0.0)
-        self._floor.effects.append(PublishAuction(decision=decision, reason=words))
+        self._floor.publish(decision, words)
 
 
 def worth_a_stop(decision: Decision, running: str, settings: Settings) -> bool:

@@ -6,8 +6,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import IntEnum
 
-from bt_agents.scene import Scene
-from marketplace_node.auction import Decision
+from bt_agents.errors import Refused
+from bt_agents.scene import Scene, Vector
+from marketplace_node.decision import Decision
 from marketplace_node.registry import HostEntry
 
 
@@ -78,11 +79,51 @@ class OpenCall:
 
 
 @dataclass(frozen=True, kw_only=True)
+class AskOutside:
+    """Ask a program outside to rank bids, and report ``ranked`` within ``limit_s`` seconds.
+
+    Attributes:
+        round: Number of the round.
+        scene: What the bids are for.
+        agents: Who bids.
+        vectors: What they bid, same order.
+        distances: Manhattan distance of each to the scene.
+        limit_s: A later answer is not waited for [s].
+    """
+
+    round: int
+    scene: Scene
+    agents: tuple[str, ...]
+    vectors: tuple[Vector, ...]
+    distances: tuple[float, ...]
+    limit_s: float
+
+
+@dataclass(frozen=True, kw_only=True)
 class PublishAuction:
-    """Publish the outcome of a round."""
+    """Publish the outcome of a round.
+
+    Attributes:
+        decision: The outcome.
+        reason: The decision on one line.
+        explanation: The same in plain sentences, one a line.
+        shadow_rounds: How many rounds the shadow strategy has ranked beside this one.
+        shadow_disagreements: In how many of these it had another winner.
+    """
 
     decision: Decision
     reason: str
+    explanation: str = ""
+    shadow_rounds: int = 0
+    shadow_disagreements: int = 0
+
+
+@dataclass(frozen=True, kw_only=True)
+class PreviewEnded:
+    """Answer whoever has asked for a preview: with an outcome, or why there is none."""
+
+    number: int
+    outcome: PublishAuction | Refused
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -174,6 +215,11 @@ class StatusChanged:
     queued: int
     hosts: int
     agents: int
+    strategy: str
+    shadow_strategy: str
+    pinned: str
+    vetoed: tuple[str, ...]
+    starved: tuple[str, ...]
     message: str
 
 
@@ -189,8 +235,22 @@ class SceneEnded:
 
 
 @dataclass(frozen=True, kw_only=True)
+class KeepOrders:
+    """Keep pins and vetoes for a market that is started again; see :meth:`Say.restore`."""
+
+    text: str
+
+
+@dataclass(frozen=True, kw_only=True)
 class Note:
     """Log something that is not as it should be."""
+
+    message: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class Alarm:
+    """Log a warning that is said once, so that it must not be lost among notes."""
 
     message: str
 
@@ -199,7 +259,9 @@ Effect = (
     Connect
     | Disconnect
     | OpenCall
+    | AskOutside
     | PublishAuction
+    | PreviewEnded
     | SendGoal
     | CancelGoal
     | CancelAll
@@ -208,5 +270,7 @@ Effect = (
     | Collect
     | StatusChanged
     | SceneEnded
+    | KeepOrders
     | Note
+    | Alarm
 )

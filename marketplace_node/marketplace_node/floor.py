@@ -3,14 +3,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections import Counter
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 
+from bt_agents.language.market_reader import MarketRule
 from bt_agents.scene import Scene, SceneSpace
-from marketplace_node.auction import Terms
-from marketplace_node.effects import CancelAll, CancelGoal, Disconnect, Effect, Goal
+from marketplace_node.decision import Decision, Terms
+from marketplace_node.effects import (
+    Alarm,
+    CancelAll,
+    CancelGoal,
+    Disconnect,
+    Effect,
+    Goal,
+    PublishAuction,
+)
+from marketplace_node.explanation import explanation
+from marketplace_node.record import Record
 from marketplace_node.registry import HostEntry, Registry
+from marketplace_node.say import Say
 from marketplace_node.settings import Settings
+
+PREVIEWS = 2**31
+"""Numbers of rounds that only foretell begin after this one, so that no other is counted."""
 
 _CANCEL_AGAIN_S = 1.0
 _SURE_S = 0.3  # a heartbeat of a run may come after its end
@@ -46,66 +62,139 @@ class Floor:
         epoch: Name of this instance of the market.
         settings: The settings in force.
         registry: The hosts and agents.
+        say: What people have ordered.
+        record: What the decisions so far tell together.
         effects: What is to be done, in order.
         rounds: How many rounds there have been; the number of the last one.
+        previews: How many rounds there have been that only foretold.
+        last_scene: The scene that was taken last; None before the first.
     """
 
-    def __init__(self, space: SceneSpace, epoch: str, settings: Settings) -> None:
+    def __init__(
+        self,
+        space: SceneSpace,
+        epoch: str,
+        settings: Settings,
+        rules: tuple[MarketRule, ...] = (),
+    ) -> None:
         self.space = space
         self.epoch = epoch
         self.settings = settings
         self.registry = Registry(space.names, settings.host_lease_s)
+        self.say = Say()
         self.effects: list[Effect] = []
+        self.record = Record()
         self.rounds = 0
-        self._runs = 0
+        self.previews = 0
+        self.last_scene: Scene | None = None
+        self._rules = rules
+        self._runs: Counter[str] = Counter()
         self._last_run: dict[str, int] = {}
         self._strays: dict[str, _Stray] = {}
 
     def terms(
         self,
         scene: Scene,
+        now: float,
         *,
         follows: int,
         excluded: Mapping[str, str],
-        unasked: Mapping[str, str],
+        preview: str | None = None,
     ) -> Terms:
-        """Count a new round and return what is fixed in it."""
-        self.rounds += 1
+        """Count a new round and return what is fixed in it.
+
+        Args:
+            scene: What the bids are for.
+            now: Steady time [s].
+            follows: The round this one continues, 0 for none.
+            excluded: Agents that may not bid, with the reason.
+            preview: Strategy of a round that only foretells the next one, and so draws the same
+                chance; None for a real round.
+        """
+        if preview is None:
+            self.rounds += 1
+            number = drawn = self.rounds
+        else:
+            self.previews += 1
+            number, drawn = PREVIEWS + self.previews, self.rounds + 1
+        settings = self.settings
+        strategy = settings.strategy if preview is None else preview
+        # An award is for the first run; when that is lost, anybody may take over.
+        awarded = "" if follows else scene.scene_id
         return Terms(
             epoch=self.epoch,
-            round=self.rounds,
+            round=number,
             follows=follows,
             scene=scene,
-            strategy=self.settings.strategy,
-            tie_break=self.settings.tie_break,
+            strategy=strategy,
+            options=settings.options_of(strategy),
+            shadow=settings.shadow_strategy,
+            shadow_options=settings.options_of(settings.shadow_strategy),
+            seed=f"{self.epoch}/{drawn}",
+            tie_break=settings.tie_break,
+            rules=self._rules,
             excluded=dict(excluded),
-            unasked=unasked,
+            barred=self.say.barred(self.registry.live(now), awarded),
+            intervention=self.say.words(awarded),
+            unasked=self._unasked(now),
             last_run=dict(self._last_run),
+            runs=dict(self._runs),
+            rounds_run=self._runs.total(),
+            preview=preview is not None,
         )
+
+    def outcome(self, decision: Decision, reason: str) -> PublishAuction:
+        """Return a decision as it is published, with what the record says at this moment."""
+        return PublishAuction(
+            decision=decision,
+            reason=reason,
+            explanation=explanation(decision, self.space),
+            shadow_rounds=self.record.shadow_rounds,
+            shadow_disagreements=self.record.shadow_disagreements,
+        )
+
+    def publish(self, decision: Decision, reason: str) -> None:
+        """Count a decision and have it published."""
+        self.record.take(decision)
+        self.effects.append(self.outcome(decision, reason))
+        limit = self.settings.starvation_rounds
+        self.effects += [Alarm(message=news) for news in self.record.starvation.news(limit)]
+
+    def starved(self) -> tuple[str, ...]:
+        """Return the registered agents that bid again and again and never win."""
+        starved = self.record.starvation.starved(self.settings.starvation_rounds)
+        return tuple(agent for agent in starved if self.registry.holder(agent) is not None)
 
     def count_run(self, agent: str) -> None:
         """Note that an agent runs; ties go to whoever has not run for longest."""
-        self._runs += 1
-        self._last_run[agent] = self._runs
+        self._runs[agent] += 1
+        self._last_run[agent] = self._runs.total()
 
-    def whom_to_ask(
-        self, excluded: Mapping[str, str], now: float
-    ) -> tuple[list[HostEntry], dict[str, str]]:
-        """Return the hosts to ask, and those that are not asked with the reason."""
-        asked, unasked = [], {}
+    def asked(self, barred: Collection[str], now: float) -> list[HostEntry]:
+        """Return the hosts to ask: those that are free and have an agent that may bid."""
+        unasked, names = self._unasked(now), set(barred)
+        return [
+            entry
+            for entry in self.registry.entries()
+            if entry.host not in unasked and not entry.agents.keys() <= names
+        ]
+
+    def _unasked(self, now: float) -> dict[str, str]:
+        """Return the hosts that cannot be asked, with the reason."""
+        unasked = {}
         for entry in self.registry.entries():
             if not self.registry.is_live(entry.host, entry.instance, now):
                 unasked[entry.host] = "it has no heartbeat"
             elif reason := self._blocked(entry.host):
                 unasked[entry.host] = reason
-            elif not entry.agents.keys() <= excluded.keys():
-                asked.append(entry)
-        return asked, unasked
+        return unasked
 
     def obstacle(self, goal: Goal, now: float) -> str:
         """Return why a goal cannot be sent; empty when it can."""
         if not self.registry.is_live(goal.host, goal.instance, now):
             return f"{goal.host} is gone"
+        if veto := self.say.veto_of(goal.agent):
+            return veto
         reason = self._blocked(goal.host)
         return f"{goal.host} is not free: {reason}" if reason else ""
 

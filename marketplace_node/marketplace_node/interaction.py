@@ -8,13 +8,12 @@ from dataclasses import replace
 from bt_agents.scene import Scene
 from bt_agents.stop_words import AS_TOLD
 from marketplace_node import explain
-from marketplace_node.auction import ClosedBy, Decision, Outcome
 from marketplace_node.award import Award, RunEnd, Stop
+from marketplace_node.decision import ClosedBy, Decision, Outcome
 from marketplace_node.effects import (
     CancelGoal,
     Collect,
     Goal,
-    PublishAuction,
     RunEventKind,
     RunOutcome,
     SceneEnded,
@@ -23,6 +22,7 @@ from marketplace_node.effects import (
 )
 from marketplace_node.floor import Floor
 from marketplace_node.open_round import OpenRound
+from marketplace_node.say import VETOED
 
 NO_BIDS = "NO_BIDS"
 NOT_TAKEN = "NOT_TAKEN"
@@ -83,7 +83,7 @@ class Interaction:
             case State.COLLECTING:
                 return f"{self._last_words}; collecting feedback"
             case _:
-                return "asking for bids"
+                return self.open_round.words() if self.open_round else "asking for bids"
 
     def close_when_due(self, now: float) -> None:
         """Close the open round when everybody has answered or its time is over."""
@@ -171,8 +171,9 @@ class Interaction:
             # Whoever wants an end wins over whoever wants another agent.
             award.stop = replace(award.stop, again=award.stop.again and stop.again)
             return True, f"{award.goal.agent} is being stopped already"
-        # Without a run there is nothing to ask again about.
-        award.stop = stop if award.accepted else replace(stop, again=False)
+        # Without a run there is nothing to ask again about, unless somebody else is wanted.
+        keeps = award.accepted or stop.code == VETOED
+        award.stop = stop if keeps else replace(stop, again=False)
         self._enter(State.CANCELLING, self._deadline)
         self._floor.effects.append(award.event(RunEventKind.CANCELLING, stop.reason))
         if award.held:
@@ -247,7 +248,7 @@ class Interaction:
         decision = self.open_round.close(by, now, stopped=stop.reason if stop else "")
         reason = explain.reason(decision)
         self.open_round = None
-        self._floor.effects.append(PublishAuction(decision=decision, reason=reason))
+        self._floor.publish(decision, reason)
         if decision.outcome is Outcome.AWARDED:
             self._decision, self._next_rank, self._not_taken_by = decision, 0, []
             self._award_next(decision, now)

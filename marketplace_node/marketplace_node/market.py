@@ -8,24 +8,31 @@ from collections.abc import Iterable
 from dataclasses import replace
 
 from bt_agents.errors import Refused
+from bt_agents.language.market_reader import MarketRule
 from bt_agents.scene import Scene, SceneSpace
 from marketplace_node.arrivals import Arrivals
-from marketplace_node.auction import Bids, check_round
+from marketplace_node.auction import check_round
 from marketplace_node.award import SHUTTING_DOWN, RunEnd, Stop
+from marketplace_node.decision import Bids, External
 from marketplace_node.earlier import EarlierRuns
 from marketplace_node.effects import (
     Connect,
     EarlierRun,
     Effect,
     Goal,
+    KeepOrders,
     Note,
+    SceneEnded,
     State,
     StatusChanged,
 )
-from marketplace_node.floor import Floor
+from marketplace_node.floor import PREVIEWS, Floor
 from marketplace_node.interaction import Interaction
 from marketplace_node.open_round import OpenRound
+from marketplace_node.operating import Operating
+from marketplace_node.previews import Previews
 from marketplace_node.registry import Answer, Registration
+from marketplace_node.say import Act, Order
 from marketplace_node.settings import Settings
 
 
@@ -39,17 +46,26 @@ class Market:
         space: The scene parameters.
         epoch: Name of this instance of the market; unique over restarts.
         settings: Replaceable by :meth:`configure`.
+        rules: Of the strategy ``rules``.
 
     Attributes:
         late_bids: How many answers came after their round was closed.
     """
 
-    def __init__(self, space: SceneSpace, epoch: str, settings: Settings | None = None) -> None:
+    def __init__(
+        self,
+        space: SceneSpace,
+        epoch: str,
+        settings: Settings | None = None,
+        rules: tuple[MarketRule, ...] = (),
+    ) -> None:
         self.epoch = epoch
         self.late_bids = 0
-        self._floor = Floor(space, epoch, settings or Settings())
+        self._floor = Floor(space, epoch, settings or Settings(), rules)
         self._interaction: Interaction | None = None
         self._arrivals = Arrivals(self._floor)
+        self._operating = Operating(self._floor, self._arrivals)
+        self._previews = Previews(self._floor)
         self._earlier = EarlierRuns(self._floor)
         self._finished_scene_id = ""
         self._last_round = 0
@@ -75,7 +91,7 @@ class Market:
     def hurries(self) -> bool:
         """True while somebody has to answer soon, so that deadlines are worth a close look."""
         calm = self.state in (State.IDLE, State.RUNNING)
-        return not calm or self._arrivals.open_round is not None
+        return not calm or bool(self._open_rounds())
 
     def configure(self, settings: Settings, now: float) -> list[Effect]:
         """Replace the settings; deadlines that are already set stay."""
@@ -86,6 +102,7 @@ class Market:
     def shut(self, reason: str, now: float) -> list[Effect]:
         """Take no more scenes, give up those that wait and stop the running tree."""
         self._arrivals.take_no_more(reason, now)
+        self._previews.give_up(SHUTTING_DOWN, reason)
         self._ask_again(math.inf)
         if self._interaction is not None:
             self._interaction.stop(Stop(reason=reason, code=SHUTTING_DOWN), now)
@@ -145,6 +162,7 @@ class Market:
             self._interaction.excuse(now - since)
         if self._arrivals.open_round is not None:
             self._arrivals.open_round.excuse(now - since)
+        self._previews.excuse(now - since)
         return self._settle(now)
 
     def called(self, round_number: int, now: float) -> list[Effect]:
@@ -157,24 +175,78 @@ class Market:
     def bids(self, bids: Bids, now: float) -> list[Effect]:
         """Take a host's answer, whatever it looks like."""
         rounds = self._open_rounds()
-        numbers = [open_round.number for open_round in rounds]
-        past = bids.epoch == self.epoch and 0 < bids.round <= self._floor.rounds
-        if past and bids.round not in numbers:
+        named = next((r for r in rounds if r.number == bids.round), None)
+        real = [r for r in rounds if r.number <= PREVIEWS]
+        if named is not None and bids.epoch == self.epoch and named.takes_bids:
+            named.take(bids)
+            if self._interaction is not None:
+                self._interaction.close_when_due(now)
+        elif bids.epoch == self.epoch and self._was_opened(bids.round):
             self.late_bids += 1
             self._note(f"LATE: bids of {bids.host} for round {bids.round}, which is closed")
-        elif not rounds:
+        elif real and real[0].takes_bids:
+            # What belongs to no open round is recorded with the first one.
+            real[0].take(bids)
+        else:
             try:
                 check_round(bids, self.epoch, self._floor.rounds)
                 self._note(f"bids of {bids.host} refused: no round has been opened yet")
             except Refused as refused:
                 self._note(f"bids of {bids.host} refused: {refused}")
-        else:
-            # What belongs to no open round is recorded with the first one.
-            named = (r for r in rounds if r.number == bids.round)
-            next(named, rounds[0]).take(bids)
-            if self._interaction is not None:
-                self._interaction.close_when_due(now)
         return self._settle(now)
+
+    def ranked(self, round_number: int, external: External, now: float) -> list[Effect]:
+        """Take the ranking of a program outside, or why there is none; a late one is noted."""
+        if not any(r.number == round_number and r.ranked(external) for r in self._open_rounds()):
+            self._note(f"LATE: a ranking from outside for round {round_number}, which is closed")
+        elif self._interaction is not None:
+            self._interaction.close_when_due(now)
+        return self._settle(now)
+
+    def operate(self, order: Order, now: float) -> tuple[str, list[Effect]]:
+        """Do what an operator asks for.
+
+        Returns:
+            The answer in words, and the effects.
+
+        Raises:
+            Refused: ``UNKNOWN_AGENT``, ``NO_SCENE``, or as in :class:`Say` and for scenes that
+                come in; nothing is changed then.
+        """
+        message = self._operating.take(order, self._interaction, now)
+        if order.act is not Act.AWARD:
+            self._floor.effects.append(KeepOrders(text=self._floor.say.as_text()))
+        return message, self._settle(now)
+
+    def restore_orders(self, text: str, now: float) -> tuple[str, list[Effect]]:
+        """Take over the pins and vetoes that an earlier market had kept, before the first scene.
+
+        Returns:
+            What they are in words, empty for none, and the effects.
+
+        Raises:
+            Refused: ``MALFORMED``; nothing is changed.
+        """
+        return self._operating.restore(text), self._settle(now)
+
+    def preview(self, scene: Scene | None, strategy: str, now: float) -> tuple[int, list[Effect]]:
+        """Ask who would win; ``PreviewEnded`` with the number follows.
+
+        Args:
+            scene: None means the scene that was taken last.
+            strategy: Empty for the one in force.
+            now: Steady time [s].
+
+        Returns:
+            The number of the preview, and the effects.
+
+        Raises:
+            Refused: ``NO_SCENE``, ``SHUTTING_DOWN``, ``UNKNOWN_STRATEGY`` or ``BUSY``.
+        """
+        if self._arrivals.shut:
+            raise Refused(SHUTTING_DOWN, self._arrivals.shut)
+        number = self._previews.ask(self._operating.scene(scene), strategy, now)
+        return number, self._settle(now)
 
     def goal_accepted(self, goal: Goal, now: float) -> list[Effect]:
         """The host has taken the goal; one that nobody waits for any more is cancelled."""
@@ -262,13 +334,19 @@ class Market:
 
     def _open_rounds(self) -> list[OpenRound]:
         of_interaction = self._interaction.open_round if self._interaction else None
-        return [r for r in (of_interaction, self._arrivals.open_round) if r is not None]
+        of_market = [r for r in (of_interaction, self._arrivals.open_round) if r is not None]
+        return [*of_market, *self._previews.open_rounds]
+
+    def _was_opened(self, round_number: int) -> bool:
+        previews = PREVIEWS < round_number <= PREVIEWS + self._floor.previews
+        return previews or 0 < round_number <= self._floor.rounds
 
     def _note(self, message: str) -> None:
         self._floor.effects.append(Note(message=message))
 
     def _settle(self, now: float) -> list[Effect]:
         """End what is over, begin what waits, report a changed state, hand over the effects."""
+        self._previews.mind(now)
         self._arrivals.mind(self._interaction, now)
         if self._interaction is not None:
             self._interaction.go_on(now)
@@ -278,6 +356,9 @@ class Market:
             self._finish()
         status = self._describe(now)
         effects = self._floor.effects
+        for effect in effects:
+            if isinstance(effect, SceneEnded) and effect.code != "DUPLICATE":
+                self._floor.say.forget(effect.scene_id)
         if status != self._status:
             self._status = status
             effects.append(status)
@@ -309,5 +390,10 @@ class Market:
             queued=len(self._arrivals),
             hosts=len(live),
             agents=sum(len(entry.agents) for entry in live),
+            strategy=self.settings.strategy,
+            shadow_strategy=self.settings.shadow_strategy,
+            pinned=self._floor.say.pinned,
+            vetoed=self._floor.say.vetoed,
+            starved=self._floor.starved(),
             message=interaction.words() if interaction else self._last_words,
         )

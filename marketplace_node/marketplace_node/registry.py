@@ -166,6 +166,14 @@ class Registry:
         """Return the entry of a host, None when it is not registered."""
         return self._entries.get(host)
 
+    def holder(self, agent: str) -> HostEntry | None:
+        """Return the host that has an agent, dead or alive; None when no host has it."""
+        return next((e for e in self._entries.values() if agent in e.agents), None)
+
+    def agents(self) -> tuple[str, ...]:
+        """Return the names of all agents of all registered hosts."""
+        return tuple(name for entry in self._entries.values() for name in entry.agents)
+
     def is_live(self, host: str, instance: str, now: float) -> bool:
         """Return True when this start of the host is registered and within its lease."""
         entry = self._entries.get(host)

@@ -4,16 +4,21 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
 from typing import Final
 
 from bt_agents.errors import Refused
-from marketplace_node.strategies import STRATEGIES
+from bt_agents.language.diagnostics import did_you_mean
+from marketplace_node.strategies import STRATEGIES, TIE_BREAKS, Option
 
 ON_NEW_SCENE: Final = ("queue", "reject", "preempt")
-TIE_BREAKS: Final = ("least_recently_run", "name")
 MAX_QUEUE: Final = 100
 MAX_MARGIN: Final = 100.0
+MAX_STARVATION: Final = 1_000_000
+
+EXTERNAL: Final = "external"
+"""The strategy that asks a program outside."""
 
 SECONDS: Final = {
     "bid_deadline_s": (0.01, 60.0),
@@ -31,7 +36,10 @@ class Settings:
     """How the market decides and how long it waits.
 
     Attributes:
-        strategy: Name of the ranking function.
+        strategy: Name of the strategy that ranks.
+        shadow_strategy: Name of a second one that only scores; empty for none.
+        options: What is set about strategies, by names like ``softmax.temperature``; what is not
+            named has its default.
         bid_deadline_s: From the call to the close of a round [s].
         host_lease_s: A host without a heartbeat for this long is gone [s].
         goal_deadline_s: Time for a host to take or refuse a goal [s].
@@ -43,13 +51,18 @@ class Settings:
         preempt_margin: A running agent is stopped for another one that is nearer to the new scene
             by at least this distance.
         preempt_cooldown_s: After such a stop there is none other for this long [s].
-        tie_break: Which of equally distant bids wins.
+        tie_break: Which of equally good bids wins.
+        starvation_rounds: An agent is starved once it has bid in so many awarded rounds without
+            winning any; 0 is never.
 
     Raises:
-        Refused: ``UNKNOWN_CHOICE`` or ``OUT_OF_RANGE``.
+        Refused: ``UNKNOWN_STRATEGY``, ``UNKNOWN_OPTION``, ``UNKNOWN_CHOICE``, ``NO_SHADOW`` or
+            ``OUT_OF_RANGE``.
     """
 
     strategy: str = "manhattan"
+    shadow_strategy: str = ""
+    options: Mapping[str, float] = field(default_factory=dict)
     bid_deadline_s: float = 0.5
     host_lease_s: float = 0.8
     goal_deadline_s: float = 2.0
@@ -60,16 +73,71 @@ class Settings:
     preempt_margin: float = 1.0
     preempt_cooldown_s: float = 5.0
     tie_break: str = "least_recently_run"
+    starvation_rounds: int = 50
 
     def __post_init__(self) -> None:
         """Check every value."""
-        _check_choice("strategy", self.strategy, tuple(STRATEGIES))
+        check_strategy(self.strategy)
+        self._check_shadow()
+        self._check_options()
         _check_choice("on_new_scene", self.on_new_scene, ON_NEW_SCENE)
         _check_choice("tie_break", self.tie_break, TIE_BREAKS)
         for name, (least, most) in SECONDS.items():
             _check_range(name.removesuffix("_s"), getattr(self, name), least, most, " s")
         _check_range("queue_limit", self.queue_limit, 0, MAX_QUEUE, "")
         _check_range("preempt_margin", self.preempt_margin, 0.0, MAX_MARGIN, "")
+        _check_range("starvation_rounds", self.starvation_rounds, 0, MAX_STARVATION, "")
+
+    def options_of(self, strategy: str) -> dict[str, float]:
+        """Return every option of a strategy with its value, by names like ``temperature``."""
+        start = f"{strategy}."
+        given = {
+            name.removeprefix(start): value
+            for name, value in self.options.items()
+            if name.startswith(start)
+        }
+        return STRATEGIES[strategy].values(given) if strategy else {}
+
+    def _check_shadow(self) -> None:
+        if not self.shadow_strategy:
+            return
+        check_strategy(self.shadow_strategy, "shadow_strategy")
+        if self.shadow_strategy == EXTERNAL:
+            raise Refused(
+                "NO_SHADOW",
+                f"shadow_strategy: '{EXTERNAL}' cannot be the shadow, as a round would wait for "
+                "its answer; make it the strategy, and the other one the shadow",
+            )
+
+    def _check_options(self) -> None:
+        known = dict(all_options())
+        for name, value in self.options.items():
+            option = known.get(name)
+            if option is None:
+                raise Refused(
+                    "UNKNOWN_OPTION",
+                    f"no option '{name}'; {did_you_mean(name, known) or 'see the strategies'}",
+                )
+            _check_range(name, value, option.minimum, option.maximum, "")
+
+
+def all_options() -> Iterator[tuple[str, Option]]:
+    """Yield every option of every strategy with its full name, like ``softmax.temperature``."""
+    for strategy, spec in STRATEGIES.items():
+        for option in spec.options:
+            yield f"{strategy}.{option.name}", option
+
+
+def check_strategy(name: str, what: str = "strategy") -> None:
+    """Check that there is a strategy of a name.
+
+    Raises:
+        Refused: ``UNKNOWN_STRATEGY``, with the list.
+    """
+    if name not in STRATEGIES:
+        raise Refused(
+            "UNKNOWN_STRATEGY", f"{what}: '{name}', expected one of {', '.join(STRATEGIES)}"
+        )
 
 
 def _check_choice(name: str, found: str, choices: tuple[str, ...]) -> None:

@@ -7,7 +7,8 @@ import math
 from collections.abc import Iterable, Mapping
 from typing import Any
 
-from bt_agents.language.specs import SceneSpec, SourceSpec, Visit
+from bt_agents.language.scene_specs import SceneSpec, SourceSpec
+from bt_agents.language.specs import Visit
 from scene_layer.sources import inverted
 
 PAUSE_S = 2.0
@@ -21,10 +22,10 @@ _MARGIN_S = 0.1
 
 def readings(
     spec: SceneSpec, values: Mapping[str, float], person: bool
-) -> dict[SourceSpec, float]:
+) -> dict[SourceSpec, float | str]:
     """Return what each source reads when these values hold; NaN where it reads nothing."""
     found = {
-        source: inverted(source, values[source.parameter])
+        source: _reading(source, values[source.parameter])
         if source.parameter in values
         else math.nan
         for source in spec.sources
@@ -34,12 +35,33 @@ def readings(
     return found
 
 
-def field_value(example: object, reading: float) -> Any:
+def _reading(source: SourceSpec, value: float) -> float | str:
+    if source.table:
+        return min(source.table, key=lambda row: abs(row[1] - value))[0]
+    return inverted(source, value)
+
+
+def is_read(reading: float | str) -> bool:
+    """Return whether a source reads anything."""
+    return isinstance(reading, str) or not math.isnan(reading)
+
+
+def field_value(example: object, reading: float | str) -> Any:
     """Return a reading in the type of the field that carries it, known by an example.
 
     Raises:
-        TypeError: The field is neither a boolean nor a number.
+        TypeError: The field cannot carry it.
     """
+    if isinstance(reading, str) and isinstance(example, str):
+        return reading
+    if isinstance(example, str) and not is_read(reading):
+        return ""
+    if isinstance(reading, str):
+        words = {"true": 1.0, "false": 0.0}
+        try:
+            reading = words[reading] if reading in words else float(reading)
+        except ValueError:
+            raise TypeError(f"a {type(example).__name__}, expected a text") from None
     if isinstance(example, bool):
         return reading >= 0.5
     if isinstance(example, float):
@@ -75,5 +97,9 @@ def pause_after(spec: SceneSpec, seen: Iterable[str], coming: Visit | None, pace
     """
     known = coming.values if coming is not None else {}
     lingering = set(seen) - set(known)
-    stale = [s.stale_after_s + _MARGIN_S for s in spec.sources if s.parameter in lingering]
+    stale = [
+        source.stale_after_s + _MARGIN_S
+        for source in spec.sources
+        if source.parameter in lingering and math.isfinite(source.stale_after_s)
+    ]
     return max([PAUSE_S / pace, *stale])

@@ -15,8 +15,9 @@ from std_msgs.msg import Bool, Empty, String
 
 from bt_agents.errors import Refused
 from bt_agents.language.scene_reader import read_scene
+from bt_agents.language.scene_specs import SceneSpec, SourceSpec, path_of
 from bt_agents.language.script_reader import read_script
-from bt_agents.language.specs import BindingKind, Change, SceneSpec, Script, SourceSpec, Visit
+from bt_agents.language.specs import BindingKind, Change, Script, Visit
 from bt_agents.ros import qos
 from bt_agents.ros.calls import Calls
 from bt_agents.ros.interfaces import fill, load_type, read_field
@@ -29,7 +30,14 @@ from bt_agents.trees_folder import find_trees
 from bt_agents_interfaces.msg import MarketStatus, Run
 from bt_agents_interfaces.msg import Scene as SceneMsg
 from bt_agents_interfaces.srv import Analyze
-from bt_agents_robot.people import REACTION_S, field_value, nested, pause_after, readings
+from bt_agents_robot.people import (
+    REACTION_S,
+    field_value,
+    is_read,
+    nested,
+    pause_after,
+    readings,
+)
 from scene_layer.script import Market, Performance, answer
 
 SENSOR_PERIOD_S = 0.2
@@ -54,28 +62,34 @@ class _Sensor:
         # Reliable, so that both kinds of subscription match.
         self.publisher: Publisher = node.create_publisher(self._type, topic, qos.EVENTS)
 
-    def publish(self, values: dict[SourceSpec, float]) -> None:
+    def publish(self, values: dict[SourceSpec, float | str]) -> None:
         """Publish one message with the readings of all sources, unless there are none."""
-        if any(not math.isnan(values[source]) for source in self.sources):
+        if any(is_read(values[source]) for source in self.sources):
             self.publisher.publish(self._message(values))
 
-    def _message(self, values: dict[SourceSpec, float]) -> Any:
+    def _message(self, values: dict[SourceSpec, float | str]) -> Any:
         message = self._type()
-        fields = (
-            (source.field, field_value(self._examples[source], values[source]))
-            for source in self.sources
-        )
-        fill(message, nested(fields))
+        fields: dict[str, Any] = {}
+        for source in self.sources:
+            reading = values[source]
+            fields[source.path or ""] = field_value(self._examples[source], reading)
+            sure = path_of(source.confidence) if source.confidence is not None else None
+            if sure is not None:
+                fields[sure] = max(fields.get(sure, 0.0), float(is_read(reading)))
+        fill(message, nested(fields.items()))
         return message
 
     def _example(self, source: SourceSpec) -> Any:
         try:
-            example = read_field(self._type(), source.field)
-            fill(self._type(), nested([(source.field, field_value(example, 0.0))]))
+            if source.path is None or source.per_person:
+                raise TypeError("expected a field of a topic that is the same for everybody")
+            example = read_field(self._type(), source.path)
+            written = field_value(example, source.table[0][0] if source.table else 0.0)
+            fill(self._type(), nested([(source.path, written)]))
         except (Refused, TypeError) as error:
             raise Refused(
                 "UNKNOWN_FIELD",
-                f"{source.position}: visitors cannot write {source.field} of {source.type}: "
+                f"{source.position}: visitors cannot write {source.field.text} of {source.type}: "
                 f"{error}",
             ) from None
         return example
@@ -90,10 +104,16 @@ class VisitorsNode(GuardedNode):
         node_kwargs: For :class:`rclpy.node.Node`.
 
     Raises:
-        Refused: A source has a type or field that cannot be written.
+        Refused: A source has a type or field that cannot be written, or persons are told apart.
     """
 
     def __init__(self, spec: SceneSpec, script: Script, **node_kwargs: Any) -> None:
+        if spec.persons is not None:
+            raise Refused(
+                "PERSONS_TOLD_APART",
+                f"{spec.persons.tracked.position}: visitors come one at a time and without ids; "
+                "expected a scene.yaml without 'persons'",
+            )
         super().__init__("visitors", **node_kwargs)
         self._spec = spec
         self._script = script
@@ -256,7 +276,7 @@ class VisitorsNode(GuardedNode):
         used = [
             sensor.publisher
             for sensor in self._sensors
-            if any(not math.isnan(values[source]) for source in sensor.sources)
+            if any(is_read(values[source]) for source in sensor.sources)
         ]
         return [self._trigger, *used]
 

@@ -1,31 +1,41 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Readings of sensors turned into values of scene parameters; a bad reading never gets further."""
+"""Messages of sensors turned into values of scene parameters; a bad one never gets further."""
 
 from __future__ import annotations
 
 import math
 from collections import Counter
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import replace
 from itertools import pairwise
 
 from bt_agents.errors import Refused
-from bt_agents.language.specs import SceneSpec, SourceSpec
+from bt_agents.language.expression.expression_values import described
+from bt_agents.language.expression.expressions import EvaluationError, Expression, MissingValue
+from bt_agents.language.scene_specs import (
+    LARGEST_STD,
+    MESSAGE,
+    PERSON,
+    SceneSpec,
+    SourceSpec,
+    word_of,
+)
 from bt_agents.scene import check_value
+from scene_layer.fusion import Reading, fused, smoothed
+from scene_layer.memory import ignorance
 
+Message = Callable[[str], object]
+"""Returns the field of a message by its dotted path, as plain data.
 
-@dataclass(frozen=True, kw_only=True)
-class Reading:
-    """A value in the unit of its parameter, and when it holds, on the steady clock.
+Raises :class:`~bt_agents.errors.Refused` for what is not there: ``NO_SUCH_ITEM`` where a list is
+too short, which means that nothing was measured.
+"""
 
-    Attributes:
-        value: Finite; for the presence of a person a number, see :mod:`scene_layer.estimate`.
-        at: When it arrived [s].
-        stale_at: From when on it counts no more [s]; infinite for a given value.
-    """
+LONGEST_TEXT = 100
+"""Characters of the name of a place, or of the id of a part of a person."""
 
-    value: float
-    at: float
-    stale_at: float = math.inf
+_ROUNDING = 1e-6
+"""A confidence may be so much above 1: more digits than that a float32 does not have."""
 
 
 def mapped(source: SourceSpec, reading: float) -> float:
@@ -41,6 +51,22 @@ def mapped(source: SourceSpec, reading: float) -> float:
     return points[-1][1]
 
 
+def mapped_std(source: SourceSpec, reading: float, std: float) -> float:
+    """Return the standard deviation of the value of an uncertain reading.
+
+    It is that of the values which the readings one deviation below and above map to, around the
+    value itself: the sigma points of S. Julier and J. Uhlmann, "A New Extension of the Kalman
+    Filter to Nonlinear Systems", 1997, in one dimension. On a straight piece of the map this is
+    the deviation times the slope, exactly. Beyond an end of the map it is the one at the end: a
+    value that is held there is not known exactly.
+    """
+    if source.points:
+        reading = min(max(reading, source.points[0][0]), source.points[-1][0])
+    middle = mapped(source, reading)
+    sides = (mapped(source, reading - std), mapped(source, reading + std))
+    return math.sqrt(math.fsum((side - middle) ** 2 for side in sides) / 2.0)
+
+
 def inverted(source: SourceSpec, value: float) -> float:
     """Return a reading that the points of the source map to ``value``, as nearly as they can."""
     points = source.points
@@ -52,76 +78,316 @@ def inverted(source: SourceSpec, value: float) -> float:
     return min(points, key=lambda point: abs(point[1] - value))[0]
 
 
-class Sources:
-    """The latest good reading of every source of a system.
+def message_of(fields: Mapping[str, object]) -> Message:
+    """Return plain nested data as a message."""
 
-    A refused reading changes nothing: the last good one stays until it is stale.
+    def field(path: str) -> object:
+        value: object = fields
+        for part in path.split("."):
+            if isinstance(value, Mapping) and part in value:
+                value = value[part]
+            elif isinstance(value, list | tuple) and part.isdecimal():
+                if int(part) >= len(value):
+                    raise Refused(
+                        "NO_SUCH_ITEM", f"'{path}': the list has only {len(value)} items"
+                    )
+                value = value[int(part)]
+            else:
+                raise Refused("UNKNOWN_FIELD", f"the message has no field '{path}'")
+        return value
+
+    return field
+
+
+class _NotMeasuredError(Exception):
+    """The message says that nothing was measured."""
+
+
+class Sources:
+    """The latest good reading of every source of a system, of each person where they differ.
+
+    A refused message changes nothing: the last good reading stays until it is stale. Of how many
+    persons there are readings is up to the caller, who forgets those that are gone: of all of
+    :attr:`people` who are no longer of interest.
 
     Attributes:
-        refusals: How many readings were refused, by topic and code.
+        refusals: How many messages were refused, by topic and code.
     """
 
     def __init__(self, spec: SceneSpec) -> None:
         self._spec = spec
-        self._latest: dict[SourceSpec, Reading] = {}
+        self._of = {
+            name: [source for source in spec.sources if source.parameter == name]
+            for name in spec.space.names
+        }
+        self._parameters = {
+            source: spec.space.parameter(source.parameter) for source in spec.sources
+        }
+        place = (spec.place,) if isinstance(spec.place, SourceSpec) else ()
+        self._parts = spec.persons.parts if spec.persons is not None else ()
+        self._named = frozenset((*place, *self._parts))
+        self._own = {
+            name: [source for source in sources if source.per_person]
+            for name, sources in self._of.items()
+        }
+        self._largest_std = {p.name: ignorance(p) for p in spec.space.parameters}
+        self._latest: dict[tuple[SourceSpec, str], Reading] = {}
+        self._texts: dict[tuple[SourceSpec, str], tuple[str, float]] = {}
         self.refusals: Counter[tuple[str, str]] = Counter()
 
-    def read(self, source: SourceSpec, raw: object, now: float) -> bool:
-        """Take a reading.
+    def read(self, source: SourceSpec, message: Message, now: float, person: str = "") -> bool:
+        """Take a message.
 
         Args:
-            source: One of the sources of the scene's specification, or its person source.
-            raw: What stood in the field of the message.
+            source: Any source of the scene's specification.
+            message: The fields of the message; of a source of items those of one item.
             now: Steady time of arrival [s].
+            person: Id of the person whom it is about, for sources that are about one.
 
         Returns:
-            True when the value differs from what held before.
+            True when the value differs from what held before; False also when the message says
+            that nothing was measured: by a confidence of 0, an empty list or an empty word.
 
         Raises:
-            Refused: ``NOT_A_NUMBER``, ``NOT_FINITE`` or ``OUT_OF_RANGE``.
+            Refused: ``NOT_A_NUMBER``, ``NOT_FINITE``, ``OUT_OF_RANGE``, ``UNKNOWN_WORD``,
+                ``BAD_CONFIDENCE``, ``BAD_STD``, ``NOT_COMPUTABLE``, ``NOT_A_TEXT``, ``TOO_LONG``
+                or ``UNKNOWN_FIELD``.
         """
+        of = (source, person if source.per_person else "")
         try:
-            value = self._checked(source, raw)
+            if source in self._named:
+                return self._take_text(of, message, now)
+            reading = self._measured(source, message, now)
+        except _NotMeasuredError:
+            return False
         except Refused as refused:
             self.refusals[source.topic, refused.code] += 1
             raise
-        before = self._latest.get(source)
-        self._latest[source] = Reading(value=value, at=now, stale_at=now + source.stale_after_s)
-        return before is None or before.value != value or now > before.stale_at
+        before = self._latest.get(of)
+        if before is not None and source.smoothing_s:
+            reading = smoothed(before, reading, source.smoothing_s)
+        self._latest[of] = reading
+        return before is None or before.value != reading.value or now > before.stale_at
 
-    def latest(self, parameter: str) -> Reading | None:
-        """Return the newest reading of a parameter, stale or not; None when there was none.
+    @property
+    def people(self) -> frozenset[str]:
+        """Ids of all persons of whom something has been read and not been forgotten."""
+        return frozenset(
+            person for kept in (self._latest, self._texts) for _, person in kept if person
+        )
 
-        Of several sources of one parameter the one that spoke last counts.
+    def forget(self, person: str) -> None:
+        """Drop all that was read of a person."""
+        for kept in (self._latest, self._texts):
+            for of in [one for one in kept if one[1] == person and one[0].per_person]:
+                del kept[of]
+
+    # What is known now
+
+    def latest(
+        self, parameter: str, now: float, person: str = "", *, alone: bool = False
+    ) -> Reading | None:
+        """Return the fused readings of a parameter.
+
+        What a source reads that is not about one person counts for everybody. But where others
+        are about one, it counts for somebody only beside a reading of that person: the voice of
+        the room is not the mood of whoever stands there silently.
+
+        Args:
+            parameter: Its name.
+            now: Steady time [s].
+            person: Whose; empty for nobody in particular.
+            alone: Leave out what is not about this person, where others are.
+
+        Returns:
+            Stale ones are left out; when all are stale, the newest as it was, and None when there
+            never was one. The deviation is at most that of any value of the range.
         """
-        found = [
-            self._latest[source]
-            for source in self._spec.sources
-            if source.parameter == parameter and source in self._latest
-        ]
-        return max(found, key=lambda reading: reading.at, default=None)
+        own = self._readings(self._own.get(parameter, ()), person)
+        fresh = [reading for reading in own if now <= reading.stale_at]
+        about_one = bool(person and self._own.get(parameter))
+        found = own
+        if not about_one or (fresh and not alone):
+            found = self._readings(self._of.get(parameter, ()), person)
+            fresh = [reading for reading in found if now <= reading.stale_at]
+        if not fresh:
+            return max(found, key=lambda r: r.at, default=None)
+        together = fused(fresh)
+        return replace(together, std=min(together.std, self._largest_std[parameter]))
+
+    def _readings(self, sources: Iterable[SourceSpec], person: str) -> list[Reading]:
+        ofs = ((source, person if source.per_person else "") for source in sources)
+        return [self._latest[of] for of in ofs if of in self._latest]
 
     def latest_person(self) -> Reading | None:
         """Return the newest reading of the person source, stale or not."""
-        return self._latest.get(self._spec.person) if self._spec.person else None
+        return self._latest.get((self._spec.person, "")) if self._spec.person else None
 
-    def _checked(self, source: SourceSpec, raw: object) -> float:
+    def reading(self, source: SourceSpec, now: float, person: str = "") -> Reading | None:
+        """Return the reading of one source; None when there is none, or it is stale."""
+        found = self._latest.get((source, person if source.per_person else ""))
+        return found if found is not None and now <= found.stale_at else None
+
+    def place(self, now: float) -> str:
+        """Return where the robot is; empty when nobody says so."""
+        place = self._spec.place
+        return place if isinstance(place, str) else self._text(place, now, "")
+
+    def topics(self, people: Iterable[str], now: float) -> dict[tuple[SourceSpec, str], str]:
+        """Return the topics that tell something about each of some persons.
+
+        Args:
+            people: Their ids; those that cannot stand in the name of a topic have no topics.
+            now: Steady time [s]; topics of parts are known once the part's id is.
+
+        Returns:
+            (source, person) → topic.
+        """
+        found: dict[tuple[SourceSpec, str], str] = {}
+        sources = [source for source in self._spec.every_source if source.placeholders]
+        for person in people:
+            ids = {part.parameter: self._text(part, now, person) for part in self._parts}
+            for source in sources:
+                topic = source.topic_of({**ids, PERSON: person})
+                if topic is not None:
+                    found[source, person] = topic
+        return found
+
+    def _text(self, source: SourceSpec, now: float, person: str) -> str:
+        text, stale_at = self._texts.get((source, person), ("", 0.0))
+        return text if now <= stale_at else ""
+
+    # What a message says
+
+    def _take_text(self, of: tuple[SourceSpec, str], message: Message, now: float) -> bool:
+        source, person = of
+        raw = _evaluated(source, source.field, message)
         what = f"reading of {source.topic}"
-        if not isinstance(raw, bool | int | float):
+        if not isinstance(raw, str):
             raise Refused(
-                "NOT_A_NUMBER",
-                f"{what}: {source.field} is a {type(raw).__name__}, "
-                "expected a number or a boolean; name another field in scene.yaml",
+                "NOT_A_TEXT",
+                f"{what}: {source.field.text} is a {type(raw).__name__}, expected a text; name "
+                "another field in scene.yaml",
             )
-        try:
-            reading = float(raw)
-        except OverflowError:
-            reading = math.inf
-        if not math.isfinite(reading):
+        text = raw.strip()
+        if len(text) > LONGEST_TEXT or not text.isprintable():
             raise Refused(
-                "NOT_FINITE", f"{what}: {source.field} is {reading}, expected a finite number"
+                "TOO_LONG",
+                f"{what}: {source.field.text} has {len(text)} characters, expected at most "
+                f"{LONGEST_TEXT}, all of them printable",
             )
-        value = mapped(source, reading)
-        if source != self._spec.person:
-            check_value(self._spec.space.parameter(source.parameter), value, what=what)
-        return value
+        before = self._text(source, now, person)
+        self._texts[of] = (text, now + source.stale_after_s)
+        return text != before
+
+    def _measured(self, source: SourceSpec, message: Message, now: float) -> Reading:
+        confidence = _confidence(source, message)
+        raw = _evaluated(source, source.field, message)
+        std = _std(source, message)
+        if source.table:
+            value = _in_table(source, raw)
+        else:
+            reading = _number(source, raw)
+            value = mapped(source, reading)
+            std = mapped_std(source, reading, std) if std and source.points else std
+        parameter = self._parameters.get(source)
+        if parameter is not None:
+            check_value(parameter, value, what=f"reading of {source.topic}")
+        return Reading(
+            value=value,
+            at=now,
+            stale_at=now + source.stale_after_s,
+            std=std,
+            confidence=confidence,
+            source=source.topic,
+        )
+
+
+def _evaluated(source: SourceSpec, expression: Expression, message: Message) -> object:
+    skip = len(MESSAGE) + 1
+    try:
+        return expression.evaluate(lambda name: message(name[skip:]))
+    except MissingValue:
+        raise _NotMeasuredError from None
+    except Refused as refused:
+        if refused.code == "NO_SUCH_ITEM":
+            raise _NotMeasuredError from None
+        raise
+    except EvaluationError as error:
+        raise Refused(
+            "NOT_COMPUTABLE",
+            f"reading of {source.topic}: {expression.text}: {error.message}",
+        ) from None
+
+
+def _confidence(source: SourceSpec, message: Message) -> float:
+    if source.confidence is None:
+        return 1.0
+    raw = _evaluated(source, source.confidence, message)
+    if isinstance(raw, bool | int | float) and 0.0 <= raw <= 1.0 + _ROUNDING:
+        if raw == 0.0:
+            raise _NotMeasuredError
+        return min(float(raw), 1.0)
+    raise Refused(
+        "BAD_CONFIDENCE",
+        f"reading of {source.topic}: the confidence {source.confidence.text} is {described(raw)}, "
+        "expected 0 to 1",
+    )
+
+
+def _std(source: SourceSpec, message: Message) -> float:
+    if source.std is None:
+        return 0.0
+    raw = _evaluated(source, source.std, message)
+    if isinstance(raw, int | float) and 0.0 <= raw <= LARGEST_STD:
+        return float(raw)
+    raise Refused(
+        "BAD_STD",
+        f"reading of {source.topic}: the standard deviation {source.std.text} is "
+        f"{described(raw)}, expected 0 or more",
+    )
+
+
+def _number(source: SourceSpec, raw: object) -> float:
+    what = f"reading of {source.topic}"
+    if not isinstance(raw, bool | int | float):
+        raise Refused(
+            "NOT_A_NUMBER",
+            f"{what}: {source.field.text} is a {type(raw).__name__}, "
+            "expected a number or a boolean; name another field in scene.yaml",
+        )
+    try:
+        reading = float(raw)
+    except OverflowError:
+        reading = math.inf
+    if not math.isfinite(reading):
+        raise Refused(
+            "NOT_FINITE", f"{what}: {source.field.text} is {reading}, expected a finite number"
+        )
+    return reading
+
+
+def _in_table(source: SourceSpec, raw: object) -> float:
+    word = _word(raw)
+    for known, value in source.table:
+        if known == word:
+            return value
+    if word == "":
+        raise _NotMeasuredError
+    raise Refused(
+        "UNKNOWN_WORD",
+        f"reading of {source.topic}: {source.field.text} is {described(raw)}, expected one of "
+        f"{', '.join(known for known, _ in source.table)[:200]}; add it to 'table' in scene.yaml",
+    )
+
+
+def _word(raw: object) -> str | None:
+    """Return a value as it stands in a table; None for what cannot stand there."""
+    match raw:
+        case bool():
+            return str(raw).lower()
+        case str():
+            return raw
+        case int() | float():
+            return word_of(raw)
+    return None

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 import signal
 from collections.abc import Callable, Iterable
@@ -30,11 +31,13 @@ def shared_memory(pids: Iterable[int]) -> set[Path]:
     return found
 
 
-def test_the_demo_tells_the_whole_morning_and_ends_by_itself(start: Start) -> None:
-    demo = start("demo", "--no-voice")
+def test_the_demo_tells_the_whole_morning_and_its_journal_does_itself_again(
+    start: Start, tmp_path: Path
+) -> None:
+    demo = start("demo", "--no-voice", "--journal", str(tmp_path))
     demo.until("an airport employee")
     pids = children(demo.process.pid)
-    assert len(pids) == 6
+    assert len(pids) == 7
     shared = shared_memory([demo.process.pid, *pids])
     assert demo.wait() == 0
     told = demo.output
@@ -88,6 +91,17 @@ def test_the_demo_tells_the_whole_morning_and_ends_by_itself(start: Start) -> No
     assert not re.search("Traceback|had to be killed", told)
     assert not [pid for pid in pids if alive(pid)]
     assert not shared
+    again = start("replay", str(tmp_path), "--json")
+    assert again.wait() == 0, again.output
+    found = json.loads(again.output)
+    assert found["counts"] == {
+        "decisions": {"equal": 6, "different": 0, "not recorded": 0},
+        "profile changes": {"equal": 2, "different": 0, "not recorded": 0},
+        "runs of trees": {"equal": 5, "different": 0, "not recorded": 0},
+    }
+    assert found["ticks"] > 100
+    assert found["problems"] == []
+    assert found["lost"] == {}
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])

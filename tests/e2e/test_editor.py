@@ -36,7 +36,7 @@ def server() -> Iterator[LanguageServer]:
 
 
 def shipped() -> list[Path]:
-    folders = ("agents", "skills", "libraries", "scripts")
+    folders = ("agents", "skills", "libraries", "scenes", "scripts")
     found = [path for folder in folders for path in (ROOT / "trees" / folder).glob("*.yaml")]
     return [ROOT / "trees" / "scene.yaml", *sorted(found)]
 

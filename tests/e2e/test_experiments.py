@@ -19,12 +19,12 @@ def test_experiment_3_follows_the_closed_form_round_by_round(
     ask: Callable[..., str], tmp_path: Path
 ) -> None:
     table = tmp_path / "rounds.csv"
-    said = ask("experiment", "3", "--csv", str(table))
-    assert "equal" in said
+    said = " ".join(ask("experiment", "run", "3", "--ros", "--rounds", "60", "--csv", str(table)).split())
+    assert "60 rounds through ROS against 60 without it: equal" in said
     assert "not equal" not in said
     with table.open() as file:
         rows = list(csv.DictReader(file))
-    assert len(rows) == 150
+    assert len(rows) == 60
     won: dict[str, int] = defaultdict(int)
     for row in rows:
         agent = row["winner"]
@@ -32,7 +32,7 @@ def test_experiment_3_follows_the_closed_form_round_by_round(
         for name in ("age", "profession", "emotion"):
             for column, cycles in (("before", won[agent]), ("after", won[agent] + 1)):
                 expected = target + (2.5 - target) * 0.8**cycles
-                assert float(row[f"{column}_{name}"]) == pytest.approx(expected, abs=1e-9)
+                assert float(row[f"{column}_{name}"]) == pytest.approx(expected, abs=1e-12)
         won[agent] += 1
     profiles = dict.fromkeys(TARGETS, 2.5)
     for row in rows:
@@ -42,7 +42,26 @@ def test_experiment_3_follows_the_closed_form_round_by_round(
         profiles[row["winner"]] = float(row["after_age"])
 
 
-def test_experiment_1_reaches_its_target_in_100_cycles(ask: Callable[..., str]) -> None:
-    said = ask("experiment", "1")
-    assert "5.0000, 4.0000, 1.0000" in said
+def test_experiment_1_is_the_same_with_ros_and_without(ask: Callable[..., str]) -> None:
+    said = " ".join(ask("experiment", "run", "1", "--ros", "--rounds", "40").split())
+    assert "40 rounds through ROS against 40 without it: equal" in said
     assert "not equal" not in said
+
+
+def test_experiment_2_and_its_wrong_feedback_is_the_same_with_ros_and_without(
+    ask: Callable[..., str],
+) -> None:
+    said = ask("experiment", "run", "2", "--ros", "--rounds", "20", "--seed", "4")
+    said = " ".join(said.split())
+    assert said.count("20 rounds through ROS against 20 without it: equal") == 3
+    assert "not equal" not in said
+
+
+def test_the_recommended_strategy_and_learning_rule_go_the_same_way_with_ros_and_without(
+    ask: Callable[..., str],
+) -> None:
+    said = ask(
+        *("experiment", "run", "recommended", "--ros", "--rounds", "40"),
+        *("--strategy", "ucb", "--option", "c=6"),
+    )
+    assert "40 rounds through ROS against 40 without it: equal" in " ".join(said.split())

@@ -29,12 +29,16 @@ def test_a_system_is_triggered_explained_tuned_by_feedback_cancelled_and_remembe
     assert "attentive_guide" in decision
     up.until("attentive_guide starts")
     assert "running: " in ask("status")
+    assert re.search(
+        r"Mrs Smith, somebody is there.*\n(.*\n)*age +4.5 \(an older adult\) +given", ask("scene")
+    )
     up.until("says: Hello")
     assert ask("cancel") != ""
     up.until("attentive_guide cancelled")
     why = ask("why")
     assert "Mrs Smith" in why
-    assert re.search(r"attentive_guide +1 = |attentive_guide 1", why)
+    assert re.search(r"attentive_guide +1\.0 = ", why)
+    assert re.search(r"Hello.* s  +3 .*tree/", ask("moods", "attentive_guide"))
     moved = ask("feedback", "positive", "--reason", "kind")
     assert re.search(r"attentive_guide: age 4 → 4\.1.*\(revision 1\)", moved)
     assert "age 4.1" in ask("status")

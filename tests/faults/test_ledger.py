@@ -3,6 +3,9 @@
 
 from __future__ import annotations
 
+import resource
+import sqlite3
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +17,7 @@ from bt_agents.cli import system as components
 from bt_agents.ros import qos
 from bt_agents.ros.messages import scene_to_msg
 from bt_agents.ros.outbox import Outbox
-from bt_agents_interfaces.msg import AgentCard, Feedback, HostCard
+from bt_agents_interfaces.msg import AgentCard, Feedback, HostCard, Profiles
 from bt_agents_interfaces.srv import CollectFeedback, GiveFeedback, SetProfile
 from feedback_node.ledger import Ledger
 from processes import System
@@ -123,3 +126,50 @@ def test_what_was_recorded_before_a_kill_is_answered_after_it_and_not_applied_ag
     assert [list(target) for target in collected] == [
         [name] for name in ("mood", "mood", "age") * 3
     ] + [["mood"]]
+
+
+def test_a_full_disk_refuses_feedback_by_name_and_the_node_goes_on_when_there_is_room(
+    system: System, tmp_path: Path
+) -> None:
+    ledger = tmp_path / "ledger.sqlite"
+    with Ledger(ledger) as book:
+        book.enter({f"agent{number}": {"age": 3.0} for number in range(1500)})
+    Host(system.ros)
+    profiles: list[Profiles] = system.ros.collect(Profiles, "profiles", qos.FACT)
+    node = system.start(components.feedback(ROOT / "trees", str(ledger)))
+    system.until(lambda: profiles and list(profiles[-1].agents) == ["mira"], "the profile")
+    client = system.ros.node.create_client(GiveFeedback, "feedback/give")
+
+    def give(number: int) -> Any:
+        request = GiveFeedback.Request(
+            feedback_id=f"f{number}", agent="mira", kind=3, values=[5.0 - number % 2] * 3
+        )
+        return system.ros.call(client, request)
+
+    def limit(size: int) -> None:
+        resource.prlimit(node.pid, resource.RLIMIT_FSIZE, (size, resource.RLIM_INFINITY))
+
+    assert give(0).accepted
+    # No file of the node may grow beyond this; it has a log and a ledger that are longer.
+    limit(16 * 1024)
+    number, answer = 0, None
+    while answer is None or answer.accepted:
+        number += 1
+        assert number < 50
+        answer = give(number)
+    assert answer.code == "STORAGE_FULL"
+    assert "make room" in answer.message
+    assert give(number).code == "STORAGE_FULL"
+    kept = 1 + number - 1
+    with closing(sqlite3.connect(f"file:{ledger}?mode=ro", uri=True)) as reader:
+        where = "SELECT max(revision) FROM revision WHERE agent = 'mira'"
+        assert reader.execute(where).fetchone() == (kept,)
+    limit(resource.RLIM_INFINITY)
+    answer = give(number)
+    assert answer.accepted, answer.message
+    assert answer.feedback.revision == kept + 1
+    assert not node.crashed
+    node.kill()
+    with Ledger(ledger) as book:
+        ids = [row.cause.feedback_id for row in book.history("mira")[1:]]
+    assert ids == [f"f{one}" for one in range(number + 1)]

@@ -30,7 +30,7 @@ def test_the_programs_of_the_workspace_play_an_experiment_together(
     command = str(install_space / "bt_agents" / "lib" / "bt_agents" / "bt-agents")
     assert pyproject["project"]["version"] in sourced.run(command, "--version")
     sourced.run(command, "check")
-    assert "Experiment 1" in sourced.run(command, "experiment", "1")
+    assert "Experiment 1" in sourced.run(command, "experiment", "run", "1", "--ros")
 
 
 @pytest.mark.parametrize("package", PYTHON_PACKAGES, ids=lambda package: package.name)

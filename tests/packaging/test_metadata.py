@@ -16,10 +16,14 @@ pytestmark = pytest.mark.packaging
 
 KEYS = {
     "click": ("python3-click", "click"),
+    "matplotlib": ("python3-matplotlib", "matplotlib"),
+    "mcap": ("python3-mcap-pip", "mcap"),
+    "mcap_ros2": ("python3-mcap-ros2-support-pip", "mcap-ros2-support"),
     "numpy": ("python3-numpy", "numpy"),
     "py_trees": ("py_trees", "py_trees>=2.4,<3"),
     "rich": ("python3-rich", "rich"),
     "yaml": ("python3-yaml", "pyyaml"),
+    "zstandard": ("python3-zstandard", "zstandard"),
 }
 """What a module that is no ROS package is called by rosdep and on PyPI."""
 
@@ -96,7 +100,8 @@ def test_a_manifest_names_what_the_package_imports_and_nothing_else(package: Ros
 def test_the_wheel_requires_what_the_packages_import(pyproject: dict[str, Any]):
     imported = {module for package in PYTHON_PACKAGES for module in _imports(package)}
     own = {package.name for package in PACKAGES}
-    required = set(pyproject["project"]["dependencies"])
+    project = pyproject["project"]
+    required = {*project["dependencies"], *project["optional-dependencies"]["lab"]}
     for module in imported - own:
         ros_wheel = f"ros-jazzy-{module.replace('_', '-')}"
         assert KEYS.get(module, ("", ros_wheel))[1] in required

@@ -56,4 +56,4 @@ def test_the_installed_trees_have_no_errors(installed: Any):
 
 
 def test_the_installed_programs_play_an_experiment_together(installed: Any):
-    assert "Experiment 1" in installed.run("bt-agents", "experiment", "1")
+    assert "Experiment 1" in installed.run("bt-agents", "experiment", "run", "1", "--ros")

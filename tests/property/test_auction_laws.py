@@ -10,10 +10,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from market_driver import SPACE, scene
-from marketplace_node.auction import Auction, Bids, ClosedBy, Kind, Outcome, Terms
+from marketplace_node.auction import Auction
+from marketplace_node.decision import Bids, ClosedBy, Kind, Outcome, Terms
 from marketplace_node.explain import reason
 from marketplace_node.registry import HostEntry
-from marketplace_node.strategies import manhattan
+from ranked_rounds import added_up
 
 HOSTS = [
     HostEntry(
@@ -85,7 +86,7 @@ def test_an_auction_ends_in_exactly_one_outcome(
     assert distances == sorted(distances)
     for bid in decision.ranking:
         assert SPACE.vector(bid.vector) == bid.vector
-        assert bid.distance == manhattan(bid.vector, awarded_for.vector)
+        assert bid.distance == added_up(bid.vector, awarded_for.vector)
     assert math.isnan(decision.margin) or decision.margin >= 0.0
 
     answered = {host.host for host in HOSTS} - set(decision.silent_hosts)

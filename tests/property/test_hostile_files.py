@@ -25,6 +25,7 @@ from bt_agents.language.agent_reader import read_agent
 from bt_agents.language.codes.table import CODES
 from bt_agents.language.folder_reader import read_trees
 from bt_agents.language.libraries import FolderLibraries
+from bt_agents.language.market_reader import read_market
 from bt_agents.language.node_types import Children, Content, NodeField
 from bt_agents.language.nodes import BESIDE, KINDS, MODIFIERS
 from bt_agents.language.renderers import MAX_SHOWN
@@ -77,7 +78,8 @@ FILES: Mapping[str, list[bytes]] = {
     "agent": [f for f in shipped("agents/*.yaml") if f not in TESTS] + valid_files("agents"),
     "skills": shipped("skills/*.yaml") + valid_files("skills"),
     "library": shipped("libraries/*.yaml") + valid_files("imports/libraries"),
-    "scene": shipped("scene.yaml") + valid_files("scenes"),
+    "scene": shipped("scene.yaml") + shipped("scenes/*.yaml") + valid_files("scenes"),
+    "market": shipped("market.yaml") + valid_files("markets"),
     "script": shipped("scripts/*.yaml") + valid_files("scripts"),
     "test": TESTS,
 }
@@ -97,6 +99,7 @@ READERS: Mapping[str, Callable[[Path], object]] = {
     "skills": lambda path: read_skills([path]),
     "library": read_library,
     "scene": read_scene,
+    "market": lambda path: read_market(path, SPACE),
     "script": lambda path: read_script(path, SPACE),
     "test": lambda path: read_test(path, AGENTS, VOCABULARY),
 }
@@ -330,6 +333,12 @@ def test_a_mutant_of_a_library_is_accepted_or_refused_by_name(place: Path, conte
 @given(mutants("scene"))
 def test_a_mutant_of_a_scene_is_accepted_or_refused_by_name(place: Path, content: bytes) -> None:
     check("scene", content, place)
+
+
+@law(100)
+@given(mutants("market"))
+def test_a_mutant_of_a_market_is_accepted_or_refused_by_name(place: Path, content: bytes) -> None:
+    check("market", content, place)
 
 
 @law(200)

@@ -75,6 +75,7 @@ SEEDS: list[tuple[str, Callable[[str], object]]] = [
     *((text_of(path), agent) for path in sorted((TREES / "agents").glob("*.yaml"))),
     (text_of(TREES / "skills" / "robot.yaml"), lambda text: read_skills_text(text, "a.yaml")),
     (text_of(TREES / "scene.yaml"), lambda text: read_scene_text(text, "a.yaml")),
+    (text_of(TREES / "scenes" / "faces.yaml"), lambda text: read_scene_text(text, "a.yaml")),
     (
         text_of(TREES / "scripts" / "airport_morning.yaml"),
         lambda text: read_script(Source("a.yaml", text), SPACE),

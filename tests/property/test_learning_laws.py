@@ -4,13 +4,19 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bt_agents.scene import SceneParameter, SceneSpace
-from feedback_node import learning
+from bt_agents.feedback import Kind, LearningRule, Update
+from bt_agents.scene import SceneParameter, SceneSpace, Vector
+from feedback_node import learning, updates
+from feedback_node.learning import Evidence
 
 RANGES = ((1.0, 5.0), (-1.0, 1.0), (0.0, 1e6))
 SPACE = SceneSpace(
@@ -24,34 +30,97 @@ targets = st.tuples(*(st.floats(low, high) | st.just(math.nan) for low, high in 
     lambda vector: not all(map(math.isnan, vector))
 )
 rates = st.floats(0.0, 1.0)
-rules = st.sampled_from([learning.direct, learning.positive, learning.negative, learning.assigned])
+kinds = st.sampled_from(Kind)
+learned = st.sampled_from([Kind.DIRECT, Kind.POSITIVE, Kind.NEGATIVE])
+weights = st.floats(0.0, 3.0)
 
 
-@given(rules, profiles, targets, rates)
-def test_a_profile_never_leaves_its_ranges(rule, profile, target, rate):
-    SPACE.vector(rule(profile, target, rate, SPACE).after)
+def by_parameter(
+    values: Callable[[float, float], st.SearchStrategy[float]],
+) -> st.SearchStrategy[dict[str, float]]:
+    return st.fixed_dictionaries(
+        {}, optional={name: values(*ends) for name, ends in zip(SPACE.names, RANGES, strict=True)}
+    )
 
 
-@given(profiles, targets, rates)
-def test_direct_feedback_never_overshoots(profile, target, rate):
-    after = learning.direct(profile, target, rate, SPACE).after
+def widths(low: float, high: float) -> st.SearchStrategy[float]:
+    return st.floats(0.0, high - low)
+
+
+rules = st.builds(
+    LearningRule,
+    rates=by_parameter(lambda _low, _high: rates),
+    update=st.sampled_from(Update),
+    width=by_parameter(widths),
+    window=st.integers(1, 7),
+    anneal=st.floats(0.0, 10.0),
+    drift=by_parameter(widths),
+)
+evidences = st.builds(
+    Evidence,
+    recent=st.lists(targets, max_size=8).map(tuple),
+    changes=st.integers(0, 1000),
+    authored=profiles,
+)
+
+
+def step(kind: Kind, profile: Vector, target: Vector, rate: float, **more: Any) -> Vector:
+    return learning.step(kind, profile, target, rate=rate, space=SPACE, **more).after
+
+
+@given(kinds, profiles, targets, rates, rules, weights, evidences)
+def test_a_profile_never_leaves_its_ranges(kind, profile, target, rate, rule, weight, evidence):
+    SPACE.vector(step(kind, profile, target, rate, rule=rule, weight=weight, evidence=evidence))
+
+
+@given(learned, profiles, targets, rates, rules, weights, evidences)
+def test_a_profile_never_drifts_farther_from_its_file_than_it_may(
+    kind, profile, target, rate, rule, weight, evidence
+):
+    after = step(kind, profile, target, rate, rule=rule, weight=weight, evidence=evidence)
+    rows = zip(SPACE.names, profile, after, evidence.authored, strict=True)
+    for name, before, now, authored in rows:
+        bound = max(rule.drift.get(name, math.inf), abs(before - authored))
+        assert abs(now - authored) <= bound * (1 + 1e-12)
+
+
+@given(kinds, profiles, targets, rates, rules, weights, evidences)
+def test_what_has_no_opinion_stays_to_the_last_digit(
+    kind, profile, target, rate, rule, weight, evidence
+):
+    after = step(kind, profile, target, rate, rule=rule, weight=weight, evidence=evidence)
+    assert [a for a, f in zip(after, target, strict=True) if math.isnan(f)] == [
+        p for p, f in zip(profile, target, strict=True) if math.isnan(f)
+    ]
+
+
+@given(learned, profiles, targets, rates, rules, evidences)
+def test_what_is_frozen_or_weighs_nothing_stays(kind, profile, target, rate, rule, evidence):
+    frozen = replace(rule, rates=dict.fromkeys(SPACE.names, 0.0))
+    assert step(kind, profile, target, rate, rule=frozen, evidence=evidence) == profile
+    assert step(kind, profile, target, rate, rule=rule, weight=0.0, evidence=evidence) == profile
+
+
+@given(profiles, targets, rates, rules.filter(lambda rule: rule.update != Update.MEDIAN), weights)
+def test_towards_feedback_a_profile_never_overshoots_and_never_goes_away(
+    profile, target, rate, rule, weight
+):
+    after = step(Kind.DIRECT, profile, target, rate, rule=rule, weight=weight)
     for p, f, moved in zip(profile, target, after, strict=True):
         assert moved == p if math.isnan(f) else min(p, f) <= moved <= max(p, f)
 
 
-@given(profiles, targets, rates)
-def test_negative_feedback_never_comes_closer(profile, target, rate):
-    after = learning.negative(profile, target, rate, SPACE).after
+@given(profiles, targets, rates, rules.filter(lambda rule: rule.update != Update.MEDIAN), weights)
+def test_negative_feedback_never_comes_closer(profile, target, rate, rule, weight):
+    after = step(Kind.NEGATIVE, profile, target, rate, rule=rule, weight=weight)
     for p, f, moved in zip(profile, target, after, strict=True):
         assert moved == p if math.isnan(f) else abs(moved - f) >= abs(p - f)
 
 
-@given(rules, profiles, targets, rates)
-def test_what_has_no_opinion_stays_to_the_last_digit(rule, profile, target, rate):
-    after = rule(profile, target, rate, SPACE).after
-    assert [a for a, f in zip(after, target, strict=True) if math.isnan(f)] == [
-        p for p, f in zip(profile, target, strict=True) if math.isnan(f)
-    ]
+@given(profiles, targets, st.floats(0.0, 0.3), st.floats(0.0, 3.0))
+def test_a_weight_scales_the_rate(profile, target, rate, weight):
+    weighed = step(Kind.DIRECT, profile, target, rate, weight=weight)
+    assert weighed == step(Kind.DIRECT, profile, target, rate * weight)
 
 
 @given(
@@ -63,6 +132,70 @@ def test_what_has_no_opinion_stays_to_the_last_digit(rule, profile, target, rate
 def test_repeated_feedback_follows_the_closed_form(profile, target, rate, count):
     moved = profile
     for _ in range(count):
-        moved = learning.direct(moved, target, rate, SPACE).after
+        moved = step(Kind.DIRECT, moved, target, rate)
     expected = [f + (p - f) * (1 - rate) ** count for p, f in zip(profile, target, strict=True)]
-    assert moved == pytest.approx(expected, abs=1e-9, rel=0)
+    assert moved == pytest.approx(expected, abs=1e-12, rel=0)
+
+
+@given(profiles, targets, st.floats(0.01, 1.0), st.sampled_from(Update), st.integers(1, 40))
+def test_constant_feedback_brings_every_update_nearer_with_every_step(
+    profile, target, rate, update, count
+):
+    rule = LearningRule(update=update)
+    recent: tuple[Vector, ...] = ()
+    for _ in range(count):
+        before, profile = (
+            profile,
+            step(Kind.DIRECT, profile, target, rate, rule=rule, evidence=Evidence(recent=recent)),
+        )
+        recent = (*recent, target)[-rule.window :]
+        for p, q, f in zip(before, profile, target, strict=True):
+            assert math.isnan(f) or abs(q - f) <= abs(p - f)
+
+
+@given(kinds, profiles, targets, rates)
+def test_the_usual_rule_is_the_paper_s_formula_bit_for_bit(kind, profile, target, rate):
+    def plain(p: float, f: float, low: float, high: float) -> float:
+        if math.isnan(f):
+            return p
+        if kind is Kind.SET:
+            return f
+        moved = p - rate * (f - p) if kind is Kind.NEGATIVE else p + rate * (f - p)
+        if kind is not Kind.NEGATIVE:
+            moved = min(max(moved, min(p, f)), max(p, f))
+        return min(max(moved, low), high)
+
+    rows = zip(profile, target, RANGES, strict=True)
+    expected = tuple(plain(p, f, *ends) for p, f, ends in rows)
+    assert step(kind, profile, target, rate) == expected
+
+
+@given(
+    rules,
+    st.lists(st.tuples(learned, profiles, targets, rates, weights, evidences), max_size=6),
+)
+def test_many_rows_at_once_are_moved_as_one_by_one(rule, rows):
+    arrays = updates.arrays(rule, SPACE)
+    low, high = (np.array(ends) for ends in zip(*RANGES, strict=True))
+    recent = np.full((len(rows), 8, len(SPACE)), np.nan)
+    for index, row in enumerate(rows):
+        for place, vector in enumerate(reversed(row[5].recent), start=1):
+            recent[index, -place] = vector
+    column = [np.array([row[field] for row in rows]) for field in range(5)]
+    kind, profile, target = column[0], *(one.reshape(-1, len(SPACE)) for one in column[1:3])
+    changes = np.array([row[5].changes for row in rows], dtype=float)
+    authored = np.array([row[5].authored for row in rows]).reshape(-1, len(SPACE))
+    rate = updates.rates(arrays, column[3], column[4], changes)
+    after = updates.moved(kind, profile, target, rate, arrays, recent, authored, low, high)
+    singly = [
+        step(k, p, f, r, rule=rule, weight=w, evidence=evidence)
+        for k, p, f, r, w, evidence in rows
+    ]
+    assert [tuple(row) for row in after.tolist()] == singly
+
+
+@given(st.lists(targets, max_size=20))
+def test_the_share_of_wrong_feedback_is_a_share_or_not_known(recent):
+    share = learning.false_rate(recent, SPACE)
+    assert math.isnan(share) == (len(recent) < learning.FEWEST_SAMPLES)
+    assert math.isnan(share) or 0.0 <= share <= 1.0

@@ -12,7 +12,11 @@ from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, rule
 
 from bt_agents.errors import Refused
-from feedback_node.ledger import Cause, Ledger
+from desk import Desk
+from feedback_node.ledger import Entry, Ledger
+from feedback_node.ledger_rows import LAYER, Cause
+from feedback_node.management import Action
+from feedback_node.recovery import inspect
 
 values = st.floats(-1e9, 1e9)
 profiles = st.fixed_dictionaries({"age": values, "mood": values})
@@ -42,7 +46,9 @@ def test_as_many_undos_as_changes_restore_the_beginning(changes):
 
 
 class LedgerMachine(RuleBasedStateMachine):
-    """A ledger on disk against a list in memory."""
+    """A ledger on disk, with layers, against lists in memory."""
+
+    layers = st.sampled_from(["", "", "person/anna", "place/lobby"])
 
     @initialize(profile=profiles)
     def enter(self, profile: dict[str, float]) -> None:
@@ -51,28 +57,61 @@ class LedgerMachine(RuleBasedStateMachine):
         self.ledger = Ledger(self.path)
         self.authored = profile
         self.ledger.enter({"a": profile})
-        self.rows = [profile]
-        self.ids: dict[str, int] = {}
+        self.rows = {"": [profile]}
+        self.ids: dict[str, tuple[str, int] | None] = {}
 
-    @rule(profile=profiles, feedback_id=st.sampled_from("abcdefgh"))
-    def learn(self, profile: dict[str, float], feedback_id: str) -> None:
-        row = self.ledger.append("a", profile, Cause(feedback_id=feedback_id))
-        if feedback_id not in self.ids:
-            self.rows.append(profile)
-            self.ids[feedback_id] = len(self.rows) - 1
-        assert row.revision == self.ids[feedback_id]
+    @rule(layer=layers, profile=profiles, feedback_id=st.sampled_from("abcdefghijkl"))
+    def learn(self, layer: str, profile: dict[str, float], feedback_id: str) -> None:
+        entries = []
+        new = feedback_id not in self.ids
+        if layer not in self.rows:
+            begins = self.rows[""][-1]
+            entries = [Entry(agent="a", layer=layer, profile=begins, cause=Cause(cause=LAYER))]
+            if new:
+                self.rows[layer] = [begins]
+        cause = Cause(feedback_id=feedback_id)
+        entries.append(Entry(agent="a", layer=layer, profile=profile, cause=cause))
+        row = self.ledger.record(entries)[-1]
+        if new:
+            self.rows[layer].append(profile)
+            self.ids[feedback_id] = (layer, len(self.rows[layer]) - 1)
+        if self.ids[feedback_id] is None:
+            assert not row.profile
+        else:
+            assert (row.layer, row.revision) == self.ids[feedback_id]
 
-    @rule()
-    def undo(self) -> None:
+    @rule(layer=layers)
+    def undo(self, layer: str) -> None:
         with contextlib.suppress(Refused):
-            self.rows.append(dict(self.ledger.undo("a").profile))
+            profile = dict(self.ledger.undo("a", layer).profile)
+            self.rows[layer].append(profile)
+
+    @rule(layer=layers)
+    def reset(self, layer: str) -> None:
+        with contextlib.suppress(Refused):
+            self.ledger.reset("a", layer)
+            self.rows[layer].append(self.authored)
 
     @rule(profile=profiles)
     def edit(self, profile: dict[str, float]) -> None:
         self.ledger.enter({"a": profile})
-        if profile != self.authored:
-            self.rows.append(profile)
+        edited = {name for name in profile if profile[name] != self.authored[name]}
+        if edited:
+            for layer, rows in self.rows.items():
+                kept = profile if not layer else rows[-1]
+                rows.append({n: profile[n] if n in edited else kept[n] for n in profile})
             self.authored = profile
+
+    @rule(layer=st.sampled_from(["person/anna", "place/lobby"]))
+    def forget(self, layer: str) -> None:
+        with contextlib.suppress(Refused):
+            assert self.ledger.forget([("a", layer)]) == ""
+            del self.rows[layer]
+            for one, where in self.ids.items():
+                if where is not None and where[0] == layer:
+                    self.ids[one] = None
+            content = b"".join(part.read_bytes() for part in self.path.parent.iterdir())
+            assert layer.encode() not in content
 
     @rule()
     def reopen(self) -> None:
@@ -82,9 +121,16 @@ class LedgerMachine(RuleBasedStateMachine):
     @invariant()
     def every_revision_is_there(self) -> None:
         if hasattr(self, "ledger"):
-            history = self.ledger.history("a")
-            assert [dict(row.profile) for row in history] == self.rows
-            assert [row.revision for row in history] == list(range(len(self.rows)))
+            assert {row.layer for row in self.ledger.layers("a")} == self.rows.keys() - {""}
+            for layer, rows in self.rows.items():
+                history = self.ledger.history("a", layer)
+                assert [dict(row.profile) for row in history] == rows
+                assert [row.revision for row in history] == list(range(len(rows)))
+
+    @invariant()
+    def the_chain_holds(self) -> None:
+        if hasattr(self, "ledger"):
+            assert inspect(self.path).code == ""
 
     def teardown(self) -> None:
         if hasattr(self, "ledger"):
@@ -92,5 +138,27 @@ class LedgerMachine(RuleBasedStateMachine):
             self.folder.cleanup()
 
 
-LedgerMachine.TestCase.settings = settings(max_examples=15, stateful_step_count=15, deadline=None)
+LedgerMachine.TestCase.settings = settings(max_examples=15, stateful_step_count=20, deadline=None)
 TestLedger = LedgerMachine.TestCase
+
+
+@given(
+    st.dictionaries(
+        st.tuples(st.sampled_from(["guide", "express"]), st.sampled_from(["", "person/anna"])),
+        st.tuples(st.floats(1, 5), st.floats(1, 5)),
+        min_size=1,
+    )
+)
+@settings(max_examples=20, deadline=None)
+def test_what_is_exported_and_taken_in_elsewhere_gives_the_same_profiles(learned):
+    desks = [Desk(), Desk()]
+    for (agent, layer), values in learned.items():
+        named = dict(zip(("age", "mood"), values, strict=True))
+        here = desks[0].ledger
+        if layer and here.current(agent, layer) is None:
+            here.append(agent, named, Cause(cause=LAYER), layer=layer)
+        desks[0].profiles.taken([here.append(agent, named, Cause(), layer=layer)])
+    document = desks[0].do(Action.EXPORT).document
+    for _ in range(2):
+        desks[1].do(Action.IMPORT, document=document)
+        assert desks[1].profiles_now() == desks[0].profiles_now()

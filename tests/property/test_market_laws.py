@@ -9,20 +9,26 @@ from hypothesis import settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, rule
 
+from bt_agents.errors import Refused
 from market_driver import Driver, scene
-from marketplace_node.auction import Outcome
+from marketplace_node.decision import External, Outcome
 from marketplace_node.effects import (
     AnnounceRun,
+    AskOutside,
     CancelGoal,
     Collect,
     Effect,
     Goal,
     OpenCall,
+    PreviewEnded,
     PublishAuction,
     RunEventKind,
     SendGoal,
     State,
 )
+from marketplace_node.floor import PREVIEWS
+from marketplace_node.previews import MOST
+from marketplace_node.say import Act, Order
 from marketplace_node.settings import ON_NEW_SCENE
 
 AGENTS = {"/a": ("ann", "abe"), "/b": ("bob", "bea")}
@@ -33,10 +39,18 @@ values = st.sampled_from([1.0, 2.5, 3.0, 5.0])
 class AnyMarket(RuleBasedStateMachine):
     """Hosts, people and the network at their worst, in any order."""
 
-    @initialize(mode=st.sampled_from(ON_NEW_SCENE), limit=st.integers(0, 2))
-    def open_market(self, mode: str, limit: int) -> None:
+    @initialize(
+        mode=st.sampled_from(ON_NEW_SCENE),
+        limit=st.integers(0, 2),
+        strategy=st.sampled_from(["manhattan", "external", "softmax"]),
+    )
+    def open_market(self, mode: str, limit: int, strategy: str) -> None:
         self.mode = mode
-        self.driver = Driver(on_new_scene=mode, queue_limit=limit, preempt_cooldown_s=1.0)
+        self.driver = Driver(
+            on_new_scene=mode, queue_limit=limit, preempt_cooldown_s=1.0, strategy=strategy
+        )
+        self.previews: set[int] = set()
+        self.asked: set[int] = set()
         self.scenes = 0
         self.starts = 0
         self.seen = 0
@@ -131,6 +145,46 @@ class AnyMarket(RuleBasedStateMachine):
         elif alive:
             self.driver.end(data.draw(st.sampled_from([1, 2, 3, 9])), goal=goal)
 
+    @rule(
+        data=st.data(), agents=st.permutations(["ann", "abe", "bob", "bea"]), fails=st.booleans()
+    )
+    def rank_from_outside(self, data: st.DataObject, agents: list[str], fails: bool) -> None:
+        if not self.driver.questions:
+            return
+        question = data.draw(st.sampled_from(self.driver.questions[-3:]))
+        named = tuple(agent for agent in agents if agent in question.agents)
+        external = External(failure="busy") if fails else External(ranking=named)
+        self.driver.do(self.driver.market.ranked(question.round, external, self.driver.now))
+
+    @rule(
+        act=st.sampled_from([Act.PIN, Act.UNPIN, Act.UNPIN, Act.VETO, Act.ALLOW, Act.ALLOW]),
+        agent=st.sampled_from(["ann", "abe", "bob", "bea", "nobody"]),
+    )
+    def operate(self, act: Act, agent: str) -> None:
+        self.driver.operate(act, agent)
+
+    @rule(agent=st.sampled_from(["ann", "abe", "bob"]), own=st.booleans())
+    def award(self, agent: str, own: bool) -> None:
+        theirs = scene(f"award{self.scenes}") if own else None
+        order = Order(act=Act.AWARD, agent=agent, scene=theirs)
+        try:
+            _, effects = self.driver.market.operate(order, self.driver.now)
+        except Refused:
+            return
+        self.sent += 1
+        self.scenes += 1
+        self.driver.do(effects)
+
+    @rule(strategy=st.sampled_from(["", "external", "ucb"]))
+    def preview(self, strategy: str) -> None:
+        try:
+            number = self.driver.preview(3.0, 3.0, 3.0, strategy=strategy)
+        except Refused:
+            assert len(self.previews) == MOST
+            return
+        ended = {effect.number for effect in self.driver.previews}
+        self.previews |= {number} - ended
+
     @rule()
     def collect(self) -> None:
         self.driver.collect()
@@ -153,6 +207,13 @@ class AnyMarket(RuleBasedStateMachine):
 
     def check(self, effect: Effect) -> None:
         match effect:
+            case OpenCall() if effect.round > PREVIEWS:
+                pass
+            case PreviewEnded():
+                self.previews.discard(effect.number)
+            case AskOutside():
+                assert effect.round not in self.asked, "a question is asked once"
+                self.asked.add(effect.round)
             case OpenCall():
                 assert not self.open_rounds, "a round for an award or a challenge, never both"
                 assert self.outstanding is None or self.mode == "preempt"
@@ -161,6 +222,9 @@ class AnyMarket(RuleBasedStateMachine):
                 number = effect.decision.terms.round
                 self.open_rounds.discard(number)
                 self.decided.append(number)
+                assert not effect.decision.terms.preview
+                vetoed = {bid.agent for bid in effect.decision.terms.barred}
+                assert vetoed.isdisjoint(bid.agent for bid in effect.decision.ranking)
                 assert self.decided == list(range(1, number + 1)), "one outcome a round"
                 if effect.decision.outcome in (Outcome.PREEMPTS, Outcome.WAITS):
                     assert self.mode == "preempt"
@@ -185,6 +249,7 @@ class AnyMarket(RuleBasedStateMachine):
         for _ in range(20 * (self.driver.status.queued + 1)):
             self.driver.wait(1.0)
         self.the_effects_keep_the_law()
+        assert self.previews == set(), "every preview is answered"
         runs = self.driver.status.state is State.RUNNING
         assert runs or self.driver.status.state is State.IDLE, "nothing waits for ever"
 

@@ -332,3 +332,22 @@ def test_a_time_keeps_the_unit_of_the_author_while_it_fits(old, value, new):
     [knob, *_] = knobs_of(read_file(text), SPACE)
     kept = keep(Source("a.yaml", text), [Tuned(knob=knob, value=value)], SPACE, read_file)
     assert kept == text.replace(f"default: {old},", f"default: {new},")
+
+
+@pytest.mark.parametrize(
+    ("learning", "kept_as"),
+    [
+        ("learning: {rate: 0.2, update: median}  # slow\n", "{rate: 0.5, update: median}  # slow"),
+        ("learning:\n  rate: 0.2  # slow\n", "rate: 0.5  # slow"),
+        ("learning: {update: median}\n", "learning_rate: 0.5"),
+    ],
+)
+def test_a_learning_rate_is_kept_where_the_author_wrote_it(learning, kept_as):
+    text = (
+        "format: 1\nagent: a\nprofile: {age: 3, familiarity: 3, mood: 3}\n"
+        f"{learning}tree: {{wait: 0 s}}\n"
+    )
+    knob = next(one for one in knobs_of(read_file(text), SPACE) if one.key == "learning_rate")
+    kept = keep(Source("a.yaml", text), [Tuned(knob=knob, value=0.5)], SPACE, read_file)
+    assert kept_as in kept
+    assert read_file(kept).learning_rate == 0.5

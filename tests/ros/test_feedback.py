@@ -13,7 +13,17 @@ from bt_agents.ros import qos
 from bt_agents.ros.messages import scene_to_msg
 from bt_agents.scene import Origin, Scene, SceneParameter, SceneSpace, SceneValue
 from bt_agents.simulated import SimulatedFeedback
-from bt_agents_interfaces.msg import AgentCard, Feedback, HostCard, MoodRule, Profiles, Run
+from bt_agents_interfaces.msg import (
+    AgentCard,
+    Feedback,
+    HostCard,
+    Learning,
+    MoodRule,
+    MoodTrace,
+    Profiles,
+    Run,
+    TreeStatus,
+)
 from bt_agents_interfaces.msg import Scene as SceneMsg
 from bt_agents_interfaces.srv import CancelRun, CollectFeedback, GiveFeedback, SetProfile
 from feedback_node.ledger import Ledger
@@ -282,6 +292,42 @@ def test_hostile_feedback_is_refused_with_a_reason_and_changes_nothing(scenario,
     assert room.give(agent="guide", kind=0, values=[5.0, 5.0, 5.0]).accepted
 
 
+def test_the_mood_is_credited_to_the_node_of_the_tree_that_was_at_work(scenario):
+    room = scenario()
+    room.introduce(WORSE)
+    status = room.ros.node.create_publisher(TreeStatus, "/agents/status", qos.EVENTS)
+    traces: list[MoodTrace] = room.ros.collect(MoodTrace, "mood_traces", qos.HISTORY)
+    room.ros.until(lambda: status.get_subscription_count() == 1)
+    room.run()
+    status.publish(TreeStatus(epoch="e", round=1, agent="guide", tick=1, tip="tree/0.say"))
+    room.ros.until(lambda: room.node._teaching._trace.leaf_at(math.inf) == "tree/0.say")
+    room.ros.until(lambda: room.live.get_subscription_count() == 1)
+    room.live.publish(scene(2.5))
+    room.ros.until(lambda: room.feedback)
+    assert room.feedback[0].leaf == "tree/0.say"
+    room.event(Run.ENDED)
+    room.ros.until(lambda: traces)
+    trace = traces[0]
+    assert (trace.epoch, trace.round, trace.agent) == ("e", 1, "guide")
+    assert (list(trace.leaves), list(trace.change)) == (["tree/0.say"], [-1.5])
+    assert 2.5 <= trace.mean[0] <= 4.0
+    assert trace.seconds[0] > 0.0
+
+
+def test_an_agent_learns_by_the_rule_of_its_card(scenario):
+    room = scenario()
+    learning = Learning(
+        update="plain", rates=[0.25, NAN, 0.0], window=5, drift=[NAN, 0.5, NAN], general=1.0
+    )
+    card = room.host.card()
+    card.agents[0].learning = learning
+    room.host.cards.publish(card)
+    room.ros.until(lambda: room.profiles)
+    answer = room.give(agent="guide", kind=Feedback.DIRECT, values=[2.0, 5.0, 5.0])
+    assert list(answer.feedback.after) == [3.5, 2.0, 3.0]
+    assert list(answer.feedback.rates) == [0.25, 0.5, 0.0]
+
+
 def test_a_mood_that_falls_teaches_the_agent_and_asks_the_market_again(scenario):
     room = scenario()
     room.introduce(WORSE)
@@ -296,7 +342,12 @@ def test_a_mood_that_falls_teaches_the_agent_and_asks_the_market_again(scenario)
     assert cancel.reason == "mood.change <= -1.0 held 0.1 s: mood 4 → 2.5"
     assert (feedback.source, feedback.kind, feedback.cancels) == ("mood rule", 2, True)
     assert feedback.reason == cancel.reason
-    assert list(feedback.after) == list(room.host.told[0].values) == [3.5, 1.75, 2.5]
+    assert list(feedback.after) == list(room.host.told[0].values) == [3.75, 1.625, 2.75]
+    assert (feedback.weight, feedback.learning_rate, list(feedback.rates)) == (
+        0.5,
+        0.5,
+        [0.25] * 3,
+    )
     room.ros.turns()
     assert (len(room.cancels), len(room.feedback)) == (1, 1)
 

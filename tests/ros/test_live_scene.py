@@ -17,7 +17,9 @@ from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
 from rcl_interfaces.srv import SetParameters
 from std_msgs.msg import Float64
 
-from bt_agents.language.specs import Position, SceneSpec, SourceSpec
+from bt_agents.language.expression.expressions import parse_expression
+from bt_agents.language.scene_specs import SceneSpec, SourceSpec
+from bt_agents.language.specs import Position
 from bt_agents.ros import qos
 from bt_agents.ros.live_scene import LiveScene
 from bt_agents.ros.messages import scene_to_msg
@@ -37,7 +39,7 @@ MOOD = SourceSpec(
     parameter="mood",
     topic="sensors/mood",
     type="std_msgs/msg/Float64",
-    field="data",
+    field=parse_expression("msg.data"),
     points=(),
     stale_after_s=60.0,
     position=Position(file="scene.yaml", line=1, column=1),
@@ -263,5 +265,5 @@ def test_a_thousand_readings_a_second_make_no_more_live_scenes_than_the_shortest
     passed = time.monotonic() - begun
     assert 0 < len(live) <= passed / SHORTEST_S + 5
     readings.publish(Float64(data=4.5))
-    ros.until(lambda: layer._sources.latest("mood").value == 4.5)
+    ros.until(lambda: layer._sources.latest("mood", time.monotonic()).value == 4.5)
     ros.until(lambda: any(v.value == 4.5 for v in live[-1].values))

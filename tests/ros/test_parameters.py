@@ -36,6 +36,8 @@ from bt_agents_robot.visitors import VisitorsNode
 from feedback_node.ledger import Ledger
 from feedback_node.node import FeedbackNode
 from marketplace_node.node import MarketplaceNode
+from marketplace_node.node.selector import SelectorNode
+from marketplace_node.openai_protocol import Endpoint
 from processes import NodeProcess
 from scene_layer.node import SceneLayerNode
 from stage import SPACE, TREES
@@ -49,6 +51,9 @@ SILENT_ROBOT = NodeParameter("voice", value="off")
 NODES = {
     "agents": lambda: HostNode(read_trees(TREES, InstalledInterfaces())),
     "marketplace": lambda: MarketplaceNode(SPACE),
+    "selector": lambda: SelectorNode(
+        SPACE, Endpoint(base_url="http://127.0.0.1:9/v1", model="none")
+    ),
     "scene_layer": lambda: SceneLayerNode(read_scene(TREES / "scene.yaml")),
     "feedback": lambda: FeedbackNode(SPACE, Ledger(":memory:")),
     "robot": lambda: RobotNode(parameter_overrides=[SILENT_ROBOT]),

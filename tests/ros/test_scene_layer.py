@@ -12,7 +12,9 @@ from rcl_interfaces.srv import SetParameters
 from std_msgs.msg import Bool, Empty, Float64
 
 from bt_agents.errors import Refused
-from bt_agents.language.specs import Change, Position, SceneSpec, Script, SourceSpec, Visit
+from bt_agents.language.expression.expressions import parse_expression
+from bt_agents.language.scene_specs import SceneSpec, SourceSpec
+from bt_agents.language.specs import Change, Position, Script, Visit
 from bt_agents.ros import qos
 from bt_agents.scene import SceneParameter, SceneSpace
 from bt_agents_interfaces.msg import MarketStatus, Run, Scene, SceneValue
@@ -37,7 +39,7 @@ def source(
         parameter=parameter,
         topic=f"sensors/{parameter}",
         type=type_name,
-        field=field,
+        field=parse_expression(f"msg.{field}"),
         points=(),
         stale_after_s=60.0,
         position=Position(file="scene.yaml", line=1, column=1),

@@ -3,15 +3,19 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 from rclpy.parameter import Parameter
 from std_msgs.msg import Bool, String
 
 from bt_agents.errors import Refused
-from bt_agents.language.specs import Change, Position, SceneSpec, Script, SourceSpec, Visit
+from bt_agents.language.expression.expressions import parse_expression
+from bt_agents.language.scene_specs import PersonsSpec, SceneSpec, SourceSpec, TrackedSpec
+from bt_agents.language.specs import Change, Position, Script, Visit
 from bt_agents.ros import qos
 from bt_agents.scene import SceneParameter, SceneSpace
-from bt_agents_interfaces.msg import MarketStatus, Run, Scene, SceneValue
+from bt_agents_interfaces.msg import Expression, MarketStatus, Run, Scene, SceneValue
 from bt_agents_robot.visitors import VisitorsNode
 from scene_layer.node import SceneLayerNode
 
@@ -31,7 +35,7 @@ def source(parameter: str, type_name: str, *points: tuple[float, float]) -> Sour
         parameter=parameter,
         topic=f"sensors/{parameter}",
         type=type_name,
-        field="data",
+        field=parse_expression("msg.data"),
         points=points,
         stale_after_s=0.5,
         position=Position(file="scene.yaml", line=1, column=1),
@@ -196,6 +200,42 @@ def test_a_restarted_market_meets_the_same_visitor_again(ros):
     ros.until(lambda: len(street.scenes) == 2)
     assert measured(street.scenes[1]) == {"mood": 4.0}
     assert street.done == []
+
+
+def test_visitors_show_words_and_are_sure_of_what_is_read(ros):
+    face = replace(
+        source("mood", "bt_agents_interfaces/msg/Expression"),
+        field=parse_expression("msg.expression"),
+        confidence=parse_expression("msg.confidence"),
+        table=(("sad", 1.0), ("happy", 5.0)),
+    )
+    faces = ros.collect(Expression, face.topic, qos.EVENTS)
+    spec = SceneSpec(space=SPACE, sources=(face,), person=None)
+    visitors = ros.add(VisitorsNode(spec, Script(title="", visits=())))
+    ros.until(lambda: visitors.count_subscribers(face.topic))
+    visitors._change(Change(after_s=0.0, values={"mood": 4.5}))
+    ros.until(lambda: faces)
+    assert (faces[0].expression, faces[0].confidence) == ("happy", 1.0)
+
+
+def test_a_reading_that_is_computed_cannot_be_played(ros):
+    computed = replace(SPEC.sources[1], field=parse_expression("msg.data + 1"))
+    spec = SceneSpec(space=SPACE, sources=(computed,), person=None)
+    with pytest.raises(Refused, match=r"cannot write msg\.data \+ 1"):
+        VisitorsNode(spec, Script(title="", visits=()))
+
+
+def test_persons_who_are_told_apart_cannot_be_played(ros):
+    tracked = TrackedSpec(
+        topic="ids",
+        type="bt_agents_interfaces/msg/PersonIds",
+        field="ids",
+        stale_after_s=1.0,
+        position=SPEC.sources[0].position,
+    )
+    spec = replace(SPEC, person=None, persons=PersonsSpec(tracked=tracked))
+    with pytest.raises(Refused, match=r"expected a scene\.yaml without 'persons'"):
+        VisitorsNode(spec, Script(title="", visits=()))
 
 
 def test_a_source_that_carries_text_ends_the_start_with_words(ros):

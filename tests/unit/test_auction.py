@@ -9,7 +9,8 @@ from typing import Any
 import pytest
 
 from market_driver import EXPRESS, GUIDE, SPACE, scene
-from marketplace_node.auction import Auction, Bids, ClosedBy, Decision, Kind, Outcome, Terms
+from marketplace_node.auction import Auction
+from marketplace_node.decision import Bids, ClosedBy, Decision, Kind, Outcome, Terms
 from marketplace_node.registry import HostEntry
 
 FINE = (4.0, 1.5, 3.0)

@@ -16,6 +16,7 @@ from bt_agents.cli.check import check, check_paths, summary, watched
 from bt_agents.errors import BtAgentsError
 from bt_agents.language.checking import Checked, check_folder
 from bt_agents.watching import PERIOD_S, changes, look_at
+from fake_interfaces import FakeInterfaces
 from stage import TREES
 
 GOOD = (
@@ -124,6 +125,29 @@ def test_a_broken_skills_file_is_told_to_whom_needs_it(trees):
     assert summary(checked) == (
         "1 error, 1 file not checked: mend the scene and the skills first, which they need"
     )
+
+
+def test_scene_files_of_other_robots_are_checked_as_far_as_their_types_are_known(trees):
+    text = (
+        "format: 1\nparameters: {mood: {min: 1, max: 5, default: 3}}\nsources:\n"
+        "  mood: {topic: a, type: NAME, field: msg.good + msg.bad, stale_after: 2 s}\n"
+    )
+    write("scenes/absent.yaml", text.replace("NAME", "absent_msgs/msg/X"))
+    write("scenes/known.yaml", text.replace("NAME", "known_msgs/msg/X"))
+    write("scenes/wrong.yaml", text.replace("NAME", "known_msgs/msg/X").replace("2 s", "soon"))
+    mended = (TREES / "scene.yaml").read_text().replace("std_msgs/", "known_msgs/")
+    write("scene.yaml", mended.replace("field: data", "field: good"))
+    (trees / "skills" / "robot.yaml").unlink()
+    for name in ("one", "two"):
+        (trees / "agents" / f"{name}.yaml").unlink()
+    found = check_folder(trees, FakeInterfaces(), only=[trees / "scenes"])
+    assert found.files == 3
+    told = [(Path(d.position.file).stem, d.position.column, d.code) for d in found.problems]
+    assert told == [
+        ("known", 62, "unknown-ros-field"),
+        ("wrong", 62, "unknown-ros-field"),
+        ("wrong", 84, "bad-duration"),
+    ]
 
 
 def test_the_problems_of_scene_and_skills_are_told_together(trees):

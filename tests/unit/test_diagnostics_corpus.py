@@ -22,6 +22,7 @@ from bt_agents.language.codes.entry import FileKind, Severity
 from bt_agents.language.codes.table import CODES
 from bt_agents.language.experiment_reader import read_experiment
 from bt_agents.language.libraries import FolderLibraries
+from bt_agents.language.market_reader import read_market
 from bt_agents.language.scene_reader import read_scene
 from bt_agents.language.script_reader import read_script
 from bt_agents.language.skills_reader import read_skills
@@ -63,6 +64,7 @@ READERS: dict[str, Callable[[Path], object]] = {
     "agents": lambda path: read_agent(path, ALONE),
     "skills": lambda path: read_skills([path]),
     "scenes": read_scene,
+    "markets": lambda path: read_market(path, SPACE),
     "scripts": lambda path: read_script(path, SPACE),
     "experiments": lambda path: read_experiment(path, SPACE),
     "imports": read_import,

@@ -18,12 +18,18 @@ from bt_agents.cli.main import bt_agents
 from bt_agents.language.agent_reader import read_agent_text
 from bt_agents.language.folder_reader import read_trees
 from bt_agents.language.libraries import FolderLibraries
+from bt_agents.language.market_reader import read_market
 from bt_agents.language.nodes import KINDS, MODIFIERS
 from bt_agents.language.plugins import GROUP, read_plugins
+from bt_agents.language.scene_reader import read_scene_text
+from bt_agents.language.schema.scene_files import scene_schema
 from bt_agents.language.skills_reader import read_skills
 from bt_agents.language.testing.test_reader import read_test_text
+from bt_agents.language.text.source import Source
 from bt_agents.rehearsal.rehearsal import Limits, rehearse
 from bt_agents.rehearsal.suite import failure, run_case
+from journals import morning
+from marketplace_node.strategies import StrategySpec
 from rehearsals import scenario
 from stage import SPACE, TREES, VOCABULARY
 
@@ -36,9 +42,11 @@ OFFLINE = {
     "import",
     "new",
     "rehearse",
+    "replay",
     "schema",
     "show",
     "test",
+    "what-if",
 }
 """Commands that need neither ROS nor a robot."""
 
@@ -83,6 +91,12 @@ def test_every_yaml_example_can_be_read(document: str, text: str, tmp_path: Path
     if {"test", "cases"} <= keys.keys():
         _check_test(text, document)
         return
+    if {"parameters", "sources"} <= keys.keys():
+        assert read_scene_text(text, document).sources
+        return
+    if "rules" in keys:
+        assert read_market(Source(document, text), SPACE).rules
+        return
     if {"skills", "bindings"} & keys.keys():
         path = tmp_path / "their.yaml"
         path.write_text(text)
@@ -109,11 +123,28 @@ def _check_test(text: str, document: str) -> None:
     assert not [failure(result) for result in results if not result.passed]
 
 
+def test_the_page_of_the_scene_names_every_key() -> None:
+    page = (ROOT / "docs" / "scene.md").read_text()
+
+    def keys(schema: object) -> set[str]:
+        if isinstance(schema, list):
+            return {key for item in schema for key in keys(item)}
+        if not isinstance(schema, dict):
+            return set()
+        below = {key for part in schema.values() for key in keys(part)}
+        return below | set(schema.get("properties", ()))
+
+    missing = {key for key in keys(scene_schema()) if f"`{key}`" not in page}
+    assert missing == {"format"}
+
+
 @pytest.mark.parametrize(("document", "text"), blocks("console"))
 def test_every_command_exists_with_its_options(document: str, text: str) -> None:
     for command in re.findall(r"bt-agents ((?:[^#\n`]|#\S)+)", text):
         name, *words = command.split()
         found = bt_agents.get_command(click.Context(bt_agents), name)
+        if isinstance(found, click.Group) and words:
+            found = found.get_command(click.Context(found), words[0])
         assert found is not None, f"{document}: bt-agents {command}"
         known = {o for p in found.params for o in (*p.opts, *p.secondary_opts)}
         assert {word for word in words if word.startswith("--")} <= known
@@ -121,11 +152,19 @@ def test_every_command_exists_with_its_options(document: str, text: str) -> None
         assert (ROOT / script).exists(), f"{document}: {script}"
 
 
+@pytest.fixture(scope="module")
+def kept(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A small journal."""
+    folder = tmp_path_factory.mktemp("kept")
+    return morning(folder / "trees").keep(folder / "morning.mcap")
+
+
 @pytest.fixture
-def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def here(tmp_path: Path, kept: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A folder to work in, with the trees, as the documents suppose it."""
     shutil.copytree(TREES, tmp_path / "trees")
     shutil.copytree(ROOT / "schema", tmp_path / "schema")
+    shutil.copy(kept, tmp_path)
     (tmp_path / "patrol.xml").write_text(PATROL)
     monkeypatch.chdir(tmp_path)
     return tmp_path
@@ -184,9 +223,12 @@ def test_the_reference_names_every_node_and_every_modifier_in_order() -> None:
 
 
 @pytest.mark.parametrize(("document", "text"), blocks("python"))
-def test_every_python_example_runs_and_is_a_node(document: str, text: str) -> None:
+def test_every_python_example_runs_and_is_a_node_or_a_strategy(document: str, text: str) -> None:
     found: dict[str, object] = {}
     exec(compile(text, document, "exec"), found)
+    if "SPEC" in found:
+        assert isinstance(found["SPEC"], StrategySpec)
+        return
     classes = [one for one in found.values() if isinstance(one, type) and "fields" in vars(one)]
     assert len(classes) == 1
     point = EntryPoint(name="example", value=document, group=GROUP)

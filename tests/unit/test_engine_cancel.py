@@ -202,7 +202,7 @@ class SlowClock:
 def test_a_tick_that_takes_too_long_is_counted_with_the_node_that_took_longest() -> None:
     stage = Stage(SPEAKS, answers={"show": [Answer(after_s=100.0)]})
     clock = SlowClock()
-    stage.run._steady = clock
+    stage.run._stopwatch = clock
     stage.run.period_s = 0.1
     # Looked at before the tick, then when each node answers, then at the end.
     clock.steps = iter([0.0, 0.01, 0.2, 0.01, 0.0])
@@ -222,7 +222,7 @@ def test_a_tick_that_takes_too_long_is_counted_with_the_node_that_took_longest()
 def test_without_a_period_no_tick_is_too_long() -> None:
     stage = Stage("say: x")
     clock = SlowClock()
-    stage.run._steady = clock
+    stage.run._stopwatch = clock
     clock.steps = iter([0.0, 100.0, 0.0, 100.0])
     assert stage.tick() == "succeeded"
     assert stage.run.result is not None

@@ -8,11 +8,14 @@ import math
 import pytest
 
 from bt_agents.errors import Refused
-from bt_agents.language.specs import Position, SceneSpec, SourceSpec
+from bt_agents.language.expression.expressions import parse_expression
+from bt_agents.language.scene_specs import SceneSpec, SourceSpec
+from bt_agents.language.specs import Position
 from bt_agents.scene import Origin, Scene, SceneParameter, SceneSpace, SceneValue
 from scene_layer.estimate import KEPT, Estimate, check_given
 from scene_layer.live import Following, LiveRun
-from scene_layer.sources import Sources
+from scene_layer.memory import Memory
+from scene_layer.sources import Sources, message_of
 
 SPACE = SceneSpace(
     parameters=tuple(
@@ -28,7 +31,7 @@ def source(parameter: str) -> SourceSpec:
         parameter=parameter,
         topic=f"sensors/{parameter}",
         type="std_msgs/msg/Float64",
-        field="data",
+        field=parse_expression("msg.data"),
         points=(),
         stale_after_s=2.0,
         position=Position(file="scene.yaml", line=1, column=1),
@@ -44,10 +47,13 @@ class Lab:
     def __init__(self, person: SourceSpec | None = None) -> None:
         spec = SceneSpec(space=SPACE, sources=(AGE, MOOD), person=person)
         self.sources = Sources(spec)
-        self.estimate = Estimate(spec, self.sources)
+        self.estimate = Estimate(spec, self.sources, Memory(SPACE))
+
+    def read(self, source: SourceSpec, value: object, now: float) -> None:
+        self.sources.read(source, message_of({"data": value}), now)
 
     def scene(self, now: float, scene_id: str = "s") -> Scene:
-        return self.estimate.scene(scene_id, now=now, stamp=0.0)
+        return self.estimate.scene(scene_id, now=now, wall=0.0, stamp=0.0)
 
     def values(self, now: float, scene_id: str = "s") -> list[str]:
         return [
@@ -66,7 +72,7 @@ def test_what_nobody_read_is_missing():
 
 def test_a_reading_has_an_age_and_goes_stale():
     lab = Lab()
-    lab.sources.read(MOOD, 4.0, 10.0)
+    lab.read(MOOD, 4.0, 10.0)
     assert lab.values(11.5) == ["missing", "measured 4"]
     assert lab.scene(11.5).values[1].age_s == pytest.approx(1.5)
     assert lab.values(12.0) == ["missing", "measured 4"]
@@ -75,10 +81,10 @@ def test_a_reading_has_an_age_and_goes_stale():
 
 def test_a_given_value_holds_until_a_newer_reading_arrives():
     lab = Lab()
-    lab.sources.read(MOOD, 4.0, 1.0)
+    lab.read(MOOD, 4.0, 1.0)
     lab.estimate.begin("s", "", {"mood": 2.0}, None, 2.0)
     assert lab.values(1000.0) == ["missing", "given 2"]
-    lab.sources.read(MOOD, 5.0, 1001.0)
+    lab.read(MOOD, 5.0, 1001.0)
     assert lab.values(1001.5) == ["missing", "measured 5"]
     assert lab.values(1010.0) == ["missing", "missing"], "the sensor lived, and has fallen silent"
 
@@ -141,16 +147,16 @@ def test_old_interactions_are_forgotten_one_by_one():
 def test_without_a_person_source_somebody_is_there_when_anything_is_known():
     lab = Lab()
     assert not lab.scene(0.0).person
-    lab.sources.read(MOOD, 4.0, 0.0)
+    lab.read(MOOD, 4.0, 0.0)
     assert lab.scene(1.0).person
     assert not lab.scene(9.0).person
 
 
 def test_a_person_source_that_is_silent_or_stale_sees_nobody():
     lab = Lab(PERSON)
-    lab.sources.read(MOOD, 4.0, 0.0)
+    lab.read(MOOD, 4.0, 0.0)
     assert not lab.scene(0.0).person
-    lab.sources.read(PERSON, True, 1.0)
+    lab.read(PERSON, True, 1.0)
     assert lab.scene(2.0).person
     assert not lab.scene(3.5).person
 
@@ -158,16 +164,16 @@ def test_a_person_source_that_is_silent_or_stale_sees_nobody():
 @pytest.mark.parametrize(("raw", "there"), [(0, False), (0.4, False), (0.5, True), (3, True)])
 def test_a_person_may_be_read_as_a_count_or_a_confidence(raw, there):
     lab = Lab(PERSON)
-    lab.sources.read(PERSON, raw, 0.0)
+    lab.read(PERSON, raw, 0.0)
     assert lab.scene(0.0).person is there
 
 
 def test_a_given_person_holds_until_the_source_speaks_again():
     lab = Lab(PERSON)
-    lab.sources.read(PERSON, True, 0.0)
+    lab.read(PERSON, True, 0.0)
     lab.estimate.begin("s", "ladder", {}, False, 1.0)
     assert not lab.scene(1.5).person
-    lab.sources.read(PERSON, True, 2.0)
+    lab.read(PERSON, True, 2.0)
     assert lab.scene(2.5).person
 
 

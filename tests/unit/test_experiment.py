@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import pytest
 
-from bt_agents.experiment import ExperimentSpec, Record, closed_form, deviation
+from bt_agents.experiment import ExperimentSpec, Record, closed_form, deviation, difference
 from bt_agents.simulated import SimulatedFeedback
 
 
@@ -57,3 +57,16 @@ def test_the_deviation_finds_the_one_round_that_is_off() -> None:
     assert deviation(good, *arguments) == 0.0
     off = [good[0], Record(round=2, scene=(5.0,), winner="a", before=(3.0,), after=(4.001,))]
     assert deviation(off, *arguments) == pytest.approx(0.001)
+
+
+def test_two_recordings_differ_by_their_largest_difference_or_altogether() -> None:
+    one = [Record(round=1, scene=(5.0,), winner="a", before=(1.0,), after=(3.0,))]
+    near = [Record(round=7, scene=(5.0,), winner="a", before=(1.0,), after=(3.25,))]
+    other = [Record(round=1, scene=(5.0,), winner="b", before=(1.0,), after=(3.0,))]
+    assert difference(one, one) == 0.0
+    assert difference(one, near) == 0.25
+    assert difference(one, other) == difference(one, []) == float("inf")
+
+
+def test_a_shorter_experiment_begins_alike() -> None:
+    assert spec(1).shortened(10).order() == spec(1).order()[:10]

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -33,6 +34,7 @@ feedback:
   each: {guide: {age: 5, mood: 4}}
   sequence: [{age: 3}]
   repeat: true
+  errors: {share: 0.25}
 """
 
 
@@ -40,6 +42,9 @@ def test_an_experiment_is_read():
     spec = read_experiment(Source("e.yaml", TEXT), SPACE)
     assert (spec.title, spec.rounds, spec.seed, spec.scenes) == ("T", 4, 7, ((1.0, 2.0),))
     assert spec.order() == ((1.0, 2.0),) * 4
+    errors = spec.feedback.errors
+    assert (errors.seed, errors.every, errors.share, errors.value) == (7, 0, 0.25, None)
+    spec = replace(spec, feedback=spec.feedback.afresh(None))
     assert spec.feedback.next("guide") == (5.0, 4.0)
     for _ in range(2):
         age, mood = spec.feedback.next("another") or ()
@@ -69,6 +74,12 @@ def test_shipped_experiments_are_read(path):
         ("guide:", "Guide 1:", "7:10"),
         ("age: 5", "age: 6", "7:23"),
         ("repeat: true", "repeat: yes", "9:11"),
+        ("share: 0.25", "share: 1.25", "10:19"),
+        ("share: 0.25", "every: 0", "10:19"),
+        ("share: 0.25", "every: 3, share: 0.1", "10:11"),
+        ("share: 0.25", "value: {age: 5, mood: 5}", "10:11"),
+        ("share: 0.25", "every: 3, value: {age: 5}", "10:29"),
+        ("share: 0.25", "every: 3, value: {age: 5, mood: 9}", "10:44"),
     ],
 )
 def test_what_is_wrong_is_told_with_its_place(old, new, place):

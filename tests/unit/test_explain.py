@@ -7,8 +7,11 @@ import math
 
 import pytest
 
-from market_driver import EXPRESS, GUIDE, PLAIN, Driver, scene
-from marketplace_node.explain import calculation
+from bt_agents.scene import Origin, Scene, SceneParameter, SceneSpace, SceneValue
+from market_driver import EXPRESS, GUIDE, PLAIN, SPACE, Driver, scene
+from marketplace_node.calculation import calculation
+from marketplace_node.ranking import decide
+from ranked_rounds import bids, terms
 
 NAN = math.nan
 
@@ -40,13 +43,14 @@ def test_a_single_bid_says_that_there_was_no_other() -> None:
         ((5.0, 1.0, NAN), "1.5 = |4−5| + |1.5−1|; mood is missing and left out"),
         ((NAN, 1.0, NAN), "0.5 = |1.5−1|; age, mood are missing and left out"),
         ((NAN, NAN, NAN), "0.0, as every value of the scene is missing"),
-        ((-1.0, 1.0, 3.0), "1.5 = |4−(−1)| + |1.5−1| + |3−3|"),
+        ((-1.0, 1.0, 3.0), "5.5 = |4−(−1)| + |1.5−1| + |3−3|"),
     ],
 )
 def test_missing_and_negative_values_are_said(values: tuple[float, ...], text: str) -> None:
-    distance = float(text[:3])
+    awarded_for = scene("s", *values)
+    bid = decide(SPACE, terms(awarded_for), bids({GUIDE: (4.0, 1.5, 3.0)})).bids[0]
 
-    assert calculation(distance, (4.0, 1.5, 3.0), scene("s", *values)) == text
+    assert calculation(bid, awarded_for, "manhattan") == text
 
 
 def tied(market: Driver, scene_id: str) -> str:
@@ -137,3 +141,19 @@ def test_hosts_that_cannot_be_asked_are_named_with_the_reason() -> None:
     market.scene()
 
     assert market.auction.reason == ("nobody bids: /agents is not asked: it has no heartbeat")
+
+
+def test_of_many_parameters_the_first_are_shown_and_the_rest_is_counted() -> None:
+    space = SceneSpace(
+        parameters=tuple(
+            SceneParameter(name=f"p{index}", minimum=0.0, maximum=5.0, default=0.0)
+            for index in range(64)
+        )
+    )
+    values = tuple(SceneValue(name=name, value=1.0, origin=Origin.GIVEN) for name in space.names)
+    awarded_for = Scene(scene_id="s", label="", person=True, values=values)
+    bid = decide(space, terms(awarded_for), bids({GUIDE: (2.0,) * 64})).bids[0]
+
+    assert calculation(bid, awarded_for, "manhattan") == (
+        f"64.0 = {' + '.join(['|2−1|'] * 12)} + 52 more"
+    )

@@ -4,12 +4,14 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import pytest
 
 from bt_agents.errors import Refused
+from bt_agents.feedback import Kind, LearningRule, Update
 from bt_agents.scene import SceneParameter, SceneSpace, Vector
-from feedback_node import learning
+from feedback_node.learning import Evidence, Step, asked, false_rate, step
 
 NAN = math.nan
 SPACE = SceneSpace(
@@ -19,6 +21,18 @@ SPACE = SceneSpace(
     ),
     mood="mood",
 )
+
+
+def direct(profile: Vector, target: Vector, rate: float, **more: Any) -> Step:
+    return step(Kind.DIRECT, profile, target, rate=rate, space=SPACE, **more)
+
+
+def positive(profile: Vector, scene: Vector, rate: float, **more: Any) -> Step:
+    return step(Kind.POSITIVE, profile, scene, rate=rate, space=SPACE, **more)
+
+
+def negative(profile: Vector, scene: Vector, rate: float, **more: Any) -> Step:
+    return step(Kind.NEGATIVE, profile, scene, rate=rate, space=SPACE, **more)
 
 
 @pytest.mark.parametrize(
@@ -31,43 +45,68 @@ SPACE = SceneSpace(
     ],
 )
 def test_direct_feedback_moves_by_the_rate_and_leaves_what_has_no_opinion(target, rate, after):
-    step = learning.direct((2.5, 2.5, 2.5), target, rate, SPACE)
-    assert step.after == pytest.approx(after)
+    made = direct((2.5, 2.5, 2.5), target, rate)
+    assert made.after == pytest.approx(after)
 
 
 def test_positive_feedback_moves_towards_the_known_values_of_the_scene():
-    step = learning.positive((3.0, 3.0, 3.0), (4.0, NAN, 2.0), 0.5, SPACE)
-    assert step.after == (3.5, 3.0, 2.5)
-    assert step.words == "age 3 → 3.5, mood 3 → 2.5"
+    made = positive((3.0, 3.0, 3.0), (4.0, NAN, 2.0), 0.5)
+    assert made.after == (3.5, 3.0, 2.5)
+    assert made.words == "age 3 → 3.5, mood 3 → 2.5"
 
 
 def test_negative_feedback_moves_away_by_the_same_step():
-    towards = learning.positive((3.0, 3.0, 3.0), (4.0, NAN, 2.0), 0.5, SPACE)
-    away = learning.negative((3.0, 3.0, 3.0), (4.0, NAN, 2.0), 0.5, SPACE)
+    towards = positive((3.0, 3.0, 3.0), (4.0, NAN, 2.0), 0.5)
+    away = negative((3.0, 3.0, 3.0), (4.0, NAN, 2.0), 0.5)
     assert away.after == (2.5, 3.0, 3.5)
     assert [a - 3.0 for a in away.after] == [3.0 - t for t in towards.after]
 
 
 def test_negative_feedback_stops_at_the_edge_of_the_range():
-    step = learning.negative((4.9, 1.2, 3.0), (1.0, 5.0, 3.0), 1.0, SPACE)
-    assert step.after == (5.0, 1.0, 3.0)
+    made = negative((4.9, 1.2, 3.0), (1.0, 5.0, 3.0), 1.0)
+    assert made.after == (5.0, 1.0, 3.0)
 
 
 @pytest.mark.parametrize(
-    ("step", "words"),
+    ("made", "words"),
     [
         (
-            learning.negative((3.0, 2.0, 4.0), (3.0, NAN, 4.0), 0.5, SPACE),
+            negative((3.0, 2.0, 4.0), (3.0, NAN, 4.0), 0.5),
             "no direction leads away",
         ),
-        (learning.positive((3.0, 2.0, 4.0), (3.0, NAN, 4.0), 0.5, SPACE), "it is there already"),
-        (learning.direct((3.0, 2.0, 4.0), (5.0, 5.0, 5.0), 0.0, SPACE), "the learning rate is 0"),
-        (learning.negative((5.0, 5.0, 5.0), (1.0, 1.0, 1.0), 0.5, SPACE), "at the edge"),
+        (positive((3.0, 2.0, 4.0), (3.0, NAN, 4.0), 0.5), "it is there already"),
+        (direct((3.0, 2.0, 4.0), (5.0, 5.0, 5.0), 0.0), "the learning rate is 0"),
+        (negative((5.0, 5.0, 5.0), (1.0, 1.0, 1.0), 0.5), "at the edge"),
+        (
+            direct((3.0, 2.0, 4.0), (5.0, NAN, NAN), 0.5, rule=LearningRule(rates={"age": 0.0})),
+            "the learning rate is 0",
+        ),
+        (direct((3.0, 2.0, 4.0), (5.0, NAN, NAN), 0.5, weight=0.0), "the learning rate is 0"),
+        (
+            direct(
+                (4.0, 2.0, 4.0),
+                (5.0, NAN, NAN),
+                0.5,
+                rule=LearningRule(drift={"age": 1.0}),
+                evidence=Evidence(authored=(3.0, 3.0, 3.0)),
+            ),
+            "may not get farther from its file",
+        ),
+        (
+            direct(
+                (3.0, 3.0, 3.0),
+                (5.0, 3.0, 3.0),
+                0.5,
+                rule=LearningRule(update=Update.MEDIAN),
+                evidence=Evidence(recent=((3.0, 3.0, 3.0),) * 4),
+            ),
+            "where most of the last feedbacks want it",
+        ),
     ],
 )
-def test_a_profile_that_stays_says_why(step, words):
-    assert step.after == step.before
-    assert words in step.words
+def test_a_profile_that_stays_says_why(made, words):
+    assert made.after == made.before
+    assert words in made.words
 
 
 @pytest.mark.parametrize(
@@ -83,21 +122,21 @@ def test_a_profile_that_stays_says_why(step, words):
 )
 def test_a_vector_that_is_no_feedback_is_refused(code, target):
     with pytest.raises(Refused) as refusal:
-        learning.direct((3.0, 3.0, 3.0), target, 0.2, SPACE)
+        direct((3.0, 3.0, 3.0), target, 0.2)
     assert refusal.value.code == code
 
 
-@pytest.mark.parametrize("rule", [learning.positive, learning.negative])
-def test_a_scene_without_any_known_value_teaches_nothing(rule):
+@pytest.mark.parametrize("feedback", [positive, negative])
+def test_a_scene_without_any_known_value_teaches_nothing(feedback):
     with pytest.raises(Refused) as refusal:
-        rule((3.0, 3.0, 3.0), (NAN, NAN, NAN), 0.2, SPACE)
+        feedback((3.0, 3.0, 3.0), (NAN, NAN, NAN), 0.2)
     assert refusal.value.code == "NO_SCENE"
 
 
 @pytest.mark.parametrize("rate", [-0.1, 1.1, NAN, math.inf])
 def test_a_rate_outside_0_to_1_is_refused(rate):
     with pytest.raises(Refused) as refusal:
-        learning.direct((3.0, 3.0, 3.0), (4.0, 4.0, 4.0), rate, SPACE)
+        direct((3.0, 3.0, 3.0), (4.0, 4.0, 4.0), rate)
     assert refusal.value.code == "BAD_RATE"
 
 
@@ -107,6 +146,178 @@ def test_the_first_experiment_of_the_paper_converges_in_the_known_number_of_cycl
     profile: Vector = (2.5, 2.5, 2.5)
     count = 0
     while sum(abs(g - p) for g, p in zip(goal, profile, strict=True)) >= 0.05:
-        profile = learning.direct(profile, goal, rate, SPACE).after
+        profile = direct(profile, goal, rate).after
         count += 1
     assert count == cycles
+
+
+# --- rates, weights and bounds --------------------------------------------------------------
+
+
+def test_a_parameter_may_have_a_rate_of_its_own_and_another_may_be_frozen():
+    rule = LearningRule(rates={"age": 0.5, "mood": 0.0})
+    made = direct((3.0, 3.0, 3.0), (5.0, 5.0, 5.0), 0.1, rule=rule)
+    assert made.after == (4.0, 3.2, 3.0)
+    assert made.rates == (0.5, 0.1, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("weight", "after"), [(0.0, 3.0), (0.5, 3.2), (1.0, 3.4), (3.0, 4.2), (50.0, 5.0)]
+)
+def test_the_weight_of_a_source_scales_the_step_up_to_the_whole_way(weight, after):
+    made = direct((3.0, 3.0, 3.0), (5.0, NAN, NAN), 0.2, weight=weight)
+    assert made.after[0] == pytest.approx(after)
+
+
+def test_a_button_outweighs_a_mood_rule_unless_the_agent_says_otherwise():
+    usual, own = LearningRule(), LearningRule(weights={"mood rule": 2.0})
+    assert [usual.weight(one) for one in ("button", "mood rule", "anybody")] == [1.0, 0.5, 1.0]
+    assert [own.weight(one) for one in ("button", "mood rule", "anybody")] == [1.0, 2.0, 1.0]
+
+
+@pytest.mark.parametrize("weight", [-0.1, NAN, math.inf])
+def test_a_weight_that_is_none_is_refused(weight):
+    with pytest.raises(Refused, match="BAD_WEIGHT"):
+        direct((3.0, 3.0, 3.0), (4.0, 4.0, 4.0), 0.2, weight=weight)
+
+
+@pytest.mark.parametrize(("changes", "rate"), [(0, 0.4), (1, 0.2), (9, 0.04)])
+def test_an_annealed_rate_falls_with_the_number_of_changes(changes, rate):
+    made = direct(
+        (3.0, 3.0, 3.0),
+        (5.0, NAN, NAN),
+        0.4,
+        rule=LearningRule(anneal=1.0),
+        evidence=Evidence(changes=changes),
+    )
+    assert made.rates[0] == pytest.approx(rate)
+    assert made.after[0] == pytest.approx(3.0 + 2.0 * rate)
+
+
+@pytest.mark.parametrize(
+    ("before", "target", "after"),
+    [
+        (3.0, 5.0, 3.5),
+        (3.0, 1.0, 2.5),
+        (3.0, 3.2, 3.2),
+        # A profile that somebody has tuned out of the bound comes back, and goes no farther.
+        (4.5, 5.0, 4.5),
+        (4.5, 1.0, 2.5),
+    ],
+)
+def test_a_profile_drifts_no_farther_from_its_file_than_allowed(before, target, after):
+    made = direct(
+        (before, 3.0, 3.0),
+        (target, NAN, NAN),
+        1.0,
+        rule=LearningRule(drift={"age": 0.5}),
+        evidence=Evidence(authored=(3.0, 3.0, 3.0)),
+    )
+    assert made.after == (after, 3.0, 3.0)
+
+
+def test_what_is_set_is_set_whatever_the_rule():
+    rule = LearningRule(rates={"age": 0.0}, update=Update.MEDIAN, anneal=9.0, drift={"age": 0.1})
+    evidence = Evidence(recent=((1.0, 1.0, 1.0),) * 9, changes=9, authored=(3.0, 3.0, 3.0))
+    made = step(
+        Kind.SET,
+        (3.0, 3.0, 3.0),
+        (5.0, NAN, NAN),
+        rate=0.0,
+        space=SPACE,
+        rule=rule,
+        weight=0.0,
+        evidence=evidence,
+    )
+    assert (made.after, made.rate, made.weight) == ((5.0, 3.0, 3.0), 1.0, 1.0)
+
+
+# --- wrong feedback -----------------------------------------------------------------------
+
+
+def taught(rule: LearningRule, count: int, wrong_every: int) -> list[Vector]:
+    """Return the profiles of the paper's Experiment 2, where a wrong feedback is all 5."""
+    profile: Vector = (2.5, 2.5, 2.5)
+    recent: list[Vector] = []
+    profiles = []
+    for number in range(1, count + 1):
+        wrong = number % wrong_every == 0
+        target: Vector = (5.0, 5.0, 5.0) if wrong else (5.0, 4.0, 1.0)
+        evidence = Evidence(recent=tuple(recent[-rule.window :]))
+        profile = direct(profile, target, 0.2, rule=rule, evidence=evidence).after
+        recent.append(target)
+        profiles.append(profile)
+    return profiles
+
+
+def mean(profiles: list[Vector]) -> list[float]:
+    return [sum(values) / len(profiles) for values in zip(*profiles, strict=True)]
+
+
+def test_the_paper_s_formula_goes_to_the_mean_of_right_and_wrong_feedback():
+    assert mean(taught(LearningRule(), 300, 3)[-30:]) == pytest.approx(
+        [5, 13 / 3, 7 / 3], abs=0.01
+    )
+
+
+@pytest.mark.parametrize(("update", "count"), [(Update.HUBER, 300), (Update.MEDIAN, 40)])
+def test_a_robust_update_finds_the_goal_among_a_third_of_wrong_feedback(update, count):
+    for profile in taught(LearningRule(update=update), count, 3)[-9:]:
+        assert profile == pytest.approx((5.0, 4.0, 1.0), abs=0.2)
+
+
+def test_a_huber_step_is_never_longer_than_its_width_allows():
+    rule = LearningRule(update=Update.HUBER, width={"age": 1.0})
+    made = direct((2.0, 2.0, 2.0), (5.0, 2.1, 5.0), 0.5, rule=rule)
+    assert made.after == pytest.approx((2.5, 2.05, 2.125))
+
+
+def test_a_median_looks_at_so_many_of_the_last_feedbacks_and_at_this_one():
+    recent = ((1.0, NAN, NAN), (2.0, NAN, NAN), (4.0, NAN, NAN), (5.0, NAN, NAN))
+    made = [
+        direct(
+            (3.0, 3.0, 3.0),
+            (4.5, 5.0, NAN),
+            1.0,
+            rule=LearningRule(update=Update.MEDIAN, window=window),
+            evidence=Evidence(recent=recent),
+        ).after
+        for window in (1, 2, 3, 4, 5, 9)
+    ]
+    assert [one[0] for one in made] == [4.5, 4.75, 4.5, 4.25, 4.0, 4.0]
+    assert {one[1:] for one in made} == {(5.0, 3.0)}
+
+
+def test_negative_feedback_asks_for_the_mirror_image_of_the_scene():
+    assert asked(Kind.NEGATIVE, (3.0, 3.0, 3.0), (4.0, NAN, 1.0)) == pytest.approx(
+        (2.0, NAN, 5.0), nan_ok=True
+    )
+    assert asked(Kind.POSITIVE, (3.0, 3.0, 3.0), (4.0, 2.0, 1.0)) == (4.0, 2.0, 1.0)
+
+
+def test_one_wrong_negative_does_not_move_a_median_that_has_seen_positive_ones():
+    recent = ((4.0, 3.0, 3.0), (4.2, 3.0, 3.0), (3.8, 3.0, 3.0))
+    made = negative(
+        (3.5, 3.0, 3.0),
+        (4.0, NAN, NAN),
+        0.5,
+        rule=LearningRule(update=Update.MEDIAN),
+        evidence=Evidence(recent=recent),
+    )
+    assert made.after[0] == pytest.approx(3.7)
+
+
+@pytest.mark.parametrize(("wrong", "expected"), [(0, 0.0), (2, 0.2), (3, 0.3), (4, 0.4)])
+def test_the_share_of_wrong_feedback_is_found(wrong, expected):
+    right = [(4.0 + 0.02 * number, 2.0, NAN) for number in range(10 - wrong)]
+    assert false_rate([*right, *[(1.0, 5.0, 3.0)] * wrong], SPACE) == pytest.approx(expected)
+
+
+@pytest.mark.parametrize("count", [0, 1, 7])
+def test_of_little_feedback_nothing_is_said(count):
+    assert math.isnan(false_rate([(4.0, 2.0, 1.0)] * count, SPACE))
+
+
+def test_feedback_that_differs_a_little_is_not_wrong():
+    spread = [(3.0 + (number % 5) / 10, 3.0 - (number % 3) / 10, NAN) for number in range(30)]
+    assert false_rate(spread, SPACE) == 0.0

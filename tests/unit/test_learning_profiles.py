@@ -13,8 +13,9 @@ from bt_agents.errors import Refused
 from bt_agents.feedback import Kind
 from bt_agents.scene import SceneParameter, SceneSpace
 from feedback_node.cards import AgentEntry, Card, RuleEntry, read_card
+from feedback_node.changes import Change, Delivery
 from feedback_node.ledger import Ledger
-from feedback_node.profiles import MOST_HOSTS, Change, Delivery, Profiles
+from feedback_node.profiles import MOST_HOSTS, Profiles
 
 NAN = math.nan
 SPACE = SceneSpace(
@@ -87,7 +88,7 @@ def test_a_card_without_a_full_host_name_is_refused(host):
 def test_a_new_agent_has_nothing_to_learn():
     known = Profiles(SPACE, Ledger(":memory:"))
     assert known.introduce(card(GUIDE)) == ((), ())
-    assert known.table() == (("guide", 0, (4.0, 3.0)),)
+    assert known.table() == (("guide", "", 0, (4.0, 3.0)),)
 
 
 def test_feedback_moves_the_profile_by_the_rate_of_the_card():
@@ -99,7 +100,7 @@ def test_feedback_moves_the_profile_by_the_rate_of_the_card():
     assert known.delivery("guide") == Delivery(
         host="/agents", agent="guide", values=(4.5, 3.0), revision=1
     )
-    assert known.table() == (("express", 0, (2.0, 3.0)), ("guide", 1, (4.5, 3.0)))
+    assert known.table() == (("express", "", 0, (2.0, 3.0)), ("guide", "", 1, (4.5, 3.0)))
 
 
 def test_a_host_that_starts_again_is_told_what_was_learned():
@@ -130,7 +131,7 @@ def test_an_agent_that_left_its_host_is_unknown_and_comes_back_with_what_it_lear
 def test_a_start_without_agents_takes_none_away_from_another_start_of_the_host():
     known = profiles(GUIDE, EXPRESS)
     assert known.introduce(card(instance="i2")) == ((), ())
-    assert known.table() == (("express", 0, (2.0, 3.0)), ("guide", 0, (4.0, 3.0)))
+    assert known.table() == (("express", "", 0, (2.0, 3.0)), ("guide", "", 0, (4.0, 3.0)))
     known.introduce(card())
     assert known.table() == ()
 
@@ -138,9 +139,9 @@ def test_a_start_without_agents_takes_none_away_from_another_start_of_the_host()
 def test_a_start_with_agents_takes_over_from_the_one_before():
     known = profiles(GUIDE, EXPRESS)
     known.introduce(card(GUIDE, instance="i2"))
-    assert [name for name, _, _ in known.table()] == ["guide"]
+    assert [name for name, *_ in known.table()] == ["guide"]
     known.introduce(card(instance="i1"))
-    assert [name for name, _, _ in known.table()] == ["guide"]
+    assert [name for name, *_ in known.table()] == ["guide"]
     known.introduce(card(instance="i2"))
     assert known.table() == ()
 
@@ -176,7 +177,7 @@ def test_the_same_id_is_applied_once_and_returns_the_recorded_change():
     assert (first.fresh, again.fresh) == (True, False)
     assert again.revision == first.revision
     assert (again.before, again.after) == (first.before, first.after)
-    assert known.table() == (("guide", 1, (4.5, 3.0)),)
+    assert known.table() == (("guide", "", 1, (4.5, 3.0)),)
 
 
 def test_a_smaller_range_than_when_it_was_learned_clamps_the_profile():
@@ -197,7 +198,7 @@ def test_a_text_without_end_is_refused(field):
     texts: dict[str, Any] = {"feedback_id": "f", "source": "", "reason": "", field: "x" * 1001}
     with pytest.raises(Refused, match=f"TOO_LONG: feedback: {field}"):
         known.apply("guide", Kind.DIRECT, (5.0, 3.0), run=None, **texts)
-    assert known.table()[0][1] == 0
+    assert known.table()[0][2] == 0
 
 
 def test_a_ledger_that_cannot_write_leaves_the_profile_as_it_was():
@@ -207,4 +208,4 @@ def test_a_ledger_that_cannot_write_leaves_the_profile_as_it_was():
     ledger._database.execute("PRAGMA query_only = ON")
     with pytest.raises(Refused, match="LEDGER_FAILED"):
         teach(known)
-    assert known.table() == (("guide", 0, (4.0, 3.0)),)
+    assert known.table() == (("guide", "", 0, (4.0, 3.0)),)

@@ -13,8 +13,9 @@ from bt_agents.errors import Refused
 from bt_agents.feedback import Kind
 from bt_agents.scene import Origin, Scene, SceneParameter, SceneSpace, SceneValue
 from bt_agents.simulated import SimulatedFeedback
-from feedback_node.cards import AgentEntry, Card, RuleEntry
+from feedback_node.cards import AgentEntry, Card, LearningEntry, RuleEntry
 from feedback_node.ledger import Ledger
+from feedback_node.mood_traces import LeafMood
 from feedback_node.profiles import Profiles
 from feedback_node.runs import Run, Runs
 from feedback_node.teaching import SETTLE_S, Given, Teaching
@@ -122,7 +123,8 @@ def test_a_rule_that_fires_moves_the_profile_away_from_the_awarded_scene_and_sto
     (lesson,) = room.teaching.tick()
     assert lesson.change is not None
     cause = lesson.change.revision.cause
-    assert lesson.change.after == (2.0, 2.5)
+    assert lesson.change.after == (2.5, 2.75)
+    assert (cause.weight, cause.leaf) == (0.5, "")
     assert (cause.source, cause.kind, cause.cancels) == ("mood rule", Kind.NEGATIVE, True)
     assert cause.reason == "mood.change <= -1 held 1 s: mood 4 → 2.5"
     assert (cause.epoch, cause.round, cause.scene_id) == ("e", 1, "s1")
@@ -223,7 +225,97 @@ def test_a_rule_teaches_a_run_once_even_when_the_node_starts_again_in_between():
         assert lesson.stop is not None
     assert lesson.change is not None
     assert not lesson.change.fresh
+    assert room.profile() == (2.5, 2.75)
+
+
+def test_an_agent_may_weigh_its_mood_rules_as_it_likes():
+    learning = LearningEntry(update="plain", window=5, sources=("mood rule",), weights=(1.0,))
+    room = Room(card=replace(CARD, agents=(replace(GUIDE, learning=learning),)))
+    room.teaching.started(run())
+    room.teaching.see(scene(5.0, 2.5))
+    room.now = 1.0
+    room.teaching.tick()
     assert room.profile() == (2.0, 2.5)
+
+
+def test_a_rule_that_fires_again_teaches_again():
+    rule = RuleEntry(when="mood.change <= -1", hold_s=0.5, give=2, cancel=False, cooldown_s=2.0)
+    room = Room(card=replace(CARD, agents=(replace(GUIDE, rules=(rule,)),)))
+    room.teaching.started(run(awarded=scene(3.5, 4.0)))
+    ids = []
+    for _ in range(100):
+        lessons = room.teaching.see(scene(3.5, 2.0))
+        ids += [one.change.revision.cause.feedback_id for one in lessons if one.change]
+        room.now += 0.1
+    assert ids[:3] == ["rule/e/1/guide/0", "rule/e/1/guide/0/1", "rule/e/1/guide/0/2"]
+    assert len(ids) == 4
+
+
+def test_what_is_only_estimated_or_taken_by_default_teaches_nothing():
+    doubtful = scene(5.0, 4.0)
+    values = (replace(doubtful.values[0], origin=Origin.ESTIMATED), doubtful.values[1])
+    room = Room()
+    room.teaching.started(run(awarded=replace(doubtful, values=values)))
+    room.teaching.see(scene(5.0, 2.5))
+    room.now = 1.0
+    (lesson,) = room.teaching.tick()
+    assert lesson.change is not None
+    assert lesson.change.after == (3.0, 2.75)
+    given = Given(kind=Kind.POSITIVE, agent="guide", source="button")
+    assert room.teaching.give(given).after == (3.0, 3.375)
+
+
+# --- credit to the nodes of the tree --------------------------------------------------------
+
+
+def test_a_change_of_the_mood_is_credited_to_the_node_that_was_at_work_when_it_began():
+    room = Room()
+    room.teaching.started(run())
+    room.teaching.ticked(run().key, "tree/0.say")
+    room.now = 0.5
+    room.teaching.see(scene(5.0, 2.5))
+    room.now = 1.0
+    room.teaching.ticked(run().key, "tree/1.ask")
+    room.now = 1.5
+    (lesson,) = room.teaching.tick()
+    assert lesson.change is not None
+    assert lesson.change.revision.cause.leaf == "tree/0.say"
+
+
+def test_feedback_of_a_person_is_about_the_node_at_work_unless_it_names_one():
+    room = Room()
+    room.teaching.started(run())
+    room.teaching.ticked(run().key, "tree/0.say")
+    given = Given(kind=Kind.POSITIVE, source="button")
+    assert room.teaching.give(given).revision.cause.leaf == "tree/0.say"
+    named = replace(given, leaf="tree/4.ask")
+    assert room.teaching.give(named).revision.cause.leaf == "tree/4.ask"
+    room.teaching.ended(run())
+    assert room.teaching.give(given).revision.cause.leaf == ""
+
+
+def test_the_end_of_a_run_tells_how_the_mood_went():
+    room = Room()
+    room.teaching.ticked(run().key, "tree/0.say")  # heard before the start
+    room.teaching.started(run())
+    room.teaching.ticked(run(7).key, "tree/9.log")
+    room.now = 1.0
+    room.teaching.see(scene(5.0, 3.5))
+    room.now = 2.0
+    told = room.teaching.ended(run())
+    assert told is not None
+    assert told.run == run()
+    assert told.leaves == (LeafMood(leaf="tree/0.say", seconds=2.0, mean=3.75, change=-0.5),)
+    assert room.teaching.ended(run()) is None
+    assert not room.teaching.following
+
+
+def test_a_run_without_rules_is_followed_too():
+    room = Room()
+    room.teaching.started(run(agent="express"))
+    assert (room.teaching.watching, room.teaching.following) == (False, True)
+    assert room.teaching.follows("s1")
+    assert not room.teaching.follows("s2")
 
 
 # --- given feedback -----------------------------------------------------------------------

@@ -13,8 +13,9 @@ from pathlib import Path
 import pytest
 
 from bt_agents.errors import Refused
-from feedback_node.ledger import AUTHORED, FEEDBACK, UNDO, Cause, Ledger
+from feedback_node.ledger import Ledger
 from feedback_node.ledger_file import LedgerError, ledger_path
+from feedback_node.ledger_rows import AUTHORED, FEEDBACK, UNDO, Cause
 
 FIRST = {"age": 4.0, "mood": 3.0}
 
@@ -172,7 +173,11 @@ def test_rows_cannot_be_changed_or_deleted_from_outside(tmp_path):
     with Ledger(path) as ledger:
         ledger.enter({"guide": FIRST})
         other = sqlite3.connect(path)
-        for statement in ("UPDATE revision SET profile = '{}'", "DELETE FROM revision"):
+        for statement in (
+            "UPDATE revision SET content = '{}'",
+            "UPDATE revision SET digest = x'00', content = NULL, salt = NULL",
+            "DELETE FROM revision",
+        ):
             with pytest.raises(sqlite3.IntegrityError, match="append a new one"):
                 other.execute(statement)
         other.close()
@@ -205,7 +210,7 @@ def test_a_file_that_is_no_database_is_named_and_left_alone(tmp_path):
         Ledger(path)
     assert error.value.code == "LEDGER_CORRUPT"
     assert str(path) in error.value.reason
-    assert "Move the file away" in error.value.reason
+    assert "move the file away" in error.value.reason
     assert path.read_bytes() == before
 
 
@@ -225,9 +230,9 @@ def test_a_newer_format_is_left_alone(tmp_path):
     path = tmp_path / "ledger.sqlite"
     Ledger(path).close()
     database = sqlite3.connect(path)
-    database.execute("PRAGMA user_version = 2")
+    database.execute("PRAGMA user_version = 3")
     database.close()
-    with pytest.raises(LedgerError, match=r"format 2, this program knows 1") as error:
+    with pytest.raises(LedgerError, match=r"format 3, this program knows 2") as error:
         Ledger(path)
     assert error.value.code == "LEDGER_NEWER"
 
@@ -255,12 +260,29 @@ def test_a_row_with_a_damaged_profile_is_named(tmp_path):
     with Ledger(path) as ledger:
         ledger.enter({"guide": FIRST})
     database = sqlite3.connect(path)
-    database.execute("DROP TRIGGER revision_no_UPDATE")
-    database.execute("UPDATE revision SET profile = '[NaN'")
+    trigger = database.execute(
+        "SELECT sql FROM sqlite_master WHERE name = 'revision_no_update'"
+    ).fetchone()[0]
+    database.execute("DROP TRIGGER revision_no_update")
+    database.execute("UPDATE revision SET content = replace(content, '4.0', '4.5')")
+    database.execute(trigger)
     database.commit()
     database.close()
-    with Ledger(path) as ledger, pytest.raises(LedgerError, match="LEDGER_CORRUPT"):
-        ledger.current("guide")
+    with pytest.raises(LedgerError, match="row 1, behind the beginning: revision 0 of guide is"):
+        Ledger(path)
+
+
+def test_a_row_that_is_changed_while_the_ledger_is_open_is_not_believed(tmp_path):
+    path = tmp_path / "ledger.sqlite"
+    with Ledger(path) as ledger:
+        ledger.enter({"guide": FIRST})
+        database = sqlite3.connect(path)
+        database.execute("DROP TRIGGER revision_no_update")
+        database.execute("UPDATE revision SET content = replace(content, '4.0', '4.5')")
+        database.commit()
+        database.close()
+        with pytest.raises(LedgerError, match="LEDGER_CORRUPT"):
+            ledger.current("guide")
 
 
 _WRITER = """

@@ -11,7 +11,7 @@ import pytest
 
 from bt_agents.errors import Refused
 from market_driver import EXPRESS, GUIDE, PLAIN, Driver, registration, scene
-from marketplace_node.auction import ClosedBy, Outcome
+from marketplace_node.decision import ClosedBy, Outcome
 from marketplace_node.effects import (
     AnnounceRun,
     CancelAll,
@@ -355,7 +355,13 @@ def test_settings_count_from_the_next_decision_on(market: Driver) -> None:
 @pytest.mark.parametrize(
     ("changes", "code"),
     [
-        ({"strategy": "magic"}, "UNKNOWN_CHOICE"),
+        ({"strategy": "magic"}, "UNKNOWN_STRATEGY"),
+        ({"shadow_strategy": "magic"}, "UNKNOWN_STRATEGY"),
+        ({"shadow_strategy": "external"}, "NO_SHADOW"),
+        ({"options": {"softmax.heat": 1.0}}, "UNKNOWN_OPTION"),
+        ({"options": {"softmax.temperature": 0.0}}, "OUT_OF_RANGE"),
+        ({"options": {"softmax.temperature": float("nan")}}, "OUT_OF_RANGE"),
+        ({"starvation_rounds": -1}, "OUT_OF_RANGE"),
         ({"on_new_scene": ""}, "UNKNOWN_CHOICE"),
         ({"tie_break": "random"}, "UNKNOWN_CHOICE"),
         ({"bid_deadline_s": float("nan")}, "OUT_OF_RANGE"),
@@ -388,7 +394,9 @@ def test_the_document_of_the_market_names_every_setting_with_its_default_and_ran
         name.strip(" `"): (value.strip(" `"), span.strip())
         for name, value, span, _ in (row for row in rows if row)
     }
-    for name, default in dataclasses.asdict(Settings()).items():
+    settings = dataclasses.asdict(Settings())
+    assert settings.pop("options") == {}, "each strategy tells of its own"
+    for name, default in settings.items():
         value, span = told[name.removesuffix("_s")]
         if name in SECONDS:
             least, most = SECONDS[name]

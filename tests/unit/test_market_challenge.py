@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from market_driver import EXPRESS, GUIDE, PLAIN, Driver
-from marketplace_node.auction import ClosedBy, Outcome
+from marketplace_node.decision import ClosedBy, Outcome
 from marketplace_node.effects import CancelGoal, Collect, OpenCall, PublishAuction, State
 from marketplace_node.settings import Settings
 

@@ -6,7 +6,7 @@ from __future__ import annotations
 import pytest
 
 from market_driver import EXPRESS, GUIDE, Driver, scene
-from marketplace_node.auction import ClosedBy, Outcome
+from marketplace_node.decision import ClosedBy, Outcome
 from marketplace_node.effects import (
     AnnounceRun,
     CancelGoal,

@@ -7,7 +7,7 @@ import math
 
 import pytest
 
-from bt_agents import mood
+from bt_agents.mood import Addressee, Mood, mood_of
 from bt_agents.scene import Origin, Scene, SceneParameter, SceneSpace, SceneValue
 
 NAN = math.nan
@@ -20,8 +20,15 @@ SPACE = SceneSpace(
 )
 
 
-def scene(value: float, *, person: bool = True) -> Scene:
-    known = SceneValue(name="mood", value=value, origin=Origin.MEASURED)
+def scene(
+    value: float,
+    *,
+    person: bool = True,
+    origin: Origin = Origin.MEASURED,
+    confidence: float = 1.0,
+    person_id: str = "",
+) -> Scene:
+    known = SceneValue(name="mood", value=value, origin=origin, confidence=confidence)
     return Scene(
         scene_id="s1",
         label="",
@@ -30,40 +37,130 @@ def scene(value: float, *, person: bool = True) -> Scene:
             SceneValue.missing("age"),
             SceneValue.missing("mood") if math.isnan(value) else known,
         ),
+        person_id=person_id,
     )
 
 
-def changes(awarded: Scene, *lives: Scene, space: SceneSpace = SPACE) -> list[float]:
-    current, result = mood.at_start(awarded, space), []
-    for live in lives:
-        current = mood.seen(current, live, space)
-        result.append(current.change)
-    return result
+class Course:
+    """The mood of a run of which each look is at a time since its start."""
+
+    def __init__(self, awarded: Scene, *, space: SceneSpace = SPACE, **options: float) -> None:
+        self.now = 0.0
+        self.mood = Mood(awarded, space, lambda: self.now, **options)
+
+    def see(self, at: float, live: Scene) -> float:
+        self.now = at
+        self.mood.see(live)
+        return self.mood.change
+
+    def tick(self, at: float) -> float:
+        self.now = at
+        self.mood.tick()
+        return self.mood.change
+
+
+def changes(
+    awarded: Scene, *lives: Scene, space: SceneSpace = SPACE, **options: float
+) -> list[float]:
+    course = Course(awarded, space=space, **options)
+    return [course.see(second, live) for second, live in enumerate(lives)]
 
 
 def test_the_change_is_measured_against_the_scene_as_awarded():
     assert changes(scene(4.0), scene(4.0), scene(2.5), scene(5.0)) == [0.0, -1.5, 1.0]
 
 
-def test_without_an_awarded_mood_the_first_known_live_one_is_the_start():
-    seen = changes(scene(NAN), scene(NAN), scene(3.0), scene(2.0))
+@pytest.mark.parametrize(
+    "awarded",
+    [
+        scene(NAN),
+        scene(1.0, person=False),
+        scene(5.0, origin=Origin.ESTIMATED),
+        scene(5.0, origin=Origin.DEFAULT),
+    ],
+)
+def test_without_an_awarded_mood_the_first_known_live_one_is_the_start(awarded):
+    seen = changes(awarded, scene(NAN), scene(3.0), scene(2.0))
     assert seen == pytest.approx([NAN, 0.0, -1.0], nan_ok=True)
 
 
-def test_a_missing_live_mood_makes_the_change_unknown_until_it_is_back():
-    seen = changes(scene(4.0), scene(3.0), scene(NAN), scene(3.0))
+@pytest.mark.parametrize(
+    "gap",
+    [
+        scene(NAN),
+        scene(1.0, person=False),
+        scene(1.0, origin=Origin.ESTIMATED),
+        scene(1.0, origin=Origin.DEFAULT),
+    ],
+)
+def test_a_mood_that_nobody_sees_makes_the_change_unknown_until_it_is_back(gap):
+    seen = changes(scene(4.0), scene(3.0), gap, scene(3.0))
     assert seen == pytest.approx([-1.0, NAN, -1.0], nan_ok=True)
 
 
-def test_a_person_who_is_gone_has_no_mood():
-    seen = changes(scene(4.0), scene(1.0, person=False), scene(4.0))
-    assert seen == pytest.approx([NAN, 0.0], nan_ok=True)
-
-
-def test_a_scene_without_a_person_gives_no_start():
-    assert changes(scene(1.0, person=False), scene(4.0), scene(5.0)) == [0.0, 1.0]
+def test_a_mood_of_too_little_confidence_is_not_known():
+    lives = [scene(2.0, confidence=c) for c in (0.49, 0.5, 1.0)]
+    seen = changes(scene(4.0), *lives, confidence=0.5)
+    assert seen == pytest.approx([NAN, -2.0, -2.0], nan_ok=True)
 
 
 def test_a_space_without_a_mood_knows_no_change():
     space = SceneSpace(parameters=SPACE.parameters, mood=None)
     assert changes(scene(4.0), scene(1.0), space=space) == pytest.approx([NAN], nan_ok=True)
+
+
+# --- the baseline -------------------------------------------------------------------------
+
+
+def test_a_baseline_is_the_mean_over_its_time_not_over_its_scenes():
+    course = Course(scene(5.0), baseline_s=4.0)
+    assert math.isnan(course.see(1.0, scene(2.0)))
+    for at in (4.0, 4.1, 4.2, 4.3):
+        assert math.isnan(course.see(at, scene(4.0)))
+    assert course.mood.due == 5.0
+    assert course.tick(5.0) == pytest.approx(4.0 - (3 * 2.0 + 1 * 4.0) / 4)
+    assert course.mood.due == math.inf
+    assert course.see(9.0, scene(1.5)) == pytest.approx(-1.0)
+
+
+def test_a_baseline_leaves_out_the_time_in_which_no_mood_was_known():
+    course = Course(scene(5.0), baseline_s=4.0)
+    course.see(0.0, scene(2.0))
+    course.see(1.0, scene(NAN))
+    course.see(3.0, scene(3.0))
+    assert course.tick(4.0) == pytest.approx(3.0 - 2.5)
+
+
+def test_a_baseline_begins_with_the_first_known_mood():
+    course = Course(scene(5.0), baseline_s=2.0)
+    course.see(0.0, scene(NAN))
+    course.see(10.0, scene(3.0))
+    assert course.mood.due == 12.0
+    assert course.tick(12.5) == 0.0
+
+
+def test_a_baseline_in_which_the_mood_was_lost_at_once_begins_again():
+    course = Course(scene(5.0), baseline_s=2.0)
+    course.see(0.0, scene(3.0))
+    course.see(0.0, scene(NAN))
+    assert math.isnan(course.tick(3.0))
+    course.see(4.0, scene(2.0))
+    assert course.mood.due == 6.0
+
+
+# --- whose mood ---------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("awarded", "lives", "there"),
+    [
+        ("anna", ["anna", "ben", "anna"], [True, False, True]),
+        ("anna", ["", "ben", ""], [True, False, True]),
+        ("", ["", "anna", "ben"], [True, True, False]),
+    ],
+)
+def test_somebody_else_is_nobody(awarded, lives, there):
+    addressee = Addressee(scene(4.0, person_id=awarded))
+    seen = [addressee.seen(scene(1.0, person_id=one)) for one in lives]
+    assert [one.person for one in seen] == there
+    assert [not math.isnan(mood_of(one, SPACE)) for one in seen] == there

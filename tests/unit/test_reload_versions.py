@@ -95,6 +95,9 @@ def test_a_changed_default_is_a_retune_also_while_the_agent_runs(watched):
     [
         ("title: Bobby\n", "title changed"),
         ("learning_rate: 0.5\n", "learning_rate: 0.2 → 0.5"),
+        ("learning: {update: median}\n", "learning changed"),
+        ("learning: {rate: 0.5}\n", "learning_rate: 0.2 → 0.5"),
+        ("weights: {age: 2}\n", "weights changed"),
         ("tags: [a]\n", "tags changed"),
         ("requires: scene.person\n", "requires changed"),
         ("feedback: [{when: live.age > 3, give: positive}]\n", "feedback rules changed"),

@@ -170,7 +170,8 @@ def test_all_sources_keep_to_it(
 EXECUTABLES = (
     "bt_agents/bt_agents/ros/host.py",
     "marketplace_node/marketplace_node/node/__init__.py",
-    "scene_layer/scene_layer/node.py",
+    "marketplace_node/marketplace_node/node/selector.py",
+    "scene_layer/scene_layer/node/__init__.py",
     "feedback_node/feedback_node/node/__init__.py",
     "robot/bt_agents_robot/robot.py",
     "robot/bt_agents_robot/visitors.py",

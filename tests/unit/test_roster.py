@@ -5,6 +5,10 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import pytest
+
+from bt_agents.errors import Refused
+from bt_agents.layers import MOST_LAYERS
 from bt_agents.roster import Roster
 from stage import SPACE, agent, scene
 
@@ -49,3 +53,74 @@ def test_when_nobody_here_can_run_all_decline_with_that_reason():
     roster.enrol(["a"], [1], [""])
     answer = roster.answer(scene(age=2), obstacle="nothing publishes /clock")
     assert (answer.bids, answer.declined) == ((), {"a": "nothing publishes /clock"})
+
+
+def layered(kinds: str, **layers: float) -> Roster:
+    roster = Roster(SPACE, [agent("say: x", f"learning: {{layers: {kinds}}}")])
+    for layer, age in layers.items():
+        kind, _, name = layer.partition("_")
+        roster.set_layer("a", f"{kind}/{name}", [age, 3.0, 3.0], 1)
+    return roster
+
+
+@pytest.mark.parametrize(
+    ("kinds", "person", "place", "expected"),
+    [
+        ("[person, place]", "anna", "lobby", 4.0),
+        ("[person, place]", "bob", "lobby", 5.0),
+        ("[person, place]", "", "lobby", 5.0),
+        ("[person, place]", "bob", "garden", 3.0),
+        ("[place]", "anna", "lobby", 5.0),
+        ("[person]", "bob", "lobby", 3.0),
+    ],
+)
+def test_an_agent_bids_with_the_persons_profile_else_the_places_else_everybodys(
+    kinds, person, place, expected
+):
+    member = layered(kinds, person_anna=4.0, place_lobby=5.0).member("a")
+    here = replace(scene(age=3), person_id=person, place=place)
+    assert member.profile_for(here)[0] == expected
+
+
+def test_a_layer_of_an_older_revision_or_of_nobody_is_refused():
+    roster = layered("[person]", person_anna=4.0)
+    for layer, revision, code in (
+        ("person/anna", 0, "STALE_REVISION"),
+        ("anna", 2, "BAD_LAYER"),
+        ("person/", 2, "BAD_LAYER"),
+    ):
+        with pytest.raises(Refused, match=code):
+            roster.set_layer("a", layer, [1.0, 1.0, 1.0], revision)
+    with pytest.raises(Refused, match="OUT_OF_RANGE"):
+        roster.set_layer("a", "person/anna", [9.0, 3.0, 3.0], 2)
+    assert roster.member("a").layers == {"person/anna": ((4.0, 3.0, 3.0), 1)}
+
+
+def test_the_layers_of_an_agent_are_bounded():
+    roster = layered("[person]")
+    for number in range(MOST_LAYERS):
+        roster.set_layer("a", f"person/{number}", [3.0, 3.0, 3.0], 1)
+    with pytest.raises(Refused, match="TOO_MANY_LAYERS"):
+        roster.set_layer("a", "person/more", [3.0, 3.0, 3.0], 1)
+    roster.set_layer("a", "person/7", [4.0, 3.0, 3.0], 2)
+
+
+def test_a_layer_is_forgotten_by_name_and_all_of_a_host_at_once():
+    roster = layered("[person, place]", person_anna=4.0, place_lobby=5.0)
+    roster.remove_layer("a", "person/anna")
+    roster.remove_layer("a", "person/anna")
+    assert set(roster.member("a").layers) == {"place/lobby"}
+    roster.remove_layer("", "")
+    assert roster.member("a").layers == {}
+    with pytest.raises(Refused, match="UNKNOWN_AGENT"):
+        roster.remove_layer("b", "person/anna")
+
+
+def test_the_weights_of_agents_go_with_the_bids_where_any_agent_has_its_own():
+    plain = agent("say: x")
+    heavy = replace(agent("say: x", "weights: {age: 2}"), name="b")
+    roster = Roster(SPACE, [plain, heavy])
+    members = [roster.member(name) for name in ("a", "b")]
+    of_scene = [parameter.weight for parameter in SPACE.parameters]
+    assert roster.weights(members[:1]) == []
+    assert roster.weights(members) == [*of_scene, 2.0, *of_scene[1:]]

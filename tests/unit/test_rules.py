@@ -3,13 +3,17 @@
 
 from __future__ import annotations
 
+import itertools
 import math
+from collections.abc import Callable
+from random import Random
+from typing import Any
 
 import pytest
 
 from bt_agents.errors import Refused
 from bt_agents.feedback import Kind
-from bt_agents.rules import Fired, Rule, Watch, read_rule
+from bt_agents.rules import LEAST_AGAIN_S, Fired, Rule, Watch, read_rule
 from bt_agents.scene import Origin, Scene, SceneParameter, SceneSpace, SceneValue
 
 NAN = math.nan
@@ -32,18 +36,26 @@ class Clock:
         return self.now
 
 
-def scene(mood: float, *, age: float = 3.0, person: bool = True) -> Scene:
+def scene(
+    mood: float,
+    *,
+    age: float = 3.0,
+    person: bool = True,
+    origin: Origin = Origin.MEASURED,
+    confidence: float = 1.0,
+    person_id: str = "",
+) -> Scene:
     values = tuple(
         SceneValue.missing(name)
         if math.isnan(value)
-        else SceneValue(name=name, value=value, origin=Origin.MEASURED)
+        else SceneValue(name=name, value=value, origin=origin, confidence=confidence)
         for name, value in (("age", age), ("mood", mood))
     )
-    return Scene(scene_id="s1", label="", person=person, values=values)
+    return Scene(scene_id="s1", label="", person=person, values=values, person_id=person_id)
 
 
-def rule(when: str, hold_s: float = 1.0, *, cancel: bool = False) -> Rule:
-    return read_rule(when, hold_s, Kind.NEGATIVE, cancel, SPACE)
+def rule(when: str, hold_s: float = 1.0, *, cancel: bool = False, **more: Any) -> Rule:
+    return read_rule(when, hold_s, Kind.NEGATIVE, cancel, SPACE, **more)
 
 
 class Story:
@@ -99,9 +111,18 @@ def test_a_condition_that_breaks_starts_its_time_again():
     assert len(story.tick(2.0)) == 1
 
 
-@pytest.mark.parametrize("gap", [scene(NAN), scene(2.5, person=False)])
+@pytest.mark.parametrize(
+    "gap",
+    [
+        scene(NAN),
+        scene(2.5, person=False),
+        scene(2.5, origin=Origin.ESTIMATED),
+        scene(2.5, origin=Origin.DEFAULT),
+        scene(2.5, person_id="ben"),
+    ],
+)
 def test_an_unknown_mood_starts_the_time_again(gap):
-    story = Story(rule(WORSE))
+    story = Story(rule(WORSE), awarded=scene(4.0, person_id="anna"))
     story.see(0.0, scene(2.5))
     assert story.see(0.5, gap) == []
     assert story.tick(2.0) == []
@@ -198,6 +219,9 @@ def test_a_replayed_run_settles_before_a_rule_may_hold():
         ("not live.person", scene(3.0, person=False), True),
         ("scene.person and not live.person", scene(NAN, person=False), True),
         ("live.age >= 1", scene(3.0, age=NAN), False),
+        ("live.mood < 2", scene(1.0, person=False), False),
+        ("live.mood < 2", scene(1.0, origin=Origin.DEFAULT), False),
+        ("live.age >= 1", scene(3.0, origin=Origin.ESTIMATED), False),
         ("not live.age >= 1", scene(3.0, age=NAN), False),
         ("1 / mood.change < 0", scene(4.0), False),
         ("1 / mood.change < 0", scene(3.0), True),
@@ -211,6 +235,97 @@ def test_a_missing_awarded_mood_is_replaced_by_the_first_live_one():
     story = Story(rule(WORSE, 0.0), awarded=scene(NAN))
     assert story.see(0.0, scene(3.0)) == []
     assert story.see(1.0, scene(2.0)) == [(0, "mood.change <= -1.0 held 0 s: mood 3 → 2")]
+
+
+def test_what_another_person_does_says_only_that_nobody_is_there():
+    rules = (rule("live.age == 5", 0.0), rule("live.mood < 2", 0.0), rule("not live.person", 0.0))
+    story = Story(*rules, awarded=scene(4.0, person_id="anna"))
+    fired = story.see(0.0, scene(1.0, age=5.0, person_id="ben"))
+    assert [index for index, _ in fired] == [2]
+
+
+def test_a_rule_of_more_confidence_does_not_look_at_doubtful_moods():
+    story = Story(rule(WORSE, 0.0, confidence=0.6), rule(WORSE, 0.0))
+    fired = [story.see(at, scene(2.0, confidence=0.5 + at / 10)) for at in range(3)]
+    assert [[index for index, _ in one] for one in fired] == [[1], [0], []]
+
+
+def test_a_rule_with_a_baseline_compares_with_the_mean_of_the_first_seconds():
+    story = Story(rule(WORSE, 1.0, baseline_s=2.0), awarded=scene(5.0))
+    for tenth in range(20):
+        assert story.see(tenth / 10, scene(3.0 if tenth < 10 else 2.0)) == []
+    assert story.see(2.0, scene(1.5)) == []
+    assert story.watch.due == 103.0
+    assert story.tick(2.9) == []
+    assert story.tick(3.0) == [(0, "mood.change <= -1.0 held 1 s: mood 2.5 → 1.5")]
+
+
+# --- rules that fire again ----------------------------------------------------------------
+
+
+def firings(story: Story, mood: Callable[[float], float], seconds: float) -> list[float]:
+    fired = []
+    for tick in range(round(seconds * 20) + 1):
+        at = tick / 20
+        fired += [at for _ in story.see(at, scene(mood(at)))]
+    return fired
+
+
+def test_a_rule_with_a_cooldown_fires_again_when_it_has_held_again_after_it():
+    story = Story(rule(WORSE, 1.0, cooldown_s=3.0))
+    assert firings(story, lambda _: 2.0, 10.0) == [1.0, 5.0, 9.0]
+    assert not story.watch.over
+
+
+def test_a_rule_with_a_release_waits_for_it():
+    story = Story(rule(WORSE, 1.0, release="mood.change >= -0.5"))
+    mood = dict(enumerate([2.0, 2.0, 2.9, 2.0, 2.0, 3.4, 2.0, 2.0, 3.5, 2.0, 2.0, 2.0]))
+    assert firings(story, lambda at: mood[int(at)], 11.0) == [1.0, 10.0]
+
+
+def test_a_release_counts_only_once_the_cooldown_is_over():
+    story = Story(rule(WORSE, 0.0, release="mood.change > -1", cooldown_s=5.0))
+    assert firings(story, lambda at: 4.0 if 1 <= at < 2 else 2.0, 8.0) == [0.0, 5.0]
+
+
+def test_a_release_that_always_holds_does_not_let_a_rule_chatter():
+    story = Story(rule(WORSE, 0.0, release="live.person"))
+    assert firings(story, lambda _: 2.0, 3.9) == [0.0, 1.0, 2.0, 3.0]
+    assert LEAST_AGAIN_S == 1.0
+
+
+@pytest.mark.parametrize(("hold_s", "cooldown_s"), [(0.0, 2.0), (0.5, 2.0), (1.0, 0.0)])
+def test_a_mood_that_flaps_fires_at_most_once_a_hold_and_cooldown(hold_s, cooldown_s):
+    """The mood crosses the threshold at random; two firings are never closer than both."""
+    random = Random(7)
+    story = Story(rule(WORSE, hold_s, release="mood.change > -1", cooldown_s=cooldown_s))
+    looks = [random.choice((2.95, 3.05)) for _ in range(60)]
+    fired = firings(story, lambda at: looks[int(at * 2)], 29.0)
+    assert len(fired) >= 3
+    gaps = [later - earlier for earlier, later in itertools.pairwise(fired)]
+    assert min(gaps) >= hold_s + cooldown_s - 1e-9
+
+
+def test_each_firing_says_since_when_its_condition_has_held_and_how_often_it_fired_before():
+    story = Story(rule(WORSE, 1.0, cooldown_s=2.0))
+    told = []
+    for tick in range(120):
+        story.clock.now = 100.0 + tick / 20
+        told += [(one.since, one.count) for one in story.watch.see(scene(2.0))]
+    assert told == [(100.0, 0), (103.0, 1)]
+
+
+def test_the_next_moment_of_interest_is_known():
+    story = Story(rule(WORSE, 1.0, cooldown_s=3.0))
+    story.see(0.0, scene(2.0))
+    assert story.watch.due == 101.0
+    story.tick(1.0)
+    assert story.watch.due == 104.0
+    story.see(1.5, scene(4.0))
+    assert story.watch.due == 104.0
+    for second in (2.0, 3.0, 4.0):
+        story.see(second, scene(4.0))
+    assert story.watch.due == math.inf
 
 
 def test_a_run_without_rules_is_over_at_once():
@@ -239,6 +354,23 @@ def test_a_rule_that_cannot_be_meant_is_refused(when, hold_s, give):
         read_rule(when, hold_s, give, False, SPACE)
     assert refusal.value.code == "BAD_RULE"
     assert when in refusal.value.reason
+
+
+@pytest.mark.parametrize(
+    "more",
+    [
+        {"baseline_s": -1.0},
+        {"baseline_s": NAN},
+        {"cooldown_s": math.inf},
+        {"confidence": 1.1},
+        {"confidence": NAN},
+        {"release": "mood.chnage > 0"},
+        {"release": "live.mood"},
+    ],
+)
+def test_more_of_a_rule_that_cannot_be_meant_is_refused(more):
+    with pytest.raises(Refused, match="BAD_RULE"):
+        rule(WORSE, **more)
 
 
 def test_a_space_without_a_mood_knows_no_mood_change():

@@ -29,7 +29,7 @@ def test_a_scene_becomes_a_space_and_sources():
     assert (age.description, age.labels) == ("how old", {1.0: "a child", 4.5: "old"})
     assert (mood.minimum, spec.space.mood) == (-1.0, "mood")
     (source,) = spec.sources
-    assert (source.parameter, source.topic, source.field) == ("age", "/a", "good")
+    assert (source.parameter, source.topic, source.path) == ("age", "/a", "good")
     assert (source.points, source.stale_after_s) == (((5.0, 1.0), (80.0, 5.0)), 60.0)
     assert spec.person is not None
     assert (spec.person.parameter, spec.person.points) == ("person", ())
@@ -58,7 +58,7 @@ def test_sources_and_mood_can_be_left_out():
         ("1 min", "0 s", "8:90: error[out-of-range]"),
         ("4.5: old", "9: old", "3:80: error[out-of-range]"),
         ("default: 0}", "default: 2}", "4:36: error[out-of-range]"),
-        ("good, stale_after: 2 s", "a b, stale_after: 2 s", "7:53: error[bad-name]"),
+        ("good, stale_after: 2 s", "a b, stale_after: 2 s", "7:55: error[bad-expression]"),
         ("2 s}", "2 s, map: {0: 1, 1: 1}}", "7:77: error[unknown-key]"),
     ],
 )

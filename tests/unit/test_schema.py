@@ -27,12 +27,13 @@ CORPUS = ROOT / "tests" / "corpus"
 TREES = ROOT / "trees"
 FOLDERS = {
     folder: folder_vocabulary(folder)
-    for folder in (TREES, *sorted(ROOT.glob("experiments/[0-9]")))
+    for folder in (TREES, *sorted(p.parent for p in ROOT.glob("experiments/*/experiment.yaml")))
 }
 KIND_OF_FOLDER = {
     "agents": "agent",
     "skills": "library",
     "libraries": "library",
+    "markets": "market",
     "scripts": "script",
     "scenes": "scene",
     "experiments": "experiment",
@@ -64,7 +65,7 @@ def accepted() -> Iterator[Path]:
 def kind_of(path: Path) -> str:
     if path.name.endswith(".test.yaml"):
         return "test"
-    if path.name in ("scene.yaml", "experiment.yaml"):
+    if path.name in ("scene.yaml", "market.yaml", "experiment.yaml"):
         return path.stem
     return KIND_OF_FOLDER[path.parent.name]
 

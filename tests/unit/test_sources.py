@@ -8,9 +8,13 @@ import math
 import pytest
 
 from bt_agents.errors import Refused
-from bt_agents.language.specs import Position, SceneSpec, SourceSpec
+from bt_agents.language.expression.expressions import parse_expression
+from bt_agents.language.scene_reader import read_scene_text
+from bt_agents.language.scene_specs import SceneSpec, SourceSpec
+from bt_agents.language.specs import Position
 from bt_agents.scene import SceneParameter, SceneSpace
-from scene_layer.sources import Sources, inverted, mapped
+from scene_layer.fusion import Reading
+from scene_layer.sources import Sources, inverted, mapped, message_of
 
 SPACE = SceneSpace(
     parameters=tuple(
@@ -28,7 +32,7 @@ def source(
         parameter=parameter,
         topic=topic or f"sensors/{parameter}",
         type="std_msgs/msg/Float64",
-        field="data",
+        field=parse_expression("msg.data"),
         points=points,
         stale_after_s=2.0,
         position=Position(file="scene.yaml", line=line, column=1),
@@ -70,6 +74,10 @@ def test_without_points_a_reading_is_its_value():
     assert inverted(MOOD, 4.5) == 4.5
 
 
+def read(sources: Sources, spec: SourceSpec, raw: object, now: float, person: str = "") -> bool:
+    return sources.read(spec, message_of({"data": raw}), now, person)
+
+
 @pytest.mark.parametrize(
     ("raw", "code"),
     [
@@ -86,51 +94,246 @@ def test_without_points_a_reading_is_its_value():
 )
 def test_a_bad_reading_is_refused_and_counted_and_the_last_good_one_stays(raw, code):
     sources = Sources(SPEC)
-    sources.read(MOOD, 4.0, 10.0)
+    read(sources, MOOD, 4.0, 10.0)
     for count in (1, 2):
         with pytest.raises(Refused) as refused:
-            sources.read(MOOD, raw, 11.0)
+            read(sources, MOOD, raw, 11.0)
         assert refused.value.code == code
         assert "sensors/mood" in refused.value.reason
         assert sources.refusals == {("sensors/mood", code): count}
-    reading = sources.latest("mood")
+    reading = sources.latest("mood", 11.0)
     assert reading is not None
     assert (reading.value, reading.at, reading.stale_at) == (4.0, 10.0, 12.0)
 
 
 def test_a_reading_out_of_the_map_is_clamped_but_an_endless_one_is_refused():
     sources = Sources(SPEC)
-    sources.read(AGE, 1e300, 0.0)
-    assert sources.latest("age").value == 5.0
+    read(sources, AGE, 1e300, 0.0)
+    assert sources.latest("age", 0.0).value == 5.0
     with pytest.raises(Refused, match="NOT_FINITE"):
-        sources.read(AGE, math.inf, 1.0)
+        read(sources, AGE, math.inf, 1.0)
 
 
-def test_of_several_sources_the_one_that_spoke_last_counts():
+def test_several_sources_count_together_as_long_as_they_are_fresh():
     sources = Sources(SPEC)
-    sources.read(MOOD, 4.0, 1.0)
-    sources.read(OTHER_MOOD, 2.0, 2.0)
-    assert sources.latest("mood").value == 2.0
-    sources.read(MOOD, 5.0, 3.0)
-    assert sources.latest("mood").value == 5.0
+    read(sources, MOOD, 4.0, 1.0)
+    read(sources, OTHER_MOOD, 2.0, 2.0)
+    both = sources.latest("mood", 3.0)
+    assert (both.value, both.at, both.stale_at) == (3.0, 2.0, 4.0)
+    assert both.source == "face/mood and sensors/mood"
+    assert sources.latest("mood", 3.5).value == 2.0
+
+
+def test_when_all_are_stale_the_newest_is_told_as_it_was():
+    sources = Sources(SPEC)
+    read(sources, MOOD, 4.0, 1.0)
+    read(sources, OTHER_MOOD, 2.0, 2.0)
+    assert sources.latest("mood", 9.0).value == 2.0
+    assert sources.latest("mood", 9.0).stale_at == 4.0
+    assert sources.reading(MOOD, 9.0) is None
 
 
 def test_a_change_is_told_from_a_repetition():
     sources = Sources(SPEC)
-    assert sources.read(MOOD, 4.0, 1.0)
-    assert not sources.read(MOOD, 4.0, 2.0)
-    assert sources.read(MOOD, 3.0, 3.0)
-    assert sources.read(MOOD, 3.0, 9.0), "it had been stale, so it is news again"
+    assert read(sources, MOOD, 4.0, 1.0)
+    assert not read(sources, MOOD, 4.0, 2.0)
+    assert read(sources, MOOD, 3.0, 3.0)
+    assert read(sources, MOOD, 3.0, 9.0), "it had been stale, so it is news again"
 
 
 def test_a_boolean_is_a_reading_of_zero_or_one():
     sources = Sources(SPEC)
-    sources.read(PERSON, True, 1.0)
+    read(sources, PERSON, True, 1.0)
     assert sources.latest_person().value == 1.0
-    sources.read(PERSON, False, 2.0)
+    read(sources, PERSON, False, 2.0)
     assert sources.latest_person().value == 0.0
 
 
 def test_nobody_is_known_before_the_first_reading():
-    assert Sources(SPEC).latest("mood") is None
+    assert Sources(SPEC).latest("mood", 0.0) is None
     assert Sources(SPEC).latest_person() is None
+
+
+# Sources as an author writes them
+
+
+PERSONS = """
+persons:
+  tracked: {topic: faces, type: x_msgs/msg/X, field: faces, id: face_id, stale_after: 2 s}
+  parts: {face: {topic: "p/<person>/face_id", type: x_msgs/msg/X, field: data, latched: true}}
+"""
+
+
+def written(source: str, above: str = "") -> tuple[Sources, SceneSpec]:
+    """Return the sources of a scene whose mood comes from ``source``."""
+    text = f"""
+format: 1
+parameters:
+  mood: {{min: 1, max: 5, default: 3}}
+{above}
+sources:
+  mood: {source}
+"""
+    spec = read_scene_text(text, "scene.yaml")
+    return Sources(spec), spec
+
+
+def topic(field: str, more: str = "", name: str = "face") -> str:
+    return (
+        f'{{topic: "{name}", type: x_msgs/msg/X, field: "{field}", stale_after: 2 s'
+        f"{', ' if more else ''}{more}}}"
+    )
+
+
+def after(source: str, *messages: dict[str, object]) -> Reading | None:
+    """Return what is known after messages that came one second apart."""
+    sources, spec = written(source)
+    for number, fields in enumerate(messages):
+        sources.read(spec.sources[0], message_of(fields), float(number))
+    return sources.latest("mood", float(len(messages) - 1))
+
+
+def test_a_reading_may_be_computed():
+    field = "3 + msg.valence * msg.confidence"
+    assert after(topic(field), {"valence": 1.0, "confidence": 0.5}).value == 3.5
+
+
+def test_a_word_is_looked_up_and_an_unknown_one_refused_with_what_is_known():
+    source = topic("emotion", "table: {happy: 5, sad: 1, true: 2, 7: 3}")
+    assert after(source, {"emotion": "happy"}).value == 5.0
+    assert after(source, {"emotion": True}).value == 2.0
+    assert after(source, {"emotion": 7}).value == 3.0
+    assert after(source, {"emotion": 7.0}).value == 3.0
+    assert after(source, {"emotion": ""}) is None, "no word is no measurement"
+    with pytest.raises(Refused, match="'angry', expected one of happy, sad") as refused:
+        after(source, {"emotion": "angry"})
+    assert refused.value.code == "UNKNOWN_WORD"
+
+
+def test_without_confidence_nothing_was_measured():
+    source = topic("data", "confidence: sure")
+    assert after(source, {"data": math.nan, "sure": 0.0}) is None
+    assert after(source, {"data": 2.0, "sure": False}) is None
+    assert after(source, {"data": 2.0, "sure": 0.25}).confidence == 0.25
+    kept = after(source, {"data": 2.0, "sure": 1.0}, {"data": 5.0, "sure": 0.0})
+    assert kept.value == 2.0, "the last measurement stays until it is stale"
+
+
+@pytest.mark.parametrize("sure", [1.01, -0.1, math.nan, math.inf, "high", None])
+def test_a_confidence_outside_of_0_to_1_is_refused(sure):
+    with pytest.raises(Refused, match="expected 0 to 1") as refused:
+        after(topic("data", "confidence: sure"), {"data": 2.0, "sure": sure})
+    assert refused.value.code == "BAD_CONFIDENCE"
+
+
+@pytest.mark.parametrize("std", [-0.1, math.nan, math.inf, "small", None])
+def test_a_standard_deviation_below_0_is_refused(std):
+    with pytest.raises(Refused, match="expected 0 or more") as refused:
+        after(topic("data", "std: doubt"), {"data": 2.0, "doubt": std})
+    assert refused.value.code == "BAD_STD"
+
+
+def test_a_standard_deviation_is_mapped_with_the_reading():
+    source = topic("data", "std: 0.5, map: {0: 1, 10: 5}")
+    assert after(source, {"data": 5.0}).std == pytest.approx(0.2)
+    assert after(source, {"data": 50.0}).std == 0.0, "all readings around it mean the same"
+    assert after(source, {"data": 10.0}).std == pytest.approx(0.2 / math.sqrt(2))
+
+
+def test_beside_a_table_the_standard_deviation_is_that_of_the_value():
+    source = topic("data", "std: 0.5, table: {sad: 1, happy: 5}")
+    assert after(source, {"data": "sad"}).std == 0.5
+
+
+def test_an_empty_list_is_no_measurement_but_a_missing_field_is_refused():
+    source = topic("faces.0.mood")
+    assert after(source, {"faces": []}) is None
+    with pytest.raises(Refused, match=r"no field 'faces\.0\.mood'") as refused:
+        after(source, {"faces": [{"age": 3}]})
+    assert refused.value.code == "UNKNOWN_FIELD"
+
+
+def test_what_cannot_be_computed_is_refused_and_counted():
+    sources, spec = written(topic("msg.a / msg.b"))
+    with pytest.raises(Refused, match="by zero") as refused:
+        sources.read(spec.sources[0], message_of({"a": 1, "b": 0}), 0.0)
+    assert refused.value.code == "NOT_COMPUTABLE"
+    assert sources.refusals == {("face", "NOT_COMPUTABLE"): 1}
+
+
+def test_a_smoothed_reading_follows_slowly_and_begins_anew_after_a_gap():
+    sources, spec = written(topic("data", "smoothing: 1 s"))
+    (mood,) = spec.sources
+    read(sources, mood, 1.0, 0.0)
+    assert read(sources, mood, 5.0, 1.0)
+    assert sources.latest("mood", 1.0).value == pytest.approx(5.0 - 4.0 * math.exp(-1.0))
+    read(sources, mood, 5.0, 9.0)
+    assert sources.latest("mood", 9.0).value == 5.0
+
+
+def test_a_source_for_each_person_keeps_their_readings_apart():
+    sources, spec = written(topic("data", name="p/<person>/mood"), PERSONS)
+    (mood,) = spec.sources
+    read(sources, mood, 2.0, 0.0, "anna")
+    read(sources, mood, 4.0, 0.0, "ben")
+    assert sources.latest("mood", 1.0, "anna").value == 2.0
+    assert sources.latest("mood", 1.0, "ben").value == 4.0
+    assert sources.latest("mood", 1.0) is None
+    sources.forget("anna")
+    assert sources.latest("mood", 1.0, "anna") is None
+    assert sources.latest("mood", 1.0, "ben").value == 4.0
+
+
+def test_a_source_that_is_about_nobody_counts_for_everybody():
+    each, all_ = topic("data", name="p/<person>/mood"), topic("data", name="room")
+    sources, spec = written(f"[{each}, {all_}]", PERSONS)
+    read(sources, spec.sources[0], 2.0, 0.0, "anna")
+    read(sources, spec.sources[1], 4.0, 0.0)
+    assert sources.latest("mood", 1.0, "anna").value == 3.0
+    assert sources.latest("mood", 1.0, "ben").value == 4.0
+    sources.forget("anna")
+    assert sources.latest("mood", 1.0).value == 4.0
+
+
+def test_a_source_of_items_reads_the_item_of_a_person():
+    sources, spec = written("{from: tracked, field: msg.happy * 5, confidence: sure}", PERSONS)
+    (mood,) = spec.sources
+    assert (mood.topic, mood.of_item, mood.stale_after_s) == ("faces", True, 2.0)
+    sources.read(mood, message_of({"happy": 0.8, "sure": 0.5}), 0.0, "anna")
+    found = sources.latest("mood", 1.0, "anna")
+    assert (found.value, found.confidence) == (4.0, 0.5)
+
+
+def test_topics_are_known_for_persons_and_for_parts_that_have_an_id():
+    sources, spec = written(topic("data", name="faces/<face>/mood"), PERSONS)
+    (mood,), (part,) = spec.sources, spec.persons.parts
+    people = ("anna", "b/c", "1st", "", "x" * 10_000, "d__e", "ü")
+    wanted = {(part, "anna"): "p/anna/face_id"}
+    refused_names = {who: name for (_, who), name in sources.topics(people, 0.0).items()}
+    assert refused_names == {"anna": "p/anna/face_id"}
+    sources.read(part, message_of({"data": " f1 "}), 0.0, "anna")
+    assert sources.topics(["anna"], 1e9) == {**wanted, (mood, "anna"): "faces/f1/mood"}
+    sources.forget("anna")
+    assert sources.topics(["anna"], 1.0) == wanted
+
+
+def test_a_place_is_a_word_or_what_a_topic_says():
+    sources, spec = written(topic("data"), "place: lobby")
+    assert (spec.place, sources.place(0.0)) == ("lobby", "lobby")
+    sources, spec = written(topic("data"), f"place: {topic('data', name='where')}")
+    assert sources.place(0.0) == ""
+    assert read(sources, spec.place, "kitchen", 0.0)
+    assert not read(sources, spec.place, "kitchen", 1.0)
+    assert sources.place(1.0) == "kitchen"
+    assert sources.place(4.0) == "", "it is stale"
+
+
+@pytest.mark.parametrize(
+    ("text", "code"), [("x" * 101, "TOO_LONG"), ("a\nb", "TOO_LONG"), (7, "NOT_A_TEXT")]
+)
+def test_a_place_that_is_no_short_text_is_refused(text, code):
+    sources, spec = written(topic("data"), f"place: {topic('data', name='where')}")
+    with pytest.raises(Refused) as refused:
+        read(sources, spec.place, text, 0.0)
+    assert refused.value.code == code
+    assert sources.place(0.0) == ""

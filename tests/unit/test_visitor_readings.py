@@ -4,10 +4,13 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import pytest
 
-from bt_agents.language.specs import Position, SceneSpec, SourceSpec, Visit
+from bt_agents.language.expression.expressions import parse_expression
+from bt_agents.language.scene_specs import SceneSpec, SourceSpec
+from bt_agents.language.specs import Position, Visit
 from bt_agents.scene import SceneParameter, SceneSpace
 from bt_agents_robot.people import PAUSE_S, field_value, nested, pause_after, readings
 
@@ -24,7 +27,7 @@ def source(parameter: str, *points: tuple[float, float], stale_after_s: float = 
         parameter=parameter,
         topic=f"sensors/{parameter}",
         type="std_msgs/msg/Float64",
-        field="data",
+        field=parse_expression("msg.data"),
         points=points,
         stale_after_s=stale_after_s,
         position=Position(file="scene.yaml", line=1, column=1),
@@ -42,6 +45,12 @@ def test_values_are_turned_back_into_readings():
     assert found == {AGE: 40.0, MOOD: 4.5, PERSON: 1.0}
 
 
+def test_a_word_of_a_table_is_read_where_its_value_is_nearest():
+    words = replace(MOOD, table=(("sad", 1.0), ("calm", 3.0), ("happy", 5.0)))
+    spec = SceneSpec(space=SPACE, sources=(words,), person=None)
+    assert readings(spec, {"mood": 3.8}, person=True) == {words: "calm"}
+
+
 def test_what_nobody_knows_of_a_visitor_is_not_read():
     found = readings(SPEC, {"mood": 4.5}, person=False)
     assert math.isnan(found[AGE])
@@ -50,7 +59,18 @@ def test_what_nobody_knows_of_a_visitor_is_not_read():
 
 @pytest.mark.parametrize(
     ("example", "reading", "value"),
-    [(False, 1.0, True), (False, 0.0, False), (0, 2.6, 3), (0, math.nan, 0), (0.0, 2.6, 2.6)],
+    [
+        (False, 1.0, True),
+        (False, 0.0, False),
+        (False, "true", True),
+        (False, "false", False),
+        (0, 2.6, 3),
+        (0, "2", 2),
+        (0, math.nan, 0),
+        (0.0, 2.6, 2.6),
+        ("", "calm", "calm"),
+        ("", math.nan, ""),
+    ],
 )
 def test_a_reading_takes_the_type_of_its_field(example, reading, value):
     found = field_value(example, reading)
@@ -60,6 +80,17 @@ def test_a_reading_takes_the_type_of_its_field(example, reading, value):
 def test_a_field_of_text_cannot_carry_a_reading():
     with pytest.raises(TypeError, match="boolean or a number"):
         field_value("", 1.0)
+
+
+def test_a_field_of_numbers_cannot_carry_a_word():
+    with pytest.raises(TypeError, match="a float, expected a text"):
+        field_value(0.0, "calm")
+
+
+def test_a_reading_that_never_grows_stale_holds_up_nobody():
+    latched = replace(AGE, stale_after_s=math.inf)
+    spec = SceneSpec(space=SPACE, sources=(latched,), person=None)
+    assert pause_after(spec, {"age"}, None, pace=1.0) == PAUSE_S
 
 
 def test_paths_become_nested_fields():

@@ -5,13 +5,21 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Iterable
+from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
 import click
 from rich.console import Console
 
+from bt_agents.cli.assignments import Assignments, assignments
 from bt_agents.cli.constants import STATES, code_words, counted, word
+from bt_agents.cli.decisions import (
+    decision_as_json,
+    headline,
+    heard_decisions,
+    names_of_scenes,
+    show_decision,
+)
 from bt_agents.cli.joining import FIND_LIMIT_S, accepted, running_system
 from bt_agents.cli.lines import print_line
 from bt_agents.cli.scene_names import SceneNames
@@ -30,27 +38,9 @@ _CHALLENGE_LIMIT_S = 1.0
 _ENDS_SHOWN = 3
 _NOT_TAKEN = ("BUSY", "QUEUE_FULL", "DUPLICATE", "SHUTTING_DOWN")
 
-Assignments = tuple[tuple[str, float], ...]
-
-
-def _assignments(
-    _context: click.Context, _parameter: click.Parameter, words: tuple[str, ...]
-) -> Assignments:
-    """Return ``name=number`` arguments as names and numbers."""
-    assignments = []
-    for text in words:
-        name, equals, number = text.partition("=")
-        try:
-            assignments.append((name, float(number if equals and name else "")))
-        except ValueError:
-            raise click.BadParameter(
-                f"'{text}' is not of the form name=number, for example age=4.5"
-            ) from None
-    return tuple(assignments)
-
 
 @click.command()
-@click.argument("values", nargs=-1, callback=_assignments)
+@click.argument("values", nargs=-1, callback=assignments)
 @click.option("--label", default="", help="Words for people.")
 @click.option("--person/--no-person", default=True, help="Whether somebody is there.")
 @click.option("--urgent", is_flag=True, help="Stop whoever runs, where new scenes preempt.")
@@ -87,17 +77,17 @@ def trigger(values: Assignments, label: str, person: bool, urgent: bool) -> None
             # It may still be asked about, or be refused.
             observer.turn_until(lambda: decided() or bool(rounds()), _CHALLENGE_LIMIT_S)
         known = observer.turn_until(decided, _DECIDE_LIMIT_S) if rounds() else decided()
-        names_of_scenes = _names(auctions)
+        scene_names = names_of_scenes(auctions)
         if any(auction.outcome == auction.WAITS for auction in rounds()[-1:]):
             # There may be no room to wait.
             observer.turn_until(lambda: end() is not None, _SOON_S)
         for auction in rounds():
-            click.echo(f"round {auction.round}: {_headline(auction)}")
-            click.echo(names_of_scenes.in_words(auction.reason))
+            click.echo(f"round {auction.round}: {headline(auction)}")
+            click.echo(scene_names.in_words(auction.reason))
         if end() is not None and end().code in _NOT_TAKEN:
-            raise Refused(end().code, names_of_scenes.in_words(end().message))
+            raise Refused(end().code, scene_names.in_words(end().message))
         if not known:
-            says = names_of_scenes.in_words(observer.market.message)
+            says = scene_names.in_words(observer.market.message)
             click.echo(
                 f"waits in line: {_place(observer, urgent)}; {says}"
                 if waits()
@@ -126,7 +116,7 @@ def _line(observer: Observer) -> tuple[str, str]:
 
 
 @click.command()
-@click.argument("values", nargs=-1, required=True, callback=_assignments)
+@click.argument("values", nargs=-1, required=True, callback=assignments)
 @click.option("--person/--no-person", default=None, help="Whether somebody is there.")
 def sense(values: Assignments, person: bool | None) -> None:
     """Change the live scene of a run.
@@ -162,7 +152,7 @@ def status() -> None:
         auctions, ends = client.decisions(observer), client.scene_ends(observer)
         observer.turn_until(lambda: bool(observer.cards), FIND_LIMIT_S)
         observer.turn_until(lambda: _heard_last(observer, ends), _SOON_S)
-        market, names = observer.market, _names(auctions)
+        market, names = observer.market, names_of_scenes(auctions)
         known = any(end.scene_id == market.finished_scene_id for end in ends[-_ENDS_SHOWN:])
         state = word(market, market.state, STATES)
         if market.state != market.IDLE or not known:
@@ -174,6 +164,8 @@ def status() -> None:
             f"round {market.round}, {counted(market.hosts, 'host')}, "
             f"{counted(market.agents, 'agent')}; new scenes: {new_scenes}",
         )
+        for words in _ranking(market, auctions[-1] if auctions else None):
+            _say("          ", words)
         for host, card in sorted(observer.cards.items()):
             click.echo(f"host      {host}")
             for agent in card.agents:
@@ -191,6 +183,24 @@ def status() -> None:
             _say("ended     ", f"{when}, {place}'{names.of(end.scene_id)}', {_end(end, names)}")
 
 
+def _ranking(market: Any, last: Any) -> Iterator[str]:
+    """Yield how bids are ranked, and who may not bid or never wins."""
+    words = f"strategy: {market.strategy}"
+    if market.shadow_strategy:
+        words += f"; beside it {market.shadow_strategy} only scores"
+        if last is not None and last.shadow_strategy == market.shadow_strategy:
+            words += (
+                f", another winner in {last.shadow_disagreements} of {last.shadow_rounds} rounds"
+            )
+    yield words
+    if market.pinned:
+        yield f"pinned: only {market.pinned} may bid, until 'bt-agents unpin'"
+    for agent in market.vetoed:
+        yield f"vetoed: {agent} may not bid, until 'bt-agents allow {agent}'"
+    for agent in market.starved:
+        yield f"starved: {agent} bids again and again and never wins"
+
+
 def _condition(agent: Any) -> str:
     waits = "; a newer one waits for the end of the run" if agent.waiting else ""
     why = why_kept(agent)
@@ -199,16 +209,14 @@ def _condition(agent: Any) -> str:
 
 @click.command()
 @click.argument("round_number", metavar="[ROUND]", required=False, type=int)
-def why(round_number: int | None) -> None:
+@click.option("--json", "as_json", is_flag=True, help="The whole record of the decision, as JSON.")
+def why(round_number: int | None, as_json: bool) -> None:
     """Say why an agent won, last or in a ROUND."""
     with running_system() as observer:
         from bt_agents.ros import client
 
-        auctions, ends = client.decisions(observer), client.scene_ends(observer)
-        observer.turn_until(
-            lambda: (auctions[-1].round if auctions else 0) >= observer.market.round,
-            FIND_LIMIT_S,
-        )
+        ends = client.scene_ends(observer)
+        auctions = heard_decisions(observer)
         observer.turn_until(lambda: _heard_last(observer, ends), _SOON_S)
         found = [a for a in auctions if round_number is None or a.round == round_number]
         if not found:
@@ -217,10 +225,14 @@ def why(round_number: int | None) -> None:
                 f"no decision {'yet' if round_number is None else f'of round {round_number}'}"
                 + (f"; there are rounds {kept}" if kept else "; 'bt-agents trigger' asks for one")
             )
-        _explain(found[-1], _names(auctions))
+        if as_json:
+            click.echo(decision_as_json(found[-1]))
+            return
+        names = names_of_scenes(auctions)
+        show_decision(found[-1], names)
         for end in ends:
             if end.scene_id == found[-1].scene.scene_id and end.code != "DUPLICATE":
-                click.echo(f"the scene ended: {_end(end, _names(auctions))}")
+                click.echo(f"the scene ended: {_end(end, names)}")
 
 
 def _heard_last(observer: Observer, ends: list[Any]) -> bool:
@@ -229,46 +241,17 @@ def _heard_last(observer: Observer, ends: list[Any]) -> bool:
     return not finished or any(end.scene_id == finished for end in ends)
 
 
-def _headline(auction: Any) -> str:
-    if auction.outcome == auction.PREEMPTS:
-        return "the run under way is stopped for it"
-    if auction.outcome == auction.WAITS:
-        return "it waits, the run under way goes on"
-    return auction.winner or "nobody"
-
-
 def _end(end: Any, names: SceneNames) -> str:
     return f"{code_words(end.code)}: {names.in_words(end.message)}"
-
-
-def _names(auctions: Iterable[Any]) -> SceneNames:
-    names = SceneNames()
-    for auction in auctions:
-        names.take(auction.scene)
-    return names
 
 
 def _say(head: str, words: str) -> None:
     print_line(Console(), head, words)
 
 
-def _explain(auction: Any, names: SceneNames) -> None:
-    values = ", ".join(
-        f"{v.name} {'missing' if math.isnan(v.value) else format(v.value, 'g')}"
-        for v in auction.scene.values
-    )
-    label = f" ({auction.scene.label})" if auction.scene.label else ""
-    click.echo(f"round {auction.round}{label}: {values}")
-    for bid in auction.ranking:
-        click.echo(f"  {bid.agent:<22} {bid.calculation}")
-    for bid in auction.refused:
-        click.echo(f"  {bid.agent:<22} {bid.reason}")
-    click.echo(names.in_words(auction.reason))
-
-
 @click.command()
 @click.argument("kind", type=click.Choice(["positive", "negative", "direct", "set"]))
-@click.argument("values", nargs=-1, callback=_assignments)
+@click.argument("values", nargs=-1, callback=assignments)
 @click.option("--agent", default="", help="Whose; default: who runs, else who ran last.")
 @click.option("--reason", default="", help="Why, in words.")
 def feedback(kind: str, values: Assignments, agent: str, reason: str) -> None:

@@ -10,6 +10,7 @@ import tempfile
 import time
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
+from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -42,6 +43,15 @@ _INDENT = 4
 _NEIGHBOUR_S = 0.5
 
 
+_journal = click.option(
+    "--journal",
+    is_flag=False,
+    flag_value="",
+    metavar="[FOLDER]",
+    help="Keep everything that is said in one MCAP file a day, for bt-agents replay.",
+)
+
+
 @click.command()
 @click.option("--voice/--no-voice", default=True, help="Speak aloud when espeak-ng is installed.")
 @click.option(
@@ -50,7 +60,8 @@ _NEIGHBOUR_S = 0.5
     help="Another list of visits than the morning at the airport.",
 )
 @click.option("--tags", default="airport", show_default=True, help="Agents with these tags.")
-def demo(voice: bool, script: Path | None, tags: str) -> None:
+@_journal
+def demo(voice: bool, script: Path | None, tags: str, journal: str | None) -> None:
     """Show a morning at an airport, in a minute."""
     interrupt = Interrupt()
     if "ROS_DOMAIN_ID" not in os.environ:
@@ -64,6 +75,7 @@ def demo(voice: bool, script: Path | None, tags: str) -> None:
             system.scene_layer(trees),
             system.host(trees, tags),
             system.feedback(trees, ledger=str(Path(folder) / "ledger.sqlite")),
+            *_journals(journal),
         ]
         visitors = system.visitors(trees, script, pace=1.0)
         sys.exit(_run("demo", components, trees, tags, interrupt, visitors))
@@ -76,16 +88,31 @@ def demo(voice: bool, script: Path | None, tags: str) -> None:
 @click.option("--bindings", default="", help="Robot whose bindings of skills are preferred.")
 @click.option("--voice/--no-voice", default=True, help="Speak aloud when espeak-ng is installed.")
 @click.option("--ledger", default="", help="File of the learned profiles.")
+@click.option("--memory", default="", help="File in which measurements of known persons stay.")
 @click.option(
     "--on-new-scene",
     type=click.Choice(["queue", "reject", "preempt"]),
     help="What becomes of a scene that comes during a run.  [default: queue]",
+)
+@click.option("--strategy", default="", help="How bids are ranked; see 'bt-agents strategy'.")
+@click.option(
+    "--selector",
+    default="",
+    metavar="URL",
+    help="Have a language model rank bids: a server that speaks OpenAI's protocol.",
+)
+@click.option("--model", default="", help="Name of the model of the selector.")
+@click.option(
+    "--key-variable",
+    default="",
+    help="Environment variable with the key of that server.",
 )
 @click.option(
     "--params",
     type=click.Path(exists=True, dir_okay=False, resolve_path=True, path_type=Path),
     help="ROS parameter file for all nodes; what 'up' sets by itself wins.",
 )
+@_journal
 def up(
     directory: str,
     robot: bool,
@@ -93,8 +120,14 @@ def up(
     bindings: str,
     voice: bool,
     ledger: str,
+    memory: str,
     on_new_scene: str | None,
+    strategy: str,
+    selector: str,
+    model: str,
+    key_variable: str,
     params: Path | None,
+    journal: str | None,
 ) -> None:
     """Keep the agents of a trees DIRECTORY running.
 
@@ -102,16 +135,42 @@ def up(
     """
     interrupt = Interrupt()
     trees = find_trees(directory)
+    logs = system.new_log_folder()
     components = [
-        system.market(trees, on_new_scene or ""),
-        system.scene_layer(trees),
+        system.market(
+            trees,
+            on_new_scene or "",
+            strategy or ("external" if selector else ""),
+            orders=str(logs / "orders.json"),
+        ),
+        system.scene_layer(trees, memory=memory),
         system.host(trees, tags, bindings, str(system.state_folder() / "tunings.jsonl")),
         system.feedback(trees, ledger=ledger or str(system.state_folder() / "ledger.sqlite")),
     ]
+    if bool(selector) != bool(model):
+        raise click.UsageError("--selector and --model go together: the server, and its model")
+    if selector:
+        components.append(system.selector(trees, selector, model, key_variable))
     if robot:
         components.append(system.robot(pace=1.0, voice="auto" if voice else "off"))
+    components += _journals(journal)
     components = [replace(component, file=params) for component in components]
-    sys.exit(_run("up", components, trees, tags, interrupt))
+    sys.exit(_run("up", components, trees, tags, interrupt, logs=logs))
+
+
+def _journals(folder: str | None) -> list[Component]:
+    """Return the journal that is asked for, if any.
+
+    Raises:
+        BtAgentsError: What it needs is not installed.
+    """
+    if folder is None:
+        return []
+    if find_spec("mcap") is None:
+        raise BtAgentsError(
+            "a journal needs the package mcap; install it with pip install 'bt-agents[lab]'"
+        )
+    return [system.journal(Path(folder).resolve() if folder else system.journal_folder())]
 
 
 def _run(
@@ -121,8 +180,19 @@ def _run(
     tags: str,
     interrupt: Interrupt,
     visitors: Component | None = None,
+    logs: Path | None = None,
 ) -> int:
-    """Run a system until it is told to stop, or until the visitors are done."""
+    """Run a system until it is told to stop, or until the visitors are done.
+
+    Args:
+        command: Its name.
+        components: Its processes.
+        trees: Its trees folder.
+        tags: Only agents with one of these tags.
+        interrupt: Tells when somebody wants an end.
+        visitors: Started when all is ready; None for none.
+        logs: Folder for the logs; None for a new one.
+    """
     start = time.monotonic()
     keep_local(os.environ)
     domain = os.environ.get("ROS_DOMAIN_ID") or "0"
@@ -136,7 +206,7 @@ def _run(
     _show_broken(console, folder)
     if not folder.agents:
         raise BtAgentsError(f"there is no agent to run in {trees / 'agents'}")
-    supervisor = Supervisor(system.new_log_folder())
+    supervisor = Supervisor(logs or system.new_log_folder())
     story = Story(console, folder.scene.space)
     observer = graph.Observer(story)
     observer.hear_heartbeats(supervisor.hear)
@@ -150,7 +220,8 @@ def _run(
         try:
             if not interrupt:
                 supervisor.start(*components)
-            _get_ready(console, observer, supervisor, len(folder.agents), interrupt)
+            kept = any(component.name == "journal" for component in components)
+            _get_ready(console, observer, supervisor, len(folder.agents), interrupt, kept)
             if not interrupt:
                 story.profiles(graph.profiles_by_agent(observer.profiles))
                 _welcome(console, observer.cards.values(), time.monotonic() - start)
@@ -175,15 +246,17 @@ def _get_ready(
     supervisor: Supervisor,
     agents: int,
     interrupt: Interrupt,
+    kept: bool,
 ) -> None:
-    """Wait until all agents are registered.
+    """Wait until all agents are registered, and recorded if a journal is kept.
 
     Raises:
         BtAgentsError: A process cannot start, or it takes too long.
     """
 
     def ready() -> bool:
-        return observer.ready(agents) and observer.can_be_asked()
+        ready = observer.ready(agents) and observer.can_be_asked()
+        return ready and (observer.recorded() or not kept)
 
     end = time.monotonic() + _READY_LIMIT_S
     while not (interrupt or ready()) and time.monotonic() < end:

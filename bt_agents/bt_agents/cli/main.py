@@ -7,6 +7,7 @@ import difflib
 import importlib
 import signal
 import sys
+from types import ModuleType
 
 import click
 
@@ -19,10 +20,23 @@ COMMANDS = {
     "trigger": "ask",
     "sense": "ask",
     "cancel": "ask",
+    "scene": "scene",
     "status": "ask",
     "why": "ask",
+    "pin": "operate",
+    "unpin": "operate",
+    "veto": "operate",
+    "allow": "operate",
+    "award": "operate",
+    "preview": "operate",
+    "strategy": "strategy",
     "feedback": "ask",
-    "experiment": "experiment",
+    "profile": "profile",
+    "moods": "moods",
+    "experiment": "bt_agents_lab.cli.experiment",
+    "journal": "bt_agents_lab.cli.journal",
+    "replay": "bt_agents_lab.cli.replay",
+    "what-if": "bt_agents_lab.cli.what_if",
     "check": "check",
     "explain": "explain",
     "new": "new",
@@ -63,7 +77,7 @@ class LazyGroup(click.Group):
         path = module if "." in module else f"bt_agents.cli.{module}"
         function = cmd_name.replace("-", "_") + ("_" if cmd_name in _PYTHONS else "")
         with loading():
-            command = getattr(importlib.import_module(path), function)
+            command = getattr(_imported(path), function)
         assert isinstance(command, click.Command)
         return command
 
@@ -75,6 +89,23 @@ class LazyGroup(click.Group):
         if args[0] not in COMMANDS and near:
             ctx.fail(f"no command '{args[0]}'; did you mean '{near[0]}'?")
         return super().resolve_command(ctx, args)
+
+
+def _imported(path: str) -> ModuleType:
+    """Return a module.
+
+    Raises:
+        BtAgentsError: It needs a package that not every installation has.
+    """
+    try:
+        return importlib.import_module(path)
+    except ModuleNotFoundError as error:
+        if not path.startswith("bt_agents_lab."):
+            raise
+        raise BtAgentsError(
+            f"this command needs the package {error.name}; install it with "
+            "pip install 'bt-agents[lab]'"
+        ) from None
 
 
 @click.group(cls=LazyGroup, context_settings={"help_option_names": ["-h", "--help"]})

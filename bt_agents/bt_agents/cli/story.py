@@ -190,8 +190,12 @@ class Story:
         """Show the feedback and the profile before and after."""
         kind = word(message, message.kind, KINDS)
         self.feedbacks.append((message.agent, kind))
-        self._start.setdefault(message.agent, list(message.before))
-        self._now[message.agent] = list(message.after)
+        who = message.agent
+        if message.layer:
+            who += f" for {escape(message.layer)}"
+        else:
+            self._start.setdefault(message.agent, list(message.before))
+            self._now[message.agent] = list(message.after)
         style = {"positive": "green", "negative": "red"}.get(kind, "blue")
         if message.source != TUNING:
             self._line(
@@ -201,7 +205,7 @@ class Story:
             )
         self._line(
             "profile",
-            f"{message.agent} {_vector(message.before)} → [bold]{_vector(message.after)}[/] "
+            f"{who} {_vector(message.before)} → [bold]{_vector(message.after)}[/] "
             f"[dim](revision {message.revision})[/]",
         )
 

@@ -21,20 +21,37 @@ def new_log_folder() -> Path:
     return state_folder() / "logs" / f"{time.strftime('%Y-%m-%d-%H%M%S')}-{os.getpid()}"
 
 
-def market(trees: Path, on_new_scene: str = "") -> Component:
-    """Return the marketplace; an empty ``on_new_scene`` leaves it at its own."""
-    parameters = {"trees": str(trees)}
-    if on_new_scene:
-        parameters["on_new_scene"] = on_new_scene
+def market(trees: Path, on_new_scene: str = "", strategy: str = "", orders: str = "") -> Component:
+    """Return the marketplace; what is empty is left at its own."""
+    set_here = {"on_new_scene": on_new_scene, "strategy": strategy, "orders": orders}
+    parameters = {"trees": str(trees)} | {name: text for name, text in set_here.items() if text}
     return Component(name="marketplace", module="marketplace_node.node", parameters=parameters)
 
 
-def scene_layer(trees: Path, script: Path | None = None, agents: int = 1) -> Component:
+def scene_layer(
+    trees: Path, script: Path | None = None, agents: int = 1, memory: str = ""
+) -> Component:
     """Return the scene layer, which plays a script when one is given."""
     parameters: dict[str, str | float | bool | int] = {"trees": str(trees)}
+    if memory:
+        parameters["memory"] = memory
     if script is not None:
         parameters |= {"script": str(script), "wait_for_agents": agents}
     return Component(name="scene_layer", module="scene_layer.node", parameters=parameters)
+
+
+def selector(trees: Path, base_url: str, model: str, key_variable: str = "") -> Component:
+    """Return the selector, which asks a language model how to rank bids."""
+    return Component(
+        name="selector",
+        module="marketplace_node.node.selector",
+        parameters={
+            "trees": str(trees),
+            "base_url": base_url,
+            "model": model,
+            "key_variable": key_variable,
+        },
+    )
 
 
 def host(trees: Path, tags: str = "", bindings: str = "", tunings: str = "") -> Component:
@@ -53,6 +70,18 @@ def feedback(trees: Path, ledger: str, simulated: Path | None = None) -> Compone
     if simulated is not None:
         parameters["simulated_feedback"] = str(simulated)
     return Component(name="feedback", module="feedback_node.node", parameters=parameters)
+
+
+def journal_folder() -> Path:
+    """Return the folder in which a journal is kept when no other is named."""
+    return state_folder() / "journal"
+
+
+def journal(folder: Path) -> Component:
+    """Return the journal of everything that is said."""
+    return Component(
+        name="journal", module="bt_agents_lab.node", parameters={"folder": str(folder)}
+    )
 
 
 def robot(pace: float, voice: str) -> Component:

@@ -41,7 +41,9 @@ def _memory(spec: NodeSpec, scope: Scope) -> bool:
     return bool(Fields(spec=spec, names=scope).constant("memory", True))
 
 
-LEAVES: Mapping[str, Callable[[NodeSpec, RunContext, Scope], Leaf]] = {
+LeafMaker = Callable[[NodeSpec, RunContext, Scope], Leaf]
+
+LEAVES: Mapping[str, LeafMaker] = {
     "check": Check,
     "set": Set,
     "wait": Wait,
@@ -85,22 +87,29 @@ SUBTREE = "subtree"
 """The kind whose child has names of its own."""
 
 
-def build(spec: NodeSpec, context: RunContext) -> Behaviour:
-    """Return the tree of a spec, ready to be ticked; its nodes carry their spec as ``spec``."""
-    return _build(spec, context, context.scope)
+def build(spec: NodeSpec, context: RunContext, plugins: LeafMaker = PluginLeaf) -> Behaviour:
+    """Return the tree of a spec, ready to be ticked; its nodes carry their spec as ``spec``.
+
+    Args:
+        spec: The outermost node.
+        context: What the nodes share.
+        plugins: Makes the leaves whose behaviours come from packages.
+    """
+    return _build(spec, context, context.scope, plugins)
 
 
-def _build(spec: NodeSpec, context: RunContext, scope: Scope) -> Behaviour:
+def _build(spec: NodeSpec, context: RunContext, scope: Scope, plugins: LeafMaker) -> Behaviour:
     if spec.plugin is not None:
-        return PluginLeaf(spec, context, scope)
+        return plugins(spec, context, scope)
     if spec.skill is not None:
         return SkillLeaf(spec, context, scope)
     if spec.kind in LEAVES:
         return LEAVES[spec.kind](spec, context, scope)
     if spec.kind == SUBTREE:
         inside = subtree_scope(spec, context, scope)
-        return Subtree(spec, context, scope, inside, _build(spec.children[0], context, inside))
-    children = [_build(child, context, scope) for child in spec.children]
+        tree = _build(spec.children[0], context, inside, plugins)
+        return Subtree(spec, context, scope, inside, tree)
+    children = [_build(child, context, scope, plugins) for child in spec.children]
     if spec.kind in MODIFIERS:
         return MODIFIERS[spec.kind](spec, context, scope, children[0])
     composite = COMPOSITES[spec.kind](spec, context, scope, children)

@@ -13,9 +13,10 @@ from random import Random
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
-from bt_agents.engine.builder import build
+from bt_agents.engine.builder import LeafMaker, build
 from bt_agents.engine.context import RunContext
 from bt_agents.engine.leaves import Leaf
+from bt_agents.engine.plugin_leaf import PluginLeaf
 from bt_agents.engine.scope import RunScope
 from bt_agents.engine.world import Clock, World
 from bt_agents.language.specs import AgentSpec, NodeSpec, Plain
@@ -116,6 +117,8 @@ class Run:
         limits: How long those waits are.
         random: Where nodes that leave something to chance draw their numbers; None takes a fresh
             source.
+        stopwatch: Measures how long ticks take [s]; None takes ``steady``.
+        plugins: Makes the leaves whose behaviours come from packages.
 
     Attributes:
         period_s: The time between two ticks; one that takes longer is an overrun [s].
@@ -140,6 +143,8 @@ class Run:
         steady: Clock,
         limits: RunLimits | None = None,
         random: Random | None = None,
+        stopwatch: Clock | None = None,
+        plugins: LeafMaker = PluginLeaf,
     ) -> None:
         scope = RunScope(space=space, scene=scene, live=live, profile=profile, tunables=tunables)
         self.spec = spec
@@ -152,8 +157,10 @@ class Run:
         self.result: RunResult | None = None
         self._context = RunContext(world, scope, random or Random())
         self._steady = steady
+        self._stopwatch = stopwatch or steady
         self._limits = limits or RunLimits()
-        self._root = build(spec.tree, self._context)
+        self._plugins = plugins
+        self._root = build(spec.tree, self._context, plugins)
         self._clean_up: Behaviour | None = None
         self._told: dict[int, tuple[Status, str]] = {}
         self._phase = _Phase.TICKING
@@ -221,7 +228,7 @@ class Run:
             self._settle()
             self._try_end()
         else:
-            self._clean_up = build(self.spec.on_cancel, self._context)
+            self._clean_up = build(self.spec.on_cancel, self._context, self._plugins)
             self._phase = _Phase.CLEANING
             self._deadline = self._steady() + self._limits.clean_up_s
         return changes
@@ -284,10 +291,10 @@ class Run:
 
     def _tick(self, root: Behaviour) -> None:
         self.ticks += 1
-        began = before = self._steady()
+        began = before = self._stopwatch()
         slowest: tuple[float, Behaviour] = (0.0, root)
         for node in root.tick():
-            now = self._steady()
+            now = self._stopwatch()
             if now - before > slowest[0]:
                 slowest = (now - before, node)
             self.ticked.append((node, node.status))
@@ -295,7 +302,7 @@ class Run:
             self.changes += self._change(node, again=acted)
             before = now
         self.changes += self._untold(root)
-        took = self._steady() - began
+        took = self._stopwatch() - began
         if took > self.period_s:
             self.overruns += 1
             path = _path_of(slowest[1])

@@ -29,6 +29,7 @@ from bt_agents.language.specs import (
     Text,
     Value,
 )
+from bt_agents.mood import mood_of
 from bt_agents.scene import Scene, SceneSpace, Vector
 
 _LONGEST_JSON = 100_000
@@ -98,7 +99,7 @@ class RunScope:
         if group == "live":
             return _of_scene(self._fresh(name), name, member)
         if name == "mood.change" and self.space.mood is not None:
-            live, start = (s.get(self.space.mood) for s in (self._fresh(name), self.scene))
+            live, start = (mood_of(s, self.space) for s in (self._fresh(name), self.scene))
             return _known(name, live - start)
         if group == "profile" and member in self.space.names:
             return self.profile[self.space.names.index(member)]

@@ -21,7 +21,9 @@ from bt_agents.language.text.yaml_reader import Mapping, Node
 from bt_agents.language.tree.drafts import DraftReader
 from bt_agents.language.vocabulary import Vocabulary
 
-_NOT_IN_TREES = ("profile", "learning_rate", "requires", "tunables", "feedback", "tags")
+_NOT_IN_TREES = (
+    "profile", "learning_rate", "learning", "weights", "requires", "tunables", "feedback", "tags",
+)  # fmt: skip
 
 
 @dataclass(frozen=True, kw_only=True)

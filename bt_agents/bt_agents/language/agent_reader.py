@@ -9,31 +9,29 @@ from pathlib import Path
 from bt_agents.language.expression.expressions import Expression
 from bt_agents.language.imports import read_imports
 from bt_agents.language.inputs import read_new_name
-from bt_agents.language.names import Names, mood_names, scene_names
+from bt_agents.language.learning_reader import read_learning, read_weights
+from bt_agents.language.mood_rule_reader import read_mood_rules
+from bt_agents.language.names import Names, scene_names
 from bt_agents.language.scene_values import read_vector
 from bt_agents.language.shape import FileReading
 from bt_agents.language.specs import (
     AgentSpec,
-    FeedbackRule,
     FieldType,
     NodeSpec,
     Tunable,
     UnusedInput,
 )
 from bt_agents.language.text.source import Source
-from bt_agents.language.text.yaml_reader import Node, entries_of
+from bt_agents.language.text.yaml_reader import entries_of
 from bt_agents.language.tree.trees_reader import TreesReader
 from bt_agents.language.tunables import read_tunable
 from bt_agents.language.values import read_condition
 from bt_agents.language.vocabulary import Vocabulary
 from bt_agents.language.walking import every_node
 
-DEFAULT_LEARNING_RATE = 0.2
-"""The paper's Experiment 3."""
-
 _KEYS = (
-    "agent", "title", "description", "tags", "imports", "profile", "learning_rate", "requires",
-    "tunables", "feedback", "tree", "on_cancel", "subtrees",
+    "agent", "title", "description", "tags", "imports", "profile", "learning_rate", "learning",
+    "weights", "requires", "tunables", "feedback", "tree", "on_cancel", "subtrees",
 )  # fmt: skip
 _REQUIRED = ("agent", "profile", "tree")
 
@@ -72,9 +70,10 @@ class _AgentFile:
             if profile_node is not None
             else None
         )
-        rate = fields.number("learning_rate", 0.0, 1.0)
+        rate, learning = read_learning(self._reading, fields, self._space)
+        weights = read_weights(self._reading, fields, self._space)
         tunables = self._tunables()
-        rules = self._rules()
+        rules = read_mood_rules(self._reading, fields, self._space)
         requires = self._requires()
         tags = tuple(self._reading.text(tag, "a tag") or "" for tag in fields.items("tags"))
         title, description = fields.text("title"), fields.text("description")
@@ -89,7 +88,9 @@ class _AgentFile:
             description=" ".join(description.split()),
             tags=tags,
             profile=profile,
-            learning_rate=DEFAULT_LEARNING_RATE if rate is None else rate,
+            learning_rate=rate,
+            learning=learning,
+            weights=weights,
             requires=requires,
             tunables=tuple(tunable for tunable in tunables.values() if tunable is not None),
             rules=rules,
@@ -123,36 +124,6 @@ class _AgentFile:
             return None
         names = Names(scene_names(self._space, ("scene",)))
         return read_condition(self._reading, node, names, "'requires'")
-
-    def _rules(self) -> tuple[FeedbackRule, ...]:
-        rules = (self._rule(node) for node in self._fields.items("feedback"))
-        return tuple(rule for rule in rules if rule is not None)
-
-    def _rule(self, node: Node) -> FeedbackRule | None:
-        fields = self._reading.fields(
-            node, "a feedback rule", ("when", "for", "give", "then"), ("when", "give")
-        )
-        if fields is None:
-            return None
-        names = Names({**scene_names(self._space), **mood_names(self._space)})
-        when_node = fields.get("when")
-        when = (
-            read_condition(self._reading, when_node, names, "'when'")
-            if when_node is not None
-            else None
-        )
-        hold_s = fields.duration("for")
-        give = fields.choice("give", ("positive", "negative"))
-        then = fields.choice("then", ("cancel",))
-        if when is None or give is None:
-            return None
-        return FeedbackRule(
-            when=when,
-            hold_s=hold_s or 0.0,
-            positive=give == "positive",
-            cancel=then == "cancel",
-            position=node.position,
-        )
 
     def _trees(
         self, tunables: Mapping[str, Tunable | None]

@@ -11,9 +11,10 @@ from pathlib import Path
 from bt_agents.errors import ReadError
 from bt_agents.language.diagnostics import Diagnostic
 from bt_agents.language.folder_reader import TEST_SUFFIXES, Trees, read_trees, yaml_files
-from bt_agents.language.interfaces import Interfaces
+from bt_agents.language.interfaces import Interfaces, OfInstalledPackages
 from bt_agents.language.linting.cut_texts import cut_texts
 from bt_agents.language.linting.lint import lint, unused_inputs
+from bt_agents.language.market_reader import MARKET_FILE, read_market, unknown_agents
 from bt_agents.language.plugins import installed_plugins
 from bt_agents.language.scene_reader import read_scene
 from bt_agents.language.script_reader import read_script
@@ -47,7 +48,8 @@ def check_folder(
     """Return the problems of a trees folder.
 
     Args:
-        folder: Holds ``scene.yaml``, ``skills``, ``libraries``, ``agents`` and ``scripts``.
+        folder: Holds ``scene.yaml``, ``market.yaml``, ``skills``, ``libraries``, ``agents``,
+            ``scripts`` and, in ``scenes``, scene files of other robots.
         interfaces: The installed ROS types; None leaves types and fields unchecked.
         only: Files or folders in it to which the answer is to be limited; the scene and the
             skills, which everything needs, are told about when they are broken.
@@ -72,11 +74,14 @@ class _FolderCheck:
         folder = self._folder
         scene = folder / "scene.yaml"
         base = [scene, *yaml_files(folder / "skills")]
+        others = yaml_files(folder / "scenes")
         dependent = [
             path
             for name in ("libraries", "agents", "scripts")
             for path in yaml_files(folder / name, tests=True)
         ]
+        if (folder / MARKET_FILE).exists():
+            dependent.insert(0, folder / MARKET_FILE)
         agents: list[AgentSpec] = []
         try:
             trees = read_trees(folder, self._interfaces)
@@ -88,7 +93,8 @@ class _FolderCheck:
             unchecked = []
             plugin_problems = trees.plugin_problems
             agents = self._dependent_problems(trees, dependent)
-        wanted = [path for path in (*base, *dependent) if self._is_wanted(path)]
+        self._add_other_scenes(others)
+        wanted = [path for path in (*base, *others, *dependent) if self._is_wanted(path)]
         for path in wanted:
             self._add_cut_texts(path)
         self._add(_bad_plugin(folder, words) for words in plugin_problems)
@@ -118,6 +124,15 @@ class _FolderCheck:
         except ReadError as error:
             self._add(error.diagnostics)
 
+    def _add_other_scenes(self, paths: Iterable[Path]) -> None:
+        """Add the problems of scene files of robots whose ROS packages may be absent here."""
+        known = OfInstalledPackages(self._interfaces) if self._interfaces is not None else None
+        for path in filter(self._is_wanted, paths):
+            try:
+                read_scene(path, known)
+            except ReadError as error:
+                self._add(error.diagnostics)
+
     def _dependent_problems(self, trees: Trees, paths: list[Path]) -> list[AgentSpec]:
         """Add the problems of what needs the scene and the skills; return the good agents."""
         agents = [agent for agent in trees.agents if self._is_wanted(Path(agent.file))]
@@ -132,6 +147,8 @@ class _FolderCheck:
                     self._add_unused_inputs(trees.vocabulary, path)
                 elif path.name.endswith(TEST_SUFFIXES):
                     read_test(path, trees.agents, trees.vocabulary)
+                elif path.name == MARKET_FILE:
+                    self._add_market(trees, path)
                 elif path.parent.name == "scripts":
                     read_script(path, trees.scene.space)
             except ReadError as error:
@@ -139,6 +156,11 @@ class _FolderCheck:
         if self._only is None and not (trees.agents or trees.broken):
             self._add([_no_agents(self._folder)])
         return agents
+
+    def _add_market(self, trees: Trees, path: Path) -> None:
+        market = read_market(path, trees.scene.space)
+        if not trees.broken:
+            self._add(unknown_agents(market, [agent.name for agent in trees.agents]))
 
     def _add_unused_inputs(self, vocabulary: Vocabulary, path: Path) -> None:
         if vocabulary.libraries is not None:

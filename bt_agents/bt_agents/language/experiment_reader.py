@@ -12,7 +12,7 @@ from bt_agents.language.shape import FileReading
 from bt_agents.language.text.source import Source
 from bt_agents.language.text.yaml_reader import Node, Sequence
 from bt_agents.scene import SceneSpace, Vector
-from bt_agents.simulated import SimulatedFeedback
+from bt_agents.simulated import Errors, SimulatedFeedback
 
 MAX_ROUNDS = 1_000_000
 
@@ -38,7 +38,7 @@ def read_experiment(file: Path | Source, space: SceneSpace) -> ExperimentSpec:
         reading.error("missing-value", fields.nodes["scenes"], "there is no scene", "add one")
     scenes = [read_vector(reading, node, "a scene", space) for node in nodes]
     feedback_node = fields.get("feedback")
-    feedback = _feedback(reading, feedback_node, space) if feedback_node is not None else None
+    feedback = _feedback(reading, feedback_node, space, seed or 0) if feedback_node is not None else None
     reading.problems.raise_if_any()
     assert rounds is not None
     assert seed is not None
@@ -57,8 +57,10 @@ def read_simulated_feedback(path: Path, space: SceneSpace) -> SimulatedFeedback:
     return read_experiment(path, space).feedback
 
 
-def _feedback(reading: FileReading, node: Node, space: SceneSpace) -> SimulatedFeedback | None:
-    fields = reading.fields(node, "'feedback'", ("each", "sequence", "repeat"))
+def _feedback(
+    reading: FileReading, node: Node, space: SceneSpace, seed: int
+) -> SimulatedFeedback | None:
+    fields = reading.fields(node, "'feedback'", ("each", "sequence", "repeat", "errors"))
     if fields is None:
         return None
     if fields.get("each") is None and fields.get("sequence") is None:
@@ -76,10 +78,38 @@ def _feedback(reading: FileReading, node: Node, space: SceneSpace) -> SimulatedF
             each[agent] = vector
     sequence = [_opinion(reading, item, space) for item in fields.items("sequence")]
     repeat = fields.boolean("repeat")
+    errors_node = fields.get("errors")
     return SimulatedFeedback(
         each=each,
         sequence=tuple(vector for vector in sequence if vector is not None),
         repeat=bool(repeat),
+        errors=None if errors_node is None else _errors(reading, errors_node, space, seed),
+    )
+
+
+def _errors(reading: FileReading, node: Node, space: SceneSpace, seed: int) -> Errors | None:
+    fields = reading.fields(node, "'errors'", ("every", "share", "value"))
+    if fields is None:
+        return None
+    given = [key for key in ("every", "share") if fields.get(key) is not None]
+    if len(given) != 1:
+        reading.error(
+            "missing-key" if not given else "misplaced-key",
+            node,
+            f"'errors' has {'both' if given else 'neither'} 'every' {'and' if given else 'nor'} "
+            "'share'",
+            "write 'every: 3' for each third, or 'share: 0.05' for five of a hundred by chance",
+        )
+        return None
+    every = fields.integer("every", 1, MAX_ROUNDS)
+    share = fields.number("share", 0, 1)
+    value_node = fields.get("value")
+    return Errors(
+        space=space,
+        seed=seed,
+        every=every or 0,
+        share=share or 0.0,
+        value=None if value_node is None else read_vector(reading, value_node, "a value", space),
     )
 
 

@@ -15,8 +15,9 @@ from bt_agents.language.interfaces import Interfaces
 from bt_agents.language.libraries import FolderLibraries
 from bt_agents.language.plugins import installed_plugins
 from bt_agents.language.scene_reader import read_scene
+from bt_agents.language.scene_specs import SceneSpec
 from bt_agents.language.skills_reader import read_skills
-from bt_agents.language.specs import AgentSpec, Position, SceneSpec
+from bt_agents.language.specs import AgentSpec, Position
 from bt_agents.language.text.source import Source, read_source
 from bt_agents.language.vocabulary import ImportProblem, Vocabulary
 

@@ -16,6 +16,7 @@ MAX_ROS_NAME = 255
 
 _ROS_NAME = re.compile(r"(?:~/|/)?[A-Za-z_][A-Za-z0-9_]*(?:/[A-Za-z_][A-Za-z0-9_]*)*")
 _ROS_TYPE = re.compile(r"[a-z][a-z0-9_]*/(msg|srv|action)/[A-Z][A-Za-z0-9]*")
+_IN_BRACKETS = re.compile(r"<([a-z][a-z0-9_]*)>")
 _SHORT_TYPE = re.compile(
     r"([a-z][a-z0-9_]*)[/.:]+(?:(?:msgs?|srvs?|actions?)[/.:]+)?([A-Za-z][A-Za-z0-9]*)"
     r"(?:\.(?:msg|srv|action))?"
@@ -65,6 +66,49 @@ class Interfaces(Protocol):
         """
 
 
+class OfInstalledPackages:
+    """The types of the packages that are there; those of absent packages are not checked.
+
+    Args:
+        interfaces: Knows the ROS types of a machine.
+    """
+
+    def __init__(self, interfaces: Interfaces) -> None:
+        self._interfaces = interfaces
+
+    def has_package(self, package: str) -> bool:
+        """Return whether a ROS package is installed."""
+        return self._interfaces.has_package(package)
+
+    def type_problem(self, kind: BindingKind, type_name: str) -> str | None:
+        """Return why a type cannot be used; see :class:`Interfaces`."""
+        known = self._knows(type_name)
+        return self._interfaces.type_problem(kind, type_name) if known else None
+
+    def field_problem(
+        self, kind: BindingKind, type_name: str, section: str, path: str
+    ) -> str | None:
+        """Return why a type has no such field; see :class:`Interfaces`."""
+        known = self._knows(type_name)
+        return self._interfaces.field_problem(kind, type_name, section, path) if known else None
+
+    def field_type(self, kind: BindingKind, type_name: str, section: str, path: str) -> FieldType:
+        """Return the type of a field's value; see :class:`Interfaces`."""
+        if not self._knows(type_name):
+            return FieldType.ANY
+        return self._interfaces.field_type(kind, type_name, section, path)
+
+    def value_problem(
+        self, kind: BindingKind, type_name: str, section: str, values: Mapping[str, Plain]
+    ) -> str | None:
+        """Return why values do not fit the fields of a type; see :class:`Interfaces`."""
+        known = self._knows(type_name)
+        return self._interfaces.value_problem(kind, type_name, section, values) if known else None
+
+    def _knows(self, type_name: str) -> bool:
+        return self.has_package(package_of(type_name))
+
+
 @dataclass(frozen=True)
 class MessageFields:
     """The fields of a message that a condition or an output may name.
@@ -74,19 +118,21 @@ class MessageFields:
         kind: Action, service or topic.
         type_name: Full name of the type; empty while it is not known.
         section: ``result``, ``response`` or ``message``.
+        inside: Path of the part whose fields are named; empty for the whole.
     """
 
     interfaces: Interfaces | None
     kind: BindingKind
     type_name: str
     section: str
+    inside: str = ""
 
     def problem(self, path: str) -> str | None:
         """Return why there is no field of this path; None when there is."""
         known = self._known()
         if known is None:
             return None
-        return known.field_problem(self.kind, self.type_name, self.section, path)
+        return known.field_problem(self.kind, self.type_name, self.section, self._whole(path))
 
     def type_of(self, path: str) -> FieldType:
         """Return the type of a field as far as it is known."""
@@ -96,7 +142,10 @@ class MessageFields:
         # What stands in a JSON text has no type.
         if "#" in path:
             return FieldType.ANY
-        return known.field_type(self.kind, self.type_name, self.section, path)
+        return known.field_type(self.kind, self.type_name, self.section, self._whole(path))
+
+    def _whole(self, path: str) -> str:
+        return f"{self.inside}.{path}" if self.inside else path
 
     def _known(self) -> Interfaces | None:
         found = self.interfaces
@@ -109,12 +158,22 @@ def package_of(type_name: str) -> str:
     return type_name.partition("/")[0] if _ROS_TYPE.fullmatch(type_name) else ""
 
 
-def read_ros_name(reading: FileReading, node: Node, what: str) -> str | None:
-    """Return the name of a topic, service or action, checked by the rules of ROS."""
+def read_ros_name(
+    reading: FileReading, node: Node, what: str, *, brackets: bool = False
+) -> str | None:
+    """Return the name of a topic, service or action, checked by the rules of ROS.
+
+    Args:
+        reading: The file.
+        node: What is written.
+        what: The name, for messages.
+        brackets: Whether a word of it may be a name in angle brackets: ``persons/<person>/age``.
+    """
     text = reading.text(node, what)
     if text is None:
         return None
-    if _ROS_NAME.fullmatch(text) and "__" not in text and len(text) <= MAX_ROS_NAME:
+    bare = _IN_BRACKETS.sub(r"\1", text) if brackets else text
+    if _ROS_NAME.fullmatch(bare) and "__" not in bare and len(text) <= MAX_ROS_NAME:
         return text
     if len(text) > MAX_ROS_NAME:
         message = f"{what} has {len(text)} characters, at most {MAX_ROS_NAME} are possible"
@@ -123,7 +182,9 @@ def read_ros_name(reading: FileReading, node: Node, what: str) -> str | None:
     meant = re.sub(r"_+", "_", re.sub(r"[^A-Za-z0-9_/~]+", "_", text.strip()))
     meant = re.sub(r"/+", "/", meant).rstrip("/_")
     hint = f"write {meant}" if _ROS_NAME.fullmatch(meant) and len(meant) <= 80 else ""
-    if "{" in text:
+    if "{" in text and brackets:
+        hint = f"write <{re.sub(r'[^a-z_]', '', text.partition('{')[2].partition('}')[0])[:40]}>"
+    elif "{" in text:
         hint = "ROS names are fixed here; remap them when the robot starts"
     elif not text.isascii():
         hint = "use the letters a-z and A-Z"

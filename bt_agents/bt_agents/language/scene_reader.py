@@ -3,28 +3,35 @@
 
 from __future__ import annotations
 
-import re
 from pathlib import Path
 
-from bt_agents.language import quantities
 from bt_agents.language.diagnostics import did_you_mean, shown
 from bt_agents.language.fields import Fields
-from bt_agents.language.interfaces import Interfaces, read_ros_name, read_ros_type
+from bt_agents.language.interfaces import Interfaces
+from bt_agents.language.persons_reader import read_persons
+from bt_agents.language.scene_specs import (
+    PERSON,
+    MissingRule,
+    PersonsSpec,
+    SceneSpec,
+    SourceSpec,
+)
+from bt_agents.language.scene_values import read_values
 from bt_agents.language.shape import FileReading
-from bt_agents.language.specs import BindingKind, SceneSpec, SourceSpec
+from bt_agents.language.source_reader import VALUE_KEYS, SourceReader, Wanted
 from bt_agents.language.text.source import Source
-from bt_agents.language.text.yaml_reader import Entry, Mapping, Node
+from bt_agents.language.text.yaml_reader import Entry, Mapping
 from bt_agents.scene import SceneParameter, SceneSpace
 
-PERSON = "person"
-"""What the source of the presence of a person is called; no parameter can be called so."""
+MAX_PLACE = 64
+"""Characters of the name of a place."""
 
+_KEYS = ("place", "parameters", "mood", "no_person", "persons", "sources")
+_PARAMETER_KEYS = ("min", "max", "default", "description", "labels", "weight", "missing")
 _TAKEN = {
     PERSON: "whether a person is there",
     "stale": "whether the live scene is too old to count",
 }
-
-_FIELD_PATH = re.compile(r"[a-z][a-z0-9_]*(\.[a-z0-9_]+)*")
 
 
 def read_scene(path: Path, interfaces: Interfaces | None = None) -> SceneSpec:
@@ -42,39 +49,105 @@ def read_scene_text(text: str, file: str, interfaces: Interfaces | None = None) 
 
 
 def _read(reading: FileReading, interfaces: Interfaces | None) -> SceneSpec:
-    fields = reading.document("scene.yaml", ("parameters", "mood", "sources"), ("parameters",))
+    fields = reading.document("scene.yaml", _KEYS, ("parameters",))
     entries = fields.entries("parameters", "names and parameters")
     if not entries and isinstance(fields.get("parameters"), Mapping):
         reading.error(
             "missing-value", fields.nodes["parameters"], "there is no parameter", "add one"
         )
-    read = [(entry.key.text, _parameter(reading, entry)) for entry in entries]
+    missing: dict[str, MissingRule] = {}
+    read = [(entry.key.text, _parameter(reading, entry, missing)) for entry in entries]
     parameters = {name: parameter for name, parameter in read if parameter is not None}
     names = [name for name, _ in read]
-    mood = _mood(reading, fields, names)
-    sources: dict[str, SourceSpec] = {}
-    for entry in fields.entries("sources", "parameters and sources"):
-        if entry.key.text != PERSON and entry.key.text not in names:
-            reading.error(
-                "unknown-name",
-                entry.key,
-                f"there is no scene parameter {shown(entry.key.text)}",
-                did_you_mean(entry.key.text, [PERSON, *names]),
-            )
-            continue
-        source = _source(reading, entry, parameters.get(entry.key.text), interfaces)
-        if source is not None:
-            sources[source.parameter] = source
+    space = SceneSpace(parameters=tuple(parameters.values()), mood=_mood(reading, fields, names))
+    persons, source_reader = read_persons(reading, fields.get("persons"), interfaces)
+    place = _place(reading, fields, source_reader)
+    sources, person = _sources(reading, fields, names, parameters, source_reader, persons)
+    no_person = _no_person(reading, fields, space, names)
     reading.problems.raise_if_any()
-    person = sources.pop(PERSON, None)
     return SceneSpec(
-        space=SceneSpace(parameters=tuple(parameters.values()), mood=mood),
-        sources=tuple(sources.values()),
+        space=space,
+        sources=tuple(sources),
         person=person,
+        persons=persons,
+        place=place,
+        missing=missing,
+        no_person=no_person,
     )
 
 
-def _parameter(reading: FileReading, entry: Entry) -> SceneParameter | None:
+def _sources(
+    reading: FileReading,
+    fields: Fields,
+    names: list[str],
+    parameters: dict[str, SceneParameter],
+    source_reader: SourceReader,
+    persons: PersonsSpec | None,
+) -> tuple[list[SourceSpec], SourceSpec | None]:
+    """Return the sources of parameters, and the one that says whether somebody is there."""
+    sources: list[SourceSpec] = []
+    person = None
+    for entry in fields.entries("sources", "parameters and sources"):
+        name = entry.key.text
+        if name == PERSON:
+            if "persons" in fields.nodes:
+                reading.error(
+                    "name-taken",
+                    entry.key,
+                    "'persons' says already whether somebody is there: when somebody is tracked",
+                    "remove this source",
+                )
+            wanted = Wanted(name=name, what="source 'person'", may_be_per_person=False)
+            person = source_reader.read(entry.value, entry.key, wanted)
+        elif name not in names:
+            reading.error(
+                "unknown-name",
+                entry.key,
+                f"there is no scene parameter {shown(name)}",
+                did_you_mean(name, [PERSON, *names]),
+            )
+        else:
+            wanted = Wanted(
+                name=name,
+                what=f"source '{name}'",
+                keys=VALUE_KEYS,
+                parameter=parameters.get(name),
+            )
+            sources += source_reader.read_all(entry.value, entry.key, wanted)
+    return sources, person
+
+
+def _place(reading: FileReading, fields: Fields, source_reader: SourceReader) -> str | SourceSpec:
+    node = fields.get("place")
+    if node is None:
+        return ""
+    if isinstance(node, Mapping):
+        wanted = Wanted(name="place", what="'place'", text=True, may_be_per_person=False)
+        return source_reader.read(node, fields.keys["place"], wanted) or ""
+    place = fields.text("place")
+    if len(place) > MAX_PLACE:
+        reading.error(
+            "bad-name",
+            node,
+            f"'place' has {len(place)} characters, at most {MAX_PLACE} are possible",
+            "write a shorter name",
+        )
+    return place
+
+
+def _no_person(
+    reading: FileReading, fields: Fields, space: SceneSpace, names: list[str]
+) -> dict[str, float]:
+    node = fields.get("no_person")
+    if node is None or len(space) < len(names):
+        return {}
+    return read_values(reading, node, "'no_person'", space)
+
+
+def _parameter(
+    reading: FileReading, entry: Entry, missing: dict[str, MissingRule]
+) -> SceneParameter | None:
+    """Return a parameter, and note what stands for it where nobody measures it."""
     name = reading.name(entry.key, "the name of a scene parameter")
     if name in _TAKEN:
         reading.error(
@@ -84,10 +157,7 @@ def _parameter(reading: FileReading, entry: Entry) -> SceneParameter | None:
             "choose another name",
         )
     what = f"parameter '{entry.key.text[:40]}'"
-    fields = reading.fields(
-        entry.value, what, ("min", "max", "default", "description", "labels"),
-        ("min", "max", "default"),
-    )  # fmt: skip
+    fields = reading.fields(entry.value, what, _PARAMETER_KEYS, ("min", "max", "default"))
     if fields is None:
         return None
     minimum, maximum = fields.number("min"), fields.number("max")
@@ -96,6 +166,10 @@ def _parameter(reading: FileReading, entry: Entry) -> SceneParameter | None:
     default = fields.number("default", minimum, maximum)
     labels = _labels(reading, fields, minimum, maximum)
     description = fields.text("description")
+    weight = fields.number("weight", 0.0)
+    rule = fields.choice("missing", [rule.value for rule in MissingRule])
+    if rule is not None and name is not None:
+        missing[name] = MissingRule(rule)
     if name is None or minimum is None or maximum is None or default is None:
         return None
     return SceneParameter(
@@ -105,6 +179,7 @@ def _parameter(reading: FileReading, entry: Entry) -> SceneParameter | None:
         default=default,
         description=description,
         labels=labels,
+        weight=1.0 if weight is None else weight,
     )
 
 
@@ -134,93 +209,3 @@ def _mood(reading: FileReading, fields: Fields, names: list[str]) -> str | None:
         did_you_mean(mood, names),
     )
     return None
-
-
-def _source(
-    reading: FileReading,
-    entry: Entry,
-    parameter: SceneParameter | None,
-    interfaces: Interfaces | None,
-) -> SourceSpec | None:
-    name = entry.key.text
-    keys = ("topic", "type", "field", "stale_after")
-    fields = reading.fields(
-        entry.value, f"source '{name}'", keys if name == PERSON else (*keys, "map"), keys
-    )
-    if fields is None:
-        return None
-    nodes = fields.nodes
-    topic = read_ros_name(reading, nodes["topic"], "'topic'") if "topic" in nodes else None
-    type_name = (
-        read_ros_type(reading, nodes["type"], BindingKind.TOPIC, interfaces)
-        if "type" in nodes
-        else None
-    )
-    field = _field(reading, nodes["field"], type_name, interfaces) if "field" in nodes else None
-    points = _points(reading, nodes["map"], parameter) if "map" in nodes else ()
-    stale_after_s = fields.duration("stale_after")
-    if stale_after_s == 0.0:
-        reading.error(
-            "out-of-range", nodes["stale_after"], "'stale_after' must be longer than 0 s"
-        )
-    if topic is None or type_name is None or field is None or stale_after_s is None:
-        return None
-    return SourceSpec(
-        parameter=name,
-        topic=topic,
-        type=type_name,
-        field=field,
-        points=points,
-        stale_after_s=stale_after_s,
-        position=entry.key.position,
-    )
-
-
-def _field(
-    reading: FileReading, node: Node, type_name: str | None, interfaces: Interfaces | None
-) -> str | None:
-    text = reading.text(node, "'field'")
-    if text is None:
-        return None
-    if not _FIELD_PATH.fullmatch(text) or len(text) > 255:
-        reading.error(
-            "bad-name",
-            node,
-            f"'field' is {shown(text)}, expected the path of a field such as data or faces.0.mood",
-            "write field names joined by points",
-        )
-        return None
-    if interfaces is not None and type_name is not None:
-        problem = interfaces.field_problem(BindingKind.TOPIC, type_name, "message", text)
-        if problem:
-            reading.error("unknown-ros-field", node, f"{type_name}: {problem}")
-            return None
-    return text
-
-
-def _points(
-    reading: FileReading, node: Node, parameter: SceneParameter | None
-) -> tuple[tuple[float, float], ...]:
-    """Return a linear map as (reading, value) pairs, readings rising."""
-    points: dict[float, float] = {}
-    entries = reading.entries(node, "'map'", "readings and values")
-    limits = (parameter.minimum, parameter.maximum) if parameter is not None else (None, None)
-    for entry in entries:
-        value = reading.number(entry.value, "a value of 'map'", *limits)
-        try:
-            at = quantities.number(entry.key.text)
-        except quantities.QuantityError as error:
-            reading.error("bad-number", entry.key, f"a reading: {error.message}", error.hint)
-            continue
-        if at in points:
-            reading.error("duplicate-key", entry.key, f"the reading {at:g} stands here again")
-        if value is not None:
-            points[at] = value
-    if entries and len(entries) < 2:
-        reading.error(
-            "missing-value",
-            node,
-            "'map' needs two readings or more",
-            "add the other end of the range",
-        )
-    return tuple(sorted(points.items()))

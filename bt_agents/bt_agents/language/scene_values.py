@@ -6,7 +6,7 @@ from __future__ import annotations
 from bt_agents.errors import Refused
 from bt_agents.language.diagnostics import did_you_mean, shown
 from bt_agents.language.shape import FileReading, adding, listed
-from bt_agents.language.text.yaml_reader import Node, Scalar
+from bt_agents.language.text.yaml_reader import Node
 from bt_agents.scene import SceneParameter, SceneSpace, Vector, check_value
 
 
@@ -16,7 +16,7 @@ def read_values(
     """Return values of some scene parameters; what is wrong is reported and left out."""
     found: dict[str, float] = {}
     for entry in reading.entries(node, what, f"values of {', '.join(space.names)}"):
-        parameter = _parameter(reading, entry.key, space)
+        parameter = read_parameter(reading, entry.key, space)
         value = reading.number(entry.value, entry.key.text) if parameter is not None else None
         if parameter is None or value is None:
             continue
@@ -45,14 +45,18 @@ def read_vector(reading: FileReading, node: Node, what: str, space: SceneSpace) 
     return tuple(values[name] for name in space.names)
 
 
-def _parameter(reading: FileReading, key: Scalar, space: SceneSpace) -> SceneParameter | None:
+def read_parameter(reading: FileReading, node: Node, space: SceneSpace) -> SceneParameter | None:
+    """Return the scene parameter that is named; None when there is none, which is reported."""
+    name = reading.text(node, "a scene parameter")
+    if name is None:
+        return None
     try:
-        return space.parameter(key.text)
+        return space.parameter(name)
     except Refused:
         reading.error(
             "unknown-name",
-            key,
-            f"there is no scene parameter {shown(key.text)}",
-            did_you_mean(key.text, space.names),
+            node,
+            f"there is no scene parameter {shown(name)}",
+            did_you_mean(name, space.names),
         )
         return None

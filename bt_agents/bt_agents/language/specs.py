@@ -7,8 +7,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import Enum
 
+from bt_agents.feedback import LearningRule
 from bt_agents.language.expression.expressions import Expression
-from bt_agents.scene import SceneSpace, Vector
+from bt_agents.scene import Vector
 
 Plain = None | bool | int | float | str | tuple["Plain", ...] | Mapping[str, "Plain"]
 """A value without any name in it."""
@@ -289,6 +290,12 @@ class FeedbackRule:
         hold_s: How long it must hold [s].
         positive: True moves the profile towards the scene, False away from it.
         cancel: True also stops the run and lets the market ask again.
+        baseline_s: ``mood.change`` is against the mean mood of so long at the start [s]; 0 for
+            the mood of the scene as awarded.
+        release: Condition after which a rule that has fired is ready again; None for none.
+        cooldown_s: A rule that has fired is ready again after so long at the earliest [s]; with
+            neither release nor cooldown a rule fires once a run.
+        confidence: Moods with less confidence are not known, 0..1.
     """
 
     when: Expression
@@ -296,6 +303,10 @@ class FeedbackRule:
     positive: bool
     cancel: bool
     position: Position
+    baseline_s: float = 0.0
+    release: Expression | None = None
+    cooldown_s: float = 0.0
+    confidence: float = 0.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -303,6 +314,9 @@ class AgentSpec:
     """One agent file.
 
     Attributes:
+        learning: How feedback moves the profile, with the learning rate as the usual step.
+        weights: Parameter → how much it counts for this agent where distances are weighted;
+            without an entry as much as the scene file says.
         unoffered: The skills that it uses and no robot offers here, each with the reason; with
             one of them it does not bid.
         unused_inputs: Inputs of its own subtrees.
@@ -320,40 +334,10 @@ class AgentSpec:
     tree: NodeSpec
     on_cancel: NodeSpec | None
     file: str
+    learning: LearningRule = field(default_factory=LearningRule)
+    weights: Mapping[str, float] = field(default_factory=dict)
     unoffered: tuple[str, ...] = ()
     unused_inputs: tuple[UnusedInput, ...] = ()
-
-
-@dataclass(frozen=True, kw_only=True)
-class SourceSpec:
-    """Where the readings of a scene parameter, or of the presence of a person, come from.
-
-    Attributes:
-        parameter: Name of the scene parameter; ``person`` for the presence.
-        topic: ROS name, relative unless it starts with a slash.
-        type: ROS type, for example ``std_msgs/msg/Float64``.
-        field: Path of the field in the message.
-        points: Linear map from reading to parameter as (reading, value) pairs, readings rising;
-            empty takes the reading as it is.
-        stale_after_s: A reading older than this is missing [s].
-    """
-
-    parameter: str
-    topic: str
-    type: str
-    field: str
-    points: tuple[tuple[float, float], ...]
-    stale_after_s: float
-    position: Position
-
-
-@dataclass(frozen=True, kw_only=True)
-class SceneSpec:
-    """``scene.yaml``: the parameters of every scene and the sources that feed them."""
-
-    space: SceneSpace
-    sources: tuple[SourceSpec, ...]
-    person: SourceSpec | None
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -5,7 +5,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from bt_agents.language.specs import FieldType, SceneSpec, SkillSpec
+from bt_agents.language.scene_specs import SceneSpec
+from bt_agents.language.specs import FieldType, SkillSpec
 from bt_agents.scene import SceneParameter, SceneSpace
 
 _AGENT = """\

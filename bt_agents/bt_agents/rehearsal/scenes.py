@@ -94,4 +94,8 @@ def watched(rule: FeedbackRule) -> Rule:
         hold_s=rule.hold_s,
         kind=Kind.POSITIVE if rule.positive else Kind.NEGATIVE,
         cancel=rule.cancel,
+        baseline_s=rule.baseline_s,
+        release=rule.release,
+        cooldown_s=rule.cooldown_s,
+        confidence=rule.confidence,
     )

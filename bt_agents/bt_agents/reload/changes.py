@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 from bt_agents.language.agent_file import AgentFile
 from bt_agents.language.quantities import spoken
@@ -92,13 +92,18 @@ def _range(tunable: Tunable) -> tuple[float | None, float | None, float]:
 
 def _others(old: AgentSpec, new: AgentSpec) -> Iterable[tuple[str, object, object]]:
     def rules(spec: AgentSpec) -> list[tuple[object, ...]]:
-        return [(rule.when, rule.hold_s, rule.positive, rule.cancel) for rule in spec.rules]
+        return [
+            tuple(getattr(rule, one.name) for one in fields(rule) if one.name != "position")
+            for rule in spec.rules
+        ]
 
     return (
         ("title", old.title, new.title),
         ("description", old.description, new.description),
         ("tags", old.tags, new.tags),
         ("requires", old.requires, new.requires),
+        ("learning", old.learning, new.learning),
+        ("weights", old.weights, new.weights),
         ("feedback rules", rules(old), rules(new)),
         ("skills that the robot offers", old.unoffered, new.unoffered),
     )

@@ -123,7 +123,7 @@ class _Pass:
         texts = dict(self._before.trees.texts)
         for path in self._changed:
             first = path.relative_to(self._folder).parts[0]
-            if first in ("agents", "scripts", "scene.yaml"):
+            if first in ("agents", "scripts", "scenes", "scene.yaml"):
                 continue
             if path in self._listed:
                 texts[path] = text_of(path)

@@ -122,6 +122,10 @@ class AgentVersions:
             return f"version {shelf.waiting.number} of {name} waits"
         return f"{name} leaves" if shelf.leaving else ""
 
+    def names(self) -> tuple[str, ...]:
+        """Return the names of all agents that have a version in force."""
+        return tuple(self._shelves)
+
     def versions(self, name: str) -> tuple[Version, ...]:
         """Return the versions of an agent that are kept, oldest first.
 

@@ -10,8 +10,13 @@ from rcl_interfaces.srv import GetParameters
 
 from bt_agents.ros import qos
 from bt_agents.ros.observer import Observer
-from bt_agents_interfaces.msg import Auction, Feedback, SceneEnd
-from bt_agents_interfaces.srv import Analyze, CancelRun, GiveFeedback
+from bt_agents_interfaces.msg import Auction, Feedback, MoodTrace, Persons, SceneEnd, Trees
+from bt_agents_interfaces.srv import Analyze, CancelRun, GiveFeedback, ManageProfiles
+
+_CARDS_S = 3.0
+
+_MANAGED_S = 30.0
+"""What is forgotten goes from the whole file [s]."""
 
 KINDS = {
     "direct": Feedback.DIRECT,
@@ -96,6 +101,22 @@ def give_feedback(
     return observer.call(GiveFeedback, "feedback/give", request)
 
 
+def manage_profiles(
+    observer: Observer, action: str, *, node: str = "feedback", find_s: float = 10.0, **fields: Any
+) -> Any:
+    """Have what was learned shown or changed; return the answer, None without one.
+
+    Args:
+        observer: In the graph of the system.
+        action: Name of a constant of ``ManageProfiles.srv``.
+        node: Whom to ask, ``feedback`` or ``scene_layer``.
+        find_s: How long the service is looked for [s].
+        fields: The other fields of the request.
+    """
+    request = ManageProfiles.Request(action=getattr(ManageProfiles.Request, action), **fields)
+    return observer.call(ManageProfiles, f"{node}/manage", request, _MANAGED_S, find_s=find_s)
+
+
 def decisions(observer: Observer) -> list[Any]:
     """Return a list that fills with the last decisions while the observer is turned."""
     heard: list[Any] = []
@@ -107,6 +128,37 @@ def scene_ends(observer: Observer) -> list[Any]:
     """Return a list that fills with the last ends of scenes while the observer is turned."""
     heard: list[Any] = []
     observer.node.create_subscription(SceneEnd, "scene_ends", heard.append, qos.HISTORY)
+    return heard
+
+
+def mood_traces(observer: Observer) -> list[Any]:
+    """Return a list that fills with the last traces of moods while the observer is turned."""
+    heard: list[Any] = []
+    observer.node.create_subscription(MoodTrace, "mood_traces", heard.append, qos.HISTORY)
+    return heard
+
+
+def trees(observer: Observer) -> dict[tuple[str, str], str]:
+    """Return agent and path of a node → its name, for the trees of all hosts that are known.
+
+    The mapping fills while the observer is turned.
+    """
+    names: dict[tuple[str, str], str] = {}
+
+    def take(message: Any) -> None:
+        for tree in message.trees:
+            names.update({(tree.agent, node.path): node.name for node in tree.nodes})
+
+    observer.turn_until(lambda: bool(observer.cards), _CARDS_S)
+    for host in observer.cards:
+        observer.node.create_subscription(Trees, f"{host}/trees", take, qos.FACT)
+    return names
+
+
+def persons(observer: Observer) -> list[Any]:
+    """Return a list that fills with who is tracked while the observer is turned."""
+    heard: list[Any] = []
+    observer.node.create_subscription(Persons, "scene/persons", heard.append, qos.FACT)
     return heard
 
 

@@ -65,7 +65,13 @@ class HostNode(GuardedNode):
         self._versions = AgentVersions(folder, stamp)
         self._introductions = Introductions(self, self.instance, self.roster, self._versions)
         live = LiveScene(self, self.roster.space)
-        self._runs = RunServer(self, self.roster, self.instance, live.follow)
+        self._runs = RunServer(
+            self,
+            self.roster,
+            self.instance,
+            live.follow,
+            version=lambda name: self._versions.standing(name).version,
+        )
         for member in self.roster.members.values():
             self._prepare(member.spec)
         self._tunables = TunableParameters(
@@ -95,6 +101,7 @@ class HostNode(GuardedNode):
         self._runs.on_end(lambda *_: self._tidy_up())
         steady_timer(self, HEARTBEAT_S, self._beat)
         self._introductions.trees()
+        self._introductions.files()
         self.get_logger().info(
             f"{len(self.roster.members)} agents: {', '.join(self.roster.members)}"
         )
@@ -182,6 +189,7 @@ class HostNode(GuardedNode):
             self._membership.refresh()
         if acts - {Act.NOTE}:
             self._introductions.trees()
+            self._introductions.files()
             self._changed = True
             self._tidy_up()
         self._introductions.card()
@@ -209,7 +217,8 @@ class HostNode(GuardedNode):
                 host_instance=self.instance,
                 agents=[member.spec.name for member in answer.bids],
                 agent_ids=[member.agent_id for member in answer.bids],
-                vectors=[value for member in answer.bids for value in member.profile],
+                vectors=[v for member in answer.bids for v in member.profile_for(scene)],
+                weights=self.roster.weights(answer.bids),
                 declined=list(answer.declined),
                 decline_reasons=list(answer.declined.values()),
             )
@@ -218,13 +227,23 @@ class HostNode(GuardedNode):
     def _set_profile(
         self, request: SetProfile.Request, response: SetProfile.Response
     ) -> SetProfile.Response:
+        agent, layer = request.agent, request.layer
         try:
-            member = self._tunables.take_profile(request.agent, request.values, request.revision)
+            if request.remove:
+                self.roster.remove_layer(agent, layer)
+                response.message = f"{agent or 'everybody here'} has no {layer or 'layers'} now"
+            elif layer:
+                self.roster.set_layer(agent, layer, request.values, request.revision)
+                response.message = f"{agent} bids with revision {request.revision} for {layer}"
+            else:
+                self._tunables.take_profile(agent, request.values, request.revision)
+                response.message = f"{agent} bids with revision {request.revision}"
         except Refused as refused:
             response.code, response.message = refused.code, refused.reason
             return response
         response.accepted = True
-        response.message = f"{request.agent} bids with revision {member.revision}"
+        if layer or request.remove:
+            return response
         self._introductions.card()
         return response
 

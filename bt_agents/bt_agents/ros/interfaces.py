@@ -132,7 +132,7 @@ def types_of(package: str) -> list[str]:
 
     The ament index names them in ``share/ament_index/resource_index/rosidl_interfaces/<package>``.
     """
-    for prefix in _prefixes():
+    for prefix in prefixes():
         entry = prefix / "share/ament_index/resource_index/rosidl_interfaces" / package
         try:
             lines = entry.read_text(encoding="utf-8").split()
@@ -146,7 +146,8 @@ def _is_interface(line: str) -> bool:
     return line.startswith(("msg/", "srv/", "action/")) and line.count("/") == 1
 
 
-def _prefixes() -> list[Path]:
+def prefixes() -> list[Path]:
+    """Return the folders in which ROS packages are installed, first choice first."""
     # The wheels of PyPI register in the environment's prefix and set no AMENT_PREFIX_PATH.
     sourced = [
         Path(part) for part in os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep) if part
@@ -156,7 +157,7 @@ def _prefixes() -> list[Path]:
 
 def _packages() -> list[str]:
     found: set[str] = set()
-    for prefix in _prefixes():
+    for prefix in prefixes():
         folder = prefix / "share/ament_index/resource_index/rosidl_interfaces"
         if folder.is_dir():
             found.update(entry.name for entry in folder.iterdir())

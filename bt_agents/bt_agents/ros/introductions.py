@@ -8,10 +8,13 @@ from rclpy.publisher import Publisher
 
 from bt_agents.language.specs import AgentSpec, NodeSpec
 from bt_agents.reload.report import problems_of
+from bt_agents.reload.texts import texts
 from bt_agents.reload.versions import AgentVersions
 from bt_agents.ros import qos
+from bt_agents.ros.installed import InstalledInterfaces
+from bt_agents.ros.learning_messages import learning_to_msg, rule_to_msg
 from bt_agents.roster import Member, Roster
-from bt_agents_interfaces.msg import AgentCard, HostCard, MoodRule, Tree, TreeNode, Trees
+from bt_agents_interfaces.msg import AgentCard, AgentFiles, HostCard, Tree, TreeNode, Trees
 
 
 class Introductions:
@@ -38,6 +41,7 @@ class Introductions:
         self._taken = False
         self._cards = self._card_publisher()
         self._trees = node.create_publisher(Trees, "~/trees", qos.FACT)
+        self._files = node.create_publisher(AgentFiles, "~/files", qos.FACT)
 
     def admit(self, taken: bool) -> None:
         """Publish the card of a host that the market has taken; take back that of one refused."""
@@ -85,6 +89,20 @@ class Introductions:
             )
         )
 
+    def files(self) -> None:
+        """Publish the texts that the agents in force are made from."""
+        found = texts(self._versions, InstalledInterfaces().has_package)
+        self._files.publish(
+            AgentFiles(
+                host=self._host,
+                host_instance=self._instance,
+                files=list(found.files),
+                texts=list(found.files.values()),
+                agents=list(found.versions),
+                versions=list(found.versions.values()),
+            )
+        )
+
     def _card_publisher(self) -> Publisher[HostCard]:
         return self._node.create_publisher(HostCard, "cards", qos.FACT)
 
@@ -108,15 +126,8 @@ class Introductions:
             current=list(member.profile),
             revision=member.revision,
             learning_rate=member.learning_rate,
-            rules=[
-                MoodRule(
-                    when=rule.when.text,
-                    hold_s=rule.hold_s,
-                    give=MoodRule.POSITIVE if rule.positive else MoodRule.NEGATIVE,
-                    cancel=rule.cancel,
-                )
-                for rule in spec.rules
-            ],
+            learning=learning_to_msg(spec.learning, self._roster.space),
+            rules=[rule_to_msg(rule) for rule in spec.rules],
             version=standing.version,
             waiting=standing.waiting,
             degraded=bool(standing.problems),

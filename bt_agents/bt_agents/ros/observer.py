@@ -198,8 +198,13 @@ class Observer:
         if self.market is None or self.profiles is None or self.market.agents < agents:
             return False
         bidding = {a.name: a.revision for card in self.cards.values() for a in card.agents}
-        learned = zip(self.profiles.agents, self.profiles.revisions, strict=True)
-        known = {name for name, revision in learned if bidding.get(name, -1) >= revision}
+        message = self.profiles
+        learned = zip(message.agents, message.layers, message.revisions, strict=True)
+        known = {
+            name
+            for name, layer, revision in learned
+            if not layer and bidding.get(name, -1) >= revision
+        }
         return len(known & set(bidding)) >= agents
 
     def namespaces_of_markets(self) -> list[str]:
@@ -218,21 +223,28 @@ class Observer:
         """Return True when scene layer and feedback node answer requests."""
         return all(service.service_is_ready() for service in self._services)
 
+    def recorded(self) -> bool:
+        """Return True when a journal listens to what trees are told."""
+        return bool(self.node.count_subscribers("agents/records"))
+
     def turn_until(self, done: Callable[[], bool], limit_s: float) -> bool:
         """Turn until ``done()`` is true or the time is up; return ``done()``."""
         return self._turner.turn_until(done, limit_s)
 
-    def call(self, kind: Any, name: str, request: Any, limit_s: float = 5.0) -> Any:
+    def call(
+        self, kind: Any, name: str, request: Any, limit_s: float = 5.0, *, find_s: float = _FIND_S
+    ) -> Any:
         """Call a service; return its response, or None when it is not there or stays silent.
 
         Args:
             kind: Type of the service.
             name: Its name.
             request: The request.
-            limit_s: For the answer [s]; the service itself is looked for up to 10 s.
+            limit_s: For the answer [s].
+            find_s: For the service itself [s].
         """
         client = self.node.create_client(kind, name, qos_profile=qos.SERVICE)
-        if not self.turn_until(client.service_is_ready, _FIND_S):
+        if not self.turn_until(client.service_is_ready, find_s):
             return None
         future = client.call_async(request)
         self.turn_until(future.done, limit_s)
@@ -245,9 +257,10 @@ class Observer:
 
 
 def profiles_by_agent(message: Any) -> dict[str, Sequence[float]]:
-    """Return the vectors of a ``Profiles`` message by agent."""
+    """Return the vectors of a ``Profiles`` message by agent, without those of layers."""
     width = len(message.parameters)
     return {
         agent: list(message.vectors[index * width : (index + 1) * width])
         for index, agent in enumerate(message.agents)
+        if not message.layers[index]
     }

@@ -18,6 +18,7 @@ from bt_agents.errors import Refused
 from bt_agents.held_up import Award, LastWord
 from bt_agents.ros import qos
 from bt_agents.ros.messages import scene_from_msg
+from bt_agents.ros.records import Records
 from bt_agents.ros.run_messages import failed, not_begun, run_result_to_msg, tree_status
 from bt_agents.ros.timers import steady_timer
 from bt_agents.ros.world import RosWorld
@@ -48,6 +49,7 @@ class RunServer:
         roster: Its agents.
         instance: This start of the host; goals meant for another one are refused.
         live: Begins with the scene of a run; returns what tells its live scene.
+        version: Returns the version of an agent's file that is in force.
 
     Attributes:
         goal: The goal under way; None without one.
@@ -59,6 +61,7 @@ class RunServer:
         roster: Roster,
         instance: str,
         live: Callable[[Scene], Callable[[], Scene]],
+        version: Callable[[str], int],
     ) -> None:
         self.goal: Any = None
         self._node = node
@@ -86,6 +89,7 @@ class RunServer:
             scene=lambda: self.goal.scene if self.goal is not None else SceneMsg(),
         )
         self._status = node.create_publisher(TreeStatus, "~/status", qos.EVENTS)
+        self._records = Records(node, instance, self._status, version)
         # It is set anew for each tick: a timer that is late makes up for nothing.
         self._timer = steady_timer(node, self._period_s, self._tick, running=False)
         steady_timer(node, _LOOK_S, self._look)
@@ -245,11 +249,12 @@ class RunServer:
     def _start(self, goal: Any) -> None:
         scene = scene_from_msg(goal.scene, self._roster.space)
         member = self._roster.member(goal.agent)
-        self._run = Run(
+        self._run = self._records.run(
+            goal,
             member.spec,
             space=self._roster.space,
             scene=scene,
-            profile=member.profile,
+            profile=member.profile_for(scene),
             live=self._live(scene),
             tunables=member.tunables,
             world=self.world,
@@ -306,6 +311,7 @@ class RunServer:
 
     def _end(self, result: RunResult) -> None:
         self._timer.cancel()
+        self._records.flush()
         self._ended.set_result(result)
 
     def _give_up(self, run: Run, reason: str) -> RunResult:

@@ -139,15 +139,18 @@ def default_text(source: Source, knob: Knob) -> str:
 
 def _place(root: Node | None, knob: Knob) -> Scalar | None:
     """Return where the file says a default."""
-    path = {
-        KnobKind.TUNABLE: ("tunables", knob.key, "default"),
-        KnobKind.LEARNING_RATE: ("learning_rate",),
-        KnobKind.PROFILE: ("profile", knob.key),
+    paths: tuple[tuple[str, ...], ...] = {
+        KnobKind.TUNABLE: (("tunables", knob.key, "default"),),
+        KnobKind.LEARNING_RATE: (("learning_rate",), ("learning", "rate")),
+        KnobKind.PROFILE: (("profile", knob.key),),
     }.get(knob.kind, ())
-    node = root
-    for key in path:
-        node = node.get(key) if isinstance(node, Mapping) else None
-    return node if isinstance(node, Scalar) else None
+    for path in paths:
+        node = root
+        for key in path:
+            node = node.get(key) if isinstance(node, Mapping) else None
+        if isinstance(node, Scalar):
+            return node
+    return None
 
 
 def _writings(old: str, value: Setting, knob: Knob) -> list[str]:

@@ -28,23 +28,28 @@ from bt_agents.ros.timers import steady_timer
 from bt_agents.scene import Scene, SceneSpace
 from bt_agents.simulated import SimulatedFeedback
 from bt_agents.trees_folder import find_trees
-from bt_agents_interfaces.msg import Feedback, HostCard
+from bt_agents_interfaces.msg import Feedback, HostCard, MoodTrace, TreeStatus
 from bt_agents_interfaces.msg import Profiles as ProfilesMsg
 from bt_agents_interfaces.msg import Run as RunMsg
 from bt_agents_interfaces.msg import Scene as SceneMsg
 from bt_agents_interfaces.srv import CancelRun, CollectFeedback, GiveFeedback
+from feedback_node.changes import Change, Table
 from feedback_node.ledger import Ledger
-from feedback_node.ledger_file import ledger_path
+from feedback_node.ledger_file import LedgerError, ledger_path
+from feedback_node.management import Done, Management
 from feedback_node.node.hosts import Hosts
+from feedback_node.node.management import ManagementService
 from feedback_node.node.messages import (
     card_from_msg,
     collected_from_msg,
     feedback_to_msg,
     given_from_msg,
+    mood_trace_to_msg,
     run_from_msg,
     table_to_msg,
 )
-from feedback_node.profiles import Change, Profiles, Table
+from feedback_node.node.tips import Tips
+from feedback_node.profiles import Profiles
 from feedback_node.teaching import Lesson, Stop, Teaching
 
 CARDS_S = 10.0
@@ -94,17 +99,24 @@ class FeedbackNode(GuardedNode):
         self._unanswered: list[Stop] = []
         self._calls = Calls(self)
         self._hosts = Hosts(self, self._calls, self._profiles)
+        self._tips = Tips(self, self._on_status)
         self._problems: dict[str, tuple[str, ...]] = {}
+        self._untaken: dict[str, HostCard] = {}
         self._table: Table = ()
         self._live: Scene | None = None
         self._cancel = self.create_client(CancelRun, "marketplace/cancel", qos_profile=qos.SERVICE)
         self._feedback = self.create_publisher(Feedback, "feedback", qos.HISTORY)
+        self._traces = self.create_publisher(MoodTrace, "mood_traces", qos.HISTORY)
         self._current = self.create_publisher(ProfilesMsg, "profiles", qos.FACT)
         self._timer = steady_timer(self, _TICK_S, self._on_tick, running=False)
         steady_timer(self, _TIDY_S, self._on_idle)
         self.create_subscription(HostCard, "cards", self._on_card, qos.FACTS)
         self.create_subscription(RunMsg, "runs", self._on_run, qos.HISTORY)
         self.create_subscription(SceneMsg, "scene/live", self._on_live, qos.SENSOR)
+        management = Management(
+            self._profiles, ledger, wall=time.time, new_id=lambda: str(uuid.uuid4())
+        )
+        ManagementService(self, management, self._managed)
         self._serve()
 
     def _serve(self) -> None:
@@ -122,10 +134,14 @@ class FeedbackNode(GuardedNode):
     # What happens around the runs
 
     def _on_card(self, message: HostCard) -> None:
+        self._untaken.pop(message.host, None)
         try:
             deliveries, problems = self._teaching.introduce(card_from_msg(message))
         except Refused as refusal:
             deliveries, problems = (), (str(refusal),)
+            if isinstance(refusal, LedgerError) and len(self._untaken) < _MOST_PROBLEMS:
+                # Its agents learn nothing before the ledger has taken them.
+                self._untaken[message.host] = message
         if problems != self._problems.get(message.host, ()):
             for problem in problems:
                 self.get_logger().error(problem)
@@ -135,6 +151,7 @@ class FeedbackNode(GuardedNode):
                 del self._problems[next(iter(self._problems))]
         for delivery in deliveries:
             self._hosts.deliver(delivery)
+        self._tips.follow(self._profiles.hosts)
         self._publish_table()
         self._set_timer()
         self._look_again()
@@ -150,12 +167,17 @@ class FeedbackNode(GuardedNode):
         elif message.event == RunMsg.CANCELLING:
             self._teaching.cancelling(event)
         elif message.event == RunMsg.ENDED:
-            self._teaching.ended(event)
+            told = self._teaching.ended(event)
+            if told is not None:
+                self._traces.publish(mood_trace_to_msg(told, time.time()))
         self._set_timer()
+
+    def _on_status(self, message: TreeStatus) -> None:
+        self._teaching.ticked((message.epoch, message.round, message.agent), message.tip)
 
     def _on_live(self, message: SceneMsg) -> None:
         """Keep the newest live scene; the rules look at it with the next tick."""
-        if not self._teaching.watches(message.scene_id):
+        if not self._teaching.follows(message.scene_id):
             return
         try:
             self._live = scene_from_msg(message, self._space)
@@ -167,12 +189,13 @@ class FeedbackNode(GuardedNode):
         self._follow(self._teaching.tick() if live is None else self._teaching.see(live))
 
     def _on_idle(self) -> None:
+        for card in list(self._untaken.values()):
+            self._on_card(card)
         self._hosts.again()
         self._look_again()
         self._stop_again()
         if self._untidy and not self._teaching.watching:
-            self._ledger.tidy()
-            self._untidy = False
+            self._untidy = not self._ledger.tidy()
 
     def _follow(self, lessons: Iterable[Lesson]) -> None:
         for lesson in lessons:
@@ -180,15 +203,15 @@ class FeedbackNode(GuardedNode):
                 self.get_logger().error(lesson.problem)
             if lesson.change is not None:
                 self._announce(lesson.change)
-                if self._profiles.knows(lesson.change.revision.agent):
-                    self._hosts.deliver(self._profiles.delivery(lesson.change.revision.agent))
+                for delivery in self._profiles.deliveries(lesson.change.all):
+                    self._hosts.deliver(delivery)
             if lesson.stop is not None:
                 self._stop(lesson.stop)
         self._set_timer()
 
     def _set_timer(self) -> None:
-        if self._teaching.watching == self._timer.is_canceled():
-            if self._teaching.watching:
+        if self._teaching.following == self._timer.is_canceled():
+            if self._teaching.following:
                 self._timer.reset()
             else:
                 self._timer.cancel()
@@ -254,29 +277,39 @@ class FeedbackNode(GuardedNode):
 
     def _announce(self, change: Change) -> Feedback:
         """Publish a change unless it was published when it was new; return its message."""
-        message = feedback_to_msg(change, self._space)
+        messages = [feedback_to_msg(one, self._space) for one in change.all]
         if change.fresh:
             self._untidy = True
-            self._feedback.publish(message)
+            for message in messages:
+                self._feedback.publish(message)
             self._publish_table()
+            first = messages[0]
             self.get_logger().info(
-                f"{message.agent} revision {message.revision}: {change.words}; "
-                f"from {message.source or 'somebody'}: {message.reason or 'no reason given'}"
+                f"{first.agent} revision {first.revision}: {change.words}; "
+                f"from {first.source or 'somebody'}: {first.reason or 'no reason given'}"
             )
-        return message
+        return messages[0]
 
     async def _told(self, change: Change) -> str:
         """Wait until the host bids with the profile or has not answered in time; say which."""
-        agent = change.revision.agent
-        words = f"{agent}: {change.words}"
-        if not self._profiles.knows(agent):
-            return words
-        answer = Future()
-        self._hosts.deliver(self._profiles.delivery(agent), answer)
-        problem = await answer
-        if problem:
+        words = f"{change.revision.agent}: {change.words}"
+        answers = []
+        for delivery in self._profiles.deliveries(change.all):
+            answers.append(Future())
+            self._hosts.deliver(delivery, answers[-1])
+        problems = [await answer for answer in answers]
+        if any(problems):
+            problem = next(filter(None, problems))
             words += f"; it is kept and goes to the host when its card shows up again: {problem}"
         return words
+
+    def _managed(self, done: Done) -> None:
+        self._untidy = True
+        for change in done.changes:
+            self._announce(change)
+        for delivery in (*self._profiles.deliveries(done.changes), *done.deliveries):
+            self._hosts.deliver(delivery)
+        self._publish_table()
 
     def _stop_again(self) -> None:
         """Ask again for what the market has not answered, as long as the run goes on."""

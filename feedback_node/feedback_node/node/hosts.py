@@ -12,10 +12,12 @@ from rclpy.task import Future
 from bt_agents.ros import qos
 from bt_agents.ros.calls import Calls
 from bt_agents_interfaces.srv import SetProfile
+from feedback_node.changes import Delivery
 from feedback_node.node.messages import set_profile_name
-from feedback_node.profiles import Delivery, Profiles
+from feedback_node.profiles import Profiles
 
 _LIMIT_S = 1.0
+_MOST_UNDER_WAY = 200
 
 
 class Hosts:
@@ -33,35 +35,45 @@ class Hosts:
         self._profiles = profiles
         self._clients: dict[str, Client] = {}
         self._under_way: Counter[str] = Counter()
-        self._untaken: set[str] = set()
+        self._waiting: dict[str, dict[Delivery, None]] = {}
+        self._untaken: dict[tuple[str, str, str], Delivery] = {}
         self._told: set[str] = set()
 
     def deliver(self, delivery: Delivery, answer: Future | None = None) -> None:
         """Tell a host the profile of an agent; ``answer`` gets "" or what went wrong."""
+        if answer is None and self._under_way[delivery.host] >= _MOST_UNDER_WAY:
+            self._waiting.setdefault(delivery.host, {})[delivery] = None
+            return
 
         def done(problem: str) -> None:
             self._under_way[delivery.host] -= 1
             if problem and delivery.agent not in self._told:
                 self._told.add(delivery.agent)
-                self._node.get_logger().warning(
-                    f"{delivery.agent} revision {delivery.revision} not delivered: {problem}"
-                )
+                self._node.get_logger().warning(f"{_words(delivery)} not delivered: {problem}")
             if answer is not None:
                 answer.set_result(problem)
+            self._next(delivery.host)
 
         def unanswered(problem: str) -> None:
-            self._untaken.add(delivery.agent)
+            self._untaken[_key(delivery)] = delivery
             done(problem)
 
         def answered(response: SetProfile.Response) -> None:
             self._told.discard(delivery.agent)
             done("" if response.accepted else f"{response.code}: {response.message}")
+            if not delivery.agent:
+                for layer in self._profiles.layers_at(delivery.host):
+                    self.deliver(layer)
 
         self._under_way[delivery.host] += 1
         self._calls.call(
             self._client(delivery.host),
             SetProfile.Request(
-                agent=delivery.agent, values=delivery.values, revision=delivery.revision
+                agent=delivery.agent,
+                layer=delivery.layer,
+                remove=delivery.remove,
+                values=delivery.values,
+                revision=delivery.revision,
             ),
             deadline_s=_LIMIT_S,
             on_answer=answered,
@@ -70,16 +82,36 @@ class Hosts:
 
     def again(self) -> None:
         """Deliver what a host that is there has not answered; forget hosts without agents."""
-        for agent in sorted(self._untaken):
-            known = self._profiles.knows(agent)
-            delivery = self._profiles.delivery(agent) if known else None
+        for key, untaken in sorted(self._untaken.items()):
+            delivery = self._now(untaken)
             if delivery is None or self._client(delivery.host).service_is_ready():
-                self._untaken.discard(agent)
-            if delivery is not None and agent not in self._untaken:
-                self.deliver(delivery)
+                del self._untaken[key]
+                if delivery is not None:
+                    self.deliver(delivery)
         self._under_way = +self._under_way
         for host in self._clients.keys() - self._profiles.hosts - self._under_way.keys():
             self._node.destroy_client(self._clients.pop(host))
+
+    def _next(self, host: str) -> None:
+        waiting = self._waiting.get(host)
+        if not waiting:
+            self._waiting.pop(host, None)
+            return
+        first = next(iter(waiting))
+        del waiting[first]
+        delivery = self._now(first)
+        if delivery is None:
+            self._next(host)
+        else:
+            self.deliver(delivery)
+
+    def _now(self, delivery: Delivery) -> Delivery | None:
+        """Return a delivery with the profile as it is now; None when nobody is to be told."""
+        if not delivery.agent:
+            return delivery if delivery.host in self._profiles.hosts else None
+        if not self._profiles.knows(delivery.agent):
+            return None
+        return self._profiles.delivery(delivery.agent, delivery.layer)
 
     def _client(self, host: str) -> Client:
         if host not in self._clients:
@@ -87,3 +119,16 @@ class Hosts:
                 SetProfile, set_profile_name(host), qos_profile=qos.SERVICE
             )
         return self._clients[host]
+
+
+def _key(delivery: Delivery) -> tuple[str, str, str]:
+    return delivery.host, delivery.agent, delivery.layer
+
+
+def _words(delivery: Delivery) -> str:
+    if not delivery.agent:
+        return f"that {delivery.host} is to forget its layers"
+    what = f"for {delivery.layer} " if delivery.layer else ""
+    return f"{delivery.agent} {what}" + (
+        "forgotten," if delivery.remove else f"revision {delivery.revision}"
+    )

@@ -9,14 +9,14 @@ from rclpy.validate_full_topic_name import validate_full_topic_name
 from bt_agents.errors import Refused
 from bt_agents.ros.messages import scene_from_msg, to_time
 from bt_agents.scene import SceneSpace
-from bt_agents_interfaces.msg import Feedback, HostCard
+from bt_agents_interfaces.msg import Feedback, HostCard, Learning, MoodRule, MoodTrace
 from bt_agents_interfaces.msg import Profiles as ProfilesMsg
 from bt_agents_interfaces.msg import Run as RunMsg
 from bt_agents_interfaces.srv import CollectFeedback, GiveFeedback
-from feedback_node.cards import AgentEntry, Card, RuleEntry
-from feedback_node.profiles import Change, Table
+from feedback_node.cards import AgentEntry, Card, LearningEntry, RuleEntry
+from feedback_node.changes import Change, Table
 from feedback_node.runs import Run
-from feedback_node.teaching import Given
+from feedback_node.teaching import Given, Told
 
 _OUTCOMES = (RunMsg.SUCCEEDED, RunMsg.FAILED, RunMsg.CANCELLED, RunMsg.LOST)
 
@@ -48,13 +48,39 @@ def card_from_msg(message: HostCard) -> Card:
                 profile=tuple(agent.profile),
                 revision=agent.revision,
                 learning_rate=agent.learning_rate,
-                rules=tuple(
-                    RuleEntry(when=r.when, hold_s=r.hold_s, give=r.give, cancel=r.cancel)
-                    for r in agent.rules
-                ),
+                learning=_learning_from_msg(agent.learning),
+                rules=tuple(map(_rule_from_msg, agent.rules)),
             )
             for agent in message.agents
         ),
+    )
+
+
+def _learning_from_msg(message: Learning) -> LearningEntry:
+    return LearningEntry(
+        update=message.update,
+        rates=tuple(message.rates),
+        width=tuple(message.width),
+        window=message.window,
+        anneal=message.anneal,
+        drift=tuple(message.drift),
+        sources=tuple(message.sources),
+        weights=tuple(message.weights),
+        layers=tuple(message.layers),
+        general=message.general,
+    )
+
+
+def _rule_from_msg(message: MoodRule) -> RuleEntry:
+    return RuleEntry(
+        when=message.when,
+        hold_s=message.hold_s,
+        give=message.give,
+        cancel=message.cancel,
+        baseline_s=message.baseline_s,
+        release=message.release,
+        cooldown_s=message.cooldown_s,
+        confidence=message.confidence,
     )
 
 
@@ -96,6 +122,7 @@ def given_from_msg(request: GiveFeedback.Request, space: SceneSpace) -> Given:
         values=tuple(request.values),
         source=request.source,
         reason=request.reason,
+        leaf=request.leaf,
         scene=scene_from_msg(request.scene, space) if request.scene.scene_id else None,
     )
 
@@ -116,9 +143,30 @@ def feedback_to_msg(change: Change, space: SceneSpace) -> Feedback:
         before=change.before,
         after=change.after,
         target=change.target,
+        rates=change.rates,
+        weight=cause.weight,
         learning_rate=cause.rate,
         revision=change.revision.revision,
+        layer=change.revision.layer,
+        leaf=cause.leaf,
+        false_rate=change.false_rate,
         cancels=cause.cancels,
+    )
+
+
+def mood_trace_to_msg(told: Told, stamp: float) -> MoodTrace:
+    """Return the message of how the mood went in a run that ended at a time [s since 1970]."""
+    run = told.run
+    return MoodTrace(
+        stamp=to_time(stamp),
+        epoch=run.epoch,
+        round=run.round,
+        agent=run.agent,
+        person_id=run.scene.person_id,
+        leaves=[one.leaf for one in told.leaves],
+        seconds=[one.seconds for one in told.leaves],
+        mean=[one.mean for one in told.leaves],
+        change=[one.change for one in told.leaves],
     )
 
 
@@ -126,7 +174,8 @@ def table_to_msg(table: Table, space: SceneSpace) -> ProfilesMsg:
     """Return the message of all current profiles."""
     return ProfilesMsg(
         parameters=space.names,
-        agents=[name for name, _, _ in table],
-        revisions=[revision for _, revision, _ in table],
-        vectors=[value for _, _, vector in table for value in vector],
+        agents=[name for name, _, _, _ in table],
+        layers=[layer for _, layer, _, _ in table],
+        revisions=[revision for _, _, revision, _ in table],
+        vectors=[value for _, _, _, vector in table for value in vector],
     )

@@ -6,17 +6,19 @@ from __future__ import annotations
 import time
 import uuid
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 from bt_agents.errors import Refused
+from bt_agents.language.market_reader import MarketRule, market_of
 from bt_agents.language.scene_reader import read_scene
 from bt_agents.ros import qos
-from bt_agents.ros.messages import scene_from_msg, scene_to_msg, seconds
+from bt_agents.ros.messages import scene_from_msg, scene_to_msg
 from bt_agents.ros.node import GuardedNode
 from bt_agents.ros.outbox import Outbox
 from bt_agents.ros.runner import run
-from bt_agents.ros.startup import TREES, make_from_parameters
+from bt_agents.ros.startup import TREES, StartParameter, make_from_parameters
 from bt_agents.ros.timers import steady_timer
 from bt_agents.scene import SceneSpace
 from bt_agents.trees_folder import find_trees
@@ -26,20 +28,23 @@ from bt_agents_interfaces.msg import CallForBids, MarketHeartbeat, MarketStatus
 from bt_agents_interfaces.msg import Run as RunMsg
 from bt_agents_interfaces.msg import Scene as SceneMsg
 from bt_agents_interfaces.msg import SceneEnd as SceneEndMsg
-from bt_agents_interfaces.srv import CancelRun, CollectFeedback, RegisterHost
+from bt_agents_interfaces.srv import CancelRun, CollectFeedback
 from marketplace_node.award import Stop
-from marketplace_node.earlier import MAX_RUNS
 from marketplace_node.effects import (
+    Alarm,
     AnnounceEarlierRun,
     AnnounceRun,
+    AskOutside,
     CancelAll,
     CancelGoal,
     Collect,
     Connect,
     Disconnect,
     Effect,
+    KeepOrders,
     Note,
     OpenCall,
+    PreviewEnded,
     PublishAuction,
     SceneEnded,
     SendGoal,
@@ -47,20 +52,28 @@ from marketplace_node.effects import (
     StatusChanged,
 )
 from marketplace_node.market import Market
+from marketplace_node.node.asking_outside import AskingOutside
 from marketplace_node.node.hosts import Hosts
 from marketplace_node.node.messages import (
     auction_to_msg,
     bids_from_msg,
-    earlier_run_from_msg,
     earlier_run_to_msg,
-    registration_from_msg,
     run_to_msg,
     scene_end_to_msg,
     status_to_msg,
 )
+from marketplace_node.node.operators import Operators
+from marketplace_node.node.orders_file import OrdersFile
 from marketplace_node.node.parameters import declare_settings, follow_settings
+from marketplace_node.node.registering import Registering
 from marketplace_node.registry import HostEntry
 from marketplace_node.settings import Settings
+from marketplace_node.strategies.plugins import add_installed
+
+ORDERS = StartParameter(
+    name="orders",
+    description="file that keeps pins and vetoes over a restart of the market; empty for none",
+)
 
 _FAST_S = 0.02
 _WATCH_S = 0.05
@@ -76,17 +89,30 @@ class MarketplaceNode(GuardedNode):
     Args:
         space: The scene parameters of the system.
         epoch: Name of this start of the market; None makes one.
+        rules: Of the strategy ``rules``.
+        orders: File that keeps pins and vetoes over a restart; None keeps none.
         node_kwargs: For :class:`rclpy.node.Node`.
+
+    Attributes:
+        outside: Asks a program outside for rankings.
     """
 
-    def __init__(self, space: SceneSpace, epoch: str | None = None, **node_kwargs: Any) -> None:
+    def __init__(
+        self,
+        space: SceneSpace,
+        epoch: str | None = None,
+        *,
+        rules: tuple[MarketRule, ...] = (),
+        orders: Path | None = None,
+        **node_kwargs: Any,
+    ) -> None:
         super().__init__("marketplace", **node_kwargs)
         self._space = space
         self._due_calls: dict[int, tuple[OpenCall, float]] = {}
         self._due: deque[Effect] = deque()
         self._carrying = False
         self._state_entered: tuple[tuple[State, int], Any] | None = None
-        self._market = Market(space, epoch or uuid.uuid4().hex[:12], declare_settings(self))
+        self._market = Market(space, epoch or uuid.uuid4().hex[:12], declare_settings(self), rules)
         self._hosts = Hosts(self, self._market, self._carry_out)
         follow_settings(self, lambda: self._market.settings, self._configure)
         self._calls = self.create_publisher(CallForBids, "calls", qos.EVENTS)
@@ -100,15 +126,19 @@ class MarketplaceNode(GuardedNode):
             self,
             self.create_client(CollectFeedback, "feedback/collect", qos_profile=qos.SERVICE),
         )
+        self.outside = AskingOutside(self, self._market, self._carry_out)
+        self._operators = Operators(self, self._market, space, self._carry_out)
+        self._orders = OrdersFile(self, orders) if orders is not None else None
         self._ticked = time.monotonic()
         self._fast = steady_timer(self, _FAST_S, self._tick, running=False)
         steady_timer(self, _WATCH_S, self._tick)
         steady_timer(self, _HEARTBEAT_S, self._beat)
-        self.create_service(RegisterHost, "~/register", self._register, qos_profile=qos.SERVICE)
+        Registering(self, self._market, self._hosts, space, self._carry_out)
         self.create_service(CancelRun, "~/cancel", self._cancel, qos_profile=qos.SERVICE)
         self._bids = self.create_subscription(BidsMsg, "bids", self._take_bids, qos.EVENTS)
         self.create_subscription(SceneMsg, "scene", self._take_scene, qos.EVENTS)
         self._carry_out(self._market.tick(self._ticked))
+        self._restore_orders()
         self.get_logger().info(f"market '{self._market.epoch}' waits for scenes")
 
     def request_stop(self) -> None:
@@ -122,8 +152,23 @@ class MarketplaceNode(GuardedNode):
     def destroy_node(self) -> None:
         """Destroy the node with its action clients, which rclpy would leave behind."""
         self._feedback.close()
+        if self._orders is not None:
+            self._orders.close()
         self._hosts.close()
         super().destroy_node()
+
+    def _restore_orders(self) -> None:
+        text = self._orders.read() if self._orders is not None else ""
+        if not text:
+            return
+        try:
+            words, effects = self._market.restore_orders(text, time.monotonic())
+        except Refused as refused:
+            self.get_logger().error(refused.reason)
+            return
+        if words:
+            self.get_logger().warning(f"still in force: {words}")
+        self._carry_out(effects)
 
     def _configure(self, settings: Settings) -> None:
         self._carry_out(self._market.configure(settings, time.monotonic()))
@@ -139,50 +184,6 @@ class MarketplaceNode(GuardedNode):
 
     def _take_bids(self, message: BidsMsg) -> None:
         self._carry_out(self._market.bids(bids_from_msg(message), time.monotonic()))
-
-    def _register(
-        self, request: RegisterHost.Request, response: RegisterHost.Response
-    ) -> RegisterHost.Response:
-        registration = registration_from_msg(request)
-        answer, effects = self._market.register(registration, time.monotonic())
-        self._carry_out(effects)
-        response.epoch = self._market.epoch
-        response.accepted = answer.accepted
-        response.agent_ids = list(answer.agent_ids)
-        response.reasons = list(answer.reasons)
-        response.message = answer.message
-        if answer.accepted and not self._hosts.reaches(request.host):
-            response.accepted = False
-            response.agent_ids = [0] * len(request.agents)
-            response.message = (
-                f"UNREACHABLE: {request.run_action} or {request.heartbeat} cannot be used, "
-                "as something else has the name; the log of the marketplace says more"
-            )
-            response.reasons = [response.message] * len(request.agents)
-        if response.accepted:
-            self._take_unreported(request)
-        else:
-            self.get_logger().warning(f"host '{request.host}' refused: {response.message}")
-        return response
-
-    def _take_unreported(self, request: RegisterHost.Request) -> None:
-        """Take the runs of an earlier market as far as they are in order."""
-        now_s = seconds(self._now())
-        runs = []
-        for message in request.unreported[:MAX_RUNS]:
-            try:
-                runs.append(earlier_run_from_msg(message, self._space, now_s))
-            except Refused as refused:
-                self.get_logger().warning(
-                    f"a run that {request.host} had not reported is left out: "
-                    f"{str(refused)[:_SHOWN]}"
-                )
-        if len(request.unreported) > MAX_RUNS:
-            self.get_logger().warning(
-                f"{request.host} hands over {len(request.unreported)} unreported runs, "
-                f"the first {MAX_RUNS} are taken"
-            )
-        self._carry_out(self._market.unreported(request.host, runs, time.monotonic()))
 
     def _cancel(
         self, request: CancelRun.Request, response: CancelRun.Response
@@ -254,6 +255,11 @@ class MarketplaceNode(GuardedNode):
                 latest = now + _CALL_WAITS * effect.deadline_s
                 self._due_calls[effect.round] = (effect, latest)
                 self._publish_calls(now)
+            case AskOutside():
+                self.outside.ask(effect)
+            case PreviewEnded():
+                self._due_calls.pop(effect.number, None)
+                self._operators.end(effect)
             case PublishAuction():
                 self._due_calls.pop(effect.decision.terms.round, None)
                 self._auctions.publish(auction_to_msg(effect, self._now()))
@@ -278,8 +284,13 @@ class MarketplaceNode(GuardedNode):
             case SceneEnded():
                 self._ends.publish(scene_end_to_msg(effect, self._market.epoch, self._now()))
                 log.info(f"scene '{effect.scene_id}' {effect.code}: {effect.message}")
+            case KeepOrders():
+                if self._orders is not None:
+                    self._orders.keep(effect.text)
             case Note():
                 log.warning(effect.message, throttle_duration_sec=_NOTES_S)
+            case Alarm():
+                log.warning(effect.message)
 
     def _connect(self, entry: HostEntry) -> None:
         try:
@@ -347,13 +358,17 @@ class MarketplaceNode(GuardedNode):
 
 
 def _make_node() -> MarketplaceNode:
-    return make_from_parameters(
-        "marketplace",
-        (TREES,),
-        lambda values: MarketplaceNode(
-            read_scene(find_trees(values["trees"]) / "scene.yaml").space
-        ),
-    )
+    def make(values: Mapping[str, str]) -> MarketplaceNode:
+        trees = find_trees(values["trees"])
+        space = read_scene(trees / "scene.yaml").space
+        problems = add_installed()
+        orders = Path(values["orders"]) if values["orders"] else None
+        node = MarketplaceNode(space, rules=market_of(trees, space).rules, orders=orders)
+        for problem in problems:
+            node.get_logger().warning(problem)
+        return node
+
+    return make_from_parameters("marketplace", (TREES, ORDERS), make)
 
 
 def main(args: Sequence[str] | None = None) -> int:

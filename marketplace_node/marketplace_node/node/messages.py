@@ -4,11 +4,12 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Any
 
 from bt_agents.errors import Refused
 from bt_agents.ros.messages import scene_from_msg, scene_to_msg, seconds
-from bt_agents.scene import SceneSpace
+from bt_agents.scene import Scene, SceneSpace
 from bt_agents.stop_words import CUT_OFF
 from bt_agents_interfaces.action import RunAgent
 from bt_agents_interfaces.msg import Auction as AuctionMsg
@@ -18,12 +19,13 @@ from bt_agents_interfaces.msg import RankedBid as RankedBidMsg
 from bt_agents_interfaces.msg import RefusedBid as RefusedBidMsg
 from bt_agents_interfaces.msg import Run as RunMsg
 from bt_agents_interfaces.msg import SceneEnd as SceneEndMsg
-from bt_agents_interfaces.srv import RegisterHost
-from marketplace_node import explain
-from marketplace_node.auction import Bids
+from bt_agents_interfaces.srv import OperateMarket, RegisterHost, SelectAgent
 from marketplace_node.award import RunEnd
+from marketplace_node.calculation import calculation
+from marketplace_node.decision import Bids, Decision, External, RankedBid, Terms
 from marketplace_node.effects import (
     AnnounceRun,
+    AskOutside,
     EarlierRun,
     Goal,
     PublishAuction,
@@ -33,7 +35,13 @@ from marketplace_node.effects import (
     SendGoal,
     StatusChanged,
 )
+from marketplace_node.outside import check_ranking, shown
 from marketplace_node.registry import Registration
+from marketplace_node.say import Act, Order
+from marketplace_node.strategies import STRATEGIES
+
+SHADOW = "shadow"
+"""Stands before the options of the shadow strategy, as in ``shadow.temperature``."""
 
 _ENDED = (RunMsg.SUCCEEDED, RunMsg.FAILED, RunMsg.CANCELLED, RunMsg.LOST)
 
@@ -47,7 +55,8 @@ def bids_from_msg(message: BidsMsg) -> Bids:
         instance=message.host_instance,
         agents=tuple(message.agents),
         agent_ids=tuple(message.agent_ids),
-        vectors=tuple(message.vectors),
+        vectors=message.vectors,
+        weights=message.weights,
         declined=tuple(message.declined),
         decline_reasons=tuple(message.decline_reasons),
     )
@@ -146,6 +155,11 @@ def status_to_msg(status: StatusChanged, epoch: str, stamp: Any) -> MarketStatus
         queued=status.queued,
         hosts=status.hosts,
         agents=status.agents,
+        strategy=status.strategy,
+        shadow_strategy=status.shadow_strategy,
+        pinned=status.pinned,
+        vetoed=list(status.vetoed),
+        starved=list(status.starved),
         message=status.message,
     )
 
@@ -153,7 +167,8 @@ def status_to_msg(status: StatusChanged, epoch: str, stamp: Any) -> MarketStatus
 def auction_to_msg(effect: PublishAuction, stamp: Any) -> AuctionMsg:
     """Return the message of the outcome of a round."""
     decision, terms = effect.decision, effect.decision.terms
-    winner = decision.winner
+    winner, change = decision.winner, decision.ranked.change
+    options = _options(terms)
     return AuctionMsg(
         stamp=stamp,
         epoch=terms.epoch,
@@ -162,19 +177,15 @@ def auction_to_msg(effect: PublishAuction, stamp: Any) -> AuctionMsg:
         scene=scene_to_msg(terms.scene),
         outcome=int(decision.outcome),
         closed_by=int(decision.closed_by),
+        preview=terms.preview,
         duration_s=decision.duration_s,
         strategy=terms.strategy,
-        ranking=[
-            RankedBidMsg(
-                agent=bid.agent,
-                agent_id=bid.agent_id,
-                host=bid.host,
-                vector=list(bid.vector),
-                distance=bid.distance,
-                calculation=explain.calculation(bid.distance, bid.vector, terms.scene),
-            )
-            for bid in decision.ranking
-        ],
+        option_names=list(options),
+        option_values=list(options.values()),
+        tie_break=terms.tie_break,
+        seed=terms.seed if _draws(terms) else "",
+        intervention=terms.intervention,
+        ranking=[_ranked_to_msg(bid, decision) for bid in decision.ranking],
         refused=[
             RefusedBidMsg(
                 agent=bid.agent,
@@ -190,8 +201,95 @@ def auction_to_msg(effect: PublishAuction, stamp: Any) -> AuctionMsg:
         winner_id=winner.agent_id if winner else 0,
         host=winner.host if winner else "",
         margin=decision.margin,
+        shadow_strategy=terms.shadow,
+        shadow_winner=decision.ranked.shadow_winner,
+        shadow_rounds=effect.shadow_rounds,
+        shadow_disagreements=effect.shadow_disagreements,
+        change_names=list(change.names) if change else [],
+        change_values=list(change.values) if change else [],
         reason=effect.reason,
+        explanation=effect.explanation,
     )
+
+
+def selection_to_msg(effect: AskOutside, epoch: str) -> SelectAgent.Request:
+    """Return the question how to rank the bids of a round."""
+    return SelectAgent.Request(
+        epoch=epoch,
+        round=effect.round,
+        limit_s=effect.limit_s,
+        scene=scene_to_msg(effect.scene),
+        agents=list(effect.agents),
+        vectors=[value for vector in effect.vectors for value in vector],
+        distances=list(effect.distances),
+    )
+
+
+def selection_from_msg(answer: SelectAgent.Response, bidders: Sequence[str]) -> External:
+    """Return what a program outside has answered, whatever it is."""
+    words = shown(answer.message)
+    if not answer.accepted:
+        return External(failure=f"the selector says: {words or 'no'}")
+    try:
+        return External(ranking=check_ranking(answer.ranking, bidders), message=words)
+    except Refused as refused:
+        return External(failure=f"the selector's answer is of no use: {refused.reason}")
+
+
+def order_from_msg(request: OperateMarket.Request, space: SceneSpace) -> Order:
+    """Check what an operator asks for and return it.
+
+    Raises:
+        Refused: ``UNKNOWN_ACTION``, or as in :func:`scene_from_msg`.
+    """
+    if request.action not in set(Act):
+        raise Refused("UNKNOWN_ACTION", f"action is {request.action}, expected 0 to 4")
+    act = Act(request.action)
+    return Order(
+        act=act,
+        agent=request.agent,
+        author=shown(request.author),
+        reason=shown(request.reason),
+        scene=scene_or_last(request.scene, space) if act is Act.AWARD else None,
+    )
+
+
+def scene_or_last(message: Any, space: SceneSpace) -> Scene | None:
+    """Return the scene of a request; None when it names none and means the last one.
+
+    Raises:
+        Refused: As in :func:`scene_from_msg`; also ``EMPTY`` for values without a scene_id.
+    """
+    if not message.scene_id and not message.values:
+        return None
+    return scene_from_msg(message, space)
+
+
+def _ranked_to_msg(bid: RankedBid, decision: Decision) -> RankedBidMsg:
+    return RankedBidMsg(
+        agent=bid.agent,
+        agent_id=bid.agent_id,
+        host=bid.host,
+        vector=list(bid.vector),
+        distance=bid.distance,
+        contributions=list(bid.contributions),
+        weights=list(bid.weights),
+        bonus=bid.bonus,
+        score=bid.score,
+        runs=bid.runs,
+        last_run=bid.last_run,
+        calculation=calculation(bid, decision.terms.scene, decision.ranked.by),
+    )
+
+
+def _options(terms: Terms) -> dict[str, float]:
+    """Return what is set about the strategy, and about its shadow with that word in front."""
+    shadow = {f"{SHADOW}.{name}": value for name, value in terms.shadow_options.items()}
+    return {name: float(value) for name, value in {**terms.options, **shadow}.items()}
+
+
+def _draws(terms: Terms) -> bool:
+    return any(STRATEGIES[name].draws for name in (terms.strategy, terms.shadow) if name)
 
 
 def _cut_off(message: RunMsg) -> bool:

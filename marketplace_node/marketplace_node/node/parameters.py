@@ -14,16 +14,20 @@ from rclpy.parameter import Parameter
 from bt_agents.errors import Refused
 from bt_agents.ros.parameters import declare, describe
 from marketplace_node.settings import (
+    EXTERNAL,
     MAX_MARGIN,
     MAX_QUEUE,
+    MAX_STARVATION,
     ON_NEW_SCENE,
     SECONDS,
-    TIE_BREAKS,
     Settings,
+    all_options,
 )
-from marketplace_node.strategies import STRATEGIES
+from marketplace_node.strategies import STRATEGIES, TIE_BREAKS
 
-_FIELDS = {name.removesuffix("_s"): name for name in Settings.__dataclass_fields__}
+_FIELDS = {
+    name.removesuffix("_s"): name for name in Settings.__dataclass_fields__ if name != "options"
+}
 _MEANINGS = {
     "bid_deadline": "from the call for bids to the close of the round [s]",
     "host_lease": "a host without a heartbeat for this long is gone [s]",
@@ -35,12 +39,25 @@ _MEANINGS = {
 
 
 def declare_settings(node: Node) -> Settings:
-    """Declare every setting and return the values, which a launch file may have set."""
+    """Declare every setting and return the values, which a launch file may have set.
+
+    Raises:
+        Refused: As :class:`Settings`.
+    """
     defaults = Settings()
     descriptors = _descriptors()
     values: dict[str, Any] = {
         field: declare(node, name, getattr(defaults, field), descriptors[name])
         for name, field in _FIELDS.items()
+    }
+    values["options"] = {
+        name: declare(
+            node,
+            name,
+            option.default,
+            describe(option.description, minimum=option.minimum, maximum=option.maximum),
+        )
+        for name, option in all_options()
     }
     return Settings(**values)
 
@@ -58,7 +75,9 @@ def follow_settings(
 
     def changed(parameters: list[Parameter[Any]]) -> Settings:
         changes = {_FIELDS[p.name]: p.value for p in parameters if p.name in _FIELDS}
-        return replace(current(), **changes)
+        names = dict(all_options())
+        options = {p.name: p.value for p in parameters if p.name in names}
+        return replace(current(), **changes, options={**current().options, **options})
 
     def check(parameters: list[Parameter[Any]]) -> SetParametersResult:
         try:
@@ -73,13 +92,24 @@ def follow_settings(
 
 def _descriptors() -> dict[str, ParameterDescriptor]:
     descriptors = {
-        "strategy": describe("how bids are compared to the scene", choices=tuple(STRATEGIES)),
+        "strategy": describe(_strategies(), choices=tuple(STRATEGIES)),
+        "shadow_strategy": describe(
+            "a second strategy that only scores, to see where it would decide otherwise; empty "
+            "for none",
+            choices=tuple(name for name in STRATEGIES if name != EXTERNAL),
+        ),
         "on_new_scene": describe(
             "what happens to a scene that comes during an interaction", choices=ON_NEW_SCENE
         ),
-        "tie_break": describe("which of equally distant bids wins", choices=TIE_BREAKS),
+        "tie_break": describe("which of equally good bids wins", choices=TIE_BREAKS),
         "queue_limit": describe(
             "how many scenes may wait", minimum=0, maximum=MAX_QUEUE, integer=True
+        ),
+        "starvation_rounds": describe(
+            "an agent is starved once it has bid in so many awarded rounds and won none; 0 never",
+            minimum=0,
+            maximum=MAX_STARVATION,
+            integer=True,
         ),
         "preempt_margin": describe(
             "a run is stopped for an agent that is nearer to the new scene by this distance",
@@ -91,3 +121,9 @@ def _descriptors() -> dict[str, ParameterDescriptor]:
         least, most = SECONDS[_FIELDS[name]]
         descriptors[name] = describe(meaning, minimum=least, maximum=most)
     return descriptors
+
+
+def _strategies() -> str:
+    """Return what the strategies are for, one a line behind its name."""
+    lines = [f"{name}: {' '.join(spec.description.split())}" for name, spec in STRATEGIES.items()]
+    return "\n".join(["how bids are ranked", *lines])

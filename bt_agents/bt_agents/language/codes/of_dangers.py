@@ -157,6 +157,27 @@ DANGER_CODES = (
         FileKind.FOLDER,
     ),
     warning(
+        "unknown-agent-in-rule",
+        "A rule of market.yaml names an agent that is not in the folder.",
+        """
+        # market.yaml
+        format: 1
+        rules:
+          - {when: scene.age <= 2, agents: [giude]}
+        # agents/guide.yaml
+        tree: {say: Hello.}
+        """,
+        """
+        # market.yaml
+        format: 1
+        rules:
+          - {when: scene.age <= 2, agents: [guide]}
+        # agents/guide.yaml
+        tree: {say: Hello.}
+        """,
+        FileKind.FOLDER,
+    ),
+    warning(
         "bad-plugin",
         "A node that an installed package brings cannot be used.",
         """

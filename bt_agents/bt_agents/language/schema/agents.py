@@ -4,7 +4,9 @@
 from __future__ import annotations
 
 from bt_agents.language.bindings import RECEIVED, SENT
+from bt_agents.language.learning_reader import MAX_WEIGHT
 from bt_agents.language.schema import values
+from bt_agents.language.schema.learning import by_parameter, learning, mood_rule
 from bt_agents.language.schema.nodes import NODE, node_definitions
 from bt_agents.language.schema.scenes import document, listed, mapping, vector
 from bt_agents.language.schema.servers import heartbeat, timeouts
@@ -31,7 +33,12 @@ def agent_schema(vocabulary: Vocabulary) -> Schema:
             vector(space), "The scene that it suits best: its bid. Feedback moves it."
         ),
         "learning_rate": described(
-            values.number(0, 1), "How far one feedback moves the profile, 0 to 1."
+            values.number(0, 1), "How far one feedback moves the profile, 0 to 1; or 'learning'."
+        ),
+        "learning": described(learning(space), "How feedback moves the profile."),
+        "weights": described(
+            by_parameter(space, lambda _: (0, MAX_WEIGHT)),
+            "How much parameters count for it where distances are weighted; 1 is usual.",
         ),
         "requires": described(
             values.condition(), "It does not bid unless this is true of the scene: scene.person"
@@ -41,7 +48,8 @@ def agent_schema(vocabulary: Vocabulary) -> Schema:
             "Values that may change while the tree runs; each is a ROS parameter and a slider.",
         ),
         "feedback": described(
-            listed(_rule(conditions)), "What a change of mood during the run teaches the agent."
+            listed(mood_rule(conditions)),
+            "What a change of mood during the run teaches the agent.",
         ),
         "tree": described(dict(NODE), "What the agent does."),
         "on_cancel": described(dict(NODE), "Clean-up after a run was stopped, bounded in time."),
@@ -103,24 +111,6 @@ def _tunable() -> Schema:
             "description": described(values.text(), "What it changes, in words."),
         },
         ["default"],
-    )
-
-
-def _rule(conditions: str) -> Schema:
-    return mapping(
-        {
-            "when": described(values.condition(), f"What must be true. {conditions}"),
-            "for": described(values.duration(), "How long it must hold without a break."),
-            "give": {
-                "description": "positive: the profile moves towards the scene; negative: away.",
-                "enum": ["positive", "negative"],
-            },
-            "then": {
-                "description": "cancel: stop the run and let the market ask again.",
-                "enum": ["cancel"],
-            },
-        },
-        ["when", "give"],
     )
 
 

@@ -14,7 +14,8 @@ from bt_agents.language.node_types import NodeKind
 from bt_agents.language.scene_reader import read_scene
 from bt_agents.language.schema.agents import agent_schema, library_schema
 from bt_agents.language.schema.cases import cases_schema
-from bt_agents.language.schema.scenes import experiment_schema, scene_schema, script_schema
+from bt_agents.language.schema.scene_files import scene_schema
+from bt_agents.language.schema.scenes import experiment_schema, market_schema, script_schema
 from bt_agents.language.schema.values import Schema
 from bt_agents.language.vocabulary import ImportProblem, Vocabulary
 
@@ -23,6 +24,7 @@ SCHEMAS: Mapping[str, Callable[[Vocabulary], Schema]] = {
     "library": library_schema,
     "test": cases_schema,
     "scene": lambda _: scene_schema(),
+    "market": lambda _: market_schema(),
     "script": lambda vocabulary: script_schema(vocabulary.space),
     "experiment": lambda vocabulary: experiment_schema(vocabulary.space),
 }

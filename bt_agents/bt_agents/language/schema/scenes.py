@@ -57,57 +57,6 @@ def some_values(space: SceneSpace) -> Schema:
     return mapping(parameters(space), [])
 
 
-def scene_schema() -> Schema:
-    """Return the schema of ``scene.yaml``."""
-    number = values.number()
-    parameter = mapping(
-        {
-            "min": described(dict(number), "Smallest value."),
-            "max": described(dict(number), "Largest value."),
-            "default": described(dict(number), "The value that stands for 'nothing special'."),
-            "description": described(values.text(), "What it means."),
-            "labels": described(
-                {
-                    "type": "object",
-                    "propertyNames": {"pattern": number["pattern"]},
-                    "additionalProperties": values.text(),
-                },
-                "Words for some values: {1: a child}",
-            ),
-        },
-        ["min", "max", "default"],
-    )
-    source = mapping(
-        {
-            "topic": described(values.ros_name(), "Where the readings come from."),
-            "type": described(values.ros_type(), "ROS type of the topic."),
-            "field": described(values.text(), "Path of the field: data or faces.0.mood"),
-            "stale_after": described(values.duration(), "An older reading counts as missing."),
-            "map": described(
-                {
-                    "type": "object",
-                    "propertyNames": {"pattern": number["pattern"]},
-                    "additionalProperties": number,
-                },
-                "Reading → value of the parameter; linear in between.",
-            ),
-        },
-        ["topic", "type", "field", "stale_after"],
-    )
-    properties: dict[str, Schema] = {
-        "parameters": described(
-            {**values.names(parameter), "minProperties": 1},
-            "What every scene and every profile is described by.",
-        ),
-        "mood": described(values.text(), "The parameter whose change becomes feedback."),
-        "sources": described(
-            {"type": "object", "additionalProperties": source},
-            "Parameter (or person) → the ROS topic that it comes from.",
-        ),
-    }
-    return document("Scene", "The scene parameters and their sources.", properties, ["parameters"])
-
-
 def script_schema(space: SceneSpace) -> Schema:
     """Return the schema of a script of visits."""
     person = described(values.boolean(), "Whether a person is there.")
@@ -145,14 +94,52 @@ def script_schema(space: SceneSpace) -> Schema:
     return document("Script", "Visits, for the demo and for experiments.", properties, ["visits"])
 
 
+def market_schema() -> Schema:
+    """Return the schema of ``market.yaml``."""
+    rule = mapping(
+        {
+            "when": described(values.condition(), "What has to hold, over scene.*."),
+            "agents": described(
+                {**listed(values.name()), "minItems": 1, "uniqueItems": True},
+                "Who wins then: the first of them that bids.",
+            ),
+        },
+        ["when", "agents"],
+    )
+    properties: dict[str, Schema] = {
+        "rules": described(
+            listed(rule), "For the strategy 'rules': the first one that holds counts."
+        ),
+    }
+    return document("Market", "Rules by which the market chooses an agent.", properties, ["rules"])
+
+
 def experiment_schema(space: SceneSpace) -> Schema:
     """Return the schema of an experiment."""
     opinion = {**some_values(space), "minProperties": 1}
+    errors = mapping(
+        {
+            "every": described(values.integer(1), "Each so-manyth feedback is wrong."),
+            "share": described(values.number(0, 1), "How likely a feedback is wrong."),
+            "value": described(vector(space), "What is said then; any value when left out."),
+        },
+        [],
+    )
     feedback = mapping(
         {
             "each": described(values.names(opinion), "Agent → the feedback that it always gets."),
             "sequence": described(listed(opinion), "Feedback by round."),
             "repeat": described(values.boolean(), "Whether the sequence starts again at its end."),
+            "errors": described(
+                {
+                    **errors,
+                    "oneOf": [
+                        {"required": [key], "errorMessage": "write either 'every' or 'share'"}
+                        for key in ("every", "share")
+                    ],
+                },
+                "Which of the feedback is wrong.",
+            ),
         },
         [],
     )

@@ -18,6 +18,7 @@ _FILES = {
     "parameters": ("a scene.yaml", "name another file"),
     "visits": ("a script", "put it under scripts/"),
     "cases": ("a test file", "let its name end with .test.yaml"),
+    "rules": ("a market.yaml", "put it beside scene.yaml"),
     "rounds": ("an experiment", "name another file"),
 }
 """Key that only one kind of file has → that kind, and where it belongs."""

@@ -14,29 +14,34 @@ from std_msgs.msg import Empty
 
 from bt_agents.errors import Refused
 from bt_agents.language.scene_reader import read_scene
+from bt_agents.language.scene_specs import SceneSpec
 from bt_agents.language.script_reader import read_script
-from bt_agents.language.specs import BindingKind, SceneSpec, Script, SourceSpec, Visit
+from bt_agents.language.specs import Script
 from bt_agents.ros import qos
-from bt_agents.ros.installed import InstalledInterfaces
-from bt_agents.ros.interfaces import load_type, read_field
-from bt_agents.ros.messages import scene_from_msg, scene_to_msg
+from bt_agents.ros.messages import scene_from_msg, scene_to_msg, to_time
 from bt_agents.ros.node import GuardedNode
-from bt_agents.ros.parameters import declare, describe, follow
+from bt_agents.ros.parameters import describe, follow
 from bt_agents.ros.runner import run
 from bt_agents.ros.startup import TREES, StartParameter, make_from_parameters
 from bt_agents.ros.timers import steady_timer
-from bt_agents.scene import Scene
+from bt_agents.scene import AGAIN, Scene
 from bt_agents.trees_folder import find_trees
-from bt_agents_interfaces.msg import MarketStatus, Run
+from bt_agents_interfaces.msg import MarketStatus, Persons, Run
 from bt_agents_interfaces.msg import Scene as SceneMsg
 from bt_agents_interfaces.srv import Analyze
 from scene_layer.estimate import Estimate, check_given
 from scene_layer.live import Following, LiveRun
-from scene_layer.script import Market, Performance
+from scene_layer.memory import Memory
+from scene_layer.node.listening import Listening
+from scene_layer.node.playing import Playing
+from scene_layer.node.remembering import Remembering
 from scene_layer.sources import Sources
 
 SHORTEST_S = 0.02
 """Shortest time between two live scenes [s]; changes in between are sent together."""
+
+LOOK_S = 0.1
+"""Time between two looks at who is there, if there is nothing new [s]."""
 
 _PERSON = {
     Analyze.Request.AS_MEASURED: None,
@@ -51,6 +56,7 @@ class SceneLayerNode(GuardedNode):
     Args:
         spec: The scene parameters and their sources.
         script: Visits to play instead of listening to the sources.
+        memory: File in which what is known of persons and places outlives the node; None for none.
         ids: Makes the scene ids; random ones by default.
         node_kwargs: For :class:`rclpy.node.Node`.
 
@@ -63,6 +69,7 @@ class SceneLayerNode(GuardedNode):
         spec: SceneSpec,
         script: Script | None = None,
         *,
+        memory: Path | None = None,
         ids: Callable[[], str] | None = None,
         **node_kwargs: Any,
     ) -> None:
@@ -70,22 +77,45 @@ class SceneLayerNode(GuardedNode):
         self._spec = spec
         self._ids = ids or (lambda: uuid.uuid4().hex)
         self._sources = Sources(spec)
-        self._estimate = Estimate(spec, self._sources)
+        known = Memory(spec.space)
+        self._estimate = Estimate(spec, self._sources, known)
         self._following = Following()
         self._announced_id = ""
         self._live_at = 0.0
+        self._persons_at = 0.0
+        self._shown: object = None
+        self._remembering = Remembering(
+            self, known, spec.space, memory, lambda: self._estimate.encounters.known
+        )
         self._scene = self.create_publisher(SceneMsg, "scene", qos.FACT)
         self._live = self.create_publisher(SceneMsg, "scene/live", qos.SENSOR)
+        self._persons = self.create_publisher(Persons, "scene/persons", qos.FACT)
         self._make_timers()
         self.create_subscription(Run, "runs", self._on_run, qos.HISTORY)
         self.create_subscription(MarketStatus, "market", self._on_market, qos.FACT)
         self.create_subscription(Empty, "~/trigger", self._on_trigger, qos.EVENTS)
         self.create_service(Analyze, "~/analyze", self._on_analyze, qos_profile=qos.SERVICE)
-        self._performance: Performance | None = None
+        self._playing: Playing | None = None
+        self._listening: Listening | None = None
         if script is None:
-            self._listen()
+            encounters = self._estimate.encounters
+            self._listening = Listening(self, spec, self._sources, encounters, self._on_change)
         else:
-            self._perform(script)
+            listened = self._market_listens
+            self._playing = Playing(self, script, self._announce, self._give, listened)
+
+    def request_stop(self) -> None:
+        """Save what is known of persons and places."""
+        self._remembering.request_stop()
+
+    def stopped(self) -> bool:
+        """Return True when it is saved."""
+        return self._remembering.stopped()
+
+    def destroy_node(self) -> None:
+        """Destroy the node and end its thread."""
+        self._remembering.close()
+        super().destroy_node()
 
     def _make_timers(self) -> None:
         rate = follow(
@@ -95,43 +125,62 @@ class SceneLayerNode(GuardedNode):
             describe("live scenes a second while an agent runs [Hz]", minimum=1.0, maximum=50.0),
             self._set_rate,
         )
+        self._period_s = 1.0 / float(rate)
         timer = partial(steady_timer, self, running=False)
-        self._live_timer = timer(1.0 / float(rate), self._publish_live)
+        self._live_timer = timer(self._period_s, self._publish_live)
         self._soon_timer = timer(SHORTEST_S, self._publish_live)
-        self._script_timer = timer(SHORTEST_S, self._play)
+        if self._estimate.encounters.wanted:
+            steady_timer(self, LOOK_S, self._look)
 
     def _set_rate(self, hertz: float) -> None:
+        self._period_s = 1.0 / hertz
         self._live_timer.timer_period_ns = round(1e9 / hertz)
 
-    # Sources
+    # Persons
 
-    def _listen(self) -> None:
-        person = (self._spec.person,) if self._spec.person else ()
-        for source in (*self._spec.sources, *person):
-            kind = load_type(source.type, BindingKind.TOPIC)
-            problem = InstalledInterfaces().field_problem(
-                BindingKind.TOPIC, source.type, "message", source.field
-            )
-            if problem:
-                raise Refused("UNKNOWN_FIELD", f"{source.position}: {source.type}: {problem}")
-            self.create_subscription(
-                kind, source.topic, partial(self._on_reading, source), qos.SENSOR
-            )
+    def _look(self) -> None:
+        """Find out who is there; tell it when it has changed."""
+        running = self._following.run
+        scene_id = running.scene_id if running is not None else None
+        moved = self._estimate.look(time.monotonic(), time.time(), scene_id)
+        if self._listening is not None:
+            self._listening.follow()
+        if moved and running is not None:
+            self._publish_live()
+        self._publish_persons()
 
-    def _on_reading(self, source: SourceSpec, message: Any) -> None:
-        try:
-            raw = read_field(message, source.field)
-        except Refused:
-            return  # an empty list, for example of faces: nobody was measured
-        try:
-            changed = self._sources.read(source, raw, time.monotonic())
-        except Refused as refused:
-            count = self._sources.refusals[source.topic, refused.code]
-            if count & (count - 1) == 0:
-                self.get_logger().warning(f"{refused} ({count} refused so far)")
+    def _publish_persons(self) -> None:
+        now, wall = time.monotonic(), time.time()
+        encounters = self._estimate.encounters
+        if not encounters.told_apart or now - self._persons_at < self._period_s:
             return
-        if changed:
-            self._on_change()
+        stamp = self._stamp()
+        scenes = [
+            self._estimate.scene_of(person, now=now, wall=wall, stamp=stamp)
+            for person in encounters.tracked
+        ]
+        shown = (
+            encounters.addressee,
+            encounters.reason,
+            [
+                (s.person_id, s.place, [(repr(v.value), v.origin) for v in s.values])
+                for s in scenes
+            ],
+        )
+        if shown == self._shown:
+            return
+        self._shown = shown
+        self._persons_at = now
+        assert self._spec.persons is not None
+        self._persons.publish(
+            Persons(
+                stamp=to_time(stamp),
+                rule=self._spec.persons.addressee.rule.value,
+                addressee=encounters.addressee,
+                reason=encounters.reason,
+                scenes=[scene_to_msg(scene) for scene in scenes],
+            )
+        )
 
     # Scenes
 
@@ -160,11 +209,13 @@ class SceneLayerNode(GuardedNode):
     def _announce(
         self,
         label: str,
-        values: dict[str, float],
+        values: Mapping[str, float],
         person: bool | None,
         *,
         urgent: bool = False,
     ) -> Scene:
+        if self._estimate.encounters.wanted:
+            self._look()
         now = time.monotonic()
         self._announced_id = self._ids()
         self._estimate.begin(self._announced_id, label, values, person, now, urgent=urgent)
@@ -172,7 +223,7 @@ class SceneLayerNode(GuardedNode):
         self._scene.publish(scene_to_msg(scene))
         return scene
 
-    def _give(self, values: dict[str, float], person: bool | None) -> Scene:
+    def _give(self, values: Mapping[str, float], person: bool | None) -> Scene:
         """Give values to the interaction that runs, else to the one announced last."""
         now = time.monotonic()
         running = self._following.run
@@ -182,8 +233,10 @@ class SceneLayerNode(GuardedNode):
         return self._put_together(scene_id, now)
 
     def _put_together(self, scene_id: str, now: float) -> Scene:
-        stamp = self.get_clock().now().nanoseconds * 1e-9
-        return self._estimate.scene(scene_id, now=now, stamp=stamp)
+        return self._estimate.scene(scene_id, now=now, wall=time.time(), stamp=self._stamp())
+
+    def _stamp(self) -> float:
+        return float(self.get_clock().now().nanoseconds) * 1e-9
 
     # The live scene
 
@@ -195,7 +248,6 @@ class SceneLayerNode(GuardedNode):
             self._stop_when_over()
 
     def _on_started(self, message: Any) -> None:
-        now = time.monotonic()
         try:
             scene = scene_from_msg(message.scene, self._spec.space)
         except Refused as refused:
@@ -204,11 +256,10 @@ class SceneLayerNode(GuardedNode):
         following = LiveRun(epoch=message.epoch, round=message.round, scene_id=scene.scene_id)
         if not self._following.started(following):
             return
-        self._estimate.adopt(scene, now)
+        self._estimate.adopt(scene, time.monotonic())
         self._live_timer.reset()
-        if self._performance is not None:
-            self._performance.started(scene.scene_id, now)
-            self._play()
+        if self._playing is not None:
+            self._playing.started(scene.scene_id)
 
     def _on_change(self) -> None:
         if self._following.run is None:
@@ -235,58 +286,11 @@ class SceneLayerNode(GuardedNode):
         idle = message.state == MarketStatus.IDLE
         self._following.market(message.epoch, message.round, idle)
         self._stop_when_over()
-        if self._performance is not None:
-            market = Market(
-                epoch=message.epoch,
-                idle=idle,
-                agents=message.agents,
-                finished_scene_id=message.finished_scene_id,
-            )
-            self._performance.market(market, time.monotonic())
-            self._play()
-
-    # The script
-
-    def _perform(self, script: Script) -> None:
-        wait_for_agents = declare(
-            self,
-            "wait_for_agents",
-            1,
-            describe(
-                "the script begins when the market has so many agents",
-                minimum=0,
-                maximum=1_000_000,
-                integer=True,
-                read_only=True,
-            ),
-        )
-        self._performance = Performance(script, wait_for_agents=int(wait_for_agents))
-        self._script_timer.reset()
-
-    def _play(self) -> None:
-        """Do what the script wants done now; called at every event and by a timer."""
-        performance = self._performance
-        if performance is None or performance.done:
-            return
-        now = time.monotonic()
-        if performance.over() and performance.done:
-            self._script_timer.cancel()
-            self.get_logger().info("the script is played to its end")
-            return
-        if performance.not_taken(now):
-            self.get_logger().warning("the market did not take the scene; sending it again")
-        if performance.visit is None and self._market_listens():
-            visit = performance.next(now)
-            if visit is not None:
-                self._begin(performance, visit)
-        changes = performance.due(now)
-        for change in changes:
-            self._give(dict(change.values), change.person)
-
-    def _begin(self, performance: Performance, visit: Visit) -> None:
-        scene = self._announce(visit.label, dict(visit.values), visit.person, urgent=visit.urgent)
-        performance.announced(scene.scene_id)
-        self.get_logger().info(f"visit {performance.number}: {visit.label}")
+        if message.finished_scene_id.removesuffix(AGAIN) == self._announced_id:
+            # What was given for it holds for nothing that comes now.
+            self._announced_id = ""
+        if self._playing is not None:
+            self._playing.market(message)
 
     def _market_listens(self) -> bool:
         """Whether whoever publishes the market's status is matched as a reader of scenes."""
@@ -310,13 +314,22 @@ def make_node() -> SceneLayerNode:
 
     def make(values: Mapping[str, str]) -> SceneLayerNode:
         spec = read_scene(find_trees(values["trees"]) / "scene.yaml")
-        path = values["script"]
-        return SceneLayerNode(spec, read_script(Path(path), spec.space) if path else None)
+        path, memory = values["script"], values["memory"]
+        return SceneLayerNode(
+            spec,
+            read_script(Path(path), spec.space) if path else None,
+            memory=Path(memory) if memory else None,
+        )
 
     script = StartParameter(
         name="script", description="script to play instead of listening to sensors; empty for none"
     )
-    return make_from_parameters("scene_layer", (TREES, script), make)
+    memory = StartParameter(
+        name="memory",
+        description="file in which what was measured of known persons and at places outlives the "
+        "node; empty keeps it until the node ends",
+    )
+    return make_from_parameters("scene_layer", (TREES, script, memory), make)
 
 
 def main(args: Sequence[str] | None = None) -> int:

@@ -1,0 +1,28 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Arguments of the form ``name=number``."""
+
+from __future__ import annotations
+
+import click
+
+Assignments = tuple[tuple[str, float], ...]
+
+
+def assignments(
+    _context: click.Context, _parameter: click.Parameter, words: tuple[str, ...]
+) -> Assignments:
+    """Return ``name=number`` arguments as names and numbers; a callback of click.
+
+    Raises:
+        click.BadParameter: One is not of that form.
+    """
+    found = []
+    for text in words:
+        name, equals, number = text.partition("=")
+        try:
+            found.append((name, float(number if equals and name else "")))
+        except ValueError:
+            raise click.BadParameter(
+                f"'{text}' is not of the form name=number, for example age=4.5"
+            ) from None
+    return tuple(found)

@@ -1,0 +1,180 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Reads ``persons`` of ``scene.yaml``: who is tracked, who is known, whom a scene is about."""
+
+from __future__ import annotations
+
+from bt_agents.language.interfaces import Interfaces
+from bt_agents.language.scene_specs import (
+    PERSON,
+    AddresseeRule,
+    AddresseeSpec,
+    PersonsSpec,
+    SourceSpec,
+    TrackedSpec,
+)
+from bt_agents.language.shape import FileReading
+from bt_agents.language.source_reader import (
+    MAP_KEYS,
+    TOPIC_KEYS,
+    TRACKED,
+    SourceReader,
+    Wanted,
+)
+from bt_agents.language.text.yaml_reader import Mapping, Node, Scalar
+
+LOST_AFTER_S = 1.0
+"""Who has not been in the list for so long is gone, where nothing else is written [s]."""
+
+_ADDRESSEE_KEYS = ("rule", "source", "better_by", "for")
+
+
+def read_persons(
+    reading: FileReading, node: Node | None, interfaces: Interfaces | None
+) -> tuple[PersonsSpec | None, SourceReader]:
+    """Return what ``persons`` says, and a reader of sources that may be about one person.
+
+    Args:
+        reading: The file.
+        node: What stands behind ``persons``; None when there is no such key.
+        interfaces: The installed ROS types; None leaves types and fields unchecked.
+    """
+    plain = SourceReader(reading, interfaces)
+    if node is None:
+        return None, plain
+    known = (TRACKED, "parts", "known", "addressee")
+    fields = reading.fields(node, "'persons'", known, (TRACKED,))
+    if fields is None:
+        return None, plain
+    tracked = _tracked(reading, fields.get(TRACKED), plain)
+    persons = SourceReader(reading, interfaces, tracked, (PERSON,))
+    parts: list[SourceSpec] = []
+    names = [PERSON]
+    for entry in fields.entries("parts", "names of parts and the sources of their ids"):
+        name = reading.name(entry.key, "the name of a part")
+        if name == PERSON:
+            reading.error(
+                "name-taken", entry.key, f"<{PERSON}> is the whole person", "choose another name"
+            )
+        names.append(entry.key.text)
+        wanted = Wanted(
+            name=entry.key.text,
+            what=f"part '{entry.key.text[:40]}'",
+            text=True,
+            must_be_per_person=True,
+        )
+        part = persons.read(entry.value, entry.key, wanted)
+        if part is not None:
+            parts.append(part)
+    sources = SourceReader(reading, interfaces, tracked, names)
+    known_by = None
+    if (node := fields.get("known")) is not None:
+        wanted = Wanted(name="known", what="'known'", must_be_per_person=True)
+        known_by = sources.read(node, fields.keys["known"], wanted)
+    addressee = _addressee(reading, fields.get("addressee"), sources)
+    if tracked is None:
+        return None, sources
+    spec = PersonsSpec(tracked=tracked, parts=tuple(parts), known=known_by, addressee=addressee)
+    return spec, sources
+
+
+def _tracked(reading: FileReading, node: Node | None, sources: SourceReader) -> TrackedSpec | None:
+    if node is None:
+        return None
+    latched = isinstance(node, Mapping) and any(e.key.text == "latched" for e in node.entries)
+    required = ["topic", "type", "field", *([] if latched else ["stale_after"])]
+    fields = reading.fields(node, f"'{TRACKED}'", (*TOPIC_KEYS, "id", "lost_after"), required)
+    if fields is None:
+        return None
+    topic = sources.topic(
+        fields, Wanted(name=TRACKED, what=f"'{TRACKED}'", may_be_per_person=False)
+    )
+    type_name = sources.type_name(fields)
+    nodes = fields.nodes
+    field = id_path = None
+    if "field" in nodes:
+        field = sources.path(nodes["field"], "'field'", sources.message(type_name))
+    if field is not None:
+        item = sources.message(type_name, f"{field}.0")
+        problem = sources.message(type_name).problem(f"{field}.0")
+        if problem:
+            reading.error(
+                "unknown-ros-field",
+                nodes["field"],
+                f"'field' is no list: {problem}",
+                "name the list of ids, or of items with an id each",
+            )
+        elif "id" in nodes:
+            id_path = sources.path(nodes["id"], "'id'", item)
+    stale_after_s = sources.stale_after(fields)
+    lost_after_s = fields.duration("lost_after")
+    if topic is None or type_name is None or field is None or stale_after_s is None:
+        return None
+    return TrackedSpec(
+        topic=topic,
+        type=type_name,
+        field=field,
+        id=id_path or "",
+        stale_after_s=stale_after_s,
+        latched=fields.boolean("latched") or False,
+        lost_after_s=LOST_AFTER_S if lost_after_s is None else lost_after_s,
+        position=node.position,
+    )
+
+
+def _addressee(reading: FileReading, node: Node | None, sources: SourceReader) -> AddresseeSpec:
+    first = AddresseeSpec(rule=AddresseeRule.FIRST)
+    if node is None:
+        return first
+    words = [rule.value for rule in AddresseeRule]
+    if isinstance(node, Scalar):
+        word = reading.choice(node, "'addressee'", words)
+        if word in (None, AddresseeRule.FIRST.value):
+            return first
+        reading.error(
+            "missing-key",
+            node,
+            f"'addressee: {word}' needs a source that says how {_meaning(word)} a person is",
+            f"write addressee: {{rule: {word}, source: {{…}}}}",
+        )
+        return first
+    fields = reading.fields(node, "'addressee'", _ADDRESSEE_KEYS, ("rule",))
+    if fields is None:
+        return first
+    word = fields.choice("rule", words)
+    better_by = fields.number("better_by", 0.0)
+    hold_s = fields.duration("for")
+    source = None
+    if (written := fields.get("source")) is not None:
+        wanted = Wanted(
+            name="addressee",
+            what="the source of 'addressee'",
+            keys=MAP_KEYS,
+            must_be_per_person=True,
+        )
+        source = sources.read(written, written, wanted)
+        if word == AddresseeRule.FIRST.value:
+            reading.error(
+                "unknown-key",
+                fields.keys["source"],
+                "who came first is known without a source",
+                "remove 'source', or choose 'engaged' or 'nearest'",
+            )
+    elif word is not None and word != AddresseeRule.FIRST.value:
+        reading.error(
+            "missing-key",
+            node,
+            f"rule '{word}' needs the key 'source', which says how {_meaning(word)} a person is",
+            "add 'source: {…}'",
+        )
+    if word is None:
+        return first
+    return AddresseeSpec(
+        rule=AddresseeRule(word),
+        source=source,
+        better_by=better_by or 0.0,
+        hold_s=1.0 if hold_s is None else hold_s,
+    )
+
+
+def _meaning(rule: str | None) -> str:
+    return "far away" if rule == AddresseeRule.NEAREST.value else "engaged"

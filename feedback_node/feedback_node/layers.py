@@ -1,0 +1,167 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Which layers one feedback teaches, how much, and what an agent has been taught before."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+from bt_agents.errors import Refused
+from bt_agents.feedback import Kind, LearningRule
+from bt_agents.layers import EVERYBODY, layers_of
+from bt_agents.scene import MISSING, Scene, SceneSpace, Vector
+from feedback_node import learning
+from feedback_node.cards import Agent
+from feedback_node.ledger import Ledger
+from feedback_node.ledger_rows import Cause, hidden, is_hidden
+
+LONGEST_TEXT = 1000
+
+_RECENT = 30
+"""Feedbacks from which the share of wrong ones is estimated."""
+
+_IN_PART = "taught by somebody, or at a place, that has a profile of its own"
+
+
+@dataclass(frozen=True, kw_only=True)
+class LayerStep:
+    """What a feedback does to one layer.
+
+    Attributes:
+        cause: For the ledger.
+        step: The move.
+        false_rate: 0..1, how much of what the layer was taught, this included, seems to be
+            wrong; NaN when too little is known.
+    """
+
+    cause: Cause
+    step: learning.Step
+    false_rate: float
+
+
+def shares(rule: LearningRule, kind: Kind, scene: Scene | None) -> tuple[tuple[str, float], ...]:
+    """Return the layers that a feedback teaches, each with how much of it, 0..1.
+
+    Without the layer of a person or a place that is the profile for everybody, alone and in full;
+    else it comes last, unless it learns nothing of it. What is set is set for everybody.
+    """
+    of_scene = {} if scene is None or kind is Kind.SET else layers_of(scene)
+    own = tuple((layer, 1.0) for one, layer in of_scene.items() if one in rule.layers)
+    if not own:
+        return ((EVERYBODY, 1.0),)
+    return (*own, (EVERYBODY, rule.general)) if rule.general > 0.0 else own
+
+
+def anonymous(cause: Cause) -> Cause:
+    """Return a cause without what leads back to the person whose layer was taught as well."""
+    assert cause.feedback_id is not None
+    return replace(cause, reason=_IN_PART, scene_id="", feedback_id=hidden(cause.feedback_id))
+
+
+def layer_step(
+    kind: Kind,
+    profile: Vector,
+    target: Vector,
+    *,
+    agent: Agent,
+    share: float,
+    cause: Cause,
+    changes: int,
+    recent: tuple[Vector, ...],
+    space: SceneSpace,
+) -> LayerStep:
+    """Return what a feedback does to one layer of an agent.
+
+    Args:
+        kind: Which way.
+        profile: Of the layer.
+        target: Wanted profile or scene, NaN for no opinion.
+        agent: Whose.
+        share: How much of the feedback the layer learns, 0..1.
+        cause: Without what the step says.
+        changes: How many feedbacks have led to the profile.
+        recent: What they have asked for; see :func:`taught`.
+        space: The parameters and their ranges.
+
+    Raises:
+        Refused: As in :func:`learning.step`.
+    """
+    rule = agent.learning
+    step = learning.step(
+        kind,
+        profile,
+        target,
+        rate=agent.rate,
+        space=space,
+        rule=rule,
+        weight=rule.weight(cause.source) * share,
+        evidence=learning.Evidence(
+            recent=recent[-rule.window :], changes=changes, authored=agent.authored
+        ),
+    )
+    asked = () if kind is Kind.SET else (learning.asked(kind, step.before, step.target),)
+    of_rate = all(rate == step.rate for rate in step.rates)
+    return LayerStep(
+        cause=replace(
+            cause,
+            rate=step.rate,
+            weight=step.weight,
+            rates={} if of_rate else named(step.rates, space),
+            target=named(step.target, space),
+            changes=changes + (kind is not Kind.SET),
+        ),
+        step=step,
+        false_rate=learning.false_rate((*recent[-_RECENT:], *asked), space),
+    )
+
+
+def taught(
+    ledger: Ledger, agent: str, layer: str, space: SceneSpace, window: int
+) -> tuple[Vector, ...]:
+    """Return what the last feedbacks have asked for, newest last; enough for ``window`` of them.
+
+    Raises:
+        LedgerError: ``LEDGER_CORRUPT`` or ``LEDGER_UNREADABLE``.
+    """
+    found = []
+    for row in ledger.taught(agent, layer, newest=max(window, _RECENT)):
+        target = vector(row.cause.target, space)
+        if row.cause.kind == Kind.NEGATIVE:
+            before = ledger.before(row)
+            target = learning.asked(Kind.NEGATIVE, vector(before.profile, space), target)
+        found.append(target)
+    return tuple(found)
+
+
+def check_texts(**texts: str) -> None:
+    """Check what is told with a feedback.
+
+    Raises:
+        Refused: ``TOO_LONG`` or ``RESERVED_ID``.
+    """
+    for field, text in texts.items():
+        if len(text) > LONGEST_TEXT:
+            raise Refused(
+                "TOO_LONG",
+                f"feedback: {field} has {len(text)} characters, expected {LONGEST_TEXT} at most",
+            )
+    if is_hidden(texts.get("feedback_id", "")):
+        raise Refused(
+            "RESERVED_ID",
+            "feedback: ids that begin with 'sha256:' stand for forgotten ones; take a UUID",
+        )
+
+
+def named(values: Vector, space: SceneSpace) -> dict[str, float]:
+    """Return a vector by name, without what is missing."""
+    return {
+        name: value
+        for name, value in zip(space.names, values, strict=True)
+        if not math.isnan(value)
+    }
+
+
+def vector(values: Mapping[str, float], space: SceneSpace) -> Vector:
+    """Return named values in the order of the space, NaN for what is not there."""
+    return tuple(values.get(name, MISSING) for name in space.names)

@@ -1,0 +1,117 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The file beside the ledger that remembers its newest acknowledged row.
+
+SQLite drops a damaged end of its write-ahead log without a word. This file is written after each
+commit and before it is acknowledged, so that such a loss is noticed.
+"""
+
+from __future__ import annotations
+
+import os
+import struct
+import zlib
+from dataclasses import dataclass
+from pathlib import Path
+
+from feedback_node.ledger_rows import NO_CHAIN
+
+_SLOT = struct.Struct("<8sQ32s")
+_CHECK = struct.Struct("<I")
+_MAGIC = b"bta-head"
+_OFFSETS = (0, 512)
+"""Two slots in sectors of their own: a write that is cut off spoils the older one only."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Head:
+    """The newest row: its number, 0 for none, and its chain value."""
+
+    number: int = 0
+    chain: bytes = NO_CHAIN
+
+
+def head_path(ledger: str | Path) -> Path:
+    """Return the file that belongs to a ledger."""
+    path = Path(ledger)
+    return path.with_name(path.name + "-head")
+
+
+def read_head(path: Path) -> Head | None:
+    """Return the newest head of a file; None when it is missing.
+
+    Raises:
+        ValueError: It is no such file, or both of its slots are damaged.
+        OSError: It cannot be read.
+    """
+    try:
+        content = path.read_bytes()
+    except FileNotFoundError:
+        return None
+    return max(_slots(content), key=lambda one: one[1].number)[1]
+
+
+class HeadFile:
+    """Writes the head of one ledger; made when there is none.
+
+    Raises:
+        OSError: It cannot be written.
+        ValueError: As in :func:`read_head`.
+    """
+
+    def __init__(self, path: Path) -> None:
+        if read_head(path) is None:
+            _create(path)
+        self._slot, self.head = max(_slots(path.read_bytes()), key=lambda one: one[1].number)
+        self._file = os.open(path, os.O_RDWR | os.O_CLOEXEC)
+
+    def write(self, head: Head) -> None:
+        """Replace the head; it is on the disk when this returns.
+
+        Raises:
+            OSError: It is not; the head before stays.
+        """
+        slot = 1 - self._slot
+        os.pwrite(self._file, _slot(head), _OFFSETS[slot])
+        os.fdatasync(self._file)
+        self._slot, self.head = slot, head
+
+    def close(self) -> None:
+        """Close the file."""
+        os.close(self._file)
+
+
+def _slots(content: bytes) -> list[tuple[int, Head]]:
+    """Return the slots that are whole, with their index."""
+    whole = []
+    for index, offset in enumerate(_OFFSETS):
+        slot = content[offset : offset + _SLOT.size + _CHECK.size]
+        if len(slot) < _SLOT.size + _CHECK.size:
+            continue
+        body = slot[: _SLOT.size]
+        magic, number, chain = _SLOT.unpack(body)
+        if magic == _MAGIC and _CHECK.unpack(slot[_SLOT.size :])[0] == zlib.crc32(body):
+            whole.append((index, Head(number=number, chain=chain)))
+    if not whole:
+        raise ValueError("no slot of it is whole")
+    return whole
+
+
+def _slot(head: Head) -> bytes:
+    body = _SLOT.pack(_MAGIC, head.number, head.chain)
+    return body + _CHECK.pack(zlib.crc32(body))
+
+
+def _create(path: Path) -> None:
+    """Make a head file of an empty ledger, as a whole or not at all."""
+    slot = _slot(Head())
+    new = path.with_name(path.name + ".new")
+    with new.open("wb") as opened:
+        opened.write(slot.ljust(_OFFSETS[1], b"\0") + slot)
+        opened.flush()
+        os.fsync(opened.fileno())
+    new.replace(path)
+    folder = os.open(path.parent, os.O_RDONLY | os.O_DIRECTORY)
+    try:
+        os.fsync(folder)
+    finally:
+        os.close(folder)

@@ -1,0 +1,107 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`bt-agents replay`: does again what a journal holds, without ROS, and says what is not equal."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+
+import click
+from rich.console import Console
+from rich.markup import escape
+
+from bt_agents.errors import BtAgentsError
+from bt_agents.interrupt import loading
+
+with loading():
+    from bt_agents_lab.cli.journals import files_argument, read_story, show_problems
+    from bt_agents_lab.replay import decisions, lessons, trees
+    from bt_agents_lab.replay.findings import Finding, Tally, Verdict, tally
+    from bt_agents_lab.replay.story import Story
+
+_MOST_SHOWN = 10
+_NAMES = 15
+_COLUMN = 14
+_KINDS = (
+    (decisions.KIND, "decisions"),
+    (lessons.KIND, "profile changes"),
+    (trees.KIND, "runs of trees"),
+)
+
+
+@click.command()
+@files_argument
+@click.option("--json", "as_json", is_flag=True, help="Print the findings as JSON.")
+def replay(files: tuple[Path, ...], as_json: bool) -> None:
+    """Decide, learn and tick again what the FILES of a journal hold; exit code 1 if it differs.
+
+    Without FILES it takes the newest of the usual folder.
+    """
+    story = read_story(files)
+    found = tally(
+        [
+            *decisions.decisions_again(story.rounds),
+            *lessons.lessons_again(story.lessons),
+            *trees.runs_again(story.runs.values()),
+        ]
+    )
+    if as_json:
+        click.echo(json.dumps(_as_data(story, found), indent=2))
+    else:
+        _show(Console(), story, found)
+    if not found.counts:
+        raise BtAgentsError("there is nothing to do again: no round, feedback or run was kept")
+    sys.exit(1 if found.different else 0)
+
+
+def _show(console: Console, story: Story, found: Tally) -> None:
+    show_problems(console, story)
+    heads = "".join(f"{verdict.value:>{_COLUMN}}" for verdict in Verdict)
+    console.print(f"{'':{_NAMES}}{heads}", highlight=False)
+    for kind, words in _KINDS:
+        numbers = "".join(f"{found.counts[kind, verdict]:>{_COLUMN}}" for verdict in Verdict)
+        ticks = f"  {found.sizes[kind]} ticks" if kind == trees.KIND and found.sizes[kind] else ""
+        console.print(f"{words:{_NAMES}}{numbers}{ticks}", highlight=False)
+    for verdict, style in ((Verdict.DIFFERENT, "red"), (Verdict.NOT_RECORDED, "yellow")):
+        told = [finding for finding in found.told if finding.verdict is verdict]
+        for finding in told[:_MOST_SHOWN]:
+            _show_finding(console, finding, style)
+        if len(told) > _MOST_SHOWN:
+            console.print(f"… and {len(told) - _MOST_SHOWN} more, {verdict.value}")
+    if found.different:
+        console.print("[red]not equal[/]")
+    elif found.told:
+        console.print("[green]all that was recorded is equal[/]")
+    elif found.counts:
+        console.print("[green]everything is equal[/]")
+
+
+def _show_finding(console: Console, finding: Finding, style: str) -> None:
+    console.print(
+        f"[{style}]{finding.verdict.value}[/] {finding.kind}, {escape(finding.where)}: "
+        f"{escape(finding.words)}",
+        highlight=False,
+        soft_wrap=True,
+    )
+
+
+def _as_data(story: Story, found: Tally) -> dict[str, object]:
+    return {
+        "counts": {
+            words: {verdict.value: found.counts[kind, verdict] for verdict in Verdict}
+            for kind, words in _KINDS
+        },
+        "ticks": found.sizes[trees.KIND],
+        "findings": [
+            {
+                "kind": one.kind,
+                "where": one.where,
+                "verdict": one.verdict.value,
+                "words": one.words,
+            }
+            for one in found.told
+        ],
+        "problems": story.problems,
+        "lost": dict(story.lost),
+    }

@@ -1,0 +1,130 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The accepted bids of a round as arrays."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from bt_agents.scene import SceneSpace
+from marketplace_node.decision import AcceptedBid, Terms
+from marketplace_node.strategies import Field
+from marketplace_node.strategies.field import Floats
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class BidTable:
+    """Accepted bids column by column, in the order of their names.
+
+    Attributes:
+        agents: Names; N of them.
+        agent_ids: Their ids.
+        hosts: Their hosts.
+        instances: The starts of the hosts.
+        vectors: [N, n], stored parameter by parameter, as they are added up.
+        weights: [N, n], stored alike; None when no agent states any.
+    """
+
+    agents: tuple[str, ...]
+    agent_ids: tuple[int, ...]
+    hosts: tuple[str, ...]
+    instances: tuple[str, ...]
+    vectors: Floats
+    weights: Floats | None = None
+
+    @classmethod
+    def of(cls, bids: Sequence[AcceptedBid], space: SceneSpace) -> BidTable:
+        """Return the table of bids that come in any order."""
+        collected = BidColumns(space)
+        for bid in bids:
+            collected.add(
+                (bid.agent,), (bid.agent_id,), bid.host, bid.instance,
+                np.array([bid.vector]), np.array([bid.weights]) if bid.weights else None,
+            )  # fmt: skip
+        return collected.table()
+
+    def __len__(self) -> int:
+        return len(self.agents)
+
+    def column(self, of_agents: Mapping[str, int]) -> Floats:
+        """Return a number for each bidder, 0 for those that are not in the mapping; [N]."""
+        if not of_agents:
+            return np.zeros(len(self))
+        return np.array([of_agents.get(agent, 0) for agent in self.agents], dtype=np.float64)
+
+    def field(self, space: SceneSpace, terms: Terms) -> Field:
+        """Return what a strategy is given; nothing in it can be written to."""
+        field = Field(
+            scene=np.array(terms.scene.vector),
+            std=np.nan_to_num(np.array(terms.scene.std), nan=0.0),
+            bids=self.vectors.view(),
+            weights=np.array(weights_of(space)) if self.weights is None else self.weights.view(),
+            widths=np.array([p.maximum - p.minimum for p in space.parameters]),
+            runs=self.column(terms.runs),
+            rounds=np.array(float(terms.rounds_run)),
+            idle=terms.rounds_run - self.column(terms.last_run),
+        )
+        for values in vars(field).values():
+            values.flags.writeable = False
+        return field
+
+
+def weights_of(space: SceneSpace) -> tuple[float, ...]:
+    """Return the weights that ``scene.yaml`` gives the parameters."""
+    return tuple(parameter.weight for parameter in space.parameters)
+
+
+class BidColumns:
+    """Collects accepted bids, many of one host at a time.
+
+    Args:
+        space: The scene parameters.
+    """
+
+    def __init__(self, space: SceneSpace) -> None:
+        self._weights = np.array(weights_of(space))
+        self._agents: list[str] = []
+        self._agent_ids: list[int] = []
+        self._hosts: list[str] = []
+        self._instances: list[str] = []
+        self._vectors: list[Floats] = [np.empty((0, len(space)))]
+        self._stated: list[Floats] = [np.empty((0, len(space)))]
+        self._any_stated = False
+
+    def add(
+        self,
+        agents: Sequence[str],
+        agent_ids: Sequence[int],
+        host: str,
+        instance: str,
+        vectors: Floats,
+        weights: Floats | None,
+    ) -> None:
+        """Add bids of one host: k names and ids, vectors [k, n] and weights [k, n] or None."""
+        self._agents += agents
+        self._agent_ids += agent_ids
+        self._hosts += [host] * len(agents)
+        self._instances += [instance] * len(agents)
+        self._vectors.append(vectors)
+        self._stated.append(
+            np.broadcast_to(self._weights, vectors.shape) if weights is None else weights
+        )
+        self._any_stated |= weights is not None
+
+    def table(self) -> BidTable:
+        """Return all bids, in the order of their names."""
+        places = sorted(range(len(self._agents)), key=self._agents.__getitem__)
+        return BidTable(
+            agents=tuple(self._agents[place] for place in places),
+            agent_ids=tuple(self._agent_ids[place] for place in places),
+            hosts=tuple(self._hosts[place] for place in places),
+            instances=tuple(self._instances[place] for place in places),
+            vectors=_by_parameter(self._vectors, places),
+            weights=_by_parameter(self._stated, places) if self._any_stated else None,
+        )
+
+
+def _by_parameter(blocks: Sequence[Floats], places: Sequence[int]) -> Floats:
+    return np.asfortranarray(np.concatenate(blocks)[places])

@@ -1,0 +1,155 @@
+# SPDX-License-Identifier: Apache-2.0
+"""One round with everything fixed but the scene, so that other scenes can be tried."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from bt_agents.errors import Refused
+from marketplace_node.bid_table import BidTable
+from marketplace_node.decision import External, Terms
+from marketplace_node.placing import first_rule, placed
+from marketplace_node.strategies import Chance, Field, Scores, StrategySpec, chance, order
+from marketplace_node.strategies.field import Floats, Integers
+
+
+@dataclass(frozen=True, kw_only=True)
+class Measured:
+    """Scores of one round, and why some bids come before nearer ones.
+
+    Attributes:
+        scores: Of all bids.
+        precedence: As in ``Ranked``.
+        placed: As in ``Ranked``.
+    """
+
+    scores: Scores
+    precedence: str = ""
+    placed: int = 0
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Contest:
+    """Bids, and what ranks them.
+
+    Attributes:
+        terms: What is fixed in the round.
+        table: The bids; at least one.
+        field: The same as arrays.
+        spec: The strategy.
+        options: What is set about it.
+        seed: Where it draws chance from.
+        external: What a program outside said.
+    """
+
+    terms: Terms
+    table: BidTable
+    field: Field
+    spec: StrategySpec
+    options: Mapping[str, float]
+    seed: str
+    external: External | None = None
+
+    def measure(self) -> Measured:
+        """Return the scores for the scene of the round.
+
+        Raises:
+            Refused: ``STRATEGY_FAILED``; see :func:`measured`.
+        """
+        scores = measured(self.spec, self.field, self.options, chance(self.seed))
+        agents, why = self._first(self.field.scene)
+        places = [self.table.agents.index(agent) for agent in agents]
+        if not places:
+            return Measured(scores=scores)
+        return Measured(scores=placed(scores, places), precedence=why, placed=len(places))
+
+    def order(self, scores: Floats) -> Integers:
+        """Return indices of the bids, best first; [..., N] to [..., N]."""
+        last_run = self.field.rounds - self.field.idle
+        return order(scores, last_run, None, self.terms.tie_break)
+
+    def winners(self, scenes: Floats) -> Integers:
+        """Return who would win in other scenes with the same chance; [G, n] to [G].
+
+        Raises:
+            Refused: ``STRATEGY_FAILED``.
+        """
+        field = replace(self.field, scene=scenes)
+        same = _SameForAll(chance(self.seed))
+        scores = measured(self.spec, field, self.options, same).score
+        winners = self.order(scores)[:, 0].copy()
+        if self.spec.name == "rules":
+            for row, values in enumerate(scenes):
+                agents, _ = self._first(values)
+                if agents:
+                    winners[row] = self.table.agents.index(agents[0])
+        return winners
+
+    def _first(self, values: Floats) -> tuple[list[str], str]:
+        """Return the bidders that come before nearer ones in a scene, and why."""
+        external, scene, bidders = self.external, self.terms.scene, self.table.agents
+        if self.spec.name == "rules":
+            names = (value.name for value in scene.values)
+            named = dict(zip(names, values.tolist(), strict=True))
+            found = first_rule(self.terms.rules, named, scene.person, bidders)
+            if found is not None:
+                number, rule = found
+                ours = [agent for agent in rule.agents if agent in bidders]
+                return ours, f"rule {number}: {rule.text}"
+        elif self.spec.name == "external" and external is not None and not external.failure:
+            return list(external.ranking), external.message
+        return [], ""
+
+
+def measured(
+    spec: StrategySpec, field: Field, options: Mapping[str, float], random: Chance
+) -> Scores:
+    """Return the scores of a strategy, which may be anybody's, checked.
+
+    Raises:
+        Refused: ``STRATEGY_FAILED``: it raised, or its scores are not finite numbers, one a bid.
+    """
+    try:
+        scores = spec.score(field, spec.values(options), random)
+        parts = (*field.shape, field.bids.shape[-1])
+        return Scores(
+            distance=_checked("distance", scores.distance, field.shape),
+            bonus=_checked("bonus", scores.bonus, field.shape),
+            score=_checked("score", scores.score, field.shape),
+            contributions=_checked("contributions", scores.contributions, parts),
+        )
+    except Refused as refused:
+        raise Refused("STRATEGY_FAILED", f"strategy {spec.name}: {refused.reason}") from None
+    except Exception as error:
+        raise Refused(
+            "STRATEGY_FAILED",
+            f"strategy {spec.name} raised {type(error).__name__}: {str(error)[:200]}",
+        ) from error
+
+
+def _checked(what: str, found: object, shape: tuple[int, ...]) -> Floats:
+    array = np.asarray(found, dtype=np.float64)
+    if array.shape != shape:
+        raise Refused(
+            "STRATEGY_FAILED",
+            f"its {what} has the shape {list(array.shape)}, expected {list(shape)}",
+        )
+    if not np.isfinite(array).all():
+        raise Refused("STRATEGY_FAILED", f"its {what} is not a finite number for every bid")
+    return array
+
+
+class _SameForAll:
+    """Gives each of many scenes the chance that the one of the round has had."""
+
+    def __init__(self, source: np.random.Generator) -> None:
+        self._source = source
+
+    def random(self, size: tuple[int, ...], /) -> Floats:
+        return np.broadcast_to(self._source.random(size[1:]), size)
+
+    def standard_normal(self, size: tuple[int, ...], /) -> Floats:
+        return np.broadcast_to(self._source.standard_normal(size[1:]), size)

@@ -1,0 +1,201 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The selector node: has a language model rank bids, for the strategy ``external``."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import time
+from collections.abc import Sequence
+from concurrent.futures import Future as Job
+from typing import Any
+
+from rclpy.callback_groups import ReentrantCallbackGroup
+from rclpy.task import Future
+
+from bt_agents.errors import Refused
+from bt_agents.language.scene_reader import read_scene
+from bt_agents.ros import qos
+from bt_agents.ros.messages import scene_from_msg
+from bt_agents.ros.node import GuardedNode
+from bt_agents.ros.runner import run
+from bt_agents.ros.startup import TREES, StartParameter, make_from_parameters
+from bt_agents.ros.timers import steady_timer
+from bt_agents.scene import SceneSpace
+from bt_agents.trees_folder import find_trees
+from bt_agents.worker_thread import WorkerThread
+from bt_agents_interfaces.msg import HostCard
+from bt_agents_interfaces.srv import SelectAgent
+from marketplace_node.asking import post
+from marketplace_node.openai_protocol import (
+    MOST_BYTES,
+    Bidder,
+    Endpoint,
+    Ranking,
+    answer,
+    question,
+)
+
+BASE_URL = StartParameter(
+    name="base_url", description="address of the server, like http://127.0.0.1:11434/v1"
+)
+MODEL = StartParameter(name="model", description="name of the model on the server")
+KEY_VARIABLE = StartParameter(
+    name="key_variable",
+    description="environment variable that holds the key of the server; empty for no key",
+)
+
+_LOOK_S = 0.01
+_LONGEST_S = 60.0
+_SHARE = 0.95  # of the limit for the server, so that the market hears why there is no answer
+_MOST_WAITING = 4
+"""Questions that may wait for the server; a later one is refused at once."""
+
+
+class SelectorNode(GuardedNode):
+    """Serves ``select`` by asking a server that speaks the chat-completions protocol.
+
+    Args:
+        space: The scene parameters of the system.
+        endpoint: The server.
+        node_kwargs: For :class:`rclpy.node.Node`.
+
+    Attributes:
+        descriptions: What the agents of each host do, in words; by host and agent.
+    """
+
+    def __init__(self, space: SceneSpace, endpoint: Endpoint, **node_kwargs: Any) -> None:
+        super().__init__("selector", **node_kwargs)
+        self._space = space
+        self._endpoint = endpoint
+        self.descriptions: dict[str, dict[str, str]] = {}
+        self._jobs: list[tuple[Job[Ranking], Future]] = []
+        self._worker = WorkerThread("selector")
+        self._look = steady_timer(self, _LOOK_S, self._take_answers, running=False)
+        self.create_subscription(HostCard, "cards", self._take_card, qos.FACTS)
+        self.create_service(
+            SelectAgent,
+            "select",
+            self._select,
+            qos_profile=qos.SERVICE,
+            # While one waits, the callbacks of a group that excludes each other would wait too.
+            callback_group=ReentrantCallbackGroup(),
+        )
+        self.get_logger().info(f"{endpoint.url} is asked for rankings ({endpoint.model})")
+
+    def destroy_node(self) -> None:
+        """Destroy the node; a question that is under way is not waited for."""
+        self._worker.shutdown(wait=False, cancel_futures=True)
+        super().destroy_node()
+
+    def _take_card(self, card: HostCard) -> None:
+        self.descriptions[card.host] = {
+            agent.name: ". ".join(part for part in (agent.title, agent.description) if part)
+            for agent in card.agents
+        }
+
+    async def _select(
+        self, request: SelectAgent.Request, response: SelectAgent.Response
+    ) -> SelectAgent.Response:
+        try:
+            ranking = await self._ask(request)
+        except Refused as refused:
+            self.get_logger().warning(f"round {request.round}: {refused}")
+            response.message = refused.reason
+            return response
+        response.accepted = True
+        response.ranking = list(ranking.agents)
+        response.message = ranking.reason
+        return response
+
+    async def _ask(self, request: SelectAgent.Request) -> Ranking:
+        """Have the server asked by another thread.
+
+        Raises:
+            Refused: It cannot be asked, or says nothing of use.
+        """
+        bidders = self._bidders(request)
+        scene = scene_from_msg(request.scene, self._space)
+        if len(self._jobs) >= _MOST_WAITING:
+            raise Refused("BUSY", f"{len(self._jobs)} questions wait for the server already")
+        limit_s = request.limit_s
+        if not 0.0 < limit_s <= _LONGEST_S:
+            raise Refused(
+                "OUT_OF_RANGE", f"limit_s is {limit_s:g}, expected more than 0 to {_LONGEST_S:g} s"
+            )
+        body = json.dumps(question(self._endpoint.model, self._space, scene, bidders)).encode()
+        names = [bidder.name for bidder in bidders]
+        job = self._worker.submit(
+            _asked, self._endpoint, body, names, end=time.monotonic() + _SHARE * limit_s
+        )
+        ended = Future()
+        self._jobs.append((job, ended))
+        if self._look.is_canceled():
+            self._look.reset()
+        await ended
+        try:
+            return job.result(timeout=0)
+        except Refused:
+            raise
+        except Exception as error:
+            raise Refused("FAILED", f"asking failed: {type(error).__name__}") from None
+
+    def _bidders(self, request: SelectAgent.Request) -> list[Bidder]:
+        width, count = len(self._space), len(request.agents)
+        if len(request.vectors) != count * width or len(request.distances) != count:
+            raise Refused(
+                "WRONG_LENGTH",
+                f"{count} agents with {len(request.vectors)} values and "
+                f"{len(request.distances)} distances, expected {count * width} and {count}",
+            )
+        if not all(math.isfinite(distance) for distance in request.distances):
+            raise Refused("NOT_FINITE", "a distance is not a finite number")
+        described = {n: text for told in self.descriptions.values() for n, text in told.items()}
+        return [
+            Bidder(
+                name=name,
+                vector=self._space.vector(
+                    request.vectors[index * width : (index + 1) * width], what=f"bid of {name}"
+                ),
+                distance=request.distances[index],
+                description=described.get(name, ""),
+            )
+            for index, name in enumerate(request.agents)
+        ]
+
+    def _take_answers(self) -> None:
+        """Let those go on whose server has answered: threads must not call into rclpy."""
+        ended = [one for one in self._jobs if one[0].done()]
+        self._jobs = [one for one in self._jobs if not one[0].done()]
+        if not self._jobs:
+            self._look.cancel()
+        for _, waiting in ended:
+            waiting.set_result(None)
+
+
+def _asked(endpoint: Endpoint, body: bytes, bidders: Sequence[str], *, end: float) -> Ranking:
+    limit_s = end - time.monotonic()
+    if limit_s <= 0:
+        raise Refused("TOO_LATE", "an earlier question took all the time")
+    status, text = post(endpoint.url, endpoint.headers(), body, limit_s=limit_s, most=MOST_BYTES)
+    return answer(status, text, bidders)
+
+
+def _make_node() -> SelectorNode:
+    def make(values: Any) -> SelectorNode:
+        space = read_scene(find_trees(values["trees"]) / "scene.yaml").space
+        variable = values["key_variable"]
+        key = os.environ.get(variable, "") if variable else ""
+        if variable and not key:
+            raise Refused("NO_KEY", f"the environment variable {variable} is not set or empty")
+        return SelectorNode(
+            space, Endpoint(base_url=values["base_url"], model=values["model"], key=key)
+        )
+
+    return make_from_parameters("selector", (TREES, BASE_URL, MODEL, KEY_VARIABLE), make)
+
+
+def main(args: Sequence[str] | None = None) -> int:
+    """Run the selector until it is told to stop; return the exit code."""
+    return run(_make_node, args)

@@ -1,0 +1,59 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Checks what a program outside says about the ranking of bids; it may be anything."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from bt_agents.errors import Refused
+from bt_agents.scene import Vector
+
+_SHOWN = 300  # characters of its words
+_NAMES = 5
+
+
+def check_ranking(ranking: Sequence[str], bidders: Sequence[str]) -> tuple[str, ...]:
+    """Return a ranking from outside, best first, when it names bidders only and none twice.
+
+    Args:
+        ranking: Names of agents; those that it leaves out come after these by distance.
+        bidders: Who has bid.
+
+    Raises:
+        Refused: ``EMPTY``, ``UNKNOWN_AGENT`` or ``DUPLICATE``.
+    """
+    if not ranking:
+        raise Refused("EMPTY", "it ranks nobody, expected the names of bidders, best first")
+    known = set(bidders)
+    named: set[str] = set()
+    for agent in ranking:
+        if agent not in known:
+            few = ", ".join(bidders[:_NAMES]) + (" …" if len(bidders) > _NAMES else "")
+            raise Refused(
+                "UNKNOWN_AGENT", f"it ranks '{shown(agent)}', which has not bid; there are {few}"
+            )
+        if agent in named:
+            raise Refused("DUPLICATE", f"it ranks '{agent}' twice, expected each bidder once")
+        named.add(agent)
+    return tuple(ranking)
+
+
+def distance(bid: Vector, scene: Vector) -> float:
+    """Return the Manhattan distance of a bid, formula (1) of the paper, as it is told outside.
+
+    Args:
+        bid: One value a parameter, in the parameters' own units.
+        scene: The same for the scene; NaN where missing, which is left out.
+    """
+    total = 0.0
+    for offered, wanted in zip(bid, scene, strict=True):
+        if not math.isnan(wanted):
+            total += abs(offered - wanted)
+    return total
+
+
+def shown(text: str) -> str:
+    """Return words from outside as one line that is not too long."""
+    line = " ".join("".join(c if c.isprintable() else " " for c in text).split())
+    return line if len(line) <= _SHOWN else line[: _SHOWN - 1] + "…"

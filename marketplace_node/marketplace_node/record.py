@@ -1,0 +1,38 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the decisions of a market tell together: where the shadow disagrees, and who is starved."""
+
+from __future__ import annotations
+
+from marketplace_node.decision import Decision, Outcome
+from marketplace_node.starvation import Starvation
+
+
+class Record:
+    """Counts over the rounds of a market.
+
+    Attributes:
+        shadow_rounds: Rounds that the strategies in force, the one that ranks and its shadow, have
+            both ranked.
+        shadow_disagreements: In how many of these they had another winner.
+        starvation: Who bids in vain.
+    """
+
+    def __init__(self) -> None:
+        self.shadow_rounds = 0
+        self.shadow_disagreements = 0
+        self.starvation = Starvation()
+        self._compared = ("", "")
+
+    def take(self, decision: Decision) -> None:
+        """Count a decision; one that only foretells is not to be counted."""
+        winner, terms = decision.winner, decision.terms
+        if winner is None:
+            return
+        if decision.outcome is Outcome.AWARDED:
+            self.starvation.award(winner.agent, (bid.agent for bid in decision.ranking))
+        if (terms.strategy, terms.shadow) != self._compared:
+            self._compared = (terms.strategy, terms.shadow)
+            self.shadow_rounds = self.shadow_disagreements = 0
+        if decision.shadow_winner:
+            self.shadow_rounds += 1
+            self.shadow_disagreements += decision.shadow_winner != winner.agent

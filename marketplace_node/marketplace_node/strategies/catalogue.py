@@ -1,0 +1,109 @@
+# SPDX-License-Identifier: Apache-2.0
+"""All strategies by name."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from types import MappingProxyType
+
+from marketplace_node.strategies import exploration
+from marketplace_node.strategies.distances import (
+    euclidean,
+    expected_manhattan,
+    manhattan,
+    manhattan_lines,
+    weighted_lines,
+    weighted_manhattan,
+)
+from marketplace_node.strategies.exploration import epsilon_greedy, softmax, thompson, ucb
+from marketplace_node.strategies.field import Option, StrategySpec
+
+_OWN = (
+    StrategySpec(
+        name="manhattan",
+        description="The nearest bid wins: the sum of the differences, as in the paper.",
+        score=manhattan,
+        lines=manhattan_lines,
+    ),
+    StrategySpec(
+        name="weighted_manhattan",
+        description="As manhattan, but parameters count by their weight.",
+        score=weighted_manhattan,
+        lines=weighted_lines,
+    ),
+    StrategySpec(
+        name="euclidean",
+        description="The nearest bid by the straight line wins; one big difference counts more "
+        "than some small ones.",
+        score=euclidean,
+    ),
+    StrategySpec(
+        name="expected_manhattan",
+        description="As manhattan, but an uncertain value of the scene counts less.",
+        score=expected_manhattan,
+    ),
+    StrategySpec(
+        name="softmax",
+        description="Nearer bids are likelier to win, but none is left out for ever.",
+        score=softmax,
+        lines=exploration.softmax_lines,
+        options=(exploration.TEMPERATURE,),
+        draws=True,
+    ),
+    StrategySpec(
+        name="epsilon_greedy",
+        description="The nearest bid wins, but now and then anybody does.",
+        score=epsilon_greedy,
+        lines=exploration.epsilon_greedy_lines,
+        options=(exploration.EPSILON,),
+        draws=True,
+    ),
+    StrategySpec(
+        name="ucb",
+        description="The nearest bid wins, but who ran seldom is forgiven some distance.",
+        score=ucb,
+        lines=exploration.ucb_lines,
+        options=(exploration.UCB_C,),
+    ),
+    StrategySpec(
+        name="thompson",
+        description="Profiles are taken for the less certain the less they ran; the nearest of "
+        "drawn ones wins.",
+        score=thompson,
+        lines=exploration.thompson_lines,
+        options=(exploration.SIGMA,),
+        draws=True,
+    ),
+    StrategySpec(
+        name="rules",
+        description="The first rule of market.yaml that holds says who wins; the others by "
+        "manhattan.",
+        score=manhattan,
+    ),
+    StrategySpec(
+        name="external",
+        description="A program outside ranks, asked by the service 'select'; without its answer "
+        "in time, manhattan.",
+        score=manhattan,
+        lines=manhattan_lines,
+        options=(
+            Option(
+                name="limit",
+                default=0.5,
+                minimum=0.05,
+                maximum=60.0,
+                description="how long its answer is waited for [s]",
+            ),
+        ),
+    ),
+)
+
+_ALL = {spec.name: spec for spec in _OWN}
+
+STRATEGIES: Mapping[str, StrategySpec] = MappingProxyType(_ALL)
+"""Every strategy by the name that the parameter ``strategy`` takes."""
+
+
+def add(spec: StrategySpec) -> None:
+    """Add a strategy; one of its name stays."""
+    _ALL.setdefault(spec.name, spec)

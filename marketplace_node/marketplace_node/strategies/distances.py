@@ -1,0 +1,94 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Strategies that measure how far a bid is from the scene."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+import numpy as np
+
+from marketplace_node.strategies.field import (
+    Chance,
+    Field,
+    Floats,
+    Lines,
+    Scores,
+    filled,
+    gaps,
+    plain,
+    total,
+)
+
+_erf = np.frompyfunc(math.erf, 1, 1)
+
+
+def manhattan(field: Field, options: Mapping[str, float], random: Chance) -> Scores:
+    """Measure by the sum of ``|bid - scene|``, formula (1) of the paper, to the last digit.
+
+    A missing value of the scene is left out; without any value every distance is 0.
+    """
+    del options, random
+    parts = gaps(field)
+    return plain(field, np.abs(parts, out=parts))
+
+
+def manhattan_lines(field: Field, options: Mapping[str, float], random: Chance) -> Lines:
+    """Return ``manhattan`` as a function of the scene."""
+    del options, random
+    count, width = field.bids.shape
+    return Lines(profiles=field.bids, weights=np.ones(width), offsets=np.zeros(count))
+
+
+def weighted_manhattan(field: Field, options: Mapping[str, float], random: Chance) -> Scores:
+    """Measure by the sum of ``weight * |bid - scene|``; with weights of 1 as ``manhattan``."""
+    del options, random
+    return plain(field, np.abs(gaps(field)) * field.weights)
+
+
+def weighted_lines(field: Field, options: Mapping[str, float], random: Chance) -> Lines:
+    """Return ``weighted_manhattan`` as a function of the scene."""
+    del options, random
+    return Lines(profiles=field.bids, weights=field.weights, offsets=np.zeros(field.bids.shape[0]))
+
+
+def euclidean(field: Field, options: Mapping[str, float], random: Chance) -> Scores:
+    """Measure by the straight line, the root of the sum of ``(bid - scene)^2``.
+
+    A parameter contributes its share of the length, ``(bid - scene)^2 / distance``, so that the
+    contributions add up to the distance.
+    """
+    del options, random
+    squares = gaps(field) ** 2
+    distance = np.sqrt(total(squares))
+    length = np.where(distance > 0.0, distance, 1.0)[..., None]
+    return Scores(
+        distance=np.broadcast_to(distance, field.shape),
+        bonus=np.zeros(field.shape),
+        score=np.broadcast_to(distance, field.shape),
+        contributions=squares / length,
+    )
+
+
+def expected_manhattan(field: Field, options: Mapping[str, float], random: Chance) -> Scores:
+    """Measure by the Manhattan distance to be expected when each value of the scene is Gaussian.
+
+    With ``X ~ N(scene, std^2)`` and ``a = bid - scene``, the mean of the folded normal
+    distribution: ``E|bid - X| = std sqrt(2/pi) exp(-a^2 / (2 std^2)) + a erf(a / (std sqrt 2))``
+    (Leone, Nelson and Nottingham, 1961). Without any std it is ``manhattan`` to the last digit.
+    """
+    del options, random
+    gap = gaps(field)
+    return plain(field, filled(field, folded_mean(gap, field.std[..., None, :])))
+
+
+def folded_mean(gap: Floats, std: Floats) -> Floats:
+    """Return ``E|Y|`` of ``Y ~ N(gap, std^2)``; ``|gap|`` where std is 0, NaN or far smaller."""
+    size = np.abs(gap)
+    unsure = np.broadcast_to(std > 0.0, size.shape) & (size < 9.0 * std)
+    if unsure.any():
+        deviation = np.broadcast_to(std, size.shape)[unsure]
+        turns = size[unsure] / deviation
+        near = deviation * math.sqrt(2.0 / math.pi) * np.exp(-0.5 * turns**2)
+        size[unsure] = near + size[unsure] * np.asarray(_erf(turns / math.sqrt(2.0)), float)
+    return size

@@ -1,0 +1,146 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Strategies that also give agents a chance that are not nearest, so that none is starved."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from marketplace_node.strategies.distances import manhattan
+from marketplace_node.strategies.field import (
+    Chance,
+    Field,
+    Floats,
+    Lines,
+    Option,
+    Scores,
+    explored,
+    filled,
+    total,
+)
+
+TEMPERATURE = Option(
+    name="temperature",
+    default=0.5,
+    minimum=0.001,
+    maximum=100.0,
+    description="how much chance counts; who is nearer by this is e times as likely",
+)
+EPSILON = Option(
+    name="epsilon",
+    default=0.1,
+    minimum=0.0,
+    maximum=1.0,
+    description="share of the rounds whose order is left to chance alone",
+)
+UCB_C = Option(
+    name="c",
+    default=1.0,
+    minimum=0.0,
+    maximum=100.0,
+    description="how much distance an agent is forgiven for having run seldom",
+)
+SIGMA = Option(
+    name="sigma",
+    default=0.1,
+    minimum=0.0,
+    maximum=10.0,
+    description="how unsure the profile of an agent is that never ran, as a share of each range",
+)
+
+_LEAST = float(np.finfo(np.float64).tiny)
+
+
+def softmax(field: Field, options: Mapping[str, float], random: Chance) -> Scores:
+    """Draw the order with chances ``exp(-distance / temperature)``.
+
+    Gumbel noise times the temperature is taken off the distance; the smallest of such sums is
+    distributed as the softmax (Gumbel, 1954).
+    """
+    even = np.maximum(random.random(field.shape), _LEAST)
+    gumbel = -np.log(-np.log(even))
+    return explored(manhattan(field, options, random), options["temperature"] * gumbel)
+
+
+def epsilon_greedy(field: Field, options: Mapping[str, float], random: Chance) -> Scores:
+    """Rank by ``manhattan``, but with probability epsilon in an order left to chance.
+
+    The score is then the place in that order, from 0.
+    """
+    scores = manhattan(field, options, random)
+    tickets = random.random((*field.shape[:-1], field.shape[-1] + 1))
+    explores = tickets[..., :1] < options["epsilon"]
+    places = np.argsort(np.argsort(tickets[..., 1:], axis=-1, kind="stable"), axis=-1)
+    score = np.where(explores, places.astype(np.float64), scores.distance)
+    return Scores(
+        distance=scores.distance,
+        bonus=np.where(explores, scores.distance - score, 0.0),
+        score=score,
+        contributions=scores.contributions,
+    )
+
+
+def ucb(field: Field, options: Mapping[str, float], random: Chance) -> Scores:
+    """Take off ``c sqrt(ln(1 + t) / (1 + n))``: the less an agent ran (n of t), the more.
+
+    After UCB1 (Auer, Cesa-Bianchi and Fischer, 2002).
+    """
+    bonus = options["c"] * np.sqrt(np.log1p(field.rounds)[..., None] / (1.0 + field.runs))
+    return explored(
+        manhattan(field, options, random), np.array(np.broadcast_to(bonus, field.shape))
+    )
+
+
+def thompson(field: Field, options: Mapping[str, float], random: Chance) -> Scores:
+    """Measure the distance to a profile drawn from ``N(bid, (sigma * range / sqrt(1 + n))^2)``.
+
+    The more often an agent ran (n), the surer its profile is (Thompson, 1933).
+    """
+    scores = manhattan(field, options, random)
+    gap = _drawn(field, options, random) - field.scene[..., None, :]
+    drawn = total(filled(field, np.abs(gap)))
+    return Scores(
+        distance=scores.distance,
+        bonus=scores.distance - drawn,
+        score=drawn,
+        contributions=scores.contributions,
+    )
+
+
+def softmax_lines(field: Field, options: Mapping[str, float], random: Chance) -> Lines:
+    """Return ``softmax`` as a function of the scene."""
+    return _less(field, softmax(field, options, random).bonus)
+
+
+def ucb_lines(field: Field, options: Mapping[str, float], random: Chance) -> Lines:
+    """Return ``ucb`` as a function of the scene."""
+    return _less(field, ucb(field, options, random).bonus)
+
+
+def epsilon_greedy_lines(field: Field, options: Mapping[str, float], random: Chance) -> Lines:
+    """Return ``epsilon_greedy`` as a function of the scene, which does not count by chance."""
+    scores = epsilon_greedy(field, options, random)
+    width = field.bids.shape[-1]
+    if np.array_equal(scores.score, scores.distance):
+        return _less(field, np.zeros(field.shape))
+    return Lines(profiles=field.bids, weights=np.zeros(width), offsets=scores.score)
+
+
+def thompson_lines(field: Field, options: Mapping[str, float], random: Chance) -> Lines:
+    """Return ``thompson`` as a function of the scene."""
+    drawn = _drawn(field, options, random)
+    return Lines(
+        profiles=drawn, weights=np.ones(drawn.shape[-1]), offsets=np.zeros(drawn.shape[0])
+    )
+
+
+def _less(field: Field, bonus: Floats) -> Lines:
+    return Lines(profiles=field.bids, weights=np.ones(field.bids.shape[-1]), offsets=-bonus)
+
+
+def _drawn(field: Field, options: Mapping[str, float], random: Chance) -> Floats:
+    noise = random.standard_normal((*field.shape, field.bids.shape[-1]))
+    spread = options["sigma"] * field.widths / np.sqrt(1.0 + field.runs)[..., None]
+    profiles: Floats = field.bids + noise * spread
+    return profiles

@@ -1,0 +1,215 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What strategies are given and give back: arrays, of one round or of many at once."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+Floats = npt.NDArray[np.float64]
+Integers = npt.NDArray[np.int64]
+
+
+class Chance(Protocol):
+    """Where a strategy draws chance from; a ``numpy.random.Generator`` is one."""
+
+    def random(self, size: tuple[int, ...], /) -> Floats:
+        """Return numbers drawn evenly from 0 (included) to 1 (excluded)."""
+        ...
+
+    def standard_normal(self, size: tuple[int, ...], /) -> Floats:
+        """Return numbers drawn from the normal distribution of mean 0 and deviation 1."""
+        ...
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Field:
+    """The bids of a round, or of many rounds along leading axes (written ``...``).
+
+    N is the number of bids and n that of the scene parameters. Leading axes of different
+    attributes broadcast against each other as usual.
+
+    Attributes:
+        scene: Shape [..., n]; NaN where missing; in the units of the parameters.
+        std: Standard deviation of each value of the scene, [..., n]; NaN counts as 0.
+        bids: [..., N, n].
+        weights: How much each parameter counts, [..., N, n] or [n].
+        widths: Maximum minus minimum of each parameter, [n].
+        runs: How often each bidder has run, [..., N].
+        rounds: How many runs there have been in all, [...].
+        idle: How many runs of others there have been since the last own one, [..., N].
+    """
+
+    scene: Floats
+    std: Floats
+    bids: Floats
+    weights: Floats
+    widths: Floats
+    runs: Floats
+    rounds: Floats
+    idle: Floats
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Shape of every score, [..., N]."""
+        return np.broadcast_shapes(
+            self.bids.shape[:-1], (*self.scene.shape[:-1], 1), self.runs.shape
+        )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Scores:
+    """How a strategy measures bids; less is better.
+
+    Attributes:
+        distance: From bid to scene, [..., N].
+        bonus: What exploration takes off the distance, [..., N]; 0 without exploration.
+        score: What is ranked, [..., N].
+        contributions: What each parameter adds to the distance, [..., N, n]; 0 where the value of
+            the scene is missing.
+    """
+
+    distance: Floats
+    bonus: Floats
+    score: Floats
+    contributions: Floats
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Lines:
+    """Scores as a function of the scene x, where ``offset + sum(weight * |profile - x|)`` says it.
+
+    Attributes:
+        profiles: [N, n].
+        weights: [N, n] or [n].
+        offsets: What does not depend on the scene, [N].
+    """
+
+    profiles: Floats
+    weights: Floats
+    offsets: Floats
+
+
+@dataclass(frozen=True, kw_only=True)
+class Option:
+    """A number that can be set about a strategy.
+
+    Attributes:
+        name: As in parameters and on the command line.
+        default: Value unless it is set.
+        minimum: Smallest value allowed.
+        maximum: Largest value allowed.
+        description: What it does, in words, with its unit.
+    """
+
+    name: str
+    default: float
+    minimum: float
+    maximum: float
+    description: str
+
+
+Score = Callable[[Field, Mapping[str, float], Chance], Scores]
+
+
+@dataclass(frozen=True, kw_only=True)
+class StrategySpec:
+    """A strategy as people choose it.
+
+    Attributes:
+        name: As the parameter ``strategy`` takes it.
+        description: What it does, in one sentence.
+        score: Measures all bids; pure: what it gives depends on its arguments alone.
+        options: What can be set about it.
+        draws: True when it draws chance.
+        lines: The same for one round as a function of the scene, where it is made of straight
+            lines; lets the smallest change of a scene be found exactly. None elsewhere.
+    """
+
+    name: str
+    description: str
+    score: Score
+    options: tuple[Option, ...] = ()
+    draws: bool = False
+    lines: Callable[[Field, Mapping[str, float], Chance], Lines] | None = None
+
+    def values(self, given: Mapping[str, float]) -> dict[str, float]:
+        """Return the value of every option: as given, else the default."""
+        return {option.name: given.get(option.name, option.default) for option in self.options}
+
+
+def chance(seed: str) -> np.random.Generator:
+    """Return the source of chance of a round: PCG64, seeded by the SHA-256 of ``seed``."""
+    digest = hashlib.sha256(seed.encode()).digest()
+    return np.random.Generator(np.random.PCG64(int.from_bytes(digest, "big")))
+
+
+class Chances:
+    """Draws for many rounds at once what each would draw alone.
+
+    Args:
+        sources: One for each round along the first axis.
+    """
+
+    def __init__(self, sources: list[np.random.Generator]) -> None:
+        self._sources = sources
+
+    def random(self, size: tuple[int, ...], /) -> Floats:
+        """Return numbers drawn evenly from 0 to 1."""
+        return np.stack([source.random(size[1:]) for source in self._sources])
+
+    def standard_normal(self, size: tuple[int, ...], /) -> Floats:
+        """Return numbers drawn from the standard normal distribution."""
+        return np.stack([source.standard_normal(size[1:]) for source in self._sources])
+
+
+def total(parts: Floats) -> Floats:
+    """Return sums over the last axis, [..., n] to [...], added one by one in order.
+
+    So each sum is bit for bit that of a plain loop; ``np.sum`` adds pairwise, and the last digit
+    decides ties.
+    """
+    added: Any = np.zeros(parts.shape[:-1])
+    for index in range(parts.shape[-1]):
+        added += parts[..., index]
+    return np.asarray(added)
+
+
+def gaps(field: Field) -> Floats:
+    """Return bid minus scene, [..., N, n]; 0 where the value of the scene is missing."""
+    gap: Floats = field.bids - field.scene[..., None, :]
+    return filled(field, gap)
+
+
+def filled(field: Field, parts: Floats) -> Floats:
+    """Set parts [..., N, n] to 0 in place where the value of the scene is missing."""
+    missing = np.isnan(field.scene)
+    if missing.any():
+        np.copyto(parts, 0.0, where=missing[..., None, :])
+    return parts
+
+
+def plain(field: Field, contributions: Floats) -> Scores:
+    """Return the scores of a strategy without exploration, whose distance is the sum of parts."""
+    distance = np.broadcast_to(total(contributions), field.shape)
+    return Scores(
+        distance=distance,
+        bonus=np.zeros(field.shape),
+        score=distance,
+        contributions=contributions,
+    )
+
+
+def explored(scores: Scores, bonus: Floats) -> Scores:
+    """Return the scores with an exploration bonus taken off."""
+    return Scores(
+        distance=scores.distance,
+        bonus=bonus,
+        score=scores.distance - bonus,
+        contributions=scores.contributions,
+    )

@@ -1,0 +1,107 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Strategies that other packages bring, found by their entry points."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterable, Mapping
+from functools import cache
+from importlib.metadata import EntryPoint, entry_points
+
+from bt_agents.errors import BtAgentsError
+from marketplace_node.strategies.catalogue import STRATEGIES, add
+from marketplace_node.strategies.field import Option, StrategySpec
+
+GROUP = "bt_agents.strategies"
+"""Entry point group; the name of an entry point is the strategy's, its object a StrategySpec."""
+
+_NAME = re.compile(r"[a-z][a-z0-9_]{0,63}")
+
+
+class PluginProblem(BtAgentsError):
+    """A package brings a strategy that cannot be one."""
+
+
+@cache
+def add_installed() -> tuple[str, ...]:
+    """Add the strategies of all installed packages to ``STRATEGIES``, once a process.
+
+    Returns:
+        Why the others cannot be used, in words.
+    """
+    specs, problems = read_plugins(entry_points(group=GROUP), STRATEGIES)
+    for spec in specs.values():
+        add(spec)
+    return problems
+
+
+def read_plugins(
+    points: Iterable[EntryPoint], taken: Iterable[str] = ()
+) -> tuple[Mapping[str, StrategySpec], tuple[str, ...]]:
+    """Return the strategies of entry points by name, and why others are none.
+
+    One that is wrong stops no other. What a strategy gives back is checked in every round.
+
+    Args:
+        points: The entry points.
+        taken: Names that are in use already.
+    """
+    found: dict[str, StrategySpec] = {}
+    problems: list[str] = []
+    names = set(taken)
+    for point in sorted(points, key=lambda one: (one.name, one.value)):
+        try:
+            if point.name in names:
+                raise PluginProblem(f"{_whose(point)}: there is a strategy of this name already")
+            found[point.name] = _spec(point)
+            names.add(point.name)
+        except PluginProblem as problem:
+            problems.append(str(problem))
+    return found, tuple(problems)
+
+
+def _spec(point: EntryPoint) -> StrategySpec:
+    whose = _whose(point)
+    if not _NAME.fullmatch(point.name):
+        raise PluginProblem(
+            f"{whose}: '{point.name}' cannot be the name of a strategy; expected small letters, "
+            "digits and '_'"
+        )
+    try:
+        spec = point.load()
+    except Exception as error:
+        raise PluginProblem(
+            f"{whose} cannot be loaded: {type(error).__name__}: {error}"
+        ) from error
+    if not isinstance(spec, StrategySpec):
+        raise PluginProblem(
+            f"{whose} is a {type(spec).__name__}, expected a "
+            "marketplace_node.strategies.StrategySpec"
+        )
+    if spec.name != point.name:
+        raise PluginProblem(f"{whose} calls itself '{spec.name}'; both names must be the same")
+    if not callable(spec.score):
+        raise PluginProblem(f"{whose}: 'score' is no function")
+    if not isinstance(spec.options, tuple) or not all(_is_option(one) for one in spec.options):
+        raise PluginProblem(
+            f"{whose}: 'options' must be a tuple of Option whose default lies between minimum and "
+            "maximum"
+        )
+    if len({option.name for option in spec.options}) < len(spec.options):
+        raise PluginProblem(f"{whose}: two options have the same name")
+    return spec
+
+
+def _is_option(option: object) -> bool:
+    return (
+        isinstance(option, Option)
+        and _NAME.fullmatch(option.name) is not None
+        and all(math.isfinite(v) for v in (option.minimum, option.default, option.maximum))
+        and option.minimum <= option.default <= option.maximum
+    )
+
+
+def _whose(point: EntryPoint) -> str:
+    package = point.dist.name if point.dist is not None else "a package"
+    return f"strategy '{point.name}' of {package} ({point.value})"

@@ -1,0 +1,43 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Numbers and lists as the texts about decisions write them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+
+_NAMES_SHOWN = 4
+
+
+def listed(words: Iterable[str]) -> str:
+    """Return words with commas, the first of many."""
+    all_words = list(words)
+    if len(all_words) <= _NAMES_SHOWN:
+        return ", ".join(all_words)
+    return f"{', '.join(all_words[:_NAMES_SHOWN])} and {len(all_words) - _NAMES_SHOWN} more"
+
+
+def joined(words: Sequence[str]) -> str:
+    """Return words as a sentence lists them: ``a, b and c``."""
+    if len(words) < 2:
+        return "".join(words)
+    return f"{', '.join(words[:-1])} and {words[-1]}"
+
+
+def number(value: float, digits: int = 6) -> str:
+    """Return a number in at most so many digits, with a real minus sign."""
+    return f"{value + 0.0:.{digits}g}".replace("-", "−")
+
+
+def distance(value: float, digits: int = 6) -> str:
+    """Return a number that shows that it is no count: ``2.0``."""
+    text = number(value, digits)
+    return text if set(text) & set(".e") else f"{text}.0"
+
+
+def percent(share: float) -> str:
+    """Return a share of 1 in percent; what is not all and not nothing is never shown so."""
+    if 0.0 < share < 0.01:
+        return "less than 1 %"
+    if 0.99 < share < 1.0:
+        return "more than 99 %"
+    return f"{share * 100.0:.0f} %"

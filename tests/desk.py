@@ -1,0 +1,73 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A ledger with two agents, and somebody who gives orders about what they have learned."""
+
+from __future__ import annotations
+
+import json
+import math
+from typing import Any
+
+from bt_agents.feedback import Kind
+from bt_agents.scene import SceneParameter, SceneSpace
+from feedback_node.cards import AgentEntry, Card
+from feedback_node.ledger import Ledger
+from feedback_node.ledger_rows import LAYER, Cause
+from feedback_node.management import Done, Management, Order
+from feedback_node.profiles import Profiles
+
+SPACE = SceneSpace(
+    parameters=tuple(
+        SceneParameter(name=name, minimum=1.0, maximum=5.0, default=3.0)
+        for name in ("age", "mood")
+    )
+)
+
+
+class Desk:
+    """A ledger with two agents, and somebody who orders."""
+
+    def __init__(self) -> None:
+        self.now = 1_000_000.0
+        self.ledger = Ledger(":memory:", wall=lambda: self.now)
+        self.profiles = Profiles(SPACE, self.ledger)
+        self.documents = 0
+        agents = tuple(
+            AgentEntry(name=name, profile=(3.0, 3.0), revision=0, learning_rate=0.5)
+            for name in ("guide", "express")
+        )
+        card = Card(host="/agents", instance="i", parameters=SPACE.names, agents=agents)
+        self.profiles.introduce(card)
+        self._management = Management(
+            self.profiles, self.ledger, wall=lambda: self.now, new_id=self._new_id
+        )
+
+    def _new_id(self) -> str:
+        self.documents += 1
+        return f"document-{self.documents}"
+
+    def do(self, action: int, **fields: Any) -> Done:
+        return self._management.do(Order(action=action, **fields))
+
+    def told(self, action: int, **fields: Any) -> Any:
+        return json.loads(self.do(action, **fields).document)
+
+    def layer(self, layer: str, agent: str = "guide", age: float = 4.5) -> None:
+        if self.ledger.current(agent, layer) is None:
+            begins = Cause(cause=LAYER)
+            self.ledger.append(agent, {"age": 3.0, "mood": 3.0}, begins, layer=layer)
+        row = self.ledger.append(agent, {"age": age, "mood": 3.0}, Cause(), layer=layer)
+        self.profiles.taken([row])
+
+    def teach(self, feedback_id: str, agent: str = "guide") -> None:
+        self.profiles.apply(
+            agent,
+            Kind.DIRECT,
+            (5.0, math.nan),
+            feedback_id=feedback_id,
+            source="t",
+            reason="",
+            run=None,
+        )
+
+    def profiles_now(self) -> dict[tuple[str, str], tuple[float, ...]]:
+        return {(name, layer): vector for name, layer, _, vector in self.profiles.table()}

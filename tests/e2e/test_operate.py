@@ -1,0 +1,60 @@
+# SPDX-License-Identifier: Apache-2.0
+"""People and a language model have a say in a running system, by the command line."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from model_server import model_server, says, sends
+from programs import Program, children
+
+pytestmark = pytest.mark.e2e
+
+Start = Callable[..., Program]
+Ask = Callable[..., str]
+MRS_SMITH = ("age=4.5", "familiarity=1", "mood=3")
+
+
+def test_a_model_ranks_and_a_veto_outlives_the_market(
+    start: Start, ask: Ask, tmp_path: Path
+) -> None:
+    params = tmp_path / "my.yaml"
+    params.write_text("marketplace: {ros__parameters: {external.limit: 20.0}}\n")
+    with model_server() as server:
+        server.reply = says("professional_express", "silent_text", reason="she looks at her watch")
+        up = start(
+            *("up", "--no-voice", "--params", str(params)),
+            *("--selector", server.url, "--model", "small"),
+        )
+        up.until("ready")
+        assert "round 1: professional_express" in ask("trigger", *MRS_SMITH)
+        assert "she looks at her watch" in ask("why")
+        told = json.loads(server.questions[0]["messages"][1]["content"])
+        assert "attentive_guide" in [one["name"] for one in told["characters"]]
+        assert all(one["description"] for one in told["characters"])
+
+        assert "told to stop" in ask("veto", "professional_express", "--reason", "too quick")
+        [market] = [
+            pid
+            for pid in children(up.process.pid)
+            if "marketplace_node.node" in Path(f"/proc/{pid}/cmdline").read_text().split("\0")
+        ]
+        os.kill(market, signal.SIGKILL)
+        up.until("marketplace is back")
+        assert "vetoed: professional_express may not bid" in ask("status")
+
+        server.reply = sends(b"no", 503)
+        preview = ask("preview", *MRS_SMITH)
+        assert "attentive_guide would win" in preview
+        assert "503" in preview
+        assert "the operator vetoes professional_express: too quick" in preview
+    assert "> ranks: ucb" in ask("strategy", "ucb", "c=0.5")
+    assert "no strategy 'ucbb'; did you mean 'ucb'?" in ask("strategy", "ucbb", code=1)
+    assert up.stop()[0] == 0, up.output
+    assert "Traceback" not in up.output

@@ -1,0 +1,372 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The ledger's file is killed, cut, flipped and filled up, and never says anything wrong."""
+
+from __future__ import annotations
+
+import json
+import os
+import random
+import shutil
+import signal
+import sqlite3
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from feedback_node.ledger import Entry, Ledger
+from feedback_node.ledger_file import LedgerError
+from feedback_node.ledger_rows import LAYER, Cause
+
+pytestmark = pytest.mark.e2e
+
+KILLS = 120
+FLIPS = 500
+PARTS = ("", "-wal", "-shm", "-head")
+NAMED = {"LEDGER_CORRUPT", "LEDGER_CUT_OFF", "LEDGER_FOREIGN", "LEDGER_NEWER", "LEDGER_UNREADABLE"}
+
+# Forks a writer for each line that it reads, so that none of them has to start Python.
+WRITER = """
+import json, os, random, sys
+from feedback_node.ledger import Entry, Ledger
+from feedback_node.ledger_rows import LAYER, Cause
+
+def say(*words):
+    os.write(1, (json.dumps(words) + "\\n").encode())
+
+def write(path, seed):
+    chance = random.Random(seed)
+    ledger = Ledger(path)
+    ledger.enter({"guide": {"age": 0.0}, "express": {"age": 0.0}})
+    for number in range(100_000):
+        agent, what = chance.choice(["guide", "express"]), chance.random()
+        layer = f"person/p{chance.randrange(4)}" if what < 0.3 else ""
+        if what > 0.97:
+            layers = [row.layer for row in ledger.layers(agent)]
+            if layers:
+                say("forgetting", agent, layers[0])
+                ledger.forget([(agent, layers[0])])
+                say("forgotten", agent, layers[0])
+            continue
+        if what > 0.9:
+            ledger.tidy()
+            continue
+        age, one = chance.random(), f"{seed}/{number}"
+        entries = []
+        causes = [(age, Cause(feedback_id=one))]
+        if layer and ledger.current(agent, layer) is None:
+            causes.insert(0, (0.0, Cause(cause=LAYER)))
+        for value, cause in causes:
+            profile = {"age": value}
+            entries.append(Entry(agent=agent, layer=layer, profile=profile, cause=cause))
+        say("recording", one)
+        row = ledger.record(entries)[-1]
+        say("recorded", one, agent, layer, row.revision, age)
+
+for line in sys.stdin:
+    path, seed = json.loads(line)
+    child = os.fork()
+    if child == 0:
+        try:
+            write(path, seed)
+        except BaseException as error:
+            say("failed", repr(error))
+        os._exit(0)
+    say("started", child)
+    os.waitpid(child, 0)
+    say("ended")
+"""
+
+
+class Writers:
+    """Starts writers of a ledger one after the other, and kills them."""
+
+    def __init__(self) -> None:
+        self._process = subprocess.Popen(
+            [sys.executable, "-c", WRITER],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            text=True,
+        )
+
+    def run(self, path: Path, seed: int, acknowledged: int, more_s: float) -> list[list[Any]]:
+        """Let a writer live for so many acknowledgements; return what it has said."""
+        assert self._process.stdin is not None
+        self._process.stdin.write(json.dumps([str(path), seed]) + "\n")
+        self._process.stdin.flush()
+        started, pid = self._hear()
+        assert started == "started"
+        heard: list[list[Any]] = []
+        while sum(words[0] == "recorded" for words in heard) < acknowledged:
+            heard.append(self._hear())
+            assert heard[-1][0] not in ("failed", "ended"), heard[-1]
+        time.sleep(more_s)
+        os.kill(pid, signal.SIGKILL)
+        while (words := self._hear()) != ["ended"]:
+            heard.append(words)
+        return heard
+
+    def _hear(self) -> list[Any]:
+        assert self._process.stdout is not None
+        heard: list[Any] = json.loads(self._process.stdout.readline())
+        return heard
+
+    def close(self) -> None:
+        self._process.kill()
+        self._process.communicate()
+
+
+@pytest.fixture
+def writers() -> Iterator[Writers]:
+    made = Writers()
+    try:
+        yield made
+    finally:
+        made.close()
+
+
+def test_120_kills_lose_no_acknowledged_revision_and_record_none_twice(tmp_path, writers):
+    path = tmp_path / "ledger.sqlite"
+    chance = random.Random(17)
+    expected: dict[str, tuple[str, str, int, float]] = {}
+    forgotten: set[str] = set()
+    acknowledged = kills_in_the_middle = 0
+    for seed in range(KILLS):
+        heard = writers.run(path, seed, chance.randrange(10), chance.uniform(0.0, 0.02))
+        under_way: list[Any] = []
+        for what, *words in heard:
+            assert what != "failed", words
+            if what == "recorded":
+                one, agent, layer, revision, age = words
+                expected[one] = (agent, layer, revision, age)
+                acknowledged += 1
+            elif what == "forgotten":
+                gone = [i for i, row in expected.items() if list(row[:2]) == words]
+                forgotten.update(gone)
+                for one in gone:
+                    del expected[one]
+            under_way = [what, *words] if what in ("recording", "forgetting") else []
+        kills_in_the_middle += bool(under_way)
+        with Ledger(path) as ledger:
+            if under_way[:1] == ["forgetting"] and not ledger.current(*under_way[1:]):
+                gone = [i for i, row in expected.items() if list(row[:2]) == under_way[1:]]
+                forgotten.update(gone)
+                for one in gone:
+                    del expected[one]
+            found = {
+                row.cause.feedback_id: (row.agent, row.layer, row.revision, row.profile["age"])
+                for agent in ledger.agents()
+                for layer in ["", *(row.layer for row in ledger.layers(agent))]
+                for row in ledger.history(agent, layer)
+                if row.cause.feedback_id is not None
+            }
+            extra = found.keys() - expected.keys()
+            assert len(extra) <= (under_way[:1] == ["recording"])
+            assert {one: found[one] for one in expected} == expected
+            expected = dict(found)
+            if forgotten:
+                one = chance.choice(sorted(forgotten))
+                before = ledger.history("guide")
+                assert not ledger.append("guide", {"age": 1.0}, Cause(feedback_id=one)).profile
+                assert ledger.history("guide") == before
+    assert acknowledged > KILLS
+    assert kills_in_the_middle > KILLS // 10
+
+
+class Files:
+    """A ledger as a crash has left it: much in its log, nothing tidied."""
+
+    def __init__(self, folder: Path, *, in_log: bool) -> None:
+        self.folder = folder
+        self.path = folder / "ledger.sqlite"
+        with Ledger(self.path) as ledger:
+            self._teach(ledger, 0, 30)
+            ledger.forget([("guide", "person/bob")])
+            ledger.tidy()
+            if in_log:
+                self._teach(ledger, 30, 45)
+            self.parts = {part: self._part(part).read_bytes() for part in PARTS}
+            self.rows = self.told(ledger)
+        if not in_log:
+            self.parts = {
+                part: self._part(part).read_bytes() if self._part(part).exists() else b""
+                for part in PARTS
+            }
+
+    @staticmethod
+    def _teach(ledger: Ledger, first: int, last: int) -> None:
+        ledger.enter({"guide": {"age": 0.0, "mood": 1.0}})
+        for number in range(first, last):
+            layer = ("", "person/anna", "person/bob")[number % 3]
+            entries = [
+                Entry(
+                    agent="guide",
+                    layer=layer,
+                    profile={"age": number / 7, "mood": 1.0},
+                    cause=Cause(feedback_id=f"f{number}", reason="because" * 20),
+                )
+            ]
+            if layer and ledger.current("guide", layer) is None:
+                begins = Cause(cause=LAYER)
+                entries.insert(
+                    0, Entry(agent="guide", layer=layer, profile={"age": 0.0}, cause=begins)
+                )
+            ledger.record(entries)
+
+    @staticmethod
+    def told(ledger: Ledger) -> list[Any]:
+        """Return all that a ledger answers."""
+        layers = ["", "person/anna", "person/bob"]
+        return [
+            *(ledger.history("guide", layer) for layer in layers),
+            *(ledger.current("guide", layer) for layer in layers),
+            *(ledger.found(f"f{number}") for number in range(45)),
+        ]
+
+    def _part(self, part: str) -> Path:
+        return self.path.with_name(self.path.name + part)
+
+    def lay(self, **changed: bytes) -> None:
+        """Put the files back as they were, but for some of them."""
+        for part in PARTS:
+            content = changed.get(part.replace("-", "_"), self.parts[part])
+            file = self._part(part)
+            if content or part == "":
+                file.write_bytes(content)
+            elif file.exists():
+                file.unlink()
+
+    def judge(self) -> str:
+        """Open the ledger; return the code of its error, or "" when it says what was written."""
+        before = {
+            part: self._part(part).read_bytes()
+            for part in ("", "-wal", "-head")
+            if self._part(part).exists()
+        }
+        code = ""
+        try:
+            with Ledger(self.path) as ledger:
+                assert self.told(ledger) == self.rows
+                ledger.append("guide", {"age": 2.0, "mood": 2.0}, Cause(feedback_id="new"))
+        except LedgerError as error:
+            code = error.code
+        if code:
+            after = {part: self._part(part).read_bytes() for part in before}
+            assert (code in NAMED, after == before) == (True, True)
+        return code
+
+
+def test_a_log_that_is_cut_off_anywhere_is_noticed_and_nothing_is_used(tmp_path):
+    files = Files(tmp_path, in_log=True)
+    log = files.parts["-wal"]
+    page = 4096
+    frames = [32 + number * (24 + page) for number in range((len(log) - 32) // (24 + page) + 1)]
+    assert len(frames) > 30
+    assert frames[-1] == len(log)
+    codes = []
+    for cut in [0, 16, *(one for frame in frames for one in (frame, frame + 24 + page // 2))]:
+        files.lay(_wal=log[:cut])
+        codes.append(files.judge())
+    # Behind the last commit the log may hold old frames, which nobody needs.
+    needed = codes.index("")
+    assert set(codes[:needed]) == {"LEDGER_CUT_OFF"}
+    assert set(codes[needed:]) == {""}
+
+
+@pytest.mark.parametrize("in_log", [True, False], ids=["with_a_log", "tidied"])
+def test_250_flipped_bits_each_are_harmless_or_named(tmp_path, in_log):
+    files = Files(tmp_path, in_log=in_log)
+    chance = random.Random(5)
+    sizes = {part: len(content) for part, content in files.parts.items() if content}
+    codes: dict[str, list[str]] = {part: [] for part in sizes}
+    for _ in range(FLIPS // 2):
+        part = chance.choices(list(sizes), [sizes[p] if p != "-head" else 3000 for p in sizes])[0]
+        content = bytearray(files.parts[part])
+        # A third of them where most means something: at the beginning.
+        where = chance.randrange(
+            len(content) if chance.random() < 0.66 else min(600, len(content))
+        )
+        content[where] ^= 1 << chance.randrange(8)
+        files.lay(**{part.replace("-", "_"): bytes(content)})
+        codes[part].append(files.judge())
+    assert set(codes[""]) > {""}
+    if in_log:
+        assert "LEDGER_CUT_OFF" in codes["-wal"]
+        assert set(codes["-shm"]) == {""}
+
+
+@pytest.mark.parametrize("lost", PARTS)
+def test_a_file_that_is_lost_is_noticed_when_it_is_needed(tmp_path, lost):
+    files = Files(tmp_path, in_log=True)
+    files.lay()
+    files._part(lost).unlink()
+    assert files.judge() == ("" if lost == "-shm" else "LEDGER_CUT_OFF")
+
+
+def test_an_older_copy_of_the_ledger_is_noticed(tmp_path):
+    files = Files(tmp_path / "old", in_log=False)
+    shutil.copy(files.path, tmp_path / "copy")
+    with Ledger(files.path) as ledger:
+        ledger.append("guide", {"age": 3.0, "mood": 3.0}, Cause(feedback_id="later"))
+    shutil.copy(tmp_path / "copy", files.path)
+    with pytest.raises(LedgerError, match=r"LEDGER_CUT_OFF.*revisions were acknowledged"):
+        Ledger(files.path)
+
+
+def test_a_disk_that_is_full_refuses_and_a_disk_with_room_goes_on(tmp_path):
+    with Ledger(tmp_path / "ledger.sqlite") as ledger:
+        ledger.enter({"guide": {"age": 0.0}})
+        pages = ledger._database.execute("PRAGMA page_count").fetchone()[0]
+        ledger._database.execute(f"PRAGMA max_page_count = {pages}")
+        taken = 0
+
+        def give() -> Any:
+            cause = Cause(feedback_id=f"f{taken}", reason="long" * 100)
+            return ledger.append("guide", {"age": float(taken)}, cause)
+
+        with suppress(LedgerError):
+            while taken < 1000:
+                give()
+                taken += 1
+        with pytest.raises(LedgerError) as error:
+            give()
+        assert error.value.code == "STORAGE_FULL"
+        assert "make room" in error.value.reason
+        assert len(ledger.history("guide")) == taken + 1
+        ledger._database.execute("PRAGMA max_page_count = 1000000")
+        row = ledger.append("guide", {"age": 1.0}, Cause(feedback_id=f"f{taken}"))
+        assert row.revision == taken + 1
+    with Ledger(tmp_path / "ledger.sqlite") as again:
+        assert len(again.history("guide")) == taken + 2
+
+
+def test_a_page_of_another_time_is_noticed(tmp_path):
+    files = Files(tmp_path, in_log=False)
+    with Ledger(files.path) as ledger:
+        Files._teach(ledger, 60, 90)
+    new = bytearray(files.path.read_bytes())
+    old = files.parts[""]
+    differing = [
+        at for at in range(4096, len(old), 4096) if old[at : at + 4096] != new[at : at + 4096]
+    ]
+    assert differing
+    for at in differing:
+        mixed = bytearray(new)
+        mixed[at : at + 4096] = old[at : at + 4096]
+        files.path.write_bytes(mixed)
+        with pytest.raises(LedgerError) as error:
+            Ledger(files.path)
+        assert error.value.code == "LEDGER_CORRUPT"
+
+
+def test_a_checked_ledger_can_be_read_by_anybody(tmp_path):
+    files = Files(tmp_path, in_log=True)
+    files.lay()
+    reader = sqlite3.connect(f"file:{files.path}?mode=ro", uri=True)
+    assert reader.execute("SELECT count(*) FROM revision").fetchone()[0] > 45
+    reader.close()

@@ -1,0 +1,35 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What strategies are given, made by hand."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from marketplace_node.strategies import STRATEGIES, Chance, Field, Scores, chance
+
+WIDTH = 4.0
+
+
+def field(scene: Any, bids: Any, **changes: Any) -> Field:
+    """Return bids for a scene; nobody has run, all is certain and counts alike but for changes."""
+    scenes, vectors = np.array(scene, dtype=float), np.array(bids, dtype=float)
+    count = vectors.shape[-1]
+    values: dict[str, Any] = {
+        "scene": scenes,
+        "std": np.zeros_like(scenes),
+        "bids": vectors,
+        "weights": np.ones(count),
+        "widths": np.full(count, WIDTH),
+        "runs": np.zeros(vectors.shape[:-1]),
+        "rounds": np.zeros(scenes.shape[:-1]),
+        "idle": np.zeros(vectors.shape[:-1]),
+    }
+    return Field(**(values | {name: np.array(v, dtype=float) for name, v in changes.items()}))
+
+
+def scored(name: str, of: Field, random: Chance | None = None, **options: float) -> Scores:
+    """Return the scores of a strategy, with the defaults of what is not named."""
+    spec = STRATEGIES[name]
+    return spec.score(of, spec.values(options), random or chance("seed"))

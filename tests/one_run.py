@@ -1,0 +1,158 @@
+# SPDX-License-Identifier: Apache-2.0
+"""One run of a simulated world, played with what the nodes decide by: the slow and sure way."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from bt_agents.feedback import MOOD_RULE, Kind
+from bt_agents.rules import Rule, Watch, read_rule
+from bt_agents.scene import Origin, Scene, SceneSpace, SceneValue, Vector
+from bt_agents_lab.experiments.luck import Luck, seed_of
+from bt_agents_lab.experiments.world import Arm, Person, World
+from feedback_node import learning
+from feedback_node.learning import Evidence
+from marketplace_node.decision import AcceptedBid, Terms
+from marketplace_node.ranking import decide
+
+
+@dataclass
+class Lived:
+    """What one run came to, round by round."""
+
+    awarded: list[int] = field(default_factory=list)
+    cancelled: list[int] = field(default_factory=list)
+    profiles: list[tuple[Vector, ...]] = field(default_factory=list)
+
+
+def live(world: World, arm: Arm, luck: Luck, row: int, wrong_share: float) -> Lived:
+    """Play one of the runs of ``luck``."""
+    space = world.space
+    profiles: dict[str, Vector] = dict(
+        zip(world.agents, (tuple(start) for start in world.starts.tolist()), strict=True)
+    )
+    authored = dict(profiles)
+    recent: dict[str, list[Vector]] = {agent: [] for agent in world.agents}
+    changes = dict.fromkeys(world.agents, 0)
+    runs: dict[str, int] = {}
+    last_run: dict[str, int] = {}
+    lived = Lived()
+
+    def learn(agent: str, kind: Kind, target: Vector, weight: float) -> None:
+        step = learning.step(
+            kind,
+            profiles[agent],
+            target,
+            rate=float(world.rates[world.agents.index(agent)]),
+            space=space,
+            rule=arm.rule,
+            weight=weight,
+            evidence=Evidence(
+                recent=tuple(recent[agent][-arm.rule.window :]),
+                changes=changes[agent],
+                authored=authored[agent],
+            ),
+        )
+        recent[agent].append(learning.asked(kind, profiles[agent], target))
+        changes[agent] += 1
+        profiles[agent] = step.after
+
+    for index in range(luck.scene.shape[1]):
+        place = int(luck.scene[row, index])
+        vector = tuple(world.scenes[place].tolist())
+        tried: dict[str, str] = {}
+        cancelled = 0
+        for attempt in range(world.attempts):
+            bidders = [agent for agent in world.agents if agent not in tried]
+            terms = Terms(
+                epoch="",
+                round=index + 1,
+                follows=0,
+                scene=seen(vector, space),
+                strategy=arm.strategy,
+                tie_break=arm.tie_break,
+                last_run=dict(last_run),
+                runs=dict(runs),
+                rounds_run=sum(runs.values()),
+                options=arm.options,
+                seed=seed_of(luck.seeds[row], index, attempt),
+            )
+            bids = [
+                AcceptedBid(
+                    agent=agent, agent_id=1, host="/h", instance="i", vector=profiles[agent]
+                )
+                for agent in bidders
+            ]
+            winner = decide(space, terms, bids).bids[0].agent
+            chosen = world.agents.index(winner)
+            if attempt == 0:
+                lived.awarded.append(chosen)
+            runs[winner] = runs.get(winner, 0) + 1
+            last_run[winner] = sum(runs.values())
+            tried[winner] = "was stopped"
+            wrong = luck.doubt[row, index, attempt] < wrong_share
+            if world.person is None:
+                told = luck.said[row, index] if wrong else world.best[chosen]
+                learn(winner, Kind.DIRECT, tuple(told.tolist()), 1.0)
+                break
+            fit = 1.0 - float(world.misfit[place, chosen]) / world.person.tolerance
+            fit = min(max(fit, -1.0), 1.0)
+            if wrong:
+                fit = float(luck.whim[row, index, attempt])
+            noise = [float(value) for value in luck.mood[row, index, attempt]]
+            fired, mood = react(world.person, space, vector, fit, noise)
+            for kind in fired:
+                learn(winner, kind, vector, arm.rule.weight(MOOD_RULE))
+            if Kind.NEGATIVE not in fired:
+                break
+            cancelled += 1
+            assert space.mood is not None
+            at = space.names.index(space.mood)
+            vector = (*vector[:at], mood, *vector[at + 1 :])
+        lived.cancelled.append(cancelled)
+        lived.profiles.append(tuple(profiles[agent] for agent in world.agents))
+    return lived
+
+
+def react(
+    person: Person, space: SceneSpace, vector: Vector, fit: float, noise: list[float]
+) -> tuple[list[Kind], float]:
+    """Let the mood rules watch a person; return what they give and the last mood seen."""
+    now = 0.0
+    watch = Watch(rules(person, space), seen(vector, space), space, lambda: now)
+    assert space.mood is not None
+    at = space.names.index(space.mood)
+    limits = space.parameters[at]
+    mood, given = vector[at], []
+    for other in noise:
+        now += 1.0
+        change = person.drift * fit + other * person.noise
+        mood = min(max(mood + change, limits.minimum), limits.maximum)
+        fired = watch.see(seen((*vector[:at], mood, *vector[at + 1 :]), space))
+        given += [one.rule.kind for one in fired]
+        stops = [one for one in fired if one.rule.cancel]
+        if stops:
+            return given, stops[0].live.vector[at]
+    return given, mood
+
+
+def rules(person: Person, space: SceneSpace) -> list[Rule]:
+    """Return the mood rules of every agent."""
+    better, worse = f"mood.change >= {person.better}", f"mood.change <= -{person.worse}"
+    return [
+        read_rule(better, person.hold_s, Kind.POSITIVE, False, space),
+        read_rule(worse, person.hold_s, Kind.NEGATIVE, True, space),
+    ]
+
+
+def seen(vector: Vector, space: SceneSpace) -> Scene:
+    """Return a scene of which everything is known."""
+    return Scene(
+        scene_id="s",
+        label="",
+        person=True,
+        values=tuple(
+            SceneValue(name=name, value=value, origin=Origin.GIVEN)
+            for name, value in zip(space.names, vector, strict=True)
+        ),
+    )

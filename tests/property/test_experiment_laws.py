@@ -1,0 +1,116 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Laws of simulated runs: closed form, reactions as the mood rules see them, intervals, errors."""
+
+from __future__ import annotations
+
+import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from bt_agents.experiment import closed_form
+from bt_agents.feedback import Kind
+from bt_agents.scene import SceneParameter, SceneSpace
+from bt_agents.simulated import Errors, SimulatedFeedback
+from bt_agents_lab.experiments.luck import Luck, draw
+from bt_agents_lab.experiments.measures import wilson
+from bt_agents_lab.experiments.simulation import simulate
+from bt_agents_lab.experiments.world import Arm, Person, World
+from one_run import react
+
+SPACE = SceneSpace(
+    parameters=tuple(
+        SceneParameter(name=name, minimum=1, maximum=5, default=3) for name in ("age", "mood")
+    ),
+    mood="mood",
+)
+VALUES = st.floats(1.0, 5.0)
+VECTORS = st.tuples(VALUES, VALUES)
+SHORT = settings(max_examples=60, deadline=None)
+
+
+def world(start, best, rate: float, person: Person | None = None) -> World:
+    """One agent, and one scene."""
+    return World(
+        space=SPACE,
+        agents=("one",),
+        starts=np.array([start]),
+        best=np.array([best]),
+        scenes=np.array([[3.0, 3.0]]),
+        rates=np.array([rate]),
+        person=person,
+    )
+
+
+@SHORT
+@given(start=VECTORS, best=VECTORS, rate=st.floats(0.0, 1.0), cycles=st.integers(1, 40))
+def test_a_profile_under_equal_feedback_follows_the_closed_form(start, best, rate, cycles):
+    one = world(start, best, rate)
+    course = simulate(one, Arm(), draw(one, [0], cycles))
+    expected = closed_form(start, best, rate, cycles)
+    assert np.allclose(course.profiles[0, -1, 0], expected, rtol=0, atol=1e-12)
+
+
+@SHORT
+@given(
+    noise=st.lists(st.floats(-3.0, 3.0, width=32), min_size=1, max_size=12),
+    whim=st.floats(-1.0, 1.0),
+    hold=st.integers(0, 4),
+    better=st.floats(0.1, 1.5),
+    worse=st.floats(0.1, 1.5),
+)
+def test_a_person_is_praised_and_blamed_for_as_the_mood_rules_do(noise, whim, hold, better, worse):
+    person = Person(
+        seconds=len(noise), noise=0.5, drift=0.4, better=better, worse=worse, hold_s=hold
+    )
+    one = world((2.0, 2.0), (3.0, 3.0), 0.5, person)
+    drawn = draw(one, [0], 1)
+    luck = Luck(
+        seeds=drawn.seeds,
+        scene=drawn.scene,
+        doubt=np.zeros((1, 1, 1)),
+        said=drawn.said,
+        whim=np.full((1, 1, 1), whim),
+        mood=np.array(noise, dtype=np.float32).reshape(1, 1, 1, -1),
+        ties=drawn.ties,
+    )
+    course = simulate(one, Arm(), luck, wrong_share=1.0)
+    fired, _ = react(person, SPACE, (3.0, 3.0), whim, [float(value) for value in noise])
+    assert course.cancelled[0, 0] == (Kind.NEGATIVE in fired)
+    # A mood rule counts half, so that the step is a quarter of the way to the scene or from it.
+    profile = 2.0
+    for kind in fired:
+        profile += 0.25 * (3.0 - profile) * (1.0 if kind is Kind.POSITIVE else -1.0)
+    expected = min(max(profile, 1.0), 5.0)
+    assert np.allclose(course.profiles[0, 0, 0], expected, rtol=0, atol=1e-12)
+
+
+@given(runs=st.integers(1, 5000), part=st.floats(0.0, 1.0))
+def test_an_interval_holds_its_share_and_gets_narrower_with_more_runs(runs, part):
+    hits = round(part * runs)
+    found, more = wilson(hits, runs), wilson(4 * hits, 4 * runs)
+    assert 0.0 <= found.low <= found.share <= found.high <= 1.0
+    assert more.high - more.low < found.high - found.low
+    turned = wilson(runs - hits, runs)
+    assert np.isclose(turned.low, 1.0 - found.high)
+
+
+@given(
+    seed=st.integers(0, 2**31),
+    given_before=st.integers(0, 30),
+    every=st.integers(0, 4),
+    share=st.floats(0.0, 1.0),
+)
+def test_wrong_feedback_depends_on_its_number_alone(seed, given_before, every, share):
+    errors = Errors(space=SPACE, seed=seed, every=every, share=share)
+
+    def feedback() -> SimulatedFeedback:
+        return SimulatedFeedback(each={"one": (5.0, 5.0)}, errors=errors)
+
+    whole, rest = feedback(), feedback()
+    said = [whole.next("one") for _ in range(given_before + 10)]
+    rest.resume({"one": given_before})
+    assert [rest.next("one") for _ in range(10)] == said[given_before:]
+    assert all(1.0 <= value <= 5.0 for vector in said if vector for value in vector)
+    if every:
+        wrong = [errors.instead(index) is not None for index in range(12)]
+        assert wrong == [(index + 1) % every == 0 for index in range(12)]

@@ -1,0 +1,103 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Laws of fused and smoothed readings."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from scene_layer.fusion import Reading, fused, smoothed
+
+VALUES = st.floats(-1e6, 1e6)
+STDS = st.just(0.0) | st.floats(1e-9, 1e9)
+CONFIDENCES = st.floats(1e-6, 1.0)
+READINGS = st.builds(
+    Reading,
+    value=VALUES,
+    at=st.floats(0.0, 1e6),
+    stale_at=st.floats(0.0, 1e6),
+    std=STDS,
+    confidence=CONFIDENCES,
+    source=st.sampled_from(["", "camera", "audio", "floor"]),
+)
+MANY = st.lists(READINGS, min_size=1, max_size=6)
+
+
+@given(MANY)
+def test_a_fused_value_lies_between_its_inputs(readings):
+    values = [reading.value for reading in readings]
+    assert min(values) <= fused(readings).value <= max(values)
+
+
+@given(MANY, READINGS)
+def test_another_reading_never_makes_the_result_less_sure(readings, more):
+    before, after = fused(readings), fused([*readings, more])
+    assert after.confidence >= before.confidence
+    if before.std > 0.0:
+        assert 0.0 < after.std <= before.std * (1.0 + 1e-12)
+
+
+@given(READINGS, st.integers(1, 6))
+def test_equal_readings_fuse_to_their_value(reading, count):
+    result = fused([reading] * count)
+    assert result.value == reading.value
+    expected = reading.std / math.sqrt(count * reading.confidence)
+    assert result.std == pytest.approx(expected, rel=1e-12)
+
+
+@given(READINGS)
+def test_one_reading_that_is_sure_stays_as_it_is(reading):
+    sure = replace(reading, confidence=1.0)
+    assert fused([sure]) == sure
+
+
+@given(st.data(), MANY)
+def test_the_order_of_readings_does_not_matter(data, readings):
+    assert fused(data.draw(st.permutations(readings))) == fused(readings)
+
+
+@given(VALUES, VALUES, st.floats(1e-3, 1e3), st.floats(1e-3, 1e3))
+def test_two_certain_readings_fuse_by_inverse_variance(a, b, s, t):
+    result = fused([Reading(value=a, at=0.0, std=s), Reading(value=b, at=0.0, std=t)])
+    p, q = 1.0 / s**2, 1.0 / t**2
+    assert result.value == pytest.approx((p * a + q * b) / (p + q), rel=1e-9, abs=1e-3)
+    assert result.std == pytest.approx(1.0 / math.sqrt(p + q), rel=1e-9)
+
+
+@given(VALUES, VALUES, CONFIDENCES, CONFIDENCES)
+def test_without_deviations_the_confidences_are_the_weights(a, b, c, d):
+    result = fused(
+        [Reading(value=a, at=0.0, confidence=c), Reading(value=b, at=0.0, confidence=d)]
+    )
+    assert result.value == pytest.approx((c * a + d * b) / (c + d), rel=1e-9, abs=1e-3)
+    assert (result.std, result.confidence) == (0.0, max(c, d))
+
+
+@given(READINGS, READINGS, st.floats(0.0, 100.0))
+def test_a_smoothed_reading_lies_between_the_one_before_and_the_new_one(before, new, seconds):
+    result = smoothed(before, new, seconds)
+    for name in ("value", "std", "confidence"):
+        low, high = sorted((getattr(before, name), getattr(new, name)))
+        assert low <= getattr(result, name) <= high
+    assert (result.at, result.stale_at) == (new.at, new.stale_at)
+
+
+@given(VALUES, VALUES, CONFIDENCES, st.floats(0.1, 10.0), st.integers(1, 20))
+def test_smoothing_converges_by_the_same_share_in_the_same_time(start, end, sure, tau, steps):
+    """In however many steps the time is cut, what is left is exp(−c·t/τ) of the difference."""
+    now = Reading(value=start, at=0.0)
+    for number in range(1, steps + 1):
+        at = tau * number / steps
+        now = smoothed(now, Reading(value=end, at=at, confidence=sure), tau)
+    left = (start - end) * math.exp(-sure)
+    assert now.value - end == pytest.approx(left, rel=1e-9, abs=1e-6)
+
+
+@given(READINGS, READINGS)
+def test_without_a_time_constant_or_after_staleness_nothing_is_smoothed(before, new):
+    assert smoothed(before, new, 0.0) == new
+    assert smoothed(replace(before, stale_at=new.at - 1.0), new, 5.0) == new

@@ -1,0 +1,157 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Laws of the addressee and of what is remembered, over random crowds and readings."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from hypothesis import given
+from hypothesis import strategies as st
+
+from bt_agents.language.scene_specs import (
+    AddresseeRule,
+    AddresseeSpec,
+    PersonsSpec,
+    TrackedSpec,
+)
+from bt_agents.language.specs import Position
+from bt_agents.scene import SceneParameter, SceneSpace
+from scene_layer.memory import Memory, Running, ignorance
+from scene_layer.memory_file import from_text, to_text
+from scene_layer.persons import NOBODY, Persons
+
+HOLD_S = 1.0
+IDS = ("a", "b", "c")
+AGE = SceneParameter(name="age", minimum=1.0, maximum=5.0, default=3.0)
+SPACE = SceneSpace(parameters=(AGE,))
+
+
+@dataclass(frozen=True)
+class Moment:
+    """What a tracker says after some time, and how people rank then."""
+
+    after_s: float
+    listed: tuple[str, ...] | None
+    ranks: tuple[tuple[str, float], ...]
+
+
+numbers = st.floats(0.0, 1.0) | st.just(math.nan)
+moments = st.builds(
+    Moment,
+    st.floats(0.01, 0.7),
+    st.none() | st.lists(st.sampled_from(IDS), unique=True).map(tuple),
+    st.dictionaries(st.sampled_from(IDS), numbers).map(lambda d: tuple(d.items())),
+)
+crowds = st.lists(moments, max_size=60)
+rules = st.sampled_from(AddresseeRule)
+
+
+def spec(rule: AddresseeRule) -> PersonsSpec:
+    return PersonsSpec(
+        tracked=TrackedSpec(
+            topic="t",
+            type="bt_agents_interfaces/msg/PersonIds",
+            field="ids",
+            stale_after_s=1.0,
+            lost_after_s=0.3,
+            position=Position(file="scene.yaml", line=1, column=1),
+        ),
+        addressee=AddresseeSpec(rule=rule, better_by=0.1, hold_s=HOLD_S),
+    )
+
+
+def play(rule: AddresseeRule, crowd: list[Moment]) -> list[tuple[float, str, tuple[str, ...]]]:
+    """Return time, addressee and tracked persons after each moment."""
+    persons, now, told = Persons(spec(rule)), 0.0, []
+    for moment in crowd:
+        now += moment.after_s
+        if moment.listed is not None:
+            persons.listed(moment.listed, now)
+        persons.look(dict(moment.ranks), now)
+        told.append((now, persons.addressee, persons.tracked))
+    return told
+
+
+@given(rules, crowds)
+def test_the_addressee_is_somebody_tracked_or_nobody(rule, crowd):
+    for _, addressee, tracked in play(rule, crowd):
+        assert addressee in (NOBODY, *tracked)
+
+
+@given(rules, crowds)
+def test_two_persons_are_never_chosen_closer_than_the_hold_time(rule, crowd):
+    chosen_at, last, before = -math.inf, NOBODY, NOBODY
+    for now, addressee, _ in play(rule, crowd):
+        if addressee not in (NOBODY, before):
+            assert addressee == last or now - chosen_at >= HOLD_S - 1e-9
+            chosen_at, last = now, addressee
+        before = addressee
+
+
+@given(rules, crowds)
+def test_nobody_is_left_who_is_tracked_and_whom_nobody_has_been_better_than(rule, crowd):
+    before = NOBODY
+    even = [Moment(m.after_s, m.listed, tuple((p, 0.5) for p in IDS)) for m in crowd]
+    for _, addressee, tracked in play(rule, even):
+        assert addressee == before or before not in tracked
+        before = addressee
+
+
+@given(rules, crowds)
+def test_the_same_history_chooses_the_same(rule, crowd):
+    assert play(rule, crowd) == play(rule, crowd)
+
+
+values = st.floats(1.0, 5.0)
+samples = st.lists(st.tuples(values, st.floats(0.0, 2.0), st.floats(0.01, 1.0)), min_size=1)
+
+
+@given(samples)
+def test_an_estimate_lies_between_what_was_measured(measured):
+    running = Running()
+    for number, (value, std, weight) in enumerate(measured):
+        running = running.after(value, std, weight, float(number))
+    low, high = min(v for v, _, _ in measured), max(v for v, _, _ in measured)
+    assert low - 1e-9 <= running.mean <= high + 1e-9
+    assert running.scatter >= 0.0
+
+
+@given(samples, st.floats(0.0, 1e6), st.floats(0.0, 1e6))
+def test_the_uncertainty_of_an_estimate_never_falls_with_its_age(measured, age_s, more_s):
+    running = Running()
+    for value, std, weight in measured:
+        running = running.after(value, std, weight, 0.0)
+    young, old = (running.std(ignorance(AGE), age) for age in (age_s, age_s + more_s))
+    assert 0.0 < young <= old + 1e-12
+
+
+@given(values, st.integers(1, 500))
+def test_equal_measurements_are_estimated_as_they_are(value, count):
+    running = Running()
+    for _ in range(count):
+        running = running.after(value, 0.0, 1.0, 0.0)
+    assert abs(running.mean - value) < 1e-9
+    assert (
+        running.std(ignorance(AGE), 0.0) <= ignorance(AGE) / math.sqrt(running.weight + 1) + 1e-9
+    )
+
+
+names = st.text(min_size=1, max_size=20)
+
+
+@given(st.dictionaries(names, samples, max_size=5), names)
+def test_what_is_kept_comes_back_to_the_last_digit(people, place):
+    memory = Memory(SPACE)
+    for person, measured in people.items():
+        memory.came(person, 0.0)
+        for number, (value, std, weight) in enumerate(measured):
+            memory.measured(person, "age", value, std, weight, float(number))
+        memory.left(person, place, known=True, now=100.0)
+    text = to_text(*memory.kept())
+    again = Memory(SPACE)
+    again.remember(*from_text(text, SPACE))
+    assert to_text(*again.kept()) == text
+    for person in (*people, "a stranger"):
+        found = memory.estimate(person, place, "age", 200.0)
+        assert again.estimate(person, place, "age", 200.0) == found

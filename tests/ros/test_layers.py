@@ -1,0 +1,240 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Profiles for a person and a place from the ledger to the bid, over real DDS."""
+
+from __future__ import annotations
+
+import json
+import math
+import shutil
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from bt_agents.language.folder_reader import read_trees
+from bt_agents.ros import qos
+from bt_agents.ros.host import HostNode
+from bt_agents.ros.installed import InstalledInterfaces
+from bt_agents.ros.messages import scene_to_msg
+from bt_agents_interfaces.msg import Auction, Bids, Feedback, MarketStatus, Profiles, Run, Scene
+from bt_agents_interfaces.srv import GiveFeedback, ManageProfiles
+from feedback_node.ledger import Entry, Ledger
+from feedback_node.ledger_rows import LAYER, Cause
+from feedback_node.node import FeedbackNode
+from marketplace_node.node import MarketplaceNode
+from programs import ROOT
+from stage import scene
+
+pytestmark = pytest.mark.ros
+
+NAN = math.nan
+ANNA = "person/anna"
+AGENT = """
+format: 1
+agent: {name}
+title: {name}
+description: d
+profile: {{age: {age}, familiarity: 3, mood: 3}}
+learning: {{rate: 1, layers: [person, place], general: 0.25}}
+tree: {{check: profile.age <= 2}}
+"""
+
+
+class Street:
+    """Market, feedback node and one host with two agents, one of age 3 and one of age 2.75."""
+
+    def __init__(self, ros: Any, tmp_path: Path, head: str = "") -> None:
+        trees = tmp_path / "trees"
+        (trees / "agents").mkdir(parents=True)
+        shutil.copy(ROOT / "trees" / "scene.yaml", trees)
+        for name, age in (("ann", 3.0), ("bob", 2.75)):
+            text = AGENT.format(name=name, age=age) + head * (name == "ann")
+            (trees / "agents" / f"{name}.yaml").write_text(text)
+        self.ros = ros
+        self.folder = read_trees(trees, InstalledInterfaces())
+        self.ledger = Ledger(tmp_path / "ledger.sqlite")
+        space = self.folder.scene.space
+        ros.add(MarketplaceNode(space, "epoch"))
+        self.feedback = ros.add(FeedbackNode(space, self.ledger))
+        self.host = ros.add(HostNode(self.folder))
+        self.auctions: list[Auction] = ros.collect(Auction, "auctions", qos.HISTORY)
+        self.runs: list[Run] = ros.collect(Run, "runs", qos.HISTORY)
+        self.bids: list[Bids] = ros.collect(Bids, "bids", qos.EVENTS)
+        self.profiles: list[Profiles] = ros.collect(Profiles, "profiles", qos.FACT)
+        self.changes: list[Feedback] = ros.collect(Feedback, "feedback", qos.HISTORY)
+        self.statuses: list[MarketStatus] = ros.collect(MarketStatus, "market", qos.FACT)
+        self.scenes = ros.node.create_publisher(Scene, "scene", qos.EVENTS)
+        self._count = 0
+        ros.until(lambda: self.host.registered and self.known() >= {("ann", ""), ("bob", "")})
+        ros.until(lambda: self.scenes.get_subscription_count() == 1)
+
+    def known(self) -> set[tuple[str, str]]:
+        last = self.profiles[-1] if self.profiles else Profiles()
+        return set(zip(last.agents, last.layers, strict=True))
+
+    def scene(self, person: str = "", place: str = "") -> Any:
+        self._count += 1
+        plain = scene(f"s{self._count}", age=1, familiarity=3, mood=3)
+        return scene_to_msg(replace(plain, person_id=person, place=place))
+
+    def winner(self, person: str = "", place: str = "") -> tuple[str, int]:
+        """Have a scene awarded; return who runs, and how the run ends."""
+        asked = self.scene(person, place)
+        self.scenes.publish(asked)
+        self.ros.until(
+            lambda: self.statuses and self.statuses[-1].finished_scene_id == asked.scene_id
+        )
+        self.ros.until(lambda: self.runs[-1].event == Run.ENDED)
+        return str(self.auctions[-1].winner), int(self.runs[-1].outcome)
+
+    def teach(self, person: str = "", place: str = "", age: float = 1.0) -> Any:
+        client = self.ros.node.create_client(GiveFeedback, "feedback/give")
+        request = GiveFeedback.Request(
+            agent="ann", kind=0, values=[age, NAN, NAN], scene=self.scene(person, place)
+        )
+        answer = self.ros.call(client, request)
+        assert answer.accepted, answer.message
+        return answer
+
+    def manage(self, action: int, **fields: Any) -> Any:
+        client = self.ros.node.create_client(ManageProfiles, "feedback/manage")
+        return self.ros.call(client, ManageProfiles.Request(action=action, **fields))
+
+    def layers(self) -> set[str]:
+        """Return the layers that the host bids with."""
+        return set(self.host.roster.members["ann"].layers)
+
+
+@pytest.fixture
+def make_street(ros: Any, tmp_path: Path) -> Iterator[Callable[..., Street]]:
+    made: list[Street] = []
+
+    def make(head: str = "") -> Street:
+        made.append(Street(ros, tmp_path, head))
+        return made[-1]
+
+    yield make
+    for one in made:
+        one.ledger.close()
+
+
+@pytest.fixture
+def street(make_street: Callable[..., Street]) -> Street:
+    return make_street()
+
+
+def test_what_anna_taught_wins_and_runs_for_anna_and_counts_for_others_in_part(
+    street: Street,
+) -> None:
+    assert street.winner("anna") == ("bob", Run.FAILED)
+    answer = street.teach("anna")
+    assert answer.message == "ann: for person/anna age 3 → 1; for everybody age 3 → 2.5"
+    assert (answer.feedback.layer, answer.feedback.weight) == (ANNA, 1.0)
+    street.ros.until(lambda: len(street.changes) == 2)
+    assert [(one.layer, one.weight) for one in street.changes] == [(ANNA, 1.0), ("", 0.25)]
+    # Her tree sees the profile that it was awarded for.
+    assert street.winner("anna") == ("ann", Run.SUCCEEDED)
+    assert street.winner() == ("ann", Run.FAILED)
+    street.teach("anna", age=5.0)
+    street.teach(place="lobby")
+    assert street.winner("anna", "lobby")[0] == "bob"
+    assert street.winner("carl", "lobby") == ("ann", Run.SUCCEEDED)
+    assert street.known() == {("ann", ""), ("ann", ANNA), ("ann", "place/lobby"), ("bob", "")}
+
+
+def test_a_host_that_starts_again_gets_its_layers_back(street: Street) -> None:
+    street.teach("anna")
+    street.teach("bea")
+    street.ros.remove(street.host)
+    street.host = street.ros.add(HostNode(street.folder))
+    street.ros.until(lambda: street.layers() == {ANNA, "person/bea"})
+
+
+def test_what_was_forgotten_while_the_host_was_not_told_is_forgotten_there_later(
+    street: Street,
+) -> None:
+    street.teach("anna")
+    street.teach("bea")
+    assert street.layers() == {ANNA, "person/bea"}
+    street.ros.remove(street.feedback)
+    street.ledger.forget([("ann", ANNA)])
+    street.ros.add(FeedbackNode(street.folder.scene.space, street.ledger))
+    street.ros.until(lambda: street.layers() == {"person/bea"})
+
+
+def test_many_layers_all_reach_a_host(street: Street) -> None:
+    street.ros.remove(street.feedback)
+    profile = street.ledger.authored("ann")
+    entries = [
+        Entry(agent="ann", layer=f"person/{number}", profile=profile, cause=Cause(cause=LAYER))
+        for number in range(500)
+    ]
+    street.ledger.record(entries)
+    street.ros.add(FeedbackNode(street.folder.scene.space, street.ledger))
+    street.ros.until(lambda: len(street.layers()) == 500)
+
+
+def test_people_look_at_what_was_learned_take_it_back_and_out(street: Street) -> None:
+    street.teach("anna")
+    street.teach("anna", age=2.0)
+    asked = ManageProfiles.Request
+    told = json.loads(street.manage(asked.HISTORY, agent="ann", layer=ANNA).document)
+    assert [r["values"]["age"] for r in told["revisions"]] == [3.0, 1.0, 2.0]
+    undone = street.manage(asked.UNDO, agent="ann", layer=ANNA, author="eva")
+    assert undone.message == "ann: for person/anna age 2 → 1 (revision 3)"
+    street.ros.until(lambda: street.host.roster.members["ann"].layers[ANNA][1] == 3)
+    street.ros.until(lambda: street.changes[-1].source == "eva")
+    document = street.manage(asked.EXPORT, layer=ANNA).document
+    assert street.manage(asked.FORGET, layer=ANNA).accepted
+    street.ros.until(lambda: not street.layers() and ("ann", ANNA) not in street.known())
+    assert street.manage(asked.IMPORT, document=document).accepted
+    street.ros.until(lambda: street.layers() == {ANNA})
+    refused = street.manage(asked.UNDO, agent="nobody")
+    assert (refused.accepted, refused.code) == (False, "UNKNOWN_AGENT")
+    assert street.manage(99).code == "UNKNOWN_ACTION"
+
+
+def test_an_undo_of_everybodys_profile_reaches_the_bid(street: Street) -> None:
+    street.teach()
+    assert street.winner()[0] == "ann"
+    assert street.manage(ManageProfiles.Request.RESET, agent="ann").accepted
+    street.ros.until(lambda: street.host.roster.members["ann"].revision == 2)
+    assert street.winner()[0] == "bob"
+
+
+def test_the_weights_of_an_agent_stand_in_the_bids(make_street: Callable[..., Street]) -> None:
+    street = make_street("weights: {age: 2}\n")
+    street.winner()
+    street.ros.until(lambda: street.bids)
+    rows = dict(zip(street.bids[-1].agents, (0, 1), strict=True))
+    width = len(street.folder.scene.space)
+    weights = list(street.bids[-1].weights)
+    assert weights[rows["ann"] * width] == 2.0
+    assert weights[rows["bob"] * width] == street.folder.scene.space.parameters[0].weight
+
+
+def test_a_card_that_a_full_disk_kept_out_is_taken_when_there_is_room(
+    ros: Any, street: Street
+) -> None:
+    database = street.ledger._database
+    pages = database.execute("PRAGMA page_count").fetchone()[0]
+    database.execute(f"PRAGMA max_page_count = {pages}")
+    client = ros.node.create_client(GiveFeedback, "feedback/give")
+    codes = []
+    for reason in ["long" * 200] * 20 + [""] * 40:
+        request = GiveFeedback.Request(agent="ann", kind=3, values=[2.0] * 3, reason=reason)
+        codes.append(ros.call(client, request).code)
+    assert codes[-1] == "STORAGE_FULL"
+    revision = street.ledger.current("ann").revision
+    # Agents that are new meanwhile cannot be entered, and are as soon as there is room.
+    street.host.roster.members["ann"].spec = replace(
+        street.host.roster.members["ann"].spec, profile=(1.0, 1.0, 1.0)
+    )
+    street.host._introductions.card()
+    ros.turns(50)
+    assert street.ledger.current("ann").revision == revision
+    database.execute("PRAGMA max_page_count = 1000000")
+    ros.until(lambda: street.ledger.current("ann").revision == revision + 1)
+    assert dict(street.ledger.current("ann").profile)["age"] == 1.0

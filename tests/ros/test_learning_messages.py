@@ -1,0 +1,68 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How an agent learns on its way from its file to the feedback node."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+from bt_agents.feedback import WEIGHTS, LearningRule, Update
+from bt_agents.ros.learning_messages import learning_to_msg, rule_to_msg
+from bt_agents_interfaces.msg import AgentCard, HostCard
+from feedback_node.cards import read_card
+from feedback_node.node.messages import card_from_msg
+from stage import SPACE, agent
+
+pytestmark = pytest.mark.ros
+
+RULES = """\
+feedback:
+  - {when: mood.change >= 0.5, give: positive}
+  - when: mood.change <= -1
+    for: 2 s
+    give: negative
+    baseline: 3 s
+    release: mood.change > 0
+    cooldown: 5 s
+    confidence: 0.5
+"""
+
+
+@pytest.mark.parametrize(
+    "rule",
+    [
+        LearningRule(),
+        LearningRule(
+            rates={"age": 0.1, "mood": 0.0},
+            update=Update.HUBER,
+            width={"mood": 0.5},
+            window=7,
+            anneal=0.5,
+            drift={"familiarity": 1.0},
+            weights={"button": 2.0, "a program": 0.0},
+            layers=("place",),
+            general=0.25,
+        ),
+    ],
+)
+def test_the_feedback_node_learns_by_what_the_file_says(rule):
+    spec = agent("  wait: 1 s", head=RULES)
+    card = AgentCard(
+        name="a",
+        profile=[3.0, 3.0, 3.0],
+        learning_rate=0.2,
+        learning=learning_to_msg(rule, SPACE),
+        rules=[rule_to_msg(one) for one in spec.rules],
+    )
+    message = HostCard(host="/agents", parameters=SPACE.names, agents=[card])
+    (known,), problems = read_card(card_from_msg(message), SPACE)
+    assert problems == ()
+    assert known.learning == replace(rule, weights={**WEIGHTS, **rule.weights})
+    assert [
+        (r.text, r.hold_s, r.baseline_s, r.release and r.release.text, r.cooldown_s, r.confidence)
+        for r in known.rules
+    ] == [
+        ("mood.change >= 0.5", 0.0, 0.0, None, 0.0, 0.0),
+        ("mood.change <= -1", 2.0, 3.0, "mood.change > 0", 5.0, 0.5),
+    ]

@@ -1,0 +1,293 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Persons before a real scene layer: real publishers of trackers and sensors."""
+
+from __future__ import annotations
+
+from itertools import count
+from pathlib import Path
+from typing import Any
+
+import pytest
+from std_msgs.msg import Empty, Float64, String
+
+from bt_agents.language.scene_reader import read_scene_text
+from bt_agents.ros import qos
+from bt_agents_interfaces.msg import (
+    Face,
+    Faces,
+    MarketStatus,
+    PersonIds,
+    Persons,
+    Run,
+    Scene,
+    SceneValue,
+)
+from bt_agents_interfaces.srv import Analyze, ManageProfiles
+from scene_layer.node import SceneLayerNode
+
+pytestmark = pytest.mark.ros
+
+PARAMETERS = """
+format: 1
+parameters:
+  age: {min: 0, max: 100, default: 40, description: how old, missing: default}
+  mood: {min: 1, max: 5, default: 3, description: how it feels, missing: estimate}
+mood: mood
+place: lobby
+no_person: {mood: 3}
+"""
+FACES = f"""{PARAMETERS}
+persons:
+  tracked:
+    {{topic: faces, type: bt_agents_interfaces/msg/Faces, field: faces, id: face_id,
+      stale_after: 60 s, lost_after: 0.2 s}}
+  known: {{from: tracked, field: known}}
+  addressee:
+    {{rule: nearest, source: {{from: tracked, field: distance_m}}, better_by: 0.2, for: 0.3 s}}
+sources:
+  age: {{from: tracked, field: age, stale_after: 0.5 s}}
+  mood:
+    {{from: tracked, field: emotion, table: {{happy: 5, sad: 1}}, confidence: emotion_confidence,
+      stale_after: 0.5 s}}
+"""
+IDS = f"""{PARAMETERS}
+persons:
+  tracked:
+    {{topic: tracked, type: bt_agents_interfaces/msg/PersonIds, field: ids, stale_after: 60 s,
+      lost_after: 0 s}}
+  parts:
+    face: {{topic: persons/<person>/face, type: std_msgs/msg/String, field: data, latched: true}}
+  addressee: first
+sources:
+  age: {{topic: persons/<person>/age, type: std_msgs/msg/Float64, field: data, stale_after: 60 s}}
+  mood: {{topic: faces/<face>/mood, type: std_msgs/msg/Float64, field: data, stale_after: 60 s}}
+"""
+
+
+def face(person: str, **fields: Any) -> Face:
+    return Face(
+        face_id=person,
+        **{"age": 30.0, "emotion": "happy", "emotion_confidence": 1.0, "distance_m": 1.0} | fields,
+    )
+
+
+class Layer:
+    """A scene layer, and what is around it."""
+
+    def __init__(self, ros: Any, text: str = FACES, memory: Path | None = None) -> None:
+        self.ros = ros
+        self.faces = ros.node.create_publisher(Faces, "faces", qos.SENSOR)
+        self.tracked = ros.node.create_publisher(PersonIds, "tracked", qos.SENSOR)
+        self.trigger = ros.node.create_publisher(Empty, "scene_layer/trigger", qos.EVENTS)
+        self.runs = ros.node.create_publisher(Run, "runs", qos.HISTORY)
+        self.market = ros.node.create_publisher(MarketStatus, "market", qos.FACT)
+        self.client = ros.node.create_client(Analyze, "scene_layer/analyze")
+        self.scenes = ros.collect(Scene, "scene", qos.EVENTS)
+        self.live = ros.collect(Scene, "scene/live", qos.SENSOR)
+        self.persons = ros.collect(Persons, "scene/persons", qos.FACT)
+        self.spec = read_scene_text(text, "scene.yaml")
+        numbers = count(1)
+        self.memory = memory
+        self.ids = lambda: f"s{next(numbers)}"
+        self.seen: list[Face] = []
+        self.start()
+
+    def start(self) -> None:
+        self.node = self.ros.add(SceneLayerNode(self.spec, memory=self.memory, ids=self.ids))
+        tracker = self.faces if "faces" in self.spec.persons.tracked.topic else self.tracked
+        needed = [tracker, self.trigger, self.runs, self.market]
+        self.ros.until(lambda: all(p.get_subscription_count() for p in needed))
+        self.ros.until(lambda: self.node.count_subscribers("scene/persons"))
+
+    def see_until(self, condition: Any, *faces: Face) -> None:
+        """Publish pictures until a condition holds."""
+
+        def holds() -> bool:
+            self.faces.publish(Faces(faces=faces))
+            self.ros.turns(3)
+            return bool(condition())
+
+        self.ros.until(holds)
+
+    def announce(self) -> Scene:
+        before = len(self.scenes)
+        self.trigger.publish(Empty())
+        self.ros.until(lambda: len(self.scenes) > before)
+        return self.scenes[-1]
+
+    def shown(self) -> str:
+        """Return who is shown, the addressee with a star."""
+        if not self.persons:
+            return ""
+        last = self.persons[-1]
+        names = [scene.person_id for scene in last.scenes]
+        return " ".join(f"{name}*" if name == last.addressee else name for name in names)
+
+
+def value(scene: Scene, name: str) -> tuple[int, float]:
+    [found] = [v for v in scene.values if v.name == name]
+    return found.origin, found.value
+
+
+def test_of_two_persons_the_nearer_is_spoken_to_and_the_scene_switches_once(ros):
+    layer = Layer(ros)
+    layer.see_until(
+        lambda: layer.shown() == "anna* ben",
+        face("anna", distance_m=1.0, age=70.0),
+        face("ben", distance_m=2.0, emotion="sad"),
+    )
+    assert layer.persons[-1].rule == "nearest"
+    assert layer.persons[-1].reason == "anna is nearest: 1 m"
+    scene = layer.announce()
+    assert (scene.person, scene.person_id, scene.place, scene.persons) == (
+        True,
+        "anna",
+        "lobby",
+        2,
+    )
+    assert value(scene, "age") == (SceneValue.MEASURED, 70.0)
+    of_ben = layer.persons[-1].scenes[1]
+    assert value(of_ben, "mood") == (SceneValue.MEASURED, 1.0)
+    changed = [face("anna", distance_m=2.0), face("ben", distance_m=1.0)]
+    layer.see_until(lambda: layer.shown() == "anna ben*", *changed)
+    ends = len(layer.persons)
+    layer.see_until(lambda: True, *changed)
+    ros.turns(30)
+    addressees = [p.addressee for p in layer.persons[:ends] if p.addressee]
+    assert [a for a, b in zip(addressees, ["", *addressees], strict=False) if a != b] == [
+        "anna",
+        "ben",
+    ]
+    assert layer.persons[-1].reason == "ben has been nearer than anna for 0.3 s"
+    layer.see_until(lambda: layer.shown() == "anna*", changed[0])
+    layer.see_until(lambda: layer.persons[-1].scenes == [])
+    assert layer.persons[-1].addressee == ""
+
+
+def test_nobody_is_a_scene_with_the_declared_values(ros):
+    layer = Layer(ros)
+    scene = layer.announce()
+    assert (scene.person, scene.person_id, scene.persons) == (False, "", 0)
+    assert value(scene, "mood") == (SceneValue.DEFAULT, 3.0)
+    assert value(scene, "age")[0] == SceneValue.MISSING
+
+
+def test_the_live_scene_stays_with_the_person_of_the_run_who_is_lost_and_comes_back(ros):
+    layer = Layer(ros)
+    anna, ben = face("anna", age=70.0), face("ben", distance_m=2.0, age=20.0)
+    layer.see_until(lambda: layer.shown() == "anna* ben", anna, ben)
+    scene = layer.announce()
+    layer.runs.publish(Run(epoch="e", round=1, event=Run.STARTED, scene=scene))
+    layer.see_until(lambda: layer.live and layer.live[-1].person, anna, ben)
+    layer.see_until(lambda: not layer.live[-1].person, ben)
+    layer.see_until(lambda: layer.shown() == "ben*", ben)
+    layer.see_until(lambda: value(layer.live[-1], "age")[0] == SceneValue.ESTIMATED, ben)
+    assert value(layer.live[-1], "age") == (SceneValue.ESTIMATED, 70.0)
+    assert {live.person_id for live in layer.live} == {"anna"}
+    layer.see_until(lambda: layer.live[-1].person, anna, ben)
+    assert value(layer.live[-1], "age") == (SceneValue.MEASURED, 70.0)
+    layer.runs.publish(Run(epoch="e", round=1, event=Run.ENDED, scene=scene))
+    layer.market.publish(MarketStatus(epoch="e", round=1, finished_scene_id=scene.scene_id))
+    layer.see_until(lambda: layer.shown() == "ben*", ben)
+    ros.until(lambda: ros.call(layer.client, Analyze.Request()).scene.person_id == "ben")
+
+
+def test_who_is_known_by_name_is_remembered_over_a_restart_and_can_be_forgotten(ros, tmp_path):
+    path = tmp_path / "memory.json"
+    layer = Layer(ros, memory=path)
+    anna, stranger = face("anna", known=True, age=70.0), face("face7", distance_m=3.0, age=20.0)
+    layer.see_until(lambda: layer.shown() == "anna* face7", anna, stranger)
+    layer.node.request_stop()
+    ros.until(layer.node.stopped)
+    ros.remove(layer.node)
+    assert '"anna"' in path.read_text()
+    assert "face7" not in path.read_text()
+
+    layer.start()
+    silent = face("anna", known=True, age=float("nan"), emotion="")
+    layer.see_until(lambda: layer.persons[-1].scenes and layer.shown() == "anna*", silent)
+    layer.see_until(lambda: value(layer.announce(), "age") == (SceneValue.ESTIMATED, 70.0), silent)
+    [age, _] = layer.scenes[-1].values
+    assert age.source == "anna, seen 2 times"
+    assert 0.0 < age.std < 30.0
+
+    manage = ros.node.create_client(ManageProfiles, "scene_layer/manage")
+    forget = ManageProfiles.Request(action=ManageProfiles.Request.FORGET, layer="person/anna")
+    answer = ros.call(manage, forget)
+    assert (answer.accepted, answer.message) == (True, "person/anna is forgotten")
+    assert "anna" not in path.read_text()
+    assert ros.call(manage, forget).message == "nothing was known of person/anna"
+    assert value(layer.announce(), "age") == (SceneValue.DEFAULT, 40.0)
+    for action, layer_name, code in (
+        (ManageProfiles.Request.UNDO, "person/anna", "UNKNOWN_ACTION"),
+        (ManageProfiles.Request.FORGET, "anna", "UNKNOWN_LAYER"),
+        (ManageProfiles.Request.FORGET, "person/", "UNKNOWN_LAYER"),
+    ):
+        answer = ros.call(manage, ManageProfiles.Request(action=action, layer=layer_name))
+        assert (answer.accepted, answer.code) == (False, code)
+
+
+def test_a_damaged_memory_is_kept_aside_and_the_node_starts_empty(ros, tmp_path):
+    path = tmp_path / "memory.json"
+    path.write_text('{"format": 1, "persons": ')
+    layer = Layer(ros, memory=path)
+    assert (tmp_path / "memory.json.damaged").read_text() == '{"format": 1, "persons": '
+    layer.see_until(lambda: layer.shown() == "anna*", face("anna", known=True))
+    layer.node.request_stop()
+    ros.until(layer.node.stopped)
+    assert '"anna"' in path.read_text()
+
+
+def test_who_cannot_be_taken_out_of_the_file_is_not_said_to_be_forgotten(ros, tmp_path):
+    folder, away = tmp_path / "state", tmp_path / "away"
+    layer = Layer(ros, memory=folder / "memory.json")
+    layer.see_until(lambda: layer.shown() == "anna*", face("anna", known=True))
+    manage = ros.node.create_client(ManageProfiles, "scene_layer/manage")
+    forget = ManageProfiles.Request(action=ManageProfiles.Request.FORGET, layer="person/anna")
+    folder.write_text("no folder")
+    answer = ros.call(manage, forget)
+    assert (answer.accepted, answer.code) == (False, "STORAGE_FULL")
+    assert "its file still has it" in answer.message
+    folder.rename(away)
+    assert ros.call(manage, forget).accepted
+    assert (folder / "memory.json").exists()
+
+
+def test_topics_of_persons_and_their_parts_are_heard_as_long_as_they_are_tracked(ros):
+    layer = Layer(ros, IDS)
+    ages = ros.node.create_publisher(Float64, "persons/anna/age", qos.SENSOR)
+    faces = ros.node.create_publisher(String, "persons/anna/face", qos.FACT)
+    moods = ros.node.create_publisher(Float64, "faces/f1/mood", qos.SENSOR)
+    faces.publish(String(data="f1"))
+    ros.turns()
+    assert not ages.get_subscription_count()
+    layer.tracked.publish(PersonIds(ids=["anna", "ben"]))
+    ros.until(lambda: ages.get_subscription_count() and moods.get_subscription_count())
+    ages.publish(Float64(data=70.0))
+    moods.publish(Float64(data=4.0))
+    ros.until(
+        lambda: (
+            layer.persons
+            and [v.value for s in layer.persons[-1].scenes[:1] for v in s.values] == [70.0, 4.0]
+        )
+    )
+    layer.tracked.publish(PersonIds(ids=["ben"]))
+    ros.until(lambda: not ages.get_subscription_count() and not moods.get_subscription_count())
+    ros.until(lambda: layer.shown() == "ben*")
+
+
+def test_a_hostile_tracker_neither_stops_the_layer_nor_fills_it(ros):
+    layer = Layer(ros, IDS)
+    hostile = ["a/b", "x y", "", "9lives", "a" * 10_000, "../..", "{person}", "anna", "anna", "ü"]
+    crowd = [f"p{number}" for number in range(10_000)]
+    layer.tracked.publish(PersonIds(ids=[*hostile, *crowd]))
+    ros.until(lambda: layer.persons and layer.persons[-1].scenes)
+    assert layer.persons[-1].addressee == "a/b"
+    assert len(layer.persons[-1].scenes) == 50
+    ages = [name for name, _ in layer.node.get_topic_names_and_types() if name.endswith("/age")]
+    assert len(ages) <= 50
+    ros.until(lambda: layer.node.count_subscribers("persons/anna/age"))
+    layer.tracked.publish(PersonIds(ids=["anna"]))
+    ros.until(lambda: layer.shown() == "anna*")
+    ros.until(lambda: not layer.node.count_subscribers("persons/p1/age"))
+    assert layer.announce().person_id == "anna"

@@ -1,0 +1,167 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The shipped scene files, fed by real publishers of the types that they name."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+from std_msgs.msg import Bool, Float64, String
+
+from bt_agents.errors import ReadError
+from bt_agents.language.scene_reader import read_scene, read_scene_text
+from bt_agents.language.scene_specs import SceneSpec
+from bt_agents.ros import qos
+from bt_agents.ros.installed import InstalledInterfaces
+from bt_agents_interfaces.msg import (
+    EngagementLevel,
+    Expression,
+    Face,
+    Faces,
+    PersonIds,
+    Scene,
+    SceneValue,
+    SoftBiometrics,
+)
+from bt_agents_interfaces.srv import Analyze
+from scene_layer.node import SceneLayerNode
+from stage import TREES
+
+pytestmark = pytest.mark.ros
+
+
+def ros4hri() -> SceneSpec:
+    """The file for ROS4HRI, read with this project's types, whose fields are the same."""
+    path = TREES / "scenes" / "ros4hri.yaml"
+    text = path.read_text(encoding="utf-8")
+    text = text.replace("hri_msgs/msg/IdsList", "bt_agents_interfaces/msg/PersonIds")
+    text = text.replace("hri_msgs/msg/", "bt_agents_interfaces/msg/")
+    return read_scene_text(text, str(path), InstalledInterfaces())
+
+
+class Robot:
+    """A scene layer, and the sensors around it, which speak until they are believed."""
+
+    def __init__(self, ros, spec: SceneSpec) -> None:
+        self.ros = ros
+        self._sensors: list[tuple[Any, Any]] = []
+        self.layer = ros.add(SceneLayerNode(spec))
+        self._analyze = ros.node.create_client(
+            Analyze, "scene_layer/analyze", qos_profile=qos.SERVICE
+        )
+
+    def senses(self, topic: str, message: Any, *, latched: bool = False) -> None:
+        """Publish a message now, or for as long as the test waits for something."""
+        profile = qos.FACT if latched else qos.SENSOR
+        publisher = self.ros.node.create_publisher(type(message), topic, profile)
+        if latched:
+            publisher.publish(message)
+        else:
+            self._sensors.append((publisher, message))
+
+    def scene(self) -> Scene:
+        for publisher, message in self._sensors:
+            publisher.publish(message)
+        return self.ros.call(self._analyze, Analyze.Request()).scene
+
+    def until(self, holds: Callable[[Scene], bool]) -> Scene:
+        self.ros.until(lambda: holds(self.scene()))
+        return self.scene()
+
+
+def measured(scene: Scene) -> dict[str, SceneValue]:
+    return {v.name: v for v in scene.values if v.origin == SceneValue.MEASURED}
+
+
+def test_a_scene_of_ros4hri_comes_from_the_person_and_the_face(ros):
+    robot = Robot(ros, ros4hri())
+    assert not robot.scene().person
+    person, face = "/humans/persons/anna", "/humans/faces/f17"
+    robot.senses(f"{person}/face_id", String(data="f17"), latched=True)
+    robot.senses(f"{person}/anonymous", Bool(data=False), latched=True)
+    engaged = EngagementLevel(level=EngagementLevel.ENGAGED)
+    robot.senses(f"{person}/engagement_status", engaged, latched=True)
+    robot.senses("/humans/persons/tracked", PersonIds(ids=["anna"]))
+    robot.senses(f"{face}/softbiometrics", SoftBiometrics(age=65.0, age_confidence=0.25))
+    robot.senses(f"{face}/expression", Expression(valence=0.5, arousal=0.0, confidence=1.0))
+    scene = robot.until(lambda scene: len(measured(scene)) == 3)
+    assert (scene.person, scene.person_id, scene.persons) == (True, "anna", 1)
+    values = measured(scene)
+    assert values["age"].value == pytest.approx(4.0)
+    assert values["age"].confidence == pytest.approx(0.25)
+    assert values["age"].std == pytest.approx(8 / 20 / math.sqrt(0.25))
+    assert values["familiarity"].value == 5.0
+    assert values["mood"].value == pytest.approx(4.0)
+    assert values["mood"].std == pytest.approx(0.5)
+
+
+def test_who_is_anonymous_meets_the_robot_for_the_first_time(ros):
+    robot = Robot(ros, ros4hri())
+    robot.senses("/humans/persons/p1/anonymous", Bool(data=True), latched=True)
+    robot.senses("/humans/persons/tracked", PersonIds(ids=["p1"]))
+    scene = robot.until(lambda scene: "familiarity" in measured(scene))
+    assert measured(scene)["familiarity"].value == 1.0
+    assert set(measured(scene)) == {"familiarity"}
+
+
+def test_a_scene_of_faces_is_about_the_nearest_and_hears_the_room(ros):
+    robot = Robot(ros, read_scene(TREES / "scenes" / "faces.yaml", InstalledInterfaces()))
+    near = Face(face_id="anna", known=True, age=25.0, age_std=5.0, distance_m=0.8)
+    near.emotion, near.emotion_confidence = "happy", 0.7
+    far = Face(face_id="7", known=False, age=65.0, age_std=5.0, distance_m=3.0)
+    far.emotion, far.emotion_confidence = "sad", 1.0
+    robot.senses("camera/faces", Faces(faces=[far, near]))
+    scene = robot.until(lambda scene: scene.person_id == "anna" and len(measured(scene)) == 3)
+    assert (scene.place, scene.persons) == ("lobby", 2)
+    values = measured(scene)
+    assert values["age"].value == pytest.approx(2.0)
+    assert values["age"].std == pytest.approx(5 / 20)
+    assert values["familiarity"].value == 5.0
+    assert values["mood"].value == 5.0
+    assert values["mood"].confidence == pytest.approx(0.7)
+    robot.senses("audio/valence", Float64(data=-1.0))
+    scene = robot.until(lambda scene: measured(scene)["mood"].value < 5.0)
+    mood = measured(scene)["mood"]
+    assert mood.value == pytest.approx((0.7 * 5.0 + 0.3 * 1.0) / 1.0)
+    assert mood.source == "audio/valence and camera/faces"
+
+
+def test_a_camera_without_a_face_sees_nobody(ros):
+    robot = Robot(ros, read_scene(TREES / "scenes" / "faces.yaml"))
+    robot.senses("camera/faces", Faces())
+    ros.turns(20)
+    scene = robot.scene()
+    assert (scene.person, scene.person_id, scene.persons) == (False, "", 0)
+    found = {value.name: (value.value, value.origin) for value in scene.values}
+    assert found["mood"] == (3.0, SceneValue.DEFAULT)
+
+
+def test_hostile_faces_change_nothing_and_stop_nothing(ros):
+    robot = Robot(ros, read_scene(TREES / "scenes" / "faces.yaml"))
+    bad = Face(face_id="eve", known=True, age=math.nan, age_std=-1.0, distance_m=math.inf)
+    bad.emotion, bad.emotion_confidence = "x" * 10_000, 7.0
+    robot.senses("camera/faces", Faces(faces=[bad]))
+    scene = robot.until(lambda scene: "familiarity" in measured(scene))
+    assert set(measured(scene)) == {"familiarity"}
+    assert scene.person_id == "eve"
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("field: age", "field: msg.agee * 2", "did you mean age?"),
+        ("std: age_std", "std: age_sdt", "did you mean age_std?"),
+        ("id: face_id", "id: faceid", "did you mean face_id?"),
+        ("field: faces", "field: face", "did you mean faces?"),
+        ("field: emotion", "field: msg.emotion + 1", "needs a number on each side"),
+        ("field: known}", "field: face_id}", "'field' is a text"),
+    ],
+)
+def test_fields_that_the_installed_types_do_not_have_are_found(old, new, words):
+    text = (TREES / "scenes" / "faces.yaml").read_text(encoding="utf-8")
+    assert old in text
+    with pytest.raises(ReadError) as found:
+        read_scene_text(text.replace(old, new), "scene.yaml", InstalledInterfaces())
+    assert words in found.value.diagnostics[0].message

@@ -1,0 +1,135 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Market, selector and model server together: good answers, bad ones, and a dead server."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import pytest
+
+from bt_agents.ros import qos
+from bt_agents.ros.messages import scene_to_msg
+from bt_agents_interfaces.msg import AgentCard, Auction, HostCard, Run
+from bt_agents_interfaces.srv import SelectAgent
+from market_driver import EXPRESS, GUIDE, SPACE, scene
+from market_stage import Stage
+from marketplace_node.node.selector import SelectorNode
+from marketplace_node.openai_protocol import Endpoint
+from model_server import ModelServer, drips, free_port, model_server, says, sends
+
+pytestmark = pytest.mark.ros
+
+
+@pytest.fixture
+def server() -> Iterator[ModelServer]:
+    with model_server() as running:
+        yield running
+
+
+def decide(ros: Any, *, url: str = "", limit_s: float = 10.0, cards: int = 0) -> Auction:
+    """Have one round decided with the strategy ``external``; return the decision.
+
+    Before that the selector, when there is a ``url``, has heard so many cards.
+    """
+    stage = Stage(ros, strategy="external", **{"external.limit": limit_s})
+    if url:
+        selector = ros.add(SelectorNode(SPACE, Endpoint(base_url=url, model="small")))
+        ros.until(lambda: len(selector.descriptions) == cards)
+        ros.until(lambda: stage.market.outside.there)
+    host = stage.host()
+    stage.scene()
+    started = stage.until_event(Run.STARTED)
+    assert started.agent == stage.auctions[0].winner
+    host.finish()
+    stage.until_over()
+    return stage.auctions[0]
+
+
+def test_the_model_decides(ros: Any, server: ModelServer) -> None:
+    server.reply = says(EXPRESS, GUIDE, reason="in a hurry")
+    cards = ros.node.create_publisher(HostCard, "cards", qos.FACT)
+    card = AgentCard(name=GUIDE, title="Guide", description="Slow and loud")
+    cards.publish(HostCard(host="/agents", agents=[card]))
+    auction = decide(ros, url=server.url, cards=1)
+
+    assert auction.winner == EXPRESS
+    assert "in a hurry" in auction.reason + auction.explanation
+    told = json.loads(server.questions[0]["messages"][1]["content"])
+    assert {character["name"] for character in told["characters"]} == {GUIDE, EXPRESS}
+    [described] = [c["description"] for c in told["characters"] if "description" in c]
+    assert described == "Guide. Slow and loud"
+
+
+@pytest.mark.parametrize(
+    ("make_reply", "words"),
+    [
+        (lambda _: sends(b"oops", 503), "503"),
+        (lambda _: says("bob"), "'bob'"),
+        (lambda _: says(GUIDE, GUIDE), "twice"),
+        (lambda _: sends(b"x" * 10_000_000), "more than"),
+    ],
+)
+def test_a_bad_answer_leaves_it_to_the_distance(
+    ros: Any, server: ModelServer, make_reply: Callable[[ModelServer], Any], words: str
+) -> None:
+    server.reply = make_reply(server)
+    auction = decide(ros, url=server.url)
+
+    assert auction.winner == GUIDE
+    assert words in auction.reason
+
+
+def test_a_slow_server_leaves_it_to_the_distance(ros: Any, server: ModelServer) -> None:
+    server.reply = drips(b"HTTP/1.0 200 OK\r\n" * 100, server.ended)
+    auction = decide(ros, url=server.url, limit_s=0.3)
+
+    assert auction.winner == GUIDE
+    assert "did not answer" in auction.reason
+
+
+def test_a_dead_server_leaves_it_to_the_distance(ros: Any) -> None:
+    auction = decide(ros, url=f"http://127.0.0.1:{free_port()}/v1")
+
+    assert auction.winner == GUIDE
+    assert "cannot be asked" in auction.reason
+
+
+def test_without_a_selector_nobody_waits(ros: Any) -> None:
+    auction = decide(ros)
+
+    assert auction.winner == GUIDE
+    assert "no selector serves 'select'" in auction.reason
+    assert auction.duration_s < 5.0, "it waits neither for a deadline nor for a server"
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"vectors": [1.0]},
+        {"distances": []},
+        {"distances": [float("nan"), 1.0]},
+        {"vectors": [float("nan")] * 6},
+        {"limit_s": float("nan")},
+        {"limit_s": 0.0},
+        {"scene": scene_to_msg(scene("s1")).__class__()},
+    ],
+)
+def test_hostile_questions_are_refused(
+    ros: Any, server: ModelServer, changes: dict[str, Any]
+) -> None:
+    ros.add(SelectorNode(SPACE, Endpoint(base_url=server.url, model="small")))
+    client = ros.node.create_client(SelectAgent, "select", qos_profile=qos.SERVICE)
+    fields: dict[str, Any] = {
+        "limit_s": 5.0,
+        "scene": scene_to_msg(scene("s1")),
+        "agents": [GUIDE, EXPRESS],
+        "vectors": [1.0] * 6,
+        "distances": [1.0, 2.0],
+    }
+    answer = ros.call(client, SelectAgent.Request(**(fields | changes)))
+
+    assert not answer.accepted
+    assert answer.message
+    assert server.questions == []

@@ -1,0 +1,73 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The smallest change of a scene in some rounds that are easy to work out."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from market_driver import scene
+from marketplace_node.decision import Change, External
+from ranked_rounds import bids, decided, terms
+
+NAN = math.nan
+
+
+def change(values: tuple[float, ...], *vectors: tuple[float, ...], **changes: object) -> Change:
+    external = changes.pop("external", None)
+    of = terms(scene("s", *values), **changes)
+    found = decided(of, bids(dict(zip("abcd", vectors, strict=False))), external=external).change
+    assert found is not None
+    return found
+
+
+def test_the_parameter_that_has_to_change_least_is_named() -> None:
+    found = change((4.0, 1.0, 3.0), (4.0, 1.0, 3.0), (2.0, 2.0, 3.0), last_run={"a": 1})
+
+    assert (found.names, found.values, found.shown) == (("age",), (2.5,), (2.5,))
+
+
+def test_where_an_equal_score_loses_the_change_goes_a_little_further() -> None:
+    found = change((4.0, 1.0, 3.0), (4.0, 1.0, 3.0), (2.0, 2.0, 3.0), last_run={"b": 1})
+
+    assert found.values[0] == pytest.approx(2.5, abs=1e-6)
+    assert found.values[0] < 2.5
+    assert found.shown == (2.49,)
+
+
+def test_who_is_between_has_to_be_passed_too() -> None:
+    found = change((5.0, 3.0, 3.0), (5.0, 3.0, 3.0), (1.0, 3.0, 3.0), (2.0, 3.0, 4.5))
+
+    assert found.names == ("age",)
+    assert found.values[0] == pytest.approx(3.0, abs=1e-6)
+
+
+def test_several_parameters_change_when_one_is_not_enough() -> None:
+    found = change((3.0, 3.0, 3.0), (3.0, 3.0, 3.0), (4.0, 4.0, 4.0), tie_break="name")
+
+    assert len(found.names) > 1
+    assert sum(abs(value - 3.0) for value in found.values) == pytest.approx(1.5, abs=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("values", "changes", "words"),
+    [
+        ((NAN, NAN, NAN), {}, "no value of the scene is known"),
+        ((3.0, 3.0, 3.0), {}, "no change of the scene within its ranges was found"),
+        ((3.0, 3.0, 3.0), {"strategy": "epsilon_greedy", "options": {"epsilon": 1.0}},
+         "chance alone ranked, whatever the scene"),
+        ((3.0, 3.0, 3.0), {"strategy": "external", "external": External(ranking=("a",))},
+         "nobody knows how the program outside would have ranked another scene"),
+    ],
+)  # fmt: skip
+def test_it_is_said_why_there_is_no_change(
+    values: tuple[float, ...], changes: dict[str, object], words: str
+) -> None:
+    found = change(values, (2.0, 2.0, 2.0), (2.0, 2.0, 2.0), **changes)
+
+    assert (found.names, found.obstacle) == ((), words)
+
+
+def test_a_single_bid_has_no_runner_up() -> None:
+    assert decided(terms(), bids({"a": (4.0, 1.0, 3.0)})).change is None

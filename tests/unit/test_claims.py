@@ -1,0 +1,123 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the paper claims, judged, and its figures, the same each time they are made."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from bt_agents.cli.main import bt_agents
+from bt_agents.experiment import closed_form
+from bt_agents.language.experiment_reader import read_experiment
+from bt_agents.language.folder_reader import read_trees
+from bt_agents_lab.experiments.core import through_core
+from bt_agents_lab.experiments.replicas import luck_of, replicas, with_seed, world_of
+from bt_agents_lab.experiments.verdicts import Claim, judged, percent
+from checkout import ROOT
+
+EXPERIMENTS = ROOT / "experiments"
+CLAIM = Claim(name="n", section="1", quote="q", criterion="c")
+
+
+def opened(name: str):
+    folder = read_trees(EXPERIMENTS / name)
+    return folder, read_experiment(EXPERIMENTS / name / "experiment.yaml", folder.scene.space)
+
+
+@pytest.mark.parametrize("name", ["2-aggressive", "2-moderate", "3"])
+def test_many_runs_at_once_are_each_the_experiment_with_that_seed(name):
+    folder, spec = opened(name)
+    spec = spec.shortened(25)
+    world = world_of(folder, spec)
+    seeds = [spec.seed, 5]
+    many = replicas(world, spec, seeds)
+    for row, seed in enumerate(seeds):
+        records = through_core(folder, with_seed(spec, seed))
+        winners = [world.agents[index] for index in many.course.awarded[row]]
+        assert winners == [record.winner for record in records]
+        for index, record in enumerate(records):
+            after = many.course.profiles[row, index, many.course.awarded[row, index]]
+            assert tuple(after.tolist()) == record.after
+
+
+def test_experiment_1_reaches_its_target_in_100_cycles():
+    folder, spec = opened("1")
+    records = through_core(folder, spec)
+    assert len(records) == 100
+    assert records[-1].after == pytest.approx((5.0, 4.0, 1.0), abs=1e-8)
+    expected = closed_form((2.5, 2.5, 2.5), (5.0, 4.0, 1.0), 0.2, 100)
+    assert records[-1].after == pytest.approx(expected, abs=1e-12)
+
+
+def test_with_each_third_feedback_5_the_mean_goes_to_a_wrong_place():
+    folder, spec = opened("2-aggressive")
+    world = world_of(folder, spec)
+    assert (luck_of(world, spec, [2]).doubt[0, :6, 0] == [1, 1, 0, 1, 1, 0]).all()
+    late = replicas(world, spec, [2]).course.profiles[0, -99:, 0].mean(axis=0)
+    assert late == pytest.approx([5.0, 4 + 1 / 3, 2 + 1 / 3], abs=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("held", "words"),
+    [
+        ([True], "holds"),
+        ([False], "fails"),
+        ([True] * 20, "holds (20 of 20 runs, 95 % interval 83.9 % to 100 %)"),
+        ([False] * 20, "fails (0 of 20 runs, 95 % interval 0 % to 16.1 %)"),
+        (
+            [True] * 15 + [False] * 5,
+            "holds in 75 % of runs (15 of 20 runs, 95 % interval 53.1 % to 88.8 %)",
+        ),
+    ],
+)
+def test_a_verdict_says_in_how_many_runs_a_claim_holds(held, words):
+    verdict = judged(CLAIM, held, "found", "because")
+    assert verdict.words == words
+    assert (verdict.reason == "") == all(held)
+
+
+def test_a_share_that_is_not_all_is_not_rounded_to_all():
+    assert [percent(share) for share in (0.0, 0.5, 0.99996, 0.0004, 1.0)] == [
+        "0 %",
+        "50 %",
+        "99.996 %",
+        "0.04 %",
+        "100 %",
+    ]
+
+
+def test_the_command_draws_all_figures_alike_each_time_and_judges_all_claims(tmp_path):
+    folders = (tmp_path / "one", tmp_path / "two")
+    for folder in folders:
+        words = ["experiment", "plot", "--seeds", "6", "--output", str(folder)]
+        result = CliRunner().invoke(bt_agents, words, catch_exceptions=False)
+        assert result.exit_code == 0, result.output
+    names = {path.name for path in folders[0].iterdir()}
+    figures = {f"figure-{n}.{kind}" for n in range(5, 10) for kind in ("svg", "png")}
+    assert names == figures | {"verdicts.md", "verdicts.json"}
+    for name in names:
+        assert (folders[0] / name).read_bytes() == (folders[1] / name).read_bytes(), name
+    verdicts = json.loads((folders[0] / "verdicts.json").read_text())
+    words = {verdict["claim"]["name"]: verdict["verdict"] for verdict in verdicts}
+    assert len(words) == 11
+    assert words["Convergence"] == words["Speed follows the rate"] == "holds"
+    assert words["A moderate rate stays robust under noise"].startswith("fails")
+    assert all(verdict["reason"] or verdict["held"] == verdict["runs"] for verdict in verdicts)
+
+
+def test_the_figures_of_the_documents_are_small():
+    figures = sorted((ROOT / "docs" / "figures").glob("*.svg"))
+    assert len(figures) >= 9
+    assert all(figure.stat().st_size < 200_000 for figure in figures)
+
+
+def test_a_profile_in_many_runs_follows_the_closed_form():
+    folder, spec = opened("1")
+    world = world_of(folder, spec)
+    course = replicas(world, spec, [0]).course
+    for cycle in (1, 10, 100):
+        expected = closed_form((2.5, 2.5, 2.5), (5.0, 4.0, 1.0), 0.2, cycle)
+        assert np.allclose(course.profiles[0, cycle - 1, 0], expected, rtol=0, atol=1e-12)

@@ -1,0 +1,425 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Scenes of persons with ids: each has values of their own, and gaps are filled from before."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from bt_agents.language.scene_reader import read_scene_text
+from bt_agents.scene import Origin, Scene, SceneValue
+from scene_layer.estimate import Estimate
+from scene_layer.memory import MOST_KNOWN, Memory
+from scene_layer.memory_file import from_text, to_text
+from scene_layer.sources import Sources, message_of
+
+FACES = """
+format: 1
+parameters:
+  age: {min: 1, max: 5, default: 3, description: how old, missing: default}
+  mood: {min: 1, max: 5, default: 3, description: how it feels, missing: estimate}
+  height: {min: 0, max: 3, default: 1.7, description: how tall}
+  noise: {min: 0, max: 10, default: 0, description: how loud it is here}
+mood: mood
+place: lobby
+no_person: {mood: 3}
+persons:
+  tracked:
+    topic: faces
+    type: bt_agents_interfaces/msg/Faces
+    field: faces
+    id: face_id
+    stale_after: 5 s
+    lost_after: 0 s
+  known: {from: tracked, field: known}
+  addressee: {rule: nearest, source: {from: tracked, field: distance_m}, for: 1 s}
+sources:
+  age: {from: tracked, field: age, std: age_std, stale_after: 2 s}
+  mood: {from: tracked, field: mood, confidence: sure, stale_after: 2 s}
+  height: {from: tracked, field: height, stale_after: 2 s}
+  noise: {topic: noise, type: std_msgs/msg/Float64, field: data, stale_after: 60 s}
+"""
+SPEC = read_scene_text(FACES, "scene.yaml")
+assert SPEC.persons is not None
+IGNORANCE = 4 / math.sqrt(12)
+
+
+class Room:
+    """Faces before a camera, second by second."""
+
+    def __init__(self, memory: Memory | None = None) -> None:
+        self.sources = Sources(SPEC)
+        self.memory = memory or Memory(SPEC.space)
+        self.estimate = Estimate(SPEC, self.sources, self.memory)
+        self.running: str | None = None
+        self.now = 0.0
+
+    def see(self, now: float, **faces: dict[str, float]) -> None:
+        """Take a picture; what a face does not say is not in its item."""
+        self.now = now
+        crowd = self.estimate.encounters
+        crowd.listed(list(faces), now)
+        for person in crowd.candidates:
+            if person in faces:
+                self._read(person, {"known": 0.0, "sure": 1.0, "age_std": 0.0} | faces[person])
+        self.look()
+
+    def _read(self, person: str, item: dict[str, float]) -> None:
+        for source in SPEC.every_source:
+            names = {name.removeprefix("msg.") for name in source.field.names}
+            if source.of_item and names <= item.keys():
+                self.sources.read(source, message_of(item), self.now, person)
+
+    def hear(self, noise: float) -> None:
+        [source] = [s for s in SPEC.sources if s.parameter == "noise"]
+        self.sources.read(source, message_of({"data": noise}), self.now)
+
+    def look(self, now: float | None = None) -> bool:
+        self.now = self.now if now is None else now
+        return self.estimate.look(self.now, 1000.0 + self.now, self.running)
+
+    def announce(self, scene_id: str = "s", person: bool | None = None, **given: float) -> Scene:
+        self.estimate.begin(scene_id, "", given, person, self.now)
+        return self.scene(scene_id)
+
+    def scene(self, scene_id: str = "s") -> Scene:
+        return self.estimate.scene(scene_id, now=self.now, wall=1000.0 + self.now, stamp=0.0)
+
+    def value(self, name: str, scene_id: str = "s") -> SceneValue:
+        [value] = [v for v in self.scene(scene_id).values if v.name == name]
+        return value
+
+
+def words(scene: Scene) -> list[str]:
+    return [
+        v.name if v.origin is Origin.MISSING else f"{v.name} {v.origin.name.lower()} {v.value:g}"
+        for v in scene.values
+    ]
+
+
+def test_a_scene_is_about_the_addressee_and_has_their_values():
+    room = Room()
+    anna, ben = {"age": 4.0, "mood": 2.0, "distance_m": 1.0}, {"age": 1.0, "distance_m": 2.0}
+    room.see(0.0, ben=ben, anna=anna)
+    room.hear(7.0)
+    scene = room.announce()
+    assert (scene.person, scene.person_id, scene.place, scene.persons) == (
+        True,
+        "anna",
+        "lobby",
+        2,
+    )
+    assert words(scene) == ["age measured 4", "mood measured 2", "height", "noise measured 7"]
+    of_ben = room.estimate.scene_of("ben", now=0.0, wall=1000.0, stamp=0.0)
+    assert (of_ben.person, of_ben.person_id, of_ben.scene_id) == (True, "ben", "person/ben")
+    assert words(of_ben) == ["age measured 1", "mood", "height", "noise measured 7"]
+
+
+def test_nobody_is_a_scene_of_its_own():
+    room = Room()
+    room.hear(7.0)
+    scene = room.announce()
+    assert (scene.person, scene.person_id, scene.persons) == (False, "", 0)
+    assert words(scene) == ["age", "mood default 3", "height", "noise measured 7"]
+    assert room.value("mood").source == "nobody is there"
+
+
+def test_a_ladder_has_no_person_though_somebody_walks_by():
+    room = Room()
+    room.see(0.0, anna={"age": 4.0})
+    scene = room.announce(person=False, mood=1.0)
+    assert (scene.person, scene.person_id) == (False, "")
+    assert words(scene) == ["age", "mood given 1", "height", "noise"]
+    room.see(1.0, anna={"age": 4.0})
+    assert not room.scene().person
+
+
+def test_what_is_not_measured_of_a_stranger_is_left_out_or_a_default():
+    room = Room()
+    room.see(0.0, anna={"height": 1.6})
+    room.announce()
+    assert words(room.scene()) == ["age default 3", "mood", "height measured 1.6", "noise"]
+    age = room.value("age")
+    assert (age.std, age.confidence, age.source) == (pytest.approx(IGNORANCE), 0.0, "default")
+
+
+def test_a_value_that_goes_stale_is_estimated_less_and_less_surely():
+    room = Room()
+    for second in range(10):
+        room.see(float(second), anna={"age": 4.0, "mood": 2.0, "height": 1.6})
+    room.announce()
+    assert words(room.scene()) == [
+        "age measured 4",
+        "mood measured 2",
+        "height measured 1.6",
+        "noise",
+    ]
+    stds = []
+    for second in (12.0, 60.0, 600.0, 6000.0):
+        room.see(second, anna={})
+        assert words(room.scene()) == ["age estimated 4", "mood estimated 2", "height", "noise"]
+        stds.append(room.value("age").std)
+    assert stds == sorted(stds)
+    assert 0.2 < stds[0] < 0.5 < stds[-1] < IGNORANCE
+    age = room.value("age")
+    assert age.age_s == pytest.approx(5991.0)
+    assert age.source == "anna, seen once"
+    assert age.confidence == pytest.approx(1 - (age.std / IGNORANCE) ** 2)
+
+
+def test_the_spread_of_what_was_measured_is_the_uncertainty_of_an_estimate():
+    room = Room()
+    for second in range(100):
+        room.see(float(second), anna={"mood": 2.0 + 2.0 * (second % 2)})
+    room.announce()
+    room.see(110.0, anna={})
+    mood = room.value("mood")
+    assert mood.value == pytest.approx(3.0, abs=0.01)
+    assert mood.std == pytest.approx(1.0, abs=0.02)
+
+
+def test_somebody_known_by_name_is_remembered_and_a_stranger_is_not():
+    room = Room()
+    for second in range(3):
+        room.see(float(second), anna={"age": 5.0, "known": 1.0}, face7={"age": 1.0, "known": 0.0})
+    room.see(3.0)
+    room.see(100.0, anna={"known": 1.0})
+    room.announce()
+    assert room.value("age").value == 5.0
+    assert room.value("age").source == "anna, seen 2 times"
+    room.see(200.0)
+    room.see(300.0, face7={})
+    room.announce("t")
+    age = room.value("age", "t")
+    assert age.source == "everybody in lobby, seen 2 times"
+    assert age.value == pytest.approx(3.0, abs=0.05)
+
+
+def test_each_visit_counts_once_in_the_average_of_the_place():
+    room = Room()
+    for number in range(4):
+        for second in range(50 if number else 1):
+            room.see(100.0 * number + second, **{f"face{number}": {"age": 1.0 if number else 5.0}})
+        room.see(100.0 * number + 60)
+    room.see(1000.0, face9={})
+    room.announce()
+    assert room.value("age").value == pytest.approx(2.0, abs=0.05)
+
+
+def test_nothing_estimated_or_given_is_remembered():
+    room = Room()
+    room.see(0.0, anna={"known": 1.0})
+    room.announce(age=5.0, mood=1.0)
+    for second in range(1, 10):
+        room.see(float(second), anna={"known": 1.0})
+        room.scene()
+    room.see(20.0)
+    assert room.memory.kept() == ({}, {})
+
+
+def test_a_reading_without_confidence_is_no_reading():
+    room = Room()
+    room.see(0.0, anna={"mood": 1.0, "sure": 0.0})
+    assert words(room.announce())[1] == "mood"
+
+
+def test_a_run_keeps_its_person_though_somebody_else_is_nearer():
+    room = Room()
+    room.see(0.0, anna={"mood": 4.0, "distance_m": 1.0})
+    room.announce()
+    room.running = "s"
+    for second in range(1, 6):
+        room.see(
+            float(second),
+            anna={"mood": 4.0, "distance_m": 3.0},
+            ben={"mood": 1.0, "distance_m": 0.5},
+        )
+    assert room.estimate.encounters.addressee == "ben"
+    scene = room.scene()
+    assert (scene.person, scene.person_id) == (True, "anna")
+    assert words(scene)[1] == "mood measured 4"
+    assert room.announce("t").person_id == "ben"
+
+
+def test_a_run_whose_person_is_lost_keeps_what_was_known_and_takes_nobody_else():
+    room = Room()
+    for second in range(3):
+        room.see(float(second), anna={"age": 5.0, "mood": 4.0, "distance_m": 1.0})
+    room.announce()
+    room.running = "s"
+    room.see(3.0, ben={"age": 1.0, "mood": 1.0, "distance_m": 0.5})
+    scene = room.scene()
+    assert (scene.person, scene.person_id, scene.persons) == (False, "anna", 1)
+    assert words(scene)[:2] == ["age measured 5", "mood measured 4"]
+    room.see(10.0, ben={"age": 1.0, "mood": 1.0})
+    assert words(room.scene())[:2] == ["age estimated 5", "mood estimated 4"]
+    assert not room.scene().person
+    room.see(11.0, anna={"mood": 2.0}, ben={})
+    assert (room.scene().person, words(room.scene())[1]) == (True, "mood measured 2")
+    room.see(12.0, ben={})
+    room.running = None
+    room.look(13.0)
+    assert room.memory.estimate("anna", "", "age", 1013.0) is None, "a stranger is forgotten"
+
+
+def test_a_run_that_began_with_nobody_takes_the_first_who_comes_and_keeps_them():
+    room = Room()
+    room.announce()
+    room.running = "s"
+    room.see(1.0, anna={"mood": 4.0, "distance_m": 1.0})
+    assert (room.scene().person, room.scene().person_id) == (True, "anna")
+    room.see(2.0, ben={"mood": 1.0, "distance_m": 0.2})
+    room.see(9.0, ben={"mood": 1.0, "distance_m": 0.2})
+    assert (room.scene().person, room.scene().person_id) == (False, "anna")
+
+
+def test_a_scene_layer_that_is_started_again_follows_the_person_of_the_run():
+    room = Room()
+    foreign = Scene(
+        scene_id="s",
+        label="",
+        person=True,
+        person_id="anna",
+        values=tuple(SceneValue.missing(name) for name in SPEC.space.names),
+    )
+    room.see(0.0, ben={"mood": 1.0, "distance_m": 0.1}, anna={"mood": 4.0, "distance_m": 2.0})
+    room.estimate.adopt(foreign, 0.0)
+    room.running = "s"
+    room.see(1.0, ben={"mood": 1.0}, anna={"mood": 4.0})
+    assert (room.scene().person_id, words(room.scene())[1]) == ("anna", "mood measured 4")
+
+
+def test_a_given_value_wins_until_something_newer_is_measured_of_this_person():
+    room = Room()
+    room.see(0.0, anna={"mood": 4.0, "distance_m": 1.0}, ben={"mood": 5.0, "distance_m": 2.0})
+    room.announce(mood=1.0)
+    room.see(1.0, anna={}, ben={"mood": 5.0})
+    assert words(room.scene())[1] == "mood given 1"
+    room.see(2.0, anna={"mood": 3.0}, ben={"mood": 5.0})
+    assert words(room.scene())[1] == "mood measured 3"
+
+
+def test_looking_at_what_is_there_now_follows_the_addressee():
+    room = Room()
+    room.see(0.0, anna={"distance_m": 1.0})
+    room.estimate.give("", {}, None, 0.0)
+    assert room.scene("").person_id == "anna"
+    room.see(5.0, ben={"distance_m": 1.0})
+    assert room.scene("").person_id == "ben"
+    room.see(9.0)
+    assert words(room.scene(""))[:2] == ["age", "mood default 3"], "nobody is a scene of its own"
+
+
+# --- one person at a time, without ids -------------------------------------------------------
+
+ONE = read_scene_text(
+    """
+format: 1
+parameters: {age: {min: 1, max: 5, default: 3, description: how old, missing: estimate}}
+sources:
+  person: {topic: there, type: std_msgs/msg/Bool, field: data, stale_after: 60 s}
+  age: {topic: age, type: std_msgs/msg/Float64, field: data, stale_after: 2 s}
+""",
+    "scene.yaml",
+)
+
+
+class Door:
+    """Whoever comes through a door, one at a time."""
+
+    def __init__(self) -> None:
+        self.sources = Sources(ONE)
+        self.estimate = Estimate(ONE, self.sources, Memory(ONE.space))
+        self.running: str | None = None
+        self.estimate.begin("s", "", {}, None, 0.0)
+
+    def at(self, now: float, *, there: bool, age: float | None = None) -> str:
+        """Return what the scene says of the age after some readings."""
+        assert ONE.person is not None
+        self.sources.read(ONE.person, message_of({"data": there}), now)
+        if age is not None:
+            self.sources.read(ONE.sources[0], message_of({"data": age}), now)
+        self.estimate.look(now, now, self.running)
+        [value] = self.estimate.scene("s", now=now, wall=now, stamp=0.0).values
+        return f"{value.origin.name.lower()} {value.value:.3g} {value.source}".strip()
+
+
+def test_without_ids_nobody_takes_over_what_was_known_of_the_one_before():
+    door = Door()
+    assert door.at(0.0, there=True, age=5.0) == "measured 5 age"
+    assert door.at(10.0, there=True) == "estimated 5 this person, seen once"
+    assert door.at(11.0, there=False) == "estimated 5 everybody here, seen once"
+    assert door.at(12.0, there=True) == "estimated 5 everybody here, seen once"
+    assert door.at(13.0, there=True, age=1.0) == "measured 1 age"
+    assert door.at(20.0, there=True) == "estimated 1 this person, seen once"
+    assert door.at(21.0, there=False).startswith("estimated 2.99 everybody here, seen 2 times")
+
+
+def test_without_ids_a_run_keeps_what_was_known_of_the_one_who_left():
+    door = Door()
+    door.at(0.0, there=True, age=5.0)
+    door.running = "s"
+    door.at(1.0, there=True)
+    assert door.at(10.0, there=False) == "estimated 5 this person, seen once"
+    door.running = None
+    assert door.at(11.0, there=False) == "estimated 5 everybody here, seen once"
+
+
+# --- forgetting -----------------------------------------------------------------------------
+
+
+def test_a_person_who_is_forgotten_is_unknown_until_they_come_again():
+    room = Room()
+    for second in range(3):
+        room.see(float(second), anna={"age": 5.0, "known": 1.0})
+    assert room.memory.forget(person="anna")
+    assert not room.memory.forget(person="anna")
+    for second in range(3, 6):
+        room.see(float(second), anna={"age": 5.0, "known": 1.0})
+    room.see(6.0)
+    assert room.memory.kept()[0] == {}, "not remembered from the rest of this visit either"
+    room.see(100.0, anna={"age": 4.0, "known": 1.0})
+    room.see(101.0)
+    assert set(room.memory.kept()[0]) == {"anna"}
+
+
+def test_a_place_can_be_forgotten():
+    room = Room()
+    room.see(0.0, face1={"age": 5.0})
+    room.see(1.0)
+    assert room.memory.forget(place="lobby")
+    assert room.memory.kept() == ({}, {})
+
+
+def test_whoever_was_not_seen_for_longest_is_forgotten_first():
+    memory = Memory(SPEC.space)
+    for number in range(MOST_KNOWN + 10):
+        person = f"p{number}"
+        memory.came(person, float(number))
+        memory.measured(person, "age", 3.0, 0.0, 1.0, float(number))
+        memory.left(person, f"place {number}", known=True, now=float(number))
+    persons, places = memory.kept()
+    assert len(persons) == len(places) == MOST_KNOWN
+    assert "p9" not in persons
+    assert "p10" in persons
+
+
+# --- what outlives a restart ----------------------------------------------------------------
+
+
+def test_who_is_known_by_name_outlives_a_restart_and_who_is_here_unnamed_does_not():
+    room = Room()
+    for second in range(3):
+        room.see(float(second), anna={"age": 5.0, "known": 1.0}, face7={"age": 1.0})
+    text = to_text(*room.memory.kept(room.estimate.encounters.known))
+    persons, places = from_text(text, SPEC.space)
+    assert set(persons) == {"anna"}
+    assert places == {}
+    memory = Memory(SPEC.space)
+    memory.remember(persons, places)
+    again = Room(memory)
+    again.see(0.0, anna={})
+    again.announce()
+    assert again.value("age").value == 5.0
+    assert again.value("age").source == "anna, seen 2 times"

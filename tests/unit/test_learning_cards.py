@@ -1,0 +1,120 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How an agent learns, as a card of a host says it: checked before anything is learned by it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import pytest
+
+from bt_agents.errors import Refused
+from bt_agents.feedback import LearningRule, Update
+from bt_agents.scene import SceneParameter, SceneSpace
+from feedback_node.cards import (
+    AgentEntry,
+    Card,
+    LearningEntry,
+    RuleEntry,
+    read_card,
+    read_learning,
+)
+
+NAN = math.nan
+SPACE = SceneSpace(
+    parameters=tuple(
+        SceneParameter(name=name, minimum=1.0, maximum=5.0, default=3.0)
+        for name in ("age", "mood")
+    ),
+    mood="mood",
+)
+PLAIN = LearningEntry(update="plain", window=5, rates=(NAN, NAN))
+
+
+def test_a_card_that_says_nothing_means_the_paper_s_formula():
+    assert read_learning(LearningEntry(), SPACE, what="a") == LearningRule()
+    assert read_learning(PLAIN, SPACE, what="a") == LearningRule()
+
+
+def test_every_field_of_a_card_is_taken():
+    entry = LearningEntry(
+        update="huber",
+        rates=(0.1, NAN),
+        width=(NAN, 0.5),
+        window=7,
+        anneal=0.1,
+        drift=(1.0, NAN),
+        sources=("button", "mood rule"),
+        weights=(1.0, 0.5),
+        layers=("person",),
+        general=0.25,
+    )
+    assert read_learning(entry, SPACE, what="a") == LearningRule(
+        update=Update.HUBER,
+        rates={"age": 0.1},
+        width={"mood": 0.5},
+        window=7,
+        anneal=0.1,
+        drift={"age": 1.0},
+        weights={"button": 1.0, "mood rule": 0.5},
+        layers=("person",),
+        general=0.25,
+    )
+
+
+@pytest.mark.parametrize(
+    "entry",
+    [
+        replace(PLAIN, update="medium"),
+        replace(PLAIN, rates=(0.1,)),
+        replace(PLAIN, rates=(0.1, 1.1)),
+        replace(PLAIN, rates=(0.1, math.inf)),
+        replace(PLAIN, width=(-1.0, NAN)),
+        replace(PLAIN, update="median", window=0),
+        replace(PLAIN, update="median", window=1000),
+        replace(PLAIN, anneal=NAN),
+        replace(PLAIN, anneal=-1.0),
+        replace(PLAIN, drift=(4.5, NAN)),
+        replace(PLAIN, sources=("button",)),
+        replace(PLAIN, sources=("button",), weights=(NAN,)),
+        replace(PLAIN, sources=("button",), weights=(1e9,)),
+        replace(PLAIN, layers=("persons",)),
+        replace(PLAIN, general=1.5),
+    ],
+)
+def test_an_agent_that_learns_in_no_possible_way_does_not_spoil_the_others(entry):
+    with pytest.raises(Refused, match="BAD_LEARNING"):
+        read_learning(entry, SPACE, what="a")
+    good = AgentEntry(name="good", profile=(3.0, 3.0), revision=0, learning_rate=0.2)
+    bad = replace(good, name="bad", learning=entry)
+    card = Card(host="/agents", instance="i", parameters=SPACE.names, agents=(bad, good))
+    agents, problems = read_card(card, SPACE)
+    assert [agent.name for agent in agents] == ["good"]
+    assert [
+        problem.startswith("BAD_LEARNING: card of /agents: agent 'bad'") for problem in problems
+    ]
+
+
+def test_a_mood_rule_of_a_card_keeps_its_further_values():
+    rule = RuleEntry(
+        when="mood.change > 1",
+        hold_s=1.0,
+        give=1,
+        cancel=False,
+        baseline_s=2.0,
+        release="mood.change < 0",
+        cooldown_s=3.0,
+        confidence=0.5,
+    )
+    entry = AgentEntry(name="a", profile=(3.0, 3.0), revision=0, learning_rate=0.2, rules=(rule,))
+    card = Card(host="/agents", instance="i", parameters=SPACE.names, agents=(entry,))
+    ((agent,), problems) = read_card(card, SPACE)
+    assert problems == ()
+    (read,) = agent.rules
+    assert read.release is not None
+    assert (read.baseline_s, read.release.text, read.cooldown_s, read.confidence) == (
+        2.0,
+        "mood.change < 0",
+        3.0,
+        0.5,
+    )

@@ -1,0 +1,234 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What an agent learns apart for a person or a place, and what everybody's learns of it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import pytest
+
+from bt_agents import layers as layers_module
+from bt_agents.errors import Refused
+from bt_agents.feedback import Kind
+from bt_agents.scene import Origin, Scene, SceneParameter, SceneSpace, SceneValue
+from feedback_node import profiles as profiles_module
+from feedback_node.cards import AgentEntry, Card, LearningEntry
+from feedback_node.changes import Change, Delivery
+from feedback_node.ledger import Ledger
+from feedback_node.profiles import Profiles
+from feedback_node.runs import Run
+
+NAN = math.nan
+ANNA, LOBBY = "person/anna", "place/lobby"
+SPACE = SceneSpace(
+    parameters=tuple(
+        SceneParameter(name=name, minimum=1.0, maximum=5.0, default=3.0)
+        for name in ("age", "mood")
+    )
+)
+
+
+def learning(*layers: str, general: float = 0.0, **fields: object) -> LearningEntry:
+    return LearningEntry(
+        **{
+            "update": "plain",
+            "rates": (NAN, NAN),
+            "width": (1.0, 1.0),
+            "window": 5,
+            "drift": (NAN, NAN),
+            "layers": layers,
+            "general": general,
+            **fields,
+        }
+    )
+
+
+def guide(entry: LearningEntry, **fields: object) -> AgentEntry:
+    plain = AgentEntry(
+        name="guide", profile=(3.0, 3.0), revision=0, learning_rate=0.5, learning=entry
+    )
+    return replace(plain, **fields)
+
+
+def card(*agents: AgentEntry, instance: str = "i1") -> Card:
+    return Card(host="/agents", instance=instance, parameters=SPACE.names, agents=agents)
+
+
+def known(entry: LearningEntry, ledger: Ledger | None = None) -> Profiles:
+    made = Profiles(SPACE, ledger or Ledger(":memory:"))
+    assert made.introduce(card(guide(entry)))[1] == ()
+    return made
+
+
+def run(person: str = "", place: str = "") -> Run:
+    values = (SceneValue(name=n, value=3.0, origin=Origin.GIVEN) for n in SPACE.names)
+    scene = Scene(
+        scene_id="scene-of-anna",
+        label="",
+        person=True,
+        values=tuple(values),
+        person_id=person,
+        place=place,
+    )
+    return Run(epoch="e", round=1, agent="guide", scene=scene)
+
+
+def teach(
+    profiles: Profiles,
+    feedback_id: str,
+    *,
+    age: float = 5.0,
+    kind: Kind = Kind.DIRECT,
+    where: Run | None = None,
+) -> Change:
+    return profiles.apply(
+        "guide",
+        kind,
+        (age, NAN),
+        feedback_id=feedback_id,
+        source="program",
+        reason="anna said so",
+        run=where,
+    )
+
+
+def ages(profiles: Profiles) -> dict[str, float]:
+    return {layer: vector[0] for _, layer, _, vector in profiles.table()}
+
+
+@pytest.mark.parametrize(
+    ("entry", "where", "expected"),
+    [
+        (learning("person"), run("anna"), {"": 3.0, ANNA: 4.0}),
+        (learning("person"), run(), {"": 4.0}),
+        (learning("person"), None, {"": 4.0}),
+        (learning(), run("anna", "lobby"), {"": 4.0}),
+        (learning("place"), run("anna", "lobby"), {"": 3.0, LOBBY: 4.0}),
+        (learning("person", "place"), run("anna", "lobby"), {"": 3.0, ANNA: 4.0, LOBBY: 4.0}),
+        (learning("person", general=0.25), run("anna"), {"": 3.25, ANNA: 4.0}),
+        (learning("person", general=1.0), run("anna"), {"": 4.0, ANNA: 4.0}),
+    ],
+)
+def test_feedback_moves_the_layers_that_the_scene_names_and_everybodys_in_part(
+    entry, where, expected
+):
+    profiles = known(entry)
+    change = teach(profiles, "f1", where=where)
+    assert ages(profiles) == expected
+    moved = {layer for layer, age in expected.items() if age != 3.0}
+    assert {one.revision.layer for one in change.all} == moved
+
+
+def test_a_layer_begins_as_the_profile_for_everybody_and_goes_its_own_way():
+    profiles = known(learning("person"))
+    teach(profiles, "f1")
+    teach(profiles, "f2", where=run("anna"), age=1.0)
+    teach(profiles, "f3")
+    assert ages(profiles) == {"": 4.5, ANNA: 2.5}
+    history = profiles._ledger.history("guide", ANNA)
+    assert [(row.cause.cause, row.profile["age"]) for row in history] == [
+        ("layer", 4.0),
+        ("feedback", 2.5),
+    ]
+
+
+def test_what_is_set_is_set_for_everybody():
+    profiles = known(learning("person", general=0.1))
+    teach(profiles, "f1", kind=Kind.SET, where=run("anna"))
+    assert ages(profiles) == {"": 5.0}
+
+
+def test_the_words_and_deliveries_name_every_layer():
+    profiles = known(learning("person", general=0.5))
+    change = teach(profiles, "f1", where=run("anna"))
+    assert change.words == "for person/anna age 3 → 4; for everybody age 3 → 3.5"
+    assert profiles.deliveries(change.all) == (
+        Delivery(host="/agents", agent="guide", layer=ANNA, values=(4.0, 3.0), revision=1),
+        Delivery(host="/agents", agent="guide", values=(3.5, 3.0), revision=1),
+    )
+
+
+def test_the_share_of_everybody_does_not_lead_back_to_the_person():
+    profiles = known(learning("person", general=0.5))
+    teach(profiles, "of-anna", where=run("anna"))
+    cause = profiles._ledger.history("guide")[-1].cause
+    assert "anna" not in repr(cause)
+    assert cause.weight == 0.5
+
+
+def test_the_same_feedback_is_applied_once_in_all_layers_also_when_one_was_forgotten():
+    ledger = Ledger(":memory:")
+    profiles = known(learning("person", general=0.5), ledger)
+    first = teach(profiles, "f1", where=run("anna"))
+    again = teach(profiles, "f1", where=run("anna"))
+    assert not again.fresh
+    assert [one.revision for one in again.all] == [one.revision for one in first.all]
+    ledger.forget([("guide", ANNA)])
+    profiles.gone([("guide", ANNA)])
+    third = teach(profiles, "f1", where=run("anna"))
+    assert not third.fresh
+    assert "forgotten since" in third.words
+    assert ages(profiles) == {"": 3.5}
+
+
+def test_each_layer_anneals_by_its_own_changes_and_takes_the_median_of_its_own_feedback():
+    profiles = known(learning("person", anneal=1.0))
+    for number in range(2):
+        teach(profiles, f"f{number}")
+    change = teach(profiles, "a", where=run("anna"))
+    assert change.rates == () or change.rates[0] == 0.5
+    profiles = known(learning("person", update="median", window=3))
+    for number, age in enumerate((5.0, 5.0, 1.0)):
+        teach(profiles, f"f{number}", age=age)
+    assert ages(profiles)[""] == 4.75
+    teach(profiles, "a", age=1.0, where=run("anna"))
+    assert ages(profiles)[ANNA] == (4.75 + 1.0) / 2
+
+
+def test_a_host_that_starts_again_forgets_its_layers_and_then_gets_those_that_there_are():
+    ledger = Ledger(":memory:")
+    profiles = known(learning("person"), ledger)
+    assert profiles.introduce(card(guide(learning("person")), instance="i2"))[0] == ()
+    teach(profiles, "f1", where=run("anna"))
+    for fresh in (profiles, Profiles(SPACE, ledger)):
+        deliveries, _ = fresh.introduce(card(guide(learning("person")), instance="i3"))
+        assert deliveries == (Delivery(host="/agents", agent="", remove=True),)
+        assert [(d.layer, d.values) for d in fresh.layers_at("/agents")] == [(ANNA, (4.0, 3.0))]
+        # A card of the same start says nothing new.
+        assert fresh.introduce(card(guide(learning("person")), instance="i3"))[0] == ()
+
+
+def test_an_edit_of_the_author_reaches_the_layers_at_the_host():
+    profiles = known(learning("person"))
+    teach(profiles, "f1", where=run("anna"))
+    edited = guide(learning("person"), profile=(3.0, 1.5))
+    deliveries, _ = profiles.introduce(card(edited))
+    assert [(d.layer, d.values) for d in deliveries] == [("", (3.0, 1.5)), (ANNA, (4.0, 1.5))]
+
+
+def test_layers_are_bounded_and_the_others_still_learn(monkeypatch):
+    monkeypatch.setattr(profiles_module, "MOST_LAYERS", 2)
+    assert layers_module.MOST_LAYERS == 1000
+    profiles = known(learning("person"))
+    for name in ("anna", "bob"):
+        teach(profiles, name, where=run(name))
+    with pytest.raises(Refused, match=r"TOO_MANY_LAYERS: guide has .* 2 persons and places"):
+        teach(profiles, "carl", where=run("carl"))
+    assert set(ages(profiles)) == {"", ANNA, "person/bob"}
+    assert teach(profiles, "again", where=run("bob")).fresh
+
+
+def test_an_id_that_stands_for_a_forgotten_one_is_refused():
+    with pytest.raises(Refused, match="RESERVED_ID"):
+        teach(known(learning()), "sha256:00")
+
+
+def test_the_share_of_feedback_that_seems_wrong_is_that_of_the_layer():
+    profiles = known(learning("person"))
+    for number in range(10):
+        odd = number % 5 == 4
+        change = teach(profiles, f"f{number}", age=5.0 if odd else 2.0, where=run("anna"))
+    assert change.false_rate == pytest.approx(0.2)
+    assert profiles.false_rate("guide", ANNA) == pytest.approx(0.2)
+    assert math.isnan(profiles.false_rate("guide"))

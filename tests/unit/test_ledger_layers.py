@@ -1,0 +1,194 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Layers of the ledger, what has taught them, and how they are forgotten without a trace."""
+
+from __future__ import annotations
+
+import shutil
+import sqlite3
+from collections.abc import Iterator
+from contextlib import closing
+from pathlib import Path
+
+import pytest
+
+from bt_agents.errors import Refused
+from feedback_node.ledger import Entry, Ledger
+from feedback_node.ledger_file import LedgerError
+from feedback_node.ledger_rows import LAYER, Cause, hidden
+
+ANNA = "person/anna"
+FIRST = {"age": 4.0, "mood": 3.0}
+
+
+@pytest.fixture
+def ledger() -> Iterator[Ledger]:
+    with Ledger(":memory:") as ledger:
+        ledger.enter({"guide": FIRST})
+        yield ledger
+
+
+def begin(ledger: Ledger, layer: str = ANNA, **first: float) -> None:
+    profile = {**FIRST, **first}
+    ledger.append("guide", profile, Cause(cause=LAYER), layer=layer)
+
+
+def teach(ledger: Ledger, feedback_id: str, layer: str = "", age: float = 5.0) -> None:
+    cause = Cause(feedback_id=feedback_id, reason=f"because of {feedback_id}")
+    ledger.append("guide", {"age": age, "mood": 3.0}, cause, layer=layer)
+
+
+def ages(ledger: Ledger, layer: str = "") -> list[float]:
+    return [row.profile["age"] for row in ledger.history("guide", layer)]
+
+
+def test_each_layer_counts_its_own_revisions(ledger):
+    begin(ledger)
+    teach(ledger, "f1", ANNA)
+    teach(ledger, "f2")
+    assert (ages(ledger), ages(ledger, ANNA)) == ([4.0, 5.0], [4.0, 5.0])
+    assert [row.layer for row in ledger.layers("guide")] == [ANNA]
+
+
+def test_several_layers_are_recorded_together_or_not_at_all(ledger):
+    good = Entry(agent="guide", profile=FIRST, cause=Cause(feedback_id="f"))
+    bad = Entry(agent="guide", layer=ANNA, profile={"age": float("nan")}, cause=Cause())
+    with pytest.raises(LedgerError):
+        ledger.record([good, bad])
+    assert (ages(ledger), ledger.layers("guide"), ledger.find("f")) == ([4.0], (), None)
+
+
+def test_an_id_that_has_moved_several_layers_returns_all_of_them(ledger):
+    begin(ledger)
+    entries = [
+        Entry(agent="guide", layer=layer, profile=FIRST, cause=Cause(feedback_id="f"))
+        for layer in (ANNA, "")
+    ]
+    recorded = ledger.record(entries)
+    assert ledger.record(entries) == recorded == ledger.found("f")
+    assert [row.layer for row in recorded] == [ANNA, ""]
+
+
+def test_undo_of_a_layer_ends_where_the_layer_begins(ledger):
+    begin(ledger, age=4.5)
+    teach(ledger, "f1", ANNA)
+    assert ledger.undo("guide", ANNA).profile["age"] == 4.5
+    with pytest.raises(Refused, match="revision 0 is where the layer begins"):
+        ledger.undo("guide", ANNA)
+    with pytest.raises(Refused, match="UNKNOWN_LAYER: guide has no layer 'person/bob'; it has:"):
+        ledger.undo("guide", "person/bob")
+
+
+def test_a_reset_brings_the_file_back_and_can_be_undone(ledger):
+    teach(ledger, "f1")
+    row = ledger.reset("guide", source="anna", reason="enough")
+    assert (dict(row.profile), row.cause.changes) == (FIRST, 0)
+    assert ledger.taught("guide", newest=9) == ()
+    assert ledger.undo("guide").profile["age"] == 5.0
+    assert [one.cause.feedback_id for one in ledger.taught("guide", newest=9)] == ["f1"]
+
+
+def test_what_was_undone_does_not_count_as_taught(ledger):
+    for number in range(4):
+        teach(ledger, f"f{number}")
+    ledger.undo("guide")
+    ledger.undo("guide")
+    teach(ledger, "f9")
+    taught = [row.cause.feedback_id for row in ledger.taught("guide", newest=9)]
+    assert taught == ["f0", "f1", "f9"]
+    assert [row.cause.feedback_id for row in ledger.taught("guide", newest=2)] == ["f1", "f9"]
+
+
+def test_an_edit_of_the_author_changes_in_layers_what_was_edited_only(ledger):
+    begin(ledger)
+    ledger.append("guide", {"age": 4.8, "mood": 1.5}, Cause(), layer=ANNA)
+    ledger.enter({"guide": {"age": 2.0, "mood": 3.0}})
+    assert dict(ledger.layers("guide")[0].profile) == {"age": 2.0, "mood": 1.5}
+    ledger.enter({"guide": {"age": 2.0, "mood": 3.0, "stress": 1.0}})
+    assert dict(ledger.layers("guide")[0].profile) == {"age": 2.0, "mood": 1.5, "stress": 1.0}
+
+
+def traces(path: Path, *words: str) -> list[str]:
+    content = b"".join(part.read_bytes() for part in path.parent.iterdir())
+    return [word for word in words if word.encode() in content]
+
+
+def test_what_is_forgotten_leaves_no_trace_in_any_file_and_the_chain_still_holds(tmp_path):
+    path = tmp_path / "ledger.sqlite"
+    with Ledger(path) as ledger:
+        ledger.enter({"guide": FIRST, "express": FIRST})
+        begin(ledger)
+        # Enough to split pages, and some of it is in the file, some in the log.
+        for number in range(150):
+            teach(ledger, f"secret-{number}", ANNA, age=1.2345678)
+            teach(ledger, f"other-{number}")
+            if number == 100:
+                ledger.tidy()
+        assert traces(path, "anna", "secret-7", "because of secret", "1.2345678")
+        assert ledger.forget([("guide", ANNA)], source="the operator") == ""
+        assert traces(path, "anna", "secret-", "because of secret", "1.2345678") == []
+        assert len(ledger.history("guide")) == 151
+    with Ledger(path) as ledger:
+        assert ledger.layers("guide") == ()
+        assert len(ledger.history("guide")) == 151
+
+
+def test_feedback_that_was_forgotten_is_not_applied_once_more(ledger):
+    begin(ledger)
+    teach(ledger, "f1", ANNA)
+    ledger.forget([("guide", ANNA)])
+    known = ledger.append("guide", FIRST, Cause(feedback_id="f1"))
+    assert (known.profile, known.cause.feedback_id) == ({}, hidden("f1"))
+    assert ages(ledger) == [4.0]
+
+
+def test_a_layer_that_was_forgotten_begins_anew(ledger):
+    for _ in range(3):
+        begin(ledger)
+        teach(ledger, f"f{len(ages(ledger, ANNA))}-{ledger._pending.number}", ANNA)
+        assert ages(ledger, ANNA) == [4.0, 5.0]
+        ledger.forget([("guide", ANNA)])
+    assert ages(ledger, ANNA) == []
+
+
+def test_the_profile_for_everybody_is_not_forgotten(ledger):
+    with pytest.raises(Refused, match="UNKNOWN_LAYER"):
+        ledger.forget([("guide", "")])
+    begin(ledger)
+    with pytest.raises(Refused, match="UNKNOWN_LAYER: guide has no layer 'person/bob'"):
+        ledger.forget([("guide", ANNA), ("guide", "person/bob")])
+    assert ages(ledger, ANNA) == [4.0]
+
+
+def test_a_reader_that_keeps_the_log_delays_the_last_trace_until_it_is_gone(tmp_path):
+    path = tmp_path / "ledger.sqlite"
+    with Ledger(path) as ledger:
+        ledger.enter({"guide": FIRST})
+        begin(ledger)
+        reader = sqlite3.connect(path, isolation_level=None)
+        reader.execute("BEGIN")
+        reader.execute("SELECT count(*) FROM revision").fetchone()
+        assert ledger.forget([("guide", ANNA)])
+        assert not ledger.tidy()
+        assert traces(path, "anna")
+        reader.execute("ROLLBACK")
+        reader.close()
+        assert ledger.tidy()
+        assert traces(path, "anna") == []
+
+
+def test_a_crash_before_the_traces_are_gone_is_made_good_at_the_next_start(tmp_path):
+    path = tmp_path / "before" / "ledger.sqlite"
+    with Ledger(path) as ledger:
+        ledger.enter({"guide": FIRST})
+        begin(ledger)
+        with closing(sqlite3.connect(path, isolation_level=None)) as reader:
+            reader.execute("BEGIN")
+            reader.execute("SELECT count(*) FROM revision").fetchone()
+            ledger.forget([("guide", ANNA)])
+            shutil.copytree(path.parent, tmp_path / "after")
+            reader.execute("ROLLBACK")
+    after = tmp_path / "after" / "ledger.sqlite"
+    assert traces(after, "anna")
+    with Ledger(after) as ledger:
+        ledger.tidy()
+        assert traces(after, "anna") == []

@@ -1,0 +1,192 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Ledgers of the format before, the check of a ledger, and what can be saved of a damaged one."""
+
+from __future__ import annotations
+
+import sqlite3
+from contextlib import closing
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner
+
+from bt_agents.cli.main import bt_agents
+from bt_agents.errors import Refused
+from feedback_node.ledger import Ledger
+from feedback_node.ledger_file import LedgerError
+from feedback_node.ledger_head import head_path
+from feedback_node.ledger_rows import LAYER, Cause
+from feedback_node.recovery import inspect, recover
+
+OLD = Path(__file__).parent.parent / "corpus" / "ledgers" / "format_1.sql"
+ANNA = "person/anna"
+
+
+def old_ledger(path: Path) -> None:
+    with closing(sqlite3.connect(path)) as database:
+        database.executescript(OLD.read_text(encoding="utf-8"))
+        database.execute("PRAGMA journal_mode = WAL")
+
+
+def made(path: Path) -> Path:
+    """Write a ledger of 13 rows: a forgotten layer in it, and the row that says so at its end."""
+    with Ledger(path) as ledger:
+        ledger.enter({"guide": {"age": 1.0}})
+        ledger.append("guide", {"age": 1.0}, Cause(cause=LAYER), layer=ANNA)
+        ledger.append("guide", {"age": 2.0}, Cause(feedback_id="a1"), layer=ANNA)
+        for number in range(9):
+            ledger.append("guide", {"age": float(number)}, Cause(feedback_id=f"f{number}"))
+        ledger.forget([("guide", ANNA)])
+    return path
+
+
+def spoil(path: Path, statement: str) -> None:
+    with closing(sqlite3.connect(path)) as database:
+        triggers = database.execute("SELECT sql FROM sqlite_master WHERE type = 'trigger'")
+        texts = [sql for (sql,) in triggers.fetchall()]
+        for name in ("update", "delete"):
+            database.execute(f"DROP TRIGGER revision_no_{name}")
+        database.execute(statement)
+        for text in texts:
+            database.execute(text)
+        database.commit()
+
+
+def test_a_ledger_of_format_1_is_rewritten_with_every_revision_and_cause(tmp_path):
+    path = tmp_path / "ledger.sqlite"
+    old_ledger(path)
+    with Ledger(path) as ledger:
+        rows = ledger.history("guide")
+        assert [row.revision for row in rows] == list(range(6))
+        assert rows[1].cause == Cause(
+            source="button",
+            reason="zu laut “ä”",
+            feedback_id="f1",
+            epoch="e1",
+            round=3,
+            rate=0.2,
+            target={"age": 5.0},
+            scene_id="s1",
+            cancels=True,
+            changes=1,
+        )
+        assert (dict(rows[1].profile), rows[1].stamp) == (
+            {"age": 4.2, "mood": 0.1 + 0.2},
+            1700000004.5,
+        )
+        # The last undo has brought back what one feedback has taught.
+        assert [row.cause.changes for row in rows] == [0, 1, 2, 2, 2, 1]
+        assert [row.cause.feedback_id for row in ledger.taught("guide", newest=9)] == ["f1"]
+        assert ledger.find("tuning/1") == rows[3]
+        assert ledger.undo("guide").profile["age"] == 4.0
+        assert ledger.enter({"express": {"age": 2.5, "mood": 3.0}})["express"].revision == 1
+    assert inspect(path).code == ""
+
+
+def test_a_ledger_of_format_1_that_makes_no_sense_is_left_alone(tmp_path):
+    path = tmp_path / "ledger.sqlite"
+    old_ledger(path)
+    with closing(sqlite3.connect(path)) as database:
+        database.execute("DROP TRIGGER revision_no_DELETE")
+        database.execute("DELETE FROM revision WHERE agent = 'guide' AND revision = 2")
+        database.commit()
+    with pytest.raises(LedgerError, match="revision 2 of guide is not there"):
+        Ledger(path)
+    with closing(sqlite3.connect(path)) as database:
+        assert database.execute("PRAGMA user_version").fetchone() == (1,)
+        assert database.execute("SELECT count(*) FROM revision").fetchone() == (7,)
+
+
+def test_the_check_of_a_ledger_in_use_says_how_much_is_good(tmp_path):
+    path = made(tmp_path / "ledger.sqlite")
+    with Ledger(path):
+        verdict = inspect(path)
+    assert (verdict.code, verdict.good, verdict.forgotten) == ("", 13, 2)
+
+
+@pytest.mark.parametrize(
+    ("statement", "good", "words"),
+    [
+        (
+            "UPDATE revision SET content = replace(content, '3.0', '3.5') WHERE number = 7",
+            6,
+            "row 7, behind revision 3 of guide (row 6): revision 4 of guide is not what",
+        ),
+        ("DELETE FROM revision WHERE number = 7", 6, "row 7, behind.*has the number 8"),
+        ("UPDATE revision SET chain = x'00' WHERE number = 7", 6, "the chain of hashes breaks"),
+        ("UPDATE revision SET feedback_id = 'f99' WHERE number = 7", 6, "is not what was written"),
+        ("UPDATE revision SET agent = 'other' WHERE number = 7", 6, "is not what was written"),
+        ("UPDATE revision SET feedback_id = 'sha256:0' WHERE number = 3", 12, "forgotten layer"),
+        (
+            "UPDATE revision SET content = NULL, salt = NULL WHERE number = 13",
+            13,
+            "forgotten/13 lost its content",
+        ),
+        ("DROP INDEX revision_of_feedback", 13, "its tables are not those of a ledger"),
+        ("DELETE FROM revision WHERE number = 13", 12, "forgotten/13 lost its content"),
+    ],
+)
+def test_what_was_changed_in_a_ledger_is_named(tmp_path, statement, good, words):
+    path = made(tmp_path / "ledger.sqlite")
+    spoil(path, statement)
+    with pytest.raises(LedgerError, match="LEDGER_CORRUPT"):
+        Ledger(path)
+    verdict = inspect(path)
+    assert verdict.good == good
+    assert words.split(".*")[0] in verdict.problem
+
+
+@pytest.mark.parametrize("number", [7, 13])
+def test_the_good_revisions_of_a_damaged_ledger_are_saved_into_a_new_one(tmp_path, number):
+    path = made(tmp_path / "ledger.sqlite")
+    spoil(path, f"UPDATE revision SET digest = x'00', content = '' WHERE number = {number}")
+    before = path.read_bytes()
+    assert recover(path, tmp_path / "new.sqlite") == number - 1
+    assert path.read_bytes() == before
+    with Ledger(tmp_path / "new.sqlite") as ledger:
+        ages = [row.profile["age"] for row in ledger.history("guide")]
+        assert ages == [1.0, *(float(n) for n in range(9))][: number - 3]
+        assert ledger.layers("guide") == ()
+        assert not ledger.append("guide", {"age": 0.0}, Cause(feedback_id="a1")).profile
+    with pytest.raises(Refused, match="FILE_EXISTS"):
+        recover(path, tmp_path / "new.sqlite")
+
+
+def test_a_ledger_without_its_head_is_saved_as_it_is(tmp_path):
+    path = made(tmp_path / "ledger.sqlite")
+    head_path(path).unlink()
+    assert inspect(path).code == "LEDGER_CUT_OFF"
+    assert recover(path, tmp_path / "new.sqlite") == 13
+    Ledger(tmp_path / "new.sqlite").close()
+
+
+@pytest.mark.parametrize("kind", ["missing", "text", "folder", "old"])
+def test_what_is_no_ledger_is_said_to_be_none(tmp_path, kind):
+    path = tmp_path / "ledger.sqlite"
+    if kind == "text":
+        path.write_text("hello " * 1000)
+    elif kind == "folder":
+        path.mkdir()
+    elif kind == "old":
+        old_ledger(path)
+    codes = {"text": "LEDGER_CORRUPT", "old": "LEDGER_OLD"}
+    with pytest.raises(LedgerError) as error:
+        inspect(path)
+    assert error.value.code == codes.get(kind, "LEDGER_UNREADABLE")
+
+
+def test_the_commands_check_and_recover_say_what_they_found(tmp_path):
+    path = made(tmp_path / "ledger.sqlite")
+    run = CliRunner().invoke
+    fine = run(bt_agents, ["profile", "check", str(path)])
+    assert (fine.exit_code, fine.output) == (
+        0,
+        f"{path}: 13 revisions are as they were written, 2 of them without their content, which "
+        "was forgotten\n",
+    )
+    spoil(path, "UPDATE revision SET chain = x'00' WHERE number = 7")
+    bad = run(bt_agents, ["profile", "check", str(path)])
+    assert bad.exit_code == 1
+    assert "LEDGER_CORRUPT: row 7, behind revision 3 of guide (row 6): the chain" in bad.output
+    saved = run(bt_agents, ["profile", "recover", str(path), str(tmp_path / "new.sqlite")])
+    assert saved.output == f"6 revisions copied to {tmp_path / 'new.sqlite'}\n"

@@ -1,0 +1,124 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Which node of a tree the mood of a person is credited to, on a manual clock."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from bt_agents.scene import Origin, Scene, SceneParameter, SceneSpace, SceneValue
+from feedback_node.mood_traces import MOST_CHANGES, MOST_LEAVES, LeafMood, MoodTrace
+
+NAN = math.nan
+SPACE = SceneSpace(
+    parameters=(SceneParameter(name="mood", minimum=1.0, maximum=5.0, default=3.0),), mood="mood"
+)
+
+
+def scene(mood: float, *, person: bool = True, person_id: str = "") -> Scene:
+    known = SceneValue(name="mood", value=mood, origin=Origin.MEASURED)
+    values = (SceneValue.missing("mood") if math.isnan(mood) else known,)
+    return Scene(scene_id="s1", label="", person=person, values=values, person_id=person_id)
+
+
+class Run:
+    """A run of which each line is told by the time since its start."""
+
+    def __init__(self, awarded: Scene, lease_s: float = 100.0) -> None:
+        self.now = 0.0
+        self.trace = MoodTrace(awarded, SPACE, lambda: self.now, lease_s)
+
+    def tip(self, at: float, leaf: str) -> None:
+        self.now = at
+        self.trace.tip(leaf)
+
+    def see(self, at: float, live: Scene) -> None:
+        self.now = at
+        self.trace.see(live)
+
+    def so_far(self, at: float) -> list[tuple[str, float, float, float]]:
+        self.now = at
+        return [told(one) for one in self.trace.so_far()]
+
+
+def told(one: LeafMood) -> tuple[str, float, float, float]:
+    return one.leaf, one.seconds, one.mean, one.change
+
+
+def test_each_node_has_its_time_its_mean_mood_and_its_change():
+    run = Run(scene(4.0))
+    run.tip(1.0, "tree/0.say")
+    run.see(2.0, scene(4.0))
+    run.tip(3.0, "tree/1.ask")
+    run.see(4.0, scene(2.0))
+    run.see(6.0, scene(3.0))
+    assert run.so_far(7.0) == [
+        ("tree/0.say", 2.0, 4.0, 0.0),
+        ("tree/1.ask", 4.0, pytest.approx((4.0 + 2 * 2.0 + 3.0) / 4), -1.0),
+    ]
+
+
+def test_the_turns_of_a_node_are_counted_together():
+    run = Run(scene(4.0))
+    run.tip(0.0, "ask")
+    run.see(1.0, scene(3.0))
+    run.tip(2.0, "say")
+    run.see(3.0, scene(5.0))
+    run.tip(4.0, "ask")
+    run.see(5.0, scene(4.5))
+    assert [(leaf, seconds, change) for leaf, seconds, _, change in run.so_far(6.0)] == [
+        ("ask", 4.0, -1.5),
+        ("say", 2.0, 2.0),
+    ]
+
+
+@pytest.mark.parametrize(
+    "gap", [scene(NAN), scene(1.0, person=False), scene(1.0, person_id="ben")]
+)
+def test_a_person_who_is_lost_is_not_unhappy(gap):
+    run = Run(scene(4.0, person_id="anna"))
+    run.tip(0.0, "say")
+    run.see(1.0, gap)
+    run.see(3.0, scene(3.5, person_id="anna"))
+    assert run.so_far(4.0) == [("say", 4.0, pytest.approx(3.75), -0.5)]
+
+
+def test_a_node_without_any_known_mood_says_so():
+    run = Run(scene(NAN))
+    run.tip(0.0, "say")
+    run.see(1.0, scene(NAN))
+    ((leaf, seconds, mean, change),) = run.so_far(2.0)
+    assert (leaf, seconds) == ("say", 2.0)
+    assert math.isnan(mean)
+    assert math.isnan(change)
+
+
+def test_a_mood_counts_no_longer_than_the_lease():
+    run = Run(scene(NAN), lease_s=1.0)
+    run.tip(0.0, "say")
+    run.see(0.0, scene(2.0))
+    run.see(5.0, scene(4.0))
+    assert run.so_far(6.0) == [("say", 6.0, pytest.approx(3.0), 2.0)]
+    run.tip(8.0, "ask")
+    assert run.so_far(9.0)[1][1:3] == (1.0, pytest.approx(NAN, nan_ok=True))
+
+
+@pytest.mark.parametrize(
+    ("moment", "leaf"), [(0.5, ""), (1.0, "say"), (2.9, "say"), (3.0, "ask"), (99.0, "ask")]
+)
+def test_a_moment_belongs_to_the_node_that_was_at_work(moment, leaf):
+    run = Run(scene(4.0))
+    run.tip(1.0, "say")
+    run.tip(2.0, "say")
+    run.tip(3.0, "ask")
+    assert run.trace.leaf_at(moment) == leaf
+
+
+def test_what_is_remembered_is_bounded():
+    run = Run(scene(4.0))
+    for number in range(MOST_CHANGES + 50):
+        run.tip(float(number), f"tree/{number}.say")
+    assert len(run.trace.so_far()) == MOST_LEAVES
+    assert run.trace.leaf_at(10.0) == ""
+    assert run.trace.leaf_at(MOST_CHANGES + 20.5) == f"tree/{MOST_CHANGES + 20}.say"

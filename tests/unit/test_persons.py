@@ -1,0 +1,259 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Who is tracked and whom a scene is about: gaps and short leads change nothing."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from bt_agents.errors import Refused
+from bt_agents.language.scene_specs import (
+    AddresseeRule,
+    AddresseeSpec,
+    PersonsSpec,
+    TrackedSpec,
+)
+from bt_agents.language.specs import Position
+from scene_layer.persons import LONGEST_ID, MOST_PERSONS, NOBODY, Persons, check_id
+
+HERE = Position(file="scene.yaml", line=1, column=1)
+
+
+def persons(
+    rule: str = "first",
+    *,
+    hold: float = 1.0,
+    better_by: float = 0.2,
+    lost_after: float = 0.5,
+    stale_after: float = 3.0,
+) -> Persons:
+    tracked = TrackedSpec(
+        topic="tracked",
+        type="bt_agents_interfaces/msg/PersonIds",
+        field="ids",
+        stale_after_s=stale_after,
+        lost_after_s=lost_after,
+        position=HERE,
+    )
+    addressee = AddresseeSpec(rule=AddresseeRule(rule), better_by=better_by, hold_s=hold)
+    return Persons(PersonsSpec(tracked=tracked, addressee=addressee))
+
+
+Step = tuple[float, str | None, dict[str, float], str]
+"""Time [s], who is listed in a message of that time, ranks, and the addressee after it."""
+
+
+@pytest.mark.parametrize(
+    ("rule", "steps"),
+    [
+        pytest.param(
+            "first",
+            [
+                (0.0, "", {}, NOBODY),
+                (1.0, "a", {}, "a"),
+                (2.0, "b a", {}, "a"),
+                (3.0, "b c", {}, "a"),
+                (3.5, "b c", {}, "b"),
+                (9.0, None, {}, NOBODY),
+            ],
+            id="who came first, then the next one",
+        ),
+        pytest.param(
+            "nearest",
+            [
+                (0.0, "a b", {"a": 2.0, "b": 1.0}, "b"),
+                (1.0, "a b", {"a": 0.9, "b": 1.0}, "b"),
+                (5.0, "a b", {"a": 0.5, "b": 1.0}, "b"),
+                (5.9, "a b", {"a": 0.5, "b": 1.0}, "b"),
+                (6.0, "a b", {"a": 0.5, "b": 1.0}, "a"),
+            ],
+            id="nearer by enough and for long enough",
+        ),
+        pytest.param(
+            "nearest",
+            [
+                (0.0, "a b", {"a": 1.0, "b": 2.0}, "a"),
+                (2.0, "a b", {"a": 1.0, "b": 0.5}, "a"),
+                (2.8, "a b", {"a": 1.0, "b": 0.9}, "a"),
+                (3.1, "a b", {"a": 1.0, "b": 0.5}, "a"),
+                (4.0, "a b", {"a": 1.0, "b": 0.5}, "a"),
+                (4.2, "a b", {"a": 1.0, "b": 0.5}, "b"),
+            ],
+            id="a moment that is not better begins the time anew",
+        ),
+        pytest.param(
+            "engaged",
+            [
+                (0.0, "a b", {"a": 0.1, "b": 0.9}, "b"),
+                (2.0, "a b", {"a": 0.9, "b": 0.1}, "b"),
+                (3.0, "a b", {"a": 0.9, "b": 0.1}, "a"),
+            ],
+            id="more engaged is more",
+        ),
+        pytest.param(
+            "engaged",
+            [
+                (0.0, "a b", {}, "a"),
+                (2.0, "a b", {"b": 0.1}, "a"),
+                (3.0, "a b", {"b": 0.1}, "b"),
+                (9.0, "a b", {"b": math.nan}, "b"),
+            ],
+            id="unknown is the least, and of equals the first",
+        ),
+        pytest.param(
+            "engaged",
+            [
+                (0.0, "a b", {"a": 0.9, "b": 0.1}, "a"),
+                (2.0, "b", {"b": 0.1}, "a"),
+                (2.4, "a b", {"a": 0.9}, "a"),
+                (3.0, "b", {}, "a"),
+                (3.5, "b", {}, "b"),
+            ],
+            id="a gap in the tracking loses nobody",
+        ),
+        pytest.param(
+            "first",
+            [
+                (0.0, "a b", {}, "a"),
+                (0.1, "b", {}, "a"),
+                (0.6, "b", {}, NOBODY),
+                (0.9, "b", {}, NOBODY),
+                (1.0, "b", {}, "b"),
+            ],
+            id="somebody else only after the hold time",
+        ),
+        pytest.param(
+            "first",
+            [
+                (0.0, "a b", {}, "a"),
+                (0.1, "b", {}, "a"),
+                (0.6, "b", {}, NOBODY),
+                (0.7, "a b", {}, "a"),
+            ],
+            id="who comes back is taken at once",
+        ),
+        pytest.param(
+            "first",
+            [
+                (0.0, "a", {}, "a"),
+                (3.0, None, {}, "a"),
+                (3.1, None, {}, NOBODY),
+                (3.2, "b", {}, "b"),
+            ],
+            id="a silent tracker sees nobody",
+        ),
+        pytest.param(
+            "nearest",
+            [
+                (0.0, "a", {}, "a"),
+                (2.0, "a b", {"b": 0.5}, "a"),
+                (2.9, "a b c", {"b": 0.5, "c": 0.3}, "a"),
+                (3.0, "a b c", {"b": 0.5, "c": 0.3}, "c"),
+            ],
+            id="the best of all who are better",
+        ),
+    ],
+)
+def test_the_addressee(rule: str, steps: list[Step]) -> None:
+    crowd = persons(rule)
+    for now, ids, ranks, expected in steps:
+        if ids is not None:
+            crowd.listed(ids.split(), now)
+        crowd.look(ranks, now)
+        assert (now, crowd.addressee) == (now, expected)
+
+
+@pytest.mark.parametrize(
+    ("rule", "ids", "ranks", "words"),
+    [
+        ("first", "anna ben", {}, "anna came first"),
+        ("nearest", "anna", {"anna": 1.0}, "anna is the only one"),
+        ("nearest", "anna ben", {"anna": 2.0, "ben": 0.8}, "ben is nearest: 0.8 m"),
+        ("engaged", "anna ben", {"anna": 0.4, "ben": 0.75}, "ben is most engaged: 0.75"),
+        ("engaged", "", {}, "nobody is there"),
+    ],
+)
+def test_the_reason_is_in_words(rule, ids, ranks, words):
+    crowd = persons(rule)
+    crowd.listed(ids.split(), 0.0)
+    crowd.look(ranks, 0.0)
+    assert crowd.reason == words
+
+
+def test_the_reason_of_a_switch_and_of_a_loss():
+    crowd = persons("nearest")
+    for now in (0.0, 2.0, 3.0):
+        crowd.listed(["anna", "ben"], now)
+        crowd.look({"anna": 1.0, "ben": 1.5 if now < 1.0 else 0.5}, now)
+    assert crowd.reason == "ben has been nearer than anna for 1 s"
+    crowd.listed([], 3.5)
+    crowd.look({}, 4.0)
+    assert (crowd.addressee, crowd.reason) == (NOBODY, "ben is gone")
+
+
+def test_who_comes_and_who_goes_is_told_once():
+    crowd = persons(lost_after=0.5)
+    told = []
+    for now, ids in [(0.0, "a b"), (0.1, "a b"), (0.2, "b"), (0.4, "b c"), (0.7, "b c")]:
+        crowd.listed(ids.split(), now)
+        moved = crowd.look({}, now)
+        told.append((" ".join(moved.came), " ".join(moved.gone)))
+    assert told == [("a b", ""), ("", ""), ("", ""), ("c", ""), ("", "a")]
+    assert crowd.tracked == ("b", "c")
+
+
+@pytest.mark.parametrize(
+    ("hostile", "code"),
+    [
+        ("", "EMPTY"),
+        ("x" * 10_000, "TOO_LONG"),
+        (7, "NOT_A_TEXT"),
+        (None, "NOT_A_TEXT"),
+        ("a\nb", "BAD_ID"),
+        ("a\x00b", "BAD_ID"),
+        (" a", "BAD_ID"),
+        ("\u202eanna", "BAD_ID"),
+    ],
+)
+def test_a_hostile_id_is_refused_by_name_and_the_others_count(hostile, code):
+    with pytest.raises(Refused) as refused:
+        check_id(hostile)
+    assert refused.value.code == code
+    assert len(refused.value.reason) < 300
+    crowd = persons()
+    problem = crowd.listed(["anna", hostile, "ben"], 0.0)
+    assert problem is not None
+    assert problem.code == code
+    crowd.look({}, 0.0)
+    assert crowd.tracked == ("anna", "ben")
+
+
+@pytest.mark.parametrize("usual", ["a", "anna/b", "Anna Müller", "42", "x" * LONGEST_ID])
+def test_any_other_text_is_an_id(usual):
+    assert check_id(usual) == usual
+
+
+def test_an_id_that_stands_twice_is_one_person():
+    crowd = persons()
+    problem = crowd.listed(["a", "b", "a"], 0.0)
+    assert problem is not None
+    assert problem.code == "DUPLICATE_PERSON"
+    crowd.look({}, 0.0)
+    assert crowd.tracked == ("a", "b")
+
+
+def test_of_ten_thousand_persons_the_first_are_tracked_and_stay():
+    crowd = persons()
+    crowd.listed(["anna"], 0.0)
+    crowd.look({}, 0.0)
+    many = [f"p{number}" for number in range(10_000)]
+    problem = crowd.listed([*many, "anna"], 0.1)
+    assert problem is not None
+    assert problem.code == "TOO_MANY"
+    crowd.look({}, 0.1)
+    assert crowd.tracked == ("anna", *many[: MOST_PERSONS - 1])
+    crowd.listed(reversed([*many, "anna"]), 0.2)
+    crowd.look({}, 0.2)
+    assert len(crowd.tracked) == MOST_PERSONS
+    assert crowd.addressee == "anna"

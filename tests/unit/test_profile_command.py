@@ -1,0 +1,141 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`bt-agents profile` in front of a feedback node that answers from memory."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+from click.testing import CliRunner, Result
+
+from bt_agents.cli import profile as command
+from bt_agents.cli.main import bt_agents
+from bt_agents.errors import Refused
+from bt_agents.ros import client
+from desk import Desk
+from feedback_node.management import Action
+
+ANNA = "person/anna"
+
+
+class Room:
+    """The commands, a desk that does what they order, and a scene layer."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        self.desk = Desk()
+        self.scene_layer: Any = None
+        self.asked: list[tuple[str, str]] = []
+        monkeypatch.setattr(command, "running_system", self._join)
+        monkeypatch.setattr(client, "manage_profiles", self._manage)
+        monkeypatch.setenv("COLUMNS", "200")
+
+    @contextmanager
+    def _join(self) -> Iterator[None]:
+        yield None
+
+    def _manage(self, _: Any, action: str, *, node: str = "feedback", **fields: Any) -> Any:
+        self.asked.append((node, action))
+        fields.pop("find_s", None)
+        if node == "scene_layer":
+            return self.scene_layer
+        try:
+            done = self.desk.do(Action[action], **fields)
+        except Refused as refused:
+            return SimpleNamespace(accepted=False, code=refused.code, message=refused.reason)
+        return SimpleNamespace(
+            accepted=True, code="", message=done.message, document=done.document
+        )
+
+    def run(self, *words: str, answer: str = "") -> Result:
+        return CliRunner().invoke(bt_agents, ["profile", *words], input=answer)
+
+
+@pytest.fixture
+def room(monkeypatch: pytest.MonkeyPatch) -> Room:
+    return Room(monkeypatch)
+
+
+def test_all_profiles_stand_in_a_table_each_layer_below_its_agent(room):
+    room.desk.teach("f1")
+    room.desk.layer(ANNA, age=2.0)
+    lines = room.run().output.splitlines()
+    assert lines[0].split() == [
+        *("agent", "for", "revision", "feedbacks", "changed", "seem", "wrong", "age", "mood"),
+    ]
+    assert [line.split()[:2] for line in lines[1:]] == [
+        ["express", "everybody"],
+        ["guide", "everybody"],
+        [ANNA, "1"],
+    ]
+    assert lines[2].split()[2:4] == ["1", "1"]
+    assert [line.split()[-2:] for line in lines[2:]] == [["4", "3"], ["2", "3"]]
+    assert len(room.run("guide").output.splitlines()) == 3
+    assert room.run("show", "guide").output == room.run("guide").output
+
+
+def test_the_history_of_a_profile_says_what_changed_by_whom_and_why(room):
+    room.desk.teach("f1")
+    assert room.run("undo", "guide", "--author", "eva", "--reason", "[wrong]").output == (
+        "guide: age 4 → 3 (revision 2)\n"
+    )
+    lines = room.run("history", "guide").output.splitlines()
+    assert [line.split()[0] for line in lines] == ["revision", "0", "1", "2"]
+    assert lines[2].split()[3:] == ["direct", "t", "age", "3", "→", "4"]
+    assert lines[3].split()[3:] == ["undo", "eva", "age", "4", "→", "3", "[wrong]"]
+    assert '"cause": "undo"' in room.run("history", "guide", "--json").output
+
+
+def test_what_is_exported_can_be_imported_and_nothing_is_overwritten(room, tmp_path):
+    room.desk.teach("f1")
+    file = tmp_path / "learned.json"
+    assert room.run("export", str(file)).output == f"2 profiles written to {file}\n"
+    again = room.run("export", str(file))
+    assert "File exists; choose another name" in str(again.exception)
+    room.run("reset", "guide")
+    assert "guide: age 3 → 4" in room.run("import", str(file)).output
+    assert "was taken in before" in room.run("import", str(file)).output
+    (tmp_path / "bad.json").write_bytes(b"\xff\xfe")
+    assert "cannot be read" in str(room.run("import", str(tmp_path / "bad.json")).exception)
+
+
+def test_forgetting_asks_first_and_tells_the_scene_layer_as_well(room):
+    room.desk.layer(ANNA)
+    room.scene_layer = SimpleNamespace(accepted=True, code="", message="anna is forgotten")
+    assert room.run("forget", ANNA, answer="n\n").exit_code == 1
+    assert room.asked == []
+    done = room.run("forget", ANNA, answer="y\n")
+    assert done.output.splitlines()[-2:] == [
+        "scene layer: anna is forgotten",
+        "1 profile forgotten",
+    ]
+    assert room.asked == [("feedback", "FORGET"), ("scene_layer", "FORGET")]
+    # Only the scene layer knows somebody who has taught nothing.
+    again = room.run("forget", ANNA, "--yes")
+    assert (again.exit_code, again.output.splitlines()[-1]) == (
+        0,
+        f"ledger: no layer '{ANNA}'; there are: none",
+    )
+    room.scene_layer = None
+    assert isinstance(room.run("forget", ANNA, "--yes").exception, Refused)
+
+
+@pytest.mark.parametrize(
+    ("text", "seconds"), [("90d", 7_776_000), ("2 weeks", 1_209_600), ("12 h", 43_200)]
+)
+def test_an_age_is_in_days_weeks_or_the_usual_units(room, text, seconds):
+    room.desk.layer(ANNA)
+    room.desk.now += seconds - 1
+    assert room.run("expire", "--older", text).output == "nothing to forget\n"
+    room.desk.now += 2
+    assert room.run("expire", "--older", text, "--kind", "place").output == "nothing to forget\n"
+    assert room.run("expire", "--older", text).output == "1 profile forgotten\n"
+    assert "BAD_AGE: --older soon" in str(room.run("expire", "--older", "soon").exception)
+
+
+def test_a_refusal_is_said_in_its_own_words(room):
+    assert str(room.run("undo", "nobody").exception) == (
+        "UNKNOWN_AGENT: no agent 'nobody'; known are: express, guide"
+    )

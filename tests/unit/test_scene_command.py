@@ -1,0 +1,101 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The present scene as people read it: values, how sure they are, and who is there."""
+
+from __future__ import annotations
+
+import json
+import math
+from io import StringIO
+from types import SimpleNamespace
+from typing import Any
+
+from rich.console import Console
+
+from bt_agents.cli.scene import as_document, page
+from bt_agents.scene import Origin, SceneParameter
+
+LABELS = {
+    "age": SceneParameter(
+        name="age", minimum=1.0, maximum=5.0, default=3.0, labels={1.0: "a child", 4.0: "old"}
+    )
+}
+
+
+def value(name: str, number: float, origin: Origin, **more: Any) -> SimpleNamespace:
+    fields = {"age_s": 0.0, "std": 0.0, "confidence": 1.0, "source": ""} | more
+    return SimpleNamespace(name=name, value=number, origin=int(origin), **fields)
+
+
+def scene(*values: SimpleNamespace, **more: Any) -> SimpleNamespace:
+    fields = {"label": "", "person": True, "person_id": "", "place": "", "persons": 0} | more
+    stamp = SimpleNamespace(sec=0, nanosec=0)
+    return SimpleNamespace(stamp=stamp, scene_id="s", values=values, **fields)
+
+
+MISSING = value("hurry", math.nan, Origin.MISSING, age_s=math.nan, std=math.nan, confidence=0.0)
+KNOWN = scene(
+    value("age", 4.2, Origin.MEASURED, age_s=0.21, std=0.35, confidence=0.9, source="faces"),
+    value("mood", 3.0, Origin.ESTIMATED, age_s=300.0, std=1.0, source="anna, seen 12 times"),
+    value("noise", 2.0, Origin.GIVEN, source="given"),
+    MISSING,
+    label="Mrs Smith",
+    person_id="anna",
+    place="lobby",
+)
+
+
+def crowd(addressee: str, reason: str, *names: str) -> SimpleNamespace:
+    scenes = [scene(value("age", 4.0, Origin.MEASURED), MISSING, person_id=n) for n in names]
+    return SimpleNamespace(rule="nearest", addressee=addressee, reason=reason, scenes=scenes)
+
+
+def shown(message: Any, persons: Any = None) -> list[str]:
+    out = StringIO()
+    Console(file=out, width=100).print(page(message, persons, LABELS))
+    return [" ".join(line.split()) for line in out.getvalue().splitlines()]
+
+
+def test_each_value_is_shown_with_its_words_its_origin_and_how_sure_it_is() -> None:
+    head, headings, *rows = shown(KNOWN)
+    assert head.startswith("Mrs Smith, anna is there, in lobby (")
+    assert headings == "parameter value is age sure from"
+    assert rows == [
+        "age 4.2 ± 0.35 (old) measured 0.2 s 90% faces",
+        "mood 3 ± 1 estimated 5 min 100% anna, seen 12 times",
+        "noise 2 given 100% given",
+        "hurry – missing",
+    ]
+
+
+def test_who_is_there_is_said_in_words() -> None:
+    assert shown(scene(person=False))[0].startswith("nobody is there (")
+    assert shown(scene())[0].startswith("somebody is there (")
+    lost = scene(person=False, person_id="anna")
+    assert shown(lost)[0].startswith("anna is not there any more (")
+
+
+def test_the_addressee_is_marked_with_the_reason() -> None:
+    lines = shown(scene(), crowd("ben", "ben is nearest: 0.8 m", "anna", "ben"))
+    assert lines[1:] == [
+        "persons: 2, addressed is ben (rule: nearest; ben is nearest: 0.8 m)",
+        "person age hurry",
+        "anna 4 –",
+        "* ben 4 –",
+    ]
+    assert shown(scene(), crowd("", "nobody is there"))[1:] == ["persons: none"]
+    assert shown(scene(), crowd("", "ben is gone", "anna"))[1] == (
+        "persons: 1, nobody is addressed: ben is gone"
+    )
+
+
+def test_markup_in_an_id_is_shown_as_it_is() -> None:
+    assert shown(scene(person_id="[red]x[/]"))[0].startswith("[red]x[/] is there")
+
+
+def test_the_document_is_json_without_nan() -> None:
+    text = json.dumps(as_document(KNOWN, crowd("anna", "", "anna")), allow_nan=False)
+    document = json.loads(text)
+    assert document["scene"]["values"]["age"]["origin"] == "measured"
+    assert document["scene"]["values"]["hurry"]["value"] is None
+    assert document["persons"]["addressee"] == "anna"
+    assert as_document(KNOWN, None)["persons"] is None

@@ -1,0 +1,231 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What an author may write about sources, persons and places, and what is wrong with the rest."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from bt_agents.errors import ReadError
+from bt_agents.language.scene_reader import read_scene_text
+from bt_agents.language.scene_specs import AddresseeRule, MissingRule, SceneSpec
+from bt_agents.language.specs import BindingKind, FieldType
+from fake_interfaces import FakeInterfaces
+
+
+class Faces(FakeInterfaces):
+    """Fields whose names begin with good, with the types that their endings say."""
+
+    TYPES = {  # noqa: RUF012
+        "word": FieldType.TEXT,
+        "number": FieldType.NUMBER,
+        "truth": FieldType.BOOLEAN,
+    }
+
+    def field_problem(
+        self, kind: BindingKind, type_name: str, section: str, path: str
+    ) -> str | None:
+        """Return why a type has no such field."""
+        parts = path.split(".")
+        if parts[-1].isdigit() and parts[0] != "good_list":
+            return f"'{parts[0]}' is a single value"
+        good = all(part.startswith("good") or part.isdigit() for part in parts)
+        return None if good else f"no field '{path}'"
+
+    def field_type(self, kind: BindingKind, type_name: str, section: str, path: str) -> FieldType:
+        """Return the type of a field's value."""
+        return self.TYPES.get(path.rpartition("_")[2], FieldType.ANY)
+
+
+TRACKED = (
+    "tracked: {topic: t, type: known_msgs/msg/X, field: good_list, id: good, stale_after: 2 s}"
+)
+SCENE = """\
+format: 1
+parameters:
+  mood: {{min: 1, max: 5, default: 3{parameter}}}
+  age: {{min: 0, max: 100, default: 30}}
+{more}
+sources:
+  mood: {source}
+"""
+SOURCE = "{topic: a, type: known_msgs/msg/X, field: good, stale_after: 2 s}"
+
+
+def scene(source: str = SOURCE, more: str = "", parameter: str = "") -> SceneSpec:
+    parameter = f", {parameter}" if parameter else ""
+    text = SCENE.format(source=source, more=more, parameter=parameter)
+    return read_scene_text(text, "s.yaml", Faces())
+
+
+def source(**keys: str) -> str:
+    given = {"topic": "a", "type": "known_msgs/msg/X", "field": "good", "stale_after": "2 s"}
+    written = {**given, **keys}
+    return "{" + ", ".join(f"{key}: {value}" for key, value in written.items() if value) + "}"
+
+
+def persons(**keys: str) -> str:
+    given = {"tracked": TRACKED.removeprefix("tracked: "), **keys}
+    return "persons: {" + ", ".join(f"{key}: {value}" for key, value in given.items()) + "}"
+
+
+def test_every_key_of_a_source_is_read():
+    spec = scene(
+        source(
+            field='"msg.good_number + 1"',
+            confidence="good_truth",
+            std="0.5",
+            smoothing="3 s",
+            table="{sad: 1, happy: 5}",
+            latched="true",
+        )
+    )
+    (one,) = spec.sources
+    assert (one.field.text, one.path) == ("msg.good_number + 1", None)
+    assert (one.confidence.text, one.std.text) == ("msg.good_truth", "0.5")
+    assert (one.table, one.points) == ((("sad", 1.0), ("happy", 5.0)), ())
+    assert (one.smoothing_s, one.latched, one.stale_after_s) == (3.0, True, 2.0)
+    assert not one.per_person
+
+
+def test_a_latched_source_needs_no_limit_of_staleness():
+    (one,) = scene(source(stale_after="", latched="true")).sources
+    assert one.stale_after_s == math.inf
+
+
+def test_a_parameter_may_have_several_sources_which_stand_where_they_begin():
+    spec = scene(f"[{SOURCE}, {source(topic='b')}]")
+    assert [one.topic for one in spec.sources] == ["a", "b"]
+    assert [one.position.column for one in spec.sources] == [10, 10 + len(SOURCE) + 2]
+
+
+def test_parameters_have_weights_and_rules_for_what_is_missing():
+    spec = scene(parameter="weight: 2, missing: estimate")
+    assert [parameter.weight for parameter in spec.space.parameters] == [2.0, 1.0]
+    assert spec.missing_rule("mood") is MissingRule.ESTIMATE
+    assert spec.missing_rule("age") is MissingRule.LEAVE_OUT
+
+
+def test_a_scene_without_anybody_has_declared_values():
+    assert scene(more="no_person: {mood: 3}").no_person == {"mood": 3.0}
+
+
+def test_persons_are_tracked_known_and_addressed_by_declared_rules():
+    by = source(topic="p/<person>/x")
+    spec = scene(
+        source(topic="f/<face>/age"),
+        persons(
+            parts="{face: " + source(topic="p/<person>/face", field="good_word") + "}",
+            known="{from: tracked, field: good_truth}",
+            addressee="{rule: nearest, source: " + by + ", better_by: 0.3, for: 2 s}",
+        ),
+    ).persons
+    assert (spec.tracked.topic, spec.tracked.field, spec.tracked.id) == ("t", "good_list", "good")
+    assert (spec.tracked.stale_after_s, spec.tracked.lost_after_s) == (2.0, 1.0)
+    assert [part.parameter for part in spec.parts] == ["face"]
+    assert spec.known.of_item
+    addressee = spec.addressee
+    assert addressee.rule is AddresseeRule.NEAREST
+    assert (addressee.better_by, addressee.hold_s) == (0.3, 2.0)
+    assert addressee.source.placeholders == ("person",)
+
+
+def test_who_came_first_is_addressed_where_nothing_else_is_written():
+    assert scene(more=persons()).persons.addressee.rule is AddresseeRule.FIRST
+    assert scene(more=persons(addressee="first")).persons.addressee.rule is AddresseeRule.FIRST
+
+
+def problems(source: str, more: str, parameter: str) -> list[str]:
+    with pytest.raises(ReadError) as found:
+        scene(source, more, parameter)
+    return [f"error[{d.code}]: {d.message} ({d.hint})" for d in found.value.diagnostics]
+
+
+@pytest.mark.parametrize(
+    ("keys", "code", "words"),
+    [
+        ({"field": "msg.bad"}, "unknown-ros-field", "no field 'bad'"),
+        ({"field": "msg.good + nothing"}, "unknown-name", "msg.nothing"),
+        ({"field": "msg"}, "unknown-ros-field", "no field 'msg'"),
+        ({"field": "good +"}, "bad-expression", "'field': "),
+        ({"field": "good_word"}, "bad-expression", "table: {happy: 5, sad: 1}"),
+        ({"field": "[1]"}, "wrong-type", "expected a text, found a list"),
+        ({"field": '"[1, 2]"'}, "bad-expression", "'field' is a list"),
+        ({"field": '"faces[0].age"'}, "bad-name", "faces.0.mood"),
+        ({"confidence": "good_word"}, "bad-expression", "'confidence' is a text"),
+        ({"confidence": "1.5"}, "out-of-range", "'confidence' is 1.5, expected 0 to 1"),
+        ({"confidence": "1 / 0"}, "bad-expression", "by zero"),
+        ({"std": "-1"}, "out-of-range", "'std' is -1, expected 0 or more"),
+        ({"std": "bad"}, "unknown-ros-field", "no field 'bad'"),
+        ({"table": "{}"}, "missing-value", "'table' is empty"),
+        ({"table": "{sad: 0}"}, "out-of-range", "expected 1 to 5"),
+        ({"table": "[sad]"}, "wrong-type", "a mapping of words and values"),
+        ({"table": "{sad: 1}", "map": "{0: 1, 1: 5}"}, "unknown-key", "beside 'map'"),
+        ({"map": "{sad: 1, happy: 5}"}, "bad-number", "behind 'table' instead of 'map'"),
+        ({"smoothing": "2 Hz"}, "bad-duration", ""),
+        ({"latched": "yes"}, "wrong-type", "write true"),
+        ({"stale_after": ""}, "missing-key", "stale_after"),
+        ({"topic": "p/<person>/x"}, "unknown-name", "needs 'persons'"),
+        ({"topic": '"p/{person}/x"'}, "bad-ros-name", "write <person>"),
+        ({"from": "tracked", "topic": "", "type": ""}, "unknown-name", "what the 'id' in each"),
+        ({"from": "tracked"}, "unknown-key", "no key 'topic'"),
+        ({"from": "traced", "topic": "", "type": ""}, "bad-choice", "did you mean 'tracked'?"),
+    ],
+)
+def test_what_is_wrong_with_a_source_is_told(keys, code, words):
+    found = problems(source(**keys), "", "")
+    assert f"error[{code}]" in found[0]
+    assert words in " ".join(found)
+
+
+@pytest.mark.parametrize(
+    ("more", "code", "words"),
+    [
+        ("place: [a]", "wrong-type", "expected a text"),
+        (f"place: {'x' * 65}", "bad-name", "65 characters"),
+        (f"place: {source(field='good_number')}", "bad-expression", "expected a text"),
+        (f"place: {source(topic='p/<person>/x')}", "unknown-name", "not about one person"),
+        ("no_person: {mod: 3}", "unknown-name", "did you mean 'mood'?"),
+        ("no_person: {mood: 9}", "out-of-range", "expected 1 to 5"),
+        ("persons: {}", "missing-key", "tracked"),
+        (persons(addressee="nearest"), "missing-key", "how far away a person is"),
+        (persons(addressee="closest"), "bad-choice", "engaged, nearest or first"),
+        (persons(addressee="{rule: engaged}"), "missing-key", "add 'source: {…}'"),
+        (persons(addressee="{rule: first, source: " + source(topic="p/<person>") + "}"),
+         "unknown-key", "without a source"),
+        (persons(addressee="{rule: engaged, source: " + SOURCE + "}"),
+         "wrong-value", "write <person> where the id"),
+        (persons(known=source(topic="p/<persn>/x")), "unknown-name", "did you mean 'person'?"),
+        (persons(known="{from: tracked, field: good_word}"), "bad-expression", "compare it"),
+        (persons(parts="{person: " + source(topic="p/<person>") + "}"), "name-taken", ""),
+        (persons(parts="{face: " + source(topic="p/<face>") + "}"), "unknown-name", ""),
+        (persons(tracked=source()), "unknown-ros-field", "'field' is no list"),
+        (persons(tracked=source(field="good_list", id="bad")), "unknown-ros-field", "list.0.bad"),
+        (persons(tracked=source(field="good_list", topic="<x>")), "unknown-name", ""),
+    ],
+)  # fmt: skip
+def test_what_is_wrong_with_persons_and_places_is_told(more, code, words):
+    found = problems(SOURCE, more, "")
+    assert f"error[{code}]" in found[0]
+    assert words in " ".join(found)
+
+
+def test_with_persons_nothing_else_says_whether_somebody_is_there():
+    found = problems(SOURCE, f"{persons()}\nsources_: 1", "")
+    assert "unknown-key" in found[0]
+    text = SCENE.format(source=f"{SOURCE}\n  person: {SOURCE}", more=persons(), parameter="")
+    with pytest.raises(ReadError, match="somebody is there: when somebody is tracked"):
+        read_scene_text(text, "s.yaml")
+
+
+@pytest.mark.parametrize(
+    ("parameter", "code"),
+    [
+        ("weight: -1", "out-of-range"),
+        ("missing: guess", "bad-choice"),
+        ("wieght: 2", "unknown-key"),
+    ],
+)
+def test_what_is_wrong_with_a_parameter_is_told(parameter, code):
+    assert f"error[{code}]" in problems(SOURCE, "", parameter)[0]
