@@ -41,7 +41,7 @@ class Member:
     leaving: str = ""
 
     def profile_for(self, scene: Scene) -> Vector:
-        """Return what it bids for a scene: the person's profile, else the place's, else its own."""
+        """Return what it bids for a scene: for the person, else for the place, else for all."""
         for kind, layer in layers_of(scene).items():
             if kind in self.spec.learning.layers and layer in self.layers:
                 return self.layers[layer][0]

@@ -114,6 +114,7 @@ class Encounters:
         """
         before = self._here, self.addressee
         came, gone = self._moved(now)
+        self._end_visits(now)
         for person in came:
             if self._away.pop(person, None) is None:
                 self._memory.came(person, wall)

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +16,12 @@ from scene_layer.memory import MOST_KNOWN, Known, Running
 
 FORMAT = 1
 MOST_BYTES = 16 * 2**20
-"""A larger file is none of ours."""
+"""No file becomes larger: of what there is no room for, what was seen longest ago is left out."""
+
+_HEAD = f'{{"format": {FORMAT}, "persons": '
+_MIDDLE = ', "places": '
+_MOST_VISITS = 10**12
+_SHOWN = 100
 
 LONGEST_NAME = 200
 """Characters of the name of a person or a place."""
@@ -25,57 +30,99 @@ Remembered = tuple[Mapping[str, Known], Mapping[str, Known]]
 """Persons and places by name."""
 
 
-def to_text(persons: Mapping[str, Known], places: Mapping[str, Known]) -> str:
-    """Return what is known as the text of a file."""
-    document = {
-        "format": FORMAT,
-        "persons": {name: _plain(known) for name, known in persons.items()},
-        "places": {name: _plain(known) for name, known in places.items()},
-    }
-    return json.dumps(document, ensure_ascii=False, allow_nan=False) + "\n"
+class DamagedMemoryError(BtAgentsError):
+    """A file that this module has written is not as it was written."""
 
 
-def from_text(text: str, space: SceneSpace) -> Remembered:
+def to_text(
+    persons: Mapping[str, Known], places: Mapping[str, Known], most_bytes: int = MOST_BYTES
+) -> str:
+    """Return what is known as the text of a file of so many bytes at most.
+
+    It is put together piece by piece, so that other threads go on in between.
+    """
+    pieces = [
+        (known.seen_at, kind, f"{_json(name)}: {_json(_plain(known))}")
+        for kind, every in enumerate((persons, places))
+        for name, known in every.items()
+    ]
+    room = most_bytes - len(f"{_HEAD}{{}}{_MIDDLE}{{}}}}\n")
+    kept: tuple[list[str], list[str]] = [], []
+    for _, kind, piece in sorted(pieces, key=lambda piece: -piece[0]):
+        room -= len(piece.encode()) + len(", ")
+        if room < 0:
+            break
+        kept[kind].append(piece)
+    known, here = (", ".join(reversed(one)) for one in kept)
+    return f"{_HEAD}{{{known}}}{_MIDDLE}{{{here}}}}}\n"
+
+
+def from_text(text: str, space: SceneSpace, now: float) -> Remembered:
     """Return what a text says; values of other parameters, or out of range now, are left out.
 
+    Args:
+        text: Of a file.
+        space: The scene parameters.
+        now: Unix time; what was seen later, by a clock that was wrong, was seen now [s].
+
     Raises:
-        BtAgentsError: It is not what :func:`to_text` writes.
+        DamagedMemoryError: It is not what :func:`to_text` writes.
     """
     try:
         document = json.loads(text)
         found = document["format"]
         if found != FORMAT:
             raise ValueError(f"format {found!r}, expected {FORMAT}")
-        return _known(document["persons"], space), _known(document["places"], space)
-    except (ValueError, TypeError, KeyError, AttributeError, RecursionError) as error:
+        return _known(document["persons"], space, now), _known(document["places"], space, now)
+    except (
+        ValueError, TypeError, KeyError, AttributeError, RecursionError, ArithmeticError,
+    ) as error:  # fmt: skip
         words = f"no {error}" if isinstance(error, KeyError) else str(error)
-        raise BtAgentsError(f"not a memory of the scene layer: {words}") from None
+        raise DamagedMemoryError(f"not a memory of the scene layer: {words}") from None
 
 
-def read(path: Path, space: SceneSpace) -> Remembered:
-    """Return what a file says; nothing when it is not there.
+def read(path: Path, space: SceneSpace, now: float) -> Remembered:
+    """Return what a file says; nothing when it is empty or not there.
+
+    Args:
+        path: Of the file.
+        space: The scene parameters.
+        now: Unix time [s].
 
     Raises:
-        BtAgentsError: It cannot be read, or is damaged.
+        DamagedMemoryError: It is one of ours, and damaged.
+        BtAgentsError: It is none of ours, or cannot be read.
     """
+    another = "name another file for the memory"
     try:
-        size = path.stat().st_size
-        if size > MOST_BYTES:
-            raise BtAgentsError(f"{path} has {size} bytes, expected {MOST_BYTES} at most")
-        text = path.read_text(encoding="utf-8")
+        if not path.is_file() and path.exists():
+            kind = "a folder" if path.is_dir() else "no plain file"
+            raise BtAgentsError(f"{path} is {kind}, expected a file; {another}")
+        with path.open("rb") as opened:
+            content = opened.read(MOST_BYTES + 1)
     except FileNotFoundError:
         return {}, {}
-    except UnicodeDecodeError as error:
-        raise BtAgentsError(f"{path} is not text: {error}") from None
     except OSError as error:
-        raise BtAgentsError(f"{path} cannot be read: {error.strerror or error}") from None
+        words = error.strerror or error
+        raise BtAgentsError(f"{path} cannot be read ({words}); {another}") from None
+    if not content.strip():
+        return {}, {}
+    if not content.startswith(_HEAD.encode()):
+        raise BtAgentsError(
+            f"{path} is not a memory of the scene layer, expected a file that begins with "
+            f"{_HEAD.strip()}, an empty one or none; {another}"
+        )
     try:
-        return from_text(text, space)
-    except BtAgentsError as error:
-        raise BtAgentsError(f"{path}: {error}") from None
+        if len(content) > MOST_BYTES:
+            raise DamagedMemoryError(f"more than {MOST_BYTES} bytes")
+        return from_text(content.decode(), space, now)
+    except UnicodeDecodeError as error:
+        raise DamagedMemoryError(f"{path} is not text: {error}") from None
+    except DamagedMemoryError as error:
+        raise DamagedMemoryError(f"{path}: {error}") from None
 
 
-def write(path: Path, text: str) -> None:
+def save(path: Path, persons: Mapping[str, Known], places: Mapping[str, Known]) -> None:
     """Replace the file as a whole, readable by its owner only; make it when it is not there.
 
     Raises:
@@ -83,7 +130,7 @@ def write(path: Path, text: str) -> None:
     """
     path.parent.mkdir(parents=True, exist_ok=True)
     path.touch(mode=0o600)
-    write_atomically(path, text)
+    write_atomically(path, to_text(persons, places))
 
 
 def set_aside(path: Path) -> Path:
@@ -97,6 +144,10 @@ def set_aside(path: Path) -> Path:
     return path.rename(free)
 
 
+def _json(value: Any) -> str:
+    return json.dumps(value, ensure_ascii=False, allow_nan=False)
+
+
 def _plain(known: Known) -> dict[str, Any]:
     return {
         "visits": known.visits,
@@ -107,7 +158,7 @@ def _plain(known: Known) -> dict[str, Any]:
     }
 
 
-def _known(document: Mapping[str, Any], space: SceneSpace) -> dict[str, Known]:
+def _known(document: Mapping[str, Any], space: SceneSpace, now: float) -> dict[str, Known]:
     if len(document) > MOST_KNOWN:
         raise ValueError(f"{len(document)} names, expected {MOST_KNOWN} at most")
     found = {}
@@ -115,16 +166,16 @@ def _known(document: Mapping[str, Any], space: SceneSpace) -> dict[str, Known]:
         if len(name) > LONGEST_NAME:
             raise ValueError(f"a name of {len(name)} characters, expected {LONGEST_NAME} at most")
         visits = one["visits"]
-        if type(visits) is not int or visits < 0:
-            raise ValueError(f"{name}: {visits!r} visits, expected a whole number")
+        if type(visits) is not int or not 0 <= visits < _MOST_VISITS:
+            raise ValueError(f"{name}: {_shown(visits)} visits, expected a whole number")
         [seen_at] = _numbers([one["seen_at"]], name)
-        values = dict(_values(one["values"], name, space))
-        found[name] = Known(visits=visits, values=values, seen_at=seen_at)
+        values = dict(_values(one["values"], name, space, now))
+        found[name] = Known(visits=visits, values=values, seen_at=min(seen_at, now))
     return found
 
 
 def _values(
-    document: Mapping[str, Any], owner: str, space: SceneSpace
+    document: Mapping[str, Any], owner: str, space: SceneSpace, now: float
 ) -> Iterator[tuple[str, Running]]:
     ranges = {p.name: (p.minimum, p.maximum) for p in space.parameters}
     for name, numbers in document.items():
@@ -133,13 +184,19 @@ def _values(
             raise ValueError(f"{owner}: {name}: a negative scatter or weight")
         low, high = ranges.get(name, (math.inf, -math.inf))
         if low <= mean <= high:
-            yield name, Running(mean=mean, scatter=scatter, weight=weight, at=at)
+            yield name, Running(mean=mean, scatter=scatter, weight=weight, at=min(at, now))
 
 
-def _numbers(values: list[Any], what: str) -> list[float]:
+def _numbers(values: Iterable[Any], what: str) -> list[float]:
+    numbers = []
     for value in values:
         if isinstance(value, bool) or not isinstance(value, int | float):
-            raise ValueError(f"{what}: {value!r}, expected a number")
-        if not math.isfinite(value):
+            raise ValueError(f"{what}: {_shown(value)}, expected a number")
+        numbers.append(float(value))
+        if not math.isfinite(numbers[-1]):
             raise ValueError(f"{what}: {value}, expected a finite number")
-    return [float(value) for value in values]
+    return numbers
+
+
+def _shown(value: object) -> str:
+    return repr(value)[:_SHOWN]

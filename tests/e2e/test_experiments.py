@@ -19,7 +19,9 @@ def test_experiment_3_follows_the_closed_form_round_by_round(
     ask: Callable[..., str], tmp_path: Path
 ) -> None:
     table = tmp_path / "rounds.csv"
-    said = " ".join(ask("experiment", "run", "3", "--ros", "--rounds", "60", "--csv", str(table)).split())
+    said = " ".join(
+        ask("experiment", "run", "3", "--ros", "--rounds", "60", "--csv", str(table)).split()
+    )
     assert "60 rounds through ROS against 60 without it: equal" in said
     assert "not equal" not in said
     with table.open() as file:

@@ -8,7 +8,9 @@ import math
 import pytest
 
 from bt_agents.language.scene_reader import read_scene_text
+from bt_agents.language.scene_specs import SceneSpec
 from bt_agents.scene import Origin, Scene, SceneValue
+from scene_layer.encounters import AWAY_S, MOST_AWAY
 from scene_layer.estimate import Estimate
 from scene_layer.memory import MOST_KNOWN, Memory
 from scene_layer.memory_file import from_text, to_text
@@ -42,16 +44,20 @@ sources:
 """
 SPEC = read_scene_text(FACES, "scene.yaml")
 assert SPEC.persons is not None
+MOOD = "{from: tracked, field: mood, confidence: sure, stale_after: 2 s}"
+VOICE = "{topic: voice, type: std_msgs/msg/Float64, field: data, stale_after: 60 s}"
+BOTH = read_scene_text(FACES.replace(MOOD, f"[{MOOD}, {VOICE}]"), "scene.yaml")
 IGNORANCE = 4 / math.sqrt(12)
 
 
 class Room:
     """Faces before a camera, second by second."""
 
-    def __init__(self, memory: Memory | None = None) -> None:
-        self.sources = Sources(SPEC)
-        self.memory = memory or Memory(SPEC.space)
-        self.estimate = Estimate(SPEC, self.sources, self.memory)
+    def __init__(self, memory: Memory | None = None, spec: SceneSpec = SPEC) -> None:
+        self.spec = spec
+        self.sources = Sources(spec)
+        self.memory = memory or Memory(spec.space)
+        self.estimate = Estimate(spec, self.sources, self.memory)
         self.running: str | None = None
         self.now = 0.0
 
@@ -62,18 +68,20 @@ class Room:
         crowd.listed(list(faces), now)
         for person in crowd.candidates:
             if person in faces:
-                self._read(person, {"known": 0.0, "sure": 1.0, "age_std": 0.0} | faces[person])
+                self.read(person, faces[person])
         self.look()
 
-    def _read(self, person: str, item: dict[str, float]) -> None:
-        for source in SPEC.every_source:
+    def read(self, person: str, said: dict[str, float]) -> None:
+        item = {"known": 0.0, "sure": 1.0, "age_std": 0.0} | said
+        for source in self.spec.every_source:
             names = {name.removeprefix("msg.") for name in source.field.names}
             if source.of_item and names <= item.keys():
                 self.sources.read(source, message_of(item), self.now, person)
 
-    def hear(self, noise: float) -> None:
-        [source] = [s for s in SPEC.sources if s.parameter == "noise"]
-        self.sources.read(source, message_of({"data": noise}), self.now)
+    def hear(self, value: float, parameter: str = "noise") -> None:
+        """Take what is about nobody in particular."""
+        of = (s for s in self.spec.sources if s.parameter == parameter and not s.per_person)
+        self.sources.read(next(of), message_of({"data": value}), self.now)
 
     def look(self, now: float | None = None) -> bool:
         self.now = self.now if now is None else now
@@ -184,15 +192,15 @@ def test_somebody_known_by_name_is_remembered_and_a_stranger_is_not():
     for second in range(3):
         room.see(float(second), anna={"age": 5.0, "known": 1.0}, face7={"age": 1.0, "known": 0.0})
     room.see(3.0)
-    room.see(100.0, anna={"known": 1.0})
+    room.see(400.0, anna={"known": 1.0})
     room.announce()
     assert room.value("age").value == 5.0
     assert room.value("age").source == "anna, seen 2 times"
-    room.see(200.0)
-    room.see(300.0, face7={})
+    room.see(500.0)
+    room.see(900.0, face7={})
     room.announce("t")
     age = room.value("age", "t")
-    assert age.source == "everybody in lobby, seen 2 times"
+    assert age.source == "everybody in lobby, 2 visits"
     assert age.value == pytest.approx(3.0, abs=0.05)
 
 
@@ -349,11 +357,11 @@ def test_without_ids_nobody_takes_over_what_was_known_of_the_one_before():
     door = Door()
     assert door.at(0.0, there=True, age=5.0) == "measured 5 age"
     assert door.at(10.0, there=True) == "estimated 5 this person, seen once"
-    assert door.at(11.0, there=False) == "estimated 5 everybody here, seen once"
-    assert door.at(12.0, there=True) == "estimated 5 everybody here, seen once"
+    assert door.at(11.0, there=False) == "estimated 5 everybody here, 1 visit"
+    assert door.at(12.0, there=True) == "estimated 5 everybody here, 1 visit"
     assert door.at(13.0, there=True, age=1.0) == "measured 1 age"
     assert door.at(20.0, there=True) == "estimated 1 this person, seen once"
-    assert door.at(21.0, there=False).startswith("estimated 2.99 everybody here, seen 2 times")
+    assert door.at(21.0, there=False).startswith("estimated 2.99 everybody here, 2 visits")
 
 
 def test_without_ids_a_run_keeps_what_was_known_of_the_one_who_left():
@@ -363,7 +371,7 @@ def test_without_ids_a_run_keeps_what_was_known_of_the_one_who_left():
     door.at(1.0, there=True)
     assert door.at(10.0, there=False) == "estimated 5 this person, seen once"
     door.running = None
-    assert door.at(11.0, there=False) == "estimated 5 everybody here, seen once"
+    assert door.at(11.0, there=False) == "estimated 5 everybody here, 1 visit"
 
 
 # --- forgetting -----------------------------------------------------------------------------
@@ -379,9 +387,9 @@ def test_a_person_who_is_forgotten_is_unknown_until_they_come_again():
         room.see(float(second), anna={"age": 5.0, "known": 1.0})
     room.see(6.0)
     assert room.memory.kept()[0] == {}, "not remembered from the rest of this visit either"
-    room.see(100.0, anna={"age": 4.0, "known": 1.0})
-    room.see(101.0)
-    assert set(room.memory.kept()[0]) == {"anna"}
+    room.see(400.0, anna={"age": 4.0, "known": 1.0})
+    room.see(401.0)
+    assert set(room.memory.kept(room.estimate.encounters.known)[0]) == {"anna"}
 
 
 def test_a_place_can_be_forgotten():
@@ -413,7 +421,7 @@ def test_who_is_known_by_name_outlives_a_restart_and_who_is_here_unnamed_does_no
     for second in range(3):
         room.see(float(second), anna={"age": 5.0, "known": 1.0}, face7={"age": 1.0})
     text = to_text(*room.memory.kept(room.estimate.encounters.known))
-    persons, places = from_text(text, SPEC.space)
+    persons, places = from_text(text, SPEC.space, 1e9)
     assert set(persons) == {"anna"}
     assert places == {}
     memory = Memory(SPEC.space)
@@ -423,3 +431,81 @@ def test_who_is_known_by_name_outlives_a_restart_and_who_is_here_unnamed_does_no
     again.announce()
     assert again.value("age").value == 5.0
     assert again.value("age").source == "anna, seen 2 times"
+
+
+def test_ids_that_come_and_go_between_two_looks_leave_nothing_behind():
+    room = Room()
+    sources = room.sources
+    for picture in range(40):
+        room.estimate.encounters.listed([f"face{picture}"], 0.01 * picture)
+        room.read(f"face{picture}", {"age": 3.0})
+    room.look(0.5)
+    assert sources.people == {"face39"}, "only who is listed still"
+    room.see(1.0)
+    room.see(9.0)
+    assert sources.people == frozenset()
+
+
+def test_a_tracker_that_loses_somebody_known_for_moments_does_not_make_more_visits():
+    room = Room()
+    for second in range(0, 120, 2):
+        room.see(float(second), anna={"age": 5.0, "known": 1.0})
+        room.see(second + 1.0)
+    for second in (120, 122):
+        room.see(float(second), face7={"age": 1.0})
+        room.see(second + 1.0)
+    assert room.estimate.encounters.known == {"anna"}
+    persons, places = room.memory.kept(room.estimate.encounters.known)
+    assert (set(persons), persons["anna"].visits) == ({"anna"}, 1)
+    assert places["lobby"].visits == 2
+    room.look(119.0 + AWAY_S)
+    persons, places = room.memory.kept()
+    assert places["lobby"].visits == 3
+    assert persons["anna"].seen_at == 1119.0, "when they went, not when that was certain"
+
+
+def test_of_many_who_are_out_of_sight_those_gone_for_longest_have_left():
+    room = Room()
+    for number in range(MOST_AWAY + 10):
+        room.see(float(number), **{f"anna{number}": {"age": 5.0, "known": 1.0}})
+    room.see(100.0)
+    assert len(room.sources.people) == MOST_AWAY
+    assert room.memory.kept()[1]["lobby"].visits == 10
+
+
+def test_of_a_person_who_is_lost_only_what_was_said_of_them_counts():
+    room = Room(spec=BOTH)
+    room.see(0.0, anna={"mood": 5.0})
+    room.announce()
+    room.running = "s"
+    room.hear(1.0, "mood")
+    assert room.value("mood").value == 3.0, "the face and the room"
+    room.see(1.0)
+    assert not room.scene().person
+    assert room.value("mood").value == 5.0
+    room.hear(1.0, "mood")
+    room.look(3.0)
+    assert room.value("mood").origin is not Origin.MEASURED
+
+
+def test_the_room_alone_is_not_the_mood_of_somebody_nor_is_it_remembered():
+    room = Room(spec=BOTH)
+    room.see(0.0, anna={"known": 1.0})
+    room.hear(1.0, "mood")
+    room.announce()
+    assert room.value("mood").origin is Origin.MISSING
+    room.see(1.0, anna={"known": 1.0, "mood": 5.0})
+    assert room.value("mood").value == 3.0
+    room.see(2.0, anna={"known": 1.0, "mood": 5.0})
+    assert room.memory.kept({"anna"})[0]["anna"].values["mood"].mean == 5.0
+
+
+def test_a_camera_of_thirty_pictures_a_second_counts_once_a_second_and_silence_not_at_all():
+    room = Room()
+    for picture in range(61):
+        room.see(picture / 30.0, anna={"age": 5.0})
+    assert room.memory._persons["anna"].values["age"].weight == pytest.approx(1 + 0.99 + 0.99**2)
+    before = room.memory._persons["anna"].values["age"]
+    for second in (2.9, 3.2, 3.9):
+        room.look(second)
+    assert room.memory._persons["anna"].values["age"] is before

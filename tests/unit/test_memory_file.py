@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import json
 import stat
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -21,12 +22,43 @@ ANNA = Known(
 GOOD = memory_file.to_text({"anna": ANNA}, {"lobby": ANNA})
 
 
+NOW = 1000.0
+
+
 def test_what_is_written_is_read(tmp_path: Path) -> None:
     path = tmp_path / "state" / "memory.json"
-    assert memory_file.read(path, SPACE) == ({}, {})
-    memory_file.write(path, GOOD)
-    assert memory_file.read(path, SPACE) == ({"anna": ANNA}, {"lobby": ANNA})
+    assert memory_file.read(path, SPACE, NOW) == ({}, {})
+    memory_file.save(path, {"anna": ANNA}, {"lobby": ANNA})
+    assert json.loads(path.read_text())["persons"]["anna"]["visits"] == 2
+    assert memory_file.read(path, SPACE, NOW) == ({"anna": ANNA}, {"lobby": ANNA})
     assert stat.S_IMODE(path.stat().st_mode) == 0o600
+
+
+def test_an_empty_file_is_an_empty_memory(tmp_path: Path) -> None:
+    path = tmp_path / "memory.json"
+    path.write_text(" \n")
+    assert memory_file.read(path, SPACE, NOW) == ({}, {})
+
+
+def test_what_there_is_no_room_for_is_what_was_seen_longest_ago() -> None:
+    persons = {f"p{at}": replace(ANNA, seen_at=float(at)) for at in range(100)}
+    places = {"lobby": replace(ANNA, seen_at=98.5), "café": replace(ANNA, seen_at=0.5)}
+    text = memory_file.to_text(persons, places, 1000)
+    assert 900 < len(text.encode()) <= 1000
+    kept = memory_file.from_text(text, SPACE, NOW)
+    count = len(kept[0])
+    assert kept == ({f"p{at}": persons[f"p{at}"] for at in range(100 - count, 100)},
+                    {"lobby": places["lobby"]})  # fmt: skip
+    assert memory_file.from_text(memory_file.to_text(persons, places), SPACE, NOW) == (
+        persons,
+        places,
+    )
+
+
+def test_what_a_wrong_clock_saw_in_the_future_was_seen_now() -> None:
+    persons, places = memory_file.from_text(GOOD, SPACE, 2.0)
+    for known in (persons["anna"], places["lobby"]):
+        assert (known.seen_at, known.values["age"].at) == (2.0, 2.0)
 
 
 def changed(**person: object) -> str:
@@ -38,13 +70,12 @@ def changed(**person: object) -> str:
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("", "Expecting value"),
         (GOOD[: len(GOOD) // 2], "Expecting|Unterminated"),
-        ("[" * 100_000, "not a memory"),
-        ("[]", "not a memory"),
-        ("null", "not a memory"),
-        ('{"format": 2}', "format 2, expected 1"),
-        ('{"format": 1}', "no 'persons'"),
+        ('{"format": 1, "persons": ' + "[" * 100_000, "not a memory"),
+        ('{"format": 1, "persons": {}}', "no 'places'"),
+        (changed(seen_at=10**400), "too large"),
+        (changed(visits=10**400), "visits, expected a whole number"),
+        (changed(values={"age": [10**400, 1.0, 1.0, 0.0]}), "too large"),
         ('{"format": 1, "persons": [], "places": {}}', "not a memory"),
         ('{"format": 1, "persons": {"a": 1}, "places": {}}', "not a memory"),
         (changed(visits=-1), "-1 visits"),
@@ -68,26 +99,43 @@ def changed(**person: object) -> str:
 def test_a_damaged_file_is_refused_as_a_whole(tmp_path: Path, text: str, words: str) -> None:
     path = tmp_path / "memory.json"
     path.write_text(text)
-    with pytest.raises(BtAgentsError, match=words) as refused:
-        memory_file.read(path, SPACE)
+    with pytest.raises(memory_file.DamagedMemoryError, match=words) as refused:
+        memory_file.read(path, SPACE, NOW)
     assert str(path) in str(refused.value)
     assert len(str(refused.value)) < 1000
 
 
-def test_a_file_that_is_no_text_or_too_large_is_refused(tmp_path: Path) -> None:
+def test_a_file_that_is_no_text_any_more_or_too_large_is_damaged(tmp_path: Path) -> None:
     path = tmp_path / "memory.json"
-    path.write_bytes(b"\xff\xfe\x00")
-    with pytest.raises(BtAgentsError, match="is not text"):
-        memory_file.read(path, SPACE)
-    with path.open("wb") as opened:
+    path.write_bytes(GOOD.replace("anna", "XXX").encode().replace(b"XXX", b"\xff\xfe\x00"))
+    with pytest.raises(memory_file.DamagedMemoryError, match="is not text"):
+        memory_file.read(path, SPACE, NOW)
+    with path.open("r+b") as opened:
         opened.truncate(memory_file.MOST_BYTES + 1)
-    with pytest.raises(BtAgentsError, match="bytes, expected"):
-        memory_file.read(path, SPACE)
+    with pytest.raises(memory_file.DamagedMemoryError, match="bytes"):
+        memory_file.read(path, SPACE, NOW)
+
+
+@pytest.mark.parametrize(
+    "content", [b"SQLite format 3\x00", b"\xff\xfe", b"[]", b"null", b'{"format": 2}', b"format: 1"]
+)
+def test_a_file_of_another_program_is_not_called_damaged(tmp_path: Path, content: bytes) -> None:
+    path = tmp_path / "ledger.sqlite"
+    path.write_bytes(content)
+    with pytest.raises(BtAgentsError, match="is not a memory.*name another file") as refused:
+        memory_file.read(path, SPACE, NOW)
+    assert not isinstance(refused.value, memory_file.DamagedMemoryError)
+
+
+def test_a_folder_is_no_memory(tmp_path: Path) -> None:
+    with pytest.raises(BtAgentsError, match="is a folder, expected a file") as refused:
+        memory_file.read(tmp_path, SPACE, NOW)
+    assert not isinstance(refused.value, memory_file.DamagedMemoryError)
 
 
 def test_values_that_the_parameters_do_not_have_any_more_are_left_out() -> None:
     text = changed(values={"age": [9.0, 1.0, 1.0, 0.0], "gone": [1.0, 1.0, 1.0, 0.0]})
-    persons, _ = memory_file.from_text(text, SPACE)
+    persons, _ = memory_file.from_text(text, SPACE, NOW)
     assert persons["anna"].values == {}
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import math
 
+import numpy
 import pytest
 
 from bt_agents.errors import Refused
@@ -149,9 +150,32 @@ Step = tuple[float, str | None, dict[str, float], str]
                 (0.0, "a", {}, "a"),
                 (2.0, "a b", {"b": 0.5}, "a"),
                 (2.9, "a b c", {"b": 0.5, "c": 0.3}, "a"),
+                (3.0, "a b c", {"b": 0.5, "c": 0.3}, "b"),
+                (3.2, "a b c", {"b": 0.6, "c": 0.3}, "b"),
+                (4.1, "a b c", {"b": 0.6, "c": 0.3}, "b"),
+                (4.3, "a b c", {"b": 0.6, "c": 0.3}, "c"),
+            ],
+            id="a late comer has to be better for as long",
+        ),
+        pytest.param(
+            "nearest",
+            [
+                (0.0, "a", {}, "a"),
+                (2.0, "a b c", {"b": 0.5, "c": 0.5}, "a"),
                 (3.0, "a b c", {"b": 0.5, "c": 0.3}, "c"),
             ],
-            id="the best of all who are better",
+            id="the best of all who have been better for long enough",
+        ),
+        pytest.param(
+            "nearest",
+            [
+                (0.0, "a b", {"a": 1.0, "b": 2.0}, "a"),
+                (2.1, "a b", {"a": 1.0, "b": 0.5}, "a"),
+                (3.0, "a b c", {"a": 1.0, "b": 2.0, "c": 0.4}, "a"),
+                (3.1, "a b c", {"a": 1.0, "b": 2.0, "c": 0.4}, "a"),
+                (4.1, "a b c", {"a": 1.0, "b": 2.0, "c": 0.4}, "c"),
+            ],
+            id="the lead of one is not that of another",
         ),
     ],
 )
@@ -203,12 +227,30 @@ def test_who_comes_and_who_goes_is_told_once():
     assert crowd.tracked == ("b", "c")
 
 
+def test_a_tracker_may_count_persons_instead_of_naming_them():
+    assert [check_id(7), check_id(numpy.uint64(2**64 - 1))] == ["7", str(2**64 - 1)]
+
+
+def test_whoever_is_tracked_goes_before_those_who_are_not():
+    crowd = persons()
+    crowd.listed(["anna"], 0.0)
+    crowd.look({}, 0.0)
+    others = [f"p{number}" for number in range(2 * MOST_PERSONS)]
+    crowd.listed([*others, "anna"], 1.0)
+    crowd.look({}, 1.0)
+    crowd.look({}, 1.6)
+    assert crowd.addressee == "anna"
+    assert len(crowd.tracked) == MOST_PERSONS
+
+
 @pytest.mark.parametrize(
     ("hostile", "code"),
     [
         ("", "EMPTY"),
         ("x" * 10_000, "TOO_LONG"),
-        (7, "NOT_A_TEXT"),
+        (7.5, "NOT_A_TEXT"),
+        (True, "NOT_A_TEXT"),
+        ([], "NOT_A_TEXT"),
         (None, "NOT_A_TEXT"),
         ("a\nb", "BAD_ID"),
         ("a\x00b", "BAD_ID"),

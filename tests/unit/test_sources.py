@@ -236,8 +236,15 @@ def test_a_standard_deviation_below_0_is_refused(std):
 def test_a_standard_deviation_is_mapped_with_the_reading():
     source = topic("data", "std: 0.5, map: {0: 1, 10: 5}")
     assert after(source, {"data": 5.0}).std == pytest.approx(0.2)
-    assert after(source, {"data": 50.0}).std == 0.0, "all readings around it mean the same"
-    assert after(source, {"data": 10.0}).std == pytest.approx(0.2 / math.sqrt(2))
+    at_the_end = after(source, {"data": 10.0}).std
+    assert at_the_end == pytest.approx(0.2 / math.sqrt(2))
+    for beyond in (10.4, 50.0):
+        assert after(source, {"data": beyond}).std == at_the_end, "what is held is not exact"
+
+
+def test_a_standard_deviation_is_never_more_than_that_of_any_value_of_the_range():
+    source = topic("data", "std: 9e99, confidence: 1e-300")
+    assert after(source, {"data": 2.0}).std == pytest.approx(4 / math.sqrt(12))
 
 
 def test_beside_a_table_the_standard_deviation_is_that_of_the_value():
@@ -290,7 +297,9 @@ def test_a_source_that_is_about_nobody_counts_for_everybody():
     read(sources, spec.sources[0], 2.0, 0.0, "anna")
     read(sources, spec.sources[1], 4.0, 0.0)
     assert sources.latest("mood", 1.0, "anna").value == 3.0
-    assert sources.latest("mood", 1.0, "ben").value == 4.0
+    assert sources.latest("mood", 1.0, "anna", alone=True).value == 2.0
+    assert sources.latest("mood", 1.0, "ben") is None, "not alone, where others are about one"
+    assert sources.latest("mood", 1.0).value == 4.0
     sources.forget("anna")
     assert sources.latest("mood", 1.0).value == 4.0
 

@@ -136,6 +136,9 @@ def up(
     interrupt = Interrupt()
     trees = find_trees(directory)
     logs = system.new_log_folder()
+    profiles = ledger or str(system.state_folder() / "ledger.sqlite")
+    if memory and Path(memory).resolve() == Path(profiles).resolve():
+        raise click.UsageError("--memory names the ledger; it needs a file of its own")
     components = [
         system.market(
             trees,
@@ -145,7 +148,7 @@ def up(
         ),
         system.scene_layer(trees, memory=memory),
         system.host(trees, tags, bindings, str(system.state_folder() / "tunings.jsonl")),
-        system.feedback(trees, ledger=ledger or str(system.state_folder() / "ledger.sqlite")),
+        system.feedback(trees, ledger=profiles),
     ]
     if bool(selector) != bool(model):
         raise click.UsageError("--selector and --model go together: the server, and its model")

@@ -38,7 +38,9 @@ def read_experiment(file: Path | Source, space: SceneSpace) -> ExperimentSpec:
         reading.error("missing-value", fields.nodes["scenes"], "there is no scene", "add one")
     scenes = [read_vector(reading, node, "a scene", space) for node in nodes]
     feedback_node = fields.get("feedback")
-    feedback = _feedback(reading, feedback_node, space, seed or 0) if feedback_node is not None else None
+    feedback = (
+        _feedback(reading, feedback_node, space, seed or 0) if feedback_node is not None else None
+    )
     reading.problems.raise_if_any()
     assert rounds is not None
     assert seed is not None

@@ -61,7 +61,9 @@ class SceneLayerNode(GuardedNode):
         node_kwargs: For :class:`rclpy.node.Node`.
 
     Raises:
-        Refused: A source names a type or field that is not installed.
+        Refused: A source names a type or field that is not installed, or a topic that cannot be
+            heard.
+        BtAgentsError: The file of the memory is none, or cannot be read.
     """
 
     def __init__(
@@ -192,10 +194,17 @@ class SceneLayerNode(GuardedNode):
             values = check_given(self._spec.space, request.names, request.values)
             if request.person not in _PERSON:
                 raise Refused("UNKNOWN_PERSON", f"person is {request.person}, expected 0, 1 or 2")
+            person = _PERSON[request.person]
+            gives = bool(values) or person is not None
+            if gives and not request.announce and not self._present_id():
+                raise Refused(
+                    "NOTHING_RUNS",
+                    "no agent runs and no scene waits, expected one that the values are for; "
+                    "announce a scene with them: bt-agents trigger",
+                )
         except Refused as refused:
             response.code, response.message = refused.code, refused.reason
             return response
-        person = _PERSON[request.person]
         if request.announce:
             scene = self._announce(request.label, values, person, urgent=request.urgent)
             response.message = f"scene {scene.scene_id} announced"
@@ -224,13 +233,18 @@ class SceneLayerNode(GuardedNode):
         return scene
 
     def _give(self, values: Mapping[str, float], person: bool | None) -> Scene:
-        """Give values to the interaction that runs, else to the one announced last."""
+        """Give values to the present interaction; without one they are for nothing."""
         now = time.monotonic()
-        running = self._following.run
-        scene_id = running.scene_id if running else self._announced_id
-        self._estimate.give(scene_id, values, person, now)
-        self._on_change()
+        scene_id = self._present_id()
+        if scene_id:
+            self._estimate.give(scene_id, values, person, now)
+            self._on_change()
         return self._put_together(scene_id, now)
+
+    def _present_id(self) -> str:
+        """Return the scene that runs, else the one announced last; empty when that is over."""
+        running = self._following.run
+        return running.scene_id if running is not None else self._announced_id
 
     def _put_together(self, scene_id: str, now: float) -> Scene:
         return self._estimate.scene(scene_id, now=now, wall=time.time(), stamp=self._stamp())

@@ -5,10 +5,12 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterable
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
+from rclpy._rclpy_pybind11 import RCLError
 from rclpy.exceptions import InvalidTopicNameException
 from rclpy.node import Node
 
@@ -19,6 +21,7 @@ from bt_agents.ros import qos
 from bt_agents.ros.installed import InstalledInterfaces
 from bt_agents.ros.interfaces import load_type, read_field
 from scene_layer.encounters import Encounters
+from scene_layer.persons import check_id
 from scene_layer.sources import Sources
 
 _LONGEST = 300
@@ -47,7 +50,8 @@ class Listening:
         changed: Called when a reading has changed something.
 
     Raises:
-        Refused: A source names a type or field that is not installed.
+        Refused: A source names a type or field that is not installed, or a topic that cannot be
+            heard.
     """
 
     def __init__(
@@ -100,12 +104,12 @@ class Listening:
     def _follow(self, key: _Key, read: frozenset[SourceSpec]) -> None:
         try:
             subscription = self._subscribe(key, sorted(read, key=lambda s: str(s.position)))
-        except InvalidTopicNameException as error:
+        except Refused as refused:
             # An id made it; without this it would be tried again at each look.
             if len(self._unnamed) < _MOST_UNNAMED:
                 self._unnamed.add(key.topic)
             self._node.get_logger().warning(
-                f"nothing is heard of {key.person[:_SHOWN]!r}: {str(error)[:_SHOWN]}"
+                f"nothing is heard of {key.person[:_SHOWN]!r}: {refused.reason}"
             )
         else:
             self._dynamic[key] = subscription, read
@@ -113,8 +117,25 @@ class Listening:
     def _subscribe(self, key: _Key, read: Iterable[SourceSpec]) -> Any:
         take = partial(self._on_reading, tuple(read), key.person)
         profile = qos.FACT if key.latched else qos.SENSOR
-        kind = load_type(key.type, BindingKind.TOPIC)
-        return self._node.create_subscription(kind, key.topic, take, profile)
+        return self._listen(key.topic, key.type, take, profile)
+
+    def _listen(self, topic: str, type_name: str, take: Callable[[Any], None], profile: Any) -> Any:
+        """Subscribe to a topic.
+
+        Raises:
+            Refused: ``UNUSABLE_TOPIC``: its name is none, or this process uses it with another
+                type.
+        """
+        kind = load_type(type_name, BindingKind.TOPIC)
+        try:
+            return self._node.create_subscription(kind, topic, take, profile)
+        except (InvalidTopicNameException, RCLError) as error:
+            raise Refused(
+                "UNUSABLE_TOPIC",
+                f"the topic {topic[:_SHOWN]} cannot be heard with the type {type_name}, expected "
+                "the name of a topic, with the same type wherever it stands: "
+                f"{str(error).strip().splitlines()[0][:_SHOWN]}",
+            ) from None
 
     def _paths(self, source: SourceSpec) -> list[str]:
         """Return the paths of all fields that a source reads."""
@@ -160,25 +181,26 @@ class Listening:
         item = [f"{tracked.field}.0.{tracked.id}"] if tracked.id else []
         self._check(tracked.type, tracked.position, [tracked.field, *item])
         self._of_item = [s for s in self._spec.every_source if s.of_item]
-        kind = load_type(tracked.type, BindingKind.TOPIC)
         take = self._on_items if tracked.id else self._on_ids
         profile = qos.FACT if tracked.latched else qos.SENSOR
-        self._node.create_subscription(kind, tracked.topic, take, profile)
+        self._listen(tracked.topic, tracked.type, take, profile)
 
     def _on_ids(self, message: Any) -> None:
         assert self._spec.persons is not None
-        self._listed(_raw(message, self._spec.persons.tracked.field))
+        self._listed(_raw(message, self._spec.persons.tracked.field, ()))
 
     def _on_items(self, message: Any) -> None:
         """Take a list with an item for each person, of which only those tracked are read."""
         assert self._spec.persons is not None
         tracked = self._spec.persons.tracked
-        items: dict[Any, Any] = {}
+        items: dict[str, Any] = {}
         ids = []
-        for item in _raw(message, tracked.field):
-            person = _raw(item, tracked.id)
+        for item in _raw(message, tracked.field, ()):
+            person = _raw(item, tracked.id, "")
             ids.append(person)
-            items.setdefault(person, item)
+            # Bad ones are refused, and counted, as those of a list of ids.
+            with suppress(Refused):
+                items.setdefault(check_id(person), item)
         self._listed(ids)
         for person in self._encounters.candidates:
             if person in items:
@@ -195,8 +217,19 @@ class Listening:
             self._complain(*left_out)
 
 
-def _raw(message: Any, path: str) -> Any:
-    """Return a field as it is; :func:`read_field` would turn a long list into plain data."""
+def _raw(message: Any, path: str, nothing: Any) -> Any:
+    """Return a field as it is; :func:`read_field` would turn a long list into plain data.
+
+    Args:
+        message: A message of a type that has such a field.
+        path: As for :func:`read_field`.
+        nothing: What stands for an item of a list that is too short.
+    """
     for part in path.split("."):
-        message = getattr(message, part)
+        if not part.isdigit():
+            message = getattr(message, part)
+        elif int(part) < len(message):
+            message = message[int(part)]
+        else:
+            return nothing
     return message

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
 from concurrent.futures import Future as Job
 from pathlib import Path
@@ -39,6 +40,9 @@ class Remembering:
         space: The scene parameters.
         path: Of the file; None keeps nothing over the end of the node.
         known: Names those of the present persons who may be kept.
+
+    Raises:
+        BtAgentsError: The file is none of ours, or cannot be read or set aside.
     """
 
     def __init__(
@@ -54,12 +58,13 @@ class Remembering:
         self._space = space
         self._path = path
         self._known = known
+        if path is not None:
+            self._read(path)
         self._disk = WorkerThread("memory")
         self._jobs = Jobs(node)
         self._saved = memory.changes
         self._saving: Job[None] | None = None
         if path is not None:
-            self._read(path)
             steady_timer(node, SAVE_S, self._save_changes)
         # One that waits for the disk holds up no other.
         group = ReentrantCallbackGroup()
@@ -72,8 +77,9 @@ class Remembering:
         )
 
     def request_stop(self) -> None:
-        """Save what has changed, in the thread of the disk."""
-        self._save_changes()
+        """Save what has changed, in the thread of the disk, after what it is at."""
+        if self._memory.changes != self._saved:
+            self._save()
 
     def stopped(self) -> bool:
         """Return True when it is saved."""
@@ -84,16 +90,17 @@ class Remembering:
         self._disk.shutdown()
 
     def _read(self, path: Path) -> None:
-        log = self._node.get_logger()
         try:
-            self._memory.remember(*memory_file.read(path, self._space))
-        except BtAgentsError as error:
+            self._memory.remember(*memory_file.read(path, self._space, time.time()))
+        except memory_file.DamagedMemoryError as error:
             try:
-                kept = f"it is kept as {memory_file.set_aside(path)}"
+                kept = memory_file.set_aside(path)
             except OSError as problem:
-                kept = f"it cannot be set aside ({problem.strerror or problem})"
-                self._path = None
-            log.error(f"nobody is remembered: {error}; {kept}, the memory begins empty")
+                words = problem.strerror or problem
+                raise BtAgentsError(f"{error}; it cannot be set aside: {words}") from None
+            self._node.get_logger().error(
+                f"nobody is remembered: {error}; it is kept as {kept}, the memory begins empty"
+            )
 
     def _save_changes(self) -> None:
         if self._memory.changes != self._saved and self.stopped():
@@ -103,8 +110,8 @@ class Remembering:
         if self._path is None:
             return None
         self._saved = self._memory.changes
-        text = memory_file.to_text(*self._memory.kept(self._known()))
-        self._saving = self._disk.submit(memory_file.write, self._path, text)
+        kept = self._memory.kept(self._known())
+        self._saving = self._disk.submit(memory_file.save, self._path, *kept)
         self._jobs.follow(self._saving, self._told)
         return self._saving
 
