@@ -7,6 +7,7 @@ import math
 import textwrap
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -27,11 +28,9 @@ from bt_agents.scene import Scene
 from bt_agents_interfaces.msg import (
     AgentCard,
     AgentFiles,
-    Auction,
     Feedback,
     HostCard,
     Learning,
-    RankedBid,
     Run,
     RunRecord,
     TreeStatus,
@@ -42,7 +41,11 @@ from bt_agents_lab.journal.file import JournalFile
 from bt_agents_lab.journal.reading import JournalReader
 from bt_agents_lab.replay.story import Story, tell
 from feedback_node.learning import PLAIN, Evidence, step
-from marketplace_node.decision import AcceptedBid, Terms
+from marketplace_node.decision import AcceptedBid, ClosedBy, Decision, Outcome, Terms
+from marketplace_node.effects import PublishAuction
+from marketplace_node.explain import reason
+from marketplace_node.explanation import explanation
+from marketplace_node.node.messages import auction_to_msg
 from marketplace_node.ranking import decide
 from stage import SPACE, TREES, scene
 
@@ -97,15 +100,21 @@ class Town:
         folder: For the trees folder.
         strategy: By which bids are ranked.
         options: What is set about it.
+        shadow: Strategy that only looks on.
     """
 
     def __init__(
-        self, folder: Path, strategy: str = "manhattan", options: Mapping[str, float] | None = None
+        self,
+        folder: Path,
+        strategy: str = "manhattan",
+        options: Mapping[str, float] | None = None,
+        shadow: str = "",
     ) -> None:
         self.said: list[Spoken] = []
         self.profiles = {"anna": (1.0, 1.0, 3.0), "bert": (4.5, 2.1, 3.3)}
         self._strategy = strategy
         self._options = dict(options or {})
+        self._shadow = shadow
         self._folder = write_folder(folder, **self.profiles)
         self._trees = read_trees(self._folder)
         self._runs: list[str] = []
@@ -144,6 +153,7 @@ class Town:
             runs={name: self._runs.count(name) for name in self.profiles},
             rounds_run=len(self._runs),
             options=self._options,
+            shadow=self._shadow,
             seed=f"{EPOCH}/{number}",
         )
         bids = [
@@ -152,43 +162,24 @@ class Town:
         ]
         ranked = decide(SPACE, terms, bids)
         best = ranked.bids[0]
-        change = ranked.change
+        decision = Decision(
+            terms=terms,
+            outcome=Outcome.AWARDED,
+            closed_by=ClosedBy.ALL_ANSWERED,
+            duration_s=0.1,
+            ranked=ranked,
+            refused=(),
+            silent_hosts=(),
+        )
         self.say(
             "/auctions",
-            Auction(
-                stamp=self._stamp(),
-                epoch=EPOCH,
-                round=number,
-                scene=scene_to_msg(person),
-                outcome=Auction.AWARDED,
-                closed_by=Auction.ALL_ANSWERED,
-                strategy=self._strategy,
-                option_names=list(self._options),
-                option_values=[float(value) for value in self._options.values()],
-                tie_break=terms.tie_break,
-                seed=terms.seed,
-                ranking=[
-                    RankedBid(
-                        agent=bid.agent,
-                        agent_id=bid.agent_id,
-                        host=bid.host,
-                        vector=list(bid.vector),
-                        distance=bid.distance,
-                        contributions=list(bid.contributions),
-                        weights=list(bid.weights),
-                        bonus=bid.bonus,
-                        score=bid.score,
-                        runs=bid.runs,
-                        last_run=bid.last_run,
-                    )
-                    for bid in ranked.bids
-                ],
-                winner=best.agent,
-                winner_id=best.agent_id,
-                host=best.host,
-                margin=ranked.bids[1].score - best.score,
-                change_names=list(change.names) if change else [],
-                change_values=list(change.values) if change else [],
+            auction_to_msg(
+                PublishAuction(
+                    decision=decision,
+                    reason=reason(decision),
+                    explain=partial(explanation, decision, SPACE),
+                ),
+                self._stamp(),
             ),
         )
         self._runs.append(best.agent)

@@ -13,6 +13,9 @@ class BtAgentsError(Exception):
     """Root of every error that this project raises on purpose."""
 
 
+STORAGE_FULL = "STORAGE_FULL"
+"""Code of a refusal because the disk takes no more; the same is taken when there is room."""
+
 LONGEST_REASON = 500
 """Characters of a reason; what comes from outside may be as long as it likes."""
 

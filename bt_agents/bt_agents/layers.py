@@ -31,6 +31,10 @@ def checked_layer(layer: str) -> str:
         Refused: ``BAD_LAYER``.
     """
     kind, slash, name = layer.partition("/")
+    if not layer.isprintable():
+        raise Refused(
+            "BAD_LAYER", f"{layer[:80]!a} is no layer, expected no control characters in a name"
+        )
     if kind not in (PERSON, PLACE) or not slash or not name or len(layer) > LONGEST_LAYER:
         raise Refused(
             "BAD_LAYER",

@@ -7,7 +7,7 @@ import json
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeGuard
 
 from bt_agents.errors import Refused
 from bt_agents.layers import checked_layer
@@ -29,6 +29,7 @@ class Imported:
     agent: str
     layer: str
     values: Vector
+    changes: int = 0
 
 
 def to_document(
@@ -68,8 +69,8 @@ def from_document(text: str, space: SceneSpace) -> tuple[str, tuple[Imported, ..
     if not isinstance(told, dict) or told.get("format") != FORMAT:
         raise _bad(f"expected what 'bt-agents profile export' writes, with format {FORMAT}")
     document_id, profiles = told.get("id"), told.get("profiles")
-    if not isinstance(document_id, str) or not 1 <= len(document_id) <= _LONGEST_NAME:
-        raise _bad(f"its id is no text of 1 to {_LONGEST_NAME} characters")
+    if not _is_name(document_id):
+        raise _bad(f"its id is no printable text of 1 to {_LONGEST_NAME} characters")
     if not isinstance(profiles, list) or not 1 <= len(profiles) <= _MOST:
         raise _bad(f"expected 1 to {_MOST} profiles")
     found: dict[tuple[str, str], Imported] = {}
@@ -90,8 +91,11 @@ def _imported(told: Any, what: str, space: SceneSpace) -> Imported:
     if not isinstance(told, dict):
         raise _bad(f"{what}: expected a mapping")
     agent, layer, values = told.get("agent"), told.get("layer", ""), told.get("values")
-    if not isinstance(agent, str) or not 1 <= len(agent) <= _LONGEST_NAME:
+    if not _is_name(agent):
         raise _bad(f"{what}: its agent is no name")
+    changes = told.get("changes", 0)
+    if isinstance(changes, bool) or not isinstance(changes, int) or not 0 <= changes < 2**63:
+        raise _bad(f"{what}: its changes are no count")
     if not isinstance(layer, str) or not isinstance(values, dict):
         raise _bad(f"{what}: expected a layer, which may be empty, and values by parameter")
     if any(isinstance(v, bool) or not isinstance(v, int | float) for v in values.values()):
@@ -100,7 +104,12 @@ def _imported(told: Any, what: str, space: SceneSpace) -> Imported:
         agent=agent,
         layer=checked_layer(layer) if layer else "",
         values=space.from_mapping(values, what=f"document: {what}"),
+        changes=changes,
     )
+
+
+def _is_name(told: Any) -> TypeGuard[str]:
+    return isinstance(told, str) and 1 <= len(told) <= _LONGEST_NAME and told.isprintable()
 
 
 def _revision(revision: Revision) -> dict[str, Any]:

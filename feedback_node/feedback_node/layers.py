@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 
 from bt_agents.errors import Refused
 from bt_agents.feedback import Kind, LearningRule
-from bt_agents.layers import EVERYBODY, layers_of
+from bt_agents.layers import EVERYBODY, checked_layer, layers_of
 from bt_agents.scene import MISSING, Scene, SceneSpace, Vector
 from feedback_node import learning
 from feedback_node.cards import Agent
@@ -45,9 +45,14 @@ def shares(rule: LearningRule, kind: Kind, scene: Scene | None) -> tuple[tuple[s
 
     Without the layer of a person or a place that is the profile for everybody, alone and in full;
     else it comes last, unless it learns nothing of it. What is set is set for everybody.
+
+    Raises:
+        Refused: ``BAD_LAYER`` for a person or a place whose name is none of a layer.
     """
     of_scene = {} if scene is None or kind is Kind.SET else layers_of(scene)
-    own = tuple((layer, 1.0) for one, layer in of_scene.items() if one in rule.layers)
+    own = tuple(
+        (checked_layer(layer), 1.0) for one, layer in of_scene.items() if one in rule.layers
+    )
     if not own:
         return ((EVERYBODY, 1.0),)
     return (*own, (EVERYBODY, rule.general)) if rule.general > 0.0 else own
@@ -56,7 +61,8 @@ def shares(rule: LearningRule, kind: Kind, scene: Scene | None) -> tuple[tuple[s
 def anonymous(cause: Cause) -> Cause:
     """Return a cause without what leads back to the person whose layer was taught as well."""
     assert cause.feedback_id is not None
-    return replace(cause, reason=_IN_PART, scene_id="", feedback_id=hidden(cause.feedback_id))
+    feedback_id = hidden(cause.feedback_id)
+    return replace(cause, reason=_IN_PART, scene_id="", leaf="", feedback_id=feedback_id)
 
 
 def layer_step(
@@ -138,7 +144,7 @@ def check_texts(**texts: str) -> None:
     """Check what is told with a feedback.
 
     Raises:
-        Refused: ``TOO_LONG`` or ``RESERVED_ID``.
+        Refused: ``TOO_LONG``, ``BAD_TEXT`` or ``RESERVED_ID``.
     """
     for field, text in texts.items():
         if len(text) > LONGEST_TEXT:
@@ -146,11 +152,21 @@ def check_texts(**texts: str) -> None:
                 "TOO_LONG",
                 f"feedback: {field} has {len(text)} characters, expected {LONGEST_TEXT} at most",
             )
+        if not text.isprintable():
+            raise Refused(
+                "BAD_TEXT",
+                f"feedback: {field} is {text[:80]!a}, expected no control characters",
+            )
     if is_hidden(texts.get("feedback_id", "")):
         raise Refused(
             "RESERVED_ID",
             "feedback: ids that begin with 'sha256:' stand for forgotten ones; take a UUID",
         )
+
+
+def one_line(text: str) -> str:
+    """Return a text without control characters, which people's terminals would obey."""
+    return " ".join("".join(c if c.isprintable() else " " for c in text).split())
 
 
 def named(values: Vector, space: SceneSpace) -> dict[str, float]:

@@ -11,10 +11,18 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TextIO
 
-from bt_agents.errors import Refused
+from bt_agents.errors import STORAGE_FULL, Refused
 from bt_agents.feedback import Kind
-from feedback_node.ledger_file import MEMORY, LedgerError, failed, lock_file, open_database
-from feedback_node.ledger_forgetting import SCRUB, redact, scrub
+from feedback_node.ledger_file import (
+    FAILED,
+    MEMORY,
+    LedgerError,
+    failed,
+    is_full,
+    lock_file,
+    open_database,
+)
+from feedback_node.ledger_forgetting import Scrubber, redact
 from feedback_node.ledger_head import Head
 from feedback_node.ledger_reading import LedgerReader
 from feedback_node.ledger_rows import (
@@ -61,7 +69,9 @@ class Ledger(LedgerReader):
         self._wall = wall
         self._lock: TextIO | None = None
         if str(path) != MEMORY:
-            self._lock = lock_file(Path(path))
+            # What belongs to a ledger lies beside the file itself, whichever link leads to it.
+            path = Path(path).resolve()
+            self._lock = lock_file(path)
         try:
             database, self._head = open_database(str(path))
         except BaseException:
@@ -75,10 +85,8 @@ class Ledger(LedgerReader):
             self._end = self._pending = Head(number=last[0], chain=last[1]) if last else Head()
             # What a crash has left committed and not acknowledged counts from now on.
             self._acknowledge()
-            self._unscrubbed = bool(
-                self._database.execute("SELECT 1 FROM chore WHERE name = ?", (SCRUB,)).fetchone()
-            )
-        except (sqlite3.Error, OSError) as error:
+            self._scrubber = Scrubber(self._database)
+        except (sqlite3.Error, ValueError, OSError) as error:
             self.close()
             raise failed(self.path, error) from error
 
@@ -91,11 +99,10 @@ class Ledger(LedgerReader):
         Returns:
             False when it still could not.
         """
-        if self._unscrubbed:
-            self._unscrubbed = bool(scrub(self._database))
+        self._scrubber.again()
         with suppress(sqlite3.OperationalError):
             self._database.execute("PRAGMA wal_checkpoint(PASSIVE)")
-        return not self._unscrubbed
+        return not self._scrubber.outstanding
 
     def close(self) -> None:
         """Close the file and let another writer in; closing twice is fine."""
@@ -249,9 +256,8 @@ class Ledger(LedgerReader):
                     ),
                     revision=last.revision + 1,
                 )
-        trouble = scrub(self._database)
-        self._unscrubbed = bool(trouble)
-        return trouble
+        self._scrubber.due()
+        return self._scrubber.scrub()
 
     def _enter(self, agent: str, authored: Mapping[str, float]) -> Revision:
         last = self.current(agent)
@@ -291,6 +297,8 @@ class Ledger(LedgerReader):
         row = row_of(self._pending.number + 1, appended, self._pending.chain)
         self._database.execute(f"INSERT INTO revision ({COLUMNS}) VALUES (?,?,?,?,?,?,?,?,?)", row)
         self._pending = Head(number=row.number, chain=row.chain)
+        if entry.cause.cause == AUTHORED and not entry.layer:
+            self._written[entry.agent] = appended.cause.target
         return appended
 
     @contextmanager
@@ -305,6 +313,7 @@ class Ledger(LedgerReader):
                 self._database.execute("COMMIT")
             except BaseException:
                 self._pending = self._end
+                self._written.clear()
                 if self._database.in_transaction:
                     self._database.execute("ROLLBACK")
                 raise
@@ -315,7 +324,7 @@ class Ledger(LedgerReader):
             self._acknowledge()
         except OSError as error:
             raise LedgerError(
-                "LEDGER_FAILED",
+                STORAGE_FULL if is_full(error) else FAILED,
                 f"{self.path}: it is recorded, but not acknowledged, as the -head file cannot be "
                 f"written ({error}); give the same once more, under the same id",
             ) from error

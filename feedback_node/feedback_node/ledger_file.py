@@ -11,7 +11,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import TextIO
 
-from bt_agents.errors import Refused
+from bt_agents.errors import STORAGE_FULL, Refused
 from feedback_node.ledger_check import (
     CORRUPT,
     CUT_OFF,
@@ -30,7 +30,7 @@ from feedback_node.ledger_rows import Damaged
 MEMORY = ":memory:"
 """Path of a ledger that is forgotten when it is closed."""
 
-STORAGE_FULL = "STORAGE_FULL"
+FAILED = "LEDGER_FAILED"
 
 _FULL = {
     sqlite3.SQLITE_FULL,
@@ -97,6 +97,8 @@ def open_database(path: str) -> tuple[sqlite3.Connection, HeadFile | None]:
         found = examine(path)
         head = HeadFile(head_path(path))
     except OSError as error:
+        if is_full(error):
+            raise failed(path, error) from error
         raise LedgerError(
             "LEDGER_UNREADABLE",
             f"{path}: {error}; expected a file of this program that can be read and written",
@@ -141,6 +143,7 @@ def examine(path: str) -> int:
                 if verdict.code:
                     raise damaged(path, verdict.code, verdict.problem)
             elif found == OLD_FORMAT:
+                _refuse_older(path, head)
                 problems = [str(row[0]) for row in database.execute("PRAGMA integrity_check(3)")]
                 if problems != ["ok"]:
                     raise damaged(path, CORRUPT, "; ".join(problems))
@@ -149,6 +152,19 @@ def examine(path: str) -> int:
         if isinstance(error, sqlite3.Error) and is_out_of_reach(error):
             raise unreadable(path, error) from error
         raise damaged(path, CORRUPT, str(error)) from error
+
+
+def _refuse_older(path: str, head: Head | str | None) -> None:
+    """Refuse a ledger of the old format beside a head, which only the present format has."""
+    if isinstance(head, str):
+        raise damaged(path, CORRUPT, head)
+    if head is not None and head.number:
+        raise damaged(
+            path,
+            CUT_OFF,
+            f"it has the format {OLD_FORMAT}, but {head.number} revisions of format {FORMAT} were "
+            "acknowledged",
+        )
 
 
 def _missing(path: str, head: Head | str | None) -> int:
@@ -206,6 +222,8 @@ def _set_up(database: sqlite3.Connection, found: int) -> None:
         with suppress(sqlite3.Error):
             database.execute("ROLLBACK")
         raise
+    # Without its log the file would be one of the old format again.
+    database.execute("PRAGMA wal_checkpoint(TRUNCATE)")
 
 
 def unreadable(path: str, error: sqlite3.Error) -> LedgerError:
@@ -239,6 +257,6 @@ def failed(path: str, error: Exception) -> LedgerError:
             "given after that is recorded again",
         )
     return LedgerError(
-        "LEDGER_FAILED",
+        FAILED,
         f"{path}: {error}; nothing was recorded, look at the disk's space and rights",
     )

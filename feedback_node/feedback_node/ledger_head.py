@@ -62,6 +62,7 @@ class HeadFile:
         if read_head(path) is None:
             _create(path)
         self._slot, self.head = max(_slots(path.read_bytes()), key=lambda one: one[1].number)
+        self._path = path
         self._file = os.open(path, os.O_RDWR | os.O_CLOEXEC)
 
     def write(self, head: Head) -> None:
@@ -69,7 +70,15 @@ class HeadFile:
 
         Raises:
             OSError: It is not; the head before stays.
+            ValueError: It is of an older row than the head that is there.
         """
+        if head.number < self.head.number:
+            raise ValueError(
+                f"row {head.number} is to be the newest, but row {self.head.number} was "
+                "acknowledged"
+            )
+        if not os.path.samestat(os.stat(self._path), os.fstat(self._file)):
+            raise FileNotFoundError(f"{self._path} was replaced; stop the node before that")
         slot = 1 - self._slot
         os.pwrite(self._file, _slot(head), _OFFSETS[slot])
         os.fdatasync(self._file)
@@ -105,11 +114,15 @@ def _create(path: Path) -> None:
     """Make a head file of an empty ledger, as a whole or not at all."""
     slot = _slot(Head())
     new = path.with_name(path.name + ".new")
-    with new.open("wb") as opened:
-        opened.write(slot.ljust(_OFFSETS[1], b"\0") + slot)
-        opened.flush()
-        os.fsync(opened.fileno())
-    new.replace(path)
+    try:
+        with new.open("wb") as opened:
+            opened.write(slot.ljust(_OFFSETS[1], b"\0") + slot)
+            opened.flush()
+            os.fsync(opened.fileno())
+        new.replace(path)
+    except OSError:
+        new.unlink(missing_ok=True)
+        raise
     folder = os.open(path.parent, os.O_RDONLY | os.O_DIRECTORY)
     try:
         os.fsync(folder)

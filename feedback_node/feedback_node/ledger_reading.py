@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import sqlite3
+import sys
 from collections.abc import Iterator, Mapping
 
 from bt_agents.errors import Refused
@@ -21,6 +22,10 @@ from feedback_node.ledger_rows import (
     rows,
 )
 
+_FEW = 32
+_MANY = 1024
+"""Rows that are read at once on the way back, at first and at most."""
+
 
 class LedgerReader:
     """Reads an open ledger; each method may raise ``LEDGER_CORRUPT`` or ``LEDGER_UNREADABLE``.
@@ -32,6 +37,7 @@ class LedgerReader:
 
     def __init__(self, database: sqlite3.Connection, path: str) -> None:
         self._database = database
+        self._written: dict[str, Mapping[str, float]] = {}
         self.path = path
 
     def current(self, agent: str, layer: str = "") -> Revision | None:
@@ -51,7 +57,13 @@ class LedgerReader:
 
     def count_layers(self, agent: str) -> int:
         """Return how many layers an agent has."""
-        return len(self.layers(agent))
+        where = "agent = ? AND layer > '' AND layer NOT LIKE ?"
+        found = self._counted(
+            f"SELECT '', count(DISTINCT layer) FROM revision WHERE {where}",
+            agent,
+            f"{FORGOTTEN_LAYER}%",
+        )
+        return found[""]
 
     def has_layers(self) -> bool:
         """Return True when any agent has, or has had, a layer."""
@@ -77,8 +89,11 @@ class LedgerReader:
         Raises:
             Refused: ``UNKNOWN_AGENT``.
         """
+        if agent in self._written:
+            return self._written[agent]
         for row in self._back(agent, ""):
             if row.cause.cause == AUTHORED:
+                self._written[agent] = row.cause.target
                 return row.cause.target
         raise Refused("UNKNOWN_AGENT", f"the ledger has no agent '{agent}'; enter it first")
 
@@ -94,12 +109,12 @@ class LedgerReader:
 
     def count(self, prefix: str) -> dict[str, int]:
         """Return agent → how many feedbacks it has had whose id begins so."""
-        counts: dict[str, set[str]] = {}
-        where = "WHERE substr(feedback_id, 1, length(?1)) = ?1"
-        for revision in self._select(where, prefix):
-            ids = counts.setdefault(revision.agent, set())
-            ids.add(revision.cause.feedback_id or "")
-        return {agent: len(ids) for agent, ids in counts.items()}
+        return self._counted(
+            "SELECT agent, count(DISTINCT feedback_id) FROM revision "
+            "WHERE feedback_id >= ? AND feedback_id < ? GROUP BY agent",
+            prefix,
+            prefix + chr(sys.maxunicode),
+        )
 
     def history(
         self, agent: str, layer: str = "", *, newest: int | None = None
@@ -136,10 +151,20 @@ class LedgerReader:
     def _back(self, agent: str, layer: str) -> Iterator[Revision]:
         """Return the revisions that have led to the current one, from it back to the first."""
         row = self.current(agent, layer)
+        near: dict[int, Revision] = {}
+        many = _FEW
         while row is not None:
             row = self._restored(row)
             yield row
-            row = self._row(agent, layer, row.revision - 1) if row.revision else None
+            wanted = row.revision - 1
+            if wanted < 0:
+                return
+            if wanted not in near:
+                where = "WHERE agent = ? AND layer = ? AND revision <= ? ORDER BY revision DESC"
+                found = self._select(f"{where} LIMIT {many}", agent, layer, wanted)
+                near = {one.revision: one for one in found}
+                many = min(2 * many, _MANY)
+            row = near[wanted] if wanted in near else self._row(agent, layer, wanted)
 
     def _restored(self, row: Revision) -> Revision:
         restores = row.cause.restores
@@ -166,6 +191,12 @@ class LedgerReader:
         try:
             return rows(self._database, where, *values)
         except (sqlite3.Error, Damaged) as error:
+            raise self._unread(error) from error
+
+    def _counted(self, query: str, *values: str) -> dict[str, int]:
+        try:
+            return {str(name): int(n) for name, n in self._database.execute(query, values)}
+        except sqlite3.Error as error:
             raise self._unread(error) from error
 
     def _unread(self, error: sqlite3.Error | Damaged) -> LedgerError:

@@ -59,12 +59,14 @@ class Done:
         document: JSON, of those actions that return one.
         changes: What has changed.
         deliveries: What hosts are to be told, beside the changes.
+        forgets: True when somebody was forgotten.
     """
 
     message: str
     document: str = ""
     changes: tuple[Change, ...] = ()
     deliveries: tuple[Delivery, ...] = ()
+    forgets: bool = False
 
 
 class Management:
@@ -196,6 +198,7 @@ class Management:
                     reason=order.reason or "taken in from a document",
                     feedback_id=f"import/{document_id}/{one.agent}/{one.layer}",
                     target=named(one.values, self._profiles.space),
+                    changes=one.changes,
                 ),
             )
             for one in found
@@ -253,9 +256,9 @@ class Management:
         if trouble:
             message += (
                 f"; traces stay in free parts of the file until it can be rewritten, which is "
-                f"tried each second: {trouble}"
+                f"tried again and again: {trouble}"
             )
-        return Done(message=message, deliveries=self._profiles.gone(keys))
+        return Done(message=message, deliveries=self._profiles.gone(keys), forgets=True)
 
     def _changed(self, revisions: Sequence[Revision]) -> Done:
         changes = tuple(self._profiles.taken([one]) for one in revisions)

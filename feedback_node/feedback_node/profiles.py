@@ -21,6 +21,7 @@ from feedback_node.layers import (
     check_texts,
     layer_step,
     named,
+    one_line,
     shares,
     taught,
     vector,
@@ -45,6 +46,7 @@ class Profiles:
         self._agents: dict[str, Agent] = {}
         self._starts: dict[str, str] = {}
         self._current: dict[tuple[str, str], Revision] = {}
+        self._false_rates: dict[tuple[str, str], tuple[int, float]] = {}
 
     def introduce(self, card: Card) -> tuple[tuple[Delivery, ...], tuple[str, ...]]:
         """Take a host's card.
@@ -221,12 +223,14 @@ class Profiles:
             leaf: Path of the node that it is about; may be empty.
 
         Raises:
-            Refused: ``UNKNOWN_AGENT``, ``TOO_LONG``, ``RESERVED_ID``, ``TOO_MANY_LAYERS``, or as
-                in :func:`learning.step` and :meth:`Ledger.record`; nothing has changed.
+            Refused: ``UNKNOWN_AGENT``, ``TOO_LONG``, ``BAD_TEXT``, ``RESERVED_ID``,
+                ``BAD_LAYER``, ``TOO_MANY_LAYERS`` when nothing else learns, or as in
+                :func:`learning.step` and :meth:`Ledger.record`; nothing has changed.
         """
         if (known := self.recorded(feedback_id)) is not None:
             return known
         agent = self.agent(name)
+        reason = one_line(reason)
         check_texts(feedback_id=feedback_id, source=source, reason=reason, leaf=leaf)
         cause = Cause(
             kind=kind,
@@ -241,10 +245,18 @@ class Profiles:
         )
         entries: list[Entry] = []
         steps: dict[str, LayerStep] = {}
-        for layer, share in shares(agent.learning, kind, run.scene if run else None):
+        crowded: list[Refused] = []
+        scene = run.scene if run else None
+        for place, (layer, share) in enumerate(shares(agent.learning, kind, scene)):
             known_layer = self._current.get((name, layer))
             if known_layer is None:
-                entries.append(self.beginning(name, layer))
+                try:
+                    entries.append(self.beginning(name, layer))
+                except LedgerError:
+                    raise
+                except Refused as refusal:
+                    crowded.append(refusal)
+                    continue
             window = agent.learning.window
             one = layer_step(
                 kind,
@@ -252,7 +264,7 @@ class Profiles:
                 target,
                 agent=agent,
                 share=share,
-                cause=anonymous(cause) if steps else cause,
+                cause=anonymous(cause) if place else cause,
                 changes=known_layer.cause.changes if known_layer else 0,
                 recent=taught(self._ledger, name, layer, self.space, window),
                 space=self.space,
@@ -260,13 +272,18 @@ class Profiles:
             steps[layer] = one
             after = named(one.step.after, self.space)
             entries.append(Entry(agent=name, layer=layer, profile=after, cause=one.cause))
+        if crowded and not steps:
+            raise crowded[0]
         try:
             recorded = self._ledger.record(entries)
         except LedgerError:
             # It may be recorded and not acknowledged.
             self.reload()
             raise
-        return self.taken(recorded, steps)
+        change = self.taken(recorded, steps)
+        if crowded:
+            change = replace(change, words=f"{change.words}; {crowded[0].reason}")
+        return change
 
     def taken(
         self, revisions: Iterable[Revision], steps: Mapping[str, LayerStep] | None = None
@@ -296,7 +313,7 @@ class Profiles:
                     before,
                     fresh=True,
                     words=f"for {layer} {words}" if layer else words,
-                    false_rate=one.false_rate if one else self.false_rate(name, layer),
+                    false_rate=self._false_rate_of(revision, one),
                 )
             )
         return together(changes)
@@ -306,6 +323,7 @@ class Profiles:
         told = []
         for name, layer in profiles:
             self._current.pop((name, layer), None)
+            self._false_rates.pop((name, layer), None)
             if self.knows(name):
                 told.append(self.delivery(name, layer))
         return tuple(told)
@@ -316,7 +334,19 @@ class Profiles:
         Raises:
             LedgerError: ``LEDGER_CORRUPT`` or ``LEDGER_UNREADABLE``.
         """
-        return learning.false_rate(taught(self._ledger, name, layer, self.space, 0), self.space)
+        current = self._ledger.current(name, layer)
+        return math.nan if current is None else self._false_rate_of(current, None)
+
+    def _false_rate_of(self, revision: Revision, step: LayerStep | None) -> float:
+        """Return it for the current revision of a profile; estimated once for each."""
+        key = (revision.agent, revision.layer)
+        number, rate = self._false_rates.get(key, (-1, math.nan))
+        if step is not None:
+            rate = step.false_rate
+        elif number != revision.revision:
+            rate = learning.false_rate(taught(self._ledger, *key, self.space, 0), self.space)
+        self._false_rates[key] = (revision.revision, rate)
+        return rate
 
     def beginning(self, name: str, layer: str) -> Entry:
         """Return how a layer of an agent that the ledger knows begins.

@@ -3,10 +3,11 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from bt_agents.errors import Refused
+from bt_agents.errors import STORAGE_FULL, Refused
 from bt_agents.feedback import MOOD_RULE, Kind
 from bt_agents.live import LEASE_S
 from bt_agents.rules import Fired, Watch
@@ -14,12 +15,17 @@ from bt_agents.scene import Scene, Vector
 from bt_agents.simulated import SimulatedFeedback
 from feedback_node.cards import Card
 from feedback_node.changes import Change, Delivery
+from feedback_node.ledger_file import LedgerError
+from feedback_node.ledger_rows import FORGOTTEN
 from feedback_node.mood_traces import LeafMood, MoodTrace
 from feedback_node.profiles import Profiles
 from feedback_node.runs import Run, Runs
 
 SETTLE_S = 0.5
 """How long the rules of a run wait that was replayed from history: its end may follow."""
+
+MOST_UNRECORDED = 100
+"""What rules have taught while the disk was full; more push the oldest out."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -58,6 +64,15 @@ class Lesson:
     change: Change | None = None
     problem: str = ""
     stop: Stop | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Unrecorded:
+    """What a rule teaches, until it is recorded."""
+
+    run: Run
+    fired: Fired
+    leaf: str
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -101,6 +116,7 @@ class Teaching:
         self._tip: tuple[tuple[str, int, str], str] | None = None
         self._settle_s = 0.0
         self._card_awaited = False
+        self._unrecorded: deque[_Unrecorded] = deque(maxlen=MOST_UNRECORDED)
 
     def set_lease(self, seconds: float) -> None:
         """Let a live scene count for so long after it has come [s], from now on."""
@@ -192,6 +208,20 @@ class Teaching:
             return ()
         return self._lessons(run, self._watch.tick())
 
+    def again(self) -> tuple[Lesson, ...]:
+        """Try once more to record what rules have taught while the disk was full."""
+        lessons = []
+        while self._unrecorded:
+            one = self._unrecorded[0]
+            try:
+                lessons.append(Lesson(change=self._learn(one)))
+            except Refused as refusal:
+                if refusal.code == STORAGE_FULL:
+                    break
+                lessons.append(Lesson(problem=f"{one.run.agent}: {one.fired.reason}: {refusal}"))
+            self._unrecorded.popleft()
+        return tuple(lessons)
+
     def give(self, given: Given) -> Change:
         """Apply feedback from a person, a button or a program.
 
@@ -254,15 +284,20 @@ class Teaching:
         wanted = self._simulated.next(run.agent)
         if wanted is None:
             return None
-        return self.profiles.apply(
-            run.agent,
-            Kind.DIRECT,
-            wanted,
-            feedback_id=feedback_id,
-            source="simulated",
-            reason=f"prepared feedback for round {run.round}",
-            run=run,
-        )
+        try:
+            return self.profiles.apply(
+                run.agent,
+                Kind.DIRECT,
+                wanted,
+                feedback_id=feedback_id,
+                source="simulated",
+                reason=f"prepared feedback for round {run.round}",
+                run=run,
+            )
+        except LedgerError:
+            # What was not recorded is not used up.
+            self._resumed = False
+            raise
 
     def _follow_tip(self) -> None:
         run = self._runs.current
@@ -293,21 +328,33 @@ class Teaching:
 
     def _lesson(self, run: Run, fired: Fired) -> Lesson:
         stop = Stop(run=run, reason=fired.reason, live=fired.live) if fired.rule.cancel else None
+        leaf = self._trace.leaf_at(fired.since) if self._trace is not None else ""
+        unrecorded = _Unrecorded(run=run, fired=fired, leaf=leaf)
         try:
-            change = self.profiles.apply(
-                run.agent,
-                fired.rule.kind,
-                run.scene.observed,
-                feedback_id=_rule_id(run, fired),
-                source=MOOD_RULE,
-                reason=fired.reason,
-                run=run,
-                cancels=fired.rule.cancel,
-                leaf=self._trace.leaf_at(fired.since) if self._trace is not None else "",
-            )
+            return Lesson(change=self._learn(unrecorded), stop=stop)
         except Refused as refusal:
-            return Lesson(problem=f"{run.agent}: {fired.reason}, but {refusal}", stop=stop)
-        return Lesson(change=change, stop=stop)
+            problem = f"{run.agent}: {fired.reason}, but {refusal}"
+            if refusal.code == STORAGE_FULL:
+                problem += "; it is tried again until there is room"
+                if len(self._unrecorded) == MOST_UNRECORDED:
+                    lost = self._unrecorded[0]
+                    problem += f"; lost is that of {lost.run.agent} in round {lost.run.round}"
+                self._unrecorded.append(unrecorded)
+            return Lesson(problem=problem, stop=stop)
+
+    def _learn(self, one: _Unrecorded) -> Change:
+        rule = one.fired.rule
+        return self.profiles.apply(
+            one.run.agent,
+            rule.kind,
+            one.run.scene.observed,
+            feedback_id=_rule_id(one.run, one.fired),
+            source=MOOD_RULE,
+            reason=one.fired.reason,
+            run=one.run,
+            cancels=rule.cancel,
+            leaf=one.leaf,
+        )
 
     def _leaf(self, run: Run | None) -> str:
         """Return which node of a run is at work now; empty when it does not go on."""
@@ -348,7 +395,9 @@ def _rule_id(run: Run, fired: Fired) -> str:
 
 def _same(given: Given, known: Change) -> Change:
     agent, kind = known.revision.agent, known.revision.cause.kind
-    if (given.agent and given.agent != agent) or given.kind != kind:
+    # What has been forgotten does not say any more which kind it was.
+    other_kind = known.revision.cause.cause != FORGOTTEN and given.kind != kind
+    if (given.agent and given.agent != agent) or other_kind:
         raise Refused(
             "FEEDBACK_ID_TAKEN",
             f"feedback: the id '{given.feedback_id}' belongs to other feedback (kind {kind} for "

@@ -17,7 +17,7 @@ from bt_agents.scene import SceneSpace
 
 Array = NDArray[np.float64]
 
-WIDTH_SHARE = 1 / 16
+WIDTH_SHARE = 1 / 4
 """Share of a parameter's range that is the width of ``HUBER`` where none is given."""
 
 

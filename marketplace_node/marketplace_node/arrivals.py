@@ -12,7 +12,7 @@ from marketplace_node.challenge import Challenge
 from marketplace_node.effects import SceneEnded, State
 from marketplace_node.floor import Floor
 from marketplace_node.interaction import Interaction
-from marketplace_node.line import Line
+from marketplace_node.line import Line, Waiting
 from marketplace_node.open_round import OpenRound
 from marketplace_node.settings import MAX_QUEUE
 
@@ -72,23 +72,23 @@ class Arrivals:
             SceneEnded(scene_id=scene_id, code=code, message=message, round=round_number)
         )
 
-    def next(self) -> Scene | None:
-        """Take the scene whose turn it is; None when nobody waits."""
+    def next(self) -> Waiting | None:
+        """Take the scene whose turn it is; None when none waits."""
         return self._line.next() if len(self._line) else None
 
     def take_no_more(self, reason: str, now: float) -> None:
         """End all scenes that wait, and from now on each one that comes."""
         self.shut = reason
         self._give_up_challenge(reason, now)
-        while (scene := self.next()) is not None:
-            self.refuse(scene.scene_id, SHUTTING_DOWN, reason)
+        while (waiting := self.next()) is not None:
+            self.refuse(waiting.scene.scene_id, SHUTTING_DOWN, reason)
 
     def forget(self, reason: str, now: float) -> str:
         """End all scenes that wait, as somebody wants an end; return it in words."""
         self._give_up_challenge(reason, now)
         count = len(self._line)
-        while (scene := self.next()) is not None:
-            self.refuse(scene.scene_id, STOPPED, f"stopped while it waited: {reason}")
+        while (waiting := self.next()) is not None:
+            self.refuse(waiting.scene.scene_id, STOPPED, f"stopped while it waited: {reason}")
         noun = "scene that waited is" if count == 1 else "scenes that waited are"
         return f"; {count} {noun} forgotten" if count else ""
 

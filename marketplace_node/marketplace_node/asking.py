@@ -9,6 +9,8 @@ import ssl
 import threading
 import time
 from collections.abc import Mapping
+from queue import Empty, SimpleQueue
+from typing import Any
 from urllib.parse import urlsplit
 
 from bt_agents.errors import Refused
@@ -40,16 +42,19 @@ def post(
     end = time.monotonic() + limit_s
     late = Refused("TOO_LATE", f"{host} did not answer within {limit_s:.2g} s")
     try:
-        plain = socket.create_connection((host, port), timeout=limit_s)
+        link = _connected(host, port, end)
     except TimeoutError:
         raise late from None
-    except OSError as error:
+    except (OSError, ValueError) as error:
         raise _unreachable(host, port, error) from None
-    link: socket.socket = plain
     if parts.scheme == "https":
-        link = ssl.create_default_context().wrap_socket(
-            plain, server_hostname=host, do_handshake_on_connect=False
-        )
+        try:
+            link = ssl.create_default_context().wrap_socket(
+                link, server_hostname=host, do_handshake_on_connect=False
+            )
+        except (OSError, ValueError) as error:
+            link.close()
+            raise _unreachable(host, port, error) from None
     watch = threading.Timer(max(0.0, end - time.monotonic()), _shut, (link,))
     watch.daemon = True
     watch.start()
@@ -72,6 +77,51 @@ def post(
     finally:
         watch.cancel()
         connection.close()
+
+
+def _connected(host: str, port: int, end: float) -> socket.socket:
+    """Return a socket to the first address of a host that answers.
+
+    Raises:
+        TimeoutError: None did before ``end``; each may take its share of what is left.
+        OSError, ValueError: There is none, or all refuse.
+    """
+    addresses = _addresses(host, port, end)
+    failure: OSError = OSError("it has no address")
+    for index, (family, kind, protocol, _, address) in enumerate(addresses):
+        left = end - time.monotonic()
+        if left <= 0.0:
+            raise TimeoutError
+        link = socket.socket(family, kind, protocol)
+        try:
+            link.settimeout(left / (len(addresses) - index))
+            link.connect(address)
+            link.settimeout(max(0.001, end - time.monotonic()))
+            return link
+        except OSError as error:
+            failure = error
+            link.close()
+    raise failure
+
+
+def _addresses(host: str, port: int, end: float) -> list[Any]:
+    """Look a name up in a thread of its own, as nothing else ends that in time."""
+    found: SimpleQueue[list[Any] | OSError | ValueError] = SimpleQueue()
+
+    def look_up() -> None:
+        try:
+            found.put(list(socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)))
+        except (OSError, ValueError) as error:
+            found.put(error)
+
+    threading.Thread(target=look_up, name="name lookup", daemon=True).start()
+    try:
+        answer = found.get(timeout=max(0.0, end - time.monotonic()))
+    except Empty:
+        raise TimeoutError from None
+    if isinstance(answer, Exception):
+        raise answer
+    return answer
 
 
 def _shut(link: socket.socket) -> None:

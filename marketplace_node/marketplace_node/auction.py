@@ -16,10 +16,12 @@ from marketplace_node.decision import (
     External,
     Kind,
     Outcome,
+    Ranked,
     RankedBid,
     RefusedBid,
     Terms,
 )
+from marketplace_node.outside import shown
 from marketplace_node.ranking import decide, nearest
 from marketplace_node.registry import HostEntry
 
@@ -120,7 +122,13 @@ class Auction:
             stopped: Why the round is stopped; only with ``ClosedBy.STOPPED``.
             external: What a program outside answered; None when it was not asked.
         """
-        ranked = decide(self._space, self.terms, self._accepted.table(), external=external)
+        try:
+            ranked = decide(self._space, self.terms, self._accepted.table(), external=external)
+        except Exception as error:
+            # Whatever a strategy of somebody else does, no round stays open for ever.
+            words = shown(str(error))
+            stopped = f"the bids could not be ranked: {type(error).__name__}: {words}"
+            ranked, by = Ranked(), ClosedBy.STOPPED
         awarded = bool(ranked.bids) and by is not ClosedBy.STOPPED
         return Decision(
             terms=self.terms,

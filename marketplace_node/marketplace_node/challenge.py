@@ -11,7 +11,7 @@ from marketplace_node.decision import ClosedBy, Decision, Outcome
 from marketplace_node.floor import Floor
 from marketplace_node.line import Waiting
 from marketplace_node.open_round import OpenRound
-from marketplace_node.settings import Settings
+from marketplace_node.settings import EXTERNAL, Settings
 
 
 class Challenge:
@@ -30,7 +30,10 @@ class Challenge:
 
     def __init__(self, floor: Floor, waiting: Waiting, running: str, now: float) -> None:
         self.waiting = waiting
-        self.open_round = OpenRound(floor, waiting.scene, now)
+        # For an urgent scene the run is stopped whoever is best, so nobody is waited for.
+        self.open_round = OpenRound(
+            floor, waiting.scene, now, asks_outside=not waiting.scene.urgent
+        )
         self._floor = floor
         self._running = running
         waiting.asked = True
@@ -54,12 +57,26 @@ class Challenge:
         if worth and cooldown_left_s > 0 and not decision.terms.scene.urgent:
             obstacle = f"the next stop may come in {cooldown_left_s:.1f} s at the earliest"
         stops = worth and not obstacle
+        if stops:
+            self.waiting.drawn = self.open_round.number
+            self.waiting.excluded = self._no_more(decision)
         decision = replace(decision, outcome=Outcome.PREEMPTS if stops else Outcome.WAITS)
         reason = explain.challenge(
             decision, self._running, settings.preempt_margin, obstacle=obstacle, line=line
         )
         self._floor.publish(decision, reason)
         return stops, reason
+
+    def _no_more(self, decision: Decision) -> dict[str, str]:
+        """Return whom the round after the stop is not for, so that nobody is stopped for itself.
+
+        With the same bids the same chance finds the same winner. So it is enough to leave out a
+        stopped agent that may bid now and did not; a program outside may say anything, though.
+        """
+        silent = all(bid.agent != self._running for bid in decision.ranking)
+        if decision.terms.scene.urgent or not (silent or decision.terms.strategy == EXTERNAL):
+            return {}
+        return {self._running: f"its run was stopped for scene '{decision.terms.scene.scene_id}'"}
 
     def give_up(self, reason: str, now: float) -> None:
         """Close the round without a decision, as the run is ending anyway."""

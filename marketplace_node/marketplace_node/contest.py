@@ -3,7 +3,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -11,8 +12,9 @@ import numpy as np
 from bt_agents.errors import Refused
 from marketplace_node.bid_table import BidTable
 from marketplace_node.decision import External, Terms
+from marketplace_node.outside import shown
 from marketplace_node.placing import first_rule, placed
-from marketplace_node.strategies import Chance, Field, Scores, StrategySpec, chance, order
+from marketplace_node.strategies import Chance, Field, Lines, Scores, StrategySpec, chance, order
 from marketplace_node.strategies.field import Floats, Integers
 
 
@@ -88,6 +90,51 @@ class Contest:
                     winners[row] = self.table.agents.index(agents[0])
         return winners
 
+    def lines(self) -> Lines | None:
+        """Return the scores as a function of the scene; None where they are no straight lines.
+
+        Raises:
+            Refused: ``STRATEGY_FAILED``, as in :func:`measured`.
+        """
+        if self.spec.lines is None:
+            return None
+        count, width = self.field.bids.shape
+        with _guarded(self.spec):
+            lines = self.spec.lines(self.field, self.spec.values(self.options), chance(self.seed))
+            weights = np.asarray(lines.weights, dtype=np.float64)
+            by_bid = (width,) if weights.ndim == 1 else (count, width)
+            return Lines(
+                profiles=_checked("profiles of lines", lines.profiles, (count, width)),
+                weights=_checked("weights of lines", weights, by_bid),
+                offsets=_checked("offsets of lines", lines.offsets, (count,)),
+            )
+
+    def among(self, rows: Sequence[int]) -> Contest:
+        """Return the contest of some of the bids, which come in their order by name.
+
+        Not for a strategy that draws chance: fewer bids draw another one.
+        """
+        table, field = self.table, self.field
+        index = sorted(rows)
+        weights = field.weights if field.weights.ndim == 1 else field.weights[index]
+        return replace(
+            self,
+            table=BidTable(
+                agents=tuple(table.agents[row] for row in index),
+                agent_ids=tuple(table.agent_ids[row] for row in index),
+                hosts=tuple(table.hosts[row] for row in index),
+                instances=tuple(table.instances[row] for row in index),
+                vectors=table.vectors[index],
+            ),
+            field=replace(
+                field,
+                bids=np.asfortranarray(field.bids[index]),
+                weights=weights,
+                runs=field.runs[index],
+                idle=field.idle[index],
+            ),
+        )
+
     def _first(self, values: Floats) -> tuple[list[str], str]:
         """Return the bidders that come before nearer ones in a scene, and why."""
         external, scene, bidders = self.external, self.terms.scene, self.table.agents
@@ -112,7 +159,7 @@ def measured(
     Raises:
         Refused: ``STRATEGY_FAILED``: it raised, or its scores are not finite numbers, one a bid.
     """
-    try:
+    with _guarded(spec):
         scores = spec.score(field, spec.values(options), random)
         parts = (*field.shape, field.bids.shape[-1])
         return Scores(
@@ -121,12 +168,19 @@ def measured(
             score=_checked("score", scores.score, field.shape),
             contributions=_checked("contributions", scores.contributions, parts),
         )
+
+
+@contextmanager
+def _guarded(spec: StrategySpec) -> Iterator[None]:
+    """Name the strategy when what it does goes wrong."""
+    try:
+        yield
     except Refused as refused:
         raise Refused("STRATEGY_FAILED", f"strategy {spec.name}: {refused.reason}") from None
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         raise Refused(
             "STRATEGY_FAILED",
-            f"strategy {spec.name} raised {type(error).__name__}: {str(error)[:200]}",
+            f"strategy {spec.name} raised {type(error).__name__}: {shown(str(error))}",
         ) from error
 
 

@@ -14,21 +14,30 @@ from bt_agents.errors import Refused
 from bt_agents.scene import SceneSpace
 from marketplace_node.contest import Contest
 from marketplace_node.decision import Change
-from marketplace_node.lines import losing
-from marketplace_node.strategies import Lines, chance
+from marketplace_node.lines import Intervals, losing
 from marketplace_node.strategies.field import Floats, Integers
 
-RIVALS = 32
+RIVALS = 12
 """So many of the best bids are looked at first; whoever else gets in the way joins them."""
 
-MOST_STEPS = 200
-MOST_CELLS = 2_000_000
-"""Bounds of the search: steps, and scenes times bids times parameters that are scored."""
+MOST_WORK = 400_000
+"""Bound of the search: parameters times bids times scenes that are scored, and some for each look.
 
-_CELLS_AT_ONCE = 500_000  # bounds the memory
+It counts work and not time, so that the same round always has the same outcome.
+"""
+
+_LOOK = 2_000  # what scoring costs however little is scored
+_TURN = 4_000  # of following the straight lines along one parameter
+_RULE = 200  # of asking one rule about one scene
+_LEAST_LOOKS = 4  # at all bids, for a search to make sense
+_FIRST_LOOK = 100_000
+_TRIES = 4
+_MOST_STEPS = 100
+_STEP = 1e-6
 _NUDGES = np.array([0.0, 1e-12, 1e-10, 1e-9, 1e-8, 1e-7])
-_GRID = 129
-_FINER = 17
+_GRID = (9, 65)
+_FINER = 9
+_FINEST = 1e-7
 _ROUNDINGS = 6
 
 
@@ -36,9 +45,10 @@ def smallest_change(contest: Contest, places: Integers, space: SceneSpace) -> Ch
     """Return the change of one parameter if one does it, else one of several; None without rivals.
 
     For scores made of straight lines (``StrategySpec.lines``) the change of one parameter is exact
-    to 1e-7 of its range. For others it is searched for on a grid, as fine as the number of bids
-    allows. A change of several parameters is one of which no part can be left out; it need not be
-    the smallest. Whatever is returned has been tried: the runner-up wins with it.
+    to 1e-7 of its range, but for rounding. For others it is searched for on a grid, as fine as
+    ``MOST_WORK`` allows. A change of several parameters is one of which no part can be left out;
+    it need not be the smallest. Whatever is returned has been tried among all bids: the runner-up
+    wins with it.
 
     Args:
         contest: The round.
@@ -47,15 +57,19 @@ def smallest_change(contest: Contest, places: Integers, space: SceneSpace) -> Ch
     """
     if len(places) < 2:
         return None
-    search = _Search(contest, places, space)
-    obstacle = search.obstacle()
-    if obstacle:
-        return Change(obstacle=obstacle)
     try:
-        found = search.one() or search.several()
+        search = _Search(contest, places, space)
+        obstacle = search.obstacle()
+        found = None if obstacle else search.one() or search.several()
+        return found or Change(obstacle=obstacle or search.nothing_found())
+    except _TooMuch:
+        return Change(obstacle="the search for it would have taken too long")
     except Refused as refused:
         return Change(obstacle=refused.reason)
-    return found or Change(obstacle=search.nothing_found())
+
+
+class _TooMuch(Exception):
+    """The search has come to its bound."""
 
 
 class _Search:
@@ -63,19 +77,19 @@ class _Search:
         self._contest = contest
         self._space = space
         self._winner, self._one = int(places[0]), int(places[1])
-        self._places = places
         self._turn = np.argsort(contest.order(np.zeros(contest.field.shape)))  # among equals
         self._start = contest.field.scene
         self._low = np.array([parameter.minimum for parameter in space.parameters])
         self._high = np.array([parameter.maximum for parameter in space.parameters])
         self._width = self._high - self._low
         self._known = np.flatnonzero(~np.isnan(self._start))
-        self._lines: Lines | None = None
-        if contest.spec.lines is not None:
-            options = contest.spec.values(contest.options)
-            self._lines = contest.spec.lines(contest.field, options, chance(contest.seed))
-        cells = max(1, contest.field.bids.size)
-        self._affordable = min(_GRID, MOST_CELLS // (cells * max(1, len(self._known))))
+        self._left = MOST_WORK
+        self._rivals = [int(place) for place in places[:RIVALS] if place != self._one]
+        self._lost: dict[int, Intervals] = {}
+        self._among = contest
+        self._one_among = self._one
+        self._lines = contest.lines()
+        self._look_among()
 
     def obstacle(self) -> str:
         """Return why there is nothing to search for; empty when there is."""
@@ -84,7 +98,7 @@ class _Search:
         external = self._contest.external
         if self._contest.spec.name == "external" and external and not external.failure:
             return "nobody knows how the program outside would have ranked another scene"
-        if self._lines is None and self._affordable < _FINER:
+        if self._contest.field.bids.size * _LEAST_LOOKS > MOST_WORK:
             return "there are too many bids to search for it"
         return ""
 
@@ -99,94 +113,124 @@ class _Search:
         if found is None:
             return None
         parameter, value = found
-        return self._change((parameter,), self._with({parameter: value}))
+        return self._change((parameter,), self._with(parameter, value))
 
     def several(self) -> Change | None:
         """Return a change of several parameters of which no part can be left out."""
-        if self._contest.field.bids.size * _GRID > MOST_CELLS:
-            return None
         goal = self._start.copy()
         goal[self._known] = self._contest.table.vectors[self._one][self._known]
-        if not self._wins(goal[None])[0]:
+        if not self._wins(goal):
             return None
-        best = goal
+        best = None
         for turns in self._turns(goal):
-            tried = self._taken_back(goal, turns)
-            if self._size(tried) < self._size(best):
+            try:
+                tried = self._taken_back(goal, turns)
+            except _TooMuch:
+                if best is None:
+                    raise
+                break
+            if tried is not None and (best is None or self._size(tried) < self._size(best)):
                 best = tried
+        if best is None:
+            return None
         moved = tuple(i for i in map(int, self._known) if best[i] != self._start[i])
         return self._change(moved, best)
 
     def _exact(self) -> tuple[int, float] | None:
         """Look at the nearest place beyond what is lost to the best rivals, then ask all."""
-        rivals = [int(place) for place in self._places[:RIVALS] if place != self._one]
-        queue: list[tuple[float, int, float, float]] = []
+        queue: list[tuple[float, int, float, float, float]] = []
         for index in map(int, self._known):
             for side in (1.0, -1.0):
-                self._push(queue, rivals, index, side, float(self._start[index]))
-        for _ in range(MOST_STEPS):
+                self._push(queue, index, side, float(self._start[index]), _STEP)
+        for _ in range(_MOST_STEPS):
             if not queue:
                 return None
-            _, parameter, direction, value = heapq.heappop(queue)
+            _, parameter, direction, value, step = heapq.heappop(queue)
             nudged = value + direction * _NUDGES * self._width[parameter]
             nudged = np.clip(nudged, self._low[parameter], self._high[parameter])
-            scenes = np.repeat(self._start[None], len(nudged), axis=0)
-            scenes[:, parameter] = nudged
-            winners = self._winners(scenes)
-            if (winners == self._one).any():
-                return parameter, float(nudged[np.argmax(winners == self._one)])
-            new = [int(w) for w in np.unique(winners) if int(w) not in rivals]
-            rivals += new
-            further = value if new else value + direction * 1e-6 * self._width[parameter]
-            self._push(queue, rivals, parameter, direction, further)
+            wins = self._wins_among(self._along(self._start, parameter, nudged))
+            new = False
+            if wins.any():
+                found = float(nudged[np.argmax(wins)])
+                winner = self._best(self._with(parameter, found))
+                if winner == self._one:
+                    return parameter, found
+                new = self._add_rival(winner)
+            if not new:
+                # Equal on paper, and rounding decides: further on, in strides that grow.
+                value += direction * step * self._width[parameter]
+                step *= 2.0
+            self._push(queue, parameter, direction, value, step)
         return None
 
     def _push(
         self,
-        queue: list[tuple[float, int, float, float]],
-        rivals: Sequence[int],
+        queue: list[tuple[float, int, float, float, float]],
         parameter: int,
         direction: float,
         start: float,
+        step: float,
     ) -> None:
-        assert self._lines is not None, "only straight lines are followed"
-        others = np.array(rivals)
-        behind = self._turn[self._one] > self._turn[others]
-        limits = (float(self._low[parameter]), float(self._high[parameter]))
-        lost = losing(self._lines, self._start, parameter, limits, self._one, others, behind)
-        value = lost.beyond(start, direction)
+        value = self._lost_along(parameter).beyond(start, direction)
         if not math.isinf(value):
             size = abs(value - float(self._start[parameter]))
-            heapq.heappush(queue, (size, parameter, direction, value))
+            heapq.heappush(queue, (size, parameter, direction, value, step))
+
+    def _lost_along(self, parameter: int) -> Intervals:
+        """Return where along a parameter the bid is behind one of its rivals."""
+        assert self._lines is not None, "only straight lines are followed"
+        if parameter not in self._lost:
+            self._spend(_TURN)
+            others = np.array(self._rivals)
+            behind = self._turn[self._one] > self._turn[others]
+            limits = (float(self._low[parameter]), float(self._high[parameter]))
+            self._lost[parameter] = losing(
+                self._lines, self._start, parameter, limits, self._one, others, behind
+            )
+        return self._lost[parameter]
 
     def _searched(self) -> tuple[int, float] | None:
-        """Look along a grid of each parameter, then finer between the last two points."""
-        best: tuple[float, int, float] | None = None
-        for parameter in map(int, self._known):
-            for end in (self._high[parameter], self._low[parameter]):
-                value = self._first(self._start, parameter, float(end), self._affordable)
-                if value is None:
-                    continue
-                size = abs(value - float(self._start[parameter]))
-                if best is None or size < best[0]:
-                    best = size, parameter, value
-        return None if best is None else best[1:]
-
-    def _first(self, scene: Floats, parameter: int, end: float, points: int) -> float | None:
-        """Return where the bid first wins on the way to ``end``; None when it does nowhere."""
-        near, far = float(scene[parameter]), end
-        for count in (points, *[_FINER] * 6):
-            values = np.linspace(near, far, count)
-            scenes = np.repeat(scene[None], count, axis=0)
-            scenes[:, parameter] = values
-            wins = self._wins(scenes)
-            if not wins.any():
+        """Look along a grid of each parameter among the best rivals, then ask all."""
+        for _ in range(_TRIES):
+            found = self._on_grid()
+            if found is None:
                 return None
-            first = int(np.argmax(wins))
-            if first == 0:
-                return near
-            near, far = float(values[first - 1]), float(values[first])
-        return far
+            winner = self._best(self._with(*found))
+            if winner == self._one:
+                return found
+            if not self._add_rival(winner):
+                return None
+        return None
+
+    def _on_grid(self) -> tuple[int, float] | None:
+        """Look along all parameters at once, then finer where it may be the nearest."""
+        known = self._known
+        parameters = np.concatenate([known, known])
+        far = np.concatenate([self._high[known], self._low[known]])
+        near = self._start[parameters]
+        cells = len(parameters) * self._among.field.bids.size
+        points = int(np.clip(_FIRST_LOOK // cells, *_GRID))
+        while len(parameters):
+            at = near[:, None] + (far - near)[:, None] * np.linspace(0.0, 1.0, points)
+            at[:, -1] = far
+            scenes = np.repeat(self._start[None], at.size, axis=0)
+            scenes[np.arange(at.size), np.repeat(parameters, points)] = at.ravel()
+            wins = self._wins_among(scenes).reshape(at.shape)
+            some = wins.any(axis=1)
+            if not some.any():
+                return None
+            parameters, at, first = parameters[some], at[some], wins[some].argmax(axis=1)
+            rows = np.arange(len(parameters))
+            near, far = at[rows, np.maximum(first - 1, 0)], at[rows, first]
+            sizes = np.abs(far - self._start[parameters])
+            best = int(sizes.argmin())
+            gap = abs(far[best] - near[best])
+            if gap <= _FINEST * self._width[parameters[best]]:
+                return int(parameters[best]), float(far[best])
+            hopeful = np.abs(near - self._start[parameters]) < sizes[best]
+            parameters, near, far = parameters[hopeful], near[hopeful], far[hopeful]
+            points = _FINER
+        return None
 
     def _turns(self, goal: Floats) -> Iterator[tuple[int, ...]]:
         """Yield orders in which to take parameters back, the one that helps least first."""
@@ -202,16 +246,34 @@ class _Search:
         for shift in range(min(len(moved), 4)):
             yield tuple(by_help[shift:] + by_help[:shift])
 
-    def _taken_back(self, goal: Floats, turns: Sequence[int]) -> Floats:
-        scene = goal
-        for parameter in turns:
-            toward = scene.copy()
-            toward[parameter] = self._start[parameter]
-            value = self._first(toward, parameter, float(scene[parameter]), _FINER)
-            if value is not None:
-                scene = toward
-                scene[parameter] = value
-        return scene
+    def _taken_back(self, goal: Floats, turns: Sequence[int]) -> Floats | None:
+        """Take back what is not needed to win among the rivals, then ask all."""
+        for _ in range(_TRIES):
+            scene = goal
+            for parameter in turns:
+                scene = self._with(parameter, self._needed(scene, parameter), scene)
+            winner = self._best(scene)
+            if winner == self._one:
+                return scene
+            if not self._add_rival(winner):
+                return None
+        return None
+
+    def _needed(self, scene: Floats, parameter: int) -> float:
+        """Return the value nearest to the scene of the round that is needed to win."""
+        near, far = float(self._start[parameter]), float(scene[parameter])
+        fine = _FINEST * float(self._width[parameter])
+        while abs(far - near) > fine:
+            at = np.append(np.linspace(near, far, _FINER), far)
+            at[-2] = far - math.copysign(fine, far - near)
+            wins = self._wins_among(self._along(scene, parameter, at))
+            first = int(np.argmax(wins))
+            if first == len(at) - 1 or not wins.any():
+                return far
+            if first == 0:
+                return near
+            near, far = float(at[first - 1]), float(at[first])
+        return far
 
     def _change(self, moved: tuple[int, ...], scene: Floats) -> Change:
         names = tuple(self._space.names[index] for index in moved)
@@ -225,31 +287,67 @@ class _Search:
             rounded[1::2] += side  # one step further, where an equal score loses
             nice = np.round(rounded * steps, 12)
             tried[:, index] = np.clip(nice, self._low[index], self._high[index])
-        wins = self._wins(tried)
-        shown = tried[np.argmax(wins)] if wins.any() else scene
+        shown = scene
+        try:
+            for row in np.flatnonzero(self._wins_among(tried)):
+                if self._wins(tried[row]):
+                    shown = tried[row]
+                    break
+        except _TooMuch:
+            shown = scene
         return Change(
             names=names, values=values, shown=tuple(float(shown[index]) for index in moved)
         )
 
-    def _with(self, values: dict[int, float]) -> Floats:
-        scene = self._start.copy()
-        for index, value in values.items():
-            scene[index] = value
-        return scene
+    def _with(self, parameter: int, value: float, scene: Floats | None = None) -> Floats:
+        changed = (self._start if scene is None else scene).copy()
+        changed[parameter] = value
+        return changed
+
+    @staticmethod
+    def _along(scene: Floats, parameter: int, values: Floats) -> Floats:
+        """Return a scene for each value of a parameter."""
+        scenes = np.repeat(scene[None], len(values), axis=0)
+        scenes[:, parameter] = values
+        return scenes
 
     def _size(self, scene: Floats) -> float:
         return float(np.abs((scene - self._start)[self._known]).sum())
 
-    def _wins(self, scenes: Floats) -> npt.NDArray[np.bool_]:
-        wins: npt.NDArray[np.bool_] = self._winners(scenes) == self._one
+    def _add_rival(self, place: int) -> bool:
+        """Look at one more bid from now on; return False when it is one already."""
+        if place in self._rivals:
+            return False
+        self._rivals.append(place)
+        self._lost = {}
+        self._look_among()
+        return True
+
+    def _look_among(self) -> None:
+        rows = sorted([*self._rivals, self._one])
+        if not self._contest.spec.draws and len(rows) < len(self._contest.table):
+            self._among = self._contest.among(rows)
+            self._one_among = rows.index(self._one)
+
+    def _wins(self, scene: Floats) -> bool:
+        return self._best(scene) == self._one
+
+    def _best(self, scene: Floats) -> int:
+        """Return who wins among all bids."""
+        return int(self._scored(self._contest, scene[None])[0])
+
+    def _wins_among(self, scenes: Floats) -> npt.NDArray[np.bool_]:
+        """Return whether the bid wins among its rivals."""
+        wins: npt.NDArray[np.bool_] = self._scored(self._among, scenes) == self._one_among
         return wins
 
-    def _winners(self, scenes: Floats) -> Integers:
-        """Return who wins in each scene; those after the first that the bid wins may be absent."""
-        at_once = max(1, _CELLS_AT_ONCE // self._contest.field.bids.size)
-        parts = []
-        for start in range(0, len(scenes), at_once):
-            parts.append(self._contest.winners(scenes[start : start + at_once]))
-            if (parts[-1] == self._one).any():
-                break
-        return np.concatenate(parts)
+    def _scored(self, contest: Contest, scenes: Floats) -> Integers:
+        self._spend(_LOOK + len(scenes) * contest.field.bids.size)
+        if contest.spec.name == "rules":
+            self._spend(len(scenes) * len(contest.terms.rules) * _RULE)
+        return contest.winners(scenes)
+
+    def _spend(self, work: int) -> None:
+        if work > self._left:
+            raise _TooMuch
+        self._left -= work

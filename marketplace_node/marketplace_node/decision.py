@@ -4,9 +4,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import IntEnum
+from functools import cached_property
 
 from bt_agents.language.market_reader import MarketRule
 from bt_agents.scene import Scene, Vector
@@ -141,6 +142,7 @@ class Terms:
         last_run: Number of the last run of each agent that ever ran.
         runs: How often each agent has run.
         rounds_run: How many runs there were in all.
+        earlier_runs: How many of these were before this start of the market.
         options: What is set about the strategy; what is not, has its default.
         seed: Where the strategy draws chance from.
         shadow: Name of a strategy that only scores; empty for none.
@@ -162,6 +164,7 @@ class Terms:
     last_run: Mapping[str, int] = field(default_factory=dict)
     runs: Mapping[str, int] = field(default_factory=dict)
     rounds_run: int = 0
+    earlier_runs: int = 0
     options: Mapping[str, float] = field(default_factory=dict)
     seed: str = ""
     shadow: str = ""
@@ -188,6 +191,10 @@ class Change:
     obstacle: str = ""
 
 
+def _no_change() -> Change | None:
+    return None
+
+
 @dataclass(frozen=True, kw_only=True)
 class Ranked:
     """Accepted bids in order, and why they are.
@@ -201,7 +208,8 @@ class Ranked:
             the program outside said; empty when distances alone decide.
         placed: How many bids, from the first, are there by ``precedence``.
         shadow_winner: Who would have won by the shadow strategy; empty without one.
-        change: By which the runner-up would have won; None without a runner-up.
+        shadow_failure: Why the shadow strategy could not rank, in words; empty when it could.
+        find_change: Searches for ``change``.
     """
 
     bids: tuple[RankedBid, ...] = ()
@@ -210,7 +218,16 @@ class Ranked:
     precedence: str = ""
     placed: int = 0
     shadow_winner: str = ""
-    change: Change | None = None
+    shadow_failure: str = ""
+    find_change: Callable[[], Change | None] = field(default=_no_change, compare=False, repr=False)
+
+    @cached_property
+    def change(self) -> Change | None:
+        """By which the runner-up would have won; None without a runner-up.
+
+        It is searched for when it is first asked for, so that no award waits for it.
+        """
+        return self.find_change()
 
 
 @dataclass(frozen=True, kw_only=True)

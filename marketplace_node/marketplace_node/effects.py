@@ -3,8 +3,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, field
 from enum import IntEnum
+from functools import cached_property
 
 from bt_agents.errors import Refused
 from bt_agents.scene import Scene, Vector
@@ -106,16 +108,21 @@ class PublishAuction:
     Attributes:
         decision: The outcome.
         reason: The decision on one line.
-        explanation: The same in plain sentences, one a line.
+        explain: Says it in plain sentences.
         shadow_rounds: How many rounds the shadow strategy has ranked beside this one.
         shadow_disagreements: In how many of these it had another winner.
     """
 
     decision: Decision
     reason: str
-    explanation: str = ""
+    explain: Callable[[], str] = field(default=str, compare=False, repr=False)
     shadow_rounds: int = 0
     shadow_disagreements: int = 0
+
+    @cached_property
+    def explanation(self) -> str:
+        """The decision in plain sentences, one a line; made when it is first asked for."""
+        return self.explain()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -236,7 +243,7 @@ class SceneEnded:
 
 @dataclass(frozen=True, kw_only=True)
 class KeepOrders:
-    """Keep pins and vetoes for a market that is started again; see :meth:`Say.restore`."""
+    """Keep pins, vetoes and counts for a market that is started again: :meth:`Floor.restore`."""
 
     text: str
 

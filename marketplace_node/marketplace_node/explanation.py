@@ -46,6 +46,8 @@ def _lines(decision: Decision, space: SceneSpace) -> Iterator[str]:
         same = decision.shadow_winner == winner.agent
         chosen = f"{winner.agent}, too" if same else decision.shadow_winner
         yield f"The strategy {decision.terms.shadow}, which only looks on, would choose {chosen}."
+    if decision.ranked.shadow_failure:
+        yield f"{decision.terms.shadow} only looks on: {decision.ranked.shadow_failure}."
 
 
 def _head(decision: Decision) -> str:
@@ -265,8 +267,10 @@ def _others(decision: Decision) -> Iterator[str]:
     yield from refused[:_REFUSED_SHOWN]
     if len(refused) > _REFUSED_SHOWN:
         yield f"{len(refused) - _REFUSED_SHOWN} more are refused."
+    said = {bid.agent for bid in decision.terms.barred}
     for agent, why in decision.terms.excluded.items():
-        yield f"{agent} may not bid again: {why}."
+        if agent not in said:
+            yield f"{agent} may not bid again: {why}."
     for host, why in decision.terms.unasked.items():
         yield f"{host} is not asked: {why}."
     if decision.silent_hosts:

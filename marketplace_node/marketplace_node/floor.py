@@ -3,10 +3,12 @@
 
 from __future__ import annotations
 
-from collections import Counter
+import json
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
+from functools import partial
 
+from bt_agents.errors import Refused
 from bt_agents.language.market_reader import MarketRule
 from bt_agents.scene import Scene, SceneSpace
 from marketplace_node.decision import Decision, Terms
@@ -17,6 +19,7 @@ from marketplace_node.effects import (
     Disconnect,
     Effect,
     Goal,
+    KeepOrders,
     PublishAuction,
 )
 from marketplace_node.explanation import explanation
@@ -24,6 +27,7 @@ from marketplace_node.record import Record
 from marketplace_node.registry import HostEntry, Registry
 from marketplace_node.say import Say
 from marketplace_node.settings import Settings
+from marketplace_node.tally import Tally, counts
 
 PREVIEWS = 2**31
 """Numbers of rounds that only foretell begin after this one, so that no other is counted."""
@@ -88,8 +92,7 @@ class Floor:
         self.previews = 0
         self.last_scene: Scene | None = None
         self._rules = rules
-        self._runs: Counter[str] = Counter()
-        self._last_run: dict[str, int] = {}
+        self._tally = Tally()
         self._strays: dict[str, _Stray] = {}
 
     def terms(
@@ -100,6 +103,7 @@ class Floor:
         follows: int,
         excluded: Mapping[str, str],
         preview: str | None = None,
+        drawn: int = 0,
     ) -> Terms:
         """Count a new round and return what is fixed in it.
 
@@ -110,10 +114,12 @@ class Floor:
             excluded: Agents that may not bid, with the reason.
             preview: Strategy of a round that only foretells the next one, and so draws the same
                 chance; None for a real round.
+            drawn: Number of the round whose chance it draws; 0 for the chance of its own.
         """
         if preview is None:
             self.rounds += 1
-            number = drawn = self.rounds
+            number = self.rounds
+            drawn = drawn or number
         else:
             self.previews += 1
             number, drawn = PREVIEWS + self.previews, self.rounds + 1
@@ -137,9 +143,10 @@ class Floor:
             barred=self.say.barred(self.registry.live(now), awarded),
             intervention=self.say.words(awarded),
             unasked=self._unasked(now),
-            last_run=dict(self._last_run),
-            runs=dict(self._runs),
-            rounds_run=self._runs.total(),
+            last_run=self._tally.last_run,
+            runs=self._tally.runs,
+            rounds_run=self._tally.total,
+            earlier_runs=self._tally.earlier,
             preview=preview is not None,
         )
 
@@ -148,7 +155,7 @@ class Floor:
         return PublishAuction(
             decision=decision,
             reason=reason,
-            explanation=explanation(decision, self.space),
+            explain=partial(explanation, decision, self.space),
             shadow_rounds=self.record.shadow_rounds,
             shadow_disagreements=self.record.shadow_disagreements,
         )
@@ -157,18 +164,54 @@ class Floor:
         """Count a decision and have it published."""
         self.record.take(decision)
         self.effects.append(self.outcome(decision, reason))
-        limit = self.settings.starvation_rounds
-        self.effects += [Alarm(message=news) for news in self.record.starvation.news(limit)]
 
     def starved(self) -> tuple[str, ...]:
-        """Return the registered agents that bid again and again and never win."""
+        """Return the registered agents that bid again and again and never run."""
         starved = self.record.starvation.starved(self.settings.starvation_rounds)
         return tuple(agent for agent in starved if self.registry.holder(agent) is not None)
 
-    def count_run(self, agent: str) -> None:
-        """Note that an agent runs; ties go to whoever has not run for longest."""
-        self._runs[agent] += 1
-        self._last_run[agent] = self._runs.total()
+    def count_run(self, agent: str, decision: Decision) -> None:
+        """Note that an agent runs; ties go to whoever has not run for longest.
+
+        Args:
+            agent: Who took the run; not the winner when its host did not.
+            decision: Of the round.
+        """
+        self._tally.count(agent)
+        starvation = self.record.starvation
+        starvation.ran(agent, (bid.agent for bid in decision.ranking))
+        news = starvation.news(self.settings.starvation_rounds)
+        self.effects += [Alarm(message=one) for one in news]
+        self.keep()
+
+    def keep(self) -> None:
+        """Have everything kept that outlives this start of the market."""
+        kept = {
+            **self.say.as_kept(),
+            "runs": self._tally.runs,
+            "last_run": self._tally.last_run,
+            "in_vain": dict(self.record.starvation.in_vain),
+        }
+        self.effects.append(KeepOrders(text=json.dumps(kept, ensure_ascii=False)))
+
+    def restore(self, text: str) -> None:
+        """Take over what an earlier start of the market has kept.
+
+        Raises:
+            Refused: ``MALFORMED``; nothing is changed.
+        """
+        try:
+            kept = json.loads(text)
+            found = [counts(kept.get(name, {})) for name in ("runs", "last_run", "in_vain")]
+            self.say.restore(kept)
+        except (ValueError, TypeError, KeyError, AttributeError, RecursionError):
+            raise Refused(
+                "MALFORMED",
+                "the kept pins, vetoes and counts cannot be read, so none counts; set pins and "
+                "vetoes again",
+            ) from None
+        self._tally.restore(found[0], found[1])
+        self.record.starvation.restore(found[2])
 
     def asked(self, barred: Collection[str], now: float) -> list[HostEntry]:
         """Return the hosts to ask: those that are free and have an agent that may bid."""

@@ -21,6 +21,7 @@ from marketplace_node.effects import (
     State,
 )
 from marketplace_node.floor import Floor
+from marketplace_node.line import Waiting
 from marketplace_node.open_round import OpenRound
 from marketplace_node.say import VETOED
 
@@ -44,8 +45,8 @@ class Interaction:
         over: The end of the scene; None before.
     """
 
-    def __init__(self, floor: Floor, origin: Scene, now: float) -> None:
-        self.origin = origin
+    def __init__(self, floor: Floor, waiting: Waiting, now: float) -> None:
+        self.origin = waiting.scene
         self.state = State.BIDDING
         self.round = 0
         self.open_round: OpenRound | None = None
@@ -56,13 +57,13 @@ class Interaction:
         self._next_rank = 0
         self._not_taken_by: list[str] = []
         self._award: Award | None = None
-        self._excluded: dict[str, str] = {}
+        self._excluded = dict(waiting.excluded)
         self._follow_ups = 0
         self._again: Scene | None = None
         self._last_run: tuple[str, str] | None = None
         self._last_words = ""
         self._hurries = False
-        self._open(origin, now, follows=0)
+        self._open(self.origin, now, follows=0, drawn=waiting.drawn)
 
     @property
     def goal(self) -> Goal | None:
@@ -99,7 +100,8 @@ class Interaction:
             self._floor.give_up(goal, late, now, runs=True)
         elif not award.accepted:
             award.accepted = True
-            self._floor.count_run(goal.agent)
+            assert self._decision is not None, "an award follows a decision"
+            self._floor.count_run(goal.agent, self._decision)
             if award.stop is None:
                 award.started = now
                 self._enter(State.RUNNING)
@@ -235,10 +237,10 @@ class Interaction:
             limit = settings.goal_deadline_s
             self._not_taken(award, f"{award.goal.host} did not answer within {limit:g} s", now)
 
-    def _open(self, scene: Scene, now: float, *, follows: int) -> None:
+    def _open(self, scene: Scene, now: float, *, follows: int, drawn: int = 0) -> None:
         self._again = None
         self.open_round = OpenRound(
-            self._floor, scene, now, follows=follows, excluded=self._excluded
+            self._floor, scene, now, follows=follows, excluded=self._excluded, drawn=drawn
         )
         self.round = self.open_round.number
         self.close_when_due(now)
@@ -248,12 +250,13 @@ class Interaction:
         decision = self.open_round.close(by, now, stopped=stop.reason if stop else "")
         reason = explain.reason(decision)
         self.open_round = None
-        self._floor.publish(decision, reason)
         if decision.outcome is Outcome.AWARDED:
             self._decision, self._next_rank, self._not_taken_by = decision, 0, []
             self._award_next(decision, now)
         else:
             self._finish(stop.code if stop else NO_BIDS, reason)
+        # Last, as the winner must not wait for the words of the explanation.
+        self._floor.publish(decision, reason)
 
     def _award_next(self, decision: Decision, now: float) -> None:
         while self._next_rank < len(decision.ranking):

@@ -3,8 +3,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
 
 from bt_agents.scene import Scene
 
@@ -17,11 +17,16 @@ class Waiting:
         scene: The scene.
         asked: True once a challenge for it has been opened.
         round: Number of that challenge, 0 before.
+        drawn: Number of the round whose chance it draws, as that round has decided for it; 0 for
+            the chance of its own.
+        excluded: Agents that may not bid when its turn comes, with the reason.
     """
 
     scene: Scene
     asked: bool = False
     round: int = 0
+    drawn: int = 0
+    excluded: Mapping[str, str] = field(default_factory=dict)
 
 
 class Line:
@@ -57,6 +62,6 @@ class Line:
         """Take a scene out of the line."""
         self._waiting.remove(waiting)
 
-    def next(self) -> Scene:
+    def next(self) -> Waiting:
         """Take the first scene out of the line."""
-        return self._waiting.pop(0).scene
+        return self._waiting.pop(0)

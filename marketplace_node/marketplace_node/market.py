@@ -20,7 +20,6 @@ from marketplace_node.effects import (
     EarlierRun,
     Effect,
     Goal,
-    KeepOrders,
     Note,
     SceneEnded,
     State,
@@ -215,14 +214,14 @@ class Market:
         """
         message = self._operating.take(order, self._interaction, now)
         if order.act is not Act.AWARD:
-            self._floor.effects.append(KeepOrders(text=self._floor.say.as_text()))
+            self._floor.keep()
         return message, self._settle(now)
 
     def restore_orders(self, text: str, now: float) -> tuple[str, list[Effect]]:
-        """Take over the pins and vetoes that an earlier market had kept, before the first scene.
+        """Take over pins, vetoes and counts that an earlier market had kept, before any scene.
 
         Returns:
-            What they are in words, empty for none, and the effects.
+            The pins and vetoes in words, empty for none, and the effects.
 
         Raises:
             Refused: ``MALFORMED``; nothing is changed.
@@ -351,8 +350,8 @@ class Market:
         if self._interaction is not None:
             self._interaction.go_on(now)
         self._finish()
-        while self._interaction is None and (scene := self._arrivals.next()) is not None:
-            self._interaction = Interaction(self._floor, scene, now)
+        while self._interaction is None and (waiting := self._arrivals.next()) is not None:
+            self._interaction = Interaction(self._floor, waiting, now)
             self._finish()
         status = self._describe(now)
         effects = self._floor.effects

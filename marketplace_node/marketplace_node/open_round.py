@@ -10,7 +10,6 @@ from marketplace_node.auction import Auction
 from marketplace_node.decision import Bids, ClosedBy, Decision, External
 from marketplace_node.effects import AskOutside, OpenCall
 from marketplace_node.floor import Floor
-from marketplace_node.outside import distance
 from marketplace_node.settings import EXTERNAL
 
 _LEAST_TO_RANK = 2  # a single bid wins, whatever anybody outside says
@@ -29,6 +28,8 @@ class OpenRound:
         follows: The round this one continues, 0 for none.
         excluded: Agents that may not bid, with the reason.
         preview: Name of the strategy of a round that only foretells; None for a real round.
+        drawn: Number of the round whose chance it draws; 0 for the chance of its own.
+        asks_outside: False when nobody outside is asked to rank, as the order decides nothing.
 
     Attributes:
         number: Number of the round.
@@ -44,9 +45,13 @@ class OpenRound:
         follows: int = 0,
         excluded: Mapping[str, str] | None = None,
         preview: str | None = None,
+        drawn: int = 0,
+        asks_outside: bool = True,
     ) -> None:
         excluded = excluded or {}
-        terms = floor.terms(scene, now, follows=follows, excluded=excluded, preview=preview)
+        terms = floor.terms(
+            scene, now, follows=follows, excluded=excluded, preview=preview, drawn=drawn
+        )
         barred = [*excluded, *(bid.agent for bid in terms.barred)]
         asked = floor.asked(barred, now)
         self.number = terms.round
@@ -58,6 +63,7 @@ class OpenRound:
         self._opened: float | None = None
         self._bids_closed_by: ClosedBy | None = None
         self._external: External | None = None
+        self._asks_outside = asks_outside
         # A call that is never published has to end, too.
         self._deadline = now + 2 * self._limit_s
         if asked:
@@ -124,7 +130,7 @@ class OpenRound:
 
     def _ask_outside(self, by: ClosedBy, now: float) -> bool:
         """Ask for a ranking when the strategy wants one and there is something to rank."""
-        if self._terms.strategy != EXTERNAL:
+        if not self._asks_outside or self._terms.strategy != EXTERNAL:
             return False
         bids = self._auction.accepted
         if len(bids) < _LEAST_TO_RANK:
@@ -138,7 +144,7 @@ class OpenRound:
                 scene=self.scene,
                 agents=tuple(bid.agent for bid in bids),
                 vectors=tuple(bid.vector for bid in bids),
-                distances=tuple(distance(bid.vector, self.scene.vector) for bid in bids),
+                distances=tuple(bid.distance for bid in bids),
                 limit_s=limit_s,
             )
         )

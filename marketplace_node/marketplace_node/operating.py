@@ -58,9 +58,8 @@ class Operating:
         Raises:
             Refused: ``MALFORMED``; nothing is changed.
         """
-        say = self._floor.say
-        say.restore(text)
-        return say.words("")
+        self._floor.restore(text)
+        return self._floor.say.words("")
 
     def scene(self, scene: Scene | None) -> Scene:
         """Return a scene, or the one that was taken last.
@@ -104,7 +103,8 @@ class Operating:
         scene = replace(scene, urgent=True)
         self._arrivals.join(scene, interaction)
         self._floor.say.award(order, scene.scene_id)
-        answer = f"{order.agent} gets the run for scene '{scene.scene_id}' if it bids"
+        named = _AWARDED.sub("", scene.scene_id)
+        answer = f"{order.agent} gets the run for scene '{named}' if it bids"
         if interaction is not None:
             answer += f"; scene '{interaction.origin.scene_id}' is under way"
         return answer

@@ -3,11 +3,9 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 
 from bt_agents.errors import Refused
-from bt_agents.scene import Vector
 
 _SHOWN = 300  # characters of its words
 _NAMES = 5
@@ -37,20 +35,6 @@ def check_ranking(ranking: Sequence[str], bidders: Sequence[str]) -> tuple[str, 
             raise Refused("DUPLICATE", f"it ranks '{agent}' twice, expected each bidder once")
         named.add(agent)
     return tuple(ranking)
-
-
-def distance(bid: Vector, scene: Vector) -> float:
-    """Return the Manhattan distance of a bid, formula (1) of the paper, as it is told outside.
-
-    Args:
-        bid: One value a parameter, in the parameters' own units.
-        scene: The same for the scene; NaN where missing, which is left out.
-    """
-    total = 0.0
-    for offered, wanted in zip(bid, scene, strict=True):
-        if not math.isnan(wanted):
-            total += abs(offered - wanted)
-    return total
 
 
 def shown(text: str) -> str:

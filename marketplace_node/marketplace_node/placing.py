@@ -49,7 +49,8 @@ def first_rule(
 def placed(scores: Scores, places: Sequence[int]) -> Scores:
     """Put bids before all others; what is left is ranked by its distance.
 
-    The score of the k-th of m such bids is k - m, below every distance.
+    The score of the k-th of m such bids is k - m, below every distance. That is a place and no
+    exploration, so there is no bonus.
 
     Args:
         scores: Of one round, as ``manhattan`` gives them.
@@ -59,7 +60,7 @@ def placed(scores: Scores, places: Sequence[int]) -> Scores:
     score[list(places)] = np.arange(len(places)) - float(len(places))
     return Scores(
         distance=scores.distance,
-        bonus=scores.distance - score,
+        bonus=np.zeros_like(score),
         score=score,
         contributions=scores.contributions,
     )

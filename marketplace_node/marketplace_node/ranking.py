@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 
 from bt_agents.errors import Refused
 from bt_agents.scene import SceneSpace
@@ -50,14 +51,16 @@ def decide(
         contest = replace(contest, spec=STRATEGIES[FALLBACK])
         measured = contest.measure()
     places = contest.order(measured.scores.score)
+    shadow_winner, shadow_failure = _shadow(contest)
     return Ranked(
         bids=_ranked(space, terms, table, measured, places),
         by=FALLBACK if fallback else contest.spec.name,
         fallback=fallback,
         precedence=measured.precedence,
         placed=measured.placed,
-        shadow_winner=_shadow_winner(contest),
-        change=smallest_change(contest, places, space),
+        shadow_winner=shadow_winner,
+        shadow_failure=shadow_failure,
+        find_change=partial(smallest_change, contest, places, space),
     )
 
 
@@ -137,10 +140,11 @@ def _weights(space: SceneSpace, table: BidTable, places: Integers) -> list[tuple
     ]
 
 
-def _shadow_winner(contest: Contest) -> str:
+def _shadow(contest: Contest) -> tuple[str, str]:
+    """Return who would have won by the shadow strategy, and why nobody, in words."""
     terms = contest.terms
     if not terms.shadow:
-        return ""
+        return "", ""
     shadow = replace(
         contest,
         spec=_spec(terms.shadow),
@@ -150,6 +154,6 @@ def _shadow_winner(contest: Contest) -> str:
     )
     try:
         scores = shadow.measure().scores
-    except Refused:
-        return ""
-    return contest.table.agents[int(shadow.order(scores.score)[0])]
+    except Refused as refused:
+        return "", refused.reason
+    return contest.table.agents[int(shadow.order(scores.score)[0])], ""

@@ -11,8 +11,8 @@ class Record:
     """Counts over the rounds of a market.
 
     Attributes:
-        shadow_rounds: Rounds that the strategies in force, the one that ranks and its shadow, have
-            both ranked.
+        shadow_rounds: Awarded rounds that the strategies in force, the one that ranks and its
+            shadow, have both ranked.
         shadow_disagreements: In how many of these they had another winner.
         starvation: Who bids in vain.
     """
@@ -26,13 +26,11 @@ class Record:
     def take(self, decision: Decision) -> None:
         """Count a decision; one that only foretells is not to be counted."""
         winner, terms = decision.winner, decision.terms
-        if winner is None:
+        if winner is None or decision.outcome is not Outcome.AWARDED:
             return
-        if decision.outcome is Outcome.AWARDED:
-            self.starvation.award(winner.agent, (bid.agent for bid in decision.ranking))
         if (terms.strategy, terms.shadow) != self._compared:
             self._compared = (terms.strategy, terms.shadow)
             self.shadow_rounds = self.shadow_disagreements = 0
-        if decision.shadow_winner:
+        if decision.shadow_winner and decision.ranked.by == terms.strategy:
             self.shadow_rounds += 1
             self.shadow_disagreements += decision.shadow_winner != winner.agent

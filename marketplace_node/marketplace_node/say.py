@@ -3,10 +3,10 @@
 
 from __future__ import annotations
 
-import json
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from enum import IntEnum
+from typing import Any
 
 from bt_agents.errors import Refused
 from bt_agents.scene import Scene
@@ -83,30 +83,24 @@ class Say:
         """The agents that may not bid, by name."""
         return tuple(sorted(self._vetoes))
 
-    def as_text(self) -> str:
-        """Return pins and vetoes as JSON, for :meth:`restore`; awards end with their scenes."""
+    def as_kept(self) -> dict[str, Any]:
+        """Return pins and vetoes for :meth:`restore`; awards end with their scenes."""
         pin = {"agent": self._pin.agent, "words": self._pin.words} if self._pin else None
-        return json.dumps({"pinned": pin, "vetoed": self._vetoes}, ensure_ascii=False)
+        return {"pinned": pin, "vetoed": dict(self._vetoes)}
 
-    def restore(self, text: str) -> None:
+    def restore(self, kept: Mapping[str, Any]) -> None:
         """Take pins and vetoes of an earlier market over, instead of those in force.
 
         Raises:
-            Refused: ``MALFORMED``; nothing is changed.
+            KeyError, TypeError, AttributeError: It is not what :meth:`as_kept` gives; nothing is
+                changed.
         """
-        try:
-            found = json.loads(text)
-            pin, vetoes = found["pinned"], found["vetoed"]
-            standing = None
-            if pin is not None:
-                standing = _Standing(agent=_word(pin["agent"]), words=_word(pin["words"]))
-            kept = {_word(agent): _word(words) for agent, words in vetoes.items()}
-        except (ValueError, TypeError, KeyError, AttributeError, RecursionError):
-            raise Refused(
-                "MALFORMED",
-                "the kept pins and vetoes cannot be read, so none counts; set them again",
-            ) from None
-        self._pin, self._vetoes = standing, kept
+        pin, vetoes = kept["pinned"], kept["vetoed"]
+        standing = None
+        if pin is not None:
+            standing = _Standing(agent=_word(pin["agent"]), words=_word(pin["words"]))
+        words = {_word(agent): _word(said) for agent, said in vetoes.items()}
+        self._pin, self._vetoes = standing, words
 
     def veto_of(self, agent: str) -> str:
         """Return who has vetoed an agent and why; empty when nobody has."""

@@ -20,6 +20,9 @@ MAX_STARVATION: Final = 1_000_000
 EXTERNAL: Final = "external"
 """The strategy that asks a program outside."""
 
+RULES: Final = "rules"
+"""The strategy that reads ``market.yaml``."""
+
 SECONDS: Final = {
     "bid_deadline_s": (0.01, 60.0),
     "host_lease_s": (0.5, 60.0),

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Tells which agents bid again and again and never win."""
+"""Tells which agents bid again and again and never get a run."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping
 
 
 class Starvation:
-    """Counts for each agent the awarded rounds in which it bid, since it won last.
+    """Counts for each agent the rounds with a run in which it bid, since it ran last.
 
     Rounds in which it did not bid neither count nor clear it.
     """
@@ -19,11 +19,15 @@ class Starvation:
 
     @property
     def in_vain(self) -> Mapping[str, int]:
-        """In how many awarded rounds each agent has bid since it won last."""
+        """In how many rounds with a run each agent has bid since it ran last."""
         return self._in_vain
 
-    def award(self, winner: str, bidders: Iterable[str]) -> None:
-        """Note a round that was awarded."""
+    def restore(self, in_vain: Mapping[str, int]) -> None:
+        """Take over what an earlier market has counted."""
+        self._in_vain, self._found = dict(in_vain), None
+
+    def ran(self, winner: str, bidders: Iterable[str]) -> None:
+        """Note who runs, be it the best of those that bid or the next who took it."""
         self._found = None
         for agent in bidders:
             self._in_vain[agent] = 0 if agent == winner else self._in_vain.get(agent, 0) + 1
@@ -39,12 +43,12 @@ class Starvation:
         return self._found[1]
 
     def news(self, limit: int) -> list[str]:
-        """Return a warning for each agent that has become starved, once until it wins again."""
+        """Return a warning for each agent that has become starved, once until it runs again."""
         starved = self.starved(limit)
         fresh = [agent for agent in starved if agent not in self._told]
         self._told = set(starved)
         return [
-            f"{agent} is starved: it has bid in {self._in_vain[agent]} awarded rounds and won "
-            "none; a strategy that explores (softmax, ucb) gives it a chance"
+            f"{agent} is starved: it has bid in {self._in_vain[agent]} awarded rounds and got no "
+            "run; a strategy that explores (softmax, ucb) gives it a chance"
             for agent in fresh
         ]

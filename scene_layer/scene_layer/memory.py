@@ -102,15 +102,25 @@ class Known:
         visits: How often the person came; of a place, how many came.
         values: By parameter.
         seen_at: Last time, in unix time [s].
+        lent: Whether a copy has the same values, so that they must not be changed in place.
     """
 
     visits: int = 0
     values: dict[str, Running] = field(default_factory=dict)
     seen_at: float = 0.0
+    lent: bool = field(default=False, repr=False, compare=False)
 
     def copy(self) -> Known:
-        """Return one that later measurements do not change."""
-        return Known(visits=self.visits, values=dict(self.values), seen_at=self.seen_at)
+        """Return one that later measurements do not change; until then they share the values."""
+        self.lent = True
+        return Known(visits=self.visits, values=self.values, seen_at=self.seen_at, lent=True)
+
+    def add(self, name: str, value: float, std: float, weight: float, at: float) -> None:
+        """Take a value of a parameter; see :meth:`Running.after`."""
+        if self.lent:
+            self.values = dict(self.values)
+            self.lent = False
+        self.values[name] = self.values.get(name, Running()).after(value, std, weight, at)
 
     def estimate(self, parameter: SceneParameter, now: float) -> tuple[float, float, float] | None:
         """Return value, standard deviation and age [s]; None of what was never measured."""
@@ -159,9 +169,7 @@ class Memory:
         """
         if person not in self._visits or person in self._shunned or confidence <= 0.0:
             return
-        values = self._persons[person].values
-        running = values.get(parameter, Running())
-        values[parameter] = running.after(value, std, confidence, now)
+        self._persons[person].add(parameter, value, std, confidence, now)
         self._visits[person].add(parameter)
         self.changes += 1
 
@@ -257,8 +265,7 @@ class Memory:
         place.seen_at = now
         for name in sorted(measured):
             mean, std, _ = person.estimate(self._space.parameter(name), now) or (0.0, 0.0, 0.0)
-            running = place.values.get(name, Running())
-            place.values[name] = running.after(mean, std, 1.0, now)
+            place.add(name, mean, std, 1.0, now)
 
     def _bound(self) -> None:
         for known in (self._persons, self._places):

@@ -47,13 +47,16 @@ def to_text(
         for name, known in every.items()
     ]
     room = most_bytes - len(f"{_HEAD}{{}}{_MIDDLE}{{}}}}\n")
-    kept: tuple[list[str], list[str]] = [], []
-    for _, kind, piece in sorted(pieces, key=lambda piece: -piece[0]):
-        room -= len(piece.encode()) + len(", ")
+    kept = set()
+    for number in sorted(range(len(pieces)), key=lambda number: -pieces[number][0]):
+        room -= len(pieces[number][2].encode()) + len(", ")
         if room < 0:
             break
-        kept[kind].append(piece)
-    known, here = (", ".join(reversed(one)) for one in kept)
+        kept.add(number)
+    known, here = (
+        ", ".join(pieces[number][2] for number in sorted(kept) if pieces[number][1] == kind)
+        for kind in (0, 1)
+    )
     return f"{_HEAD}{{{known}}}{_MIDDLE}{{{here}}}}}\n"
 
 

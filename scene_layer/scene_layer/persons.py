@@ -196,9 +196,7 @@ class Persons:
             before, challenger = self.addressee, self._best(ready, ranks)
             self._take(challenger, ranks, now)
             _, word, _ = _WORDS[self._rule.rule]
-            self.reason = (
-                f"{challenger} has been {word} than {before} for {self._rule.hold_s:g} s"
-            )
+            self.reason = f"{challenger} has been {word} than {before} for {self._rule.hold_s:g} s"
 
     def _take(self, person: str, ranks: Mapping[str, float], now: float) -> None:
         self.reason = self._why(person, ranks)
@@ -223,9 +221,7 @@ class Persons:
         """Return all who are better than the addressee by more than the margin."""
         wanted = self._score(self.addressee, ranks)
         wanted += self._rule.better_by if math.isfinite(wanted) else 0.0
-        return [
-            p for p in candidates if p != self.addressee and self._score(p, ranks) > wanted
-        ]
+        return [p for p in candidates if p != self.addressee and self._score(p, ranks) > wanted]
 
     def _score(self, person: str, ranks: Mapping[str, float]) -> float:
         """Return how good a person is by the rule, greater is better; unknown is the least."""

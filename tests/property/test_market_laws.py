@@ -228,8 +228,8 @@ class AnyMarket(RuleBasedStateMachine):
                 assert self.decided == list(range(1, number + 1)), "one outcome a round"
                 if effect.decision.outcome in (Outcome.PREEMPTS, Outcome.WAITS):
                     assert self.mode == "preempt"
-                else:
-                    assert self.outstanding is None, "no award while a tree may run"
+                elif self.outstanding is not None:
+                    assert self.outstanding.round == number, "no award while a tree may run"
             case SendGoal():
                 assert self.outstanding is None, "never two goals outstanding"
                 self.outstanding = effect.goal

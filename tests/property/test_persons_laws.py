@@ -150,7 +150,7 @@ def test_what_is_kept_comes_back_to_the_last_digit(people, place):
         memory.left(person, place, known=True, now=100.0)
     text = to_text(*memory.kept())
     again = Memory(SPACE)
-    again.remember(*from_text(text, SPACE))
+    again.remember(*from_text(text, SPACE, 100.0))
     assert to_text(*again.kept()) == text
     for person in (*people, "a stranger"):
         found = memory.estimate(person, place, "age", 200.0)

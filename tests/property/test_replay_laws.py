@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 from types import SimpleNamespace
 from typing import Any
 
@@ -27,6 +28,8 @@ from feedback_node.profiles import Profiles
 from feedback_node.runs import Run
 from marketplace_node.decision import AcceptedBid, ClosedBy, Decision, External, Outcome, Terms
 from marketplace_node.effects import PublishAuction
+from marketplace_node.explain import reason
+from marketplace_node.explanation import explanation
 from marketplace_node.node.messages import auction_to_msg
 from marketplace_node.ranking import decide
 from marketplace_node.strategies import STRATEGIES
@@ -149,6 +152,7 @@ def test_all_that_is_decided_is_decided_again(
         runs={"anna": runs, "bert": 1},
         last_run={"anna": runs, "bert": 1} if runs else {},
         rounds_run=runs + 1,
+        earlier_runs=runs // 2,
         options={option.name: option.default for option in STRATEGIES[strategy].options},
         seed="e/4",
         shadow=shadow if shadow != strategy else "",
@@ -177,6 +181,13 @@ def test_all_that_is_decided_is_decided_again(
         refused=(),
         silent_hosts=(),
     )
-    message = auction_to_msg(PublishAuction(decision=decision, reason=""), to_time(1.0))
-    [finding] = decisions_again([Round(auction=message, runs=runs + 1, making=MAKING)])
+    message = auction_to_msg(
+        PublishAuction(
+            decision=decision,
+            reason=reason(decision),
+            explain=partial(explanation, decision, SPACE),
+        ),
+        to_time(1.0),
+    )
+    [finding] = decisions_again([Round(auction=message, runs=runs + 1 - runs // 2, making=MAKING)])
     assert finding.verdict is Verdict.EQUAL, finding.words

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from typing import Any
 
 import pytest
@@ -27,6 +28,8 @@ from bt_agents_interfaces.msg import (
 from bt_agents_interfaces.msg import Scene as SceneMsg
 from bt_agents_interfaces.srv import CancelRun, CollectFeedback, GiveFeedback, SetProfile
 from feedback_node.ledger import Ledger
+from feedback_node.ledger_file import LedgerError
+from feedback_node.ledger_rows import Cause
 from feedback_node.node import FeedbackNode
 
 pytestmark = pytest.mark.ros
@@ -350,6 +353,28 @@ def test_a_mood_that_falls_teaches_the_agent_and_asks_the_market_again(scenario)
     )
     room.ros.turns()
     assert (len(room.cancels), len(room.feedback)) == (1, 1)
+
+
+def test_what_a_rule_teaches_on_a_full_disk_reaches_the_host_when_there_is_room(scenario, ledger):
+    room = scenario()
+    room.introduce(WORSE)
+    database = ledger._database
+    pages = database.execute("PRAGMA page_count").fetchone()[0]
+    database.execute(f"PRAGMA max_page_count = {pages}")
+    for reason in ("long" * 200, ""):
+        with suppress(LedgerError):
+            while True:
+                ledger.append("express", {"age": 3.0}, Cause(reason=reason))
+    room.run()
+    room.ros.until(lambda: room.live.get_subscription_count() == 1)
+    for mood in (4.0, 2.5):
+        room.live.publish(scene(mood))
+    room.ros.until(lambda: room.cancels)
+    assert (room.feedback, room.host.told) == ([], [])
+    database.execute("PRAGMA max_page_count = 1000000")
+    room.ros.until(lambda: room.feedback and room.host.told)
+    assert list(room.host.told[-1].values) == [3.75, 1.625, 2.75]
+    assert (len(room.feedback), len(room.cancels)) == (1, 1)
 
 
 def test_a_market_that_is_away_is_asked_for_the_cancel_when_it_is_back(scenario):

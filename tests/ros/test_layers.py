@@ -196,6 +196,17 @@ def test_people_look_at_what_was_learned_take_it_back_and_out(street: Street) ->
     assert street.manage(99).code == "UNKNOWN_ACTION"
 
 
+def test_who_listens_after_a_forgetting_hears_nothing_of_the_forgotten(street: Street) -> None:
+    street.teach("anna")
+    street.ros.until(lambda: ANNA in [one.layer for one in street.changes])
+    assert street.manage(ManageProfiles.Request.FORGET, layer=ANNA).accepted
+    street.teach("bea")
+    late: list[Feedback] = street.ros.collect(Feedback, "feedback", qos.HISTORY)
+    street.ros.until(lambda: len(late) == 2)
+    assert [one.layer for one in late] == ["person/bea", ""]
+    assert [one.layer for one in street.changes][-2:] == ["person/bea", ""]
+
+
 def test_an_undo_of_everybodys_profile_reaches_the_bid(street: Street) -> None:
     street.teach()
     assert street.winner()[0] == "ann"

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -12,7 +13,9 @@ from rcl_interfaces.msg import Parameter as ParameterMsg
 from rcl_interfaces.msg import ParameterType, ParameterValue
 from rcl_interfaces.srv import DescribeParameters, SetParameters
 from rclpy.action import ActionClient
+from rclpy.parameter import Parameter
 
+from bt_agents.errors import ReadError
 from bt_agents.ros import qos
 from bt_agents.ros.messages import scene_to_msg
 from bt_agents_interfaces.action import RunAgent
@@ -29,8 +32,11 @@ from bt_agents_interfaces.msg import (
 from bt_agents_interfaces.srv import CollectFeedback
 from market_driver import EXPRESS, GUIDE, PLAIN, SPACE, scene
 from market_stage import FAR, FakeHost, Stage
+from marketplace_node.node import make_market
 
 pytestmark = pytest.mark.ros
+
+SCENE = "format: 1\nparameters:\n  age: {min: 1, max: 5, default: 3}\n"
 
 
 @pytest.fixture
@@ -501,3 +507,16 @@ def test_a_tree_that_the_market_takes_for_refused_is_cancelled(stage: Stage) -> 
     stage.ros.until(lambda: host.log == ["start attentive_guide", "end attentive_guide"])
     assert goal.result().accepted
     runner.destroy()
+
+
+def test_a_wrong_market_file_stops_only_a_market_that_needs_it(ros: Any, tmp_path: Path) -> None:
+    (tmp_path / "scene.yaml").write_text(SCENE)
+    (tmp_path / "market.yaml").write_text(
+        "format: 1\nrules:\n  - {when: scene.agee < 2, agents: [ann]}\n"
+    )
+    market = ros.add(make_market(tmp_path))
+    assert not market.needs_rules
+
+    for name in ("strategy", "shadow_strategy"):
+        with pytest.raises(ReadError, match="agee"):
+            make_market(tmp_path, parameter_overrides=[Parameter(name, value="rules")])

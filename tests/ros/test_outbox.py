@@ -50,7 +50,8 @@ class Server:
         if how == "swallow":
             how = await self.never
         response.accepted = how == "accept"
-        response.code, response.message = ("", "") if response.accepted else ("NO", "not so")
+        code = "STORAGE_FULL" if how == "full" else "NO"
+        response.code, response.message = ("", "") if response.accepted else (code, "not so")
         return response
 
 
@@ -116,6 +117,29 @@ def test_a_refusal_is_an_answer_too(ros):
     ros.until(lambda: len(sender.answers) == 2)
     assert sender.outcomes == [("a", False), ("b", False)]
     assert server.ids == ["a", "b"]
+
+
+def test_a_full_disk_is_no_answer_and_the_request_is_kept_until_there_is_room(ros):
+    server = Server(ros, lambda number: "full" if number < 4 else "accept")
+    sender = Sender(ros, answer_s=0.2)
+    sender.put("a", "b")
+    ros.until(lambda: len(server.heard) == 2)
+    assert (sender.answers, sender.outbox.waiting, sender.outbox.late) == ([], 2, True)
+    ros.until(lambda: len(sender.answers) == 2)
+    assert sender.outcomes == [("a", True), ("b", True)]
+    assert server.ids == ["a", "a", "a", "a", "b"]
+    assert not sender.outbox.late
+
+
+def test_feedback_of_a_tree_and_a_full_disk_is_kept_as_it_says(ros):
+    server = Server(ros, lambda number: "full" if number == 1 else "accept")
+    host = Host(ros)
+    run = host.requests.give(Kind.POSITIVE, {}, "")
+    ros.until(lambda: run.state.ended)
+    assert (run.state, run.message) == (GoalState.SUCCEEDED, KEPT)
+    ros.until(lambda: host.requests.outbox.waiting == 0)
+    assert len(set(server.ids)) == 1
+    assert len(server.ids) == 2
 
 
 def test_a_server_that_is_restarted_gets_what_was_under_way_again(ros):

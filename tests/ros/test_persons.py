@@ -8,10 +8,12 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from std_msgs.msg import Empty, Float64, String
+from std_msgs.msg import Empty, Float64, Int32MultiArray, String
 
+from bt_agents.errors import BtAgentsError, Refused
 from bt_agents.language.scene_reader import read_scene_text
 from bt_agents.ros import qos
+from bt_agents.ros.installed import InstalledInterfaces
 from bt_agents_interfaces.msg import (
     Face,
     Faces,
@@ -251,6 +253,72 @@ def test_who_cannot_be_taken_out_of_the_file_is_not_said_to_be_forgotten(ros, tm
     folder.rename(away)
     assert ros.call(manage, forget).accepted
     assert (folder / "memory.json").exists()
+
+
+def test_a_file_of_another_program_stays_as_it_is_and_nothing_starts(ros, tmp_path):
+    path = tmp_path / "ledger.sqlite"
+    path.write_text("SQLite format 3")
+    with pytest.raises(BtAgentsError, match="is not a memory"):
+        Layer(ros, memory=path)
+    assert [(p.name, p.read_text()) for p in tmp_path.iterdir()] == [
+        ("ledger.sqlite", "SQLite format 3")
+    ]
+
+
+NUMBERED = """
+format: 1
+parameters:
+  age: {{min: 0, max: 100, default: 40}}
+persons:
+  tracked: {{topic: tracked, type: {type}, field: {field}, stale_after: 60 s, lost_after: 0 s}}
+"""
+
+
+def tracked_by(ros, type_name: str, field: str, *messages: Any) -> list[tuple[str, ...]]:
+    """Return who is shown after each of some messages."""
+    text = NUMBERED.format(type=type_name, field=field)
+    layer = SceneLayerNode(read_scene_text(text, "scene.yaml", InstalledInterfaces()))
+    ros.add(layer)
+    publisher = ros.node.create_publisher(type(messages[0]), "tracked", qos.SENSOR)
+    persons = ros.collect(Persons, "scene/persons", qos.FACT)
+    ros.until(publisher.get_subscription_count)
+    found = []
+    for message in messages:
+        before = len(persons)
+        publisher.publish(message)
+        ros.until(lambda before=before: len(persons) > before)
+        found.append(tuple(scene.person_id for scene in persons[-1].scenes))
+    return found
+
+
+def test_a_list_of_persons_may_stand_in_an_item_of_a_list(ros):
+    values = [SceneValue(name="anna"), SceneValue(name="ben")]
+    assert tracked_by(
+        ros,
+        "bt_agents_interfaces/msg/Persons",
+        "scenes.0.values, id: name",
+        Persons(scenes=[Scene(values=values)]),
+        Persons(),
+    ) == [("anna", "ben"), ()]
+
+
+def test_a_tracker_may_count_persons(ros):
+    messages = Int32MultiArray(data=[7, 12, 7]), Int32MultiArray(data=[12])
+    assert tracked_by(ros, "std_msgs/msg/Int32MultiArray", "data", *messages) == [
+        ("7", "12"),
+        ("12",),
+    ]
+
+
+def test_a_topic_that_cannot_be_heard_is_refused_by_name(ros):
+    of_two_types = """
+    [{topic: mood, type: std_msgs/msg/Float64, field: data, stale_after: 1 s},
+     {topic: /mood, type: std_msgs/msg/Float32, field: data, stale_after: 1 s}]
+    """
+    spec = read_scene_text(f"{PARAMETERS}\nsources:\n  mood:{of_two_types}", "scene.yaml")
+    with pytest.raises(Refused, match="topic /mood cannot be heard") as refused:
+        SceneLayerNode(spec)
+    assert refused.value.code == "UNUSABLE_TOPIC"
 
 
 def test_topics_of_persons_and_their_parts_are_heard_as_long_as_they_are_tracked(ros):

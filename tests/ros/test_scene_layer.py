@@ -178,10 +178,24 @@ def test_given_values_make_a_scene(ros):
 
 def test_a_scene_without_announcement_stays_in_the_layer(ros):
     layer = Layer(ros)
+    announced = layer.analyze(names=["mood"], values=[2.0], announce=True).scene
+    ros.until(lambda: layer.scenes)
     answer = layer.analyze(names=["age"], values=[1.0], announce=False)
     assert answer.accepted
+    assert answer.scene.scene_id == announced.scene_id
+    assert plain(answer.scene) == {"age": 1.0, "mood": 2.0}
     ros.turns()
-    assert layer.scenes == []
+    assert len(layer.scenes) == 1
+
+
+def test_values_for_no_scene_at_all_are_refused_and_forgotten(ros):
+    layer = Layer(ros)
+    for given in ({"names": ["age"], "values": [1.0]}, {"person": Analyze.Request.PRESENT}):
+        answer = layer.analyze(**given, announce=False)
+        assert (answer.accepted, answer.code) == (False, "NOTHING_RUNS")
+        assert "bt-agents trigger" in answer.message
+    answer = layer.analyze(announce=False)
+    assert (answer.accepted, plain(answer.scene)) == (True, {})
 
 
 @pytest.mark.parametrize(

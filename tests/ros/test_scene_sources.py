@@ -82,7 +82,7 @@ def test_a_scene_of_ros4hri_comes_from_the_person_and_the_face(ros):
     robot.senses(f"{person}/face_id", String(data="f17"), latched=True)
     robot.senses(f"{person}/anonymous", Bool(data=False), latched=True)
     engaged = EngagementLevel(level=EngagementLevel.ENGAGED)
-    robot.senses(f"{person}/engagement_status", engaged, latched=True)
+    robot.senses(f"{person}/engagement_status", engaged)
     robot.senses("/humans/persons/tracked", PersonIds(ids=["anna"]))
     robot.senses(f"{face}/softbiometrics", SoftBiometrics(age=65.0, age_confidence=0.25))
     robot.senses(f"{face}/expression", Expression(valence=0.5, arousal=0.0, confidence=1.0))
@@ -95,6 +95,19 @@ def test_a_scene_of_ros4hri_comes_from_the_person_and_the_face(ros):
     assert values["familiarity"].value == 5.0
     assert values["mood"].value == pytest.approx(4.0)
     assert values["mood"].std == pytest.approx(0.5)
+
+
+def test_whoever_is_engaged_by_ros4hri_is_spoken_to(ros):
+    # hri_engagement publishes at every run of its timer and keeps nothing for those who join.
+    robot = Robot(ros, ros4hri())
+    for person, level in (
+        ("first", EngagementLevel.DISENGAGED),
+        ("second", EngagementLevel.ENGAGED),
+    ):
+        topic = f"/humans/persons/{person}/engagement_status"
+        robot.senses(topic, EngagementLevel(level=level))
+    robot.senses("/humans/persons/tracked", PersonIds(ids=["first", "second"]))
+    assert robot.until(lambda scene: scene.person_id == "second").persons == 2
 
 
 def test_who_is_anonymous_meets_the_robot_for_the_first_time(ros):
@@ -157,6 +170,12 @@ def test_hostile_faces_change_nothing_and_stop_nothing(ros):
         ("field: faces", "field: face", "did you mean faces?"),
         ("field: emotion", "field: msg.emotion + 1", "needs a number on each side"),
         ("field: known}", "field: face_id}", "'field' is a text"),
+        ("id: face_id", "id: distance_m", "'id' (distance_m) is a number with a fraction"),
+        ("    id: face_id\n", "", "an item of 'field' is a message, expected a text"),
+        ("type: std_msgs/msg/Float64", "type: std_msgs/msg/Float64MultiArray", "is a list"),
+        ("type: std_msgs/msg/Float64", "type: std_msgs/msg/Header", "no field 'data'"),
+        ("table: {true: 5, false: 1}", "table: {yes: 5, no: 1}", "expected true or false"),
+        ("topic: audio/valence", "topic: camera/faces", "has the type std_msgs/msg/Float64 here"),
     ],
 )
 def test_fields_that_the_installed_types_do_not_have_are_found(old, new, words):

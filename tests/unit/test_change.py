@@ -4,12 +4,26 @@
 from __future__ import annotations
 
 import math
+import runpy
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
 
+import numpy as np
 import pytest
 
-from market_driver import scene
+from market_driver import Driver, scene
+from marketplace_node import contest, counterfactual
+from marketplace_node.contest import measured
 from marketplace_node.decision import Change, External
+from marketplace_node.effects import PublishAuction, SendGoal
+from marketplace_node.ranking import decide
+from marketplace_node.strategies import STRATEGIES, Field, Scores, StrategySpec
 from ranked_rounds import bids, decided, terms
+
+BENCHMARK: dict[str, Any] = runpy.run_path(
+    str(Path(__file__).parents[2] / "benchmarks" / "ranking.py")
+)
 
 NAN = math.nan
 
@@ -43,6 +57,16 @@ def test_who_is_between_has_to_be_passed_too() -> None:
     assert found.values[0] == pytest.approx(3.0, abs=1e-6)
 
 
+def test_what_only_just_reaches_is_found_in_time() -> None:
+    found = change(
+        (4.0, 2.6, 4.2),
+        (3.8, 3.1, 4.5), (4.2, 3.3, 4.7), (3.1, 2.2, 3.0), (3.4, 3.8, 2.1),
+        tie_break="name",
+    )  # fmt: skip
+
+    assert found.names
+
+
 def test_several_parameters_change_when_one_is_not_enough() -> None:
     found = change((3.0, 3.0, 3.0), (3.0, 3.0, 3.0), (4.0, 4.0, 4.0), tie_break="name")
 
@@ -67,6 +91,46 @@ def test_it_is_said_why_there_is_no_change(
     found = change(values, (2.0, 2.0, 2.0), (2.0, 2.0, 2.0), **changes)
 
     assert (found.names, found.obstacle) == ((), words)
+
+
+@pytest.mark.parametrize("strategy", sorted(STRATEGIES))
+@pytest.mark.parametrize(("agents", "width"), [(110, 32), (1800, 8), (5000, 3)])
+def test_the_search_scores_so_much_and_no_more(
+    strategy: str, agents: int, width: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    of = BENCHMARK["case"](agents, width)
+    values = tuple(replace(value, std=0.5) for value in of.terms.scene.values)
+    of_round = replace(
+        of.terms, scene=replace(of.terms.scene, values=values), strategy=strategy, seed="a/1"
+    )
+    ranked = decide(of.space, of_round, of.table)
+    scored: list[int] = []
+
+    def counted(spec: StrategySpec, field: Field, *rest: Any) -> Scores:
+        scored.append(int(np.prod(field.shape)) * width)
+        return measured(spec, field, *rest)
+
+    monkeypatch.setattr(contest, "measured", counted)
+    assert ranked.change is not None
+
+    assert sum(scored) + counterfactual._LOOK * len(scored) <= counterfactual.MOST_WORK
+    assert bool(ranked.change.names) != bool(ranked.change.obstacle)
+
+
+def test_nothing_is_searched_before_somebody_asks_for_it() -> None:
+    market = Driver()
+    market.register()
+    market.scene()
+    market.bid()
+    sent, published = (
+        next(i for i, effect in enumerate(market.effects) if isinstance(effect, kind))
+        for kind in (SendGoal, PublishAuction)
+    )
+
+    assert sent < published, "the winner does not wait for the words"
+    assert "change" not in vars(market.auction.decision.ranked)
+    assert "would have won" in market.auction.explanation
+    assert "change" in vars(market.auction.decision.ranked)
 
 
 def test_a_single_bid_has_no_runner_up() -> None:

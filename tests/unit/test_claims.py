@@ -13,6 +13,7 @@ from bt_agents.cli.main import bt_agents
 from bt_agents.experiment import closed_form
 from bt_agents.language.experiment_reader import read_experiment
 from bt_agents.language.folder_reader import read_trees
+from bt_agents_lab.experiments import claims, drawing
 from bt_agents_lab.experiments.core import through_core
 from bt_agents_lab.experiments.replicas import luck_of, replicas, with_seed, world_of
 from bt_agents_lab.experiments.verdicts import Claim, judged, percent
@@ -89,16 +90,21 @@ def test_a_share_that_is_not_all_is_not_rounded_to_all():
     ]
 
 
-def test_the_command_draws_all_figures_alike_each_time_and_judges_all_claims(tmp_path):
+def test_the_command_draws_all_figures_alike_each_time_and_judges_all_claims(
+    tmp_path, monkeypatch
+):
+    # Small pictures are as good, and cheaper.
+    monkeypatch.setattr(drawing, "_PNG_DPI", 30)
     folders = (tmp_path / "one", tmp_path / "two")
-    for folder in folders:
-        words = ["experiment", "plot", "--seeds", "6", "--output", str(folder)]
+    for folder, what in zip(folders, ("all", "3"), strict=True):
+        words = ["experiment", "plot", what, "--seeds", "3", "--output", str(folder)]
         result = CliRunner().invoke(bt_agents, words, catch_exceptions=False)
         assert result.exit_code == 0, result.output
     names = {path.name for path in folders[0].iterdir()}
     figures = {f"figure-{n}.{kind}" for n in range(5, 10) for kind in ("svg", "png")}
     assert names == figures | {"verdicts.md", "verdicts.json"}
-    for name in names:
+    # Bands, chance, marks and legends are all in the last figure.
+    for name in ("figure-9.svg", "figure-9.png"):
         assert (folders[0] / name).read_bytes() == (folders[1] / name).read_bytes(), name
     verdicts = json.loads((folders[0] / "verdicts.json").read_text())
     words = {verdict["claim"]["name"]: verdict["verdict"] for verdict in verdicts}
@@ -106,6 +112,16 @@ def test_the_command_draws_all_figures_alike_each_time_and_judges_all_claims(tmp
     assert words["Convergence"] == words["Speed follows the rate"] == "holds"
     assert words["A moderate rate stays robust under noise"].startswith("fails")
     assert all(verdict["reason"] or verdict["held"] == verdict["runs"] for verdict in verdicts)
+    assert json.loads((folders[1] / "verdicts-3.json").read_text()) == verdicts[-2:]
+
+
+def test_a_distance_that_is_never_reached_is_said_to_be_never_reached():
+    folder, spec = opened("1")
+    short = claims.Paper(folder=folder, spec=spec.shortened(5))
+    convergence, speed = claims.first(short, [0])
+    assert convergence.words == speed.words == "fails"
+    assert "after 5 cycles at rate 0.2, never below 0.05;" in convergence.found
+    assert speed.found == "never at rate 0.05, never at rate 0.2, never at rate 0.5"
 
 
 def test_the_figures_of_the_documents_are_small():

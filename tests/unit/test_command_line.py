@@ -56,3 +56,10 @@ def test_the_version_is_told_without_loading_any_command() -> None:
     assert loaded == str(
         ["bt_agents.cli", "bt_agents.cli.main", "bt_agents.errors", "bt_agents.interrupt"]
     )
+
+
+def test_the_memory_is_not_kept_in_the_file_of_the_ledger(tmp_path):
+    ledger = str(tmp_path / "l.sqlite")
+    result = CliRunner().invoke(bt_agents, ["up", "--memory", ledger, "--ledger", ledger])
+    assert result.exit_code == 2
+    assert "--memory names the ledger" in result.output

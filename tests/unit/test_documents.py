@@ -256,3 +256,18 @@ def test_every_node_of_a_launch_file_is_an_executable_of_its_package(path: Path)
     for node in nodes:
         setup = (folders[node["pkg"]] / "setup.py").read_text()
         assert f'"{node["exec"]} = ' in setup, node
+
+
+@pytest.mark.parametrize("folder", ["", "/data/day"])
+def test_a_launched_system_keeps_a_journal_only_where_it_is_told_to(folder: str) -> None:
+    entries = yaml.safe_load((ROOT / "bringup" / "launch" / "system.launch.yaml").read_text())
+    arguments = {e["arg"]["name"]: e["arg"] for e in entries["launch"] if "arg" in e}
+    assert arguments["journal"]["default"] == ""
+    [node] = [
+        entry["node"]
+        for entry in entries["launch"]
+        if "node" in entry and entry["node"]["pkg"] == "bt_agents_lab"
+    ]
+    assert {"name": "folder", "value": "$(var journal)", "type": "str"} in node["param"]
+    [condition] = re.findall(r'^\$\(eval "(.*)"\)$', node["if"])
+    assert eval(condition.replace("$(var journal)", folder)) is bool(folder)

@@ -25,6 +25,8 @@ class Desk:
         self.today = date(2026, 3, 1)
         self.told: list[str] = []
         self.full = False
+        self.room = 0
+        self.error = errno.ENOSPC
         self.folder = folder
         self.journal = Journal(
             folder,
@@ -35,8 +37,8 @@ class Desk:
         )
 
     def _write(self, file: int, data: bytes, at: int) -> int:
-        if self.full:
-            raise OSError(errno.ENOSPC, "No space left on device")
+        if self.full and len(data) > self.room:
+            raise OSError(self.error, os.strerror(self.error))
         return os.pwrite(file, data, at)
 
     def hear(self, *numbers: int, fact: str = "", size: int = 0) -> None:
@@ -134,6 +136,52 @@ def test_a_full_disk_at_midnight_keeps_the_old_file_until_there_is_room(desk: De
     desk.flush()
     kept = ticks(desk.file("2026-03-01")) + ticks(desk.file("2026-03-02"))
     assert kept == [1, 2, 3]
+
+
+def test_a_disk_with_room_for_the_head_of_a_file_only_loses_nothing_at_midnight(
+    desk: Desk,
+) -> None:
+    desk.hear(1)
+    desk.flush()
+    desk.full, desk.room = True, 60
+    desk.hear(2, 3, size=2000)
+    desk.flush()
+    desk.today += timedelta(days=1)
+    desk.hear(4)
+    desk.flush()
+    assert not desk.file("2026-03-02").exists()
+    desk.full = False
+    desk.flush()
+    desk.hear(5)
+    desk.flush()
+    assert ticks(desk.file("2026-03-01")) == [1, 2, 3, 4]
+    assert ticks(desk.file("2026-03-02")) == [5]
+
+
+def test_what_is_lost_at_the_end_is_said(tmp_path: Path) -> None:
+    desk = Desk(tmp_path / "journal")
+    desk.hear(1)
+    desk.flush()
+    desk.full = True
+    desk.hear(2, 3, 4)
+    desk.journal.close()
+    assert "3 messages are lost" in desk.told[-1]
+    assert ticks(desk.file("2026-03-01")) == [1]
+
+
+@pytest.mark.parametrize("number", [errno.EIO, errno.EROFS])
+def test_another_trouble_than_a_full_disk_is_not_called_one(desk: Desk, number: int) -> None:
+    desk.hear(1)
+    desk.flush()
+    desk.full, desk.error = True, number
+    desk.hear(2)
+    desk.flush()
+    [words] = desk.told
+    assert words.startswith("STORAGE_FAILED")
+    assert os.strerror(number) in words
+    desk.full = False
+    desk.flush()
+    assert "goes on" in desk.told[-1]
 
 
 def test_the_oldest_files_are_dropped_and_nothing_else(tmp_path: Path) -> None:

@@ -216,6 +216,15 @@ def test_layers_are_bounded_and_the_others_still_learn(monkeypatch):
     with pytest.raises(Refused, match=r"TOO_MANY_LAYERS: guide has .* 2 persons and places"):
         teach(profiles, "carl", where=run("carl"))
     assert set(ages(profiles)) == {"", ANNA, "person/bob"}
+    # Where everybody's profile learns as well, only the person's own is left out.
+    profiles.introduce(card(guide(learning("person", general=0.5)), instance="i2"))
+    before = ages(profiles)
+    change = teach(profiles, "dora", where=run("dora"))
+    assert set(ages(profiles)) == set(before)
+    assert ages(profiles)[""] != before[""]
+    assert "2 persons and places" in change.words
+    assert change.revision.cause.scene_id == ""
+    assert not teach(profiles, "dora", where=run("dora")).fresh
     assert teach(profiles, "again", where=run("bob")).fresh
 
 
@@ -232,3 +241,40 @@ def test_the_share_of_feedback_that_seems_wrong_is_that_of_the_layer():
     assert change.false_rate == pytest.approx(0.2)
     assert profiles.false_rate("guide", ANNA) == pytest.approx(0.2)
     assert math.isnan(profiles.false_rate("guide"))
+
+
+@pytest.mark.parametrize("name", ["a\nb", "a\x1b[2J", "a\0b"])
+def test_a_person_whose_name_is_none_of_a_layer_is_refused(name):
+    profiles = known(learning("person"))
+    with pytest.raises(Refused, match="BAD_LAYER"):
+        teach(profiles, "f1", where=run(name))
+    assert set(ages(profiles)) == {""}
+
+
+def test_a_reason_is_one_line_and_other_texts_with_control_characters_are_refused():
+    profiles = known(learning())
+    target = {"target": (5.0, NAN), "run": None}
+    change = profiles.apply(
+        "guide", Kind.DIRECT, feedback_id="f1", source="me", reason="so\n \x1b[2J far", **target
+    )
+    assert change.revision.cause.reason == "so [2J far"
+    for fields in ({"source": "a\x1b"}, {"feedback_id": "a\0"}, {"leaf": "a\n"}):
+        texts = {"feedback_id": "f2", "source": "me", **fields}
+        with pytest.raises(Refused, match="BAD_TEXT"):
+            profiles.apply("guide", Kind.DIRECT, reason="", **texts, **target)
+
+
+def test_the_share_of_wrong_feedback_is_estimated_once_for_each_revision(monkeypatch):
+    profiles = known(learning("person"))
+    for number in range(9):
+        teach(profiles, f"f{number}", age=2.0 + number % 2, where=run("anna"))
+    asked = []
+    taught = profiles_module.taught
+    monkeypatch.setattr(
+        profiles_module, "taught", lambda *args: asked.append(args) or taught(*args)
+    )
+    first = profiles.false_rate("guide", ANNA)
+    assert (profiles.false_rate("guide", ANNA), asked) == (first, [])
+    fresh = Profiles(SPACE, profiles._ledger)
+    assert [fresh.false_rate("guide", ANNA) for _ in range(2)] == [first, first]
+    assert len(asked) == 1

@@ -105,6 +105,10 @@ def test_freeze_all_stops_all_learning():
             "5:28: error[misplaced-key]: 'width' has nothing to act on here",
         ),
         (
+            "learning: {update: huber, width: {age: 0}}\n",
+            "5:27: error[out-of-range]: 'width' of age is 0, expected more",
+        ),
+        (
             "learning: {general: 0.5}\n",
             "5:12: error[misplaced-key]: 'general' has nothing to act on here",
         ),
@@ -160,6 +164,14 @@ def test_freeze_all_stops_all_learning():
 )  # fmt: skip
 def test_a_mistake_is_one_error_at_its_place(text, line):
     assert errors(text) == [line]
+
+
+def test_a_baseline_belongs_to_a_change_of_the_mood():
+    text = "feedback: [{when: live.age >= 4, give: negative, baseline: 3 s}]\n"
+    assert errors(text) == [
+        "5:50: error[misplaced-key]: 'baseline' has nothing to act on here: the rule does not "
+        "look at mood.change"
+    ]
 
 
 def test_an_unknown_update_says_nothing_about_its_window():

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import itertools
 import math
+from contextlib import suppress
 from dataclasses import replace
 
 import pytest
@@ -15,10 +16,11 @@ from bt_agents.scene import Origin, Scene, SceneParameter, SceneSpace, SceneValu
 from bt_agents.simulated import SimulatedFeedback
 from feedback_node.cards import AgentEntry, Card, LearningEntry, RuleEntry
 from feedback_node.ledger import Ledger
+from feedback_node.ledger_file import LedgerError
 from feedback_node.mood_traces import LeafMood
 from feedback_node.profiles import Profiles
 from feedback_node.runs import Run, Runs
-from feedback_node.teaching import SETTLE_S, Given, Teaching
+from feedback_node.teaching import MOST_UNRECORDED, SETTLE_S, Given, Teaching
 
 NAN = math.nan
 SPACE = SceneSpace(
@@ -30,6 +32,15 @@ SPACE = SceneSpace(
 )
 WORSE = RuleEntry(when="mood.change <= -1", hold_s=1.0, give=2, cancel=True)
 GUIDE = AgentEntry(name="guide", profile=(3.0, 3.0), revision=0, learning_rate=0.5, rules=(WORSE,))
+PERSONS = LearningEntry(
+    update="plain",
+    rates=(NAN, NAN),
+    width=(1.0, 1.0),
+    window=5,
+    drift=(NAN, NAN),
+    layers=("person",),
+    general=0.0,
+)
 EXPRESS = AgentEntry(name="express", profile=(2.0, 3.0), revision=0, learning_rate=0.5)
 CARD = Card(host="/agents", instance="i1", parameters=SPACE.names, agents=(GUIDE, EXPRESS))
 
@@ -517,3 +528,77 @@ def test_the_third_experiment_of_the_paper_keeps_each_agent_on_its_own_feedback(
         room.teaching.collect(run(number, "guide" if number % 2 else "express"))
     assert room.profile("guide") == pytest.approx((5.0, 5.0), abs=1e-4)
     assert room.profile("express") == pytest.approx((1.0, 1.0), abs=1e-4)
+
+
+def full(room: Room, on: bool) -> None:
+    database = room.profiles._ledger._database
+    pages = database.execute("PRAGMA page_count").fetchone()[0]
+    database.execute(f"PRAGMA max_page_count = {pages if on else 1_000_000}")
+    given = Given(agent="express", kind=3, values=(2.0, 3.0), source="t")
+    for reason in ("long" * 200, "") if on else ():
+        with suppress(LedgerError):
+            for _ in range(1000):
+                room.teaching.give(replace(given, reason=reason))
+
+
+def test_what_a_rule_teaches_while_the_disk_is_full_is_recorded_when_there_is_room():
+    room = Room()
+    room.teaching.started(run())
+    room.teaching.see(scene(5.0, 2.5))
+    full(room, on=True)
+    room.now = 1.0
+    (lesson,) = room.teaching.tick()
+    assert lesson.change is None
+    assert "STORAGE_FULL" in lesson.problem
+    assert lesson.problem.endswith("; it is tried again until there is room")
+    assert lesson.stop is not None
+    assert room.teaching.again() == ()
+    room.teaching.ended(run())
+    full(room, on=False)
+    (late,) = room.teaching.again()
+    assert late.change is not None
+    assert (late.change.after, late.stop) == ((2.5, 2.75), None)
+    assert room.profiles.recorded("rule/e/1/guide/0") is not None
+    assert room.teaching.again() == ()
+
+
+def test_what_rules_teach_while_the_disk_is_full_is_bounded():
+    room = Room()
+    full(room, on=True)
+    problems = []
+    for number in range(1, MOST_UNRECORDED + 2):
+        room.teaching.started(run(number))
+        room.teaching.see(scene(5.0, 2.5))
+        room.now += 1.0
+        problems += [lesson.problem for lesson in room.teaching.tick()]
+        room.teaching.ended(run(number))
+    assert len(problems) == MOST_UNRECORDED + 1
+    assert ["lost is that of guide in round 1" in one for one in problems[-2:]] == [False, True]
+    full(room, on=False)
+    assert len(room.teaching.again()) == MOST_UNRECORDED
+
+
+def test_a_row_of_a_prepared_list_is_not_used_up_by_a_full_disk():
+    rows = SimulatedFeedback(sequence=((1.0, NAN), (2.0, NAN), (5.0, NAN)))
+    room = Room(rows)
+    assert room.teaching.collect(run(1)) is not None
+    full(room, on=True)
+    with pytest.raises(Refused, match="STORAGE_FULL"):
+        room.teaching.collect(run(2))
+    full(room, on=False)
+    change = room.teaching.collect(run(2))
+    assert change is not None
+    assert change.target[0] == 2.0
+
+
+def test_late_repetitions_of_forgotten_feedback_of_any_kind_are_known():
+    room = Room(card=replace(CARD, agents=(replace(GUIDE, learning=PERSONS), EXPRESS)))
+    anna = replace(scene(5.0, 4.0), person_id="anna")
+    given = Given(feedback_id="x", agent="guide", kind=1, source="me", scene=anna)
+    assert room.teaching.give(given).fresh
+    room.profiles._ledger.forget([("guide", "person/anna")])
+    room.profiles.gone([("guide", "person/anna")])
+    again = room.teaching.give(given)
+    assert (again.fresh, "forgotten since" in again.words) == (False, True)
+    with pytest.raises(Refused, match="FEEDBACK_ID_TAKEN"):
+        room.teaching.give(replace(given, agent="express"))

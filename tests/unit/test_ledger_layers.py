@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import shutil
 import sqlite3
+import time
 from collections.abc import Iterator
 from contextlib import closing
 from pathlib import Path
@@ -192,3 +193,83 @@ def test_a_crash_before_the_traces_are_gone_is_made_good_at_the_next_start(tmp_p
     with Ledger(after) as ledger:
         ledger.tidy()
         assert traces(after, "anna") == []
+
+
+def test_a_reader_does_not_make_the_log_grow_while_traces_wait_to_go(tmp_path):
+    path = tmp_path / "ledger.sqlite"
+    log = path.with_name(path.name + "-wal")
+    with Ledger(path) as ledger, closing(sqlite3.connect(path, isolation_level=None)) as reader:
+        ledger.enter({"guide": FIRST})
+        begin(ledger)
+        for number in range(50):
+            teach(ledger, f"long{number}" * 100)
+        reader.execute("BEGIN")
+        reader.execute("SELECT count(*) FROM revision").fetchone()
+        assert ledger.forget([("guide", ANNA)])
+        size = log.stat().st_size
+        begun = time.perf_counter()
+        assert [ledger.tidy() for _ in range(5)] == [False] * 5
+        # Each would wait half a second for the reader otherwise.
+        assert time.perf_counter() - begun < 1.5
+        assert log.stat().st_size == size
+        reader.execute("ROLLBACK")
+        assert ledger.tidy()
+        assert traces(path, "anna") == []
+
+
+def test_a_rewriting_that_fails_is_tried_ever_more_seldom(tmp_path):
+    with Ledger(tmp_path / "ledger.sqlite") as ledger:
+        ledger.enter({"guide": FIRST})
+        begin(ledger)
+        tried = []
+        # As a full disk refuses it.
+        ledger._database.set_authorizer(lambda *_: sqlite3.SQLITE_OK)
+        ledger._scrubber.scrub = lambda: tried.append(True) or "full"
+        assert ledger.forget([("guide", ANNA)]) == "full"
+        del tried[:]
+        for _ in range(200):
+            assert not ledger.tidy()
+        assert len(tried) == 8
+        del ledger._scrubber.scrub
+        while not ledger.tidy():
+            pass
+
+
+def test_layers_are_counted_without_those_that_were_forgotten(ledger):
+    for name in ("anna", "bob", "carl"):
+        begin(ledger, f"person/{name}")
+        teach(ledger, name, f"person/{name}")
+    ledger.forget([("guide", "person/bob")])
+    assert ledger.count_layers("guide") == len(ledger.layers("guide")) == 2
+    assert ledger.count_layers("nobody") == 0
+
+
+def test_feedback_is_counted_once_for_all_of_its_layers(ledger):
+    begin(ledger)
+    for feedback_id in ("s/1/a", "s/1/b", "s/2/a", "s"):
+        teach(ledger, feedback_id, ANNA)
+        teach(ledger, feedback_id)
+    assert (ledger.count("s/1/"), ledger.count("s/"), ledger.count("t")) == (
+        {"guide": 2},
+        {"guide": 3},
+        {},
+    )
+
+
+def test_what_the_author_wrote_is_read_once_and_never_from_a_change_that_was_undone(ledger):
+    for number in range(100):
+        teach(ledger, f"f{number}")
+    read = []
+    select = ledger._select
+    ledger._select = lambda *args: read.append(args) or select(*args)
+    ledger._written.clear()
+    assert ledger.authored("guide") == FIRST
+    assert len(read) < 10
+    del read[:]
+    assert (ledger.authored("guide"), read) == (FIRST, [])
+    bad = {"guide": {"age": 1.0, "mood": 3.0}, "new": {"age": float("nan")}}
+    with pytest.raises(LedgerError):
+        ledger.enter(bad)
+    assert ledger.authored("guide") == FIRST
+    ledger.enter({"guide": {"age": 1.0, "mood": 3.0}})
+    assert ledger.authored("guide") == {"age": 1.0, "mood": 3.0}

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import errno
 import sqlite3
 from contextlib import closing
 from pathlib import Path
@@ -12,9 +13,10 @@ from click.testing import CliRunner
 
 from bt_agents.cli.main import bt_agents
 from bt_agents.errors import Refused
+from feedback_node import ledger_head
 from feedback_node.ledger import Ledger
 from feedback_node.ledger_file import LedgerError
-from feedback_node.ledger_head import head_path
+from feedback_node.ledger_head import Head, HeadFile, head_path
 from feedback_node.ledger_rows import LAYER, Cause
 from feedback_node.recovery import inspect, recover
 
@@ -190,3 +192,71 @@ def test_the_commands_check_and_recover_say_what_they_found(tmp_path):
     assert "LEDGER_CORRUPT: row 7, behind revision 3 of guide (row 6): the chain" in bad.output
     saved = run(bt_agents, ["profile", "recover", str(path), str(tmp_path / "new.sqlite")])
     assert saved.output == f"6 revisions copied to {tmp_path / 'new.sqlite'}\n"
+
+
+def test_a_ledger_of_format_1_behind_the_head_of_a_rewritten_one_is_not_used(tmp_path):
+    path = tmp_path / "ledger.sqlite"
+    old_ledger(path)
+    with Ledger(path) as ledger:
+        ledger.append("guide", {"age": 1.0, "mood": 3.0}, Cause(feedback_id="acknowledged"))
+    path.unlink()
+    old_ledger(path)
+    before = [one.read_bytes() for one in (path, head_path(path))]
+    words = r"LEDGER_CUT_OFF.*format 1, but 9 revisions of format 2 were acknowledged"
+    with pytest.raises(LedgerError, match=words):
+        Ledger(path)
+    assert [one.read_bytes() for one in (path, head_path(path))] == before
+
+
+def test_a_ledger_that_was_rewritten_needs_its_log_no_more(tmp_path):
+    path = tmp_path / "ledger.sqlite"
+    old_ledger(path)
+    copy = tmp_path / "copy.sqlite"
+    with Ledger(path):
+        # Without the log, and with the head.
+        copy.write_bytes(path.read_bytes())
+        head_path(copy).write_bytes(head_path(path).read_bytes())
+    assert inspect(copy).code == ""
+
+
+def test_a_head_is_never_replaced_by_an_older_one(tmp_path):
+    file = HeadFile(tmp_path / "head")
+    file.write(Head(number=5, chain=bytes(32)))
+    with pytest.raises(ValueError, match="row 4 is to be the newest, but row 5 was acknowledged"):
+        file.write(Head(number=4, chain=bytes(32)))
+    assert file.head.number == 5
+    file.close()
+
+
+def test_what_is_written_after_the_files_were_moved_away_is_not_acknowledged(tmp_path):
+    path = tmp_path / "ledger.sqlite"
+    with Ledger(path) as ledger:
+        ledger.enter({"guide": {"age": 1.0}})
+        head = head_path(path)
+        head.rename(tmp_path / "away")
+        head.write_bytes(b"another")
+        with pytest.raises(LedgerError, match=r"LEDGER_FAILED.*stop the node"):
+            ledger.append("guide", {"age": 2.0}, Cause())
+
+
+def test_a_link_to_a_ledger_is_the_same_ledger(tmp_path):
+    path, link = tmp_path / "ledger.sqlite", tmp_path / "elsewhere" / "link"
+    link.parent.mkdir()
+    link.symlink_to(path)
+    with Ledger(path) as ledger:
+        ledger.enter({"guide": {"age": 1.0}})
+        with pytest.raises(LedgerError, match="LEDGER_IN_USE"):
+            Ledger(link)
+    with Ledger(link) as ledger:
+        assert ledger.current("guide") is not None
+    assert list(link.parent.iterdir()) == [link]
+
+
+def test_a_new_ledger_on_a_full_disk_says_so_and_leaves_nothing_behind(tmp_path, monkeypatch):
+    def full(_: int) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(ledger_head.os, "fsync", full)
+    with pytest.raises(LedgerError, match=r"STORAGE_FULL.*make room"):
+        Ledger(tmp_path / "ledger.sqlite")
+    assert [one.name for one in tmp_path.iterdir()] == ["ledger.sqlite.lock"]

@@ -119,7 +119,15 @@ def document(*profiles: Any, **fields: Any) -> str:
         (document({**GOOD, "layer": "forgotten/3"}), "BAD_LAYER"),
         (document({**GOOD, "layer": "person/" + "x" * 300}), "BAD_LAYER"),
         (document({**GOOD, "agent": "nobody"}, GOOD), "UNKNOWN_AGENT"),
-        (document({**GOOD, "agent": "\ud800"}), "UNKNOWN_AGENT"),
+        (document({**GOOD, "agent": "\ud800"}), "BAD_DOCUMENT"),
+        (document(GOOD, id="\ud800"), "BAD_DOCUMENT"),
+        (document(GOOD, id="a\nb"), "BAD_DOCUMENT"),
+        (document({**GOOD, "layer": "person/\ud800"}), "BAD_LAYER"),
+        (document({**GOOD, "layer": "person/a\0b"}), "BAD_LAYER"),
+        (document({**GOOD, "changes": -1}), "BAD_DOCUMENT"),
+        (document({**GOOD, "changes": True}), "BAD_DOCUMENT"),
+        (document({**GOOD, "changes": 1.5}), "BAD_DOCUMENT"),
+        (document({**GOOD, "changes": 10**400}), "BAD_DOCUMENT"),
         (" " * 4_000_001, "TOO_LONG"),
     ],
 )
@@ -184,3 +192,21 @@ def test_an_order_that_makes_no_sense_is_refused_by_name(desk, action, fields, c
         desk.do(action, **fields)
     assert refused.value.code == code
     assert desk.profiles.table() == before
+
+
+def test_an_import_keeps_how_much_has_been_taught(desk):
+    for number in range(10):
+        desk.teach(f"f{number}")
+    document_of_ten = desk.do(Action.EXPORT, agent="guide").document
+    desk.do(Action.RESET, agent="guide")
+    desk.do(Action.IMPORT, document=document_of_ten)
+    (told,) = desk.told(Action.HISTORY, agent="guide")["profiles"]
+    assert told["changes"] == 10
+
+
+def test_texts_of_an_order_with_control_characters_are_refused(desk):
+    for field in ("reason", "author"):
+        with pytest.raises(Refused, match="BAD_TEXT"):
+            desk.do(Action.RESET, agent="guide", **{field: "a\x1b[2J"})
+    with pytest.raises(Refused, match="BAD_LAYER"):
+        desk.do(Action.HISTORY, agent="guide", layer="person/a\nb")

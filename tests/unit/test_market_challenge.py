@@ -408,3 +408,86 @@ def test_a_challenge_stops_nothing_once_scenes_are_to_wait() -> None:
 
     assert market.status.state is State.RUNNING
     assert market.status.queued == 1
+
+
+def stopped_for_s2(market: Driver, **first: tuple[float, ...]) -> tuple[str, str, str]:
+    """Let s2 preempt; return who ran, who is named for it, and who gets it."""
+    ran = market.goal.agent
+    market.scene("s2", 3.25, 4.5, 3.0)
+    market.bid(vectors=first or None, round=market.calls[-1].round)
+    named = market.auction.decision
+    if named.outcome is not Outcome.PREEMPTS or named.winner is None:
+        return ran, "", ""
+    market.end(outcome=3)
+    market.bid()
+    return ran, named.winner.agent, market.goal.agent
+
+
+@pytest.mark.parametrize(
+    ("strategy", "options"),
+    [
+        ("softmax", {"softmax.temperature": 2.0}),
+        ("epsilon_greedy", {"epsilon_greedy.epsilon": 0.5}),
+        ("thompson", {"thompson.sigma": 0.5}),
+    ],
+)
+def test_whatever_chance_says_the_agent_that_is_named_gets_the_run(
+    strategy: str, options: dict[str, float]
+) -> None:
+    stops = 0
+    for skipped in range(40):
+        market = Driver(
+            on_new_scene="preempt", preempt_cooldown_s=0.0, strategy=strategy, options=options
+        )
+        market.register()
+        for number in range(skipped % 8):
+            market.scene(f"before{number}")
+            market.cancel()
+        market.scene("s1", 5.0 - skipped / 64, 1.0, 3.0)
+        market.bid()
+        market.accept()
+        ran, named, gets = stopped_for_s2(market)
+        stops += bool(named)
+        assert gets == named
+        assert not named or gets != ran
+    assert stops > 3
+
+
+def test_who_did_not_answer_in_time_is_not_stopped_for_itself() -> None:
+    market = Driver(on_new_scene="preempt")
+    market.run()
+
+    ran, named, gets = stopped_for_s2(market, **{EXPRESS: (3.0, 5.0, 3.5)})
+    assert (ran, named, gets) == (GUIDE, EXPRESS, EXPRESS)
+    assert market.calls[-1].excluded == (GUIDE,)
+    assert "its run was stopped for scene 's2'" in market.auction.explanation
+
+
+def test_a_program_outside_cannot_have_an_agent_stopped_for_itself() -> None:
+    market = Driver(on_new_scene="preempt", strategy="external")
+    market.register()
+    market.scene()
+    market.bid()
+    market.ranked(GUIDE)
+    market.accept()
+    market.scene("s2", 3.25, 4.5, 3.0)
+    market.bid(round=2)
+    market.ranked(EXPRESS)
+    assert outcome(market) is Outcome.PREEMPTS
+    market.end(outcome=3)
+
+    assert market.calls[-1].excluded == (GUIDE,)
+
+
+def test_an_urgent_scene_does_not_wait_for_a_ranking_from_outside() -> None:
+    market = Driver(on_new_scene="preempt", strategy="external")
+    market.register()
+    market.scene()
+    market.bid()
+    market.ranked(GUIDE)
+    market.accept()
+    market.scene("s2", urgent=True)
+    market.bid(round=2)
+
+    assert outcome(market) is Outcome.PREEMPTS
+    assert [question.round for question in market.questions] == [1]

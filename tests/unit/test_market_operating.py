@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+import json
+
 import pytest
 
 from bt_agents.errors import Refused
@@ -139,7 +141,7 @@ def test_an_award_beats_every_nearer_agent(market: Driver) -> None:
     words = market.operate(Act.AWARD, EXPRESS, author="anna", reason="she asked for it")
     market.bid(vectors={EXPRESS: (3.0, 5.0, 3.5)})
 
-    assert words == "professional_express gets the run for scene 's1+award1' if it bids"
+    assert words == "professional_express gets the run for scene 's1' if it bids"
     assert market.goal.agent == EXPRESS
     said = "anna gives the run to professional_express: she asked for it"
     assert refusals(market) == {GUIDE: ("NOT_AWARDED", said)}
@@ -260,10 +262,50 @@ def test_a_market_that_is_started_again_has_the_pins_and_vetoes_of_the_last(
     assert (again.status.pinned, again.status.vetoed) == (EXPRESS, (GUIDE,))
 
 
+def test_a_market_that_is_started_again_goes_on_counting_runs() -> None:
+    market = Driver(starvation_rounds=1, strategy="ucb")
+    market.run()
+    again = Driver(starvation_rounds=1, strategy="ucb")
+    again.register()
+    _, effects = again.market.restore_orders(market.all(KeepOrders)[-1].text, again.now)
+    again.do(effects)
+    assert again.status.starved == (EXPRESS,)
+    again.scene()
+    again.bid()
+
+    terms = again.auction.decision.terms
+    assert (terms.runs, terms.last_run) == ({GUIDE: 1}, {GUIDE: 1})
+    assert (terms.rounds_run, terms.earlier_runs) == (1, 1)
+    again.accept()
+    assert json.loads(again.all(KeepOrders)[-1].text)["runs"] == {GUIDE: 2}
+
+
+def test_the_scene_of_an_award_is_named_as_people_know_it(market: Driver) -> None:
+    market.run()
+    market.end()
+    market.collect()
+    market.operate(Act.AWARD, EXPRESS)
+
+    assert "'s1'" in market.operate(Act.AWARD, EXPRESS)
+
+
+def test_who_is_vetoed_in_the_run_is_said_to_be_so_once(market: Driver) -> None:
+    market.run()
+    market.operate(Act.VETO, GUIDE, reason="too slow")
+    market.end(outcome=3)
+    market.collect()
+    market.bid(vectors={EXPRESS: (3.0, 5.0, 3.5)})
+
+    lines = market.auction.explanation.splitlines()
+    assert sum("attentive_guide may not bid" in line for line in lines) == 1
+
+
 @pytest.mark.parametrize(
     "text",
     [
         "",
+        '{"pinned": null, "vetoed": {}, "runs": {"ann": -1}}',
+        '{"pinned": null, "vetoed": {}, "in_vain": [1]}',
         "{",
         "[]",
         "{}",

@@ -6,7 +6,8 @@ from __future__ import annotations
 import pytest
 
 from market_driver import EXPRESS, GUIDE, Driver
-from marketplace_node.effects import Alarm, PublishAuction
+from marketplace_node.decision import Outcome
+from marketplace_node.effects import Alarm, Collect, PublishAuction
 from marketplace_node.settings import Settings
 from marketplace_node.starvation import Starvation
 
@@ -59,8 +60,8 @@ def test_without_a_limit_nobody_is_starved(market: Driver) -> None:
 def test_who_does_not_bid_is_not_starved() -> None:
     starvation = Starvation()
     for _ in range(10):
-        starvation.award("ann", ["ann"])
-    starvation.award("ann", ["ann", "bob"])
+        starvation.ran("ann", ["ann"])
+    starvation.ran("ann", ["ann", "bob"])
 
     assert starvation.starved(2) == ()
     assert starvation.in_vain == {"ann": 0, "bob": 1}
@@ -117,3 +118,42 @@ def test_a_shadow_never_changes_an_award(strategy: str, shadow: str) -> None:
         ]
 
     assert awards(shadow) == awards("")
+
+
+def test_who_runs_as_the_next_best_is_not_starved_and_the_winner_is() -> None:
+    market = Driver(starvation_rounds=3)
+    market.register()
+    for number in range(4):
+        market.scene(f"s{number}")
+        market.bid()
+        market.refuse()
+        market.accept()
+        market.end()
+        market.collect()
+
+    assert {run.goal.agent for run in market.all(Collect)} == {EXPRESS}
+    assert market.status.starved == (GUIDE,)
+
+
+def test_a_scene_that_preempts_is_compared_once() -> None:
+    market = Driver(shadow_strategy="euclidean", on_new_scene="preempt")
+    market.run()
+    market.scene("s2", 3.0, 5.0, 3.5)
+    market.bid(round=2)
+    assert market.auction.decision.outcome is Outcome.PREEMPTS
+    assert market.auction.shadow_rounds == 1
+    market.end(outcome=3)
+    market.bid()
+
+    assert market.auction.shadow_rounds == 2
+
+
+def test_where_another_strategy_had_to_rank_the_shadow_is_not_compared() -> None:
+    market = Driver(strategy="external", shadow_strategy="manhattan")
+    market.register()
+    market.scene()
+    market.bid()
+    market.ranked(failure="no")
+
+    assert market.auction.decision.shadow_winner
+    assert market.auction.shadow_rounds == 0

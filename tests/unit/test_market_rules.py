@@ -43,6 +43,7 @@ def test_the_first_rule_that_holds_says_who_wins_and_the_rest_go_by_distance() -
     assert found.precedence == "rule 2: scene.age <= 4"
     assert found.bids[0].score == -1.0
     assert found.bids[0].distance == 6.0
+    assert found.bids[0].bonus == 0.0, "a place is no exploration"
 
 
 def test_agents_of_a_rule_come_in_its_order_and_those_that_do_not_bid_are_passed_over() -> None:

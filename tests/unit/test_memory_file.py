@@ -117,12 +117,13 @@ def test_a_file_that_is_no_text_any_more_or_too_large_is_damaged(tmp_path: Path)
 
 
 @pytest.mark.parametrize(
-    "content", [b"SQLite format 3\x00", b"\xff\xfe", b"[]", b"null", b'{"format": 2}', b"format: 1"]
+    "content",
+    [b"SQLite format 3\x00", b"\xff\xfe", b"[]", b"null", b'{"format": 2}', b"format: 1"],
 )
 def test_a_file_of_another_program_is_not_called_damaged(tmp_path: Path, content: bytes) -> None:
     path = tmp_path / "ledger.sqlite"
     path.write_bytes(content)
-    with pytest.raises(BtAgentsError, match="is not a memory.*name another file") as refused:
+    with pytest.raises(BtAgentsError, match=r"is not a memory.*name another file") as refused:
         memory_file.read(path, SPACE, NOW)
     assert not isinstance(refused.value, memory_file.DamagedMemoryError)
 

@@ -216,6 +216,54 @@ def test_a_server_that_is_not_there_is_named() -> None:
     assert f"127.0.0.1:{port}" in caught.value.reason
 
 
+def test_a_name_that_nobody_looks_up_in_time_is_not_waited_for(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    over = threading.Event()
+
+    def hangs(*_: object, **__: object) -> list[object]:
+        over.wait(20.0)
+        return []
+
+    monkeypatch.setattr(socket, "getaddrinfo", hangs)
+    start = time.monotonic()
+    with pytest.raises(Refused) as caught:
+        post("http://x.example/v1", {}, b"", limit_s=0.1, most=10)
+    took = time.monotonic() - start
+    over.set()
+
+    assert caught.value.code == "TOO_LATE"
+    assert took < 10.0
+
+
+def test_many_addresses_share_the_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    limits: list[float] = []
+
+    class Silent(socket.socket):
+        def settimeout(self, value: float | None) -> None:
+            limits.append(value or 0.0)
+
+        def connect(self, address: object) -> None:
+            raise TimeoutError("no answer")
+
+    address = (socket.AF_INET, socket.SOCK_STREAM, 6, "", ("127.0.0.1", 9))
+    monkeypatch.setattr(socket, "getaddrinfo", lambda *_, **__: [address] * 4)
+    monkeypatch.setattr(socket, "socket", Silent)
+    with pytest.raises(Refused) as caught:
+        post("http://x.example/v1", {}, b"", limit_s=8.0, most=10)
+
+    assert caught.value.code == "TOO_LATE"
+    assert len(limits) == 4
+    assert limits[0] <= 2.0
+
+
+def test_a_name_that_cannot_be_in_a_certificate_is_refused(server: ModelServer) -> None:
+    port = server.url.split(":")[2].split("/")[0]
+    with pytest.raises(Refused) as caught:
+        post(f"https://127.0.0.1.:{port}/v1", {}, b"", limit_s=2.0, most=10)
+    assert caught.value.code == "UNREACHABLE"
+
+
 def test_plain_http_behind_https_is_refused(server: ModelServer) -> None:
     with pytest.raises(Refused) as caught:
         post(server.url.replace("http:", "https:"), {}, b"", limit_s=2.0, most=10)

@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+import re
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from types import SimpleNamespace
@@ -16,6 +18,7 @@ from bt_agents.cli.main import bt_agents
 from bt_agents.errors import Refused
 from bt_agents.ros import client
 from desk import Desk
+from feedback_node.ledger_rows import Cause
 from feedback_node.management import Action
 
 ANNA = "person/anna"
@@ -128,14 +131,61 @@ def test_forgetting_asks_first_and_tells_the_scene_layer_as_well(room):
 def test_an_age_is_in_days_weeks_or_the_usual_units(room, text, seconds):
     room.desk.layer(ANNA)
     room.desk.now += seconds - 1
-    assert room.run("expire", "--older", text).output == "nothing to forget\n"
+    expire = ("expire", "--yes", "--older", text)
+    assert room.run(*expire).output == "nothing to forget\n"
     room.desk.now += 2
-    assert room.run("expire", "--older", text, "--kind", "place").output == "nothing to forget\n"
-    assert room.run("expire", "--older", text).output == "1 profile forgotten\n"
-    assert "BAD_AGE: --older soon" in str(room.run("expire", "--older", "soon").exception)
+    assert room.run(*expire, "--kind", "place").output == "nothing to forget\n"
+    assert room.run(*expire).output == "1 profile forgotten\n"
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [("90", "without a unit"), ("1.5", "without a unit"), ("-3d", "more than 0"), ("soon", "90d")],
+)
+def test_an_age_without_a_unit_or_below_0_forgets_nobody(room, text, words):
+    room.desk.layer(ANNA)
+    refused = room.run("expire", "--yes", f"--older={text}").exception
+    assert f"BAD_AGE: --older {text}: " in str(refused)
+    assert words in str(refused)
+    assert room.asked == []
+
+
+def test_expiring_shows_who_would_be_forgotten_and_asks(room):
+    room.desk.now = time.time() - 200 * 86_400.0
+    room.desk.layer(ANNA)
+    room.desk.layer("place/lobby")
+    room.desk.now = time.time()
+    room.desk.layer("person/bob")
+    asked = room.run("expire", "--older", "90d", "--kind", "person", answer="n\n")
+    assert (asked.exit_code, "person/anna" in asked.output) == (1, True)
+    assert "bob" not in asked.output
+    assert "lobby" not in asked.output
+    assert room.asked == [("feedback", "HISTORY")]
+    done = room.run("expire", "--older", "90d", answer="y\n")
+    assert done.output.splitlines()[-1] == "2 profiles forgotten"
+    assert room.run("expire", "--older", "90d").output == "nothing to forget\n"
+
+
+def test_what_a_terminal_would_obey_is_written_out(room):
+    room.desk.ledger.append("guide", {"age": 4.0}, Cause(reason="a\x1b[2Jb\nc", source="x\r"))
+    lines = room.run("history", "guide").output
+    assert "\x1b" not in lines
+    assert r"a\x1b[2Jb\nc" in lines
+    assert r"x\r" in lines
 
 
 def test_a_refusal_is_said_in_its_own_words(room):
     assert str(room.run("undo", "nobody").exception) == (
         "UNKNOWN_AGENT: no agent 'nobody'; known are: express, guide"
     )
+
+
+def test_numbers_dates_and_heads_stay_whole_in_a_narrow_terminal(room, monkeypatch):
+    room.desk.layer("person/" + "somebody" * 9)
+    monkeypatch.setattr(command, "_WIDE", 80)
+    lines = room.run().output.splitlines()
+    assert max(map(len, lines)) <= 80
+    for head in ("revision", "feedbacks", "changed", "seem wrong", "age", "mood"):
+        assert head in lines[0]
+    row = next(line for line in lines if line.startswith("guide"))
+    assert re.search(r"\d\d-\d\d \d\d:\d\d", row)

@@ -159,7 +159,11 @@ HEAD = json.dumps({"format": 1})
         (['{"format": 2}'], "it begins with the form 2, expected 1"),
         (['{"turn": 1}'], "it begins with the form None, expected 1"),
         ([HEAD, "{}"], "a note has the turn None"),
-        ([HEAD, '{"turn": 2}', '{"turn": 1}'], "a note has the turn 1, expected a later one"),
+        (
+            [HEAD, '{"turn": 2, "quiet": 1}', '{"turn": 1}'],
+            "a note has the turn 1, expected a later one",
+        ),
+        ([HEAD, '{"turn": 2, "quiet": "1"}'], "turn 2 comes after '1' quiet ones"),
         ([HEAD, '{"turn": 99999999999}'], "a note has the turn 99999999999"),
         ([HEAD, "[" * 100_000], "a line is no JSON"),
     ],

@@ -13,7 +13,15 @@ import pytest
 from click.testing import CliRunner
 
 from bt_agents.feedback import Kind
-from bt_agents_interfaces.msg import AgentFiles, Auction, Feedback, HostCard, RunRecord, TreeStatus
+from bt_agents_interfaces.msg import (
+    AgentFiles,
+    Auction,
+    Feedback,
+    HostCard,
+    Run,
+    RunRecord,
+    TreeStatus,
+)
 from bt_agents_lab.cli.replay import replay
 from bt_agents_lab.replay import decisions, lessons, trees
 from bt_agents_lab.replay.decisions import decisions_again
@@ -110,6 +118,12 @@ AUCTIONS: dict[str, Callable[[Any], None]] = {
     "strategy": lambda m: setattr(m, "strategy", "euclidean"),
     "change of the scene": lambda m: m.change_values.__setitem__(0, 1.0),
     "shadow": lambda m: setattr(m, "shadow_winner", "anna"),
+    "outcome": lambda m: setattr(m, "outcome", Auction.NO_BIDS),
+    "winner's id": lambda m: setattr(m, "winner_id", 77),
+    "winner's host": lambda m: setattr(m, "host", "/other"),
+    "sum": _in_bid(lambda bid: setattr(bid, "calculation", "0 = |1−1|")),
+    "reason": lambda m: setattr(m, "reason", "as I like it"),
+    "explanation": lambda m: setattr(m, "explanation", m.explanation + "\nSo it was."),
 }
 
 
@@ -239,7 +253,38 @@ def test_a_gap_in_the_notes_is_no_difference(town: Town, tmp_path: Path) -> None
     numbers = [n for n, one in enumerate(town.said) if isinstance(one.message, RunRecord)]
     found = again(town.keep(tmp_path / "a.mcap", lambda n, m: None if n == numbers[2] else m))
     assert found.different == 0
-    assert "lost" in found.told[0].words
+    assert "notes between the turns 1 and 7 are missing" in found.told[0].words
+
+
+def test_notes_that_never_reached_the_journal_are_missing_and_no_difference(
+    town: Town, tmp_path: Path
+) -> None:
+    notes = [n for n, one in enumerate(town.said) if isinstance(one.message, RunRecord)]
+    for number in notes:
+        found = again_without(town, tmp_path / f"{number}.mcap", number)
+        assert found.different == 0
+        assert [one.verdict for one in found.told] == [Verdict.NOT_RECORDED]
+
+
+def test_changes_of_a_tick_that_never_reached_the_journal_are_missing_and_no_difference(
+    town: Town, tmp_path: Path
+) -> None:
+    statuses = [n for n, one in enumerate(town.said) if isinstance(one.message, TreeStatus)]
+    for number in statuses[:4]:
+        found = again_without(town, tmp_path / f"{number}.mcap", number)
+        assert found.different == 0
+        [finding] = found.told
+        assert "the changes of 1 of" in finding.words
+
+
+def again_without(town: Town, path: Path, number: int) -> Tally:
+    """Return what a replay finds when the journal never heard a message, and so no gap either."""
+    said = town.said
+    town.said = [one for n, one in enumerate(said) if n != number]
+    try:
+        return again(town.keep(path))
+    finally:
+        town.said = said
 
 
 def test_scores_that_depend_on_runs_before_the_journal_are_not_called_different(
@@ -252,6 +297,40 @@ def test_scores_that_depend_on_runs_before_the_journal_are_not_called_different(
     told = [one for one in found.told if one.kind == decisions.KIND]
     assert told
     assert all("does not begin with this market" in one.words for one in told)
+
+
+def test_a_run_that_the_journal_has_not_heard_of_makes_no_score_different(tmp_path: Path) -> None:
+    made = morning(tmp_path / "trees", strategy="ucb", options={"c": 3.0})
+    made.said = [
+        one for one in made.said if not (isinstance(one.message, Run) and one.message.round == 2)
+    ]
+    found = again(made.keep(tmp_path / "a.mcap"))
+    assert found.counts[decisions.KIND, Verdict.EQUAL] == 2
+    assert found.counts[decisions.KIND, Verdict.NOT_RECORDED] == 2
+    assert found.different == 0
+
+
+def test_a_shadow_that_depends_on_runs_before_the_journal_is_not_called_different(
+    tmp_path: Path,
+) -> None:
+    made = Town(tmp_path / "trees", shadow="ucb")
+    for number in range(4):
+        made.round(scene(f"s{number}", age=1.0))
+    assert again(made.keep(tmp_path / "a.mcap")).told == []
+    first = next(n for n, one in enumerate(made.said) if isinstance(one.message, Auction))
+    found = again(made.keep(tmp_path / "b.mcap", lambda n, m: None if n == first else m))
+    assert found.counts == {(decisions.KIND, Verdict.NOT_RECORDED): 3}
+
+    def worse(number: int, message: Any) -> Any:
+        if number == first:
+            return None
+        if isinstance(message, Auction):
+            message = copy.deepcopy(message)
+            message.winner = "bert"
+        return message
+
+    found = again(made.keep(tmp_path / "c.mcap", worse))
+    assert found.different == 3
 
 
 def test_a_missing_value_stays_missing(tmp_path: Path) -> None:

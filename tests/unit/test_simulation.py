@@ -13,8 +13,7 @@ from bt_agents.scene import SceneParameter, SceneSpace
 from bt_agents_lab.experiments.luck import draw
 from bt_agents_lab.experiments.measures import measure, wilson
 from bt_agents_lab.experiments.simulation import simulate
-from bt_agents_lab.experiments.sweep_reader import NOT_SIMULATED
-from bt_agents_lab.experiments.world import Arm, Person, World
+from bt_agents_lab.experiments.world import NOT_SIMULATED, Arm, Person, World
 from marketplace_node import ranking
 from marketplace_node.strategies import STRATEGIES
 from one_run import live
@@ -81,6 +80,20 @@ def test_a_run_does_not_depend_on_which_others_are_played_with_it(strategy):
     # What was drawn for one learning rule serves the next.
     simulate(PERSONS, Arm(strategy=strategy, rule=LearningRule(update=Update.HUBER)), luck, 0.5)
     assert np.array_equal(simulate(PERSONS, arm, luck, 0.2).profiles, together.profiles)
+
+
+def test_a_shorter_run_is_the_beginning_of_a_longer_one():
+    for world, said in ((PAPER, "another"), (PERSONS, "any")):
+        short, long = (draw(world, [5, 9], rounds, said) for rounds in (7, 20))
+        for name in ("scene", "doubt", "said", "whim", "mood", "ties"):
+            assert np.array_equal(getattr(short, name), getattr(long, name)[:, :7]), name
+
+
+def test_no_kind_of_chance_follows_another():
+    luck = draw(PERSONS, [5], 400)
+    kinds = (luck.doubt, (luck.whim + 1.0) / 2.0, luck.ties[..., 0])
+    table = np.corrcoef([kind.ravel() for kind in kinds])
+    assert np.abs(table - np.eye(3)).max() < 0.1
 
 
 def test_the_papers_mechanism_starves_an_agent_in_a_third_of_runs_when_ties_are_random():

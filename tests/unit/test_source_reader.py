@@ -28,8 +28,11 @@ class Faces(FakeInterfaces):
     ) -> str | None:
         """Return why a type has no such field."""
         parts = path.split(".")
-        if parts[-1].isdigit() and parts[0] != "good_list":
+        known = parts[-2:-1] in (["good_list"], ["good_part"])
+        if parts[-1].isdigit() and parts[-2] != "good_list":
             return f"'{parts[0]}' is a single value"
+        if parts[-1] == "-":
+            return f"no field '{path}'" if known else None
         good = all(part.startswith("good") or part.isdigit() for part in parts)
         return None if good else f"no field '{path}'"
 
@@ -77,14 +80,14 @@ def test_every_key_of_a_source_is_read():
             confidence="good_truth",
             std="0.5",
             smoothing="3 s",
-            table="{sad: 1, happy: 5}",
+            table="{1: 1, 2.0: 5}",
             latched="true",
         )
     )
     (one,) = spec.sources
     assert (one.field.text, one.path) == ("msg.good_number + 1", None)
     assert (one.confidence.text, one.std.text) == ("msg.good_truth", "0.5")
-    assert (one.table, one.points) == ((("sad", 1.0), ("happy", 5.0)), ())
+    assert (one.table, one.points) == ((("1", 1.0), ("2", 5.0)), ())
     assert (one.smoothing_s, one.latched, one.stale_after_s) == (3.0, True, 2.0)
     assert not one.per_person
 
@@ -92,6 +95,44 @@ def test_every_key_of_a_source_is_read():
 def test_a_latched_source_needs_no_limit_of_staleness():
     (one,) = scene(source(stale_after="", latched="true")).sources
     assert one.stale_after_s == math.inf
+
+
+def test_a_source_that_is_not_latched_needs_one():
+    assert "needs the key 'stale_after'" in problems(source(stale_after="", latched="false"))[0]
+    tracked = source(field="good_list", id="good_word", stale_after="", latched="false")
+    assert "needs the key 'stale_after'" in problems(SOURCE, persons(tracked=tracked))[0]
+
+
+def test_true_and_false_stand_in_a_table_however_they_are_written():
+    (one,) = scene(source(field="good_truth", table="{True: 5, FALSE: 1}")).sources
+    assert one.table == (("true", 5.0), ("false", 1.0))
+
+
+def test_how_much_nearer_another_must_be_is_a_length():
+    nearest = "{{rule: nearest, source: {{from: tracked, field: good}}, better_by: {}}}"
+    for written, metres in (("30 cm", 0.3), ("0.3", 0.3), ("1 m", 1.0)):
+        spec = scene(more=persons(addressee=nearest.format(written)))
+        assert spec.persons.addressee.better_by == metres
+    assert "0 m or more" in problems(SOURCE, persons(addressee=nearest.format("-1 cm")))[0]
+
+
+def test_a_topic_has_one_type_wherever_it_stands():
+    other = source(type="known_msgs/msg/Y")
+    found = problems(f"[{SOURCE}, {other}]")
+    assert len(found) == 1
+    assert (
+        "the topic 'a' has the type known_msgs/msg/Y here, and known_msgs/msg/X in line 7"
+        in (found[0])
+    )
+    same_as_persons = source(topic="t", type="known_msgs/msg/Y")
+    assert "the topic 't' has the type" in problems(same_as_persons, persons())[0]
+
+
+@pytest.mark.parametrize("name", ["person", "stale", "place", "persons", "person_id"])
+def test_what_a_scene_says_of_itself_is_no_parameter(name):
+    text = f"format: 1\nparameters: {{{name}: {{min: 0, max: 1, default: 0}}}}"
+    with pytest.raises(ReadError, match="has a meaning of its own"):
+        read_scene_text(text, "s.yaml")
 
 
 def test_a_parameter_may_have_several_sources_which_stand_where_they_begin():
@@ -136,7 +177,7 @@ def test_who_came_first_is_addressed_where_nothing_else_is_written():
     assert scene(more=persons(addressee="first")).persons.addressee.rule is AddresseeRule.FIRST
 
 
-def problems(source: str, more: str, parameter: str) -> list[str]:
+def problems(source: str, more: str = "", parameter: str = "") -> list[str]:
     with pytest.raises(ReadError) as found:
         scene(source, more, parameter)
     return [f"error[{d.code}]: {d.message} ({d.hint})" for d in found.value.diagnostics]
@@ -152,7 +193,20 @@ def problems(source: str, more: str, parameter: str) -> list[str]:
         ({"field": "good_word"}, "bad-expression", "table: {happy: 5, sad: 1}"),
         ({"field": "[1]"}, "wrong-type", "expected a text, found a list"),
         ({"field": '"[1, 2]"'}, "bad-expression", "'field' is a list"),
-        ({"field": '"faces[0].age"'}, "bad-name", "faces.0.mood"),
+        ({"field": '"faces[0].age"'}, "bad-name", "write faces.0.age"),
+        ({"field": '"faces[].age"'}, "bad-name", "write field names joined by points"),
+        ({"field": "good_list"}, "bad-expression", "pick an item of it: good_list.0"),
+        ({"field": "msg.good_part"}, "bad-expression", "name a field of it: good_part.…"),
+        ({"confidence": "good_list"}, "bad-expression", "'confidence' is a list"),
+        ({"confidence": "90 %"}, "bad-number", "write 0.9"),
+        ({"confidence": "0"}, "out-of-range", "always 0, which means that nothing was measured"),
+        ({"std": "5 %"}, "bad-number", "in the unit of the reading"),
+        ({"std": "1e200"}, "out-of-range", "0 to 1e+100"),
+        ({"field": "good_truth", "table": "{yes: 5, no: 1}"}, "wrong-type", "write true"),
+        ({"field": "good_number", "table": "{happy: 5}"}, "bad-number", "found 'happy'"),
+        ({"field": "good_number", "table": "{1: 5, 1.0: 4}"}, "duplicate-key", "reading 1 stands"),
+        ({"topic": "p/<Person>/x"}, "bad-ros-name", "write <person>"),
+        ({"stale_after": "", "stale": "1 s"}, "unknown-key", "did you mean 'stale_after'?"),
         ({"confidence": "good_word"}, "bad-expression", "'confidence' is a text"),
         ({"confidence": "1.5"}, "out-of-range", "'confidence' is 1.5, expected 0 to 1"),
         ({"confidence": "1 / 0"}, "bad-expression", "by zero"),
@@ -200,6 +254,14 @@ def test_what_is_wrong_with_a_source_is_told(keys, code, words):
         (persons(known="{from: tracked, field: good_word}"), "bad-expression", "compare it"),
         (persons(parts="{person: " + source(topic="p/<person>") + "}"), "name-taken", ""),
         (persons(parts="{face: " + source(topic="p/<face>") + "}"), "unknown-name", ""),
+        (persons(addressee="{rule: first, better_by: 3}"), "unknown-key", "who came first"),
+        (persons(tracked=source(field="good_list", id="good_number")),
+         "wrong-value", "(good_number) is a number with a fraction, expected a text or a whole"),
+        (persons(tracked=source(field="good_list", id="good_truth")),
+         "wrong-value", "is true or false"),
+        (persons(tracked=source(field="good_list", id="good_part")),
+         "wrong-value", "is a message"),
+        (persons(tracked=source(field="good_list", id="good_list")), "wrong-value", "is a list"),
         (persons(tracked=source()), "unknown-ros-field", "'field' is no list"),
         (persons(tracked=source(field="good_list", id="bad")), "unknown-ros-field", "list.0.bad"),
         (persons(tracked=source(field="good_list", topic="<x>")), "unknown-name", ""),

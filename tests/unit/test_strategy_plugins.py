@@ -17,13 +17,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-from market_driver import SPACE, scene
-from marketplace_node import ranking
+from market_driver import SPACE, Driver, scene
+from marketplace_node import auction, ranking
 from marketplace_node.decision import Ranked
+from marketplace_node.explanation import explanation
 from marketplace_node.ranking import decide
-from marketplace_node.strategies import STRATEGIES, Option, Scores, StrategySpec, manhattan
+from marketplace_node.strategies import STRATEGIES, Lines, Option, Scores, StrategySpec, manhattan
+from marketplace_node.strategies.distances import manhattan_lines
 from marketplace_node.strategies.plugins import GROUP, read_plugins
-from ranked_rounds import bids, terms
+from ranked_rounds import bids, decided, terms
 
 ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs" / "strategies.md").read_text(encoding="utf-8")
@@ -84,6 +86,14 @@ UNFIT = {
     "unfit": replace(SPEC, name="unfit", options=(UNFIT_OPTION,)),
     "twice": replace(SPEC, name="twice", options=(replace(UNFIT_OPTION, default=1.0),) * 2),
     "no_score": replace(SPEC, name="no_score", score=None),  # type: ignore[arg-type]
+    "no_lines": replace(SPEC, name="no_lines", lines="x"),  # type: ignore[arg-type]
+    "no_words": replace(SPEC, name="no_words", description=None),  # type: ignore[arg-type]
+    "no_number": replace(SPEC, name="no_number", options=(replace(UNFIT_OPTION, minimum="a"),)),  # type: ignore[arg-type]
+    "no_default": replace(SPEC, name="no_default", options=(replace(UNFIT_OPTION, default=None),)),  # type: ignore[arg-type]
+    "no_name": replace(SPEC, name="no_name", options=(replace(UNFIT_OPTION, name=3),)),  # type: ignore[arg-type]
+    "no_meaning": replace(
+        SPEC, name="no_meaning", options=(replace(UNFIT_OPTION, default=1.0, description=None),)
+    ),  # type: ignore[arg-type]
 }
 """Name of an entry point → what it leads to."""
 
@@ -92,6 +102,8 @@ class Loaded(EntryPoint):
     """An entry point whose object is at hand."""
 
     def load(self) -> Any:
+        if self.name == "leaves":
+            sys.exit("no licence\nbye")
         return {"own": SPEC, **UNFIT}[self.name]
 
 
@@ -104,6 +116,13 @@ class Loaded(EntryPoint):
         ("unfit", "whose default lies between minimum and maximum"),
         ("twice", "two options have the same name"),
         ("no_score", "'score' is no function"),
+        ("no_lines", "'lines' is no function"),
+        ("no_words", "'description' is no text"),
+        ("no_number", "name and description as texts, and whose default lies between"),
+        ("no_default", "name and description as texts, and whose default lies between"),
+        ("no_name", "name and description as texts, and whose default lies between"),
+        ("no_meaning", "name and description as texts, and whose default lies between"),
+        ("leaves", "cannot be loaded: SystemExit: no licence bye"),
     ],
 )
 def test_what_cannot_be_a_strategy_is_a_problem_in_words(name: str, words: str) -> None:
@@ -136,6 +155,10 @@ def raising(field: Any, options: Mapping[str, float], random: Any) -> Scores:
     raise KeyError("temperature")
 
 
+def leaving(field: Any, options: Mapping[str, float], random: Any) -> Scores:
+    sys.exit("broken\nstrategy")
+
+
 def meddling(field: Any, options: Mapping[str, float], random: Any) -> Scores:
     field.bids[:] = 3.0
     return manhattan(field, options, random)
@@ -155,6 +178,7 @@ BAD = {
     no_scores: "strategy theirs raised AttributeError: 'numpy.ndarray' object has no attribute "
     "'distance'",
     raising: "strategy theirs raised KeyError: 'temperature'",
+    leaving: "strategy theirs raised SystemExit: broken strategy",
     meddling: "strategy theirs raised ValueError: assignment destination is read-only",
 }
 
@@ -170,7 +194,77 @@ def test_a_strategy_that_fails_is_named_and_manhattan_ranks(
 
 
 @pytest.mark.parametrize("score", BAD)
-def test_a_shadow_that_fails_chooses_nobody(score: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_shadow_that_fails_chooses_nobody_and_is_named(
+    score: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
     found = ranked_by(score, monkeypatch, shadow="theirs")
 
     assert (found.shadow_winner, found.fallback, found.by) == ("", "", "manhattan")
+    assert found.shadow_failure == BAD[score]
+
+
+def test_a_shadow_that_fails_is_told_of_in_the_explanation(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    spec = replace(SPEC, name="theirs", score=raising)
+    monkeypatch.setattr(ranking, "STRATEGIES", {**STRATEGIES, "theirs": spec})
+    decision = decided(terms(shadow="theirs"), bids({"ann": (4.0, 4.0, 4.0)}))
+
+    assert explanation(decision, SPACE).splitlines()[-1] == (
+        "theirs only looks on: strategy theirs raised KeyError: 'temperature'."
+    )
+
+
+def raising_lines(field: Any, options: Mapping[str, float], random: Any) -> Lines:
+    raise ValueError("no lines")
+
+
+def mis_shaped(field: Any, options: Mapping[str, float], random: Any) -> Lines:
+    return Lines(profiles=np.zeros((1, 1)), weights=np.ones(1), offsets=np.zeros(1))
+
+
+def nowhere(field: Any, options: Mapping[str, float], random: Any) -> Lines:
+    return replace(manhattan_lines(field, options, random), offsets=np.array([np.nan, 0.0]))
+
+
+@pytest.mark.parametrize(
+    ("lines", "words"),
+    [
+        (raising_lines, "strategy theirs raised ValueError: no lines"),
+        (
+            mis_shaped,
+            "strategy theirs: its profiles of lines has the shape [1, 1], expected [2, 3]",
+        ),
+        (nowhere, "strategy theirs: its offsets of lines is not a finite number for every bid"),
+        (lambda *_: None, "strategy theirs raised AttributeError: 'NoneType' object has no "),
+    ],
+)
+def test_lines_that_fail_cost_the_smallest_change_and_nothing_else(
+    lines: Any, words: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    spec = replace(SPEC, name="theirs", lines=lines)
+    monkeypatch.setattr(ranking, "STRATEGIES", {**STRATEGIES, "theirs": spec})
+    found = decide(
+        SPACE, terms(strategy="theirs"), bids({"ann": (4.0, 4.0, 4.0), "bob": (3.0, 3.0, 3.5)})
+    )
+
+    assert (found.by, found.fallback) == ("theirs", "")
+    assert found.change is not None
+    assert found.change.names == ()
+    assert found.change.obstacle.startswith(words)
+
+
+def test_a_round_whose_ranking_breaks_ends_without_an_award(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def breaks(*_: Any, **__: Any) -> Ranked:
+        raise RuntimeError("out of order")
+
+    monkeypatch.setattr(auction, "decide", breaks)
+    market = Driver()
+    market.register()
+    market.scene()
+    market.bid()
+
+    assert market.ends == [("s1", "NO_BIDS")]
+    assert "the bids could not be ranked: RuntimeError: out of order" in market.auction.reason

@@ -16,6 +16,7 @@ from bt_agents.cli.main import bt_agents
 from bt_agents.errors import BtAgentsError, ReadError
 from bt_agents.feedback import Update
 from bt_agents.trees_folder import find_sweep
+from bt_agents_lab.experiments import drawing
 from bt_agents_lab.experiments import sweep as sweeping
 from bt_agents_lab.experiments.luck import draw
 from bt_agents_lab.experiments.measures import LAST, converged, of_runs, summary, together
@@ -85,6 +86,18 @@ def test_what_is_wrong_with_a_sweep_is_told_with_its_place(file, old, new, place
     assert words in error.value.report
 
 
+def test_what_is_wrong_with_a_sweep_is_told_all_at_once(file):
+    text = file.read_text().replace("runs: 6", "runs: 0").replace("sigma: 0.3", "c: 2")
+    file.write_text(text.replace("window: 3", "window: 0"))
+    with pytest.raises(ReadError) as error:
+        read_sweep(file)
+    assert [line.split(": ")[0].removeprefix(f"{file}:") for line in error.value.lines] == [
+        "3:7",
+        "10:22",
+        "13:28",
+    ]
+
+
 def test_a_sweep_of_no_experiment_says_which_folder_it_looked_for(file):
     file.write_text(file.read_text().replace("/persons", "/nobody"))
     with pytest.raises(
@@ -94,7 +107,7 @@ def test_a_sweep_of_no_experiment_says_which_folder_it_looked_for(file):
 
 
 def test_the_same_seed_gives_the_same_numbers_in_any_number_of_processes(file, monkeypatch):
-    spec = read_sweep(file)
+    spec = replace(read_sweep(file), rounds=8)
     one = sweep(spec, 1)
     two = sweep(spec, 2)
     assert [cell for cell, _ in one] == [cell for cell, _ in two]
@@ -125,11 +138,11 @@ def test_all_shares_at_once_are_each_as_alone(file):
 
 def test_measures_of_parts_are_those_of_the_whole(file):
     world = read_sweep(file).world
-    luck = draw(world, range(8), 2 * LAST)
+    luck = draw(world, range(8), LAST + 20)
     course = simulate(world, Arm(tie_break="random"), luck, 0.2)
     parts = []
     for seeds in (range(5), range(5, 8)):
-        other = draw(world, seeds, 2 * LAST)
+        other = draw(world, seeds, LAST + 20)
         parts.append(of_runs(world, other, simulate(world, Arm(tie_break="random"), other, 0.2)))
     assert summary(together(parts)) == summary(of_runs(world, luck, course))
 
@@ -141,7 +154,9 @@ def test_a_run_has_converged_when_all_that_follows_is_right():
     assert converged(right).tolist() == [10.0, np.inf, 1.0]
 
 
-def test_the_command_writes_table_numbers_and_figures(file, tmp_path):
+def test_the_command_writes_table_numbers_and_figures(file, tmp_path, monkeypatch):
+    # Small pictures are as good, and cheaper.
+    monkeypatch.setattr(drawing, "_PNG_DPI", 30)
     output = tmp_path / "results"
     words = ["experiment", "sweep", str(file), "--processes", "1", "--output", str(output)]
     result = CliRunner().invoke(bt_agents, words, catch_exceptions=False)

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -13,6 +14,8 @@ from click.testing import CliRunner
 from bt_agents.errors import BtAgentsError
 from bt_agents.feedback import Kind, Update
 from bt_agents.language.folder_reader import read_trees
+from bt_agents_interfaces.msg import Auction, Run
+from bt_agents_lab.cli.journal import journal
 from bt_agents_lab.cli.what_if import what_if as command
 from bt_agents_lab.replay.story import Story
 from bt_agents_lab.replay.what_if import Changes, Outlook, what_if
@@ -40,6 +43,24 @@ def test_without_a_change_everything_would_have_been_as_it_was(
     assert [case.margin_now for case in found.cases] == [c.margin_was for c in found.cases]
     assert found.profiles == town.profiles
     assert (found.given, found.withheld) == (4, 0)
+
+
+@pytest.mark.parametrize("strategy", ["manhattan", "ucb"])
+def test_without_a_change_it_is_as_it_was_also_where_the_journal_begins_later(
+    tmp_path: Path, strategy: str
+) -> None:
+    town = Town(tmp_path / "trees", strategy=strategy)
+    town.profiles = dict.fromkeys(town.profiles, (2.0, 2.0, 3.0))
+    for number in range(6):
+        town.round(scene(f"s{number}", age=2.0 + number % 3))
+    firsts = [n for n, one in enumerate(town.said) if isinstance(one.message, (Auction, Run))]
+    for missing in (firsts[:2], firsts[:6], firsts[4:6]):
+        file = tmp_path / f"{len(missing)}-{missing[0]}.mcap"
+        town.keep(file, lambda n, m, gone=missing: None if n in gone else m)
+        found = what_if(story_of(file), Changes())
+        assert [case.now for case in found.cases] == [case.was for case in found.cases]
+        assert {case.now for case in found.cases} == {"anna", "bert"}
+        assert [c.margin_now for c in found.cases] == [c.margin_was for c in found.cases]
 
 
 def test_another_rate_moves_profiles_by_it(tmp_path: Path) -> None:
@@ -127,6 +148,36 @@ def test_the_command_prints_each_other_winner_and_what_it_assumes(tmp_path: Path
     )
     assert data["chosen"] == {"anna": 4}
     assert [one["now"] for one in data["rounds"]] == ["anna"] * 4
+
+
+def test_only_agents_with_the_tags_that_are_named_bid(tmp_path: Path) -> None:
+    path = morning(tmp_path / "trees").keep(tmp_path / "a.mcap")
+    folder = write_folder(tmp_path / "other", anna=(1.0, 1.0, 3.0), bert=(4.5, 2.1, 3.3))
+    file = folder / "agents" / "bert.yaml"
+    file.write_text(file.read_text() + "tags: [night]\n")
+    ask = [str(path), "--agents", str(folder)]
+    told = CliRunner().invoke(command, [*ask, "--tags", "night"])
+    assert told.exit_code == 0, told.output
+    assert "bert 4" in told.output
+    assert "--tags leaves it out" not in told.output
+    told = CliRunner().invoke(command, ask)
+    assert "anna 1" in told.output
+    assert "--tags leaves it out" in told.output
+    told = CliRunner().invoke(command, [str(path), "--tags", "night"])
+    assert "name their folder with --agents" in str(told.exception)
+
+
+def test_a_scene_without_a_name_is_shown_by_its_values(tmp_path: Path) -> None:
+    town = Town(tmp_path / "trees")
+    town.round(replace(scene("0b5f", age=4.5, familiarity=1.0, mood=3.0), label=""))
+    town.round(replace(scene("0b60", age=4.5), label="", person=False))
+    found = outlook(town, tmp_path, Changes())
+    assert [case.label for case in found.cases] == [
+        "age 4.5, familiarity 1, mood 3",
+        "nobody, age 4.5",
+    ]
+    shown = CliRunner().invoke(journal, [str(tmp_path / "a.mcap")])
+    assert "age 4.5, familiarity 1, mood 3: bert wins" in shown.output
 
 
 @pytest.mark.parametrize("text", ["temperature", "temperature=", "=1", "temperature=nan"])

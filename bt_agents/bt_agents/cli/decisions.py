@@ -50,8 +50,7 @@ def show_decision(auction: Any, names: SceneNames | None = None) -> None:
     click.echo(f"{title}: {headline(auction)}")
     console = Console()
     for place, bid in enumerate(auction.ranking[:_MOST], start=1):
-        bonus = f", less {bid.bonus:.3g} for exploring" if bid.bonus else ""
-        print_line(console, f"  {place}. {bid.agent:<22} ", f"{bid.calculation}{bonus}", _INDENT)
+        print_line(console, f"  {place}. {bid.agent:<22} ", bid.calculation, _INDENT)
     _tell_more(len(auction.ranking), "bids")
     for bid in auction.refused[:_MOST]:
         who = bid.agent or bid.host

@@ -133,12 +133,12 @@ def up(
 
     In another terminal: bt-agents trigger age=4.5 mood=2, sense, cancel, status, why, feedback.
     """
-    interrupt = Interrupt()
-    trees = find_trees(directory)
-    logs = system.new_log_folder()
     profiles = ledger or str(system.state_folder() / "ledger.sqlite")
     if memory and Path(memory).resolve() == Path(profiles).resolve():
         raise click.UsageError("--memory names the ledger; it needs a file of its own")
+    interrupt = Interrupt()
+    trees = find_trees(directory)
+    logs = system.new_log_folder()
     components = [
         system.market(
             trees,
@@ -154,6 +154,8 @@ def up(
         raise click.UsageError("--selector and --model go together: the server, and its model")
     if selector:
         components.append(system.selector(trees, selector, model, key_variable))
+        if strategy not in ("", "external"):
+            click.echo(f"{strategy} ranks; 'bt-agents strategy external' has the selector asked")
     if robot:
         components.append(system.robot(pace=1.0, voice="auto" if voice else "off"))
     components += _journals(journal)

@@ -26,7 +26,9 @@ if TYPE_CHECKING:
     from bt_agents.ros.observer import Observer
 
 _WIDE = 10_000
+_FOLDED = ("agent", "for", "what", "from", "change", "why")
 _DAYS = re.compile(r"(\d+(?:\.\d+)?)\s*(d|days?|w|weeks?)")
+_BARE = re.compile(r"[\d.]+")
 _DAY_S = 86_400.0
 _SCENE_LAYER_S = 1.0
 _KINDS = ("direct", "positive", "negative", "set")
@@ -86,7 +88,7 @@ def history(agent: str, layer: str, as_json: bool) -> None:
     for one in json.loads(answer.document)["revisions"]:
         told = (one.get("source", ""), _moves(before, one["values"]), one.get("reason", ""))
         row = (str(one["revision"]), _when(one["stamp"]), _cause(one), *told)
-        table.add_row(*map(escape, row))
+        table.add_row(*map(_plain, row))
         before = one["values"]
     _print(table)
 
@@ -150,10 +152,40 @@ def import_(file: Path, author: str, reason: str) -> None:
 @click.option("--older", required=True, help="Without a change for so long, such as 90d.")
 @click.option("--agent", default="", help="Of one agent only.")
 @click.option("--kind", type=click.Choice(["person", "place"]), help="Persons or places only.")
+@click.option("--yes", is_flag=True, help="Do not ask.")
 @_author
-def expire(older: str, agent: str, kind: str | None, author: str) -> None:
-    """Forget the profiles for persons and places that have not changed for long."""
-    _do("EXPIRE", agent=agent, layer=kind or "", older_s=_age(older), author=author)
+def expire(older: str, agent: str, kind: str | None, yes: bool, author: str) -> None:
+    """Forget the profiles for persons and places that have not changed for long.
+
+    It cannot be undone, so it shows which they are and asks first.
+    """
+    age = _age(older)
+    with running_system() as observer:
+        if not yes:
+            known = json.loads(_manage(observer, "HISTORY").document)["profiles"]
+            old = [one for one in known if _is_old(one, age, agent, kind or "")]
+            if not old:
+                click.echo("nothing to forget")
+                return
+            table = _table("agent", "for", "changed")
+            for one in old:
+                table.add_row(_plain(one["agent"]), _plain(one["layer"]), _when(one["stamp"]))
+            _print(table)
+            click.confirm(f"forget {_profiles(len(old))}, for ever?", abort=True)
+        answer = _manage(
+            observer, "EXPIRE", agent=agent, layer=kind or "", older_s=age, author=author
+        )
+        click.echo(answer.message)
+
+
+def _is_old(one: Mapping[str, Any], age_s: float, agent: str, kind: str) -> bool:
+    """Return True for a profile that an order to expire is about."""
+    asked = one["layer"].startswith(kind) and agent in ("", one["agent"])
+    return bool(one["layer"]) and asked and one["stamp"] < time.time() - age_s
+
+
+def _profiles(count: int) -> str:
+    return f"{count} profile{'s' if count != 1 else ''}"
 
 
 @profile.command()
@@ -242,11 +274,11 @@ def _show(agent: str) -> None:
         wrong = "" if one["false_rate"] is None else f"{one['false_rate']:.0%}"
         values = [format(one["values"][n], ".4g") if n in one["values"] else "" for n in names]
         table.add_row(
-            escape(one["agent"]) if one["agent"] != last else "",
-            escape(one["layer"]) or "everybody",
+            _plain(one["agent"]) if one["agent"] != last else "",
+            _plain(one["layer"]) or "everybody",
             str(one["revision"]),
             str(one["changes"]),
-            _when(one["stamp"]),
+            _when(one["stamp"], "%m-%d %H:%M"),
             wrong,
             *values,
         )
@@ -277,19 +309,30 @@ def _age(text: str) -> float:
     Raises:
         Refused: ``BAD_AGE``.
     """
+    bad = f"--older {text}: "
+    if text.strip().startswith("-"):
+        raise Refused("BAD_AGE", f"{bad}expected more than 0, for example 90d or 12 h")
+    if _BARE.fullmatch(text.strip()):
+        raise Refused("BAD_AGE", f"{bad}a number without a unit; write 90d, 2w or 12 h")
     days = _DAYS.fullmatch(text.strip())
     if days:
         return float(days[1]) * _DAY_S * (7 if days[2].startswith("w") else 1)
     try:
         return duration(text)
     except QuantityError as error:
-        raise Refused("BAD_AGE", f"--older {text}: {error}; for example 90d or 12 h") from None
+        raise Refused("BAD_AGE", f"{bad}{error}; for example 90d or 12 h") from None
+
+
+def _plain(text: str) -> str:
+    """Return a text for a table, with what a terminal would obey written out."""
+    told = "".join(c if c.isprintable() else ascii(c)[1:-1] for c in text)
+    return escape(told)
 
 
 def _table(*columns: str) -> Table:
     table = Table(box=None, pad_edge=False, header_style="bold")
     for column in columns:
-        table.add_column(column, overflow="fold")
+        table.add_column(column, overflow="fold", no_wrap=column not in _FOLDED)
     return table
 
 
@@ -300,8 +343,8 @@ def _print(table: Table) -> None:
     console.print(table, highlight=False)
 
 
-def _when(stamp: float) -> str:
-    return time.strftime("%Y-%m-%d %H:%M:%S", time.localtime(stamp))
+def _when(stamp: float, form: str = "%Y-%m-%d %H:%M:%S") -> str:
+    return time.strftime(form, time.localtime(stamp))
 
 
 def _cause(one: Mapping[str, Any]) -> str:

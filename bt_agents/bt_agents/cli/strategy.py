@@ -70,11 +70,14 @@ def _changes(
     if shadow is not None:
         changes["shadow_strategy"] = "" if shadow == NO_SHADOW else _known(shadow, found)
     about = name or found.current
-    known = {option.name for option in found.options.get(about, ())}
+    known = {option.name: option for option in found.options.get(about, ())}
     for option, value in values:
         if option not in known:
             hint = did_you_mean(option, sorted(known)) or "there are none"
             raise BtAgentsError(f"strategy '{about}' has no option '{option}'; {hint}")
+        least, most = known[option].minimum, known[option].maximum
+        if not least <= value <= most:
+            raise BtAgentsError(f"{about}.{option}: {value:g}, expected {least:g} to {most:g}")
         changes[f"{about}.{option}"] = value
     return changes
 

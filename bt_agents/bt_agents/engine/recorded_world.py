@@ -37,6 +37,7 @@ class Turn:
         number: From 1.
         tick: Ticks of the tree so far.
         changes: What has changed, in order.
+        changed: How many changes the notes tell of.
         asked: What it asked for, as the notes write it.
         noted: What the notes say that it asked for.
         result: How the run has ended; None before that.
@@ -46,6 +47,7 @@ class Turn:
     number: int
     tick: int
     changes: list[StatusChange]
+    changed: int
     asked: list[Any]
     noted: list[Any]
     result: RunResult | None
@@ -59,7 +61,8 @@ class Record:
     Attributes:
         head: What was known before the first turn.
         notes: Number of a turn → what was noted about it.
-        stopped: Why the notes end before the run; empty when they do not.
+        stopped: Why the notes end before the run, or where some of them are missing; empty when
+            they do not.
     """
 
     head: Mapping[str, Any]
@@ -80,15 +83,18 @@ class Record:
 def read_record(lines: Iterable[str]) -> Record:
     """Return the notes of a run.
 
+    What follows a line that is missing cannot be repeated and is left out.
+
     Args:
         lines: As :class:`bt_agents.engine.recording.RecordingRun` wrote them, in order.
 
     Raises:
-        Refused: ``BAD_RECORD``; a line is missing or cannot be read.
+        Refused: ``BAD_RECORD``; the first line is missing, or one cannot be read.
     """
     head: Mapping[str, Any] | None = None
     notes: dict[int, Mapping[str, Any]] = {}
     stopped = ""
+    last = 0
     for line in lines:
         note = _parsed(line)
         if head is None:
@@ -98,10 +104,16 @@ def read_record(lines: Iterable[str]) -> Record:
         elif "stopped" in note:
             stopped = str(note["stopped"])
         else:
-            turn = note.get("turn")
-            if not isinstance(turn, int) or not max(notes, default=0) < turn <= MOST_TURNS:
+            turn, quiet = note.get("turn"), note.get("quiet", 0)
+            if not isinstance(turn, int) or not last < turn <= MOST_TURNS:
                 raise _bad(f"a note has the turn {turn!r}, expected a later one than before")
+            if not isinstance(quiet, int):
+                raise _bad(f"turn {turn} comes after {quiet!r} quiet ones, expected a number")
+            if turn - 1 != last + quiet:
+                stopped = f"notes between the turns {last} and {turn} are missing"
+                break
             notes[turn] = note
+            last = turn
     if head is None:
         raise _bad("it is empty")
     return Record(head=head, notes=notes, stopped=stopped)
@@ -158,6 +170,7 @@ def _repeat(record: Record, spec: AgentSpec, space: SceneSpace) -> Iterator[Turn
             number=number,
             tick=run.ticks,
             changes=changes,
+            changed=int(note.get("changes", 0)),
             asked=world.asked,
             noted=list(note.get("out", ())),
             result=run.result,

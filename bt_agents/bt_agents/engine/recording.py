@@ -37,6 +37,8 @@ class RecordingRun(Run):
 
     ============ ==================================================================================
     ``turn``     number of the turn, from 1
+    ``quiet``    how many turns without a note there were right before; without it none
+    ``changes``  how many nodes have changed in it; without it none
     ``t``        the trees' clock, when it was read and is another than before [s]
     ``s``        the same of the steady clock, which only the end of a run reads [s]
     ``live``     what is new in the live scene that was looked at
@@ -80,6 +82,8 @@ class RecordingRun(Run):
         notebook = self._notebook = Notebook(world, live, tunables, steady)
         self._sink = sink
         self._left = most
+        self._noted = 0
+        self._changed = 0
         super().__init__(
             spec,
             space=space,
@@ -113,13 +117,16 @@ class RecordingRun(Run):
         """Tick; see :meth:`Run.tick`."""
         self._notebook.begin()
         changes = super().tick()
+        self._changed += len(changes)
         self._close()
         return changes
 
     def cancel(self, reason: str, *, clean_up: bool = True) -> list[StatusChange]:
         """Stop; see :meth:`Run.cancel`."""
         self._notebook.do("cancel", reason, clean_up)
-        return super().cancel(reason, clean_up=clean_up)
+        changes = super().cancel(reason, clean_up=clean_up)
+        self._changed += len(changes)
+        return changes
 
     def hurry(self, settle_s: float) -> None:
         """Wait less at the end; see :meth:`Run.hurry`."""
@@ -137,8 +144,14 @@ class RecordingRun(Run):
         note = self._notebook.end()
         if self.result is not None:
             note["end"] = {**asdict(self.result), "outcome": self.result.outcome.value}
+        if self._changed:
+            note["changes"] = self._changed
+            self._changed = 0
         if note:
-            self._write({"turn": self._notebook.turn, **note})
+            turn = self._notebook.turn
+            quiet = turn - self._noted - 1
+            self._noted = turn
+            self._write({"turn": turn, **({"quiet": quiet} if quiet else {}), **note})
 
     def _write(self, note: Note) -> None:
         if self._notebook.closed:

@@ -154,6 +154,9 @@ def nearest(word: str, known: Iterable[str]) -> str | None:
     tail = next((other for other in words if other.rpartition(".")[2] == word), None)
     if tail is not None:
         return tail
+    head = next((other for other in words if other.startswith(f"{word}_")), None)
+    if head is not None:
+        return head
     if len(words) > _MANY_WORDS:
         # So many are no list of keys; a slip in the first letter is not worth the time.
         words = [other for other in words if other[:1] == word[:1]][:_MANY_WORDS]

@@ -144,6 +144,13 @@ class MessageFields:
             return FieldType.ANY
         return known.field_type(self.kind, self.type_name, self.section, self._whole(path))
 
+    def nested(self, path: str) -> str:
+        """Return ``a list`` or ``a message`` for a field that is one; empty for all others."""
+        # No field is called so: whatever is known of the type, it is refused.
+        if self.type_of(path) is not FieldType.ANY or self.problem(f"{path}.-") is None:
+            return ""
+        return "a message" if self.problem(f"{path}.0") else "a list"
+
     def _whole(self, path: str) -> str:
         return f"{self.inside}.{path}" if self.inside else path
 
@@ -182,7 +189,10 @@ def read_ros_name(
     meant = re.sub(r"_+", "_", re.sub(r"[^A-Za-z0-9_/~]+", "_", text.strip()))
     meant = re.sub(r"/+", "/", meant).rstrip("/_")
     hint = f"write {meant}" if _ROS_NAME.fullmatch(meant) and len(meant) <= 80 else ""
-    if "{" in text and brackets:
+    lowered = _IN_BRACKETS.search(text.lower()) if brackets else None
+    if lowered is not None:
+        hint = f"write {lowered[0][:40]}"
+    elif "{" in text and brackets:
         hint = f"write <{re.sub(r'[^a-z_]', '', text.partition('{')[2].partition('}')[0])[:40]}>"
     elif "{" in text:
         hint = "ROS names are fixed here; remap them when the robot starts"

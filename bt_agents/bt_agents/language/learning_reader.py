@@ -93,7 +93,7 @@ class _Learning:
         return LearningRule(
             rates={**rates, **dict.fromkeys(frozen, 0.0)},
             update=update,
-            width=self._of_parameters("width", lambda p: (0.0, p.maximum - p.minimum)),
+            width=self._width(),
             window=usual.window if window is None else window,
             anneal=usual.anneal if anneal is None else anneal,
             drift=self._of_parameters("drift", lambda p: (0.0, p.maximum - p.minimum)),
@@ -109,6 +109,18 @@ class _Learning:
         if node is None:
             return {}
         return _by_parameter(self._reading, node, f"'{key}'", self._space, limits)
+
+    def _width(self) -> dict[str, float]:
+        width = self._of_parameters("width", lambda p: (0.0, p.maximum - p.minimum))
+        stuck = [name for name, value in width.items() if not value]
+        if stuck:
+            self._reading.error(
+                "out-of-range",
+                self._fields.keys["width"],
+                f"'width' of {', '.join(stuck)} is 0, expected more",
+                f"write 'freeze: [{', '.join(stuck)}]' for what is not to learn",
+            )
+        return width
 
     def _frozen(self) -> tuple[str, ...]:
         """Return the parameters that do not learn."""

@@ -14,6 +14,7 @@ from bt_agents.scene import SceneSpace
 
 KEYS = ("when", "for", "give", "then", "baseline", "release", "cooldown", "confidence")
 
+_CHANGE = "mood.change"
 _AGAIN = ("release", "cooldown")
 
 
@@ -48,6 +49,14 @@ def _rule(reading: FileReading, node: Node, space: SceneSpace) -> FeedbackRule |
                 )
     if when is None or give is None:
         return None
+    named = when.names | (release.names if release is not None else frozenset())
+    if baseline_s and _CHANGE not in named:
+        reading.error(
+            "misplaced-key",
+            fields.keys["baseline"],
+            f"'baseline' has nothing to act on here: the rule does not look at {_CHANGE}",
+            f"take out 'baseline', or ask for {_CHANGE}",
+        )
     return FeedbackRule(
         when=when,
         hold_s=hold_s or 0.0,

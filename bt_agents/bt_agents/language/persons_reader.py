@@ -3,8 +3,11 @@
 
 from __future__ import annotations
 
-from bt_agents.language.interfaces import Interfaces
+from bt_agents.language.fields import Fields
+from bt_agents.language.interfaces import Interfaces, MessageFields
 from bt_agents.language.scene_specs import (
+    HOLD_S,
+    LOST_AFTER_S,
     PERSON,
     AddresseeRule,
     AddresseeSpec,
@@ -19,12 +22,12 @@ from bt_agents.language.source_reader import (
     TRACKED,
     SourceReader,
     Wanted,
+    is_latched,
 )
-from bt_agents.language.text.yaml_reader import Mapping, Node, Scalar
+from bt_agents.language.specs import FieldType
+from bt_agents.language.text.yaml_reader import Node, Scalar
 
-LOST_AFTER_S = 1.0
-"""Who has not been in the list for so long is gone, where nothing else is written [s]."""
-
+_NO_IDS = {FieldType.NUMBER: "a number with a fraction", FieldType.BOOLEAN: "true or false"}
 _ADDRESSEE_KEYS = ("rule", "source", "better_by", "for")
 
 
@@ -80,8 +83,7 @@ def read_persons(
 def _tracked(reading: FileReading, node: Node | None, sources: SourceReader) -> TrackedSpec | None:
     if node is None:
         return None
-    latched = isinstance(node, Mapping) and any(e.key.text == "latched" for e in node.entries)
-    required = ["topic", "type", "field", *([] if latched else ["stale_after"])]
+    required = ["topic", "type", "field", *([] if is_latched(node) else ["stale_after"])]
     fields = reading.fields(node, f"'{TRACKED}'", (*TOPIC_KEYS, "id", "lost_after"), required)
     if fields is None:
         return None
@@ -95,7 +97,8 @@ def _tracked(reading: FileReading, node: Node | None, sources: SourceReader) -> 
         field = sources.path(nodes["field"], "'field'", sources.message(type_name))
     if field is not None:
         item = sources.message(type_name, f"{field}.0")
-        problem = sources.message(type_name).problem(f"{field}.0")
+        whole = sources.message(type_name)
+        problem = whole.problem(f"{field}.0")
         if problem:
             reading.error(
                 "unknown-ros-field",
@@ -105,6 +108,10 @@ def _tracked(reading: FileReading, node: Node | None, sources: SourceReader) -> 
             )
         elif "id" in nodes:
             id_path = sources.path(nodes["id"], "'id'", item)
+            if id_path is not None:
+                _check_ids(reading, nodes["id"], f"'id' ({id_path})", item, id_path)
+        else:
+            _check_ids(reading, nodes["field"], "an item of 'field'", whole, f"{field}.0")
     stale_after_s = sources.stale_after(fields)
     lost_after_s = fields.duration("lost_after")
     if topic is None or type_name is None or field is None or stale_after_s is None:
@@ -118,6 +125,21 @@ def _tracked(reading: FileReading, node: Node | None, sources: SourceReader) -> 
         latched=fields.boolean("latched") or False,
         lost_after_s=LOST_AFTER_S if lost_after_s is None else lost_after_s,
         position=node.position,
+    )
+
+
+def _check_ids(
+    reading: FileReading, node: Node, what: str, message: MessageFields, path: str
+) -> None:
+    """Report ids that are neither texts nor whole numbers, as far as their type is known."""
+    found = message.nested(path) or _NO_IDS.get(message.type_of(path), "")
+    if not found:
+        return
+    hint = "name the field that holds the id of a person"
+    if what.startswith("an item") and found == "a message":
+        hint = "add 'id: …', the field of an item that holds the id of a person"
+    reading.error(
+        "wrong-value", node, f"{what} is {found}, expected a text or a whole number", hint
     )
 
 
@@ -141,7 +163,7 @@ def _addressee(reading: FileReading, node: Node | None, sources: SourceReader) -
     if fields is None:
         return first
     word = fields.choice("rule", words)
-    better_by = fields.number("better_by", 0.0)
+    better_by = _better_by(reading, fields, word)
     hold_s = fields.duration("for")
     source = None
     if (written := fields.get("source")) is not None:
@@ -172,8 +194,31 @@ def _addressee(reading: FileReading, node: Node | None, sources: SourceReader) -
         rule=AddresseeRule(word),
         source=source,
         better_by=better_by or 0.0,
-        hold_s=1.0 if hold_s is None else hold_s,
+        hold_s=HOLD_S if hold_s is None else hold_s,
     )
+
+
+def _better_by(reading: FileReading, fields: Fields, rule: str | None) -> float | None:
+    """Return how much better somebody else must be; of distances it may be written as a length."""
+    node = fields.get("better_by")
+    if node is None:
+        return None
+    if rule == AddresseeRule.FIRST.value:
+        reading.error(
+            "unknown-key",
+            fields.keys["better_by"],
+            "nobody is better than who came first",
+            "remove 'better_by', or choose 'engaged' or 'nearest'",
+        )
+        return None
+    if rule != AddresseeRule.NEAREST.value:
+        return fields.number("better_by", 0.0)
+    what = "'better_by'"
+    metres = reading.length(node, what)
+    sound = metres is not None and reading.in_range(
+        node, what, metres, 0.0, None, FieldType.LENGTH
+    )
+    return metres if sound else None
 
 
 def _meaning(rule: str | None) -> str:

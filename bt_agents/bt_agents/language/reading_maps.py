@@ -4,9 +4,11 @@
 from __future__ import annotations
 
 from bt_agents.language import quantities
+from bt_agents.language.expression.expressions import ValueKind
 from bt_agents.language.fields import Fields
+from bt_agents.language.scene_specs import word_of
 from bt_agents.language.shape import FileReading
-from bt_agents.language.text.yaml_reader import Mapping
+from bt_agents.language.text.yaml_reader import Mapping, Scalar
 from bt_agents.scene import SceneParameter
 
 
@@ -44,9 +46,20 @@ def read_points(
 
 
 def read_table(
-    reading: FileReading, fields: Fields, parameter: SceneParameter | None
+    reading: FileReading,
+    fields: Fields,
+    parameter: SceneParameter | None,
+    kind: ValueKind | None,
 ) -> tuple[tuple[str, float], ...]:
-    """Return the words behind ``table`` and their values."""
+    """Return the words behind ``table`` and their values.
+
+    Args:
+        reading: The file.
+        fields: Of the source.
+        parameter: The scene parameter that it feeds; None for any value.
+        kind: What the readings are, so that words that can never come are found; None where that
+            is not known.
+    """
     node = fields.get("table")
     if node is None:
         return ()
@@ -63,9 +76,23 @@ def read_table(
     table: dict[str, float] = {}
     for entry in entries:
         value = reading.number(entry.value, "a value of 'table'", *_limits(parameter))
-        if value is not None:
-            table[entry.key.text] = value
+        word = _word(reading, entry.key, kind)
+        if word in table and word != entry.key.text:
+            reading.error("duplicate-key", entry.key, f"the reading {word} stands here again")
+        if value is not None and word is not None:
+            table[word] = value
     return tuple(table.items())
+
+
+def _word(reading: FileReading, node: Scalar, kind: ValueKind | None) -> str | None:
+    """Return a word of a table as readings of a kind are looked up in it; None for a wrong one."""
+    if kind is ValueKind.BOOLEAN:
+        truth = reading.boolean(node, "a reading in 'table'")
+        return None if truth is None else str(truth).lower()
+    if kind is ValueKind.NUMBER:
+        number = reading.number(node, "a reading in 'table'")
+        return None if number is None else word_of(number)
+    return node.text
 
 
 def _limits(parameter: SceneParameter | None) -> tuple[float | None, float | None]:

@@ -15,6 +15,7 @@ from bt_agents.language.scene_specs import (
     PersonsSpec,
     SceneSpec,
     SourceSpec,
+    TrackedSpec,
 )
 from bt_agents.language.scene_values import read_values
 from bt_agents.language.shape import FileReading
@@ -31,6 +32,9 @@ _PARAMETER_KEYS = ("min", "max", "default", "description", "labels", "weight", "
 _TAKEN = {
     PERSON: "whether a person is there",
     "stale": "whether the live scene is too old to count",
+    "person_id": "who the person is",
+    "persons": "how many persons are there",
+    "place": "where the robot is",
 }
 
 
@@ -64,8 +68,7 @@ def _read(reading: FileReading, interfaces: Interfaces | None) -> SceneSpec:
     place = _place(reading, fields, source_reader)
     sources, person = _sources(reading, fields, names, parameters, source_reader, persons)
     no_person = _no_person(reading, fields, space, names)
-    reading.problems.raise_if_any()
-    return SceneSpec(
+    spec = SceneSpec(
         space=space,
         sources=tuple(sources),
         person=person,
@@ -74,6 +77,28 @@ def _read(reading: FileReading, interfaces: Interfaces | None) -> SceneSpec:
         missing=missing,
         no_person=no_person,
     )
+    _check_types(reading, spec)
+    reading.problems.raise_if_any()
+    return spec
+
+
+def _check_types(reading: FileReading, spec: SceneSpec) -> None:
+    """Report topics that are named with more than one type: a process can hear only one."""
+    tracked = (spec.persons.tracked,) if spec.persons is not None else ()
+    named = sorted(
+        (*spec.every_source, *tracked), key=lambda one: (one.position.line, one.position.column)
+    )
+    first: dict[str, SourceSpec | TrackedSpec] = {}
+    for one in named:
+        before = first.setdefault(one.topic, one)
+        if one.type != before.type:
+            reading.error(
+                "wrong-value",
+                one.position,
+                f"the topic '{one.topic}' has the type {one.type} here, and {before.type} in line "
+                f"{before.position.line}",
+                "write the type that it has, or name another topic",
+            )
 
 
 def _sources(

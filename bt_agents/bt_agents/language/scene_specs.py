@@ -19,6 +19,12 @@ MESSAGE = "msg"
 PERSON = "person"
 """What the source of the presence of a person is called, and who a topic is about."""
 
+LOST_AFTER_S = 1.0
+"""Who has not been in the list for so long is gone, where nothing else is written [s]."""
+
+HOLD_S = 1.0
+"""For so long must another be better, where nothing else is written [s]."""
+
 LARGEST_STD = 1e100
 """A larger standard deviation of a reading is none."""
 
@@ -156,7 +162,7 @@ class TrackedSpec:
     id: str = ""
     stale_after_s: float
     latched: bool = False
-    lost_after_s: float = 1.0
+    lost_after_s: float = LOST_AFTER_S
     position: Position
 
 
@@ -175,7 +181,7 @@ class AddresseeSpec:
     rule: AddresseeRule
     source: SourceSpec | None = None
     better_by: float = 0.0
-    hold_s: float = 1.0
+    hold_s: float = HOLD_S
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -24,9 +24,17 @@ from bt_agents.language.interfaces import (
 )
 from bt_agents.language.names import Names
 from bt_agents.language.reading_maps import read_points, read_table
-from bt_agents.language.scene_specs import MESSAGE, PERSON, SourceSpec, TrackedSpec
+from bt_agents.language.scene_specs import (
+    LARGEST_STD,
+    MESSAGE,
+    PERSON,
+    SourceSpec,
+    TrackedSpec,
+    path_of,
+)
 from bt_agents.language.shape import FileReading
 from bt_agents.language.specs import BindingKind
+from bt_agents.language.text.scalars import boolean
 from bt_agents.language.text.yaml_reader import Mapping, Node, Scalar, Sequence
 from bt_agents.language.tree.references import read_expression
 from bt_agents.scene import SceneParameter
@@ -40,6 +48,8 @@ VALUE_KEYS = (*MAP_KEYS, "confidence", "std")
 
 _FIELD_PATH = re.compile(r"[a-z][a-z0-9_]*(\.[a-z0-9_]+)*")
 _PATH_LIKE = re.compile(r"[^\W\d][\w.\[\]]*[\[\]_\w]")
+_INDEX = re.compile(r"\[([0-9]+)\]")
+_PERCENT = re.compile(r"([0-9]+(?:\.[0-9]+)?)\s*%")
 _PLACEHOLDER = re.compile(r"<([^<>/]*)>")
 _BOOLEANS = (None, ValueKind.BOOLEAN)
 _NUMBERS = (*_BOOLEANS, ValueKind.NUMBER)
@@ -122,8 +132,7 @@ class SourceReader:
         return self._spec(fields, where, wanted, origin, self.message(origin.type_name))
 
     def _topic_fields(self, node: Node, wanted: Wanted) -> Fields | None:
-        latched = isinstance(node, Mapping) and any(e.key.text == "latched" for e in node.entries)
-        required = ["topic", "type", "field", *([] if latched else ["stale_after"])]
+        required = ["topic", "type", "field", *([] if is_latched(node) else ["stale_after"])]
         return self._reading.fields(node, wanted.what, (*TOPIC_KEYS, *wanted.keys), required)
 
     def _of_tracked(self, node: Mapping, where: Node, wanted: Wanted) -> SourceSpec | None:
@@ -161,9 +170,10 @@ class SourceReader:
     ) -> SourceSpec | None:
         reads = self._field(fields, wanted, message)
         points = read_points(self._reading, fields, wanted.parameter)
-        table = read_table(self._reading, fields, wanted.parameter)
+        kind = reads.kind if reads is not None else None
+        table = read_table(self._reading, fields, wanted.parameter, kind)
         confidence = self._certainty(fields, "confidence", message, 1.0)
-        std = self._certainty(fields, "std", message, math.inf)
+        std = self._certainty(fields, "std", message, LARGEST_STD)
         smoothing_s = fields.duration("smoothing") or 0.0
         if (
             reads is None
@@ -239,7 +249,7 @@ class SourceReader:
     def stale_after(self, fields: Fields) -> float | None:
         """Return how long a reading counts [s], infinite where nothing is written; None if bad."""
         if "stale_after" not in fields.nodes:
-            return math.inf if "latched" in fields.nodes else None
+            return math.inf if is_latched(fields.mapping) else None
         seconds = fields.duration("stale_after")
         if seconds == 0.0:
             self._reading.error(
@@ -257,12 +267,14 @@ class SourceReader:
         if text is None:
             return None
         if not _FIELD_PATH.fullmatch(text) or len(text) > 255:
+            meant = _INDEX.sub(r".\1", text[:80])
+            sound = _FIELD_PATH.fullmatch(meant)
             self._reading.error(
                 "bad-name",
                 node,
                 f"{what} is {shown(text)}, expected the path of a field such as data or "
                 "faces.0.mood",
-                "write field names joined by points",
+                f"write {meant}" if sound else "write field names joined by points",
             )
             return None
         problem = message.problem(text)
@@ -276,7 +288,7 @@ class SourceReader:
         if node is None:
             return None
         expression = self._expression(node, "'field'", message)
-        if expression is None:
+        if expression is None or not self._is_single(node, "'field'", expression, message):
             return None
         kind = expression.kind
         if wanted.text:
@@ -302,6 +314,20 @@ class SourceReader:
         )
         return None
 
+    def _is_single(
+        self, node: Node, what: str, expression: Expression, message: MessageFields
+    ) -> bool:
+        """Return whether a plain field holds one value, as far as its type is known."""
+        path = path_of(expression)
+        nested = message.nested(path) if path is not None else ""
+        if nested:
+            item = nested == "a list"
+            hint = f"pick an item of it: {path}.0" if item else f"name a field of it: {path}.…"
+            self._reading.error(
+                "bad-expression", node, f"{what} is {nested}, expected one value", hint
+            )
+        return not nested
+
     def _expression(self, node: Node, what: str, message: MessageFields) -> Expression | None:
         """Return an expression over the fields of a message; the path of a field is one, too."""
         text = self._reading.text(node, what)
@@ -325,8 +351,22 @@ class SourceReader:
     ) -> Expression | None:
         """Return an expression for the confidence or the standard deviation of readings."""
         node = fields.get(key)
-        expression = self._expression(node, f"'{key}'", message) if node is not None else None
-        if node is None or expression is None:
+        if node is None:
+            return None
+        percent = _PERCENT.fullmatch(node.text) if isinstance(node, Scalar) else None
+        if percent is not None:
+            hint = f"write {float(percent[1]) / 100:g}"
+            if key == "std":
+                hint = "write a number in the unit of the reading"
+            self._reading.error(
+                "bad-number",
+                node,
+                f"'{key}': expected a number, found {shown(percent[0])}",
+                hint,
+            )
+            return None
+        expression = self._expression(node, f"'{key}'", message)
+        if expression is None or not self._is_single(node, f"'{key}'", expression, message):
             return None
         if expression.kind not in _NUMBERS:
             self._reading.error(
@@ -342,8 +382,15 @@ class SourceReader:
             self._reading.error("bad-expression", node, f"'{key}': {error.message}", error.hint)
             return None
         if isinstance(constant, int | float):
-            top = largest if math.isfinite(largest) else None
+            top = None if key == "std" and constant <= largest else largest
             self._reading.in_range(node, f"'{key}'", constant, 0.0, top)
+            if key == "confidence" and constant == 0:
+                self._reading.error(
+                    "out-of-range",
+                    node,
+                    "'confidence' is always 0, which means that nothing was measured",
+                    "write a number above 0, up to 1",
+                )
         return expression
 
 
@@ -356,6 +403,14 @@ class _Origin:
     stale_after_s: float | None
     latched: bool
     of_item: bool = False
+
+
+def is_latched(node: Node) -> bool:
+    """Return whether a mapping says that its topic is latched; a wrong word there may mean it."""
+    if not isinstance(node, Mapping):
+        return False
+    said = [entry.value for entry in node.entries if entry.key.text == "latched"]
+    return any(not isinstance(one, Scalar) or boolean(one.text) is not False for one in said)
 
 
 def _no_name(name: str) -> float:

@@ -12,6 +12,7 @@ from typing import Any
 from rclpy.client import Client
 from rclpy.node import Node
 
+from bt_agents.errors import STORAGE_FULL
 from bt_agents.letters import Letters
 from bt_agents.ros.timers import steady_timer
 
@@ -36,7 +37,8 @@ class Outbox:
 
     Server and network may swallow a request or its answer, so the server gets some requests more
     than once: each needs an id of its own by which the server knows it again. Any answer ends a
-    request, a late one and a refusal too. What is kept is lost with the process.
+    request, a late one and a refusal too, except that the server's disk is full: then the request
+    is sent again until there is room. What is kept is lost with the process.
 
     Args:
         node: Whose executor turns the client; call from its thread only.
@@ -62,7 +64,7 @@ class Outbox:
 
     @property
     def late(self) -> bool:
-        """True while the server is away or owes an answer for too long."""
+        """True while the server is away, has no room, or owes an answer for too long."""
         return self._late
 
     def put(self, request: Any, on_done: Callable[[Any | None], None]) -> None:
@@ -132,6 +134,9 @@ class Outbox:
 
     def _answered(self, letter: _Letter, future: Any) -> None:
         if future.exception() is not None or future.result() is None:
+            return
+        if future.result().code == STORAGE_FULL:
+            self._tell_late("has no room on its disk")
             return
         if not self._letters.answered(letter):
             return

@@ -105,8 +105,7 @@ class FeedbackNode(GuardedNode):
         self._table: Table = ()
         self._live: Scene | None = None
         self._cancel = self.create_client(CancelRun, "marketplace/cancel", qos_profile=qos.SERVICE)
-        self._feedback = self.create_publisher(Feedback, "feedback", qos.HISTORY)
-        self._traces = self.create_publisher(MoodTrace, "mood_traces", qos.HISTORY)
+        self._tell_from_now()
         self._current = self.create_publisher(ProfilesMsg, "profiles", qos.FACT)
         self._timer = steady_timer(self, _TICK_S, self._on_tick, running=False)
         steady_timer(self, _TIDY_S, self._on_idle)
@@ -192,6 +191,7 @@ class FeedbackNode(GuardedNode):
         for card in list(self._untaken.values()):
             self._on_card(card)
         self._hosts.again()
+        self._follow(self._teaching.again())
         self._look_again()
         self._stop_again()
         if self._untidy and not self._teaching.watching:
@@ -305,11 +305,23 @@ class FeedbackNode(GuardedNode):
 
     def _managed(self, done: Done) -> None:
         self._untidy = True
+        if done.forgets:
+            self._forget_history()
         for change in done.changes:
             self._announce(change)
         for delivery in (*self._profiles.deliveries(done.changes), *done.deliveries):
             self._hosts.deliver(delivery)
         self._publish_table()
+
+    def _forget_history(self) -> None:
+        """Take what was told so far from those who will listen later."""
+        for publisher in (self._feedback, self._traces):
+            self.destroy_publisher(publisher)
+        self._tell_from_now()
+
+    def _tell_from_now(self) -> None:
+        self._feedback = self.create_publisher(Feedback, "feedback", qos.HISTORY)
+        self._traces = self.create_publisher(MoodTrace, "mood_traces", qos.HISTORY)
 
     def _stop_again(self) -> None:
         """Ask again for what the market has not answered, as long as the run goes on."""

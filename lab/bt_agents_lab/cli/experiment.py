@@ -19,6 +19,7 @@ from rich.table import Table
 
 from bt_agents.errors import BtAgentsError
 from bt_agents.experiment import ExperimentSpec, Record, deviation, difference
+from bt_agents.feedback import LearningRule
 from bt_agents.interrupt import Interrupt
 from bt_agents.language.experiment_reader import read_experiment
 from bt_agents.language.folder_reader import Trees, read_trees
@@ -74,6 +75,7 @@ def run(
     )
     fine = True
     folders = find_experiments(name)
+    tables = {path: _table_of(path, folders, csv_file) for path in folders}
     for path in folders:
         folder, spec = opened(path)
         if seed is not None:
@@ -95,9 +97,8 @@ def run(
             seconds = time.monotonic() - start
             agree = _compare(records, real)
             records = real
-        if csv_file is not None:
-            target = csv_file if len(folders) == 1 else _apart(csv_file, path)
-            _write_csv(target, records, folder.scene.space)
+        if (table := tables[path]) is not None:
+            _write_csv(table, records, folder.scene.space)
         fine = _report(folder, spec, records, seconds) and agree and fine
     sys.exit(0 if fine else 1)
 
@@ -146,8 +147,9 @@ def plot(name: str, output: Path, seeds: int) -> None:
             judged += claims.second(arms, runs)
         if name in ("all", "3"):
             three = paper("3")
-            paper_figures.third(output, three, runs)
-            judged += claims.third(three, runs)
+            many = claims.played_third(three, runs)
+            paper_figures.third(output, many, three.spec.rounds)
+            judged += claims.third(many)
         stem = "verdicts" if name == "all" else f"verdicts-{name}"
         title = "What the paper claims, and what holds"
         _write(output / f"{stem}.md", verdicts.as_markdown(title, judged))
@@ -277,8 +279,27 @@ def _compare(core: Sequence[Record], real: Sequence[Record]) -> bool:
     return fine
 
 
-def _apart(file: Path, folder: Path) -> Path:
-    return file.with_name(f"{file.stem}-{folder.name}{file.suffix}")
+def _table_of(folder: Path, folders: Sequence[Path], file: Path | None) -> Path | None:
+    """Return where the rounds of one of some experiments go, once it can be written to.
+
+    Raises:
+        BtAgentsError: It cannot.
+    """
+    if file is None:
+        return None
+    apart = file.with_name(f"{file.stem}-{folder.name}{file.suffix}")
+    table = file if len(folders) == 1 else apart
+    try:
+        table.open("a").close()
+    except OSError as error:
+        raise _unwritten(table, error) from None
+    return table
+
+
+def _unwritten(path: Path, error: OSError) -> BtAgentsError:
+    return BtAgentsError(
+        f"{path} cannot be written: {error.strerror}; name another file with --csv"
+    )
 
 
 def _write_csv(path: Path, records: Sequence[Record], space: SceneSpace) -> None:
@@ -296,7 +317,7 @@ def _write_csv(path: Path, records: Sequence[Record], space: SceneSpace) -> None
                 row = [*record.scene, *record.before, *record.after]
                 writer.writerow([record.round, record.winner, *(repr(value) for value in row)])
     except OSError as error:
-        click.echo(f"error: {path} cannot be written: {error.strerror}", err=True)
+        raise _unwritten(path, error) from None
 
 
 def _report(
@@ -318,7 +339,8 @@ def _report(
     orders = tuple(record.scene for record in records) == spec.order()
     if not orders:
         console.print("[red]the scenes did not come in the order that was drawn[/]")
-    if set(spec.feedback.each) != set(starts) or spec.feedback.errors is not None:
+    if reason := _no_closed_form(folder, spec):
+        console.print(f"not compared with the closed form, as {reason}", highlight=False)
         return orders
     largest = deviation(records, spec.feedback.each, starts, rates)
     fine = largest <= TOLERANCE
@@ -332,4 +354,15 @@ def _report(
 
 
 def _row(values: Sequence[float]) -> str:
-    return ", ".join(f"{value:.4f}" for value in values)
+    return f"[{', '.join(f'{value:.4g}' for value in values)}]" if values else "-"
+
+
+def _no_closed_form(folder: Trees, spec: ExperimentSpec) -> str:
+    """Return why profiles do not follow ``p = f + (p0 - f)(1 - rate)^n``; empty when they do."""
+    if spec.feedback.errors is not None:
+        return "some of the feedback is wrong"
+    if without := {agent.name for agent in folder.agents} - set(spec.feedback.each):
+        return f"{', '.join(sorted(without))} is not told the same after each run"
+    if others := [agent.name for agent in folder.agents if agent.learning != LearningRule()]:
+        return f"{', '.join(others)} does not learn by the paper's rule"
+    return ""

@@ -14,7 +14,14 @@ from rich.table import Table
 from bt_agents.interrupt import loading
 
 with loading():
-    from bt_agents_lab.cli.journals import chosen, files_argument, read_story, show_problems
+    from bt_agents_lab.cli.journals import (
+        chosen,
+        files_argument,
+        read_story,
+        sense_of_it,
+        show_problems,
+    )
+    from bt_agents_lab.replay.scenes import named
     from bt_agents_lab.replay.story import Story
 
 
@@ -38,7 +45,8 @@ def journal(files: tuple[Path, ...]) -> None:
         highlight=False,
     )
     _show_topics(console, story)
-    _show_rounds(console, story)
+    with sense_of_it():
+        _show_rounds(console, story)
 
 
 def _show_topics(console: Console, story: Story) -> None:
@@ -53,10 +61,9 @@ def _show_topics(console: Console, story: Story) -> None:
 def _show_rounds(console: Console, story: Story) -> None:
     for one in story.rounds:
         auction = one.auction
-        scene = auction.scene.label or auction.scene.scene_id
         winner = f"{auction.winner} wins" if auction.winner else "nobody"
         console.print(
-            f"round {auction.round}  {escape(scene)}: {escape(winner)}",
+            f"round {auction.round}  {escape(named(auction.scene))}: {escape(winner)}",
             highlight=False,
             soft_wrap=True,
         )

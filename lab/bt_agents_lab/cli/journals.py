@@ -3,7 +3,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TypeVar
 
@@ -12,8 +13,7 @@ from rich.console import Console
 
 from bt_agents.cli.system import journal_folder
 from bt_agents.errors import BtAgentsError
-from bt_agents_lab.journal.reading import JournalReader
-from bt_agents_lab.replay.story import Story, tell
+from bt_agents_lab.replay.story import Story, read
 from marketplace_node.strategies.plugins import add_installed
 
 Command = TypeVar("Command", bound=Callable[..., object])
@@ -34,13 +34,24 @@ def read_story(files: Sequence[Path]) -> Story:
     Raises:
         BtAgentsError: There is no file, or one cannot be read at all.
     """
-    reader = JournalReader(chosen(files))
-    story = tell(reader.entries())
-    story.problems[:0] = [*add_installed(), *reader.problems]
+    story = read(chosen(files))
+    story.hints += add_installed()
     if not story.counts:
-        words = "; ".join(story.problems) or "it is empty"
+        words = "; ".join([*story.hints, *story.problems]) or "it is empty"
         raise BtAgentsError(f"nothing can be read of the journal: {words}")
     return story
+
+
+@contextmanager
+def sense_of_it() -> Iterator[None]:
+    """Say in words that a message, though it can be decoded, has not the fields of its type."""
+    try:
+        yield
+    except (AttributeError, LookupError, TypeError, ValueError, ArithmeticError) as error:
+        raise BtAgentsError(
+            f"the journal holds a message that makes no sense ({type(error).__name__}: {error}); "
+            "it is damaged, or of another version of bt-agents"
+        ) from error
 
 
 def chosen(files: Sequence[Path]) -> list[Path]:
@@ -64,11 +75,11 @@ def chosen(files: Sequence[Path]) -> list[Path]:
 
 def show_problems(console: Console, story: Story) -> None:
     """Print what cannot be read and what is lost."""
-    for words in story.problems:
+    for words in (*story.hints, *story.problems):
         console.print(f"[yellow]{words}[/]", highlight=False, soft_wrap=True)
     for topic, number in sorted(story.lost.items()):
         console.print(
-            f"[yellow]{number} messages on {topic} are lost: the journal had no room[/]",
+            f"[yellow]{number} messages on {topic} are lost[/]",
             highlight=False,
             soft_wrap=True,
         )

@@ -15,7 +15,7 @@ from bt_agents.errors import BtAgentsError
 from bt_agents.interrupt import loading
 
 with loading():
-    from bt_agents_lab.cli.journals import files_argument, read_story, show_problems
+    from bt_agents_lab.cli.journals import files_argument, read_story, sense_of_it, show_problems
     from bt_agents_lab.replay import decisions, lessons, trees
     from bt_agents_lab.replay.findings import Finding, Tally, Verdict, tally
     from bt_agents_lab.replay.story import Story
@@ -23,6 +23,8 @@ with loading():
 _MOST_SHOWN = 10
 _NAMES = 15
 _COLUMN = 14
+_DIFFERS = 1
+_DAMAGED = 2
 _KINDS = (
     (decisions.KIND, "decisions"),
     (lessons.KIND, "profile changes"),
@@ -34,25 +36,29 @@ _KINDS = (
 @files_argument
 @click.option("--json", "as_json", is_flag=True, help="Print the findings as JSON.")
 def replay(files: tuple[Path, ...], as_json: bool) -> None:
-    """Decide, learn and tick again what the FILES of a journal hold; exit code 1 if it differs.
+    """Decide, learn and tick again what the FILES of a journal hold.
 
+    The exit code is 1 if something differs, else 2 if a part could not be read or is lost.
     Without FILES it takes the newest of the usual folder.
     """
     story = read_story(files)
-    found = tally(
-        [
-            *decisions.decisions_again(story.rounds),
-            *lessons.lessons_again(story.lessons),
-            *trees.runs_again(story.runs.values()),
-        ]
-    )
+    with sense_of_it():
+        found = tally(
+            [
+                *decisions.decisions_again(story.rounds),
+                *lessons.lessons_again(story.lessons),
+                *trees.runs_again(story.runs.values()),
+            ]
+        )
     if as_json:
         click.echo(json.dumps(_as_data(story, found), indent=2))
     else:
         _show(Console(), story, found)
     if not found.counts:
         raise BtAgentsError("there is nothing to do again: no round, feedback or run was kept")
-    sys.exit(1 if found.different else 0)
+    if found.different:
+        sys.exit(_DIFFERS)
+    sys.exit(0 if story.whole else _DAMAGED)
 
 
 def _show(console: Console, story: Story, found: Tally) -> None:
@@ -71,6 +77,10 @@ def _show(console: Console, story: Story, found: Tally) -> None:
             console.print(f"… and {len(told) - _MOST_SHOWN} more, {verdict.value}")
     if found.different:
         console.print("[red]not equal[/]")
+    elif found.counts and not story.whole:
+        console.print(
+            "[yellow]all that could be read is equal; a part of it could not, or is lost[/]"
+        )
     elif found.told:
         console.print("[green]all that was recorded is equal[/]")
     elif found.counts:
@@ -102,6 +112,6 @@ def _as_data(story: Story, found: Tally) -> dict[str, object]:
             }
             for one in found.told
         ],
-        "problems": story.problems,
+        "problems": [*story.hints, *story.problems],
         "lost": dict(story.lost),
     }

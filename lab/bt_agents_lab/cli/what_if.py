@@ -20,13 +20,13 @@ from bt_agents.trees_folder import find_trees
 with loading():
     from bt_agents.language.folder_reader import read_trees
     from bt_agents.language.specs import AgentSpec
-    from bt_agents_lab.cli.journals import files_argument, read_story, show_problems
-    from bt_agents_lab.replay.what_if import ASSUMED, Case, Changes, Outlook
+    from bt_agents_lab.cli.journals import files_argument, read_story, sense_of_it, show_problems
+    from bt_agents_lab.replay.what_if import ASSUMED, OTHERS_ASSUMED, Case, Changes, Outlook
     from bt_agents_lab.replay.what_if import what_if as retell
     from marketplace_node.strategies.plugins import add_installed
 
 _NOBODY = "nobody"
-_SCENE = 10
+_SCENE = 32
 
 
 @click.command()
@@ -38,6 +38,7 @@ _SCENE = 10
     "--update", type=click.Choice([one.value for one in Update]), help="How profiles follow."
 )
 @click.option("--agents", default="", metavar="DIR", help="The agents of this trees folder bid.")
+@click.option("--tags", default="", help="Only agents of --agents with one of these tags.")
 @click.option("--all", "everything", is_flag=True, help="Show the rounds that stay as they were.")
 @click.option("--json", "as_json", is_flag=True, help="Print everything as JSON.")
 def what_if(
@@ -47,6 +48,7 @@ def what_if(
     learning_rate: float | None,
     update: str | None,
     agents: str,
+    tags: str,
     everything: bool,
     as_json: bool,
 ) -> None:
@@ -54,25 +56,31 @@ def what_if(
 
     For example: bt-agents what-if --strategy softmax --option temperature=0.3
     """
+    if tags and not agents:
+        raise BtAgentsError("tags choose among other agents; name their folder with --agents")
     add_installed()
     changes = Changes(
         strategy=strategy,
         options=dict(_option(text) for text in options),
         rate=learning_rate,
         update=Update(update) if update else None,
-        agents=_agents(agents) if agents else None,
+        agents=_agents(agents, tags) if agents else None,
     )
     changes.check()
     story = read_story(files)
     if not story.rounds:
         raise BtAgentsError("there is no round of a market in it")
-    outlook = retell(story, changes)
+    with sense_of_it():
+        outlook = retell(story, changes)
+    assumed = (*ASSUMED, OTHERS_ASSUMED) if agents and not tags else ASSUMED
     if as_json:
-        click.echo(json.dumps(_as_data(outlook), indent=2))
+        click.echo(json.dumps(_as_data(outlook, assumed), indent=2))
         return
     console = Console()
     show_problems(console, story)
     _show(console, outlook, everything)
+    for words in assumed:
+        console.print(f"[dim]{words}[/]", highlight=False, soft_wrap=True)
 
 
 def _option(text: str) -> tuple[str, float]:
@@ -86,8 +94,8 @@ def _option(text: str) -> tuple[str, float]:
     return name, number
 
 
-def _agents(folder: str) -> tuple[AgentSpec, ...]:
-    trees = read_trees(find_trees(folder))
+def _agents(folder: str, tags: str) -> tuple[AgentSpec, ...]:
+    trees = read_trees(find_trees(folder)).tagged(tags)
     if not trees.agents:
         raise BtAgentsError(f"there is no agent that can be read in {folder}")
     return trees.agents
@@ -117,8 +125,6 @@ def _show(console: Console, outlook: Outlook, everything: bool) -> None:
         console.print(f"  {agent} {number}", highlight=False)
     if outlook.never:
         console.print(f"never chosen: {', '.join(outlook.never)}", highlight=False)
-    for words in ASSUMED:
-        console.print(f"[dim]{words}[/]", highlight=False, soft_wrap=True)
 
 
 def _row(case: Case) -> tuple[str, ...]:
@@ -137,7 +143,7 @@ def _margin(value: float) -> str:
     return "–" if math.isnan(value) else f"{value:.3g}"
 
 
-def _as_data(outlook: Outlook) -> dict[str, object]:
+def _as_data(outlook: Outlook, assumed: tuple[str, ...]) -> dict[str, object]:
     return {
         "rounds": [
             {
@@ -158,7 +164,7 @@ def _as_data(outlook: Outlook) -> dict[str, object]:
         "feedback_given": outlook.given,
         "feedback_withheld": outlook.withheld,
         "profiles": {agent: list(profile) for agent, profile in outlook.profiles.items()},
-        "assumed": list(ASSUMED),
+        "assumed": list(assumed),
     }
 
 

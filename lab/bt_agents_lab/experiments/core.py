@@ -6,11 +6,13 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable, Mapping
 
+from bt_agents.errors import BtAgentsError
 from bt_agents.experiment import ExperimentSpec, Record
 from bt_agents.feedback import LearningRule
 from bt_agents.language.folder_reader import Trees
 from bt_agents.roster import Roster
 from bt_agents.scene import MISSING, Origin, Scene, SceneSpace, SceneValue, Vector
+from bt_agents_lab.experiments.world import NOT_SIMULATED
 from feedback_node.cards import AgentEntry, Card, LearningEntry
 from feedback_node.ledger import Ledger
 from feedback_node.ledger_file import MEMORY
@@ -23,6 +25,7 @@ from marketplace_node.effects import Collect, Effect, OpenCall, RunOutcome, Send
 from marketplace_node.market import Market
 from marketplace_node.registry import Registration
 from marketplace_node.settings import Settings
+from marketplace_node.strategies import STRATEGIES
 
 HOST = "/agents"
 _INSTANCE = "core"
@@ -68,11 +71,17 @@ class Core:
         Args:
             label: Unique among the scenes.
             vector: The scene.
+
+        Raises:
+            BtAgentsError: It led to no feedback.
         """
         before = len(self._records)
         self._do(self._market.scene(scene_of(label, vector, self.space), _NOW))
         if len(self._records) != before + 1:
-            raise RuntimeError(f"scene '{label}' led to no feedback")
+            raise BtAgentsError(
+                f"{label} led to no feedback, expected some after each; name every agent under "
+                "'each' of the experiment's feedback, or let its 'sequence' be long enough"
+            )
         return self._records[-1]
 
     def _introduce(self) -> None:
@@ -207,7 +216,17 @@ def through_core(
         spec: The experiment; its feedback is used up.
         settings: Of the market; None for its defaults.
         progress: Told how many rounds are done.
+
+    Raises:
+        BtAgentsError: The strategy needs more than the bids, or a scene led to no feedback.
     """
+    strategy = settings.strategy if settings else ""
+    if strategy in NOT_SIMULATED:
+        known = ", ".join(name for name in STRATEGIES if name not in NOT_SIMULATED)
+        raise BtAgentsError(
+            f"strategy '{strategy}' is not simulated, as its choice needs more than the bids; "
+            f"take one of {known}"
+        )
     core = Core(folder, spec, settings)
     try:
         records = []

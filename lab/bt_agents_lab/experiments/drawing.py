@@ -73,6 +73,8 @@ def sheet(
         try:
             folder.mkdir(parents=True, exist_ok=True)
             figure.savefig(folder / f"{name}.svg", metadata={"Date": None})
+            # What is laid out once serves both.
+            figure.set_layout_engine("none")
             figure.savefig(folder / f"{name}.png", dpi=_PNG_DPI, metadata={"Software": None})
         except OSError as error:
             raise BtAgentsError(

@@ -147,7 +147,7 @@ def draw(world: World, seeds: Sequence[int], rounds: int, said: Said = "any") ->
     Args:
         world: What the runs are about.
         seeds: One a run; what a run draws depends on its own alone.
-        rounds: Length of each run.
+        rounds: Length of each run; a shorter run is the beginning of a longer one.
         said: What wrong feedback says.
     """
     runs, agents, attempts = len(seeds), len(world.agents), world.attempts
@@ -160,18 +160,19 @@ def draw(world: World, seeds: Sequence[int], rounds: int, said: Said = "any") ->
     mood = np.empty((runs, rounds, attempts, seconds), dtype=np.float32)
     ties = np.empty((runs, rounds, attempts, agents), dtype=np.float32)
     for row, seed in enumerate(seeds):
-        source = np.random.default_rng(seed)
-        scene[row] = source.integers(len(world.scenes), size=rounds)
-        doubt[row] = source.random((rounds, attempts))
-        anything = source.uniform(world.low, world.high, (rounds, width))
-        another = source.integers(agents, size=rounds)
+        # A stream for each kind, so that a shorter run is the beginning of a longer one.
+        scenes, doubts, anything, another, whims, chances, moods = map(
+            np.random.default_rng, np.random.SeedSequence(seed).spawn(7)
+        )
+        scene[row] = scenes.integers(len(world.scenes), size=rounds)
+        doubt[row] = doubts.random((rounds, attempts))
         if said == "any":
-            wrong[row] = anything
+            wrong[row] = anything.uniform(world.low, world.high, (rounds, width))
         elif said == "another":
-            wrong[row] = world.best[another]
+            wrong[row] = world.best[another.integers(agents, size=rounds)]
         else:
             wrong[row] = said
-        whim[row] = source.uniform(-1.0, 1.0, (rounds, attempts))
-        ties[row] = source.random((rounds, attempts, agents), dtype=np.float32)
-        mood[row] = source.standard_normal((rounds, attempts, seconds), dtype=np.float32)
+        whim[row] = whims.uniform(-1.0, 1.0, (rounds, attempts))
+        ties[row] = chances.random((rounds, attempts, agents), dtype=np.float32)
+        mood[row] = moods.standard_normal((rounds, attempts, seconds), dtype=np.float32)
     return Luck(seeds=seeds, scene=scene, doubt=doubt, said=wrong, whim=whim, mood=mood, ties=ties)

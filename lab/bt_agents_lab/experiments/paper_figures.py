@@ -15,7 +15,6 @@ from bt_agents_lab.experiments.drawing import COLOURS, band, below, share_band, 
 from bt_agents_lab.experiments.measures import right
 from bt_agents_lab.experiments.replicas import Replicas, replicas, with_errors, world_of
 from bt_agents_lab.experiments.verdicts import percent
-from bt_agents_lab.experiments.world import Arm
 from marketplace_node.strategies.field import Floats
 
 if TYPE_CHECKING:
@@ -68,17 +67,20 @@ def second(folder: Path, arms: Mapping[str, Paper], seeds: Sequence[int]) -> Non
         )
 
 
-def third(folder: Path, experiment: Paper, seeds: Sequence[int]) -> None:
-    """Draw Figure 9, and the share of right selections over many runs."""
-    spec = replace(experiment.spec, rounds=max(experiment.spec.rounds, 150))
-    world = world_of(experiment.folder, spec)
-    random_ties = Arm(tie_break="random")
-    many = replicas(world, spec, seeds, random_ties)
+def third(folder: Path, many: Replicas, rounds: int) -> None:
+    """Draw Figure 9, and the share of right selections over many runs.
+
+    Args:
+        folder: Where it goes.
+        many: Runs of Experiment 3.
+        rounds: How many of theirs are shown.
+    """
+    world = many.world
     shown = _typical(many)
     with sheet(folder, "figure-9", (6.6, 7.4), rows=3) as (figure, (top, middle, bottom)):
-        _three(top, world.agents, many, shown)
-        _selections(middle, world.agents, many, shown)
-        correct = right(world, many.luck, many.course)
+        _three(top, many, shown, rounds)
+        _selections(middle, many, shown, rounds)
+        correct = right(world, many.luck, many.course)[:, :rounds]
         whole = many.course.all_ran
         for runs, colour, label in (
             (correct, COLOURS[0], "all runs"),
@@ -96,11 +98,12 @@ def third(folder: Path, experiment: Paper, seeds: Sequence[int]) -> None:
             if len(runs):
                 share_band(bottom, _smooth(runs.astype(np.float64)), colour, label)
         bottom.set_ylim(0.0, 1.03)
-        bottom.set_xlim(0, spec.rounds)
+        for axes in (top, middle, bottom):
+            axes.set_xlim(0, rounds)
         bottom.set_xlabel("round")
         bottom.set_ylabel("right selections (share)")
         bottom.set_title(
-            f"Share of right selections over {len(seeds)} runs (mean of {SMOOTHED} rounds, "
+            f"Share of right selections over {len(correct)} runs (mean of {SMOOTHED} rounds, "
             "95 % interval)"
         )
         bottom.legend(loc="lower right")
@@ -132,30 +135,29 @@ def _profile(axes: Axes, shown: Replicas, many: Replicas) -> None:
     below(axes, note)
 
 
-def _three(axes: Axes, agents: Sequence[str], many: Replicas, shown: int) -> None:
-    for index, name in enumerate(agents):
+def _three(axes: Axes, many: Replicas, shown: int, rounds: int) -> None:
+    for index, name in enumerate(many.world.agents):
         colour = COLOURS[index]
         # All three parameters are alike in this experiment, so their mean shows each of them.
-        values = many.course.profiles[:, :, index].mean(axis=-1)
+        values = many.course.profiles[:, :rounds, index].mean(axis=-1)
         start = many.world.starts[index].mean()
         band(axes, values[many.course.all_ran], colour)
         axes.plot(np.concatenate([[start], values[shown]]), color=colour, label=name)
         axes.axhline(many.world.best[index].mean(), color=colour, linestyle=":", linewidth=1.0)
-    axes.set_xlim(0, many.course.awarded.shape[1])
     axes.set_ylim(0.85, 5.15)
     axes.set_ylabel("profile (scale 1 to 5)")
     axes.set_title("Each parameter of the profiles in one run")
     below(axes, "dotted: made for; bands: 90 % of the runs in which all agents run")
 
 
-def _selections(axes: Axes, agents: Sequence[str], many: Replicas, shown: int) -> None:
+def _selections(axes: Axes, many: Replicas, shown: int, rounds: int) -> None:
     scenes = many.luck.scene[shown]
-    for index, name in enumerate(agents):
-        rounds = np.flatnonzero(many.course.awarded[shown] == index)
-        wrong = many.world.suited[scenes[rounds]] != index
+    for index, name in enumerate(many.world.agents):
+        won = np.flatnonzero(many.course.awarded[shown, :rounds] == index)
+        wrong = many.world.suited[scenes[won]] != index
         axes.plot(
-            rounds + 1,
-            scenes[rounds],
+            won + 1,
+            scenes[won],
             linestyle="none",
             marker="|",
             markersize=9,
@@ -163,8 +165,8 @@ def _selections(axes: Axes, agents: Sequence[str], many: Replicas, shown: int) -
             label=name,
         )
         axes.plot(
-            rounds[wrong] + 1,
-            scenes[rounds[wrong]],
+            won[wrong] + 1,
+            scenes[won[wrong]],
             linestyle="none",
             marker="o",
             markersize=8,
@@ -174,7 +176,6 @@ def _selections(axes: Axes, agents: Sequence[str], many: Replicas, shown: int) -
     names = [f"[{', '.join(f'{value:g}' for value in scene)}]" for scene in many.world.scenes]
     axes.set_yticks(range(len(names)), names)
     axes.set_ylim(-0.5, len(names) - 0.5)
-    axes.set_xlim(0, len(scenes))
     axes.set_ylabel("scene")
     axes.set_title("Who gets which scene in this run; circles: not the one that is made for it")
 

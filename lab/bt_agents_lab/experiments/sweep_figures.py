@@ -42,6 +42,9 @@ HEADINGS = {
 WINDOW = 10
 """Rounds over which a learning curve is averaged."""
 
+_THICKEST, _THINNEST = 3.0, 0.9
+"""Widths of the first and the last line [points]."""
+
 _DASHES = ("-", "--", ":", "-.")
 _CURVE_SHARE = 0.2
 """Learning curves are drawn for the share of wrong feedback next to this one."""
@@ -169,16 +172,22 @@ def _smooth(values: Floats) -> Floats:
 
 
 def _lines(selections: Sequence[Selection]) -> list[dict[str, Any]]:
-    """Return how each is drawn: a colour for a strategy, dashes for other options of it."""
+    """Return how each is drawn: a colour for a strategy, dashes for other options of it.
+
+    Each is thinner than the one before, which so is seen on both sides where they are equal.
+    """
     families = list(dict.fromkeys(one.strategy for one in selections))
     counts = dict.fromkeys(families, 0)
+    widths = np.linspace(_THICKEST, _THINNEST, len(selections)).tolist()
     lines = []
-    for one in selections:
+    for one, width in zip(selections, widths, strict=True):
         lines.append(
             {
                 "color": COLOURS[families.index(one.strategy) % len(COLOURS)],
                 "linestyle": _DASHES[counts[one.strategy] % len(_DASHES)],
                 "label": one.label,
+                "linewidth": width,
+                "markersize": 2.0 + 2.0 * width,
             }
         )
         counts[one.strategy] += 1

@@ -18,14 +18,12 @@ from bt_agents.scene import SceneSpace
 from bt_agents_lab.experiments.luck import Said
 from bt_agents_lab.experiments.replicas import world_of
 from bt_agents_lab.experiments.sweep import Learning, Selection, SweepSpec
-from bt_agents_lab.experiments.world import Person, World
+from bt_agents_lab.experiments.world import NOT_SIMULATED, Person, World
 from marketplace_node.strategies import STRATEGIES, TIE_BREAKS
 
 MAX_RUNS = 1_000_000
 MAX_ROUNDS = 100_000
 TIES = (*TIE_BREAKS, "random")
-NOT_SIMULATED = ("external", "rules")
-"""Strategies whose choice needs more than the bids."""
 
 
 def read_sweep(path: Path) -> SweepSpec:
@@ -44,10 +42,9 @@ def read_sweep(path: Path) -> SweepSpec:
     rounds = fields.integer("rounds", 1, MAX_ROUNDS)
     seed = fields.integer("seed", 0)
     folder = fields.text("experiment")
-    reading.problems.raise_if_any()
-    assert runs is not None
-    assert rounds is not None
-    assert seed is not None
+    if not folder:
+        # Without the experiment nobody knows what the rest may name.
+        reading.problems.raise_if_any()
     world = _world(path.parent / folder)
     space = world.space
     selections = [_selection(reading, node) for node in fields.items("strategies")]
@@ -70,6 +67,9 @@ def read_sweep(path: Path) -> SweepSpec:
             )
         person = _person(reading, node)
     reading.problems.raise_if_any()
+    assert runs is not None
+    assert rounds is not None
+    assert seed is not None
     return SweepSpec(
         title=title,
         world=World(

@@ -13,6 +13,9 @@ from bt_agents.feedback import LearningRule
 from bt_agents.scene import SceneSpace, Vector
 from marketplace_node.strategies.field import Floats, Integers
 
+NOT_SIMULATED = ("external", "rules")
+"""Strategies whose choice needs more than the bids."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class Person:

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import re
 from collections.abc import Callable
@@ -17,6 +18,9 @@ from bt_agents_lab.journal.file import JournalFile, Write
 MOST_WAITING = 32_000_000
 """Bytes that wait in memory while nothing can be written; after that the newest are dropped."""
 
+_NO_ROOM = (errno.ENOSPC, errno.EDQUOT)
+_FULL = ("STORAGE_FULL", "there is room")
+_FAILED = ("STORAGE_FAILED", "it can be written again")
 _NAME = re.compile(r"journal-(\d{4}-\d\d-\d\d)\.mcap")
 
 
@@ -101,7 +105,11 @@ class Journal:
             fact: Under which it is kept for the files of the days to come, as it stays true until
                 the next one of this key; empty for what only happens.
         """
-        self._turn_page(said.heard_ns)
+        if not self._trouble:
+            try:
+                self._turn_page(said.heard_ns)
+            except OSError as error:
+                self._warn(error)
         if fact:
             self._facts[fact] = said
         self._add(said)
@@ -112,13 +120,13 @@ class Journal:
         Args:
             now_ns: Now [ns since 1970].
         """
-        self._turn_page(now_ns)
         try:
-            self._file.flush()
+            self._write_down()
+            self._turn_page(now_ns)
+            self._write_down()
         except OSError as error:
             self._warn(error)
             return
-        self._bytes = 0
         if self._trouble:
             self._trouble = ""
             lost = f"; {self.dropped} messages are lost" if self.dropped else ""
@@ -126,8 +134,16 @@ class Journal:
             self.dropped = 0
 
     def close(self) -> None:
-        """Write what was taken and leave the file."""
-        self._file.close()
+        """Write what was taken and leave the file; say what is lost."""
+        lost = self.dropped + self._file.close()
+        if lost:
+            self._tell(
+                f"{lost} messages are lost: {self.path} could not be written before the end", True
+            )
+
+    def _write_down(self) -> None:
+        self._file.flush()
+        self._bytes = 0
 
     def _add(self, said: Said) -> None:
         # Lost messages leave a gap in the numbers.
@@ -154,19 +170,22 @@ class Journal:
         )
 
     def _turn_page(self, now_ns: int) -> None:
-        """Begin the file of another day with what is still true."""
+        """Begin the file of another day with what is still true; raises OSError.
+
+        The file of the day before is left only when all that was taken for it is in it.
+        """
         today = self._today()
         if today == self._date:
             return
+        self._write_down()
         before, self._date = self._date, today
         try:
             following = self._open()
-        except OSError as error:
+        except OSError:
             self._date = before
-            self._warn(error)
-            return
+            raise
         self._file.close()
-        self._file, self._bytes = following, 0
+        self._file = following
         self._numbers.clear()
         for said in self._facts.values():
             self._add(
@@ -199,8 +218,9 @@ class Journal:
         trouble = error.strerror or str(error)
         if trouble != self._trouble:
             self._trouble = trouble
+            code, until = _FULL if error.errno in _NO_ROOM else _FAILED
             self._tell(
-                f"STORAGE_FULL: {self._folder} cannot be written ({trouble}); the journal waits "
-                "in memory and goes on when there is room",
+                f"{code}: {self._folder} cannot be written ({trouble}); the journal waits in "
+                f"memory and goes on when {until}",
                 True,
             )

@@ -94,8 +94,12 @@ class JournalFile:
         self._contents.note(chunk, len(record), at, indexes)
         self.waiting = []
 
-    def close(self) -> None:
-        """Write what waits and the summary, as far as there is room, and leave the file."""
+    def close(self) -> int:
+        """Write what waits and the summary, as far as there is room, and leave the file.
+
+        Returns:
+            How many messages found no room.
+        """
         try:
             with suppress(OSError):
                 self.flush()
@@ -104,6 +108,7 @@ class JournalFile:
                 self._end = end
         finally:
             os.close(self._file)
+        return len(self.waiting)
 
     def _schema(self, type_name: str, definition: str) -> Schema:
         for schema in self._contents.schemas.values():

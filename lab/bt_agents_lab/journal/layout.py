@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import zlib
 from collections.abc import Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from io import BytesIO
 
 import zstandard
@@ -37,6 +37,10 @@ LIBRARY = "bt-agents"
 
 HEAD_BYTES = 9
 """Opcode and length in front of every record."""
+
+
+MOST_UNPACKED = 1 << 26
+"""Bytes that a chunk may hold; more than one flush ever writes."""
 
 
 @dataclass(kw_only=True)
@@ -127,9 +131,29 @@ def chunk_of(messages: Iterable[Message]) -> tuple[Chunk, list[MessageIndex]]:
     return chunk, list(indexes.values())
 
 
+def records_of(chunk: Chunk) -> list[McapRecord]:
+    """Return what is in a chunk; raises whatever a decoder makes of broken bytes.
+
+    No more is unpacked than the chunk says that it holds, and that is bounded.
+    """
+    size = chunk.uncompressed_size
+    if size > MOST_UNPACKED:
+        raise ValueError(f"it is said to hold {size} bytes, expected at most {MOST_UNPACKED}")
+    match chunk.compression:
+        case "zstd":
+            data = zstandard.ZstdDecompressor().stream_reader(chunk.data).read(size + 1)
+        case "":
+            data = chunk.data
+        case other:
+            raise ValueError(f"it is compressed by {other}, expected zstd")
+    if len(data) != size:
+        raise ValueError(f"it holds other than the {size} bytes that it is said to")
+    return breakup_chunk(replace(chunk, compression="", data=data), validate_crc=True)
+
+
 def indexes_of(chunk: Chunk) -> list[MessageIndex]:
     """Return where in a chunk its messages are; raises what unpacking it raises."""
-    messages = [one for one in breakup_chunk(chunk, validate_crc=True) if isinstance(one, Message)]
+    messages = [one for one in records_of(chunk) if isinstance(one, Message)]
     return chunk_of(messages)[1] if messages else []
 
 

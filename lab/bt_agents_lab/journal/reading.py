@@ -3,24 +3,26 @@
 
 from __future__ import annotations
 
+import os
 import zlib
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from typing import Any, BinaryIO
 
+from mcap.exceptions import EndOfFile
 from mcap.records import Channel, Chunk, Header, McapRecord, Message, Schema
-from mcap.stream_reader import StreamReader, breakup_chunk
+from mcap.stream_reader import StreamReader
 from mcap_ros2.decoder import DecoderFactory
 
 from bt_agents.errors import BtAgentsError
-from bt_agents_lab.journal.layout import LIBRARY
+from bt_agents_lab.journal.layout import LIBRARY, records_of
 
 _LARGEST_RECORD = 1 << 30
-_LARGEST_CHUNK = 1 << 28
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, slots=True)
 class Entry:
     """One message of a journal.
 
@@ -31,7 +33,7 @@ class Entry:
         heard_ns: When it was heard [ns since 1970].
         lost: How many messages of its topic the journal found no room for, right before it.
         data: As it was sent.
-        decode: Returns it with its fields as attributes; may raise.
+        decoder: Makes of ``data`` the message with its fields as attributes.
     """
 
     topic: str
@@ -40,7 +42,46 @@ class Entry:
     heard_ns: int
     lost: int
     data: bytes
-    decode: Callable[[], Any]
+    decoder: Callable[[bytes], Any]
+
+    def decode(self) -> Any:
+        """Return it with its fields as attributes.
+
+        Raises:
+            BtAgentsError: It cannot be read, or the definition of its type cannot.
+        """
+        try:
+            return self.decoder(self.data)
+        except BtAgentsError:
+            raise
+        except Exception as error:
+            # Whatever a decoder makes of broken bytes.
+            words = str(error) or type(error).__name__
+            raise BtAgentsError(f"it or the definition of its type is damaged ({words})") from None
+
+
+@dataclass(kw_only=True, slots=True)
+class Counted:
+    """Messages of one topic that were counted and not kept.
+
+    Attributes:
+        messages: How many.
+        lost: How many the journal found no room for.
+        first_ns: When the first one was sent [ns since 1970].
+        last_ns: When the last one was.
+    """
+
+    messages: int = 0
+    lost: int = 0
+    first_ns: int = 0
+    last_ns: int = 0
+
+    def add(self, sent_ns: int, lost: int) -> None:
+        """Count one."""
+        self.messages += 1
+        self.lost += lost
+        self.first_ns = min(self.first_ns or sent_ns, sent_ns)
+        self.last_ns = max(self.last_ns, sent_ns)
 
 
 class JournalReader:
@@ -54,6 +95,7 @@ class JournalReader:
 
     Attributes:
         problems: What could not be read, in words; complete after reading.
+        counted: Topic → what was only counted; complete after reading.
 
     Raises:
         BtAgentsError: A file cannot be opened.
@@ -61,6 +103,7 @@ class JournalReader:
 
     def __init__(self, paths: Sequence[Path]) -> None:
         self.problems: list[str] = []
+        self.counted: dict[str, Counted] = {}
         self._paths = paths
         for path in paths:
             try:
@@ -69,23 +112,29 @@ class JournalReader:
             except OSError as error:
                 raise BtAgentsError(f"no journal {path}: {error.strerror}") from None
 
-    def entries(self) -> list[Entry]:
-        """Return all messages."""
-        seen: set[tuple[str, int, int]] = set()
+    def entries(self, types: Collection[str] | None = None) -> list[Entry]:
+        """Return messages.
+
+        Args:
+            types: ``package/msg/Name`` of those to return; the others are counted as often as they
+                are there. None returns all.
+        """
+        seen: set[int] = set()
         found = []
         for path in self._paths:
-            for entry in self._of_file(path):
-                key = (entry.topic, entry.sent_ns, zlib.crc32(entry.data))
+            for entry in self._of_file(path, types):
+                key = hash((entry.topic, entry.sent_ns, zlib.crc32(entry.data)))
                 if key not in seen:
                     seen.add(key)
                     found.append(entry)
         return sorted(found, key=lambda entry: entry.sent_ns)
 
-    def _of_file(self, path: Path) -> Iterator[Entry]:
+    def _of_file(self, path: Path, types: Collection[str] | None) -> Iterator[Entry]:
         with path.open("rb") as file:
             schemas: dict[int, Schema] = {}
             channels: dict[int, Channel] = {}
-            decoders = DecoderFactory()
+            decoders: dict[int, Callable[[bytes], Any]] = {}
+            factory = DecoderFactory()
             numbers = _Numbers()
             for record in self._records(path, file):
                 match record:
@@ -95,22 +144,51 @@ class JournalReader:
                         schemas[record.id] = record
                     case Channel():
                         channels[record.id] = record
+                        decoders.pop(record.id, None)
                     case Message(channel_id=number) if number in channels:
                         channel = channels[number]
                         schema = schemas.get(channel.schema_id)
-                        if schema is not None:
-                            lost = numbers.lost_before(record)
-                            yield _entry(record, channel, schema, decoders, lost)
+                        if schema is None:
+                            continue
+                        lost = numbers.lost_before(record)
+                        if types is not None and schema.name not in types:
+                            counted = self.counted.setdefault(channel.topic, Counted())
+                            counted.add(record.publish_time, lost)
+                            continue
+                        if number not in decoders:
+                            decoders[number] = _decoder(channel, schema, factory)
+                        yield Entry(
+                            topic=channel.topic,
+                            type=schema.name,
+                            sent_ns=record.publish_time,
+                            heard_ns=record.log_time,
+                            lost=lost,
+                            data=record.data,
+                            decoder=decoders[number],
+                        )
 
     def _records(self, path: Path, file: BinaryIO) -> Iterator[McapRecord]:
-        """Give the records of a file up to where it cannot be read any more."""
+        """Give the records of a file up to where it cannot be read any more.
+
+        A file that ends after a whole record has lost nothing: it is being written, or its journal
+        was killed.
+        """
+        whole = 0
         reader = StreamReader(file, emit_chunks=True, record_size_limit=_LARGEST_RECORD)
         try:
             for record in reader.records:
+                whole = file.tell()
                 if isinstance(record, Chunk):
                     yield from self._of_chunk(path, record)
                 else:
                     yield record
+        except EndOfFile:
+            size = os.fstat(file.fileno()).st_size
+            if size > whole:
+                self.problems.append(
+                    f"{path} ends in the middle of a record, as after a kill: its last "
+                    f"{size - whole} bytes cannot be read"
+                )
         except Exception as error:
             # Whatever a decoder makes of broken bytes.
             why = str(error) or type(error).__name__
@@ -118,9 +196,7 @@ class JournalReader:
 
     def _of_chunk(self, path: Path, chunk: Chunk) -> list[McapRecord]:
         try:
-            if chunk.uncompressed_size > _LARGEST_CHUNK:
-                raise ValueError(f"it is said to hold {chunk.uncompressed_size} bytes")
-            return breakup_chunk(chunk, validate_crc=True)
+            return records_of(chunk)
         except Exception as error:
             self.problems.append(f"{path} has a part that cannot be read: {error}")
             return []
@@ -148,24 +224,17 @@ class _Numbers:
         return max(message.sequence - before - 1, 0) if self.ours else 0
 
 
-def _entry(
-    message: Message, channel: Channel, schema: Schema, decoders: DecoderFactory, lost: int
-) -> Entry:
-    def decode() -> Any:
-        decoder = decoders.decoder_for(channel.message_encoding, schema)
+def _decoder(channel: Channel, schema: Schema, factory: DecoderFactory) -> Callable[[bytes], Any]:
+    """Return what decodes the messages of a channel; it is made when it is first needed."""
+
+    @cache
+    def made() -> Callable[[bytes], Any]:
+        decoder = factory.decoder_for(channel.message_encoding, schema)
         if decoder is None:
             raise BtAgentsError(
                 f"{channel.topic} is written as {channel.message_encoding} with a "
                 f"{schema.encoding} schema, expected cdr with ros2msg"
             )
-        return decoder(message.data)
+        return decoder
 
-    return Entry(
-        topic=channel.topic,
-        type=schema.name,
-        sent_ns=message.publish_time,
-        heard_ns=message.log_time,
-        lost=lost,
-        data=message.data,
-        decode=decode,
-    )
+    return lambda data: made()(data)

@@ -5,15 +5,18 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator
+from functools import partial
 from itertools import zip_longest
 from typing import Any
 
 from bt_agents.errors import BtAgentsError, Refused
-from bt_agents.scene import SceneSpace
+from bt_agents.scene import Scene, SceneSpace
 from bt_agents_lab.replay.findings import Finding, Verdict
 from bt_agents_lab.replay.scenes import bids_of, external_of, scene_of, terms_of
 from bt_agents_lab.replay.story import Round
-from marketplace_node.decision import ClosedBy, Ranked, RankedBid
+from bt_agents_lab.replay.wording import words_difference
+from marketplace_node.calculation import calculation
+from marketplace_node.decision import ClosedBy, Outcome, Ranked, RankedBid
 from marketplace_node.ranking import decide
 from marketplace_node.strategies import STRATEGIES
 
@@ -43,26 +46,39 @@ def _again(one: Round, space: SceneSpace, where: str) -> Finding:
     auction = one.auction
     if not auction.ranking:
         words = f"nobody bid, but {auction.winner} won" if auction.winner else ""
+        words = words or _outcome_difference(auction, None)
         return _finding(where, Verdict.DIFFERENT if words else Verdict.EQUAL, words)
     if auction.strategy not in STRATEGIES:
         missing = f"the strategy {auction.strategy} is not installed here"
         return _finding(where, Verdict.NOT_RECORDED, missing)
     scene = scene_of(auction.scene, space)
-    runs = one.runs if one.runs is not None else 0
+    if auction.shadow_strategy not in ("", *STRATEGIES):
+        missing = f"the shadow strategy {auction.shadow_strategy} is not installed here"
+        return _finding(where, Verdict.NOT_RECORDED, missing)
+    terms = terms_of(one, scene, one.runs or 0)
     ranked = decide(
         space,
-        terms_of(one, scene, runs),
+        terms,
         bids_of(auction.ranking),
         external=external_of(auction) if auction.strategy == _OUTSIDE else None,
     )
-    difference = _difference(auction, ranked)
-    if difference and one.runs is None and any(bid.bonus for bid in auction.ranking):
-        missing = "how many runs were before: the journal does not begin with this market"
-        return _finding(where, Verdict.NOT_RECORDED, missing)
-    return _finding(where, Verdict.DIFFERENT if difference else Verdict.EQUAL, difference)
+    for strategy, difference in (
+        (auction.strategy, partial(_difference, auction, ranked, scene)),
+        (auction.shadow_strategy, partial(_shadow_difference, auction, ranked)),
+    ):
+        if one.runs is None and strategy and STRATEGIES[strategy].counts:
+            missing = (
+                f"how many runs were before, on which {strategy} depends: the journal does not "
+                "begin with this market"
+            )
+            return _finding(where, Verdict.NOT_RECORDED, missing)
+        if words := difference():
+            return _finding(where, Verdict.DIFFERENT, words)
+    words = words_difference(auction, terms, ranked, space)
+    return _finding(where, Verdict.DIFFERENT if words else Verdict.EQUAL, words)
 
 
-def _difference(auction: Any, ranked: Ranked) -> str:
+def _difference(auction: Any, ranked: Ranked, scene: Scene) -> str:
     """Return the first difference in words; empty when everything is equal."""
     for place, (was, now) in enumerate(zip_longest(auction.ranking, ranked.bids), 1):
         if was.agent != now.agent:
@@ -73,19 +89,48 @@ def _difference(auction: Any, ranked: Ranked) -> str:
         for name in ("contributions", "weights"):
             if list(getattr(was, name)) != list(getattr(now, name)):
                 return f"the {name} of {was.agent} are others"
+        sum_of_it = calculation(now, scene, ranked.by)
+        if was.calculation != sum_of_it:
+            return f"the sum of {was.agent} was {was.calculation}, now {sum_of_it}"
     stopped = auction.closed_by == ClosedBy.STOPPED
-    best = "" if stopped or not ranked.bids else ranked.bids[0].agent
-    if auction.winner != best:
-        return f"the winner was {auction.winner or 'nobody'}, now {best or 'nobody'}"
+    best = None if stopped or not ranked.bids else ranked.bids[0]
+    if auction.winner != (best.agent if best else ""):
+        return (
+            f"the winner was {auction.winner or 'nobody'}, now {best.agent if best else 'nobody'}"
+        )
+    if words := _outcome_difference(auction, best):
+        return words
     margin = math.nan if stopped else _margin(ranked.bids)
     if not _same(auction.margin, margin):
         return _differs("the margin", auction.margin, margin)
-    if auction.shadow_winner != ranked.shadow_winner:
-        return f"the shadow chose {auction.shadow_winner}, now {ranked.shadow_winner}"
     names = list(ranked.change.names) if ranked.change else []
     values = list(ranked.change.values) if ranked.change else []
     if list(auction.change_names) != names or list(auction.change_values) != values:
         return "the change by which the runner-up would have won is another"
+    return ""
+
+
+def _outcome_difference(auction: Any, best: RankedBid | None) -> str:
+    """Return what does not fit to who wins; whether a run stops for it is not looked at."""
+    expected = (best.agent_id, best.host) if best else (0, "")
+    if (auction.winner_id, auction.host) != expected:
+        was = f"{auction.winner_id} of '{auction.host}'"
+        return f"the winner was {was}, now {expected[0]} of '{expected[1]}'"
+    fitting = (
+        (Outcome.AWARDED, Outcome.PREEMPTS, Outcome.WAITS)
+        if best
+        else (Outcome.NO_BIDS, Outcome.WAITS)
+    )
+    if auction.outcome not in fitting:
+        who = f"{best.agent} as winner" if best else "no winner"
+        return f"the outcome was {auction.outcome}, which does not go with {who}"
+    return ""
+
+
+def _shadow_difference(auction: Any, ranked: Ranked) -> str:
+    """Return the same of the strategy that only looked on."""
+    if auction.shadow_winner != ranked.shadow_winner:
+        return f"the shadow chose {auction.shadow_winner}, now {ranked.shadow_winner}"
     return ""
 
 

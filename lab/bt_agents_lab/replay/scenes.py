@@ -3,11 +3,12 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 from typing import Any
 
 from bt_agents.scene import Origin, Scene, SceneSpace, SceneValue
-from bt_agents_lab.replay.story import Round
+from bt_agents_lab.replay.story import EARLIER_RUNS, Round
 from marketplace_node.decision import AcceptedBid, External, Terms
 
 SHADOW = "shadow."
@@ -45,13 +46,29 @@ def scene_of(message: Any, space: SceneSpace) -> Scene:
     )
 
 
+def named(scene: Any) -> str:
+    """Return what people call a scene: its label, else its values.
+
+    Args:
+        scene: A ``Scene`` message.
+
+    Example:
+        ``age 4.5, familiarity 1, mood 3``
+    """
+    known = ", ".join(
+        f"{value.name} {value.value:.4g}" for value in scene.values if not math.isnan(value.value)
+    )
+    who = "" if scene.person else "nobody"
+    return str(scene.label) or ", ".join(filter(None, (who, known))) or str(scene.scene_id)
+
+
 def terms_of(one: Round, scene: Scene, runs: int) -> Terms:
     """Return what was fixed when a round opened.
 
     Args:
         one: The round.
         scene: Its scene.
-        runs: How many runs the market had begun before it.
+        runs: How many runs this start of the market had begun before it.
     """
     auction = one.auction
     options = dict(zip(auction.option_names, auction.option_values, strict=True))
@@ -64,8 +81,11 @@ def terms_of(one: Round, scene: Scene, runs: int) -> Terms:
         tie_break=auction.tie_break,
         runs={bid.agent: bid.runs for bid in auction.ranking},
         last_run={bid.agent: bid.last_run for bid in auction.ranking},
-        rounds_run=runs,
-        options={k: v for k, v in options.items() if not k.startswith(SHADOW)},
+        rounds_run=one.earlier + runs,
+        earlier_runs=one.earlier,
+        options={
+            k: v for k, v in options.items() if not k.startswith(SHADOW) and k != EARLIER_RUNS
+        },
         seed=auction.seed,
         shadow=auction.shadow_strategy,
         shadow_options={

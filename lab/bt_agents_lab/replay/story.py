@@ -4,15 +4,19 @@
 from __future__ import annotations
 
 from collections import Counter, defaultdict
-from collections.abc import Iterable
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import Any
 
 from bt_agents.errors import BtAgentsError, Refused
-from bt_agents_lab.journal.reading import Entry
+from bt_agents_lab.journal.reading import Entry, JournalReader
 from bt_agents_lab.replay.texts import Making, TextFiles
 
 _TYPES = "bt_agents_interfaces/msg/"
+
+EARLIER_RUNS = "market.earlier_runs"
+"""Stands among the options when the market went on from the counts of an earlier start."""
 
 RunKey = tuple[str, str, int, str]
 """Start of the host, market, round and agent of a run."""
@@ -43,13 +47,27 @@ class Round:
 
     Attributes:
         auction: Its outcome.
-        runs: How many runs the market had begun before it; None when the journal does not tell.
+        runs: How many runs this start of the market had begun before it; None when the journal
+            does not tell.
         making: What the scene and the rules of the market were made from; None for unknown.
     """
 
     auction: Any
     runs: int | None
     making: Making | None
+
+    @property
+    def earlier(self) -> int:
+        """How many runs there were before this start of the market, as far as it knows."""
+        options = zip(self.auction.option_names, self.auction.option_values, strict=True)
+        return int(dict(options).get(EARLIER_RUNS, 0.0))
+
+    @property
+    def least(self) -> int:
+        """How many runs there were before it at least, by what its bids tell."""
+        ranking = self.auction.ranking
+        last = max((bid.last_run for bid in ranking), default=0)
+        return max(int(last), sum(int(bid.runs) for bid in ranking))
 
 
 @dataclass(kw_only=True)
@@ -82,6 +100,7 @@ class Story:
         first_ns: When the first message was sent [ns since 1970]; 0 for none.
         last_ns: When the last one was.
         problems: What cannot be read, in words.
+        hints: What else is to be said before, in words.
     """
 
     rounds: list[Round] = field(default_factory=list)
@@ -92,6 +111,12 @@ class Story:
     first_ns: int = 0
     last_ns: int = 0
     problems: list[str] = field(default_factory=list)
+    hints: list[str] = field(default_factory=list)
+
+    @property
+    def whole(self) -> bool:
+        """Whether everything could be read and nothing is lost."""
+        return not self.problems and not self.lost
 
 
 def tell(entries: Iterable[Entry]) -> Story:
@@ -101,6 +126,27 @@ def tell(entries: Iterable[Entry]) -> Story:
         entries: In the order in which they were sent.
     """
     return _Teller().tell(entries)
+
+
+def read(paths: Sequence[Path]) -> Story:
+    """Return what some files hold; messages that nothing is made of are only counted.
+
+    Args:
+        paths: The files.
+
+    Raises:
+        BtAgentsError: A file cannot be opened.
+    """
+    reader = JournalReader(paths)
+    story = tell(reader.entries(frozenset(_TYPES + name for name in _TAKES)))
+    for topic, counted in reader.counted.items():
+        story.counts[topic] += counted.messages
+        if counted.lost:
+            story.lost[topic] += counted.lost
+        story.first_ns = min(story.first_ns or counted.first_ns, counted.first_ns)
+        story.last_ns = max(story.last_ns, counted.last_ns)
+    story.problems[:0] = reader.problems
+    return story
 
 
 class _Teller:
@@ -165,13 +211,16 @@ class _Teller:
         epoch = message.epoch
         if message.round == 1:
             self._whole.add(epoch)
-        self.story.rounds.append(
-            Round(
-                auction=message,
-                runs=self._begun[epoch] if epoch in self._whole else None,
-                making=self._newest.making if self._newest is not None else None,
-            )
+        one = Round(
+            auction=message,
+            runs=self._begun[epoch] if epoch in self._whole else None,
+            making=self._newest.making if self._newest is not None else None,
         )
+        if one.runs is not None and one.runs + one.earlier < one.least:
+            # A run of which the journal has not heard.
+            self._whole.discard(epoch)
+            one = replace(one, runs=None)
+        self.story.rounds.append(one)
 
     def _feedback(self, message: Any) -> None:
         card, parameters = self._cards.get(message.agent, (None, ()))

@@ -66,9 +66,12 @@ def _again(run: RunStory) -> int | str:
     told = _by_tick(run)
     before = str(record.head.get("file", ""))
     prefix = before.removesuffix(_inside(spec, making))
-    ticks = 0
+    ticks = unheard = 0
     for turn in repeat(record, spec, making.space):
         ticks = turn.tick
+        if turn.changed and len(turn.changes) == turn.changed and turn.tick not in told:
+            unheard += 1
+            told[turn.tick] = _changes_of(turn, making.folder + "/", prefix)
         difference = _difference(turn, told, making.folder + "/", prefix)
         if difference:
             return f"tick {turn.tick}: {difference}"
@@ -78,6 +81,8 @@ def _again(run: RunStory) -> int | str:
     left = next((changes for changes in told.values() if changes), None)
     if left:
         return f"after its end: {left[0][0]} {left[0][2]}, as it was told, does not come again"
+    if unheard:
+        raise _Missing(f"the changes of {unheard} of {ticks} ticks were not heard")
     return ticks
 
 
@@ -118,12 +123,16 @@ def _status(number: int) -> str:
     return _WORDS[number] if 0 <= number < len(_WORDS) else str(number)
 
 
-def _difference(turn: Turn, told: dict[int, list[Change]], folder: str, prefix: str) -> str:
-    """Return what differs in a turn, in words; empty when nothing does."""
-    again = [
+def _changes_of(turn: Turn, folder: str, prefix: str) -> list[Change]:
+    return [
         (one.path, one.name, one.status.name, one.message.replace(folder, prefix))
         for one in turn.changes
     ]
+
+
+def _difference(turn: Turn, told: dict[int, list[Change]], folder: str, prefix: str) -> str:
+    """Return what differs in a turn, in words; empty when nothing does."""
+    again = _changes_of(turn, folder, prefix)
     was = told.get(turn.tick, [])
     head, told[turn.tick] = was[: len(again)], was[len(again) :]
     for here, there in zip_longest(again, head):

@@ -16,7 +16,8 @@ from bt_agents.language.specs import AgentSpec
 from bt_agents.roster import unmet
 from bt_agents.scene import Scene, SceneSpace, Vector
 from bt_agents_lab.replay.lessons import rule_of
-from bt_agents_lab.replay.scenes import bids_of, external_of, scene_of, terms_of
+from bt_agents_lab.replay.run_counts import RunCounts
+from bt_agents_lab.replay.scenes import bids_of, external_of, named, scene_of, terms_of
 from bt_agents_lab.replay.story import Lesson, Round, Story
 from feedback_node.learning import Evidence, asked, step
 from marketplace_node.decision import AcceptedBid, ClosedBy, Terms
@@ -31,6 +32,12 @@ ASSUMED = (
     "Feedback about a run is given only where the same agent runs; all other feedback is.",
 )
 """What is assumed, in words."""
+
+OTHERS_ASSUMED = (
+    "Every agent of the folder bids in each round, also one that the host was told to leave out "
+    "by its tags; --tags leaves it out here, too."
+)
+"""What is assumed besides when other agents bid, in words."""
 
 _Key = tuple[str, str]
 
@@ -160,9 +167,7 @@ class _Retold:
         self._was: dict[_Key, Vector] = {}
         self._now: dict[_Key, Vector] = {}
         self._asked: dict[_Key, list[Vector]] = {}
-        self._runs: Counter[tuple[str, str]] = Counter()
-        self._last: dict[tuple[str, str], int] = {}
-        self._total: Counter[str] = Counter()
+        self._counts = RunCounts()
         self._winners: dict[tuple[str, int], str] = {}
 
     def tell(self, story: Story) -> Outlook:
@@ -190,7 +195,7 @@ class _Retold:
             Case(
                 epoch=auction.epoch,
                 round=auction.round,
-                label=auction.scene.label or auction.scene.scene_id,
+                label=named(auction.scene),
                 was=auction.winner,
                 now=now,
                 margin_was=auction.margin,
@@ -198,8 +203,10 @@ class _Retold:
                 words=words,
             )
         )
-        if now and auction.outcome == _AWARDED:
-            self._note_run(auction, now)
+        if auction.outcome == _AWARDED:
+            self._counts.note(auction.epoch, auction.winner, now)
+            if now:
+                self._winners[auction.epoch, auction.round] = now
 
     def _winner(self, one: Round, space: SceneSpace) -> tuple[str, float]:
         auction = one.auction
@@ -218,11 +225,14 @@ class _Retold:
 
     def _terms(self, one: Round, scene: Scene) -> Terms:
         auction, epoch = one.auction, one.auction.epoch
-        terms = terms_of(one, scene, self._total[epoch])
+        self._counts.hear(one)
+        runs, last_run, total = self._counts.of(epoch)
+        terms = terms_of(one, scene, total)
         terms = replace(
             terms,
-            runs={agent: n for (of, agent), n in self._runs.items() if of == epoch},
-            last_run={agent: n for (of, agent), n in self._last.items() if of == epoch},
+            runs=runs,
+            last_run=last_run,
+            rounds_run=total,
             seed=auction.seed or f"{epoch}/{auction.round}",
             shadow="",
         )
@@ -267,13 +277,6 @@ class _Retold:
             if layer.partition("/")[0] in spec.learning.layers and (spec.name, layer) in self._now:
                 return self._now[spec.name, layer]
         return self._now.setdefault((spec.name, ""), spec.profile)
-
-    def _note_run(self, auction: Any, winner: str) -> None:
-        epoch = auction.epoch
-        self._winners[epoch, auction.round] = winner
-        self._total[epoch] += 1
-        self._runs[epoch, winner] += 1
-        self._last[epoch, winner] = self._total[epoch]
 
     def _learn(self, lesson: Lesson) -> None:
         feedback = lesson.feedback

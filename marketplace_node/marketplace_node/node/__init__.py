@@ -10,7 +10,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from bt_agents.errors import Refused
+from bt_agents.errors import ReadError, Refused
 from bt_agents.language.market_reader import MarketRule, market_of
 from bt_agents.language.scene_reader import read_scene
 from bt_agents.ros import qos
@@ -67,12 +67,13 @@ from marketplace_node.node.orders_file import OrdersFile
 from marketplace_node.node.parameters import declare_settings, follow_settings
 from marketplace_node.node.registering import Registering
 from marketplace_node.registry import HostEntry
-from marketplace_node.settings import Settings
+from marketplace_node.settings import RULES, Settings
 from marketplace_node.strategies.plugins import add_installed
 
 ORDERS = StartParameter(
     name="orders",
-    description="file that keeps pins and vetoes over a restart of the market; empty for none",
+    description="file that keeps pins, vetoes and counts of runs over a restart of the market; "
+    "empty for none",
 )
 
 _FAST_S = 0.02
@@ -90,7 +91,7 @@ class MarketplaceNode(GuardedNode):
         space: The scene parameters of the system.
         epoch: Name of this start of the market; None makes one.
         rules: Of the strategy ``rules``.
-        orders: File that keeps pins and vetoes over a restart; None keeps none.
+        orders: File that keeps pins, vetoes and counts over a restart; None keeps none.
         node_kwargs: For :class:`rclpy.node.Node`.
 
     Attributes:
@@ -140,6 +141,12 @@ class MarketplaceNode(GuardedNode):
         self._carry_out(self._market.tick(self._ticked))
         self._restore_orders()
         self.get_logger().info(f"market '{self._market.epoch}' waits for scenes")
+
+    @property
+    def needs_rules(self) -> bool:
+        """True while a strategy that ranks or looks on reads the rules."""
+        settings = self._market.settings
+        return RULES in (settings.strategy, settings.shadow_strategy)
 
     def request_stop(self) -> None:
         """Stop the running tree, so that nobody is left alone with it."""
@@ -357,16 +364,40 @@ class MarketplaceNode(GuardedNode):
         return self.get_clock().now().to_msg()
 
 
+def make_market(trees: Path, orders: Path | None = None, **node_kwargs: Any) -> MarketplaceNode:
+    """Return the market of a trees folder; its log says what it cannot use.
+
+    Args:
+        trees: The folder.
+        orders: As for :class:`MarketplaceNode`.
+        node_kwargs: For :class:`rclpy.node.Node`.
+
+    Raises:
+        ReadError: ``scene.yaml`` is wrong, or ``market.yaml`` that a strategy in force needs.
+    """
+    space = read_scene(trees / "scene.yaml").space
+    problems = list(add_installed())
+    rules: tuple[MarketRule, ...] = ()
+    unread = None
+    try:
+        rules = market_of(trees, space).rules
+    except ReadError as error:
+        unread = error
+    node = MarketplaceNode(space, rules=rules, orders=orders, **node_kwargs)
+    if unread is not None:
+        if node.needs_rules:
+            node.destroy_node()
+            raise unread
+        problems.append(f"{unread}\nno rule counts until it is mended and the market is restarted")
+    for problem in problems:
+        node.get_logger().warning(problem)
+    return node
+
+
 def _make_node() -> MarketplaceNode:
     def make(values: Mapping[str, str]) -> MarketplaceNode:
-        trees = find_trees(values["trees"])
-        space = read_scene(trees / "scene.yaml").space
-        problems = add_installed()
         orders = Path(values["orders"]) if values["orders"] else None
-        node = MarketplaceNode(space, rules=market_of(trees, space).rules, orders=orders)
-        for problem in problems:
-            node.get_logger().warning(problem)
-        return node
+        return make_market(find_trees(values["trees"]), orders)
 
     return make_from_parameters("marketplace", (TREES, ORDERS), make)
 

@@ -43,6 +43,9 @@ from marketplace_node.strategies import STRATEGIES
 SHADOW = "shadow"
 """Stands before the options of the shadow strategy, as in ``shadow.temperature``."""
 
+EARLIER_RUNS = "market.earlier_runs"
+"""Stands with the options when counts of runs were taken over from an earlier start."""
+
 _ENDED = (RunMsg.SUCCEEDED, RunMsg.FAILED, RunMsg.CANCELLED, RunMsg.LOST)
 
 
@@ -285,7 +288,9 @@ def _ranked_to_msg(bid: RankedBid, decision: Decision) -> RankedBidMsg:
 def _options(terms: Terms) -> dict[str, float]:
     """Return what is set about the strategy, and about its shadow with that word in front."""
     shadow = {f"{SHADOW}.{name}": value for name, value in terms.shadow_options.items()}
-    return {name: float(value) for name, value in {**terms.options, **shadow}.items()}
+    earlier = {EARLIER_RUNS: terms.earlier_runs} if terms.earlier_runs else {}
+    named = {**terms.options, **shadow, **earlier}
+    return {name: float(value) for name, value in named.items()}
 
 
 def _draws(terms: Terms) -> bool:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Keeps pins and vetoes in a file, so that a market that dies and is started again has them."""
+"""Keeps pins, vetoes and counts in a file for a market that dies and is started again."""
 
 from __future__ import annotations
 
@@ -52,5 +52,5 @@ class OrdersFile:
     def _tell(self, what: str) -> None:
         if what:
             self._node.get_logger().error(
-                f"pins and vetoes are not kept over a restart of the market: {what}"
+                f"pins, vetoes and counts are not kept over a restart of the market: {what}"
             )

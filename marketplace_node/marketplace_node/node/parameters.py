@@ -106,7 +106,7 @@ def _descriptors() -> dict[str, ParameterDescriptor]:
             "how many scenes may wait", minimum=0, maximum=MAX_QUEUE, integer=True
         ),
         "starvation_rounds": describe(
-            "an agent is starved once it has bid in so many awarded rounds and won none; 0 never",
+            "an agent is starved once it has bid in so many rounds and got no run; 0 never",
             minimum=0,
             maximum=MAX_STARVATION,
             integer=True,

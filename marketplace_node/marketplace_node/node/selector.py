@@ -36,6 +36,7 @@ from marketplace_node.openai_protocol import (
     answer,
     question,
 )
+from marketplace_node.registry import MOST_HOSTS
 
 BASE_URL = StartParameter(
     name="base_url", description="address of the server, like http://127.0.0.1:11434/v1"
@@ -90,6 +91,9 @@ class SelectorNode(GuardedNode):
         super().destroy_node()
 
     def _take_card(self, card: HostCard) -> None:
+        self.descriptions.pop(card.host, None)
+        while len(self.descriptions) >= MOST_HOSTS:
+            del self.descriptions[next(iter(self.descriptions))]
         self.descriptions[card.host] = {
             agent.name: ". ".join(part for part in (agent.title, agent.description) if part)
             for agent in card.agents

@@ -64,6 +64,7 @@ _OWN = (
         score=ucb,
         lines=exploration.ucb_lines,
         options=(exploration.UCB_C,),
+        counts=True,
     ),
     StrategySpec(
         name="thompson",

@@ -8,6 +8,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from marketplace_node.strategies.error_function import erf
 from marketplace_node.strategies.field import (
     Chance,
     Field,
@@ -19,8 +20,6 @@ from marketplace_node.strategies.field import (
     plain,
     total,
 )
-
-_erf = np.frompyfunc(math.erf, 1, 1)
 
 
 def manhattan(field: Field, options: Mapping[str, float], random: Chance) -> Scores:
@@ -90,5 +89,5 @@ def folded_mean(gap: Floats, std: Floats) -> Floats:
         deviation = np.broadcast_to(std, size.shape)[unsure]
         turns = size[unsure] / deviation
         near = deviation * math.sqrt(2.0 / math.pi) * np.exp(-0.5 * turns**2)
-        size[unsure] = near + size[unsure] * np.asarray(_erf(turns / math.sqrt(2.0)), float)
+        size[unsure] = near + size[unsure] * erf(turns / math.sqrt(2.0))
     return size

@@ -127,6 +127,7 @@ class StrategySpec:
         score: Measures all bids; pure: what it gives depends on its arguments alone.
         options: What can be set about it.
         draws: True when it draws chance.
+        counts: True when it looks at how many runs there have been in all.
         lines: The same for one round as a function of the scene, where it is made of straight
             lines; lets the smallest change of a scene be found exactly. None elsewhere.
     """
@@ -136,6 +137,7 @@ class StrategySpec:
     score: Score
     options: tuple[Option, ...] = ()
     draws: bool = False
+    counts: bool = False
     lines: Callable[[Field, Mapping[str, float], Chance], Lines] | None = None
 
     def values(self, given: Mapping[str, float]) -> dict[str, float]:

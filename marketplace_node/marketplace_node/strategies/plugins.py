@@ -70,9 +70,9 @@ def _spec(point: EntryPoint) -> StrategySpec:
         )
     try:
         spec = point.load()
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         raise PluginProblem(
-            f"{whose} cannot be loaded: {type(error).__name__}: {error}"
+            f"{whose} cannot be loaded: {type(error).__name__}: {' '.join(str(error).split())}"
         ) from error
     if not isinstance(spec, StrategySpec):
         raise PluginProblem(
@@ -81,12 +81,16 @@ def _spec(point: EntryPoint) -> StrategySpec:
         )
     if spec.name != point.name:
         raise PluginProblem(f"{whose} calls itself '{spec.name}'; both names must be the same")
+    if not isinstance(spec.description, str):
+        raise PluginProblem(f"{whose}: 'description' is no text")
     if not callable(spec.score):
         raise PluginProblem(f"{whose}: 'score' is no function")
+    if spec.lines is not None and not callable(spec.lines):
+        raise PluginProblem(f"{whose}: 'lines' is no function")
     if not isinstance(spec.options, tuple) or not all(_is_option(one) for one in spec.options):
         raise PluginProblem(
-            f"{whose}: 'options' must be a tuple of Option whose default lies between minimum and "
-            "maximum"
+            f"{whose}: 'options' must be a tuple of Option with name and description as texts, "
+            "and whose default lies between minimum and maximum"
         )
     if len({option.name for option in spec.options}) < len(spec.options):
         raise PluginProblem(f"{whose}: two options have the same name")
@@ -96,10 +100,16 @@ def _spec(point: EntryPoint) -> StrategySpec:
 def _is_option(option: object) -> bool:
     return (
         isinstance(option, Option)
+        and isinstance(option.name, str)
+        and isinstance(option.description, str)
         and _NAME.fullmatch(option.name) is not None
-        and all(math.isfinite(v) for v in (option.minimum, option.default, option.maximum))
+        and all(_is_number(v) for v in (option.minimum, option.default, option.maximum))
         and option.minimum <= option.default <= option.maximum
     )
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, int | float) and math.isfinite(value)
 
 
 def _whose(point: EntryPoint) -> str:

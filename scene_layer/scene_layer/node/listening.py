@@ -119,7 +119,9 @@ class Listening:
         profile = qos.FACT if key.latched else qos.SENSOR
         return self._listen(key.topic, key.type, take, profile)
 
-    def _listen(self, topic: str, type_name: str, take: Callable[[Any], None], profile: Any) -> Any:
+    def _listen(
+        self, topic: str, type_name: str, take: Callable[[Any], None], profile: Any
+    ) -> Any:
         """Subscribe to a topic.
 
         Raises:
@@ -129,12 +131,16 @@ class Listening:
         kind = load_type(type_name, BindingKind.TOPIC)
         try:
             return self._node.create_subscription(kind, topic, take, profile)
-        except (InvalidTopicNameException, RCLError) as error:
+        except InvalidTopicNameException as error:
+            raise Refused(
+                "UNUSABLE_TOPIC", f"no topic can be called {topic[:_SHOWN]}: {str(error)[:_SHOWN]}"
+            ) from None
+        except RCLError:
+            # What it says is about memory, where the reason is the other type.
             raise Refused(
                 "UNUSABLE_TOPIC",
                 f"the topic {topic[:_SHOWN]} cannot be heard with the type {type_name}, expected "
-                "the name of a topic, with the same type wherever it stands: "
-                f"{str(error).strip().splitlines()[0][:_SHOWN]}",
+                "the same type wherever it stands in scene.yaml",
             ) from None
 
     def _paths(self, source: SourceSpec) -> list[str]:

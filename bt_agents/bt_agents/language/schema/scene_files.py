@@ -165,8 +165,9 @@ def _persons() -> Schema:
                 source, "How engaged a person is, more is better, or how far away, less is."
             ),
             "better_by": described(
-                values.number(0) | {"default": 0},
-                "So much better must another person be, in the unit of the source.",
+                values.length() | {"default": 0},
+                "So much better must another person be, in the unit of the source; a distance may "
+                "be written as a length.",
             ),
             "for": described(
                 values.duration() | {"default": "1 s"}, "For so long must the other be better."

@@ -79,6 +79,11 @@ def duration() -> Schema:
     return _with_unit(FieldType.DURATION) | _limits(0, None)
 
 
+def length() -> Schema:
+    """Return the schema of a length that is not negative, without any name in it."""
+    return _with_unit(FieldType.LENGTH) | _limits(0, None)
+
+
 def ros_name() -> Schema:
     """Return the schema of the name of a topic, service or action."""
     return {
