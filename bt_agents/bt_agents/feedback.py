@@ -46,7 +46,7 @@ class LearningRule:
         update: ``PLAIN`` follows each feedback, ``HUBER`` no farther than ``width``, ``MEDIAN``
             the median of the last ``window``.
         width: Of ``HUBER``: largest distance that counts, by parameter, in its unit; one without
-            an entry takes :data:`feedback_node.learning.WIDTH_SHARE` of its range.
+            an entry takes :data:`feedback_node.updates.WIDTH_SHARE` of its range.
         window: Of ``MEDIAN``: how many of the last feedbacks count, 1 or more.
         anneal: The rate after n changes is ``rate / (1 + anneal * n)``; 0 keeps it constant.
         drift: Farthest that feedback takes the profile from its file, by parameter, in its unit.

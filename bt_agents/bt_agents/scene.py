@@ -16,6 +16,9 @@ Vector = tuple[float, ...]
 
 MISSING = math.nan
 
+MAX_WEIGHT = 100.0
+"""Most that a parameter or a source of feedback can weigh; most things weigh 1."""
+
 AGAIN = "+again"
 """Ends the id of a scene that a restarted market asks for again by itself."""
 

@@ -9,9 +9,9 @@ from dataclasses import dataclass
 
 from bt_agents.errors import Refused
 from bt_agents.feedback import LearningRule, Update
-from bt_agents.language.learning_reader import LAYERS, MAX_ANNEAL, MAX_WEIGHT, MAX_WINDOW
+from bt_agents.language.learning_reader import LAYERS, MAX_ANNEAL, MAX_WINDOW
 from bt_agents.rules import Rule, read_rule
-from bt_agents.scene import SceneSpace, Vector
+from bt_agents.scene import MAX_WEIGHT, SceneSpace, Vector
 from feedback_node.learning import PLAIN, checked_rate
 
 

@@ -7,7 +7,8 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from bt_agents.scene import Vector
+from bt_agents.scene import SceneSpace, Vector
+from feedback_node.layers import vector
 from feedback_node.ledger_rows import Revision
 
 
@@ -68,6 +69,29 @@ class Delivery:
 
 Table = tuple[tuple[str, str, int, Vector], ...]
 """Name, layer, revision and profile of every known agent and layer, by name and layer."""
+
+
+def changed(
+    revision: Revision,
+    before: Revision,
+    space: SceneSpace,
+    *,
+    fresh: bool,
+    words: str,
+    false_rate: float = math.nan,
+) -> Change:
+    """Return a recorded change as vectors; see :class:`Change`."""
+    rates = revision.cause.rates
+    return Change(
+        revision=revision,
+        before=vector(before.profile, space),
+        after=vector(revision.profile, space),
+        target=vector(revision.cause.target, space),
+        rates=vector(rates, space) if rates else (),
+        false_rate=false_rate,
+        fresh=fresh,
+        words=words,
+    )
 
 
 def moved(before: Revision, after: Revision) -> str:

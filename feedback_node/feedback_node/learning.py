@@ -193,7 +193,7 @@ def checked_rate(rate: float, *, what: str = "feedback") -> float:
     return rate
 
 
-def checked_weight(weight: float, *, what: str = "feedback") -> float:
+def checked_weight(weight: float) -> float:
     """Return the weight of a source that is finite and not negative.
 
     Raises:
@@ -201,7 +201,7 @@ def checked_weight(weight: float, *, what: str = "feedback") -> float:
     """
     if not 0.0 <= weight < math.inf:
         raise Refused(
-            "BAD_WEIGHT", f"{what}: weight {weight:g} of its source, expected a number from 0"
+            "BAD_WEIGHT", f"feedback: weight {weight:g} of its source, expected a number from 0"
         )
     return weight
 

@@ -27,9 +27,9 @@ from feedback_node.ledger_head import Head
 from feedback_node.ledger_reading import LedgerReader
 from feedback_node.ledger_rows import (
     AUTHORED,
-    COLUMNS,
     FORGOTTEN,
     FORGOTTEN_LAYER,
+    INSERT,
     RESET,
     STARTS,
     UNDO,
@@ -295,7 +295,7 @@ class Ledger(LedgerReader):
             stamp=self._wall(),
         )
         row = row_of(self._pending.number + 1, appended, self._pending.chain)
-        self._database.execute(f"INSERT INTO revision ({COLUMNS}) VALUES (?,?,?,?,?,?,?,?,?)", row)
+        self._database.execute(INSERT, row)
         self._pending = Head(number=row.number, chain=row.chain)
         if entry.cause.cause == AUTHORED and not entry.layer:
             self._written[entry.agent] = appended.cause.target

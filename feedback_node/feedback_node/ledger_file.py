@@ -23,7 +23,14 @@ from feedback_node.ledger_check import (
     read_only,
 )
 from feedback_node.ledger_head import Head, HeadFile, head_path
-from feedback_node.ledger_layout import APPLICATION, FORMAT, OLD_FORMAT, integer, lay_out
+from feedback_node.ledger_layout import (
+    APPLICATION,
+    FORMAT,
+    OLD_FORMAT,
+    integer,
+    lay_out,
+    page_problem,
+)
 from feedback_node.ledger_migration import migrate
 from feedback_node.ledger_rows import Damaged
 
@@ -144,9 +151,8 @@ def examine(path: str) -> int:
                     raise damaged(path, verdict.code, verdict.problem)
             elif found == OLD_FORMAT:
                 _refuse_older(path, head)
-                problems = [str(row[0]) for row in database.execute("PRAGMA integrity_check(3)")]
-                if problems != ["ok"]:
-                    raise damaged(path, CORRUPT, "; ".join(problems))
+                if problem := page_problem(database):
+                    raise damaged(path, CORRUPT, problem)
             return found
     except (sqlite3.Error, UnicodeDecodeError) as error:
         if isinstance(error, sqlite3.Error) and is_out_of_reach(error):

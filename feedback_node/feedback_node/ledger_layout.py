@@ -55,6 +55,15 @@ def structure_problem(database: sqlite3.Connection) -> str:
     found = database.execute("SELECT sql FROM sqlite_master WHERE sql IS NOT NULL")
     if sorted(str(sql) for (sql,) in found) != sorted(_SCHEMA):
         return "its tables are not those of a ledger"
+    return page_problem(database)
+
+
+def page_problem(database: sqlite3.Connection) -> str:
+    """Return what is wrong with the indexes and pages, in words; empty for nothing.
+
+    Raises:
+        sqlite3.Error: They cannot be read.
+    """
     problems = [str(row[0]) for row in database.execute("PRAGMA integrity_check(3)")]
     return "" if problems == ["ok"] else "; ".join(problems)
 

@@ -7,7 +7,7 @@ import json
 import sqlite3
 
 from feedback_node.ledger_layout import lay_out
-from feedback_node.ledger_rows import COLUMNS, NO_CHAIN, Cause, Damaged, Revision, row_of, rows
+from feedback_node.ledger_rows import INSERT, NO_CHAIN, Cause, Damaged, Revision, row_of, rows
 
 _OLD = (
     "agent, revision, profile, cause, kind, source, reason, feedback_id, epoch, round, rate, "
@@ -33,7 +33,7 @@ def migrate(database: sqlite3.Connection) -> None:
     for number, revision in enumerate(old, start=1):
         row = row_of(number, revision, chain)
         chain = row.chain
-        database.execute(f"INSERT INTO revision ({COLUMNS}) VALUES (?,?,?,?,?,?,?,?,?)", row)
+        database.execute(INSERT, row)
     if rows(database, "ORDER BY number") != old:
         raise Damaged("a revision was not read back as it was")
 

@@ -30,6 +30,7 @@ NO_CHAIN = bytes(32)
 """Chain value before the first row."""
 
 COLUMNS = "number, agent, layer, revision, feedback_id, content, salt, digest, chain"
+INSERT = f"INSERT INTO revision ({COLUMNS}) VALUES (?,?,?,?,?,?,?,?,?)"
 
 _HIDDEN = "sha256:"
 _SALT_BYTES = 16
@@ -151,7 +152,7 @@ def row_of(number: int, revision: Revision, chain: bytes) -> Row:
         value = getattr(cause, one.name)
         if one.name in _MAPPINGS:
             value = dict(value)
-        if value != (getattr(_PLAIN, one.name) if one.name not in _MAPPINGS else {}):
+        if value != getattr(_PLAIN, one.name):
             written[one.name] = value
     content = json.dumps(written, allow_nan=False, separators=(",", ":"))
     salt = os.urandom(_SALT_BYTES)

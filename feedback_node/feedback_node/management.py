@@ -12,7 +12,7 @@ from bt_agents.errors import Refused
 from bt_agents.feedback import Kind
 from bt_agents.layers import MOST_LAYERS, PERSON, PLACE, checked_layer
 from feedback_node.changes import Change, Delivery
-from feedback_node.documents import from_document, number, to_document
+from feedback_node.documents import Imported, from_document, number, to_document
 from feedback_node.layers import check_texts, named
 from feedback_node.ledger import Entry, Ledger
 from feedback_node.ledger_file import LedgerError
@@ -135,7 +135,7 @@ class Management:
     def _export(self, order: Order) -> Done:
         selected = self._selected(order)
         if not selected:
-            raise self._unknown(order)
+            raise self._unknown(order.agent, order.layer)
         revisions: list[Revision] = []
         for one in selected:
             room = MOST_REVISIONS - len(revisions)
@@ -209,7 +209,7 @@ class Management:
         recorded = self._ledger.record(entries)
         return self._changed([one for one in recorded if one.cause.cause == IMPORT])
 
-    def _check_room(self, found: Iterable[Any]) -> None:
+    def _check_room(self, found: Iterable[Imported]) -> None:
         layers: dict[str, set[str]] = {}
         for one in found:
             if one.layer:
@@ -244,7 +244,7 @@ class Management:
             )
         found = [one for one in self._layers_of(order.agent) if one.layer == order.layer]
         if not found:
-            raise self._unknown(order)
+            raise self._unknown(order.agent, order.layer)
         return self._gone(found, order.author)
 
     def _gone(self, found: Sequence[Revision], author: str) -> Done:
@@ -285,17 +285,17 @@ class Management:
         return [one for name in names for one in self._ledger.layers(name)]
 
     def _known(self, agent: str, layer: str) -> Revision:
-        current = self._ledger.current(agent, layer)
         if not agent:
             raise Refused("UNKNOWN_AGENT", "no agent is named; name one")
+        current = self._ledger.current(agent, layer)
         if current is None:
-            raise self._unknown(Order(action=Action.HISTORY, agent=agent, layer=layer))
+            raise self._unknown(agent, layer)
         return current
 
-    def _unknown(self, order: Order) -> Refused:
+    def _unknown(self, agent: str, layer: str) -> Refused:
         agents = self._ledger.agents()
-        if order.agent and order.agent not in agents:
+        if agent and agent not in agents:
             known = ", ".join(agents) or "none yet"
-            return Refused("UNKNOWN_AGENT", f"no agent '{order.agent}'; known are: {known}")
-        known = ", ".join(sorted({one.layer for one in self._layers_of(order.agent)})) or "none"
-        return Refused("UNKNOWN_LAYER", f"no layer '{order.layer}'; there are: {known}")
+            return Refused("UNKNOWN_AGENT", f"no agent '{agent}'; known are: {known}")
+        known = ", ".join(sorted({one.layer for one in self._layers_of(agent)})) or "none"
+        return Refused("UNKNOWN_LAYER", f"no layer '{layer}'; there are: {known}")

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 from bt_agents.mood import Addressee, mood_of
 from bt_agents.scene import MISSING, Scene, SceneSpace
+from feedback_node.runs import Run
 
 MOST_LEAVES = 1000
 """Nodes of one run that are told apart; what others do is counted for nobody."""
@@ -34,6 +35,14 @@ class LeafMood:
     seconds: float
     mean: float
     change: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class Told:
+    """How the mood went in a run that has ended."""
+
+    run: Run
+    leaves: tuple[LeafMood, ...]
 
 
 @dataclass(kw_only=True)

@@ -14,7 +14,7 @@ from bt_agents.layers import MOST_LAYERS
 from bt_agents.scene import SceneSpace, Vector
 from feedback_node import learning
 from feedback_node.cards import Agent, Card, read_card
-from feedback_node.changes import Change, Delivery, Table, moved, together
+from feedback_node.changes import Change, Delivery, Table, changed, moved, together
 from feedback_node.layers import (
     LayerStep,
     anonymous,
@@ -24,7 +24,6 @@ from feedback_node.layers import (
     one_line,
     shares,
     taught,
-    vector,
 )
 from feedback_node.ledger import Entry, Ledger
 from feedback_node.ledger_file import LedgerError
@@ -84,12 +83,10 @@ class Profiles:
             # Its answer is followed by the layers; it may hold some that are forgotten by now.
             deliveries.append(self.clearing(card.host))
         for agent in agents:
-            known_host = (
-                self._agents[agent.name].host if agent.name in self._agents else agent.host
-            )
-            if known_host != agent.host:
+            known = self._agents.get(agent.name, agent)
+            if known.host != agent.host:
                 more.append(
-                    f"TWO_HOSTS: '{agent.name}' was at {known_host}, now it is at {agent.host}; "
+                    f"TWO_HOSTS: '{agent.name}' was at {known.host}, now it is at {agent.host}; "
                     f"what it learns goes there"
                 )
             self._agents[agent.name] = agent
@@ -190,7 +187,7 @@ class Profiles:
             if gone:
                 words = "recorded before, and forgotten since; not applied again"
             before = revision if gone else self._ledger.before(revision)
-            changes.append(self._change(revision, before, fresh=False, words=words))
+            changes.append(changed(revision, before, self.space, fresh=False, words=words))
         return replace(changes[0], others=tuple(changes[1:]))
 
     def apply(
@@ -308,9 +305,10 @@ class Profiles:
             before = self._ledger.before(revision)
             words = one.step.words if one else moved(before, revision)
             changes.append(
-                self._change(
+                changed(
                     revision,
                     before,
+                    self.space,
                     fresh=True,
                     words=f"for {layer} {words}" if layer else words,
                     false_rate=self._false_rate_of(revision, one),
@@ -397,24 +395,3 @@ class Profiles:
         del self._agents[name]
         for key in [key for key in self._current if key[0] == name]:
             del self._current[key]
-
-    def _change(
-        self,
-        revision: Revision,
-        before: Revision,
-        *,
-        fresh: bool,
-        words: str,
-        false_rate: float = math.nan,
-    ) -> Change:
-        rates = revision.cause.rates
-        return Change(
-            revision=revision,
-            before=vector(before.profile, self.space),
-            after=vector(revision.profile, self.space),
-            target=vector(revision.cause.target, self.space),
-            rates=vector(rates, self.space) if rates else (),
-            false_rate=false_rate,
-            fresh=fresh,
-            words=words,
-        )

@@ -18,6 +18,7 @@ from feedback_node.ledger_layout import FORMAT, lay_out
 from feedback_node.ledger_rows import (
     COLUMNS,
     FORGOTTEN,
+    INSERT,
     Cause,
     Damaged,
     Revision,
@@ -79,7 +80,6 @@ def recover(path: str | Path, new: str | Path) -> int:
 
 
 def _copy(old: sqlite3.Connection, target: Path) -> Chain:
-    insert = f"INSERT INTO revision ({COLUMNS}) VALUES (?,?,?,?,?,?,?,?,?)"
     chain = Chain()
     head = HeadFile(head_path(target))
     new = sqlite3.connect(target, isolation_level=None)
@@ -89,11 +89,11 @@ def _copy(old: sqlite3.Connection, target: Path) -> Chain:
         new.execute("BEGIN IMMEDIATE")
         lay_out(new)
         for values in _good(old, chain):
-            new.execute(insert, values)
+            new.execute(INSERT, values)
         end = Head(number=chain.good, chain=chain.value)
         for layer, (agent, revision, seal) in chain.unsealed.items():
             row = _seal(end, agent, layer, revision, seal.hexdigest())
-            new.execute(insert, row)
+            new.execute(INSERT, row)
             end = Head(number=row.number, chain=row.chain)
         new.execute("COMMIT")
         head.write(end)

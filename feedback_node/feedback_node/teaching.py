@@ -17,7 +17,7 @@ from feedback_node.cards import Card
 from feedback_node.changes import Change, Delivery
 from feedback_node.ledger_file import LedgerError
 from feedback_node.ledger_rows import FORGOTTEN
-from feedback_node.mood_traces import LeafMood, MoodTrace
+from feedback_node.mood_traces import MoodTrace, Told
 from feedback_node.profiles import Profiles
 from feedback_node.runs import Run, Runs
 
@@ -73,14 +73,6 @@ class _Unrecorded:
     run: Run
     fired: Fired
     leaf: str
-
-
-@dataclass(frozen=True, kw_only=True)
-class Told:
-    """How the mood went in a run that has ended."""
-
-    run: Run
-    leaves: tuple[LeafMood, ...]
 
 
 class Teaching:

@@ -14,7 +14,7 @@ from typing import Any
 from rclpy.qos import QoSProfile
 from rclpy.serialization import deserialize_message
 
-from bt_agents.cli.system import state_folder
+from bt_agents.cli.system import journal_folder
 from bt_agents.errors import BtAgentsError
 from bt_agents.ros import qos
 from bt_agents.ros.definition_texts import definition_text
@@ -148,7 +148,11 @@ class JournalNode(GuardedNode):
         host = str(deserialize_message(data, HostCard).host)
         if host not in self._hosts:
             if len(self._hosts) >= MOST_HOSTS:
-                self._tell(f"{host} is left out of the journal: {MOST_HOSTS} hosts are", True)
+                self.get_logger().error(
+                    f"{host} is left out of the journal: {MOST_HOSTS} other hosts were heard, "
+                    "expected no more; start it again when some of them are gone",
+                    throttle_duration_sec=60.0,
+                )
                 return
             self._hosts.add(host)
             for source in _OF_A_HOST:
@@ -191,7 +195,7 @@ def make_node() -> JournalNode:
     """
 
     def make(values: Mapping[str, str]) -> JournalNode:
-        folder = Path(values["folder"]) if values["folder"] else state_folder() / "journal"
+        folder = Path(values["folder"]) if values["folder"] else journal_folder()
         return JournalNode(folder.expanduser())
 
     return make_from_parameters("journal", (FOLDER,), make)

@@ -10,12 +10,9 @@ import numpy as np
 import numpy.typing as npt
 
 from bt_agents.errors import Refused
-from bt_agents.scene import SceneSpace
+from bt_agents.scene import MAX_WEIGHT, SceneSpace
 from marketplace_node.decision import Bids
 from marketplace_node.strategies.field import Floats
-
-MOST_WEIGHT = 1000.0
-"""A parameter counts at most so much more than one of weight 1."""
 
 
 class BidRows:
@@ -39,7 +36,7 @@ class BidRows:
         self.vectors, self._fine = _within(bids.vectors, shape, low, high)
         self.weights: Floats | None = None
         if len(bids.weights):
-            self.weights, fine = _within(bids.weights, shape, [0.0], [MOST_WEIGHT])
+            self.weights, fine = _within(bids.weights, shape, [0.0], [MAX_WEIGHT])
             self._fine &= fine
 
     def check(self, row: int, agent: str) -> None:
@@ -54,11 +51,11 @@ class BidRows:
         cells = slice(row * width, (row + 1) * width)
         self.vectors[row] = self._space.vector(self._bids.vectors[cells], what=f"bid of {agent}")
         for name, weight in zip(self._space.names, self._bids.weights[cells], strict=False):
-            if not (math.isfinite(weight) and 0.0 <= weight <= MOST_WEIGHT):
+            if not (math.isfinite(weight) and 0.0 <= weight <= MAX_WEIGHT):
                 raise Refused(
                     "BAD_WEIGHT",
                     f"bid of {agent}: the weight of {name} is {weight:g}, expected 0 to "
-                    f"{MOST_WEIGHT:g}",
+                    f"{MAX_WEIGHT:g}",
                 )
 
 

@@ -8,9 +8,8 @@ from collections.abc import Callable
 
 from bt_agents.scene import Scene
 from marketplace_node.decision import RankedBid
-from marketplace_node.wording import distance, listed, number
+from marketplace_node.wording import FEW, distance, listed, number
 
-_FEW = 4
 _TERMS_SHOWN = 12
 
 
@@ -41,7 +40,7 @@ def calculation(bid: RankedBid, scene: Scene, by: str) -> str:
     text = f"{distance(bid.distance)} = {text}"
     if bid.bonus:
         sign = "less" if bid.bonus > 0.0 else "plus"
-        text += f", {sign} {number(abs(bid.bonus), _FEW)} is {distance(bid.score, _FEW)}"
+        text += f", {sign} {number(abs(bid.bonus), FEW)} is {distance(bid.score, FEW)}"
     if missing:
         names = listed(scene.values[index].name for index in missing)
         text += f"; {names} {'is' if len(missing) == 1 else 'are'} missing and left out"
@@ -67,7 +66,7 @@ def _squared(bid: RankedBid, index: int, scene: Scene) -> str:
 def _expected(bid: RankedBid, index: int, scene: Scene) -> str:
     if not scene.std[index] > 0.0:
         return _difference(bid, index, scene)
-    return number(bid.contributions[index], _FEW)
+    return number(bid.contributions[index], FEW)
 
 
 _TERMS: dict[str, Callable[[RankedBid, int, Scene], str]] = {

@@ -14,6 +14,7 @@ from marketplace_node.bid_table import BidTable
 from marketplace_node.decision import External, Terms
 from marketplace_node.outside import shown
 from marketplace_node.placing import first_rule, placed
+from marketplace_node.settings import EXTERNAL, RULES
 from marketplace_node.strategies import Chance, Field, Lines, Scores, StrategySpec, chance, order
 from marketplace_node.strategies.field import Floats, Integers
 
@@ -83,7 +84,7 @@ class Contest:
         same = _SameForAll(chance(self.seed))
         scores = measured(self.spec, field, self.options, same).score
         winners = self.order(scores)[:, 0].copy()
-        if self.spec.name == "rules":
+        if self.spec.name == RULES:
             for row, values in enumerate(scenes):
                 agents, _ = self._first(values)
                 if agents:
@@ -138,7 +139,7 @@ class Contest:
     def _first(self, values: Floats) -> tuple[list[str], str]:
         """Return the bidders that come before nearer ones in a scene, and why."""
         external, scene, bidders = self.external, self.terms.scene, self.table.agents
-        if self.spec.name == "rules":
+        if self.spec.name == RULES:
             names = (value.name for value in scene.values)
             named = dict(zip(names, values.tolist(), strict=True))
             found = first_rule(self.terms.rules, named, scene.person, bidders)
@@ -146,7 +147,7 @@ class Contest:
                 number, rule = found
                 ours = [agent for agent in rule.agents if agent in bidders]
                 return ours, f"rule {number}: {rule.text}"
-        elif self.spec.name == "external" and external is not None and not external.failure:
+        elif self.spec.name == EXTERNAL and external is not None and not external.failure:
             return list(external.ranking), external.message
         return [], ""
 

@@ -15,6 +15,7 @@ from bt_agents.scene import SceneSpace
 from marketplace_node.contest import Contest
 from marketplace_node.decision import Change
 from marketplace_node.lines import Intervals, losing
+from marketplace_node.settings import EXTERNAL, RULES
 from marketplace_node.strategies.field import Floats, Integers
 
 RIVALS = 12
@@ -96,7 +97,7 @@ class _Search:
         if not len(self._known):
             return "no value of the scene is known"
         external = self._contest.external
-        if self._contest.spec.name == "external" and external and not external.failure:
+        if self._contest.spec.name == EXTERNAL and external and not external.failure:
             return "nobody knows how the program outside would have ranked another scene"
         if self._contest.field.bids.size * _LEAST_LOOKS > MOST_WORK:
             return "there are too many bids to search for it"
@@ -343,7 +344,7 @@ class _Search:
 
     def _scored(self, contest: Contest, scenes: Floats) -> Integers:
         self._spend(_LOOK + len(scenes) * contest.field.bids.size)
-        if contest.spec.name == "rules":
+        if contest.spec.name == RULES:
             self._spend(len(scenes) * len(contest.terms.rules) * _RULE)
         return contest.winners(scenes)
 

@@ -12,6 +12,12 @@ from functools import cached_property
 from bt_agents.language.market_reader import MarketRule
 from bt_agents.scene import Scene, Vector
 
+SHADOW = "shadow."
+"""Stands before the options of the shadow strategy in messages, as in ``shadow.temperature``."""
+
+EARLIER_RUNS = "market.earlier_runs"
+"""Stands with the options when counts of runs were taken over from an earlier start."""
+
 
 class Outcome(IntEnum):
     """How a round ends; the numbers are those of ``Auction.msg``."""

@@ -7,10 +7,8 @@ from collections.abc import Sequence
 
 from marketplace_node.calculation import calculation
 from marketplace_node.decision import ClosedBy, Decision, Kind, Outcome, RankedBid
-from marketplace_node.wording import distance, listed
-
-_ALL_DIGITS = 6
-_DIGITS = 4  # of scores that chance or counts are part of
+from marketplace_node.settings import RULES
+from marketplace_node.wording import ALL_DIGITS, FEW, distance, listed
 
 
 def reason(decision: Decision) -> str:
@@ -133,7 +131,7 @@ def _award(decision: Decision, winner: RankedBid) -> list[str]:
     parts = [f"{ranked.fallback}, so {ranked.by} ranks"] if ranked.fallback else []
     if ranked.placed:
         outside = f"ranked outside: {ranked.precedence or 'no reason given'}"
-        parts.append(ranked.precedence if ranked.by == "rules" else outside)
+        parts.append(ranked.precedence if ranked.by == RULES else outside)
     sum_of_it = calculation(winner, decision.terms.scene, ranked.by)
     if ranked.placed:
         sum_of_it = distance(winner.distance)
@@ -143,7 +141,7 @@ def _award(decision: Decision, winner: RankedBid) -> list[str]:
     elif ranked.placed:
         parts.append(f"next: {others[0].agent} {distance(others[0].distance)}")
     elif others[0].score > winner.score:
-        digits = _DIGITS if others[0].bonus or winner.bonus else _ALL_DIGITS
+        digits = FEW if others[0].bonus or winner.bonus else ALL_DIGITS
         behind = f"{others[0].agent} {distance(others[0].score, digits)}"
         parts.append(f"next: {behind} (margin {distance(decision.margin, digits)})")
     else:

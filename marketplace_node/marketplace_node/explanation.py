@@ -9,10 +9,10 @@ from collections.abc import Iterator, Sequence
 from bt_agents.scene import Origin, SceneParameter, SceneSpace, SceneValue
 from marketplace_node.decision import ClosedBy, Decision, Kind, Outcome, RankedBid
 from marketplace_node.explain import declined, nobody, tie_rule
+from marketplace_node.settings import RULES
 from marketplace_node.strategies import STRATEGIES
-from marketplace_node.wording import distance, joined, listed, number, percent
+from marketplace_node.wording import FEW, distance, joined, listed, number, percent
 
-_FEW = 4
 _PARAMETERS_SHOWN = 6
 _REFUSED_SHOWN = 3
 _LABEL_REACH = 0.05  # of the range
@@ -90,7 +90,7 @@ def _scene(decision: Decision, space: SceneSpace) -> Iterator[str]:
         yield f"The scene: {'; '.join(shown)}."
     if missing:
         verb = "is" if len(missing) == 1 else "are"
-        yield f"{_sentence(f'{listed(missing)} {verb} not known and left out')}"
+        yield _sentence(f"{listed(missing)} {verb} not known and left out")
 
 
 def _value(parameter: SceneParameter, value: SceneValue) -> str:
@@ -108,7 +108,7 @@ def _value(parameter: SceneParameter, value: SceneValue) -> str:
 
 
 def _with_std(value: float, std: float) -> str:
-    return number(value, _FEW) + (f" ± {number(std, 2)}" if std > 0.0 else "")
+    return number(value, FEW) + (f" ± {number(std, 2)}" if std > 0.0 else "")
 
 
 def _origin(value: SceneValue) -> str:
@@ -125,15 +125,15 @@ def _origin(value: SceneValue) -> str:
 def _why(decision: Decision, winner: RankedBid, space: SceneSpace) -> Iterator[str]:
     ranked = decision.ranked
     if ranked.fallback:
-        yield f"{_sentence(f'{ranked.fallback}; so {ranked.by} ranks')}"
+        yield _sentence(f"{ranked.fallback}; so {ranked.by} ranks")
     if ranked.placed:
         said = ranked.precedence or "it gave no reason"
         names = joined([bid.agent for bid in decision.ranking[: ranked.placed]])
-        if ranked.by == "rules":
+        if ranked.by == RULES:
             yield f"What holds is {said}; it names {names} before all nearer ones."
         else:
             yield f"The program outside puts {names} first: {said}."
-    elif ranked.by == "rules":
+    elif ranked.by == RULES:
         yield "No rule holds for anybody who bids, so the nearest bid comes first."
     yield _parts(winner, decision, space)
     yield from _chance(decision, winner)
@@ -151,18 +151,18 @@ def _parts(bid: RankedBid, decision: Decision, space: SceneSpace) -> str:
     said = []
     for index in adding[:_PARAMETERS_SHOWN]:
         std = scene.std[index] if by == "expected_manhattan" else 0.0
-        against = f"its {number(bid.vector[index], _FEW)} against "
+        against = f"its {number(bid.vector[index], FEW)} against "
         against += _with_std(scene.vector[index], std)
         if by == "weighted_manhattan" and bid.weights:
-            against += f", weight {number(bid.weights[index], _FEW)}"
-        adds = number(bid.contributions[index], _FEW)
+            against += f", weight {number(bid.weights[index], FEW)}"
+        adds = number(bid.contributions[index], FEW)
         said.append(f"{space.names[index]} adds {adds} ({against})")
     if len(adding) > _PARAMETERS_SHOWN:
         said.append(f"{len(adding) - _PARAMETERS_SHOWN} more parameters the rest")
     if fitting:
         said.append(f"{listed(fitting)} {'fits' if len(fitting) == 1 else 'fit'} exactly")
     measure = " by the straight line" if by == "euclidean" else ""
-    away = f"{bid.agent} is {distance(bid.distance, _FEW)} away{measure}"
+    away = f"{bid.agent} is {distance(bid.distance, FEW)} away{measure}"
     return f"{away}: {', '.join(said)}."
 
 
@@ -171,7 +171,7 @@ def _chance(decision: Decision, winner: RankedBid) -> Iterator[str]:
     ranked = decision.ranked
     spec = STRATEGIES.get(ranked.by)
     options = spec.values(decision.terms.options) if spec is not None else {}
-    score = distance(winner.score, _FEW)
+    score = distance(winner.score, FEW)
     if ranked.by == "softmax":
         share = softmax_share(decision.ranking, options["temperature"])
         yield (
@@ -190,10 +190,10 @@ def _chance(decision: Decision, winner: RankedBid) -> Iterator[str]:
     elif ranked.by == "ucb" and winner.bonus:
         rounds = decision.terms.rounds_run
         ran = f"It {_ran(winner.runs)} in {rounds} {'run' if rounds == 1 else 'runs'}"
-        forgiven = number(winner.bonus, _FEW)
+        forgiven = number(winner.bonus, FEW)
         yield f"{ran}, for which {forgiven} is taken off its distance: {score}."
     elif winner.bonus and not ranked.placed:
-        yield f"The strategy {ranked.by} takes {number(winner.bonus, _FEW)} off: {score}."
+        yield f"The strategy {ranked.by} takes {number(winner.bonus, FEW)} off: {score}."
 
 
 def softmax_share(ranking: Sequence[RankedBid], temperature: float) -> float:
@@ -209,7 +209,7 @@ def _next(decision: Decision, winner: RankedBid, space: SceneSpace) -> Iterator[
         yield "No other agent bids."
         return
     second = others[0]
-    away = f"{distance(second.distance, _FEW)} away"
+    away = f"{distance(second.distance, FEW)} away"
     tied = [bid for bid in others if bid.score == winner.score]
     if tied:
         names = joined([bid.agent for bid in tied])
@@ -218,16 +218,15 @@ def _next(decision: Decision, winner: RankedBid, space: SceneSpace) -> Iterator[
     elif decision.ranked.placed:
         yield f"Next comes {second.agent}, {away}."
     elif winner.bonus or second.bonus:
-        behind = distance(decision.margin, _FEW)
-        score = distance(second.score, _FEW)
+        behind = distance(decision.margin, FEW)
+        score = distance(second.score, FEW)
         yield f"Next comes {second.agent}, {away}, ranked as {score}: behind by {behind}."
     else:
-        behind = distance(decision.margin, _FEW)
+        behind = distance(decision.margin, FEW)
         yield f"Next comes {second.agent}, {away}: further by {behind}."
-    if len(others) > 1 and len(others) > len(tied):
-        rest = others[max(1, len(tied)) :]
-        if rest:
-            yield f"Then {listed(f'{b.agent} {distance(b.distance, _FEW)}' for b in rest)}."
+    rest = others[max(1, len(tied)) :]
+    if rest:
+        yield f"Then {listed(f'{b.agent} {distance(b.distance, FEW)}' for b in rest)}."
     yield from _change(decision, second, space)
 
 
@@ -241,7 +240,7 @@ def _change(decision: Decision, second: RankedBid, space: SceneSpace) -> Iterato
     now = dict(zip(space.names, decision.terms.scene.vector, strict=True))
     said = [
         f"{name} {'had been ' if index == 0 else ''}{number(value)} instead of "
-        f"{number(now[name], _FEW)}"
+        f"{number(now[name], FEW)}"
         for index, (name, value) in enumerate(zip(change.names, change.shown, strict=True))
     ]
     yield f"If {joined(said)}, {second.agent} would have won."
@@ -258,7 +257,8 @@ def _others(decision: Decision) -> Iterator[str]:
         barred.setdefault(bid.reason, []).append(bid.agent)
     for why, agents in barred.items():
         yield f"{listed(agents)} may not bid: {why}."
-    no_news = {*decision.terms.excluded, *(bid.agent for bid in decision.terms.barred)}
+    people = {bid.agent for bid in decision.terms.barred}
+    no_news = {*decision.terms.excluded, *people}
     refused = [
         f"Refused: {bid.reason}."
         for bid in decision.refused
@@ -267,9 +267,8 @@ def _others(decision: Decision) -> Iterator[str]:
     yield from refused[:_REFUSED_SHOWN]
     if len(refused) > _REFUSED_SHOWN:
         yield f"{len(refused) - _REFUSED_SHOWN} more are refused."
-    said = {bid.agent for bid in decision.terms.barred}
     for agent, why in decision.terms.excluded.items():
-        if agent not in said:
+        if agent not in people:
             yield f"{agent} may not bid again: {why}."
     for host, why in decision.terms.unasked.items():
         yield f"{host} is not asked: {why}."

@@ -55,8 +55,8 @@ class Settings:
             by at least this distance.
         preempt_cooldown_s: After such a stop there is none other for this long [s].
         tie_break: Which of equally good bids wins.
-        starvation_rounds: An agent is starved once it has bid in so many awarded rounds without
-            winning any; 0 is never.
+        starvation_rounds: An agent is starved once it has bid in so many rounds with a run since
+            it ran last; 0 is never.
 
     Raises:
         Refused: ``UNKNOWN_STRATEGY``, ``UNKNOWN_OPTION``, ``UNKNOWN_CHOICE``, ``NO_SHADOW`` or

@@ -5,6 +5,12 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 
+ALL_DIGITS = 6
+"""Digits of all other numbers."""
+
+FEW = 4
+"""Digits of numbers of which more would tell people nothing, as where chance is part of them."""
+
 _NAMES_SHOWN = 4
 
 
@@ -23,12 +29,12 @@ def joined(words: Sequence[str]) -> str:
     return f"{', '.join(words[:-1])} and {words[-1]}"
 
 
-def number(value: float, digits: int = 6) -> str:
+def number(value: float, digits: int = ALL_DIGITS) -> str:
     """Return a number in at most so many digits, with a real minus sign."""
     return f"{value + 0.0:.{digits}g}".replace("-", "−")
 
 
-def distance(value: float, digits: int = 6) -> str:
+def distance(value: float, digits: int = ALL_DIGITS) -> str:
     """Return a number that shows that it is no count: ``2.0``."""
     text = number(value, digits)
     return text if set(text) & set(".e") else f"{text}.0"

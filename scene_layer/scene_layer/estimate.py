@@ -15,7 +15,7 @@ from scene_layer.persons import NOBODY
 from scene_layer.sources import Sources
 
 KEPT = 1000
-"""Interactions whose given values are remembered: as many as scenes may wait in a market."""
+"""Interactions whose given values are remembered: more than scenes may wait in a market."""
 
 
 def check_given(

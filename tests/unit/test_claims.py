@@ -118,7 +118,7 @@ def test_the_command_draws_all_figures_alike_each_time_and_judges_all_claims(
 def test_a_distance_that_is_never_reached_is_said_to_be_never_reached():
     folder, spec = opened("1")
     short = claims.Paper(folder=folder, spec=spec.shortened(5))
-    convergence, speed = claims.first(short, [0])
+    convergence, speed = claims.first(short)
     assert convergence.words == speed.words == "fails"
     assert "after 5 cycles at rate 0.2, never below 0.05;" in convergence.found
     assert speed.found == "never at rate 0.05, never at rate 0.2, never at rate 0.5"

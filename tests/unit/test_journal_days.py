@@ -13,6 +13,7 @@ import pytest
 
 from bt_agents_lab.journal import days
 from bt_agents_lab.journal.days import Journal
+from bt_agents_lab.journal.file import JournalFile
 from bt_agents_lab.journal.reading import JournalReader
 from bt_agents_lab.replay.story import tell
 from journals import said, ticks
@@ -156,6 +157,22 @@ def test_a_disk_with_room_for_the_head_of_a_file_only_loses_nothing_at_midnight(
     desk.flush()
     assert ticks(desk.file("2026-03-01")) == [1, 2, 3, 4]
     assert ticks(desk.file("2026-03-02")) == [5]
+
+
+def test_a_file_of_the_new_day_that_another_journal_writes_is_waited_for(desk: Desk) -> None:
+    desk.hear(1)
+    desk.flush()
+    other = JournalFile(desk.file("2026-03-02"))
+    desk.today += timedelta(days=1)
+    desk.hear(2)
+    desk.flush()
+    assert "another journal writes" in " ".join(desk.told)
+    other.close()
+    desk.flush()
+    desk.hear(3)
+    desk.flush()
+    assert ticks(desk.file("2026-03-01")) == [1, 2]
+    assert ticks(desk.file("2026-03-02")) == [3]
 
 
 def test_what_is_lost_at_the_end_is_said(tmp_path: Path) -> None:

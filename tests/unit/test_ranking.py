@@ -6,6 +6,7 @@ from __future__ import annotations
 import math
 import runpy
 from array import array
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +14,7 @@ import numpy as np
 import pytest
 
 from bt_agents.errors import Refused
-from market_driver import EXPRESS, GUIDE, SPACE
+from market_driver import EXPRESS, GUIDE, SPACE, scene
 from marketplace_node.auction import Auction
 from marketplace_node.decision import Bids, ClosedBy
 from marketplace_node.ranking import decide
@@ -49,6 +50,17 @@ def taken(**changes: Any) -> Auction:
     }
     auction.take(Bids(**(values | changes)))
     return auction
+
+
+def test_weights_of_the_scene_count_for_agents_that_state_none() -> None:
+    weights = {"age": 0.0, "familiarity": 2.0, "mood": 1.0}
+    parameters = tuple(replace(one, weight=weights[one.name]) for one in SPACE.parameters)
+    space = replace(SPACE, parameters=parameters)
+    vectors = {GUIDE: (5.0, 2.0, 3.0), EXPRESS: (1.0, 1.5, 4.0)}
+    accepted = bids(vectors, **{EXPRESS: (1.0, 1.0, 1.0)})
+    wanted = scene("s1", 5.0, 1.0, 3.0)
+    ranked = decide(space, terms(wanted, strategy="weighted_manhattan"), accepted)
+    assert [(one.agent, one.distance) for one in ranked.bids] == [(GUIDE, 2.0), (EXPRESS, 5.5)]
 
 
 @pytest.mark.parametrize("kind", [tuple, list, lambda v: array("d", v), np.array])

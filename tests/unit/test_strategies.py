@@ -4,12 +4,15 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+import yaml
 
 from fields import field, scored
+from marketplace_node.settings import Settings
 from marketplace_node.strategies import STRATEGIES, Chances, chance, order
 from marketplace_node.strategies.distances import folded_mean
 from marketplace_node.strategies.error_function import erf
@@ -177,3 +180,13 @@ def test_every_strategy_says_what_it_does_and_what_can_be_set() -> None:
             assert option.minimum <= option.default <= option.maximum
             assert option.description
         assert spec.values({}) == {option.name: option.default for option in spec.options}
+
+
+def test_the_market_takes_the_recommended_parameters() -> None:
+    text = (Path(__file__).parents[2] / "bringup" / "params" / "recommended.yaml").read_text()
+    given = yaml.safe_load(text)["/**/marketplace"]["ros__parameters"]
+    options = {name: value for name, value in given.items() if "." in name}
+    rest = {name: value for name, value in given.items() if "." not in name}
+    settings = Settings(options=options, **rest)
+    assert settings.strategy == "ucb"
+    assert settings.options_of("ucb") == {"c": 6.0}

@@ -15,6 +15,7 @@ from bt_agents.cli.assignments import Assignments, assignments
 from bt_agents.cli.constants import STATES, code_words, counted, word
 from bt_agents.cli.decisions import (
     decision_as_json,
+    disagreements,
     headline,
     heard_decisions,
     names_of_scenes,
@@ -184,21 +185,20 @@ def status() -> None:
 
 
 def _ranking(market: Any, last: Any) -> Iterator[str]:
-    """Yield how bids are ranked, and who may not bid or never wins."""
+    """Yield how bids are ranked, and who may not bid or gets no run."""
     words = f"strategy: {market.strategy}"
     if market.shadow_strategy:
         words += f"; beside it {market.shadow_strategy} only scores"
-        if last is not None and last.shadow_strategy == market.shadow_strategy:
-            words += (
-                f", another winner in {last.shadow_disagreements} of {last.shadow_rounds} rounds"
-            )
+        by = (market.strategy, market.shadow_strategy)
+        if last is not None and (last.strategy, last.shadow_strategy) == by:
+            words += f", {disagreements(last)}"
     yield words
     if market.pinned:
         yield f"pinned: only {market.pinned} may bid, until 'bt-agents unpin'"
     for agent in market.vetoed:
         yield f"vetoed: {agent} may not bid, until 'bt-agents allow {agent}'"
     for agent in market.starved:
-        yield f"starved: {agent} bids again and again and never wins"
+        yield f"starved: {agent} bids again and again and gets no run"
 
 
 def _condition(agent: Any) -> str:

@@ -76,6 +76,11 @@ def headline(auction: Any) -> str:
     return auction.winner or "nobody"
 
 
+def disagreements(auction: Any) -> str:
+    """Return in how many rounds so far the shadow strategy had another winner, in words."""
+    return f"another winner in {auction.shadow_disagreements} of {auction.shadow_rounds} rounds"
+
+
 def decision_as_json(auction: Any) -> str:
     """Return a decision as JSON with the fields of the message; NaN becomes null."""
     return json.dumps(_plain(auction), ensure_ascii=False, indent=2, allow_nan=False)

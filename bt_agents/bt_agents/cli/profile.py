@@ -17,6 +17,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
+from bt_agents.cli.constants import KINDS, counted
 from bt_agents.cli.joining import FIND_LIMIT_S, accepted, running_system
 from bt_agents.cli.tune import user
 from bt_agents.errors import BtAgentsError, Refused
@@ -31,7 +32,6 @@ _DAYS = re.compile(r"(\d+(?:\.\d+)?)\s*(d|days?|w|weeks?)")
 _BARE = re.compile(r"[\d.]+")
 _DAY_S = 86_400.0
 _SCENE_LAYER_S = 1.0
-_KINDS = ("direct", "positive", "negative", "set")
 
 _layer = click.option(
     "--layer",
@@ -171,7 +171,7 @@ def expire(older: str, agent: str, kind: str | None, yes: bool, author: str) -> 
             for one in old:
                 table.add_row(_plain(one["agent"]), _plain(one["layer"]), _when(one["stamp"]))
             _print(table)
-            click.confirm(f"forget {_profiles(len(old))}, for ever?", abort=True)
+            click.confirm(f"forget {counted(len(old), 'profile')}, for ever?", abort=True)
         answer = _manage(
             observer, "EXPIRE", agent=agent, layer=kind or "", older_s=age, author=author
         )
@@ -182,10 +182,6 @@ def _is_old(one: Mapping[str, Any], age_s: float, agent: str, kind: str) -> bool
     """Return True for a profile that an order to expire is about."""
     asked = one["layer"].startswith(kind) and agent in ("", one["agent"])
     return bool(one["layer"]) and asked and one["stamp"] < time.time() - age_s
-
-
-def _profiles(count: int) -> str:
-    return f"{count} profile{'s' if count != 1 else ''}"
 
 
 @profile.command()
@@ -350,7 +346,7 @@ def _when(stamp: float, form: str = "%Y-%m-%d %H:%M:%S") -> str:
 def _cause(one: Mapping[str, Any]) -> str:
     if one["cause"] != "feedback":
         return str(one["cause"])
-    return _KINDS[int(one.get("kind", 0))]
+    return KINDS[int(one.get("kind", 0))].lower()
 
 
 def _moves(before: Mapping[str, float], after: Mapping[str, float]) -> str:

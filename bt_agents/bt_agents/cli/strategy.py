@@ -9,7 +9,7 @@ import click
 from rich.console import Console
 
 from bt_agents.cli.assignments import Assignments, assignments
-from bt_agents.cli.decisions import heard_decisions
+from bt_agents.cli.decisions import disagreements, heard_decisions
 from bt_agents.cli.joining import running_system
 from bt_agents.cli.lines import print_line
 from bt_agents.errors import BtAgentsError
@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 
 NO_SHADOW = "none"
 _INDENT = 6
+_SILENT = "the marketplace does not answer; look at 'bt-agents status'"
 
 
 @click.command()
@@ -43,12 +44,12 @@ def strategy(
 
         found = market_client.strategies(observer)
         if found is None:
-            raise BtAgentsError("the marketplace does not answer; look at 'bt-agents status'")
+            raise BtAgentsError(_SILENT)
         changes = _changes(found, name, values, shadow)
         if changes:
             refusal = market_client.set_parameters(observer, changes)
             if refusal is None:
-                raise BtAgentsError("the marketplace does not answer; look at 'bt-agents status'")
+                raise BtAgentsError(_SILENT)
             if refusal:
                 raise BtAgentsError(refusal)
             found = market_client.strategies(observer) or found
@@ -109,4 +110,4 @@ def _shadow_words(found: Strategies, last: Any) -> str:
     words = f"; ~ only scores: {found.shadow}"
     if last is None or (last.strategy, last.shadow_strategy) != (found.current, found.shadow):
         return f"{words}, in no round yet"
-    return f"{words}, another winner in {last.shadow_disagreements} of {last.shadow_rounds} rounds"
+    return f"{words}, {disagreements(last)}"

@@ -19,9 +19,6 @@ from bt_agents.feedback import Kind
 from bt_agents.language.specs import NodeSpec, Plain
 from bt_agents.scene import Scene
 
-FIELDS = ("state", "confirmed", "message", "result", "feedback")
-"""What a goal is asked for."""
-
 Note = dict[str, Any]
 
 T = TypeVar("T")
@@ -197,13 +194,7 @@ class _NotedGoal:
         self._run = run
         self._number = number
         self._notebook = notebook
-        self._told: dict[str, Any] = {
-            "state": GoalState.PENDING,
-            "confirmed": False,
-            "message": "",
-            "result": {},
-            "feedback": None,
-        }
+        self._told = at_first()
         self._turn = -1
         self._still: dict[str, Any] = {}
         self._cancelled = False
@@ -301,6 +292,17 @@ class _NotedPlugin(PluginLeaf):
         super().terminate(new_status)
         if self.feedback_message != before:
             self._notebook.add("plugins", [self.spec.path, "", self.feedback_message])
+
+
+def at_first() -> dict[str, Any]:
+    """Return what a goal answers right after it was sent: field → value."""
+    return {
+        "state": GoalState.PENDING,
+        "confirmed": False,
+        "message": "",
+        "result": {},
+        "feedback": None,
+    }
 
 
 def _live(scene: Scene) -> Note:

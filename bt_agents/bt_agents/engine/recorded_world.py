@@ -15,7 +15,7 @@ from py_trees.common import Status
 
 from bt_agents.engine.context import RunContext
 from bt_agents.engine.leaves import Leaf
-from bt_agents.engine.notebook import FIELDS
+from bt_agents.engine.notebook import at_first
 from bt_agents.engine.recording import FORMAT
 from bt_agents.engine.run import Run, RunLimits, RunResult, StatusChange
 from bt_agents.engine.scope import Scope
@@ -280,13 +280,7 @@ class _RecordedGoal:
     """A goal that goes as it went."""
 
     def __init__(self) -> None:
-        self._known: dict[str, Any] = {
-            "state": GoalState.PENDING,
-            "confirmed": False,
-            "message": "",
-            "result": {},
-            "feedback": None,
-        }
+        self._known = at_first()
         self._late: dict[str, Any] = {}
 
     @property
@@ -316,7 +310,7 @@ class _RecordedGoal:
 
     def hear(self, name: str, value: Any, *, late: bool) -> None:
         """Take what was noted about it; what is late comes out with its cancel."""
-        if name not in FIELDS:
+        if name not in self._known:
             raise ValueError(f"a goal has no '{name}'")
         known = self._late if late else self._known
         known[name] = GoalState[value] if name == "state" else value

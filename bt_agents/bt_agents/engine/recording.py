@@ -43,7 +43,8 @@ class RecordingRun(Run):
     ``s``        the same of the steady clock, which only the end of a run reads [s]
     ``live``     what is new in the live scene that was looked at
     ``tunables`` all of them, when one has changed
-    ``do``       what the host did besides: ``[["cancel", reason, with clean-up]]``
+    ``do``       what the host did besides: ``["cancel", reason, with clean-up]`` or
+                 ``["hurry", settle_s]`` each
     ``goals``    what is new about goals that were looked at: ``[number, field, value, whether it
                  came out only after a cancel in the same turn]``; goals are numbered as sent
     ``inbox``    messages that were taken: ``[number of the inbox, message]``

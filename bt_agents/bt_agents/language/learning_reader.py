@@ -10,16 +10,14 @@ from bt_agents.language.fields import Fields
 from bt_agents.language.scene_values import read_parameter
 from bt_agents.language.shape import FileReading
 from bt_agents.language.text.yaml_reader import Node, Scalar
-from bt_agents.scene import SceneParameter, SceneSpace
+from bt_agents.layers import PERSON, PLACE
+from bt_agents.scene import MAX_WEIGHT, SceneParameter, SceneSpace
 
 DEFAULT_LEARNING_RATE = 0.2
 """The paper's Experiment 3."""
 
-LAYERS = ("person", "place")
+LAYERS = (PERSON, PLACE)
 """What an agent can learn apart."""
-
-MAX_WEIGHT = 100.0
-"""Largest weight of a parameter or of a source of feedback."""
 
 MAX_WINDOW = 100
 """Most feedbacks of which the median is taken."""

@@ -70,7 +70,7 @@ def read_market(file: Path | Source, space: SceneSpace) -> MarketSpec:
         ReadError: There is a problem; it lists all of them.
     """
     reading = FileReading.of(file)
-    fields = reading.document("market.yaml", ("rules",), ("rules",))
+    fields = reading.document(MARKET_FILE, ("rules",), ("rules",))
     names = Names(scene_names(space, ("scene",)))
     rules = [_rule(reading, node, names) for node in fields.items("rules")]
     reading.problems.raise_if_any()

@@ -16,14 +16,7 @@ from bt_agents.language.scene_specs import (
     TrackedSpec,
 )
 from bt_agents.language.shape import FileReading
-from bt_agents.language.source_reader import (
-    MAP_KEYS,
-    TOPIC_KEYS,
-    TRACKED,
-    SourceReader,
-    Wanted,
-    is_latched,
-)
+from bt_agents.language.source_reader import MAP_KEYS, TRACKED, SourceReader, Wanted
 from bt_agents.language.specs import FieldType
 from bt_agents.language.text.yaml_reader import Node, Scalar
 
@@ -83,21 +76,20 @@ def read_persons(
 def _tracked(reading: FileReading, node: Node | None, sources: SourceReader) -> TrackedSpec | None:
     if node is None:
         return None
-    required = ["topic", "type", "field", *([] if is_latched(node) else ["stale_after"])]
-    fields = reading.fields(node, f"'{TRACKED}'", (*TOPIC_KEYS, "id", "lost_after"), required)
+    fields = sources.topic_fields(node, f"'{TRACKED}'", ("id", "lost_after"))
     if fields is None:
         return None
     topic = sources.topic(
         fields, Wanted(name=TRACKED, what=f"'{TRACKED}'", may_be_per_person=False)
     )
     type_name = sources.type_name(fields)
+    whole = sources.message(type_name)
     nodes = fields.nodes
     field = id_path = None
     if "field" in nodes:
-        field = sources.path(nodes["field"], "'field'", sources.message(type_name))
+        field = sources.path(nodes["field"], "'field'", whole)
     if field is not None:
         item = sources.message(type_name, f"{field}.0")
-        whole = sources.message(type_name)
         problem = whole.problem(f"{field}.0")
         if problem:
             reading.error(

@@ -22,7 +22,7 @@ from bt_agents.language.shape import FileReading
 from bt_agents.language.source_reader import VALUE_KEYS, SourceReader, Wanted
 from bt_agents.language.text.source import Source
 from bt_agents.language.text.yaml_reader import Entry, Mapping
-from bt_agents.scene import SceneParameter, SceneSpace
+from bt_agents.scene import MAX_WEIGHT, SceneParameter, SceneSpace
 
 MAX_PLACE = 64
 """Characters of the name of a place."""
@@ -191,7 +191,7 @@ def _parameter(
     default = fields.number("default", minimum, maximum)
     labels = _labels(reading, fields, minimum, maximum)
     description = fields.text("description")
-    weight = fields.number("weight", 0.0)
+    weight = fields.number("weight", 0.0, MAX_WEIGHT)
     rule = fields.choice("missing", [rule.value for rule in MissingRule])
     if rule is not None and name is not None:
         missing[name] = MissingRule(rule)

@@ -16,12 +16,7 @@ from bt_agents.language.expression.expressions import (
     parse_expression,
 )
 from bt_agents.language.fields import Fields
-from bt_agents.language.interfaces import (
-    Interfaces,
-    MessageFields,
-    read_ros_name,
-    read_ros_type,
-)
+from bt_agents.language.interfaces import Interfaces, MessageFields, read_ros_name, read_ros_type
 from bt_agents.language.names import Names
 from bt_agents.language.reading_maps import read_points, read_table
 from bt_agents.language.scene_specs import (
@@ -51,8 +46,7 @@ _PATH_LIKE = re.compile(r"[^\W\d][\w.\[\]]*[\[\]_\w]")
 _INDEX = re.compile(r"\[([0-9]+)\]")
 _PERCENT = re.compile(r"([0-9]+(?:\.[0-9]+)?)\s*%")
 _PLACEHOLDER = re.compile(r"<([^<>/]*)>")
-_BOOLEANS = (None, ValueKind.BOOLEAN)
-_NUMBERS = (*_BOOLEANS, ValueKind.NUMBER)
+_NUMBERS = (None, ValueKind.BOOLEAN, ValueKind.NUMBER)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -120,7 +114,7 @@ class SourceReader:
         """Return a source; None when it is wrong, which is then reported."""
         if isinstance(node, Mapping) and any(e.key.text == "from" for e in node.entries):
             return self._of_tracked(node, where, wanted)
-        fields = self._topic_fields(node, wanted)
+        fields = self.topic_fields(node, wanted.what, wanted.keys)
         if fields is None:
             return None
         origin = _Origin(
@@ -130,10 +124,6 @@ class SourceReader:
             latched=fields.boolean("latched") or False,
         )
         return self._spec(fields, where, wanted, origin, self.message(origin.type_name))
-
-    def _topic_fields(self, node: Node, wanted: Wanted) -> Fields | None:
-        required = ["topic", "type", "field", *([] if is_latched(node) else ["stale_after"])]
-        return self._reading.fields(node, wanted.what, (*TOPIC_KEYS, *wanted.keys), required)
 
     def _of_tracked(self, node: Mapping, where: Node, wanted: Wanted) -> SourceSpec | None:
         """Return a source that reads the item of a person in the list of tracked persons."""
@@ -200,6 +190,11 @@ class SourceReader:
 
     # Topics
 
+    def topic_fields(self, node: Node, what: str, keys: Collection[str]) -> Fields | None:
+        """Return the keys of a topic, and some others; None for anything but a mapping."""
+        required = ["topic", "type", "field", *([] if is_latched(node) else ["stale_after"])]
+        return self._reading.fields(node, what, (*TOPIC_KEYS, *keys), required)
+
     def topic(self, fields: Fields, wanted: Wanted) -> str | None:
         """Return the name of a topic, what stands in angle brackets in it checked."""
         node = fields.get("topic")
@@ -252,11 +247,8 @@ class SourceReader:
             return math.inf if is_latched(fields.mapping) else None
         seconds = fields.duration("stale_after")
         if seconds == 0.0:
-            self._reading.error(
-                "out-of-range",
-                fields.nodes["stale_after"],
-                "'stale_after' must be longer than 0 s",
-            )
+            node = fields.nodes["stale_after"]
+            self._reading.error("out-of-range", node, "'stale_after' must be longer than 0 s")
         return seconds
 
     # Readings
@@ -334,16 +326,13 @@ class SourceReader:
         if text is None:
             return None
         assert isinstance(node, Scalar)
+        names = Names({}, messages={MESSAGE: message})
         plain = _PATH_LIKE.fullmatch(text) and not text.startswith(f"{MESSAGE}.")
         if plain and text not in ("true", "false"):
             path = self.path(node, what, message)
-            names = Names({}, messages={MESSAGE: message})
-            return (
-                parse_expression(f"{MESSAGE}.{path}", kind_of=names.kind_of)
-                if path is not None
-                else None
-            )
-        names = Names({}, messages={MESSAGE: message})
+            if path is None:
+                return None
+            return parse_expression(f"{MESSAGE}.{path}", kind_of=names.kind_of)
         return read_expression(self._reading, node, node.text, 0, what, names)
 
     def _certainty(
@@ -355,14 +344,10 @@ class SourceReader:
             return None
         percent = _PERCENT.fullmatch(node.text) if isinstance(node, Scalar) else None
         if percent is not None:
-            hint = f"write {float(percent[1]) / 100:g}"
-            if key == "std":
-                hint = "write a number in the unit of the reading"
+            of_range = f"write {float(percent[1]) / 100:g}"
+            hint = "write a number in the unit of the reading" if key == "std" else of_range
             self._reading.error(
-                "bad-number",
-                node,
-                f"'{key}': expected a number, found {shown(percent[0])}",
-                hint,
+                "bad-number", node, f"'{key}': expected a number, found {shown(percent[0])}", hint
             )
             return None
         expression = self._expression(node, f"'{key}'", message)

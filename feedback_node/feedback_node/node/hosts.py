@@ -35,14 +35,14 @@ class Hosts:
         self._profiles = profiles
         self._clients: dict[str, Client] = {}
         self._under_way: Counter[str] = Counter()
-        self._waiting: dict[str, dict[Delivery, None]] = {}
+        self._waiting: dict[str, dict[tuple[str, str, str], Delivery]] = {}
         self._untaken: dict[tuple[str, str, str], Delivery] = {}
         self._told: set[str] = set()
 
     def deliver(self, delivery: Delivery, answer: Future | None = None) -> None:
         """Tell a host the profile of an agent; ``answer`` gets "" or what went wrong."""
         if answer is None and self._under_way[delivery.host] >= _MOST_UNDER_WAY:
-            self._waiting.setdefault(delivery.host, {})[delivery] = None
+            self._waiting.setdefault(delivery.host, {})[_key(delivery)] = delivery
             return
 
         def done(problem: str) -> None:
@@ -97,9 +97,7 @@ class Hosts:
         if not waiting:
             self._waiting.pop(host, None)
             return
-        first = next(iter(waiting))
-        del waiting[first]
-        delivery = self._now(first)
+        delivery = self._now(waiting.pop(next(iter(waiting))))
         if delivery is None:
             self._next(host)
         else:

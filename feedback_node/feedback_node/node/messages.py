@@ -15,8 +15,9 @@ from bt_agents_interfaces.msg import Run as RunMsg
 from bt_agents_interfaces.srv import CollectFeedback, GiveFeedback
 from feedback_node.cards import AgentEntry, Card, LearningEntry, RuleEntry
 from feedback_node.changes import Change, Table
+from feedback_node.mood_traces import Told
 from feedback_node.runs import Run
-from feedback_node.teaching import Given, Told
+from feedback_node.teaching import Given
 
 _OUTCOMES = (RunMsg.SUCCEEDED, RunMsg.FAILED, RunMsg.CANCELLED, RunMsg.LOST)
 

@@ -139,8 +139,8 @@ def plot(name: str, output: Path, seeds: int) -> None:
     with console.status("drawing and judging"):
         if name in ("all", "1"):
             one = paper("1")
-            paper_figures.first(output, one, runs)
-            judged += claims.first(one, runs)
+            paper_figures.first(output, one)
+            judged += claims.first(one)
         if name in ("all", "2"):
             arms = {arm: paper(f"2-{arm}") for arm in claims.RATES}
             paper_figures.second(output, arms, runs)

@@ -37,7 +37,7 @@ def journal(files: tuple[Path, ...]) -> None:
     console = Console()
     for path in paths:
         size = path.stat().st_size
-        console.print(f"{path}  {size / 1e6:.2f} MB", highlight=False, soft_wrap=True)
+        console.print(f"{escape(str(path))}  {size / 1e6:.2f} MB", highlight=False, soft_wrap=True)
     show_problems(console, story)
     total = sum(story.counts.values())
     console.print(

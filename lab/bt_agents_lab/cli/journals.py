@@ -10,6 +10,7 @@ from typing import TypeVar
 
 import click
 from rich.console import Console
+from rich.markup import escape
 
 from bt_agents.cli.system import journal_folder
 from bt_agents.errors import BtAgentsError
@@ -76,10 +77,10 @@ def chosen(files: Sequence[Path]) -> list[Path]:
 def show_problems(console: Console, story: Story) -> None:
     """Print what cannot be read and what is lost."""
     for words in (*story.hints, *story.problems):
-        console.print(f"[yellow]{words}[/]", highlight=False, soft_wrap=True)
+        console.print(f"[yellow]{escape(words)}[/]", highlight=False, soft_wrap=True)
     for topic, number in sorted(story.lost.items()):
         console.print(
-            f"[yellow]{number} messages on {topic} are lost[/]",
+            f"[yellow]{number} messages on {escape(topic)} are lost[/]",
             highlight=False,
             soft_wrap=True,
         )

@@ -122,9 +122,9 @@ def _show(console: Console, outlook: Outlook, everything: bool) -> None:
         soft_wrap=True,
     )
     for agent, number in sorted(outlook.chosen.items(), key=lambda item: (-item[1], item[0])):
-        console.print(f"  {agent} {number}", highlight=False)
+        console.print(f"  {escape(agent)} {number}", highlight=False)
     if outlook.never:
-        console.print(f"never chosen: {', '.join(outlook.never)}", highlight=False)
+        console.print(f"never chosen: {escape(', '.join(outlook.never))}", highlight=False)
 
 
 def _row(case: Case) -> tuple[str, ...]:

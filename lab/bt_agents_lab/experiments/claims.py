@@ -43,7 +43,7 @@ class Paper:
     spec: ExperimentSpec
 
 
-def first(experiment: Paper, _seeds: Sequence[int]) -> list[Verdict]:
+def first(experiment: Paper) -> list[Verdict]:
     """Judge what Experiment 1 shows."""
     world = world_of(experiment.folder, experiment.spec)
     runs = {

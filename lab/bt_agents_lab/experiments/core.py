@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 
 from bt_agents.errors import BtAgentsError
 from bt_agents.experiment import ExperimentSpec, Record
@@ -207,7 +207,6 @@ def through_core(
     folder: Trees,
     spec: ExperimentSpec,
     settings: Settings | None = None,
-    progress: Callable[[int], None] = lambda done: None,
 ) -> list[Record]:
     """Play a whole experiment and return its rounds.
 
@@ -215,7 +214,6 @@ def through_core(
         folder: Agents and scene parameters.
         spec: The experiment; its feedback is used up.
         settings: Of the market; None for its defaults.
-        progress: Told how many rounds are done.
 
     Raises:
         BtAgentsError: The strategy needs more than the bids, or a scene led to no feedback.
@@ -229,10 +227,9 @@ def through_core(
         )
     core = Core(folder, spec, settings)
     try:
-        records = []
-        for number, vector in enumerate(spec.order(), start=1):
-            records.append(core.play(f"scene {number}", vector))
-            progress(number)
-        return records
+        return [
+            core.play(f"scene {number}", vector)
+            for number, vector in enumerate(spec.order(), start=1)
+        ]
     finally:
         core.close()

@@ -24,7 +24,7 @@ SMOOTHED = 5
 """Rounds over which the share of right selections is averaged."""
 
 
-def first(folder: Path, experiment: Paper, _seeds: Sequence[int]) -> None:
+def first(folder: Path, experiment: Paper) -> None:
     """Draw Figure 5."""
     world = world_of(experiment.folder, experiment.spec)
     run = replicas(world, experiment.spec, [experiment.spec.seed])

@@ -120,7 +120,7 @@ def _play(
             wrong = now.doubt < share[rows]
             if world.person is None:
                 told = np.where(wrong[:, None], now.said, world.best[chosen])
-                _learn(world, arm, rule, state, rows, chosen, Kind.DIRECT, told, 1.0)
+                _learn(world, rule, state, rows, chosen, Kind.DIRECT, told, 1.0)
                 break
             moods = _moods(world, world.person, now, scene, chosen, wrong)
             praised, blamed = _fired(world.person, moods)
@@ -129,7 +129,7 @@ def _play(
                 (Kind.POSITIVE, praised < blamed),
                 (Kind.NEGATIVE, blamed < NEVER),
             ):
-                _learn(world, arm, rule, state, rows[at], chosen[at], kind, scene[at], weight)
+                _learn(world, rule, state, rows[at], chosen[at], kind, scene[at], weight)
             stopped = blamed < NEVER
             course.cancelled[rows[stopped], index] += 1
             scene = scene[stopped]
@@ -233,7 +233,6 @@ def _held(holds: Bools, hold_s: int) -> Integers:
 
 def _learn(
     world: World,
-    arm: Arm,
     rule: updates.RuleArrays,
     state: _State,
     rows: Integers,

@@ -70,14 +70,8 @@ def write(folder: Path, spec: SweepSpec, played: Played) -> list[Path]:
     return [folder / name for name in (*names, *figures)]
 
 
-def table(spec: SweepSpec, played: Played, shares: Sequence[float] | None = None) -> str:
-    """Return the results as a Markdown table.
-
-    Args:
-        spec: The sweep.
-        played: Its results.
-        shares: Of wrong feedback that are shown; None for all.
-    """
+def table(spec: SweepSpec, played: Played) -> str:
+    """Return the results as a Markdown table."""
     head = ("strategy", "update", *HEADINGS.values())
     lines = [
         f"{spec.title}: {spec.runs} runs of {spec.rounds} rounds a row, seeds {spec.seed} to "
@@ -87,9 +81,8 @@ def table(spec: SweepSpec, played: Played, shares: Sequence[float] | None = None
         f"|{'---|' * len(head)}",
     ]
     for cell, runs in played:
-        if shares is None or cell.share in shares:
-            row = (cell.selection.label, cell.learning.label, *cells(cell, summary(runs)).values())
-            lines.append(f"| {' | '.join(row)} |")
+        row = (cell.selection.label, cell.learning.label, *cells(cell, summary(runs)).values())
+        lines.append(f"| {' | '.join(row)} |")
     return "\n".join(lines) + "\n"
 
 

@@ -11,9 +11,10 @@ import numpy as np
 
 from bt_agents.feedback import LearningRule
 from bt_agents.scene import SceneSpace, Vector
+from marketplace_node.settings import EXTERNAL, RULES
 from marketplace_node.strategies.field import Floats, Integers
 
-NOT_SIMULATED = ("external", "rules")
+NOT_SIMULATED = (EXTERNAL, RULES)
 """Strategies whose choice needs more than the bids."""
 
 
@@ -107,14 +108,12 @@ class Arm:
         options: Of the strategy; its defaults where nothing is said.
         tie_break: As the market's parameter, or ``random``, which the market does not have.
         rule: How agents learn.
-        name: For people; made from the others when empty.
     """
 
     strategy: str = "manhattan"
     options: Mapping[str, float] = field(default_factory=dict)
     tie_break: str = "least_recently_run"
     rule: LearningRule = field(default_factory=LearningRule)
-    name: str = ""
 
 
 def vectors(rows: list[Vector] | tuple[Vector, ...]) -> Floats:

@@ -13,13 +13,14 @@ from pathlib import Path
 
 from mcap.records import Message
 
+from bt_agents.errors import STORAGE_FULL, Refused
 from bt_agents_lab.journal.file import JournalFile, Write
 
 MOST_WAITING = 32_000_000
 """Bytes that wait in memory while nothing can be written; after that the newest are dropped."""
 
 _NO_ROOM = (errno.ENOSPC, errno.EDQUOT)
-_FULL = ("STORAGE_FULL", "there is room")
+_FULL = (STORAGE_FULL, "there is room")
 _FAILED = ("STORAGE_FAILED", "it can be written again")
 _NAME = re.compile(r"journal-(\d{4}-\d\d-\d\d)\.mcap")
 
@@ -184,6 +185,9 @@ class Journal:
         except OSError:
             self._date = before
             raise
+        except Refused as refused:
+            self._date = before
+            raise OSError(errno.EBUSY, refused.reason) from refused
         self._file.close()
         self._file = following
         self._numbers.clear()

@@ -13,16 +13,15 @@ from bt_agents.errors import BtAgentsError, Refused
 from bt_agents.scene import Scene, SceneSpace
 from bt_agents_lab.replay.findings import Finding, Verdict
 from bt_agents_lab.replay.scenes import bids_of, external_of, scene_of, terms_of
-from bt_agents_lab.replay.story import Round
+from bt_agents_lab.replay.story import NO_MAKING, Round
 from bt_agents_lab.replay.wording import words_difference
 from marketplace_node.calculation import calculation
 from marketplace_node.decision import ClosedBy, Outcome, Ranked, RankedBid
 from marketplace_node.ranking import decide
+from marketplace_node.settings import EXTERNAL
 from marketplace_node.strategies import STRATEGIES
 
 KIND = "decision"
-
-_OUTSIDE = "external"
 
 
 def decisions_again(rounds: Iterable[Round]) -> Iterator[Finding]:
@@ -31,8 +30,7 @@ def decisions_again(rounds: Iterable[Round]) -> Iterator[Finding]:
         auction = one.auction
         where = f"round {auction.round}" + (f", {auction.winner}" if auction.winner else "")
         if one.making is None:
-            missing = "there is no scene.yaml, as no host has sent its texts before"
-            yield _finding(where, Verdict.NOT_RECORDED, missing)
+            yield _finding(where, Verdict.NOT_RECORDED, NO_MAKING)
             continue
         try:
             yield _again(one, one.making.space, where)
@@ -60,7 +58,7 @@ def _again(one: Round, space: SceneSpace, where: str) -> Finding:
         space,
         terms,
         bids_of(auction.ranking),
-        external=external_of(auction) if auction.strategy == _OUTSIDE else None,
+        external=external_of(auction) if auction.strategy == EXTERNAL else None,
     )
     for strategy, difference in (
         (auction.strategy, partial(_difference, auction, ranked, scene)),

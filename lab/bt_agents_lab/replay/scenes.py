@@ -8,11 +8,8 @@ from collections.abc import Iterable
 from typing import Any
 
 from bt_agents.scene import Origin, Scene, SceneSpace, SceneValue
-from bt_agents_lab.replay.story import EARLIER_RUNS, Round
-from marketplace_node.decision import AcceptedBid, External, Terms
-
-SHADOW = "shadow."
-"""Stands before the options of the shadow strategy."""
+from bt_agents_lab.replay.story import Round
+from marketplace_node.decision import EARLIER_RUNS, SHADOW, AcceptedBid, External, Terms
 
 
 def scene_of(message: Any, space: SceneSpace) -> Scene:

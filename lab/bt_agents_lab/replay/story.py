@@ -12,11 +12,13 @@ from typing import Any
 from bt_agents.errors import BtAgentsError, Refused
 from bt_agents_lab.journal.reading import Entry, JournalReader
 from bt_agents_lab.replay.texts import Making, TextFiles
+from marketplace_node.decision import EARLIER_RUNS
+from marketplace_node.effects import RunEventKind
 
 _TYPES = "bt_agents_interfaces/msg/"
 
-EARLIER_RUNS = "market.earlier_runs"
-"""Stands among the options when the market went on from the counts of an earlier start."""
+NO_MAKING = "there is no scene.yaml, as no host has sent its texts before"
+"""Why a round cannot be decided again whose ``making`` is not known."""
 
 RunKey = tuple[str, str, int, str]
 """Start of the host, market, round and agent of a run."""
@@ -202,7 +204,7 @@ class _Teller:
             self._cards[card.name] = (card, tuple(message.parameters))
 
     def _run(self, message: Any) -> None:
-        if message.event == _STARTED:
+        if message.event == RunEventKind.STARTED:
             self._begun[message.epoch] += 1
 
     def _auction(self, message: Any) -> None:
@@ -243,7 +245,6 @@ class _Teller:
         return self.story.runs.setdefault(key, RunStory(key=key))
 
 
-_STARTED = 1
 _OF_RUNS = (f"{_TYPES}RunRecord", f"{_TYPES}TreeStatus")
 
 _TAKES = {

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -13,18 +13,18 @@ from bt_agents.errors import BtAgentsError, Refused
 from bt_agents.feedback import Kind, LearningRule, Update
 from bt_agents.language.diagnostics import did_you_mean
 from bt_agents.language.specs import AgentSpec
+from bt_agents.layers import EVERYBODY, layers_of
 from bt_agents.roster import unmet
 from bt_agents.scene import Scene, SceneSpace, Vector
 from bt_agents_lab.replay.lessons import rule_of
 from bt_agents_lab.replay.run_counts import RunCounts
 from bt_agents_lab.replay.scenes import bids_of, external_of, named, scene_of, terms_of
-from bt_agents_lab.replay.story import Lesson, Round, Story
+from bt_agents_lab.replay.story import NO_MAKING, Lesson, Round, Story
 from feedback_node.learning import Evidence, asked, step
-from marketplace_node.decision import AcceptedBid, ClosedBy, Terms
+from marketplace_node.decision import AcceptedBid, ClosedBy, Outcome, Terms
 from marketplace_node.ranking import decide
+from marketplace_node.settings import EXTERNAL
 from marketplace_node.strategies import STRATEGIES
-
-OUTSIDE = "external"
 
 ASSUMED = (
     "The same scenes come in the same order, also those that follow a stopped run.",
@@ -71,7 +71,7 @@ class Changes:
             if self.options:
                 raise BtAgentsError("an option belongs to a strategy; name it with --strategy")
             return
-        if self.strategy == OUTSIDE:
+        if self.strategy == EXTERNAL:
             raise BtAgentsError("what a program outside would have answered is not known")
         if self.strategy not in STRATEGIES:
             hint = did_you_mean(self.strategy, sorted(STRATEGIES))
@@ -185,7 +185,7 @@ class _Retold:
         auction = one.auction
         now, margin, words = "", math.nan, ""
         if one.making is None:
-            words = "there is no scene.yaml, as no host has sent its texts before"
+            words = NO_MAKING
         else:
             try:
                 now, margin = self._winner(one, one.making.space)
@@ -203,7 +203,7 @@ class _Retold:
                 words=words,
             )
         )
-        if auction.outcome == _AWARDED:
+        if auction.outcome == Outcome.AWARDED:
             self._counts.note(auction.epoch, auction.winner, now)
             if now:
                 self._winners[auction.epoch, auction.round] = now
@@ -216,7 +216,7 @@ class _Retold:
         bids = self._bids(one, scene, space)
         self._outlook.bidders |= {bid.agent for bid in bids}
         terms = self._terms(one, scene)
-        outside = external_of(auction) if terms.strategy == OUTSIDE else None
+        outside = external_of(auction) if terms.strategy == EXTERNAL else None
         ranked = decide(space, terms, bids, external=outside).bids
         if not ranked:
             return "", math.nan
@@ -246,11 +246,11 @@ class _Retold:
         auction = one.auction
         bids = {bid.agent: bid for bid in bids_of(auction.ranking)}
         if self._changes.agents is None:
-            return [replace(bid, vector=self._vector(bid, auction.scene)) for bid in bids.values()]
+            return [replace(bid, vector=self._vector(bid, scene)) for bid in bids.values()]
         kept_out = {one.agent for one in auction.refused if one.code in _KEPT_OUT}
         found = []
         for spec in self._specs.values():
-            profile = self._profile_of(spec, auction.scene)
+            profile = self._profile_of(spec, scene)
             tunables = {tunable.name: tunable.default for tunable in spec.tunables}
             if spec.name in kept_out or unmet(spec, space, scene, profile, tunables):
                 continue
@@ -262,9 +262,9 @@ class _Retold:
             )
         return found
 
-    def _vector(self, bid: AcceptedBid, scene: Any) -> Vector:
+    def _vector(self, bid: AcceptedBid, scene: Scene) -> Vector:
         """Return what an agent would have bid: the profile that has become of the one it bid."""
-        for layer in _layers(scene):
+        for layer in (*layers_of(scene).values(), EVERYBODY):
             key = (bid.agent, layer)
             if self._was.get(key) == bid.vector:
                 return self._now[key]
@@ -272,9 +272,9 @@ class _Retold:
             self._was[bid.agent, ""] = self._now[bid.agent, ""] = bid.vector
         return bid.vector
 
-    def _profile_of(self, spec: AgentSpec, scene: Any) -> Vector:
-        for layer in _layers(scene):
-            if layer.partition("/")[0] in spec.learning.layers and (spec.name, layer) in self._now:
+    def _profile_of(self, spec: AgentSpec, scene: Scene) -> Vector:
+        for kind, layer in layers_of(scene).items():
+            if kind in spec.learning.layers and (spec.name, layer) in self._now:
                 return self._now[spec.name, layer]
         return self._now.setdefault((spec.name, ""), spec.profile)
 
@@ -330,18 +330,8 @@ class _Retold:
         return rule, rate
 
 
-_AWARDED = 1
 _KEPT_OUT = ("EXCLUDED", "VETOED", "NOT_PINNED", "NOT_AWARDED")
 """Codes of refusals that do not depend on what an agent bids."""
-
-
-def _layers(scene: Any) -> Iterator[str]:
-    """Give the layers that may bid for a scene, first choice first."""
-    if scene.person_id:
-        yield f"person/{scene.person_id}"
-    if scene.place:
-        yield f"place/{scene.place}"
-    yield ""
 
 
 def _in_order(story: Story) -> list[Round | Lesson]:

@@ -9,6 +9,7 @@ from bt_agents.scene import SceneSpace
 from marketplace_node.decision import ClosedBy, Decision, Kind, Outcome, Ranked, RefusedBid, Terms
 from marketplace_node.explain import reason
 from marketplace_node.explanation import explanation
+from marketplace_node.settings import EXTERNAL
 
 _NOT_ASKED = " is not asked: "
 """In lines about hosts of which the message says nothing else."""
@@ -28,7 +29,7 @@ def words_difference(auction: Any, terms: Terms, ranked: Ranked, space: SceneSpa
     """
     if auction.outcome != Outcome.AWARDED or auction.follows or auction.intervention:
         return ""
-    if auction.strategy == "external":
+    if auction.strategy == EXTERNAL:
         return ""
     decision = Decision(
         terms=terms,

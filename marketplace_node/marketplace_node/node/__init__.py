@@ -57,6 +57,7 @@ from marketplace_node.node.hosts import Hosts
 from marketplace_node.node.messages import (
     auction_to_msg,
     bids_from_msg,
+    call_to_msg,
     earlier_run_to_msg,
     run_to_msg,
     scene_end_to_msg,
@@ -320,17 +321,8 @@ class MarketplaceNode(GuardedNode):
         return min(heard, hearing) >= hosts
 
     def _publish_call(self, effect: OpenCall, now: float) -> None:
-        self._calls.publish(
-            CallForBids(
-                stamp=self._now(),
-                epoch=self._market.epoch,
-                round=effect.round,
-                scene=scene_to_msg(effect.scene),
-                parameters=list(self._space.names),
-                deadline_s=effect.deadline_s,
-                excluded=list(effect.excluded),
-            )
-        )
+        call = call_to_msg(effect, self._market.epoch, self._space, self._now())
+        self._calls.publish(call)
         self._carry_out(self._market.called(effect.round, now))
 
     def _collect(self, effect: Collect) -> None:

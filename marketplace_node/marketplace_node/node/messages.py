@@ -14,7 +14,7 @@ from bt_agents.stop_words import CUT_OFF
 from bt_agents_interfaces.action import RunAgent
 from bt_agents_interfaces.msg import Auction as AuctionMsg
 from bt_agents_interfaces.msg import Bids as BidsMsg
-from bt_agents_interfaces.msg import MarketStatus
+from bt_agents_interfaces.msg import CallForBids, MarketStatus
 from bt_agents_interfaces.msg import RankedBid as RankedBidMsg
 from bt_agents_interfaces.msg import RefusedBid as RefusedBidMsg
 from bt_agents_interfaces.msg import Run as RunMsg
@@ -22,12 +22,21 @@ from bt_agents_interfaces.msg import SceneEnd as SceneEndMsg
 from bt_agents_interfaces.srv import OperateMarket, RegisterHost, SelectAgent
 from marketplace_node.award import RunEnd
 from marketplace_node.calculation import calculation
-from marketplace_node.decision import Bids, Decision, External, RankedBid, Terms
+from marketplace_node.decision import (
+    EARLIER_RUNS,
+    SHADOW,
+    Bids,
+    Decision,
+    External,
+    RankedBid,
+    Terms,
+)
 from marketplace_node.effects import (
     AnnounceRun,
     AskOutside,
     EarlierRun,
     Goal,
+    OpenCall,
     PublishAuction,
     RunEventKind,
     RunOutcome,
@@ -39,12 +48,6 @@ from marketplace_node.outside import check_ranking, shown
 from marketplace_node.registry import Registration
 from marketplace_node.say import Act, Order
 from marketplace_node.strategies import STRATEGIES
-
-SHADOW = "shadow"
-"""Stands before the options of the shadow strategy, as in ``shadow.temperature``."""
-
-EARLIER_RUNS = "market.earlier_runs"
-"""Stands with the options when counts of runs were taken over from an earlier start."""
 
 _ENDED = (RunMsg.SUCCEEDED, RunMsg.FAILED, RunMsg.CANCELLED, RunMsg.LOST)
 
@@ -128,6 +131,19 @@ def earlier_run_from_msg(message: RunMsg, space: SceneSpace, now_s: float) -> Ea
         overruns=message.overruns,
         duration_s=message.duration_s,
         age_s=now_s - seconds(message.stamp),
+    )
+
+
+def call_to_msg(effect: OpenCall, epoch: str, space: SceneSpace, stamp: Any) -> CallForBids:
+    """Return the message of a call for bids."""
+    return CallForBids(
+        stamp=stamp,
+        epoch=epoch,
+        round=effect.round,
+        scene=scene_to_msg(effect.scene),
+        parameters=list(space.names),
+        deadline_s=effect.deadline_s,
+        excluded=list(effect.excluded),
     )
 
 
@@ -287,7 +303,7 @@ def _ranked_to_msg(bid: RankedBid, decision: Decision) -> RankedBidMsg:
 
 def _options(terms: Terms) -> dict[str, float]:
     """Return what is set about the strategy, and about its shadow with that word in front."""
-    shadow = {f"{SHADOW}.{name}": value for name, value in terms.shadow_options.items()}
+    shadow = {f"{SHADOW}{name}": value for name, value in terms.shadow_options.items()}
     earlier = {EARLIER_RUNS: terms.earlier_runs} if terms.earlier_runs else {}
     named = {**terms.options, **shadow, **earlier}
     return {name: float(value) for name, value in named.items()}

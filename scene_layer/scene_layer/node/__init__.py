@@ -349,7 +349,3 @@ def make_node() -> SceneLayerNode:
 def main(args: Sequence[str] | None = None) -> int:
     """Run the scene layer until it is told to stop; return the exit code."""
     return run(make_node, args)
-
-
-if __name__ == "__main__":
-    raise SystemExit(main())

@@ -68,7 +68,8 @@ class Listening:
         self._encounters = encounters
         self._changed = changed
         self._dynamic: dict[_Key, tuple[Any, frozenset[SourceSpec]]] = {}
-        self._unnamed: set[str] = set()
+        self._unnamed: dict[str, None] = {}
+        self._of_item = [source for source in spec.every_source if source.of_item]
         for source in spec.every_source:
             self._check(source.type, source.position, self._paths(source))
         fixed: dict[_Key, list[SourceSpec]] = {}
@@ -106,8 +107,9 @@ class Listening:
             subscription = self._subscribe(key, sorted(read, key=lambda s: str(s.position)))
         except Refused as refused:
             # An id made it; without this it would be tried again at each look.
-            if len(self._unnamed) < _MOST_UNNAMED:
-                self._unnamed.add(key.topic)
+            self._unnamed[key.topic] = None
+            if len(self._unnamed) > _MOST_UNNAMED:
+                del self._unnamed[next(iter(self._unnamed))]
             self._node.get_logger().warning(
                 f"nothing is heard of {key.person[:_SHOWN]!r}: {refused.reason}"
             )
@@ -186,7 +188,6 @@ class Listening:
         assert self._spec.persons is not None
         item = [f"{tracked.field}.0.{tracked.id}"] if tracked.id else []
         self._check(tracked.type, tracked.position, [tracked.field, *item])
-        self._of_item = [s for s in self._spec.every_source if s.of_item]
         take = self._on_items if tracked.id else self._on_ids
         profile = qos.FACT if tracked.latched else qos.SENSOR
         self._listen(tracked.topic, tracked.type, take, profile)

@@ -13,7 +13,8 @@ from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.node import Node
 from rclpy.task import Future
 
-from bt_agents.errors import BtAgentsError
+from bt_agents.errors import STORAGE_FULL, BtAgentsError
+from bt_agents.layers import PERSON, PLACE
 from bt_agents.ros import qos
 from bt_agents.ros.jobs import Jobs
 from bt_agents.ros.timers import steady_timer
@@ -26,8 +27,6 @@ from scene_layer.memory import Memory
 SAVE_S = 10.0
 """Time between two savings of what has changed [s]; it is also saved at the end."""
 
-_PERSON = "person/"
-_PLACE = "place/"
 _SHOWN = 100
 
 
@@ -132,10 +131,11 @@ class Remembering:
             )
             return response
         layer = request.layer
-        if layer.startswith(_PERSON) and layer != _PERSON:
-            found = self._memory.forget(person=layer.removeprefix(_PERSON))
-        elif layer.startswith(_PLACE) and layer != _PLACE:
-            found = self._memory.forget(place=layer.removeprefix(_PLACE))
+        kind, _, name = layer.partition("/")
+        if kind == PERSON and name:
+            found = self._memory.forget(person=name)
+        elif kind == PLACE and name:
+            found = self._memory.forget(place=name)
         else:
             response.code = "UNKNOWN_LAYER"
             response.message = (
@@ -145,7 +145,7 @@ class Remembering:
             return response
         trouble = await self._ended(self._save())
         response.accepted = not trouble
-        response.code = "STORAGE_FULL" if trouble else ""
+        response.code = STORAGE_FULL if trouble else ""
         response.message = (
             f"{layer[:_SHOWN]} is forgotten" if found else f"nothing was known of {layer[:_SHOWN]}"
         ) + (f", but its file still has it, which is tried again: {trouble}" if trouble else "")

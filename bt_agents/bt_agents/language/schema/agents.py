@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 from bt_agents.language.bindings import RECEIVED, SENT
-from bt_agents.language.learning_reader import MAX_WEIGHT
 from bt_agents.language.schema import values
 from bt_agents.language.schema.learning import by_parameter, learning, mood_rule
 from bt_agents.language.schema.nodes import NODE, node_definitions
@@ -14,7 +13,7 @@ from bt_agents.language.schema.values import Schema, described
 from bt_agents.language.server_limits import timeout_keys
 from bt_agents.language.specs import BindingKind, FieldType
 from bt_agents.language.vocabulary import Vocabulary
-from bt_agents.scene import SceneSpace
+from bt_agents.scene import MAX_WEIGHT, SceneSpace
 
 _TYPES = [one.value for one in FieldType]
 

@@ -6,11 +6,11 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from bt_agents.feedback import Update
-from bt_agents.language.learning_reader import LAYERS, MAX_WEIGHT, MAX_WINDOW
+from bt_agents.language.learning_reader import LAYERS, MAX_WINDOW
 from bt_agents.language.schema import values
 from bt_agents.language.schema.scenes import listed, mapping
 from bt_agents.language.schema.values import Schema, described
-from bt_agents.scene import SceneParameter, SceneSpace
+from bt_agents.scene import MAX_WEIGHT, SceneParameter, SceneSpace
 
 Limits = Callable[[SceneParameter], tuple[float, float]]
 

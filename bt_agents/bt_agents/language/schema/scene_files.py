@@ -7,6 +7,7 @@ from bt_agents.language.scene_specs import AddresseeRule, MissingRule
 from bt_agents.language.schema import values
 from bt_agents.language.schema.scenes import document, listed, mapping
 from bt_agents.language.schema.values import Schema, described
+from bt_agents.scene import MAX_WEIGHT
 
 _BRACKETS = r"^[A-Za-z~/_<][A-Za-z0-9_/~<>]*$"
 
@@ -67,7 +68,7 @@ def _parameter() -> Schema:
                 "Words for some values: {1: a child}",
             ),
             "weight": described(
-                values.number(0) | {"default": 1},
+                values.number(0, MAX_WEIGHT) | {"default": 1},
                 "How much it counts where distances are weighted.",
             ),
             "missing": described(
