@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import gc
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -86,3 +87,5 @@ def fresh_graph() -> Iterator[Ros]:
             graph.close()
     finally:
         rclpy.try_shutdown()
+        # Nodes hold themselves, and those of earlier tests would go on answering each other.
+        gc.collect()
