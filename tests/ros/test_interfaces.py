@@ -163,8 +163,21 @@ def test_a_message_becomes_plain_data_and_back():
         "scene_id": "s",
         "label": "words",
         "person": True,
-        "values": [{"name": "mood", "value": 2.0, "origin": 2, "age_s": 0.0}],
         "urgent": True,
+        "person_id": "anna",
+        "place": "lobby",
+        "persons": 2,
+        "values": [
+            {
+                "name": "mood",
+                "value": 2.0,
+                "origin": 2,
+                "age_s": 0.0,
+                "std": 0.5,
+                "confidence": 0.75,
+                "source": "words",
+            }
+        ],
     }
     message = Scene()
     fill(message, plain)
