@@ -35,9 +35,14 @@ cmake_language(SET_DEPENDENCY_PROVIDER ros_wheels_find SUPPORTED_METHODS FIND_PA
 
 # The files that are generated for each interface are small and share large headers: most of them
 # are compiled together. Some generators repeat names from file to file, theirs are not.
+function(ros_wheels_compile_apart)
+  foreach(generator IN ITEMS rosidl_generator_c rosidl_typesupport_introspection_cpp)
+    if(TARGET ${PROJECT_NAME}__${generator})
+      set_target_properties(${PROJECT_NAME}__${generator} PROPERTIES UNITY_BUILD OFF)
+    endif()
+  endforeach()
+endfunction()
+
 set(CMAKE_UNITY_BUILD ON)
 set(CMAKE_UNITY_BUILD_BATCH_SIZE 16)
-foreach(generator IN ITEMS rosidl_generator_c rosidl_typesupport_introspection_cpp)
-  cmake_language(EVAL CODE "cmake_language(DEFER CALL set_target_properties
-    ${PROJECT_NAME}__${generator} PROPERTIES UNITY_BUILD OFF)")
-endforeach()
+cmake_language(DEFER CALL ros_wheels_compile_apart)
