@@ -225,6 +225,15 @@ class SceneSpace:
             )
         return self.vector((values[name] for name in self.names), what=what)
 
+    def ordered(self, values: Mapping[str, float]) -> Vector:
+        """Return named values in the order of the space, NaN for what is not there; unchecked."""
+        return tuple(values.get(name, MISSING) for name in self.names)
+
+    def named(self, vector: Iterable[float]) -> dict[str, float]:
+        """Return the values of a vector by name, in order, without what is missing."""
+        pairs = zip(self.names, vector, strict=True)
+        return {name: value for name, value in pairs if not math.isnan(value)}
+
     def parameter(self, name: str, *, what: str = "") -> SceneParameter:
         """Return the parameter of a name.
 

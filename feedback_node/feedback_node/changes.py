@@ -8,7 +8,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from bt_agents.scene import SceneSpace, Vector
-from feedback_node.layers import vector
 from feedback_node.ledger_rows import Revision
 
 
@@ -84,10 +83,10 @@ def changed(
     rates = revision.cause.rates
     return Change(
         revision=revision,
-        before=vector(before.profile, space),
-        after=vector(revision.profile, space),
-        target=vector(revision.cause.target, space),
-        rates=vector(rates, space) if rates else (),
+        before=space.ordered(before.profile),
+        after=space.ordered(revision.profile),
+        target=space.ordered(revision.cause.target),
+        rates=space.ordered(rates) if rates else (),
         false_rate=false_rate,
         fresh=fresh,
         words=words,

@@ -3,20 +3,15 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
-from bt_agents.errors import Refused
 from bt_agents.feedback import Kind, LearningRule
 from bt_agents.layers import EVERYBODY, checked_layer, layers_of
-from bt_agents.scene import MISSING, Scene, SceneSpace, Vector
+from bt_agents.scene import Scene, SceneSpace, Vector
 from feedback_node import learning
 from feedback_node.cards import Agent
 from feedback_node.ledger import Ledger
-from feedback_node.ledger_rows import Cause, hidden, is_hidden
-
-LONGEST_TEXT = 1000
+from feedback_node.ledger_rows import Cause, hidden
 
 _RECENT = 30
 """Feedbacks from which the share of wrong ones is estimated."""
@@ -113,8 +108,8 @@ def layer_step(
             cause,
             rate=step.rate,
             weight=step.weight,
-            rates={} if of_rate else named(step.rates, space),
-            target=named(step.target, space),
+            rates={} if of_rate else space.named(step.rates),
+            target=space.named(step.target),
             changes=changes + (kind is not Kind.SET),
         ),
         step=step,
@@ -132,52 +127,9 @@ def taught(
     """
     found = []
     for row in ledger.taught(agent, layer, newest=max(window, _RECENT)):
-        target = vector(row.cause.target, space)
+        target = space.ordered(row.cause.target)
         if row.cause.kind == Kind.NEGATIVE:
             before = ledger.before(row)
-            target = learning.asked(Kind.NEGATIVE, vector(before.profile, space), target)
+            target = learning.asked(Kind.NEGATIVE, space.ordered(before.profile), target)
         found.append(target)
     return tuple(found)
-
-
-def check_texts(**texts: str) -> None:
-    """Check what is told with a feedback.
-
-    Raises:
-        Refused: ``TOO_LONG``, ``BAD_TEXT`` or ``RESERVED_ID``.
-    """
-    for field, text in texts.items():
-        if len(text) > LONGEST_TEXT:
-            raise Refused(
-                "TOO_LONG",
-                f"feedback: {field} has {len(text)} characters, expected {LONGEST_TEXT} at most",
-            )
-        if not text.isprintable():
-            raise Refused(
-                "BAD_TEXT",
-                f"feedback: {field} is {text[:80]!a}, expected no control characters",
-            )
-    if is_hidden(texts.get("feedback_id", "")):
-        raise Refused(
-            "RESERVED_ID",
-            "feedback: ids that begin with 'sha256:' stand for forgotten ones; take a UUID",
-        )
-
-
-def one_line(text: str) -> str:
-    """Return a text without control characters, which people's terminals would obey."""
-    return " ".join("".join(c if c.isprintable() else " " for c in text).split())
-
-
-def named(values: Vector, space: SceneSpace) -> dict[str, float]:
-    """Return a vector by name, without what is missing."""
-    return {
-        name: value
-        for name, value in zip(space.names, values, strict=True)
-        if not math.isnan(value)
-    }
-
-
-def vector(values: Mapping[str, float], space: SceneSpace) -> Vector:
-    """Return named values in the order of the space, NaN for what is not there."""
-    return tuple(values.get(name, MISSING) for name in space.names)

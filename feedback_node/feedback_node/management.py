@@ -13,11 +13,11 @@ from bt_agents.feedback import Kind
 from bt_agents.layers import MOST_LAYERS, PERSON, PLACE, checked_layer
 from feedback_node.changes import Change, Delivery
 from feedback_node.documents import Imported, from_document, number, to_document
-from feedback_node.layers import check_texts, named
 from feedback_node.ledger import Entry, Ledger
 from feedback_node.ledger_file import LedgerError
 from feedback_node.ledger_rows import IMPORT, Cause, Revision
 from feedback_node.profiles import Profiles
+from feedback_node.texts import check_texts
 
 MOST_REVISIONS = 5000
 """Newest revisions that one document tells."""
@@ -190,14 +190,14 @@ class Management:
             Entry(
                 agent=one.agent,
                 layer=one.layer,
-                profile=named(one.values, self._profiles.space),
+                profile=self._profiles.space.named(one.values),
                 cause=Cause(
                     cause=IMPORT,
                     kind=Kind.SET,
                     source=order.author,
                     reason=order.reason or "taken in from a document",
                     feedback_id=f"import/{document_id}/{one.agent}/{one.layer}",
-                    target=named(one.values, self._profiles.space),
+                    target=self._profiles.space.named(one.values),
                     changes=one.changes,
                 ),
             )

@@ -15,20 +15,12 @@ from bt_agents.scene import SceneSpace, Vector
 from feedback_node import learning
 from feedback_node.cards import Agent, Card, read_card
 from feedback_node.changes import Change, Delivery, Table, changed, moved, together
-from feedback_node.layers import (
-    LayerStep,
-    anonymous,
-    check_texts,
-    layer_step,
-    named,
-    one_line,
-    shares,
-    taught,
-)
+from feedback_node.layers import LayerStep, anonymous, layer_step, shares, taught
 from feedback_node.ledger import Entry, Ledger
 from feedback_node.ledger_file import LedgerError
 from feedback_node.ledger_rows import FORGOTTEN, LAYER, Cause, Revision
 from feedback_node.runs import Run
+from feedback_node.texts import check_texts, one_line
 
 MOST_HOSTS = 100
 """Hosts whose agents are known at once."""
@@ -267,7 +259,7 @@ class Profiles:
                 space=self.space,
             )
             steps[layer] = one
-            after = named(one.step.after, self.space)
+            after = self.space.named(one.step.after)
             entries.append(Entry(agent=name, layer=layer, profile=after, cause=one.cause))
         if crowded and not steps:
             raise crowded[0]
@@ -384,7 +376,7 @@ class Profiles:
         ]
         if not news:
             return ()
-        entered = self._ledger.enter({a.name: named(a.authored, self.space) for a in news})
+        entered = self._ledger.enter({a.name: self.space.named(a.authored) for a in news})
         for name, revision in entered.items():
             self._current[name, ""] = revision
             for row in self._ledger.layers(name):

@@ -50,6 +50,8 @@ def test_a_model_ranks_and_a_veto_outlives_the_market(
         assert "vetoed: professional_express may not bid" in ask("status")
 
         server.reply = sends(b"no", 503)
+        # The old market's run ends first; the host is asked by nobody until then.
+        up.until("attentive_guide starts")
         preview = ask("preview", *MRS_SMITH)
         assert "attentive_guide would win" in preview
         assert "503" in preview

@@ -494,6 +494,15 @@ def test_heartbeats_go_on_while_many_agents_are_read_again(ros: Any, tmp_path: P
     assert max(gaps) < 0.5
 
 
+def test_changes_are_told_when_the_last_agent_has_used_up_its_slice(
+    ros: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("bt_agents.ros.reloading._SLICE_S", 0.0)
+    host = Host(ros, tmp_path, ann=agent("ann", "{say: hello}"), bob=agent("bob", "{say: hello}"))
+    (host.folder / "skills" / "robot.yaml").write_text(SKILLS.replace("name: say,", "name: talk,"))
+    ros.until(lambda: [one.version for one in host.cards[-1].agents] == [2, 2])
+
+
 def test_a_real_market_goes_on_with_a_run_while_other_agents_come_and_go(
     ros: Any, tmp_path: Path
 ) -> None:

@@ -65,6 +65,13 @@ def test_named_values_are_put_in_order_and_every_name_is_needed() -> None:
         SPACE.from_mapping({"age": 4, "moood": 2})
 
 
+def test_what_is_missing_is_nan_in_order_and_left_out_by_name() -> None:
+    vector = SPACE.ordered({"mood": 2.0})
+    assert math.isnan(vector[0])
+    assert vector[1] == 2.0
+    assert SPACE.named(vector) == {"mood": 2.0}
+
+
 @pytest.mark.parametrize(
     ("values", "code"),
     [

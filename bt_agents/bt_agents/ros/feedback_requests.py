@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import math
 import time
 import uuid
 from collections.abc import Callable, Mapping
@@ -62,7 +61,7 @@ class FeedbackRequests:
             feedback_id=f"tree/{uuid.uuid4()}",
             agent=self._agent(),
             kind=int(kind),
-            values=[values.get(name, math.nan) for name in self._space.names] if direct else [],
+            values=self._space.ordered(values) if direct else (),
             source="tree",
             reason=reason,
             scene=self._scene(),

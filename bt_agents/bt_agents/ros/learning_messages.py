@@ -3,28 +3,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 from bt_agents.feedback import WEIGHTS, LearningRule
 from bt_agents.language.specs import FeedbackRule
-from bt_agents.scene import MISSING, SceneSpace
+from bt_agents.scene import SceneSpace
 from bt_agents_interfaces.msg import Learning, MoodRule
 
 
 def learning_to_msg(rule: LearningRule, space: SceneSpace) -> Learning:
     """Return the message of a learning rule, its values in the order of the space."""
-
-    def ordered(values: Mapping[str, float]) -> list[float]:
-        return [values.get(name, MISSING) for name in space.names]
-
     weights = {**WEIGHTS, **rule.weights}
     return Learning(
-        rates=ordered(rule.rates),
+        rates=space.ordered(rule.rates),
         update=rule.update.value,
-        width=ordered(rule.width),
+        width=space.ordered(rule.width),
         window=rule.window,
         anneal=rule.anneal,
-        drift=ordered(rule.drift),
+        drift=space.ordered(rule.drift),
         sources=list(weights),
         weights=list(weights.values()),
         layers=list(rule.layers),

@@ -161,7 +161,7 @@ class Reloading:
             if effect is not None:
                 self._do(effect)
             if time.monotonic() >= end:
-                return
+                break
         self._tell()
 
     def _do(self, effect: Effect) -> None:
@@ -182,7 +182,7 @@ class Reloading:
             request.words.append(effect.words)
 
     def _tell(self) -> None:
-        """Tell of what has been done; whoever has asked for it is answered."""
+        """Tell of what has been done, once nothing is left; whoever has asked is answered."""
         if self._unsettled:
             return
         effects, self._effects = self._effects, []
