@@ -12,7 +12,7 @@ import pytest
 
 from checkout import DATA_PACKAGES, PACKAGES, PYTHON_PACKAGES, ROOT, RosPackage
 
-pytestmark = pytest.mark.packaging
+pytestmark = [pytest.mark.packaging, pytest.mark.xdist_group("packaging")]
 
 KEYS = {
     "click": ("python3-click", "click"),
