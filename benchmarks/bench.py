@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Runs the benchmarks, each in a process of its own; prints a table and writes JSON."""
+"""Runs the benchmarks, each in a process of its own; prints tables and writes JSON."""
 
 from __future__ import annotations
 
@@ -8,21 +8,22 @@ import json
 import multiprocessing
 import os
 import platform
-import statistics
+import signal
 import sys
 import time
-from collections.abc import Iterable
-from dataclasses import asdict
+import traceback
+from collections.abc import Iterator
+from datetime import UTC, datetime
+from importlib.metadata import PackageNotFoundError, version
+from multiprocessing.connection import Connection
 from pathlib import Path
 from random import Random
 from typing import Any
 
 import click
 from rich.console import Console
-from rich.table import Table
 
-sys.path.insert(0, str(Path(__file__).parent))
-
+from figures import as_json, table
 from measuring import Effort, Row
 
 BENCHMARKS = {
@@ -44,69 +45,136 @@ BENCHMARKS = {
 LIMIT_S = 900.0
 """One benchmark does not take longer [s]."""
 
+STOP_S = 10.0
+"""How long a benchmark that is interrupted has to end its processes [s]."""
+
+SHORT = {"repetitions": 2, "scale": 0.01}
+"""Effort that only shows whether a benchmark works."""
+
+FIGURES = Path(__file__).parents[1] / "build" / "benchmarks.json"
+"""Where the figures go when it is not said."""
+
+COMPARED = (
+    "py_trees", "numpy", "PyYAML", "ros-jazzy-rclpy", "ros-jazzy-rmw-fastrtps-cpp",
+    "behaviortreepy", "bonsai-bt", "bteng", "btreeny", "async-btree", "abtree",
+)  # fmt: skip
+"""Packages whose versions the figures depend on."""
+
 
 @click.command()
 @click.argument("names", nargs=-1)
 @click.option(
     "--short", is_flag=True, help="See only whether they work: the figures mean nothing."
 )
-@click.option("--json", "file", type=click.Path(path_type=Path), help="Where the figures go.")
+@click.option(
+    "--json",
+    "file",
+    type=click.Path(path_type=Path, dir_okay=False),
+    help=f"Where the figures go; those of other benchmarks in it stay. [default: {FIGURES.name} "
+    "in build/, nowhere with --short]",
+)
 @click.option("--seed", default=1, show_default=True, help="Of the order of measurements.")
 def main(names: tuple[str, ...], short: bool, file: Path | None, seed: int) -> None:
     """Run the benchmarks of these NAMES, or all."""
     unknown = [name for name in names if name not in BENCHMARKS]
     if unknown:
         raise click.UsageError(f"no benchmark '{unknown[0]}'; there are {', '.join(BENCHMARKS)}")
-    console = Console(width=None if sys.stdout.isatty() else 150)
-    machine = _machine()
-    console.print(", ".join(f"{key} {value}" for key, value in machine.items()))
-    found: dict[str, list[dict[str, Any]]] = {}
+    if file is None and not short:
+        FIGURES.parent.mkdir(exist_ok=True)
+        file = FIGURES
+    console = Console(width=None if sys.stdout.isatty() else 150, highlight=False)
+    console.print(", ".join(f"{key} {value}" for key, value in _machine().items()))
     failed = []
     for name in names or BENCHMARKS:
+        machine = _machine()
         began = time.monotonic()
-        rows = _run(name, short, seed)
-        if rows is None:
+        rows, error = _run(name, short, seed)
+        took_s = time.monotonic() - began
+        if rows:
+            console.print(table(f"{name}: {BENCHMARKS[name]} ({took_s:.0f} s)", rows))
+        if error:
             failed.append(name)
-            continue
-        found[name] = [_as_json(row) for row in rows]
-        console.print(_table(name, rows, time.monotonic() - began))
+            console.print(error, markup=False)
+        elif file is not None:
+            found = {
+                "what": BENCHMARKS[name],
+                "measured": datetime.now(UTC).isoformat(timespec="seconds"),
+                "took_s": round(took_s, 1),
+                "short": short,
+                "seed": seed,
+                "machine": machine,
+                "packages": _packages(),
+                "rows": [as_json(row) for row in rows],
+            }
+            _keep(file, name, found)
     if file is not None:
-        text = json.dumps({"machine": machine, "short": short, "benchmarks": found}, indent=1)
-        file.write_text(text + "\n", encoding="utf-8")
+        console.print(f"The figures are in {file}.")
     if failed:
-        raise click.ClickException(f"these gave no figures: {', '.join(failed)}")
+        raise click.ClickException(f"these have failed: {', '.join(failed)}")
 
 
-def _run(name: str, short: bool, seed: int) -> list[Row] | None:
-    """Run one benchmark in a process of its own, as if it had been started alone."""
+def _run(name: str, short: bool, seed: int) -> tuple[list[Row], str]:
+    """Run one benchmark in a process of its own, as if it had been started alone.
+
+    Returns:
+        The rows it has given, and why there are no more; empty when that is all.
+    """
     context = multiprocessing.get_context("spawn")
     receiver, sender = context.Pipe(duplex=False)
     process = context.Process(target=_measure, args=(name, short, seed, sender), name=name)
     process.start()
     sender.close()
-    rows: list[Row] | None = None
+    rows: list[Row] = []
     try:
-        if receiver.poll(LIMIT_S):
-            rows = receiver.recv()
-    except EOFError:
-        pass
+        error = ""
+        for found in _received(receiver):
+            if isinstance(found, Row):
+                rows.append(found)
+            else:
+                error = found
     finally:
-        process.join(10.0)
-        if process.is_alive():
-            process.kill()
-            process.join()
-    return rows
+        _end(process)
+    return rows, error or ("" if rows else f"{name} has no figures")
 
 
-def _measure(name: str, short: bool, seed: int, sender: Any) -> None:
+def _received(receiver: Connection) -> Iterator[Row | str]:
+    """Give what a benchmark sends, until it says that this is all or for too long nothing."""
+    limit = time.monotonic() + LIMIT_S
+    try:
+        while receiver.poll(max(0.0, limit - time.monotonic())):
+            found = receiver.recv()
+            if found is None:
+                return
+            yield found
+        yield f"It took longer than {LIMIT_S:.0f} s."
+    except EOFError:
+        yield "Its process has ended too early."
+
+
+def _end(process: Any) -> None:
+    """Let a benchmark end; one that does not is interrupted, so that it ends its own processes."""
+    process.join(STOP_S)
+    if process.is_alive():
+        os.kill(process.pid, signal.SIGINT)
+        process.join(STOP_S)
+    if process.is_alive():
+        process.kill()
+        process.join()
+
+
+def _measure(name: str, short: bool, seed: int, sender: Connection) -> None:
     random = Random(seed)
-    effort = Effort(repetitions=2, scale=0.01, random=random) if short else Effort(random=random)
-    rows: Iterable[Row] = importlib.import_module(name).measure(effort)
-    sender.send(list(rows))
+    effort = Effort(random=random, **SHORT) if short else Effort(random=random)  # type: ignore[arg-type]
+    try:
+        for row in importlib.import_module(name).measure(effort):
+            sender.send(row)
+    except Exception:
+        sender.send(traceback.format_exc())
+    sender.send(None)
 
 
 def _machine() -> dict[str, str]:
-    """Return what the figures were measured on."""
+    """Return what the figures are measured on."""
     model = platform.processor() or platform.machine()
     cpuinfo = Path("/proc/cpuinfo")
     if cpuinfo.exists():
@@ -122,66 +190,23 @@ def _machine() -> dict[str, str]:
     }
 
 
-def _as_json(row: Row) -> dict[str, Any]:
-    return {**asdict(row), "ratio": row.ratio, "met": row.is_met}
+def _packages() -> dict[str, str]:
+    """Return the versions of the packages that are compared with and are installed."""
+    found = {}
+    for name in COMPARED:
+        try:
+            found[name] = version(name)
+        except PackageNotFoundError:
+            continue
+    return found
 
 
-def _table(name: str, rows: list[Row], took_s: float) -> Table:
-    table = Table(title=f"{name}: {BENCHMARKS[name]} ({took_s:.0f} s)", title_justify="left")
-    for column in (
-        "what",
-        "who",
-        "median [least … most]",
-        "floor",
-        "ratio [least … most]",
-        "goal",
-    ):
-        table.add_column(column)
-    for row in rows:
-        pace = f", {row.pace}" if row.pace else ""
-        floor = f"{row.floor} {_amount(row.floor_values, row.unit)}" if row.floor else ""
-        table.add_row(
-            row.case + pace,
-            row.side,
-            _spread(row.values, row.unit),
-            floor,
-            _ratio(row),
-            _goal(row),
-        )
-        if row.note:
-            table.add_row("", f"[dim]{row.note}[/dim]")
-    return table
-
-
-def _amount(values: Iterable[float], unit: str) -> str:
-    return _number(statistics.median(values), unit)
-
-
-def _spread(values: Iterable[float], unit: str) -> str:
-    values = list(values)
-    least, most = _number(min(values), unit), _number(max(values), unit)
-    return f"{_number(statistics.median(values), unit)} [{least} … {most}]"
-
-
-def _number(value: float, unit: str) -> str:
-    if unit == "s":
-        for factor, word in ((1.0, "s"), (1e3, "ms"), (1e6, "µs")):
-            if value * factor >= 1 or word == "µs":
-                return f"{value * factor:.3g} {word}"
-    return f"{value:.4g} {unit}"
-
-
-def _ratio(row: Row) -> str:
-    if row.ratio is None:
-        return ""
-    return f"{row.ratio:.3g} [{min(row.ratios):.3g} … {max(row.ratios):.3g}]"
-
-
-def _goal(row: Row) -> str:
-    if row.goal is None:
-        return ""
-    bound = "≥" if row.at_least else "≤"
-    return f"{bound} {row.goal:g} {'met' if row.is_met else '[bold]missed[/bold]'}"
+def _keep(file: Path, name: str, found: dict[str, Any]) -> None:
+    """Put the figures of one benchmark into a file, in the order of the benchmarks."""
+    kept = json.loads(file.read_text(encoding="utf-8")) if file.exists() else {}
+    kept[name] = found
+    ordered = {name: kept[name] for name in BENCHMARKS if name in kept}
+    file.write_text(json.dumps(ordered, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -1,12 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How long expressions take, beside plain Python lambdas in the same run; prints a table."""
+"""How long expressions take to evaluate, beside plain Python lambdas."""
 
 from __future__ import annotations
 
-import timeit
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from functools import partial
+from time import thread_time
 
-from bt_agents.language.expression.expressions import Expression, parse_expression
+from bt_agents.language.expression.expressions import parse_expression
+from measuring import Effort, Row, in_turn, timed
 
 VALUES: dict[str, object] = {
     "scene.age": 4.0, "scene.familiarity": 2.0, "scene.person": True,
@@ -27,35 +29,35 @@ CASES: tuple[tuple[str, Callable[[Lookup], object]], ...] = (
         lambda of: of("scene.person") and of("scene.age") >= 4 and not of("live.mood") < 2,
     ),
 )
-NUMBER = 100_000
-REPEAT = 5
+EVALUATIONS = 20_000
+READINGS = 200
+OURS = "bt-agents"
+LAMBDA = "lambda"
+READ = "parse"
 
 
-def seconds_each(call: Callable[[Lookup], object]) -> float:
-    """Return how long a call with a lookup takes, the fastest of several measurements [s]."""
-    timer = timeit.Timer("call(of)", globals={"call": call, "of": VALUES.__getitem__})
-    return min(timer.repeat(repeat=REPEAT, number=NUMBER)) / NUMBER
+def measure(effort: Effort) -> Iterator[Row]:
+    """Compare each expression with its lambda; its reading stands beside.
 
-
-def reading(text: str) -> float:
-    """Return how long it takes to parse an expression [s]."""
-    timer = timeit.Timer("parse(text)", globals={"parse": parse_expression, "text": text})
-    return min(timer.repeat(repeat=REPEAT, number=NUMBER // 100)) / (NUMBER // 100)
-
-
-def main() -> None:
-    """Measure and print every case."""
-    print(f"{'expression':56}{'µs':>8}{'lambda µs':>12}{'ratio':>8}{'parse µs':>11}")
+    Raises:
+        RuntimeError: An expression means something else than its lambda.
+    """
+    of, number = VALUES.__getitem__, effort.times(EVALUATIONS)
     for text, plain in CASES:
-        expression: Expression = parse_expression(text)
-        if expression.evaluate(VALUES.__getitem__) != plain(VALUES.__getitem__):
-            raise SystemExit(f"'{text}' means something else than its lambda")
-        ours, theirs = seconds_each(expression.evaluate), seconds_each(plain)
-        print(
-            f"{text:56}{ours * 1e6:8.2f}{theirs * 1e6:12.2f}{ours / theirs:8.1f}"
-            f"{reading(text) * 1e6:11.0f}"
+        expression = parse_expression(text)
+        if expression.evaluate(of) != plain(of):
+            raise RuntimeError(f"'{text}' means something else than its lambda")
+        ways = {
+            OURS: timed(partial(expression.evaluate, of), number, thread_time),
+            LAMBDA: timed(partial(plain, of), number, thread_time),
+            READ: timed(partial(parse_expression, text), effort.times(READINGS), thread_time),
+        }
+        found = in_turn(ways, effort)
+        yield Row(
+            case=text,
+            side="evaluated",
+            values=found[OURS],
+            floor=LAMBDA,
+            floor_values=found[LAMBDA],
         )
-
-
-if __name__ == "__main__":
-    main()
+        yield Row(case=text, side="read and checked", values=found[READ])

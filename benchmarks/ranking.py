@@ -1,12 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How long it takes to rank many bids, beside plain Python in the same run; prints a table."""
+"""How long it takes to rank bids, beside numpy and plain Python."""
 
 from __future__ import annotations
 
-import time
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from typing import TypeVar
+import statistics
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -14,15 +13,31 @@ from bt_agents.scene import Origin, Scene, SceneParameter, SceneSpace, SceneValu
 from marketplace_node.auction import Auction
 from marketplace_node.bid_table import BidColumns, BidTable
 from marketplace_node.contest import Contest
-from marketplace_node.decision import Bids, ClosedBy, Decision, Terms
+from marketplace_node.decision import Bids, ClosedBy, Terms
+from marketplace_node.ranking import decide, winning_row
 from marketplace_node.registry import HostEntry
 from marketplace_node.strategies import STRATEGIES, chance
 from marketplace_node.strategies.field import Floats, Integers
+from marketplace_node.strategies.nearest import nearest
+from measuring import Effort, Row, in_turn, timed
 
-SIZES = ((10, 3), (100, 8), (1_000, 16), (10_000, 64))
-REPEAT = 15
 HIGHEST = 10.0
-T = TypeVar("T")
+PARAMETERS = 3
+MANY = (1_000, 10_000, 100_000)
+MANY_GOAL = {100_000: 0.08}
+FEW = (2, 3, 5, 10)
+FEW_GOAL = 1.2
+SORTED = ((10, 3), (100, 8), (1_000, 16), (10_000, 64))
+CLOSED = (3, 1_000)
+NUMBERS_A_TURN = 600_000
+"""About so many numbers are compared in each measurement."""
+
+FINE = 20
+"""Times as many measurements as elsewhere, each so much shorter: the goal is near to 1."""
+
+OURS = "bt-agents"
+NUMPY = "numpy"
+PLAIN = "plain Python"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -40,23 +55,23 @@ class Case:
     table: BidTable
 
 
-@dataclass(frozen=True, kw_only=True)
-class Measured:
-    """Times [s], the fastest of several.
+def measure(effort: Effort) -> Iterator[Row]:
+    """Compare who wins, then the whole order, then a whole decision.
 
-    Attributes:
-        ranking: From the bids to their order, vectorised.
-        plain: The same in plain Python.
-        taking: Checking one host's answer with all bids.
-        closing: The whole decision with its records and the smallest change of the scene.
-        equal: Whether both have the same distances, bit for bit, and the same order.
+    Raises:
+        RuntimeError: Somebody else wins than in plain Python, or distances differ in a digit.
     """
-
-    ranking: float
-    plain: float
-    taking: float
-    closing: float
-    equal: bool
+    for agents, parameters in SORTED[:-1] if effort.is_short else SORTED:
+        if not equals_plain(case(agents, parameters)):
+            raise RuntimeError(f"{agents} x {parameters}: not the order of the plain sum")
+    for agents in MANY:
+        yield _winner_of_many(agents, effort)
+    for agents in FEW:
+        yield _winner_of_few(agents, effort)
+    for agents, parameters in SORTED[1:]:
+        yield _order(agents, parameters, effort)
+    for agents in CLOSED:
+        yield from _decision(agents, effort)
 
 
 def case(agents: int, parameters: int) -> Case:
@@ -81,7 +96,7 @@ def case(agents: int, parameters: int) -> Case:
             )
         ),
     )
-    names = [f"agent_{index:05d}" for index in range(agents)]
+    names = [f"agent_{index:06d}" for index in range(agents)]
     columns = BidColumns(space)
     columns.add(names, range(1, agents + 1), "/agents", "first", vectors, None)
     return Case(
@@ -95,8 +110,135 @@ def case(agents: int, parameters: int) -> Case:
     )  # fmt: skip
 
 
-def ranked(of: Case) -> tuple[Floats, Integers]:
-    """Return distances and order, as the market finds them."""
+def equals_plain(of: Case) -> bool:
+    """Return whether distances are those of plain Python, bit for bit, and the order too."""
+    distances, order = _ranked(of)
+    expected = _ranked_plainly(of.table.vectors.tolist(), of)
+    agents = [of.table.agents[index] for index in expected[1]]
+    ranked = decide(of.space, of.terms, of.table).bids
+    return (
+        (distances.tolist(), order.tolist()) == expected
+        and [bid.agent for bid in ranked] == agents
+        and [bid.distance for bid in ranked] == [expected[0][index] for index in expected[1]]
+        and winning_row(of.space, of.terms, of.table) == expected[1][0]
+    )
+
+
+def _winner_of_many(agents: int, effort: Effort) -> Row:
+    of = case(agents, PARAMETERS)
+    bids, scene = np.ascontiguousarray(of.table.vectors), np.array(of.terms.scene.vector)
+    number = _number(agents * PARAMETERS, effort)
+    found = in_turn(
+        {
+            OURS: timed(lambda: winning_row(of.space, of.terms, of.table), number),
+            NUMPY: timed(lambda: np.abs(bids - scene).sum(1).argmin(), number),
+        },
+        effort,
+    )
+    return Row(
+        case=f"winner of {agents:,} agents, {PARAMETERS} parameters",
+        side=OURS,
+        values=found[OURS],
+        floor="abs(M - s).sum(1).argmin()",
+        floor_values=found[NUMPY],
+        goal=MANY_GOAL.get(agents),
+        note="with the rule for ties, which the floor does not have; nothing is kept between two "
+        "rankings but the bids, stored parameter by parameter",
+    )
+
+
+def _winner_of_few(agents: int, effort: Effort) -> Row:
+    of = case(agents, PARAMETERS)
+    bids, scene = np.ascontiguousarray(of.table.vectors), np.array(of.terms.scene.vector)
+    rows, values = bids.tolist(), scene.tolist()
+    ours = of.table.vectors
+
+    def plainly() -> int:
+        return min(
+            range(agents),
+            key=lambda i: sum(abs(a - b) for a, b in zip(rows[i], values, strict=True)),
+        )
+
+    number = _number(agents * PARAMETERS * FINE, effort)
+    found = in_turn(
+        {
+            OURS: timed(lambda: nearest(ours, scene), number),
+            NUMPY: timed(lambda: np.abs(bids - scene).sum(1).argmin(), number),
+            PLAIN: timed(plainly, number),
+        },
+        effort if effort.is_short else replace(effort, repetitions=FINE * effort.repetitions),
+    )
+    faster = min((NUMPY, PLAIN), key=lambda name: statistics.median(found[name]))
+    return Row(
+        case=f"nearest of {agents} agents, {PARAMETERS} parameters",
+        side=OURS,
+        values=found[OURS],
+        floor=f"{faster}, the faster",
+        floor_values=found[faster],
+        goal=FEW_GOAL,
+        note="all that are equally near, where the floors find one",
+    )
+
+
+def _order(agents: int, parameters: int, effort: Effort) -> Row:
+    of = case(agents, parameters)
+    rows = of.table.vectors.tolist()
+    number = _number(agents * parameters * 20, effort)
+    found = in_turn(
+        {
+            OURS: timed(lambda: _ranked(of), number),
+            PLAIN: timed(lambda: _ranked_plainly(rows, of), max(1, number // 5)),
+        },
+        effort,
+    )
+    return Row(
+        case=f"order of {agents:,} agents, {parameters} parameters",
+        side=OURS,
+        values=found[OURS],
+        floor=PLAIN,
+        floor_values=found[PLAIN],
+    )
+
+
+def _decision(agents: int, effort: Effort) -> Iterator[Row]:
+    """Measure what a round needs until the winner is known, and the record of all bids."""
+    of = case(agents, PARAMETERS)
+    names, ids = of.table.agents, of.table.agent_ids
+    answer = Bids(
+        epoch="epoch", round=1, host="/agents", instance="first", agents=names, agent_ids=ids,
+        vectors=of.table.vectors.ravel(order="C"),
+    )  # fmt: skip
+    entry = HostEntry(
+        host="/agents", instance="first", run_action="/agents/run", heartbeat="/agents/heartbeat",
+        agents=dict(zip(names, ids, strict=True)),
+    )  # fmt: skip
+
+    def round_of(whole: bool) -> None:
+        auction = Auction(of.space, of.terms, [entry])
+        auction.take(answer)
+        decision = auction.close(ClosedBy.ALL_ANSWERED, 0.1)
+        if decision.winner is None or (whole and len(tuple(decision.ranking)) != agents):
+            raise RuntimeError("a round without a winner, or with bids that were lost")
+
+    number = max(1, _number(agents * PARAMETERS * 100, effort))
+    cases = {"bids to winner": False, "bids to winner and whole record": True}
+    found = in_turn(
+        {
+            name: timed(lambda whole=whole: round_of(whole), number)
+            for name, whole in cases.items()
+        },
+        effort,
+    )
+    for name in cases:
+        yield Row(case=f"{name}, {agents:,} agents", side=OURS, values=found[name])
+
+
+def _number(numbers: int, effort: Effort) -> int:
+    return effort.times(max(5, NUMBERS_A_TURN // numbers))
+
+
+def _ranked(of: Case) -> tuple[Floats, Integers]:
+    """Return distances and order, as the market finds them for its record."""
     contest = Contest(
         terms=of.terms,
         table=of.table,
@@ -109,7 +251,7 @@ def ranked(of: Case) -> tuple[Floats, Integers]:
     return scores.distance, contest.order(scores.score)
 
 
-def ranked_plainly(vectors: Sequence[Sequence[float]], of: Case) -> tuple[list[float], list[int]]:
+def _ranked_plainly(vectors: Sequence[Sequence[float]], of: Case) -> tuple[list[float], list[int]]:
     """Return the same from loops over numbers."""
     scene, names, last_run = of.terms.scene.vector, of.table.agents, of.terms.last_run
     distances = []
@@ -120,66 +262,3 @@ def ranked_plainly(vectors: Sequence[Sequence[float]], of: Case) -> tuple[list[f
         distances.append(distance)
     order = sorted(range(len(names)), key=lambda i: (distances[i], last_run[names[i]], names[i]))
     return distances, order
-
-
-def measured(of: Case, repeat: int = REPEAT) -> Measured:
-    """Return how long each way takes."""
-    agents, vectors = of.table.agents, of.table.vectors.tolist()
-    answer = Bids(
-        epoch="epoch", round=1, host="/agents", instance="first", agents=agents,
-        agent_ids=of.table.agent_ids, vectors=of.table.vectors.ravel(order="C"),
-    )  # fmt: skip
-    entry = HostEntry(
-        host="/agents", instance="first", run_action="/agents/run", heartbeat="/agents/heartbeat",
-        agents=dict(zip(agents, of.table.agent_ids, strict=True)),
-    )  # fmt: skip
-
-    def take() -> Auction:
-        auction = Auction(of.space, of.terms, [entry])
-        auction.take(answer)
-        return auction
-
-    taking, auction = fastest(take, repeat)
-    ranking, (distances, order) = fastest(lambda: ranked(of), repeat)
-    plain, expected = fastest(lambda: ranked_plainly(vectors, of), max(1, repeat // 5))
-
-    def close() -> Decision:
-        decision = auction.close(ClosedBy.ALL_ANSWERED, 0.1)
-        assert decision.change is not None  # what is looked for when it is asked for
-        return decision
-
-    closing, decision = fastest(close, repeat // 5)
-    same = [bid.agent for bid in decision.ranking] == [agents[index] for index in expected[1]]
-    return Measured(
-        ranking=ranking, plain=plain, taking=taking, closing=closing,
-        equal=(distances.tolist(), order.tolist()) == expected and same,
-    )  # fmt: skip
-
-
-def fastest(call: Callable[[], T], repeat: int) -> tuple[float, T]:
-    """Return the shortest time of a call [s], and what it gives."""
-    times = []
-    for _ in range(max(1, repeat)):
-        start = time.perf_counter()
-        result = call()
-        times.append(time.perf_counter() - start)
-    return min(times), result
-
-
-def main() -> None:
-    """Measure and print every size."""
-    print(f"numpy {np.__version__}; milliseconds, the fastest of {REPEAT}")
-    print(f"{'agents x parameters':22}{'rank':>9}{'plain':>9}{'ratio':>8}{'take':>9}{'close':>9}")
-    for agents, parameters in SIZES:
-        times = measured(case(agents, parameters))
-        if not times.equal:
-            raise SystemExit(f"{agents} x {parameters}: not the order of the plain sum")
-        print(
-            f"{f'{agents:,} x {parameters}':22}{times.ranking * 1e3:9.2f}{times.plain * 1e3:9.2f}"
-            f"{times.plain / times.ranking:8.1f}{times.taking * 1e3:9.2f}"
-            f"{times.closing * 1e3:9.2f}"
-        )
-
-
-if __name__ == "__main__":
-    main()

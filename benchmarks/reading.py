@@ -1,31 +1,50 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How long agent files take to read and check, beside the bare YAML parser in the same run.
+"""How long agent files take to be read, checked and built, beside YAML parsers on the same text.
 
-``python benchmarks/reading.py`` prints the table, with ``--profile`` also where the time goes.
+Hostile files stand beside a good one of the same size.
 """
 
 from __future__ import annotations
 
-import argparse
-import cProfile
-import pstats
-import statistics
+import gc
+import random
 import time
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping
+from functools import partial
 from pathlib import Path
 
 import yaml
+from py_trees.behaviour import Behaviour
 
+from bt_agents.engine.builder import build
+from bt_agents.engine.context import RunContext
+from bt_agents.engine.scope import RunScope
+from bt_agents.engine.scripted_world import ScriptedWorld
+from bt_agents.errors import ReadError
 from bt_agents.language.agent_reader import read_agent_text
-from bt_agents.language.folder_reader import read_vocabulary
+from bt_agents.language.folder_reader import read_trees, read_vocabulary, yaml_files
+from bt_agents.language.linting.cut_texts import cut_texts
 from bt_agents.language.linting.lint import lint
 from bt_agents.language.scene_reader import read_scene
-from bt_agents.language.specs import AgentSpec, NodeSpec
+from bt_agents.language.text.source import Source
 from bt_agents.language.vocabulary import Vocabulary
+from bt_agents.scene import Scene, SceneValue
+from measuring import Effort, Row, Way, in_turn
 
 TREES = Path(__file__).parents[1] / "trees"
-REPETITIONS = 9
+OURS = "read, check, build"
+SAFE = "PyYAML SafeLoader"
+EVENTS = "bare C events"
+SIZES = (20, 200, 2_000, 5_000)
+SHORT_SIZES = (20, 200)
+LARGE = 5_000
+GOAL = 0.25
+HOSTILE_GOAL = 2.0
+HOSTILE_BYTES = 200_000
+SHORT_BYTES = 24_000
+LEAST_S = 0.02
+"""A measurement repeats what takes less [s]."""
+
 HEAD = """\
 format: 1
 agent: benchmark
@@ -34,9 +53,9 @@ profile: {age: 4.0, familiarity: 1.5, mood: 3.0}
 tunables:
   voice_rate: {default: 0.9, min: 0.5, max: 1.5, step: 0.05, description: speed of speech}
   patience: {default: 8 s, min: 2 s, max: 30 s, description: how long to wait for an answer}
-tree:
-  sequence:
 """
+TREE = "tree:\n  sequence:\n"
+LEAF = "    - light: green\n"
 STEP = """\
     - name: step {number}
       timeout: 90 s
@@ -51,100 +70,239 @@ STEP = """\
 NODES_OF_STEP = 9
 """A selector, a sequence, four leaves and three modifiers."""
 
+VARIED_STEP = """\
+    - name: {word} {number}
+      timeout: {number}.5 s
+      selector:
+        - sequence:
+            - check: scene.age >= {number} / 1000 and live.mood > {number} or scene.{parameter} < 3
+            - say: {{text: "{word} {number}, ${{scene.age + {number}}} years.", rate: 0.{number}}}
+        - ask: {{text: "{word} {number}?", choices: ["yes {number}", "no"], wait: {number} ms}}
+          retry: {few}
+          on_failure: {{show: {{text: {word} number {number}., duration: {number} s}}}}
+"""
+"""The same, with no text, number or condition twice."""
 
-@dataclass(frozen=True, kw_only=True)
-class Case:
-    """A file that is read.
+SUBTREE = """\
+  part_{number}:
+    inputs: {{clip: text}}
+    tree:
+      sequence:
+        - show: {{clip: "${{clip}}"}}
+        - say: Part {number}.
+          when: scene.mood > 2
+"""
+CALL = "    - {{subtree: part_{number}, with: {{clip: clip_{number}}}}}\n"
+NODES_OF_CALL = 5
 
-    Attributes:
-        nodes: Nodes of its tree, modifiers counted.
-        goal_s: It should not take longer [s].
-        text: Its content.
+LAUGHTER = "".join(
+    f"{name}: &{name} [{', '.join([f'*{before}'] * 9)}]\n"
+    for before, name in zip("abcdefgh", "bcdefghi", strict=True)
+)
+
+
+def measure(effort: Effort) -> Iterator[Row]:
+    """Compare files of several kinds and sizes, the folder of trees, and hostile files.
+
+    Raises:
+        RuntimeError: A file means something else than it should.
     """
+    vocabulary = read_vocabulary(TREES, read_scene(TREES / "scene.yaml"))
+    for nodes in SHORT_SIZES if effort.is_short else SIZES:
+        goal = GOAL if nodes == LARGE else None
+        yield from _compared(
+            f"mixture, {nodes:,} nodes", mixture(nodes), nodes, goal, vocabulary, effort
+        )
+    nodes = SHORT_SIZES[-1] if effort.is_short else LARGE
+    for what, text, note in (
+        ("nothing twice", varied(nodes), "a quarter of it parses conditions, each another one"),
+        ("subtrees", subtrees(nodes), ""),
+    ):
+        case = f"{what}, {nodes:,} nodes"
+        yield from _compared(case, text, nodes, GOAL, vocabulary, effort, note)
+    yield _folder(effort)
+    size = SHORT_BYTES if effort.is_short else HOSTILE_BYTES
+    for name, hostile in hostile_files(size).items():
+        yield _refused(name, hostile, vocabulary, effort)
 
-    nodes: int
-    goal_s: float
-    text: str
 
-
-def case(nodes: int, goal_s: float) -> Case:
-    """Return a file with so many nodes."""
+def mixture(nodes: int) -> str:
+    """Return a file with so many nodes, as people write them."""
     steps, rest = divmod(nodes - 1, NODES_OF_STEP)
-    text = HEAD + "".join(STEP.format(number=number) for number in range(steps))
-    return Case(nodes=nodes, goal_s=goal_s, text=text + "    - light: green\n" * rest)
+    text = "".join(STEP.format(number=number) for number in range(steps))
+    return HEAD + TREE + text + LEAF * rest
 
 
-def count(spec: NodeSpec) -> int:
-    """Return the number of nodes of a tree."""
-    return 1 + sum(count(child) for child in spec.children)
+def varied(nodes: int) -> str:
+    """Return a file with so many nodes in which hardly anything stands twice."""
+    steps, rest = divmod(nodes - 1, NODES_OF_STEP)
+    source = random.Random(1)
+    text = "".join(
+        VARIED_STEP.format(
+            number=number + 10,
+            few=number % 9 + 1,
+            word="".join(source.choices("aeioulmnrst", k=9)),
+            parameter=("age", "familiarity", "mood")[number % 3],
+        )
+        for number in range(steps)
+    )
+    return HEAD + TREE + text + LEAF * rest
 
 
-def read(text: str, vocabulary: Vocabulary) -> AgentSpec:
-    """Read and check a file as ``bt-agents check`` does."""
+def subtrees(nodes: int) -> str:
+    """Return a file with so many nodes, most of them in subtrees that are called once."""
+    calls, rest = divmod(nodes - 1, NODES_OF_CALL)
+    called = "".join(CALL.format(number=number) for number in range(calls))
+    parts = "".join(SUBTREE.format(number=number) for number in range(calls))
+    return HEAD + TREE + called + LEAF * rest + "subtrees:\n" + parts
+
+
+def hostile_files(size: int) -> Mapping[str, str]:
+    """Return files of about one size that no person would write."""
+    nest = HEAD + "tree: "
+    left = size - len(HEAD)
+    words = "".join(f"a{number}: &a{number} x\n" for number in range(left // 14))
+    return {
+        "alias bomb": HEAD + "a: &a [x, x, x, x, x, x, x, x, x]\n" + LAUGHTER,
+        "alias bomb in a long file": _padded(
+            HEAD + "a: &a [x, x, x, x, x, x, x, x, x]\n" + LAUGHTER, size
+        ),
+        "[ without end": nest + "[" * left,
+        "{a: without end": nest + "{a: " * (left // 4),
+        "- without end": nest + "\n  " + "- " * (left // 2),
+        "an anchor a line": HEAD + words,
+        "one text": nest + '{say: "' + "word " * (left // 5) + '"}\n',
+        "one key": HEAD + "a" * left + ": 1\n",
+        "a wrong node a line": HEAD + TREE + "    - sya: x\n" * (left // 13),
+        "a key deeper each line": HEAD
+        + "".join(f"{'  ' * depth}a:\n" for depth in range(int(left**0.5))),
+    }
+
+
+def _way(call: Callable[[], object]) -> Way:
+    """Return a way that does a call as often as it takes to measure it."""
+
+    def way() -> float:
+        gc.collect()
+        times = 0
+        began = time.thread_time()
+        while True:
+            call()
+            times += 1
+            took = time.thread_time() - began
+            if took >= LEAST_S:
+                return took / times
+
+    return way
+
+
+def _padded(text: str, size: int) -> str:
+    """Return a file with comments behind it, as long as is wanted."""
+    line = "# nothing\n"
+    return text + line * ((size - len(text)) // len(line))
+
+
+def _compared(
+    case: str,
+    text: str,
+    nodes: int,
+    goal: float | None,
+    vocabulary: Vocabulary,
+    effort: Effort,
+    note: str = "",
+) -> Iterator[Row]:
+    whole = partial(_whole, text, vocabulary)
+    found = sum(1 for _ in whole().iterate())
+    if found != nodes:
+        raise RuntimeError(f"{case}: the tree has {found} nodes")
+    values = in_turn(
+        {
+            OURS: _way(whole),
+            SAFE: _way(partial(yaml.load, text, Loader=yaml.SafeLoader)),
+            EVENTS: _way(partial(_events, text)),
+        },
+        effort,
+    )
+    yield Row(
+        case=case,
+        side=OURS,
+        values=values[OURS],
+        floor=SAFE,
+        floor_values=values[SAFE],
+        goal=goal,
+        note=note,
+    )
+    yield Row(case=case, side=OURS, values=values[OURS], floor=EVENTS, floor_values=values[EVENTS])
+
+
+def _whole(text: str, vocabulary: Vocabulary) -> Behaviour:
+    """Read and check a file as ``bt-agents check`` does, and build its tree as a run does."""
     agent = read_agent_text(text, "benchmark.yaml", vocabulary)
     lint(agent)
-    return agent
+    cut_texts(Source(agent.file, text))
+    values = tuple(SceneValue.missing(name) for name in vocabulary.space.names)
+    scene = Scene(scene_id="benchmark", label="", person=True, values=values)
+    scope = RunScope(
+        space=vocabulary.space,
+        scene=scene,
+        live=lambda: scene,
+        profile=agent.profile,
+        tunables={one.name: one.default for one in agent.tunables},
+    )
+    return build(agent.tree, RunContext(ScriptedWorld(), scope, random.Random(1)))
 
 
-def parse(text: str) -> None:
+def _folder(effort: Effort) -> Row:
+    """Compare the folder as a host reads it when it starts."""
+    agents = [path for path in yaml_files(TREES / "agents") if ".test." not in path.name]
+    libraries = [*(TREES / "skills").glob("*.yaml"), *(TREES / "libraries").glob("*.yaml")]
+    files = [TREES / "scene.yaml", *libraries, *agents]
+    if len(read_trees(TREES).agents) != len(agents):
+        raise RuntimeError("an agent of the folder cannot be read")
+
+    def parse() -> None:
+        for path in files:
+            yaml.load(path.read_text(encoding="utf-8"), Loader=yaml.SafeLoader)
+
+    values = in_turn({OURS: _way(partial(read_trees, TREES)), SAFE: _way(parse)}, effort)
+    return Row(
+        case=f"trees/, {len(files)} files",
+        side="read, check",
+        values=values[OURS],
+        floor=SAFE,
+        floor_values=values[SAFE],
+    )
+
+
+def _refused(name: str, text: str, vocabulary: Vocabulary, effort: Effort) -> Row:
+    good = _padded(mixture(max(20, len(text) // 43)), len(text))
+    read_agent_text(good, "benchmark.yaml", vocabulary)
+    values = in_turn(
+        {
+            OURS: _way(partial(_refuse, text, vocabulary)),
+            SAFE: _way(partial(read_agent_text, good, "benchmark.yaml", vocabulary)),
+        },
+        effort,
+    )
+    return Row(
+        case=f"refused: {name}, {len(text):,} bytes",
+        side="read",
+        values=values[OURS],
+        floor="a good file",
+        floor_values=values[SAFE],
+        goal=HOSTILE_GOAL,
+    )
+
+
+def _refuse(text: str, vocabulary: Vocabulary) -> None:
+    try:
+        read_agent_text(text, "benchmark.yaml", vocabulary)
+    except ReadError:
+        return
+    raise RuntimeError("a hostile file was read")
+
+
+def _events(text: str) -> None:
     """Take every event of the YAML parser, nothing more."""
     for _ in yaml.parse(text, Loader=yaml.CSafeLoader):
         pass
-
-
-def seconds(call: Callable[[], object]) -> float:
-    """Return how long one call takes [s]."""
-    start = time.perf_counter()
-    call()
-    return time.perf_counter() - start
-
-
-def spread(times: list[float]) -> str:
-    """Return median and range of times, in milliseconds."""
-    milli = [t * 1e3 for t in times]
-    return f"{statistics.median(milli):9.2f}  [{min(milli):.2f} … {max(milli):.2f}]"
-
-
-def measure(one: Case, vocabulary: Vocabulary) -> None:
-    """Measure one case and print it; both are taken in turn, so that a busy machine slows both."""
-    read(one.text, vocabulary)
-    parse(one.text)
-    ours: list[float] = []
-    bare: list[float] = []
-    for _ in range(REPETITIONS):
-        ours.append(seconds(lambda: read(one.text, vocabulary)))
-        bare.append(seconds(lambda: parse(one.text)))
-    ratio = statistics.median(ours) / statistics.median(bare)
-    met = "met" if statistics.median(ours) <= one.goal_s else "MISSED"
-    print(
-        f"{one.nodes:6,}{len(one.text) / 1024:8.1f}   {spread(ours):30}   {spread(bare):28}"
-        f"{ratio:7.1f}   {one.goal_s * 1e3:6.0f}  {met}"
-    )
-
-
-def main() -> None:
-    """Measure and print every case."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--profile", action="store_true", help="also show where the time goes")
-    chosen = parser.parse_args()
-    vocabulary = read_vocabulary(TREES, read_scene(TREES / "scene.yaml"))
-    cases = (case(20, 0.010), case(200, 0.100), case(2_000, 1.0))
-    for one in cases:
-        nodes = count(read(one.text, vocabulary).tree)
-        if nodes != one.nodes:
-            raise SystemExit(f"the file for {one.nodes} nodes has {nodes}")
-    print(f"{REPETITIONS} times each, median [fastest … slowest]")
-    print(
-        f"{'nodes':>6}{'KiB':>8}   {'read and checked, ms':30}   {'YAML parser alone, ms':28}"
-        f"{'ratio':>7}   {'goal':>6}"
-    )
-    for one in cases:
-        measure(one, vocabulary)
-    if chosen.profile:
-        with cProfile.Profile() as profile:
-            read(cases[-1].text, vocabulary)
-        pstats.Stats(profile).sort_stats("tottime").print_stats(20)
-
-
-if __name__ == "__main__":
-    main()

@@ -1,66 +1,61 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How long the shipped sweeps take on all cores, in real and in CPU time; prints a table.
-
-``python benchmarks/sweep.py 50`` plays 50 runs of each way instead of all.
-"""
+"""How long the shipped sweeps take on all cores."""
 
 from __future__ import annotations
 
 import os
-import sys
 import time
-from dataclasses import dataclass, replace
+from collections.abc import Iterator
+from dataclasses import replace
 
 from bt_agents.trees_folder import find_sweep
 from bt_agents_lab.experiments.sweep import SweepSpec, sweep
 from bt_agents_lab.experiments.sweep_reader import read_sweep
+from measuring import Effort, Row
 
 NAMES = ("told", "persons")
+LEAST_ROUNDS = 30
+LIMIT_S = 60.0
+"""A sweep of 1,000 runs of 300 rounds takes no longer [s]."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class Measured:
-    """What a sweep took.
+def measure(effort: Effort) -> Iterator[Row]:
+    """Play every sweep once; it takes too long for more."""
+    processes = os.cpu_count() or 1
+    for name in NAMES:
+        spec = read_sweep(find_sweep(name))
+        rounds = max(LEAST_ROUNDS, effort.times(spec.rounds))
+        spec = replace(spec, runs=effort.times(spec.runs), rounds=rounds)
+        if effort.is_short:
+            spec = replace(spec, selections=spec.selections[::4])
+        ways = len(spec.selections) * len(spec.learnings) * len(spec.shares)
+        seconds, cpu = _played(spec, ways, processes)
+        yield Row(
+            case=f"{name}, {ways} ways, {spec.runs:,} runs of {spec.rounds}",
+            side=f"{processes} processes",
+            values=[seconds],
+            floor="the limit",
+            floor_values=[LIMIT_S],
+            goal=None if effort.is_short else 1.0,
+            note=f"{cpu:.0f} s of CPU time",
+        )
 
-    Attributes:
-        ways: How many ways to select and to learn, under how much wrong feedback, were played.
-        seconds: Real time [s].
-        cpu: CPU time of all processes [s].
+
+def _played(spec: SweepSpec, ways: int, processes: int) -> tuple[float, float]:
+    """Return how long a sweep takes, and how much CPU time [s].
+
+    Raises:
+        RuntimeError: A way is missing, or a run of one.
     """
-
-    ways: int
-    seconds: float
-    cpu: float
-
-
-def measured(spec: SweepSpec, processes: int) -> Measured:
-    """Return how long a sweep takes."""
-    start, cpu = time.perf_counter(), _cpu()
-    ways = len(sweep(spec, processes))
-    return Measured(ways=ways, seconds=time.perf_counter() - start, cpu=_cpu() - cpu)
+    began, cpu = time.perf_counter(), _cpu()
+    results = sweep(spec, processes)
+    took = time.perf_counter() - began, _cpu() - cpu
+    if len(results) != ways or any(len(runs.late) != spec.runs for _, runs in results):
+        raise RuntimeError(f"{len(results)} ways of {ways} were played, or not all of their runs")
+    return took
 
 
 def _cpu() -> float:
     """Return the CPU time of this process and of those that it has ended [s]."""
     times = os.times()
     return times.user + times.system + times.children_user + times.children_system
-
-
-def main() -> None:
-    """Measure and print every sweep."""
-    processes = os.cpu_count() or 1
-    print(f"{processes} processes")
-    print(f"{'sweep':10}{'ways':>6}{'runs':>7}{'rounds':>8}{'seconds':>10}{'CPU s':>9}")
-    for name in NAMES:
-        spec = read_sweep(find_sweep(name))
-        if sys.argv[1:]:
-            spec = replace(spec, runs=int(sys.argv[1]))
-        took = measured(spec, processes)
-        print(
-            f"{name:10}{took.ways:6}{spec.runs:7,}{spec.rounds:8}{took.seconds:10.1f}"
-            f"{took.cpu:9.1f}"
-        )
-
-
-if __name__ == "__main__":
-    main()

@@ -9,6 +9,8 @@ import string
 from collections.abc import Mapping
 from pathlib import Path
 
+from bt_agents.language.tree.subtrees import MAX_NODES
+
 HEAD = "format: 1\nagent: a\nprofile: {age: 3, familiarity: 3, mood: 3}\n"
 MIB = 1024 * 1024
 
@@ -93,8 +95,8 @@ BUILT: Mapping[str, bytes] = {
             "{say: x}", "{subtree: s0}"
         ).encode()
     ),
-    "agents/wide_sequence.yaml": tree("sequence:\n" + "    - say: x\n" * 2_000),
-    "agents/valid_wide_sequence.yaml": tree("sequence:\n" + "    - say: x\n" * 1_999),
+    "agents/wide_sequence.yaml": tree("sequence:\n" + "    - say: x\n" * MAX_NODES),
+    "agents/valid_wide_sequence.yaml": tree("sequence:\n" + "    - say: x\n" * (MAX_NODES - 1)),
     "agents/tall_fan.yaml": (
         f"{HEAD}tree: {{subtree: s0}}\nsubtrees:\n"
         + "".join(

@@ -11,16 +11,17 @@ from typing import Any
 
 import pytest
 import rclpy
-from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
+
+from bt_agents.ros.executor import LeanExecutor
 
 
 class Ros:
     """The nodes of one test and the executor that turns them."""
 
     def __init__(self) -> None:
-        self.executor = SingleThreadedExecutor()
+        self.executor = LeanExecutor()
         self.nodes: list[Node] = []
         self.node = self.add(rclpy.create_node("probe"))
 

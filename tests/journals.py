@@ -176,7 +176,7 @@ class Town:
             auction_to_msg(
                 PublishAuction(
                     decision=decision,
-                    reason=reason(decision),
+                    say=partial(reason, decision),
                     explain=partial(explanation, decision, SPACE),
                 ),
                 self._stamp(),

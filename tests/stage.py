@@ -96,7 +96,9 @@ class Stage:
             steady=self.world.clock,
             limits=limits,
             random=random,
+            visit=lambda node, status: self.ticked.append((node, status)),
         )
+        self.ticked: list[tuple[Behaviour, Status]] = []
         self.changes: list[StatusChange] = []
 
     def tick(self, times: int = 1, step_s: float = 0.0) -> str:
@@ -104,6 +106,7 @@ class Stage:
         for number in range(times):
             if number:
                 self.world.clock.advance(step_s)
+            self.ticked.clear()
             self.changes += self.run.tick()
         return self.outcome
 
@@ -126,7 +129,9 @@ class Stage:
 
     def interrupt(self) -> None:
         """Stop the tree from above; the next tick starts it afresh."""
-        self.root.stop(Status.INVALID)
+        self.run.changes = []
+        self.run._ticker(self.root).halt()
+        self.changes += self.run.changes
 
     @property
     def root(self) -> Behaviour:

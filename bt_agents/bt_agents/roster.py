@@ -3,7 +3,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping
+from array import array
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from bt_agents.engine.scope import RunScope, holds
@@ -14,11 +15,16 @@ from bt_agents.layers import MOST_LAYERS, checked_layer, layers_of
 from bt_agents.scene import Scene, SceneSpace, Vector
 
 
-@dataclass(kw_only=True)
+def _nothing() -> None:
+    """Do nothing."""
+
+
+@dataclass(kw_only=True, slots=True)
 class Member:
     """One agent and what has changed since its file was read.
 
     Attributes:
+        on_change: Called after an attribute was set.
         spec: The file.
         profile: What it bids now.
         revision: Ledger revision of that profile; 0 for the one in the file.
@@ -30,6 +36,7 @@ class Member:
         leaving: Why it does not bid any more and goes; empty when it stays.
     """
 
+    on_change: Callable[[], None] = field(default=_nothing, repr=False, compare=False)
     spec: AgentSpec
     profile: Vector
     revision: int = 0
@@ -40,20 +47,67 @@ class Member:
     refusal: str = ""
     leaving: str = ""
 
+    def __setattr__(self, name: str, value: object) -> None:
+        object.__setattr__(self, name, value)
+        self.on_change()
+
     def profile_for(self, scene: Scene) -> Vector:
         """Return what it bids for a scene: for the person, else for the place, else for all."""
-        for kind, layer in layers_of(scene).items():
+        return self._profile_in(layers_of(scene))
+
+    def _profile_in(self, named: Mapping[str, str]) -> Vector:
+        for kind, layer in named.items():
             if kind in self.spec.learning.layers and layer in self.layers:
                 return self.layers[layer][0]
         return self.profile
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Bidders:
+    """Agents that bid, column by column, as messages have them; shared, so not to be changed.
+
+    Attributes:
+        members: The agents; N of them.
+        names: Their names.
+        ids: Their ids.
+        vectors: What they bid for a scene, one after the other; N times n.
+        weights: How much each parameter counts for each of them, as the vectors; empty when all
+            count as scene.yaml says.
+    """
+
+    members: tuple[Member, ...]
+    names: list[str]
+    ids: array[int]
+    vectors: array[float]
+    weights: array[float]
 
 
 @dataclass(frozen=True, kw_only=True)
 class Answer:
     """A host's answer to a call for bids: who bids, and name → reason of those who do not."""
 
-    bids: tuple[Member, ...]
+    bidders: Bidders
     declined: Mapping[str, str]
+
+    @property
+    def bids(self) -> tuple[Member, ...]:
+        """Who bids."""
+        return self.bidders.members
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Registered:
+    """The agents that the market has taken, made ready for scenes that name no layer.
+
+    Attributes:
+        bidders: All of them.
+        choosy: Those that may not want a scene.
+        layered: Whether any has a profile for a person or a place.
+    """
+
+    bidders: Bidders
+    choosy: tuple[Member, ...]
+    layered: bool
 
 
 class Roster:
@@ -62,12 +116,16 @@ class Roster:
     def __init__(self, space: SceneSpace, agents: Iterable[AgentSpec]) -> None:
         self.space = space
         self.members: dict[str, Member] = {}
+        self._registered: _Registered | None = None
+        self._some: tuple[frozenset[str], Bidders] | None = None
+        self._on_change = self._forget
         for spec in agents:
             self.add(spec)
 
     def add(self, spec: AgentSpec) -> Member:
         """Take an agent in, as its file says; return it."""
         member = self.members[spec.name] = Member(
+            on_change=self._on_change,
             spec=spec,
             profile=spec.profile,
             learning_rate=spec.learning_rate,
@@ -78,6 +136,7 @@ class Roster:
     def remove(self, name: str) -> None:
         """Let an agent go."""
         del self.members[name]
+        self._forget()
 
     def member(self, name: str) -> Member:
         """Return an agent.
@@ -107,17 +166,22 @@ class Roster:
             excluded: Names of agents that are not asked.
             obstacle: Why nobody here can run now, in words; empty when they can.
         """
-        bids = []
-        declined = {}
-        for member in self.members.values():
-            if not member.agent_id or member.spec.name in excluded:
-                continue
-            reason = obstacle or self._obstacle(member, scene)
-            if reason:
-                declined[member.spec.name] = reason
-            else:
-                bids.append(member)
-        return Answer(bids=tuple(bids), declined=declined)
+        registered = self._registered or self._register()
+        everybody = registered.bidders
+        if obstacle:
+            declined = {name: obstacle for name in everybody.names if name not in excluded}
+        else:
+            declined = self._obstacles(registered.choosy, scene, excluded)
+        named = layers_of(scene) if registered.layered else {}
+        if not (declined or excluded or named):
+            return Answer(bidders=everybody, declined=declined)
+        others = frozenset(declined).union(excluded)
+        some = self._some
+        if named or some is None or some[0] != others:
+            bids = (m for m in everybody.members if m.spec.name not in others)
+            some = (others, self._columns(bids, named))
+            self._some = None if named else some
+        return Answer(bidders=some[1], declined=declined)
 
     def set_profile(self, name: str, values: Iterable[float], revision: int) -> Member:
         """Give an agent a new profile; return the agent.
@@ -156,21 +220,8 @@ class Roster:
                 f"{name} has revision {held[1]} for {layer} already, {revision} is older",
             )
         member.layers[layer] = (profile, revision)
+        self._forget()
         return member
-
-    def weights(self, members: Iterable[Member]) -> list[float]:
-        """Return how much each parameter counts for each of some agents, one after the other.
-
-        Empty when all count as scene.yaml says.
-        """
-        own = [member.spec.weights for member in members]
-        if not any(own):
-            return []
-        return [
-            float(one.get(parameter.name, parameter.weight))
-            for one in own
-            for parameter in self.space.parameters
-        ]
 
     def remove_layer(self, name: str, layer: str) -> None:
         """Forget the profile of an agent for a person or a place; all of all with empty names.
@@ -181,15 +232,73 @@ class Roster:
         if not name and not layer:
             for member in self.members.values():
                 member.layers.clear()
-            return
-        self.member(name).layers.pop(checked_layer(layer), None)
+        else:
+            self.member(name).layers.pop(checked_layer(layer), None)
+        self._forget()
 
-    def _obstacle(self, member: Member, scene: Scene) -> str:
-        if member.leaving:
-            return member.leaving
-        if member.spec.unoffered:
-            return "; ".join(member.spec.unoffered)
-        return unmet(member.spec, self.space, scene, member.profile_for(scene), member.tunables)
+    def _forget(self) -> None:
+        self._registered = self._some = None
+
+    def _register(self) -> _Registered:
+        members = [member for member in self.members.values() if member.agent_id]
+        self._registered = _Registered(
+            bidders=self._columns(members, {}),
+            choosy=tuple(
+                member
+                for member in members
+                if member.leaving or member.spec.unoffered or member.spec.requires is not None
+            ),
+            layered=any(member.layers for member in members),
+        )
+        return self._registered
+
+    def _columns(self, members: Iterable[Member], named: Mapping[str, str]) -> Bidders:
+        """Return agents column by column for scenes that name these layers."""
+        bidders = tuple(members)
+        vectors = array("d")
+        for member in bidders:
+            vectors.extend(member._profile_in(named) if named else member.profile)
+        return Bidders(
+            members=bidders,
+            names=[member.spec.name for member in bidders],
+            ids=array("I", [member.agent_id for member in bidders]),
+            vectors=vectors,
+            weights=self._weights(bidders),
+        )
+
+    def _weights(self, members: Sequence[Member]) -> array[float]:
+        own = [member.spec.weights for member in members]
+        weights = array("d")
+        if any(own):
+            for one in own:
+                weights.extend(one.get(p.name, p.weight) for p in self.space.parameters)
+        return weights
+
+    def _obstacles(
+        self, choosy: Iterable[Member], scene: Scene, excluded: Collection[str]
+    ) -> dict[str, str]:
+        """Return who does not want a scene, with the reason."""
+        declined = {}
+        unmet_ones: dict[str, str] = {}  # a condition knows nothing but the scene
+        for member in choosy:
+            name, requires = member.spec.name, member.spec.requires
+            if name in excluded:
+                continue
+            if member.leaving:
+                reason = member.leaving
+            elif member.spec.unoffered:
+                reason = "; ".join(member.spec.unoffered)
+            elif requires is not None and requires.text in unmet_ones:
+                reason = unmet_ones[requires.text]
+            elif requires is not None:
+                profile, tunables = member.profile_for(scene), member.tunables
+                reason = unmet(member.spec, self.space, scene, profile, tunables)
+                unmet_ones[requires.text] = reason
+            else:
+                continue
+            if reason:
+                declined[name] = reason
+        return declined
 
 
 def unmet(

@@ -5,7 +5,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from types import MappingProxyType
 
 from bt_agents.errors import Refused
 from bt_agents.feedback import LearningRule, Update
@@ -47,6 +48,10 @@ class LearningEntry:
     layers: tuple[str, ...] = ()
     general: float = 1.0
 
+    def says(self, other: LearningEntry) -> bool:
+        """Return whether another one says the same; two NaN do, which stand for nothing."""
+        return repr(self) == repr(other)
+
 
 @dataclass(frozen=True, kw_only=True)
 class AgentEntry:
@@ -82,6 +87,7 @@ class Agent:
         rate: Learning rate, 0..1.
         learning: How feedback moves its profile.
         rules: Mood rules that could be read.
+        entry: What it was read from.
     """
 
     name: str
@@ -91,10 +97,31 @@ class Agent:
     rate: float
     learning: LearningRule = PLAIN
     rules: tuple[Rule, ...] = ()
+    entry: AgentEntry | None = None
+
+    def says(self, entry: AgentEntry, host: str) -> bool:
+        """Return whether an entry makes the same of it, but for its revision."""
+        known = self.entry
+        return (
+            known is not None
+            and host == self.host
+            and len(self.rules) == len(known.rules)
+            and entry.profile == known.profile
+            and entry.learning_rate == known.learning_rate
+            and entry.learning.says(known.learning)
+            and entry.rules == known.rules
+        )
 
 
-def read_card(card: Card, space: SceneSpace) -> tuple[tuple[Agent, ...], tuple[str, ...]]:
+def read_card(
+    card: Card, space: SceneSpace, known: Mapping[str, Agent] = MappingProxyType({})
+) -> tuple[tuple[Agent, ...], tuple[str, ...]]:
     """Check a card; one bad agent or rule does not spoil the others.
+
+    Args:
+        card: The card.
+        space: The scene parameters.
+        known: Agents of earlier cards by name; those that have not changed are not read anew.
 
     Returns:
         The agents that can learn, and the problems of the others in words.
@@ -123,6 +150,9 @@ def read_card(card: Card, space: SceneSpace) -> tuple[tuple[Agent, ...], tuple[s
                 raise Refused(
                     "BAD_NAME", f"{what}: expected a name that no other agent of the host has"
                 )
+            if entry.name in known and known[entry.name].says(entry, card.host):
+                agents[entry.name] = replace(known[entry.name], held=entry.revision)
+                continue
             agents[entry.name] = Agent(
                 name=entry.name,
                 host=card.host,
@@ -131,6 +161,7 @@ def read_card(card: Card, space: SceneSpace) -> tuple[tuple[Agent, ...], tuple[s
                 rate=checked_rate(entry.learning_rate, what=what),
                 learning=read_learning(entry.learning, space, what=what),
                 rules=_rules(entry, what, space, problems),
+                entry=entry,
             )
         except Refused as refusal:
             problems.append(str(refusal))

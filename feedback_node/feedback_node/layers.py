@@ -11,10 +11,13 @@ from bt_agents.scene import Scene, SceneSpace, Vector
 from feedback_node import learning
 from feedback_node.cards import Agent
 from feedback_node.ledger import Ledger
-from feedback_node.ledger_rows import Cause, hidden
+from feedback_node.ledger_rows import Cause, Revision, hidden
 
 _RECENT = 30
 """Feedbacks from which the share of wrong ones is estimated."""
+
+_REMEMBERED = 1000
+"""Layers of which it is remembered what they were taught."""
 
 _IN_PART = "taught by somebody, or at a place, that has a profile of its own"
 
@@ -28,11 +31,13 @@ class LayerStep:
         step: The move.
         false_rate: 0..1, how much of what the layer was taught, this included, seems to be
             wrong; NaN when too little is known.
+        recent: What the layer was taught last, this included; see :func:`taught`.
     """
 
     cause: Cause
     step: learning.Step
     false_rate: float
+    recent: tuple[Vector, ...]
 
 
 def shares(rule: LearningRule, kind: Kind, scene: Scene | None) -> tuple[tuple[str, float], ...]:
@@ -114,6 +119,7 @@ def layer_step(
         ),
         step=step,
         false_rate=learning.false_rate((*recent[-_RECENT:], *asked), space),
+        recent=(*recent, *asked)[-max(rule.window, _RECENT) :],
     )
 
 
@@ -133,3 +139,23 @@ def taught(
             target = learning.asked(Kind.NEGATIVE, space.ordered(before.profile), target)
         found.append(target)
     return tuple(found)
+
+
+class Lessons:
+    """Remembers what was taught last, so that a feedback need not read the rows before it."""
+
+    def __init__(self) -> None:
+        self._known: dict[tuple[str, str], tuple[int, int, tuple[Vector, ...]]] = {}
+
+    def known(self, current: Revision, window: int) -> tuple[Vector, ...] | None:
+        """Return what has led to a revision, as of :func:`taught`; None when it is not known."""
+        number, reach, recent = self._known.get((current.agent, current.layer), (-1, 0, ()))
+        return recent if (number, reach) == (current.revision, window) else None
+
+    def keep(self, revision: Revision, window: int, recent: tuple[Vector, ...]) -> None:
+        """Take what has led to a revision that was just recorded."""
+        key = (revision.agent, revision.layer)
+        self._known.pop(key, None)
+        self._known[key] = (revision.revision, window, recent)
+        if len(self._known) > _REMEMBERED:
+            del self._known[next(iter(self._known))]

@@ -12,6 +12,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from statistics import median
 
 import numpy as np
 
@@ -172,14 +173,17 @@ def false_rate(recent: Sequence[Vector], space: SceneSpace) -> float:
     """
     if len(recent) < FEWEST_SAMPLES:
         return math.nan
-    samples = np.array(recent)
-    deviations = np.abs(samples - updates.median(samples))
-    ranges = np.array([p.maximum - p.minimum for p in space.parameters])
-    deviation = np.fmax(
-        _MAD_TO_DEVIATION * updates.median(deviations), ranges * _LEAST_DEVIATION_SHARE
-    )
-    outliers = np.any(deviations > OUTLIER_DEVIATIONS * deviation, axis=-1)
-    return float(np.mean(outliers))
+    far = [False] * len(recent)
+    for parameter, values in zip(space.parameters, zip(*recent, strict=True), strict=True):
+        known = [value for value in values if not math.isnan(value)]
+        if not known:
+            continue
+        middle = median(known)
+        least = (parameter.maximum - parameter.minimum) * _LEAST_DEVIATION_SHARE
+        deviation = _MAD_TO_DEVIATION * median([abs(value - middle) for value in known])
+        limit = OUTLIER_DEVIATIONS * max(deviation, least)
+        far = [was or abs(value - middle) > limit for was, value in zip(far, values, strict=True)]
+    return sum(far) / len(far)
 
 
 def checked_rate(rate: float, *, what: str = "feedback") -> float:

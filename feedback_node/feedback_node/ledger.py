@@ -68,6 +68,7 @@ class Ledger(LedgerReader):
         """
         self._wall = wall
         self._lock: TextIO | None = None
+        self._numbers: dict[tuple[str, str], int] = {}
         if str(path) != MEMORY:
             # What belongs to a ledger lies beside the file itself, whichever link leads to it.
             path = Path(path).resolve()
@@ -102,11 +103,21 @@ class Ledger(LedgerReader):
         self._scrubber.again()
         with suppress(sqlite3.OperationalError):
             self._database.execute("PRAGMA wal_checkpoint(PASSIVE)")
-        return not self._scrubber.outstanding
+        return self.secure() and not self._scrubber.outstanding
+
+    def secure(self) -> bool:
+        """Have the disk hold what the head file says; return False when it did not take it."""
+        try:
+            if self._head is not None:
+                self._head.sync()
+        except OSError:
+            return False
+        return True
 
     def close(self) -> None:
         """Close the file and let another writer in; closing twice is fine."""
         self._database.close()
+        self.secure()
         if self._head is not None:
             self._head.close()
             self._head = None
@@ -154,12 +165,11 @@ class Ledger(LedgerReader):
         """
         with self._writing():
             ids = {e.cause.feedback_id for e in entries if e.cause.feedback_id is not None}
-            known = [row for one in sorted(ids) for row in self.found(one)]
-            if known:
-                return tuple(known)
+            if any(map(self.has, ids)):
+                return tuple(row for one in sorted(ids) for row in self.found(one))
             recorded = []
             for entry in entries:
-                if not entry.layer or self.current(entry.agent, entry.layer) is None:
+                if self._newest(entry.agent, entry.layer) is None:
                     self._last(entry.agent, "")
                 recorded.append(self._append(entry))
             return tuple(recorded)
@@ -238,6 +248,7 @@ class Ledger(LedgerReader):
             LedgerError: As in :meth:`enter`; nothing is forgotten.
         """
         with self._writing():
+            self._numbers.clear()
             for agent, layer in profiles:
                 last = self.current(agent, layer) if layer else None
                 if last is None:
@@ -282,10 +293,19 @@ class Ledger(LedgerReader):
         profile = {name: kept.get(name, value) for name, value in authored.items()}
         return self._append(Entry(agent=agent, profile=profile, cause=cause))
 
+    def _newest(self, agent: str, layer: str) -> int | None:
+        """Return the number of the latest revision of an agent; None for an unknown one."""
+        if (agent, layer) not in self._numbers:
+            last = self.current(agent, layer)
+            if last is None:
+                return None
+            self._numbers[agent, layer] = last.revision
+        return self._numbers[agent, layer]
+
     def _append(self, entry: Entry, revision: int | None = None) -> Revision:
         if revision is None:
-            last = self.current(entry.agent, entry.layer)
-            revision = last.revision + 1 if last else 0
+            newest = self._newest(entry.agent, entry.layer)
+            revision = 0 if newest is None else newest + 1
         appended = Revision(
             agent=entry.agent,
             layer=entry.layer,
@@ -297,6 +317,7 @@ class Ledger(LedgerReader):
         row = row_of(self._pending.number + 1, appended, self._pending.chain)
         self._database.execute(INSERT, row)
         self._pending = Head(number=row.number, chain=row.chain)
+        self._numbers[entry.agent, entry.layer] = revision
         if entry.cause.cause == AUTHORED and not entry.layer:
             self._written[entry.agent] = appended.cause.target
         return appended
@@ -314,6 +335,7 @@ class Ledger(LedgerReader):
             except BaseException:
                 self._pending = self._end
                 self._written.clear()
+                self._numbers.clear()
                 if self._database.in_transaction:
                     self._database.execute("ROLLBACK")
                 raise

@@ -107,6 +107,15 @@ class LedgerReader:
         where = "WHERE feedback_id IN (?, ?) ORDER BY number"
         return tuple(self._select(where, feedback_id, hidden(feedback_id)))
 
+    def has(self, feedback_id: str) -> bool:
+        """Return whether a feedback has led to any revision."""
+        query = "SELECT 1 FROM revision WHERE feedback_id IN (?, ?) LIMIT 1"
+        try:
+            found = self._database.execute(query, (feedback_id, hidden(feedback_id)))
+            return found.fetchone() is not None
+        except sqlite3.Error as error:
+            raise self._unread(error) from error
+
     def count(self, prefix: str) -> dict[str, int]:
         """Return agent → how many feedbacks it has had whose id begins so."""
         return self._counted(

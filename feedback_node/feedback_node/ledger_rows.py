@@ -9,7 +9,7 @@ import math
 import os
 import sqlite3
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 AUTHORED = "authored"
@@ -134,10 +134,10 @@ class Damaged(ValueError):
     """A row is not what was written."""
 
 
-_CAUSE_FIELDS = tuple(f for f in fields(Cause) if f.name != "feedback_id")
-_CAUSE_NAMES = {f.name for f in _CAUSE_FIELDS}
+_PLAIN = vars(Cause())
+_CAUSE_NAMES = _PLAIN.keys() - {"feedback_id"}
 _MAPPINGS = ("rates", "target")
-_PLAIN = Cause()
+_JSON = json.JSONEncoder(allow_nan=False, separators=(",", ":"))
 
 
 def row_of(number: int, revision: Revision, chain: bytes) -> Row:
@@ -148,27 +148,15 @@ def row_of(number: int, revision: Revision, chain: bytes) -> Row:
     """
     cause = revision.cause
     written: dict[str, Any] = {"profile": dict(revision.profile), "stamp": revision.stamp}
-    for one in _CAUSE_FIELDS:
-        value = getattr(cause, one.name)
-        if one.name in _MAPPINGS:
-            value = dict(value)
-        if value != getattr(_PLAIN, one.name):
-            written[one.name] = value
-    content = json.dumps(written, allow_nan=False, separators=(",", ":"))
+    for name, value in vars(cause).items():
+        if value != _PLAIN[name]:
+            written[name] = dict(value) if name in _MAPPINGS else value
+    written.pop("feedback_id", None)
+    content = _JSON.encode(written)
     salt = os.urandom(_SALT_BYTES)
     head = (revision.agent, revision.layer, revision.revision, cause.feedback_id)
     digest = digest_of(salt, number, *head, content)
-    return Row(
-        number=number,
-        agent=revision.agent,
-        layer=revision.layer,
-        revision=revision.revision,
-        feedback_id=cause.feedback_id,
-        content=content,
-        salt=salt,
-        digest=digest,
-        chain=chained(chain, digest),
-    )
+    return Row(number, *head, content, salt, digest, chained(chain, digest))
 
 
 def check_content(row: Row) -> None:

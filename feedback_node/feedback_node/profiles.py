@@ -15,7 +15,7 @@ from bt_agents.scene import SceneSpace, Vector
 from feedback_node import learning
 from feedback_node.cards import Agent, Card, read_card
 from feedback_node.changes import Change, Delivery, Table, changed, moved, together
-from feedback_node.layers import LayerStep, anonymous, layer_step, shares, taught
+from feedback_node.layers import LayerStep, Lessons, anonymous, layer_step, shares, taught
 from feedback_node.ledger import Entry, Ledger
 from feedback_node.ledger_file import LedgerError
 from feedback_node.ledger_rows import FORGOTTEN, LAYER, Cause, Revision
@@ -38,6 +38,7 @@ class Profiles:
         self._starts: dict[str, str] = {}
         self._current: dict[tuple[str, str], Revision] = {}
         self._false_rates: dict[tuple[str, str], tuple[int, float]] = {}
+        self._lessons = Lessons()
 
     def introduce(self, card: Card) -> tuple[tuple[Delivery, ...], tuple[str, ...]]:
         """Take a host's card.
@@ -52,7 +53,7 @@ class Profiles:
             Refused: The card as a whole is not taken: ``TOO_MANY_HOSTS``, or see
                 :func:`read_card` and :meth:`Ledger.enter`.
         """
-        agents, problems = read_card(card, self.space)
+        agents, problems = read_card(card, self.space, self._agents)
         hosts = self.hosts
         if not card.agents and self._starts.get(card.host, card.instance) != card.instance:
             return (), ()
@@ -236,6 +237,7 @@ class Profiles:
         steps: dict[str, LayerStep] = {}
         crowded: list[Refused] = []
         scene = run.scene if run else None
+        window = agent.learning.window
         for place, (layer, share) in enumerate(shares(agent.learning, kind, scene)):
             known_layer = self._current.get((name, layer))
             if known_layer is None:
@@ -246,7 +248,6 @@ class Profiles:
                 except Refused as refusal:
                     crowded.append(refusal)
                     continue
-            window = agent.learning.window
             one = layer_step(
                 kind,
                 self.profile(name, layer),
@@ -255,7 +256,7 @@ class Profiles:
                 share=share,
                 cause=anonymous(cause) if place else cause,
                 changes=known_layer.cause.changes if known_layer else 0,
-                recent=taught(self._ledger, name, layer, self.space, window),
+                recent=self._taught(name, layer, window),
                 space=self.space,
             )
             steps[layer] = one
@@ -269,6 +270,9 @@ class Profiles:
             # It may be recorded and not acknowledged.
             self.reload()
             raise
+        for revision in recorded:
+            if (step := steps.get(revision.layer)) and revision.cause is step.cause:
+                self._lessons.keep(revision, window, step.recent)
         change = self.taken(recorded, steps)
         if crowded:
             change = replace(change, words=f"{change.words}; {crowded[0].reason}")
@@ -289,12 +293,14 @@ class Profiles:
         changes = []
         for revision in revisions:
             name, layer = revision.agent, revision.layer
+            before = self._current.get((name, layer))
             if self.knows(name):
                 self._current[name, layer] = revision
             if revision.cause.cause == LAYER:
                 continue
             one = steps.get(layer) if steps else None
-            before = self._ledger.before(revision)
+            if before is None or before.revision != revision.revision - 1:
+                before = self._ledger.before(revision)
             words = one.step.words if one else moved(before, revision)
             changes.append(
                 changed(
@@ -326,6 +332,11 @@ class Profiles:
         """
         current = self._ledger.current(name, layer)
         return math.nan if current is None else self._false_rate_of(current, None)
+
+    def _taught(self, name: str, layer: str, window: int) -> tuple[Vector, ...]:
+        current = self._current.get((name, layer))
+        known = self._lessons.known(current, window) if current is not None else None
+        return taught(self._ledger, name, layer, self.space, window) if known is None else known
 
     def _false_rate_of(self, revision: Revision, step: LayerStep | None) -> float:
         """Return it for the current revision of a profile; estimated once for each."""

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -126,6 +127,11 @@ class Teaching:
     def watching(self) -> bool:
         """True while a rule may fire because time passes."""
         return self._watch is not None and not self._watch.over
+
+    @property
+    def due(self) -> float:
+        """When a rule does something though nothing comes, in steady time [s]; infinite: never."""
+        return math.inf if self._watch is None else self._watch.due
 
     @property
     def following(self) -> bool:

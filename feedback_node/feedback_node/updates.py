@@ -171,6 +171,8 @@ def _usual(asked_now: Array, recent: Array, window: int) -> Array:
 
 
 def _bounded(after: Array, before: Array, authored: Array, drift: Array) -> Array:
+    if np.isnan(drift).all():
+        return after
     least = np.fmin(before, authored - drift)
     most = np.fmax(before, authored + drift)
     bounded = np.clip(after, least, most)

@@ -69,28 +69,19 @@ class Auction:
         except Refused as refused:
             self._refuse(bids, _only_agent(bids), refused)
             return
-        named: set[str] = set()
         rows = BidRows(self._space, bids)
-        taken: list[int] = []
-        for row, (agent, agent_id) in enumerate(zip(bids.agents, bids.agent_ids, strict=True)):
-            if agent in self._barred:
-                continue
-            try:
-                self._check_agent(agent, entry, named)
-                self._check_bid(agent, agent_id, entry)
-                rows.check(row, agent)
-                taken.append(row)
-            except Refused as refused:
-                self._refuse(bids, agent, refused)
-            named.add(agent)
-        self._accepted.add(
-            [bids.agents[row] for row in taken],
-            [bids.agent_ids[row] for row in taken],
-            entry.host,
-            entry.instance,
-            rows.vectors[taken],
-            None if rows.weights is None else rows.weights[taken],
-        )
+        if rows.all_fine and self._is_everybody(bids, entry):
+            self._accepted.add(
+                bids.agents, bids.agent_ids, entry.host, entry.instance, rows.vectors, rows.weights
+            )
+            return
+        named = set(bids.agents)
+        if rows.all_fine and self._may_all_bid(bids, entry, named):
+            self._accepted.add(
+                bids.agents, bids.agent_ids, entry.host, entry.instance, rows.vectors, rows.weights
+            )
+        else:
+            named = self._take_each(bids, entry, rows)
         for agent, reason in zip(bids.declined, bids.decline_reasons, strict=True):
             if agent in self._barred:
                 continue
@@ -100,11 +91,8 @@ class Auction:
             except Refused as refused:
                 self._refuse(bids, agent, refused)
             named.add(agent)
-        for agent in entry.agents:
-            if agent not in named and agent not in self._may_be_silent:
-                self._record(
-                    bids, agent, Kind.REFUSED, "NO_ANSWER", f"{entry.host} says nothing about it"
-                )
+        if not entry.agents.keys() <= named:
+            self._record_silent(bids, entry, named)
 
     def close(
         self,
@@ -183,6 +171,48 @@ class Auction:
                 "expected one reason each",
             )
 
+    def _is_everybody(self, bids: Bids, entry: HostEntry) -> bool:
+        """Return whether all agents of a host bid, in the order in which they are registered."""
+        return (
+            bids.agents == tuple(entry.agents)
+            and bids.agent_ids == tuple(entry.agents.values())
+            and not (self._may_be_silent or bids.declined)
+        )
+
+    def _may_all_bid(self, bids: Bids, entry: HostEntry, named: set[str]) -> bool:
+        """Return whether there is nothing wrong with who bids, the vectors aside."""
+        return (
+            len(named) == len(bids.agents)
+            and named <= entry.agents.keys()
+            and named.isdisjoint(self._may_be_silent)
+            and bids.agent_ids == tuple([entry.agents[agent] for agent in bids.agents])
+        )
+
+    def _take_each(self, bids: Bids, entry: HostEntry, rows: BidRows) -> set[str]:
+        """Take the bids that are in order and refuse the others; return who has bid."""
+        named: set[str] = set()
+        taken: list[int] = []
+        for row, (agent, agent_id) in enumerate(zip(bids.agents, bids.agent_ids, strict=True)):
+            if agent in self._barred:
+                continue
+            try:
+                self._check_agent(agent, entry, named)
+                self._check_bid(agent, agent_id, entry)
+                rows.check(row, agent)
+                taken.append(row)
+            except Refused as refused:
+                self._refuse(bids, agent, refused)
+            named.add(agent)
+        self._accepted.add(
+            [bids.agents[row] for row in taken],
+            [bids.agent_ids[row] for row in taken],
+            entry.host,
+            entry.instance,
+            rows.vectors[taken],
+            None if rows.weights is None else rows.weights[taken],
+        )
+        return named
+
     def _check_agent(self, agent: str, entry: HostEntry, named: set[str]) -> None:
         if agent not in entry.agents:
             raise Refused(
@@ -199,6 +229,13 @@ class Auction:
             raise Refused(
                 "WRONG_ID", f"'{agent}' bids with id {agent_id}, expected {entry.agents[agent]}"
             )
+
+    def _record_silent(self, bids: Bids, entry: HostEntry, named: set[str]) -> None:
+        for agent in entry.agents:
+            if agent not in named and agent not in self._may_be_silent:
+                self._record(
+                    bids, agent, Kind.REFUSED, "NO_ANSWER", f"{entry.host} says nothing about it"
+                )
 
     def _refuse(self, bids: Bids, agent: str, refused: Refused) -> None:
         self._record(bids, agent, Kind.REFUSED, refused.code, refused.reason)

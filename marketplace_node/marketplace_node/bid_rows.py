@@ -39,6 +39,11 @@ class BidRows:
             self.weights, fine = _within(bids.weights, shape, [0.0], [MAX_WEIGHT])
             self._fine &= fine
 
+    @property
+    def all_fine(self) -> bool:
+        """Whether every row counts."""
+        return bool(self._fine.all())
+
     def check(self, row: int, agent: str) -> None:
         """Check one row.
 

@@ -5,13 +5,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 
-from bt_agents.scene import SceneSpace
+from bt_agents.scene import SceneSpace, Vector
 from marketplace_node.decision import AcceptedBid, Terms
 from marketplace_node.strategies import Field
 from marketplace_node.strategies.field import Floats
+
+T = TypeVar("T")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -37,13 +40,17 @@ class BidTable:
     @classmethod
     def of(cls, bids: Sequence[AcceptedBid], space: SceneSpace) -> BidTable:
         """Return the table of bids that come in any order."""
-        collected = BidColumns(space)
-        for bid in bids:
-            collected.add(
-                (bid.agent,), (bid.agent_id,), bid.host, bid.instance,
-                np.array([bid.vector]), np.array([bid.weights]) if bid.weights else None,
-            )  # fmt: skip
-        return collected.table()
+        ordered = sorted(bids, key=lambda bid: bid.agent)
+        common = weights_of(space)
+        stated = any(bid.weights for bid in ordered)
+        return cls(
+            agents=tuple(bid.agent for bid in ordered),
+            agent_ids=tuple(bid.agent_id for bid in ordered),
+            hosts=tuple(bid.host for bid in ordered),
+            instances=tuple(bid.instance for bid in ordered),
+            vectors=_rows([bid.vector for bid in ordered], space),
+            weights=_rows([bid.weights or common for bid in ordered], space) if stated else None,
+        )
 
     def __len__(self) -> int:
         return len(self.agents)
@@ -69,6 +76,10 @@ class BidTable:
         for values in vars(field).values():
             values.flags.writeable = False
         return field
+
+
+def _rows(rows: Sequence[Vector], space: SceneSpace) -> Floats:
+    return np.array(rows, dtype=np.float64, order="F").reshape((len(rows), len(space)), order="F")
 
 
 def weights_of(space: SceneSpace) -> tuple[float, ...]:
@@ -115,16 +126,23 @@ class BidColumns:
 
     def table(self) -> BidTable:
         """Return all bids, in the order of their names."""
-        places = sorted(range(len(self._agents)), key=self._agents.__getitem__)
+        places = None
+        if sorted(self._agents) != self._agents:
+            places = sorted(range(len(self._agents)), key=self._agents.__getitem__)
         return BidTable(
-            agents=tuple(self._agents[place] for place in places),
-            agent_ids=tuple(self._agent_ids[place] for place in places),
-            hosts=tuple(self._hosts[place] for place in places),
-            instances=tuple(self._instances[place] for place in places),
+            agents=_in_order(self._agents, places),
+            agent_ids=_in_order(self._agent_ids, places),
+            hosts=_in_order(self._hosts, places),
+            instances=_in_order(self._instances, places),
             vectors=_by_parameter(self._vectors, places),
             weights=_by_parameter(self._stated, places) if self._any_stated else None,
         )
 
 
-def _by_parameter(blocks: Sequence[Floats], places: Sequence[int]) -> Floats:
-    return np.asfortranarray(np.concatenate(blocks)[places])
+def _in_order(values: list[T], places: list[int] | None) -> tuple[T, ...]:
+    return tuple(values if places is None else [values[place] for place in places])
+
+
+def _by_parameter(blocks: Sequence[Floats], places: list[int] | None) -> Floats:
+    rows = np.concatenate(blocks)
+    return np.asfortranarray(rows if places is None else rows[places])

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from functools import partial
 
 from marketplace_node import explain
 from marketplace_node.decision import ClosedBy, Decision, Outcome
@@ -64,7 +65,7 @@ class Challenge:
         reason = explain.challenge(
             decision, self._running, settings.preempt_margin, obstacle=obstacle, line=line
         )
-        self._floor.publish(decision, reason)
+        self._floor.publish(decision, lambda: reason)
         return stops, reason
 
     def _no_more(self, decision: Decision) -> dict[str, str]:
@@ -82,8 +83,7 @@ class Challenge:
         """Close the round without a decision, as the run is ending anyway."""
         decision = self.open_round.close(ClosedBy.STOPPED, now, stopped=reason)
         decision = replace(decision, outcome=Outcome.WAITS)
-        words = explain.challenge(decision, self._running, 0.0)
-        self._floor.publish(decision, words)
+        self._floor.publish(decision, partial(explain.challenge, decision, self._running, 0.0))
 
 
 def worth_a_stop(decision: Decision, running: str, settings: Settings) -> bool:

@@ -18,6 +18,9 @@ from marketplace_node.settings import EXTERNAL, RULES
 from marketplace_node.strategies import Chance, Field, Lines, Scores, StrategySpec, chance, order
 from marketplace_node.strategies.field import Floats, Integers
 
+_UNUSED = chance("")
+"""For strategies that surely draw nothing, as to seed one takes longer than to rank a few."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class Measured:
@@ -62,7 +65,7 @@ class Contest:
         Raises:
             Refused: ``STRATEGY_FAILED``; see :func:`measured`.
         """
-        scores = measured(self.spec, self.field, self.options, chance(self.seed))
+        scores = measured(self.spec, self.field, self.options, self._chance())
         agents, why = self._first(self.field.scene)
         places = [self.table.agents.index(agent) for agent in agents]
         if not places:
@@ -81,7 +84,7 @@ class Contest:
             Refused: ``STRATEGY_FAILED``.
         """
         field = replace(self.field, scene=scenes)
-        same = _SameForAll(chance(self.seed))
+        same = _SameForAll(self._chance())
         scores = measured(self.spec, field, self.options, same).score
         winners = self.order(scores)[:, 0].copy()
         if self.spec.name == RULES:
@@ -101,7 +104,7 @@ class Contest:
             return None
         count, width = self.field.bids.shape
         with _guarded(self.spec):
-            lines = self.spec.lines(self.field, self.spec.values(self.options), chance(self.seed))
+            lines = self.spec.lines(self.field, self.spec.values(self.options), self._chance())
             weights = np.asarray(lines.weights, dtype=np.float64)
             by_bid = (width,) if weights.ndim == 1 else (count, width)
             return Lines(
@@ -135,6 +138,10 @@ class Contest:
                 idle=field.idle[index],
             ),
         )
+
+    def _chance(self) -> np.random.Generator:
+        """Return what the strategy draws from."""
+        return _UNUSED if self.spec.sum is not None else chance(self.seed)
 
     def _first(self, values: Floats) -> tuple[list[str], str]:
         """Return the bidders that come before nearer ones in a scene, and why."""

@@ -8,6 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import IntEnum
 from functools import cached_property
+from typing import NamedTuple
 
 from bt_agents.language.market_reader import MarketRule
 from bt_agents.scene import Scene, Vector
@@ -71,8 +72,7 @@ class AcceptedBid:
     weights: Vector = ()
 
 
-@dataclass(frozen=True, kw_only=True)
-class RankedBid:
+class RankedBid(NamedTuple):
     """An accepted bid as the strategy ranked it.
 
     Attributes:
@@ -206,7 +206,8 @@ class Ranked:
     """Accepted bids in order, and why they are.
 
     Attributes:
-        bids: Best first.
+        bids: Best first; what comes after the first may be put in order only when it is looked at.
+        bidders: The names of all, in alphabetical order.
         by: Name of the strategy that ranked; ``manhattan`` where that of the terms could not.
         fallback: Why the strategy could not rank and ``manhattan`` did, in words; empty when it
             could.
@@ -218,7 +219,8 @@ class Ranked:
         find_change: Searches for ``change``.
     """
 
-    bids: tuple[RankedBid, ...] = ()
+    bids: Sequence[RankedBid] = ()
+    bidders: Sequence[str] = ()
     by: str = ""
     fallback: str = ""
     precedence: str = ""
@@ -262,7 +264,7 @@ class Decision:
     stopped: str = ""
 
     @property
-    def ranking(self) -> tuple[RankedBid, ...]:
+    def ranking(self) -> Sequence[RankedBid]:
         """Accepted bids, best first."""
         return self.ranked.bids
 

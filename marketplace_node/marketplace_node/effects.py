@@ -107,17 +107,22 @@ class PublishAuction:
 
     Attributes:
         decision: The outcome.
-        reason: The decision on one line.
+        say: Says it on one line.
         explain: Says it in plain sentences.
         shadow_rounds: How many rounds the shadow strategy has ranked beside this one.
         shadow_disagreements: In how many of these it had another winner.
     """
 
     decision: Decision
-    reason: str
+    say: Callable[[], str] = field(default=str, compare=False, repr=False)
     explain: Callable[[], str] = field(default=str, compare=False, repr=False)
     shadow_rounds: int = 0
     shadow_disagreements: int = 0
+
+    @cached_property
+    def reason(self) -> str:
+        """The decision on one line; made when it is first asked for."""
+        return self.say()
 
     @cached_property
     def explanation(self) -> str:

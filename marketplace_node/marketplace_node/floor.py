@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Collection, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 from functools import partial
 
@@ -94,6 +94,7 @@ class Floor:
         self._rules = rules
         self._tally = Tally()
         self._strays: dict[str, _Stray] = {}
+        self._starved: tuple[tuple[str, ...], Collection[str], tuple[str, ...]] | None = None
 
     def terms(
         self,
@@ -150,25 +151,31 @@ class Floor:
             preview=preview is not None,
         )
 
-    def outcome(self, decision: Decision, reason: str) -> PublishAuction:
+    def outcome(self, decision: Decision, say: Callable[[], str]) -> PublishAuction:
         """Return a decision as it is published, with what the record says at this moment."""
         return PublishAuction(
             decision=decision,
-            reason=reason,
+            say=say,
             explain=partial(explanation, decision, self.space),
             shadow_rounds=self.record.shadow_rounds,
             shadow_disagreements=self.record.shadow_disagreements,
         )
 
-    def publish(self, decision: Decision, reason: str) -> None:
-        """Count a decision and have it published."""
+    def publish(self, decision: Decision, say: Callable[[], str]) -> None:
+        """Count a decision and have it published, on one line as ``say`` says it."""
         self.record.take(decision)
-        self.effects.append(self.outcome(decision, reason))
+        self.effects.append(self.outcome(decision, say))
 
     def starved(self) -> tuple[str, ...]:
         """Return the registered agents that bid again and again and never run."""
         starved = self.record.starvation.starved(self.settings.starvation_rounds)
-        return tuple(agent for agent in starved if self.registry.holder(agent) is not None)
+        if not starved:
+            return ()
+        agents = self.registry.agents
+        if self._starved is None or self._starved[:2] != (starved, agents):
+            among = tuple(agent for agent in starved if agent in agents)
+            self._starved = (starved, agents, among)
+        return self._starved[2]
 
     def count_run(self, agent: str, decision: Decision) -> None:
         """Note that an agent runs; ties go to whoever has not run for longest.
@@ -179,7 +186,7 @@ class Floor:
         """
         self._tally.count(agent)
         starvation = self.record.starvation
-        starvation.ran(agent, (bid.agent for bid in decision.ranking))
+        starvation.ran(agent, decision.ranked.bidders)
         news = starvation.news(self.settings.starvation_rounds)
         self.effects += [Alarm(message=one) for one in news]
         self.keep()

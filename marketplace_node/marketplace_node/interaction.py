@@ -3,7 +3,9 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
+from functools import partial
 
 from bt_agents.scene import Scene
 from bt_agents.stop_words import AS_TOLD
@@ -69,6 +71,11 @@ class Interaction:
     def goal(self) -> Goal | None:
         """The award of the moment."""
         return self._award.goal if self._award else None
+
+    @property
+    def due(self) -> float:
+        """When its deadline passes, that of the open round aside, steady time [s]."""
+        return math.inf if self._deadline is None else self._deadline
 
     def words(self) -> str:
         """Return the state in words."""
@@ -248,15 +255,15 @@ class Interaction:
     def _close(self, by: ClosedBy, now: float, *, stop: Stop | None = None) -> None:
         assert self.open_round is not None, "only an open round can be closed"
         decision = self.open_round.close(by, now, stopped=stop.reason if stop else "")
-        reason = explain.reason(decision)
+        say = partial(explain.reason, decision)
         self.open_round = None
         if decision.outcome is Outcome.AWARDED:
             self._decision, self._next_rank, self._not_taken_by = decision, 0, []
             self._award_next(decision, now)
         else:
-            self._finish(stop.code if stop else NO_BIDS, reason)
-        # Last, as the winner must not wait for the words of the explanation.
-        self._floor.publish(decision, reason)
+            self._finish(stop.code if stop else NO_BIDS, say())
+        # Last, as the winner must not wait for words.
+        self._floor.publish(decision, say)
 
     def _award_next(self, decision: Decision, now: float) -> None:
         while self._next_rank < len(decision.ranking):

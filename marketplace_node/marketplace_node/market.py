@@ -87,10 +87,10 @@ class Market:
         return self._interaction.goal if self._interaction else None
 
     @property
-    def hurries(self) -> bool:
-        """True while somebody has to answer soon, so that deadlines are worth a close look."""
-        calm = self.state in (State.IDLE, State.RUNNING)
-        return not calm or bool(self._open_rounds())
+    def due(self) -> float:
+        """When the next deadline passes, steady time [s]; infinite for none."""
+        due = self._interaction.due if self._interaction else math.inf
+        return min([due, *(open_round.due for open_round in self._open_rounds())])
 
     def configure(self, settings: Settings, now: float) -> list[Effect]:
         """Replace the settings; deadlines that are already set stay."""

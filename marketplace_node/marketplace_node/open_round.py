@@ -82,6 +82,11 @@ class OpenRound:
         """False once the bids are closed and their ranking is waited for."""
         return self._bids_closed_by is None
 
+    @property
+    def due(self) -> float:
+        """When its time is over, steady time [s]."""
+        return self._deadline
+
     def words(self) -> str:
         """Return what the round waits for, in words."""
         return "asking for bids" if self.takes_bids else "asking outside for a ranking"

@@ -76,7 +76,7 @@ class Operating:
 
     def _check_known(self, agent: str) -> None:
         if self._floor.registry.holder(agent) is None:
-            hint = did_you_mean(agent, self._floor.registry.agents())
+            hint = did_you_mean(agent, self._floor.registry.agents)
             raise Refused(
                 "UNKNOWN_AGENT",
                 f"no agent '{agent}' is registered; {hint or 'no host is there'}",

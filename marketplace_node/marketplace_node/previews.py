@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 from bt_agents.errors import Refused
 from bt_agents.scene import Scene
 from marketplace_node import explain
@@ -71,5 +73,5 @@ class Previews:
 
     def _end(self, preview: OpenRound, by: ClosedBy, now: float) -> None:
         decision = preview.close(by, now)
-        outcome = self._floor.outcome(decision, explain.reason(decision))
+        outcome = self._floor.outcome(decision, partial(explain.reason, decision))
         self._floor.effects.append(PreviewEnded(number=preview.number, outcome=outcome))

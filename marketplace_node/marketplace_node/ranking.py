@@ -5,19 +5,29 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import partial
+from functools import cache, partial
+
+import numpy as np
 
 from bt_agents.errors import Refused
 from bt_agents.scene import SceneSpace
 from marketplace_node.bid_table import BidTable, weights_of
 from marketplace_node.contest import Contest, Measured
 from marketplace_node.counterfactual import smallest_change
-from marketplace_node.decision import AcceptedBid, External, Ranked, RankedBid, Terms
+from marketplace_node.decision import AcceptedBid, Change, External, Ranked, RankedBid, Terms
+from marketplace_node.standings import Standings
 from marketplace_node.strategies import STRATEGIES, StrategySpec
-from marketplace_node.strategies.field import Integers
+from marketplace_node.strategies.field import Integers, Sum
+from marketplace_node.strategies.nearest import MANHATTAN, measure
+from marketplace_node.strategies.nearest import nearest as nearest_rows
 
 FALLBACK = "manhattan"
 """What ranks when the strategy cannot."""
+
+FEW = 60
+"""Up to so many numbers, bids are ranked one by one, which is faster than arrays."""
+
+_MODEST = 1e100
 
 
 def decide(
@@ -42,6 +52,9 @@ def decide(
     table = bids if isinstance(bids, BidTable) else BidTable.of(bids, space)
     if not len(table):
         return Ranked()
+    spec = _spec(terms.strategy)
+    if spec.sum is not None and external is None and _is_modest(space):
+        return _led(space, terms, table, spec, spec.sum)
     contest = _contest(space, terms, table, external)
     fallback = external.failure if external is not None else ""
     try:
@@ -53,14 +66,19 @@ def decide(
     places = contest.order(measured.scores.score)
     shadow_winner, shadow_failure = _shadow(contest)
     return Ranked(
-        bids=_ranked(space, terms, table, measured, places),
+        bids=Standings(
+            _ranked(space, terms, table, measured, places[:1])[0],
+            len(table),
+            partial(_ranked, space, terms, table, measured, places),
+        ),
+        bidders=table.agents,
         by=FALLBACK if fallback else contest.spec.name,
         fallback=fallback,
         precedence=measured.precedence,
         placed=measured.placed,
         shadow_winner=shadow_winner,
         shadow_failure=shadow_failure,
-        find_change=partial(smallest_change, contest, places, space),
+        find_change=lambda: smallest_change(contest, places, space),
     )
 
 
@@ -69,6 +87,79 @@ def nearest(space: SceneSpace, terms: Terms, table: BidTable) -> tuple[RankedBid
     contest = _contest(space, replace(terms, strategy=FALLBACK), table, None)
     measured = contest.measure()
     return _ranked(space, terms, table, measured, contest.order(measured.scores.score))
+
+
+def _led(
+    space: SceneSpace, terms: Terms, table: BidTable, spec: StrategySpec, distance: Sum
+) -> Ranked:
+    """Find the winner alone; the others when somebody looks at them."""
+
+    @cache
+    def rest() -> tuple[Contest, Measured, Integers]:
+        contest = _contest(space, terms, table, None)
+        measured = contest.measure()
+        return contest, measured, contest.order(measured.scores.score)
+
+    def change() -> Change | None:
+        contest, _, places = rest()
+        return smallest_change(contest, places, space)
+
+    def ranked() -> tuple[RankedBid, ...]:
+        if table.vectors.size > FEW:
+            return _ranked(space, terms, table, *rest()[1:])
+        bids = [_bid(space, terms, table, distance, row) for row in range(len(table))]
+        by_run = terms.tie_break == "least_recently_run"
+        return tuple(sorted(bids, key=lambda bid: (bid.score, bid.last_run if by_run else 0)))
+
+    best = winning_row(space, terms, table, distance)
+    shadow_winner, shadow_failure = "", ""
+    if terms.shadow:
+        shadow_winner, shadow_failure = _shadow(_contest(space, terms, table, None))
+    return Ranked(
+        bids=Standings(_bid(space, terms, table, distance, best), len(table), ranked),
+        bidders=table.agents,
+        by=spec.name,
+        shadow_winner=shadow_winner,
+        shadow_failure=shadow_failure,
+        find_change=change,
+    )
+
+
+def _is_modest(space: SceneSpace) -> bool:
+    """Return whether any distance within the ranges is a finite number."""
+    return all(max(-one.minimum, one.maximum) < _MODEST for one in space.parameters)
+
+
+def winning_row(
+    space: SceneSpace, terms: Terms, table: BidTable, distance: Sum = MANHATTAN
+) -> int:
+    """Return the row of the bid that wins: the nearest one, of equals as the terms say."""
+    weights = weights_of(space) if table.weights is None else table.weights
+    rows = nearest_rows(table.vectors, np.array(terms.scene.vector), distance, weights)
+    if len(rows) == 1 or terms.tie_break != "least_recently_run":
+        return rows[0]
+    return min(rows, key=lambda row: terms.last_run.get(table.agents[row], 0))
+
+
+def _bid(space: SceneSpace, terms: Terms, table: BidTable, distance: Sum, row: int) -> RankedBid:
+    vector = tuple(table.vectors[row].tolist())
+    stated = weights_of(space) if table.weights is None else tuple(table.weights[row].tolist())
+    measured, parts = measure(vector, terms.scene.vector, distance, stated)
+    agent = table.agents[row]
+    return RankedBid(
+        agent=agent,
+        agent_id=table.agent_ids[row],
+        host=table.hosts[row],
+        instance=table.instances[row],
+        vector=vector,
+        distance=measured,
+        contributions=parts,
+        weights=() if set(stated) == {1.0} else stated,
+        bonus=0.0,
+        score=measured,
+        runs=terms.runs.get(agent, 0),
+        last_run=terms.last_run.get(agent, 0),
+    )
 
 
 def _spec(name: str) -> StrategySpec:

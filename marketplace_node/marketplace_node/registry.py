@@ -90,6 +90,7 @@ class Registry:
         self._seen: dict[str, float] = {}
         self._heard: dict[str, str] = {}
         self._ids: dict[str, int] = {}
+        self._agents: dict[str, HostEntry] | None = None
 
     def register(self, registration: Registration, now: float) -> Answer:
         """Enter, refresh or replace a host, or refuse it without any change."""
@@ -115,6 +116,7 @@ class Registry:
             agents[name] = self._ids.setdefault(name, len(self._ids) + 1)
             ids.append(agents[name])
             reasons.append("")
+        self._agents = None
         self._take_from_the_dead(agents, registration.host)
         self._entries[registration.host] = HostEntry(
             host=registration.host,
@@ -140,6 +142,7 @@ class Registry:
 
     def remove(self, host: str) -> None:
         """Forget a host; its agents keep their ids."""
+        self._agents = None
         self._entries.pop(host, None)
         self._seen.pop(host, None)
         self._heard.pop(host, None)
@@ -168,11 +171,15 @@ class Registry:
 
     def holder(self, agent: str) -> HostEntry | None:
         """Return the host that has an agent, dead or alive; None when no host has it."""
-        return next((e for e in self._entries.values() if agent in e.agents), None)
+        return self.agents.get(agent)
 
-    def agents(self) -> tuple[str, ...]:
-        """Return the names of all agents of all registered hosts."""
-        return tuple(name for entry in self._entries.values() for name in entry.agents)
+    @property
+    def agents(self) -> Mapping[str, HostEntry]:
+        """The agents of all registered hosts, dead or alive, with their hosts."""
+        if self._agents is None:
+            entries = self._entries.values()
+            self._agents = {name: entry for entry in entries for name in entry.agents}
+        return self._agents
 
     def is_live(self, host: str, instance: str, now: float) -> bool:
         """Return True when this start of the host is registered and within its lease."""

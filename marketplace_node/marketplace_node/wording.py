@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from functools import lru_cache
 
 ALL_DIGITS = 6
 """Digits of all other numbers."""
@@ -29,6 +30,7 @@ def joined(words: Sequence[str]) -> str:
     return f"{', '.join(words[:-1])} and {words[-1]}"
 
 
+@lru_cache(maxsize=4096)
 def number(value: float, digits: int = ALL_DIGITS) -> str:
     """Return a number in at most so many digits, with a real minus sign."""
     return f"{value + 0.0:.{digits}g}".replace("-", "−")

@@ -138,8 +138,8 @@ def test_modifiers_keep_their_promises(
     stage = Watched(tree, script)
     done: set[str] = set()
     for _ in stage.play(story):
-        answered = {node.spec.path: status for node, status in stage.run.ticked}
-        for node, status in stage.run.ticked:
+        answered = {node.spec.path: status for node, status in stage.ticked}
+        for node, status in stage.ticked:
             child = answered.get(node.children[0].spec.path) if node.children else None
             match node.spec.kind:
                 case "succeed":

@@ -184,7 +184,7 @@ def test_all_that_is_decided_is_decided_again(
     message = auction_to_msg(
         PublishAuction(
             decision=decision,
-            reason=reason(decision),
+            say=partial(reason, decision),
             explain=partial(explanation, decision, SPACE),
         ),
         to_time(1.0),

@@ -25,7 +25,13 @@ from bt_agents.language.specs import NodeSpec, Position
 from bt_agents.ros import qos
 from bt_agents.ros.host import HostNode
 from bt_agents_interfaces.action import RunAgent
-from bt_agents_interfaces.msg import Heartbeat, MarketHeartbeat, Run
+from bt_agents_interfaces.msg import (
+    Heartbeat,
+    MarketHeartbeat,
+    Run,
+    StatusChange,
+    TreeStatus,
+)
 from market_probe import Market, folder, make_host
 from scripted_server import Script, ScriptedServer
 
@@ -103,6 +109,29 @@ def test_a_result_is_seen_at_once_however_rarely_the_tree_is_ticked(
     # Without a tick for the result there would be one a second.
     assert answer.result.duration_s < 0.9
     assert answer.result.ticks <= 5
+
+
+def test_what_a_cancel_has_stopped_is_told_when_its_result_is_on_its_way(
+    ros: Any, host: HostNode, market: Market, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    sent: list[str] = []
+
+    def noting(what: Any, name: str) -> None:
+        done = getattr(what, name)
+        monkeypatch.setattr(what, name, lambda *args: (done(*args), sent.append(name)))
+
+    noting(host._runs, "_tell_stopped")
+    noting(host._runs._server, "_send_result_response")
+    statuses = ros.collect(TreeStatus, "agents/status", qos.EVENTS)
+    ros.until(host._runs._status.get_subscription_count)
+    handle = market.send(market.goal(host, agent="sleeper"))
+    result = handle.get_result_async()
+    ros.until(lambda: statuses)
+    assert [change.status for change in statuses[-1].changes] == [StatusChange.RUNNING]
+    handle.cancel_goal_async()
+    ros.until(lambda: result.done() and len(statuses) == 2)
+    assert [change.status for change in statuses[-1].changes] == [StatusChange.INVALID]
+    assert sent == ["_send_result_response", "_tell_stopped"]
 
 
 def test_a_cancel_is_seen_at_once_however_rarely_the_tree_is_ticked(

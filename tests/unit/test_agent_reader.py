@@ -21,6 +21,7 @@ from bt_agents.language.specs import (
     Reference,
     Text,
 )
+from bt_agents.language.tree.subtrees import MAX_NODES
 from bt_agents.language.vocabulary import Vocabulary
 from bt_agents.scene import SceneParameter, SceneSpace
 from fake_interfaces import FakeInterfaces
@@ -463,9 +464,10 @@ def test_a_chain_of_very_many_subtrees_is_too_deep_and_nothing_worse():
 
 
 def test_trees_share_one_limit_of_nodes():
-    say = "- {say: x}\n" * 1000
+    say = "- {say: x}\n" * (MAX_NODES // 2)
     text = f"tree:\n  sequence:\n{say}on_cancel:\n  sequence:\n{say}"
-    assert errors(text.replace("- ", "    - "))[0].startswith("1007:3: error[tree-too-large]")
+    second = MAX_NODES // 2 + 7
+    assert errors(text.replace("- ", "    - "))[0].startswith(f"{second}:3: error[tree-too-large]")
 
 
 KNOWING = Vocabulary(SPACE, VOCABULARY.skills, FakeInterfaces())

@@ -117,6 +117,7 @@ class Performance:
             steady=self.world.clock,
             limits=LIMITS,
             random=Random(self.seed),
+            visit=lambda node, _status: self.visited.update((node.spec.path,)),
         )
 
     @property
@@ -125,7 +126,6 @@ class Performance:
 
     def tick(self) -> None:
         self.run.tick()
-        self.visited.update(node.spec.path for node, _ in self.run.ticked)
 
     def move_on(self) -> None:
         """Let time pass until something changes, and people do something."""

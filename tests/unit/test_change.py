@@ -4,9 +4,7 @@
 from __future__ import annotations
 
 import math
-import runpy
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -20,10 +18,7 @@ from marketplace_node.effects import PublishAuction, SendGoal
 from marketplace_node.ranking import decide
 from marketplace_node.strategies import STRATEGIES, Field, Scores, StrategySpec
 from ranked_rounds import bids, decided, terms
-
-BENCHMARK: dict[str, Any] = runpy.run_path(
-    str(Path(__file__).parents[2] / "benchmarks" / "ranking.py")
-)
+from ranking import case
 
 NAN = math.nan
 
@@ -98,7 +93,7 @@ def test_it_is_said_why_there_is_no_change(
 def test_the_search_scores_so_much_and_no_more(
     strategy: str, agents: int, width: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    of = BENCHMARK["case"](agents, width)
+    of = case(agents, width)
     values = tuple(replace(value, std=0.5) for value in of.terms.scene.values)
     of_round = replace(
         of.terms, scene=replace(of.terms.scene, values=values), strategy=strategy, seed="a/1"

@@ -30,7 +30,7 @@ def test_what_exploration_takes_off_is_told_once_and_only_where_something_explor
         terms(scene("s", 3.0, 3.0, 3.0), strategy=strategy), runs={"b": 2, "a": 1}, rounds_run=3
     )
     decision = decided(of, bids({"a": (3.0, 3.0, 4.0), "b": (3.0, 3.0, 5.0)}), external=external)
-    show_decision(auction_to_msg(PublishAuction(decision=decision, reason=""), to_time(1.0)))
+    show_decision(auction_to_msg(PublishAuction(decision=decision), to_time(1.0)))
 
     for line in capsys.readouterr().out.splitlines()[1:3]:
         assert line.count("less") == times

@@ -9,6 +9,7 @@ import pytest
 
 from bt_agents.engine.run import Outcome, RunLimits
 from bt_agents.engine.scripted_world import Answer
+from bt_agents.engine.ticking import Ticker
 from bt_agents.engine.world import GoalState
 from stage import Stage
 
@@ -178,10 +179,10 @@ def test_giving_up_ends_a_run_even_when_its_nodes_cannot_be_stopped(
     stage = Stage(SPEAKS, answers={"say": [LONG]})
     stage.tick()
 
-    def stuck(_status: object) -> None:
+    def stuck(_ticker: object) -> None:
         raise RuntimeError("cogwheel")
 
-    monkeypatch.setattr(stage.root, "stop", stuck)
+    monkeypatch.setattr(Ticker, "halt", stuck)
     result = stage.run.give_up("RuntimeError: cogwheel")
     assert result.outcome is Outcome.FAILED
     assert result.orphans == ("tree/0.say",)
@@ -204,7 +205,7 @@ def test_a_tick_that_takes_too_long_is_counted_with_the_node_that_took_longest()
     clock = SlowClock()
     stage.run._stopwatch = clock
     stage.run.period_s = 0.1
-    # Looked at before the tick, then when each node answers, then at the end.
+    # Looked at before the tick, then when each leaf answers, then at the end.
     clock.steps = iter([0.0, 0.01, 0.2, 0.01, 0.0])
     stage.tick()
     overrun = stage.run.overrun

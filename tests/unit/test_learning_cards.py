@@ -11,6 +11,7 @@ import pytest
 from bt_agents.errors import Refused
 from bt_agents.feedback import LearningRule, Update
 from bt_agents.scene import SceneParameter, SceneSpace
+from feedback_node import cards as cards_module
 from feedback_node.cards import (
     AgentEntry,
     Card,
@@ -118,3 +119,52 @@ def test_a_mood_rule_of_a_card_keeps_its_further_values():
         3.0,
         0.5,
     )
+
+
+def test_an_agent_that_a_card_says_nothing_new_of_is_not_read_anew(monkeypatch):
+    rule = RuleEntry(when="mood.change > 1", hold_s=1.0, give=1, cancel=False)
+    entry = AgentEntry(
+        name="a",
+        profile=(3.0, 3.0),
+        revision=0,
+        learning_rate=0.2,
+        learning=replace(PLAIN, rates=(math.nan, math.nan)),
+        rules=(rule,),
+    )
+
+    def read(entry, known=(), host="/agents"):
+        card = Card(host=host, instance="i", parameters=SPACE.names, agents=(entry,))
+        (agent,), problems = read_card(card, SPACE, {one.name: one for one in known})
+        assert problems == ()
+        return agent
+
+    first = read(entry)
+    asked = []
+    read_rule = cards_module.read_rule
+    monkeypatch.setattr(
+        cards_module,
+        "read_rule",
+        lambda *args, **more: asked.append(1) or read_rule(*args, **more),
+    )
+    again = replace(PLAIN, rates=(float("nan"), float("nan")))
+    later = read(replace(entry, revision=7, learning=again), [first])
+    assert (later.held, later.rules, asked) == (7, first.rules, [])
+    others = (
+        replace(entry, rules=(replace(rule, hold_s=2.0),)),
+        replace(entry, learning=replace(PLAIN, anneal=0.5)),
+        replace(entry, learning_rate=0.3),
+        replace(entry, profile=(3.0, 4.0)),
+    )
+    for number, other in enumerate(others, start=1):
+        assert read(other, [first]) == read(other)
+        assert len(asked) == 2 * number
+    assert read(entry, [first], host="/other").host == "/other"
+
+
+def test_a_rule_that_could_not_be_read_is_told_with_every_card():
+    rule = RuleEntry(when="moood > 1", hold_s=1.0, give=1, cancel=False)
+    entry = AgentEntry(name="a", profile=(3.0, 3.0), revision=0, learning_rate=0.2, rules=(rule,))
+    card = Card(host="/agents", instance="i", parameters=SPACE.names, agents=(entry,))
+    (agent,), problems = read_card(card, SPACE)
+    assert problems
+    assert read_card(card, SPACE, {"a": agent})[1] == problems

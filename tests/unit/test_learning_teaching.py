@@ -125,6 +125,19 @@ def test_the_next_best_agent_may_run_in_the_round_of_a_lost_one():
 # --- mood rules ---------------------------------------------------------------------------
 
 
+def test_a_look_is_due_only_when_a_rule_will_have_held_long_enough():
+    room = Room()
+    assert room.teaching.due == math.inf
+    room.teaching.started(run())
+    assert room.teaching.due == math.inf
+    room.now = 3.0
+    assert room.teaching.see(scene(5.0, 2.5)) == ()
+    assert room.teaching.due == 4.0
+    room.now = room.teaching.due
+    assert len(room.teaching.tick()) == 1
+    assert room.teaching.due == math.inf
+
+
 def test_a_rule_that_fires_moves_the_profile_away_from_the_awarded_scene_and_stops_the_run():
     room = Room()
     room.teaching.started(run())

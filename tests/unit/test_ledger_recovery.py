@@ -16,7 +16,7 @@ from bt_agents.errors import Refused
 from feedback_node import ledger_head
 from feedback_node.ledger import Ledger
 from feedback_node.ledger_file import LedgerError
-from feedback_node.ledger_head import Head, HeadFile, head_path
+from feedback_node.ledger_head import Head, HeadFile, head_path, read_head
 from feedback_node.ledger_rows import LAYER, Cause
 from feedback_node.recovery import inspect, recover
 
@@ -226,6 +226,40 @@ def test_a_head_is_never_replaced_by_an_older_one(tmp_path):
         file.write(Head(number=4, chain=bytes(32)))
     assert file.head.number == 5
     file.close()
+
+
+def test_a_change_waits_for_the_disk_once_and_the_head_follows_when_there_is_time(
+    tmp_path, monkeypatch
+):
+    synced = []
+    monkeypatch.setattr(ledger_head.os, "fdatasync", synced.append)
+    with Ledger(tmp_path / "ledger.sqlite") as ledger:
+        ledger.enter({"guide": {"age": 1.0}})
+        ledger.append("guide", {"age": 2.0}, Cause())
+        assert read_head(head_path(ledger.path)).number == 2, "whoever reads it finds it"
+        assert synced == []
+        assert ledger.secure()
+        assert ledger.secure()
+        assert len(synced) == 1
+        ledger.append("guide", {"age": 3.0}, Cause())
+        assert ledger.tidy()
+        assert len(synced) == 2
+        ledger.append("guide", {"age": 4.0}, Cause())
+    assert len(synced) == 3
+
+
+def test_a_head_that_the_disk_did_not_take_is_brought_again(tmp_path, monkeypatch):
+    failures = [OSError(errno.EIO, "broken")]
+
+    def sync(_: int) -> None:
+        if failures:
+            raise failures.pop()
+
+    monkeypatch.setattr(ledger_head.os, "fdatasync", sync)
+    with Ledger(tmp_path / "ledger.sqlite") as ledger:
+        ledger.enter({"guide": {"age": 1.0}})
+        assert not ledger.tidy()
+        assert ledger.tidy()
 
 
 def test_what_is_written_after_the_files_were_moved_away_is_not_acknowledged(tmp_path):

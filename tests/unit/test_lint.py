@@ -50,7 +50,7 @@ def test_the_warning_stands_at_the_speech_and_names_the_loop():
         agent("retry: forever\nsequence:\n  - drive: gate 4\n  - say: Mind the robot.")
     )
     assert (warning.position.line, warning.position.column) == (11, 7)
-    assert warning.end == replace(warning.position, column=10)
+    assert warning.end == warning.position._replace(column=10)
     assert "(line 8)" in warning.message
     assert "{attempts: 3, …}" in warning.hint
 
@@ -79,7 +79,7 @@ def test_an_input_that_its_subtree_never_uses_is_warned_about_where_it_stands():
     head = "subtrees:\n  greet:\n    inputs: {who: text}\n    tree: {say: Hello.}\n"
     (warning,) = lint(agent("subtree: greet\nwith: {who: Ann}", head))
     assert (warning.code, warning.position.line) == ("unused-input", 8)
-    assert warning.end == replace(warning.position, column=warning.position.column + 3)
+    assert warning.end == warning.position._replace(column=warning.position.column + 3)
 
 
 def test_a_time_limit_inside_of_the_loop_does_not_end_it():

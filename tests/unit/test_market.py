@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from pathlib import Path
 from typing import Any
 
@@ -84,6 +85,25 @@ def test_a_round_closes_at_the_deadline_with_a_silent_host(market: Driver) -> No
     assert decision.duration_s == 0.5
     assert decision.silent_hosts == ("/others",)
     assert market.goal.agent == GUIDE
+
+
+def test_the_market_says_when_its_next_deadline_passes(market: Driver) -> None:
+    market.register("/others", PLAIN)
+    assert market.market.due == math.inf
+    began = market.now
+    market.scene()
+    assert market.market.due == began + 0.5
+    market.bid()
+    market.do(market.market.tick(began + 0.4999))
+    assert market.status.state is State.BIDDING
+    market.now = began + 0.5
+    market.do(market.market.tick(market.now))
+    assert market.status.state is State.AWARDING
+    assert market.market.due == market.now + market.market.settings.goal_deadline_s
+    market.accept()
+    assert market.market.due == math.inf
+    market.end()
+    assert market.market.due == market.now + market.market.settings.collect_deadline_s
 
 
 def test_the_clock_of_a_round_starts_with_its_publication(market: Driver) -> None:

@@ -107,7 +107,7 @@ def unsteady_timers(tree: ast.AST) -> Iterator[ast.AST]:
 
 def spinning(tree: ast.AST) -> Iterator[ast.AST]:
     for name, call, _ in calls(tree):
-        if name.startswith("spin") or name.endswith("ThreadedExecutor") or "EventsExec" in name:
+        if name.startswith("spin") or name.endswith("Executor"):
             yield call
 
 

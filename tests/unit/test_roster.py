@@ -120,7 +120,48 @@ def test_the_weights_of_agents_go_with_the_bids_where_any_agent_has_its_own():
     plain = agent("say: x")
     heavy = replace(agent("say: x", "weights: {age: 2}"), name="b")
     roster = Roster(SPACE, [plain, heavy])
-    members = [roster.member(name) for name in ("a", "b")]
+    roster.enrol(["a", "b"], [1, 2], ["", ""])
     of_scene = [parameter.weight for parameter in SPACE.parameters]
-    assert roster.weights(members[:1]) == []
-    assert roster.weights(members) == [*of_scene, 2.0, *of_scene[1:]]
+    assert list(roster.answer(scene(age=3), ["b"]).bidders.weights) == []
+    assert list(roster.answer(scene(age=3)).bidders.weights) == [*of_scene, 2.0, *of_scene[1:]]
+
+
+def test_every_change_of_an_agent_counts_in_the_next_answer():
+    roster = Roster(SPACE, [agent("say: x", "learning: {layers: [person]}")])
+    anna = replace(scene(age=3), person_id="anna")
+
+    def bid() -> list[object]:
+        bidders = roster.answer(anna).bidders
+        return [*bidders.names, *bidders.ids, *bidders.vectors]
+
+    assert bid() == []
+    roster.enrol(["a"], [7], [""])
+    assert bid() == ["a", 7, 3.0, 3.0, 3.0]
+    roster.set_profile("a", [2.0, 3.0, 3.0], 1)
+    assert bid() == ["a", 7, 2.0, 3.0, 3.0]
+    roster.set_layer("a", "person/anna", [4.0, 3.0, 3.0], 1)
+    assert bid() == ["a", 7, 4.0, 3.0, 3.0]
+    roster.set_layer("a", "person/anna", [5.0, 3.0, 3.0], 2)
+    assert bid() == ["a", 7, 5.0, 3.0, 3.0]
+    roster.remove_layer("", "")
+    assert bid() == ["a", 7, 2.0, 3.0, 3.0]
+    roster.add(replace(agent("say: x"), name="b"))
+    roster.enrol(["b"], [8], [""])
+    assert bid() == ["a", "b", 7, 8, 2.0, 3.0, 3.0, 3.0, 3.0, 3.0]
+    roster.remove("a")
+    assert bid() == ["b", 8, 3.0, 3.0, 3.0]
+    roster.member("b").leaving = "its file is gone"
+    assert bid() == []
+    roster.member("b").leaving = ""
+    roster.member("b").spec = replace(agent("say: x", "weights: {age: 2}"), name="b")
+    weights = [2.0, *(parameter.weight for parameter in SPACE.parameters[1:])]
+    assert list(roster.answer(anna).bidders.weights) == weights
+
+
+def test_agents_that_require_the_same_or_something_else_answer_each_for_itself():
+    old = agent("say: x", "requires: scene.age >= 3")
+    keen = replace(agent("say: x", "requires: scene.mood > 2"), name="c")
+    roster = Roster(SPACE, [old, replace(old, name="b"), keen])
+    reason = "needs scene.age >= 3"
+    assert declined(roster, age=2, mood=3) == {"a": reason, "b": reason}
+    assert declined(roster, age=3, mood=1) == {"c": "needs scene.mood > 2"}

@@ -26,6 +26,7 @@ from bt_agents.language.testing.scenarios import (
     Within,
 )
 from bt_agents.language.testing.test_reader import read_test_text
+from bt_agents.language.tree.subtrees import MAX_NODES
 from rehearsals import cases_for
 from stage import TREES, VOCABULARY, agent
 
@@ -264,6 +265,6 @@ def test_a_test_of_an_agent_whose_file_is_broken_says_that_and_lists_no_others(
 
 def test_replacements_are_bounded_by_the_size_of_a_tree() -> None:
     spec = agent("sequence: [" + "{say: a}, " * 300 + "]")
-    many = "{sequence: [" + "{wait: 1 s}, " * 10 + "]}"
+    many = "{sequence: [" + "{wait: 1 s}, " * (MAX_NODES // 300) + "]}"
     with pytest.raises(ReadError, match="tree-too-large"):
         cases_for(spec, f"- {{name: x, replace: {{'**.say': {many}}}, expect: {{ends: failed}}}}")

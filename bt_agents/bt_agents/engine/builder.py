@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 
 from py_trees.behaviour import Behaviour
-from py_trees.composites import Composite, Selector, Sequence
+from py_trees.composites import Composite
 
 from bt_agents.engine.choices import Case, Choose, RandomChoice, Weight
 from bt_agents.engine.concurrency import CountingParallel
@@ -14,6 +14,7 @@ from bt_agents.engine.context import RunContext
 from bt_agents.engine.feedback_leaf import GiveFeedback
 from bt_agents.engine.fields import Fields
 from bt_agents.engine.gates import Cooldown, Once, When
+from bt_agents.engine.lean import LeanSelector, LeanSequence
 from bt_agents.engine.leaves import Check, Leaf, Log, Set
 from bt_agents.engine.loops import Repeat, Retry
 from bt_agents.engine.modifiers import Fail, Invert, Modifier, Succeed, Timeout, While
@@ -28,13 +29,13 @@ from bt_agents.language.specs import NodeSpec
 def _sequence(
     spec: NodeSpec, context: RunContext, scope: Scope, children: list[Behaviour]
 ) -> Composite:
-    return Sequence(spec.name, memory=_memory(spec, scope), children=children)
+    return LeanSequence(spec.name, _memory(spec, scope), children)
 
 
 def _selector(
     spec: NodeSpec, context: RunContext, scope: Scope, children: list[Behaviour]
 ) -> Composite:
-    return Selector(spec.name, memory=_memory(spec, scope), children=children)
+    return LeanSelector(spec.name, _memory(spec, scope), children)
 
 
 def _memory(spec: NodeSpec, scope: Scope) -> bool:

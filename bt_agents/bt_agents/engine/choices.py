@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from random import Random
 
 from py_trees.behaviour import Behaviour
@@ -13,8 +13,11 @@ from py_trees.composites import Composite
 from bt_agents.engine.context import RunContext
 from bt_agents.engine.faults import located, why
 from bt_agents.engine.fields import Fields
+from bt_agents.engine.halting import FAILURE, RUNNING
+from bt_agents.engine.lean import Lean, adopt
 from bt_agents.engine.modifiers import Modifier
 from bt_agents.engine.scope import Scope
+from bt_agents.engine.ticking import Native, Ticker
 from bt_agents.errors import Refused
 from bt_agents.language.specs import NodeSpec
 
@@ -42,36 +45,27 @@ class Weight(Modifier):
         return self.fields.number("weight")
 
 
-class Pick(Composite):
+class Pick(Native, Composite, Lean):
     """Picks one child when it starts and ends as that one does; a pick that fails is a FAILURE."""
 
     status: Status
 
     def __init__(self, spec: NodeSpec, children: Sequence[Behaviour]) -> None:
-        super().__init__(spec.name, children)
+        Composite.__init__(self, spec.name)
+        adopt(self, children)
         self.spec = spec
 
     def pick(self) -> Behaviour:
         """Return the child to be done, noting which in the message; may raise."""
         raise NotImplementedError
 
-    def tick(self) -> Iterator[Behaviour]:
+    def turn(self, tree: Ticker) -> Status:
         """Pick at the start, then tick what was picked."""
-        if self.status is not Status.RUNNING:
+        if self.status is not RUNNING:
             for child in self.children:
-                if child.status is not Status.INVALID:
-                    child.stop(Status.INVALID)
+                tree.drop_child(child)
             self.current_child = self._picked()
-        if self.current_child is None:
-            self.stop(Status.FAILURE)
-            yield self
-            return
-        yield from self.current_child.tick()
-        if self.current_child.status is Status.RUNNING:
-            self.status = Status.RUNNING
-        else:
-            self.stop(self.current_child.status)
-        yield self
+        return FAILURE if self.current_child is None else tree.tick_child(self.current_child)
 
     def _picked(self) -> Behaviour | None:
         try:

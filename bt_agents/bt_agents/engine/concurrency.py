@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 
 from py_trees.behaviour import Behaviour
 from py_trees.common import ParallelPolicy, Status
@@ -11,10 +11,13 @@ from py_trees.composites import Parallel
 
 from bt_agents.engine.context import RunContext
 from bt_agents.engine.fields import Fields
+from bt_agents.engine.halting import FAILURE, RUNNING, SUCCESS
+from bt_agents.engine.lean import Lean, adopt
 from bt_agents.engine.scope import Scope
+from bt_agents.engine.ticking import Native, Ticker
 from bt_agents.language.specs import NodeSpec, Plain
 
-_ENDED = (Status.SUCCESS, Status.FAILURE)
+_ENDED = (SUCCESS, FAILURE)
 
 
 class SuccessOnCount(ParallelPolicy.Base):
@@ -25,7 +28,7 @@ class SuccessOnCount(ParallelPolicy.Base):
         self.count = count
 
 
-class CountingParallel(Parallel):
+class CountingParallel(Native, Parallel, Lean):
     """Ticks each child until it ends; ends itself as soon as it is certain how.
 
     ============== ================================== ==========================================
@@ -46,30 +49,27 @@ class CountingParallel(Parallel):
         self, spec: NodeSpec, _context: RunContext, scope: Scope, children: Sequence[Behaviour]
     ) -> None:
         succeed_on = Fields(spec=spec, names=scope).constant("succeed_on", "all")
-        super().__init__(spec.name, _policy(succeed_on, children), children)
+        Parallel.__init__(self, spec.name, _policy(succeed_on, children))
+        adopt(self, children)
         self.spec = spec
 
-    def tick(self) -> Iterator[Behaviour]:
+    def turn(self, tree: Ticker) -> Status:
         """Tick the children that have not ended."""
-        if self.status is not Status.RUNNING:
+        if self.status is not RUNNING:
             for child in self.children:
-                if child.status is not Status.INVALID:
-                    child.stop(Status.INVALID)
+                tree.drop_child(child)
             self.feedback_message = ""
         for child in self.children:
             if child.status not in _ENDED:
-                yield from child.tick()
+                tree.tick_child(child)
         status = self._decide()
-        self.current_child = self._with(status)[-1] if self._with(status) else None
-        if status is Status.RUNNING:
-            self.status = status
-        else:
-            self.stop(status)
-        yield self
+        deciding = self._with(status)
+        self.current_child = deciding[-1] if deciding else None
+        return status
 
     def _decide(self) -> Status:
-        succeeded = self._with(Status.SUCCESS)
-        failed = self._with(Status.FAILURE)
+        succeeded = self._with(SUCCESS)
+        failed = self._with(FAILURE)
         match self.policy:
             case ParallelPolicy.SuccessOnAll():
                 needed = self.children
@@ -79,17 +79,17 @@ class CountingParallel(Parallel):
                 count = policy.count if isinstance(policy, SuccessOnCount) else 1
                 return self._counted(count, len(succeeded), len(self.children) - len(failed))
         if failed:
-            return Status.FAILURE
-        done = all(child.status is Status.SUCCESS for child in needed)
-        return Status.SUCCESS if done else Status.RUNNING
+            return FAILURE
+        done = all(child.status is SUCCESS for child in needed)
+        return SUCCESS if done else RUNNING
 
     def _counted(self, needed: int, succeeded: int, possible: int) -> Status:
         if succeeded >= needed:
-            return Status.SUCCESS
+            return SUCCESS
         if possible >= needed:
-            return Status.RUNNING
+            return RUNNING
         self.feedback_message = f"{needed} had to succeed, at most {possible} still can"
-        return Status.FAILURE
+        return FAILURE
 
     def _with(self, status: Status) -> list[Behaviour]:
         return [child for child in self.children if child.status is status]

@@ -3,16 +3,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
-from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
 from bt_agents.engine.faults import located, why
+from bt_agents.engine.halting import FAILURE, RUNNING, SUCCESS
 from bt_agents.engine.modifiers import Modifier
 from bt_agents.language.expression.expressions import MissingValue
 
-_ENDED = (Status.SUCCESS, Status.FAILURE)
+_ENDED = (SUCCESS, FAILURE)
 
 
 class Gate(Modifier):
@@ -25,17 +23,10 @@ class Gate(Modifier):
         """Return why the node is left out, empty when it takes part; an error is a FAILURE."""
         raise NotImplementedError
 
-    def tick(self) -> Iterator[Behaviour]:
-        """Tick the node only when it takes part."""
-        left_out = None if self.status is Status.RUNNING else self._left_out()
-        if left_out is None:
-            yield from super().tick()
-            return
-        self.drop()
-        self.stop(left_out)
-        yield self
-
-    def _left_out(self) -> Status | None:
+    def bypass(self) -> Status | None:
+        """Look at the start whether the node takes part."""
+        if self.status is RUNNING:
+            return None
         try:
             reason = self.obstacle()
         except Exception as error:
@@ -44,7 +35,7 @@ class Gate(Modifier):
             return None
         self.feedback_message = f"left out: {reason}"
         failure = self.fields.constant("otherwise") == "failure"
-        return Status.FAILURE if failure else Status.SUCCESS
+        return FAILURE if failure else SUCCESS
 
 
 class When(Gate):

@@ -5,17 +5,17 @@ from __future__ import annotations
 
 from typing import ClassVar
 
-import py_trees
 from py_trees.common import Status
 
 from bt_agents.engine.context import RunContext
 from bt_agents.engine.faults import located, why
 from bt_agents.engine.fields import Fields
+from bt_agents.engine.lean import Lean
 from bt_agents.engine.scope import Scope
 from bt_agents.language.specs import NodeSpec
 
 
-class Leaf(py_trees.behaviour.Behaviour):
+class Leaf(Lean):
     """A leaf made from a spec; whatever it raises is a FAILURE that says where and why.
 
     Subclasses override :meth:`begin`, :meth:`step` and :meth:`end`, each of which may raise.

@@ -3,12 +3,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
 from bt_agents.engine.faults import why
+from bt_agents.engine.halting import FAILURE, RUNNING, SUCCESS
 from bt_agents.engine.modifiers import Modifier
 
 
@@ -29,40 +28,31 @@ class Loop(Modifier):
         self._words = ""
         self._pause_from = None
 
-    def tick(self) -> Iterator[Behaviour]:
-        """Tick the node unless it is its pause."""
-        if self.status is Status.RUNNING and self._pause_from is not None:
-            status = self._rest(self._pause_from)
-            if status is not Status.SUCCESS:
-                if status is Status.FAILURE:
-                    self.drop()
-                    self.stop(status)
-                yield self
-                return
-            self._pause_from = None
-        yield from super().tick()
-
-    def tip(self) -> Behaviour | None:
-        """Return the loop itself during a pause, as nothing below it runs."""
-        if self.status is Status.RUNNING and self._pause_from is not None:
-            return self
-        return super().tip()
-
-    def _rest(self, start: float) -> Status:
-        """Return RUNNING during the pause and SUCCESS after it."""
+    def bypass(self) -> Status | None:
+        """Look at the clock during a pause."""
+        if self._pause_from is None or self.status is not RUNNING:
+            return None
         try:
             pause = self.fields.seconds("pause")
         except Exception as error:
             return self.fail(why(error))
-        over = self.context.reached(self.spec.path, start + pause)
-        return Status.SUCCESS if over else Status.RUNNING
+        if not self.context.reached(self.spec.path, self._pause_from + pause):
+            return RUNNING
+        self._pause_from = None
+        return None
+
+    def tip(self) -> Behaviour | None:
+        """Return the loop itself during a pause, as nothing below it runs."""
+        if self.status is RUNNING and self._pause_from is not None:
+            return self
+        return super().tip()
 
     def decide(self) -> Status:
         """Return what a round's end means; while it runs, say which it is."""
-        if self.decorated.status is not Status.RUNNING:
+        if self.decorated.status is not RUNNING:
             return self.ended(self.decorated.status)
         self.feedback_message = self._words
-        return Status.RUNNING
+        return RUNNING
 
     def ended(self, status: Status) -> Status:
         """Return the status after a round has ended; may raise."""
@@ -81,7 +71,7 @@ class Loop(Modifier):
             self.context.wake(self.spec.path, self._pause_from + pause)
         self._words = f"{word} {self._round}" + ("" if limit is None else f" of {limit}")
         self.feedback_message = self._words + (f", after a pause of {pause:g} s" if pause else "")
-        return Status.RUNNING
+        return RUNNING
 
 
 class Retry(Loop):
@@ -89,7 +79,7 @@ class Retry(Loop):
 
     def ended(self, status: Status) -> Status:
         """Count failures."""
-        if status is not Status.FAILURE:
+        if status is not FAILURE:
             return status
         attempts = self.fields.count("attempts")
         if self.exhausted(attempts):
@@ -106,13 +96,13 @@ class Repeat(Loop):
 
     def ended(self, status: Status) -> Status:
         """Count successes."""
-        if status is not Status.SUCCESS:
+        if status is not SUCCESS:
             return status
         if self._holds():
-            return Status.SUCCESS
+            return SUCCESS
         times = self.fields.count("times")
         if self.exhausted(times):
-            return Status.SUCCESS
+            return SUCCESS
         return self.again("round", times)
 
     def _holds(self) -> bool:

@@ -3,56 +3,69 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
-import py_trees
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
+from py_trees.decorators import Decorator
 
 from bt_agents.engine.context import RunContext
 from bt_agents.engine.faults import located, why
 from bt_agents.engine.fields import Fields
+from bt_agents.engine.halting import FAILURE, RUNNING, SUCCESS
+from bt_agents.engine.lean import Lean
 from bt_agents.engine.leaves import Leaf
 from bt_agents.engine.scope import Scope
+from bt_agents.engine.ticking import Native, Ticker
 from bt_agents.language.specs import NodeSpec
 
 
-class Modifier(py_trees.decorators.Decorator):
+class Modifier(Native, Decorator, Lean):
     """A decorator made from a spec; whatever it raises is a FAILURE that says where and why.
 
-    As it stands it passes on the status of its node; subclasses override :meth:`decide`.
+    As it stands it passes on the status of its node; subclasses override :meth:`decide`, and
+    :meth:`bypass` where the node is not always ticked.
     """
 
     def __init__(
         self, spec: NodeSpec, context: RunContext, scope: Scope, child: Behaviour
     ) -> None:
-        super().__init__(name=spec.name, child=child)
+        Decorator.__init__(self, spec.name, child)
         self.spec = spec
         self.context = context
         self.fields = Fields(spec=spec, names=scope)
+
+    def bypass(self) -> Status | None:
+        """Return the status if the node is not to be ticked; None when it is.
+
+        RUNNING lets the node be as it is. With an end it is dropped: stopped, also if it has ended
+        itself, as how it ended has no say in what comes now.
+        """
+        return None
 
     def decide(self) -> Status:
         """Return the status after the node was ticked; may raise."""
         return self.decorated.status
 
-    def update(self) -> Status:
-        """Decide; an error is a FAILURE."""
-        self.feedback_message = ""
-        try:
-            return self.decide()
-        except Exception as error:
-            self.drop()
-            return self.fail(why(error))
+    def turn(self, tree: Ticker) -> Status:
+        """Tick the node unless it is bypassed, and decide; an error is a FAILURE."""
+        status = self.bypass()
+        if status is RUNNING:
+            return status
+        if status is None:
+            if self.status is not RUNNING:
+                self.initialise()
+            tree.tick_child(self.decorated)
+            self.feedback_message = ""
+            try:
+                return self.decide()
+            except Exception as error:
+                status = self.fail(why(error))
+        tree.drop_child(self.decorated)
+        return status
 
     def fail(self, reason: str) -> Status:
         """Note the reason and return FAILURE."""
         self.feedback_message = located(reason, self.spec)
-        return Status.FAILURE
-
-    def drop(self) -> None:
-        """Stop the node, also one that has ended: how it ended has no say in what comes now."""
-        if self.decorated.status is not Status.INVALID:
-            self.decorated.stop(Status.INVALID)
+        return FAILURE
 
 
 class While(Modifier):
@@ -61,15 +74,10 @@ class While(Modifier):
     A condition whose value is missing is not true.
     """
 
-    def tick(self) -> Iterator[Behaviour]:
-        """Tick the node only while the condition is true."""
+    def bypass(self) -> Status | None:
+        """Look at the condition."""
         reason = self._obstacle()
-        if reason:
-            self.drop()
-            self.stop(self.fail(reason))
-            yield self
-            return
-        yield from super().tick()
+        return self.fail(reason) if reason else None
 
     def _obstacle(self) -> str:
         try:
@@ -77,7 +85,7 @@ class While(Modifier):
                 return ""
         except Exception as error:
             return why(error)
-        verb = "not so any more" if self.status is Status.RUNNING else "not so"
+        verb = "not so any more" if self.status is RUNNING else "not so"
         return self.fields.not_so("condition", verb=verb)
 
 
@@ -92,12 +100,12 @@ class Timeout(Modifier):
 
     def decide(self) -> Status:
         """Look at the clock."""
-        if self.decorated.status is not Status.RUNNING:
+        if self.decorated.status is not RUNNING:
             return self.decorated.status
         limit = self.fields.seconds("limit")
         if self.context.reached(self.spec.path, self._start + limit):
             return self.fail(f"not done within {limit:g} s{self._missing()}")
-        return Status.RUNNING
+        return RUNNING
 
     def _missing(self) -> str:
         """Return what the node still waits for, as far as it says so."""
@@ -111,13 +119,10 @@ class Invert(Modifier):
 
     def decide(self) -> Status:
         """Turn the status round."""
-        match self.decorated.status:
-            case Status.SUCCESS:
-                return self.fail("succeeded, and is inverted")
-            case Status.FAILURE:
-                return Status.SUCCESS
-            case status:
-                return status
+        status = self.decorated.status
+        if status is SUCCESS:
+            return self.fail("succeeded, and is inverted")
+        return SUCCESS if status is FAILURE else status
 
 
 class Succeed(Modifier):
@@ -126,7 +131,7 @@ class Succeed(Modifier):
     def decide(self) -> Status:
         """Turn a FAILURE round."""
         status = self.decorated.status
-        return Status.SUCCESS if status is Status.FAILURE else status
+        return SUCCESS if status is FAILURE else status
 
 
 class Fail(Modifier):
@@ -134,6 +139,6 @@ class Fail(Modifier):
 
     def decide(self) -> Status:
         """Turn a SUCCESS round."""
-        if self.decorated.status is Status.SUCCESS:
+        if self.decorated.status is SUCCESS:
             return self.fail("succeeded, and counts as failed")
         return self.decorated.status

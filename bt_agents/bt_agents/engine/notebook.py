@@ -5,14 +5,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from typing import Any, Generic, TypeVar
+from random import Random
+from typing import Any
 
 from py_trees.common import Status
 
 from bt_agents.engine.context import RunContext
 from bt_agents.engine.leaves import Leaf
 from bt_agents.engine.plugin_leaf import PluginLeaf
-from bt_agents.engine.scope import Scope
+from bt_agents.engine.scope import RunScope, Scope
 from bt_agents.engine.world import Clock, Goal, GoalRun, GoalState, Inbox, World
 from bt_agents.errors import Refused
 from bt_agents.feedback import Kind
@@ -20,8 +21,6 @@ from bt_agents.language.specs import NodeSpec, Plain
 from bt_agents.scene import Scene
 
 Note = dict[str, Any]
-
-T = TypeVar("T")
 
 
 class Notebook:
@@ -35,7 +34,11 @@ class Notebook:
 
     Attributes:
         clock: The trees' clock, which stands still during a turn.
-        turn: Turns so far.
+        turn: Turns that have ended.
+        open: Whether one has begun, by something that the host does before its tick.
+        tunables: Their values as they are now.
+        tuned: The same as they were noted last.
+        note: What is noted about the turn so far.
         closed: Whether nothing is noted any more; the outside still stands still during a turn.
     """
 
@@ -46,37 +49,36 @@ class Notebook:
         tunables: Mapping[str, Plain],
         steady: Clock,
     ) -> None:
-        self.clock = _Still(world.clock)
-        self.steady = _Still(steady)
-        self.live = _Still(live)
-        self.turn = 0
+        self.clock = NotedClock(world.clock, self, "t")
+        self.steady = NotedClock(steady, self, "s")
+        self._live = live
+        self._scene: Scene | None = None
+        self._seen_in = -1
+        self.turn = -1
+        self.open = False
+        self.tunables = tunables
+        self.tuned = dict(tunables)
+        self.note: Note = {}
         self.closed = False
-        self._clocks = (("t", self.clock), ("s", self.steady))
         self._world = world
-        self._tunables = tunables
-        self._tuned = dict(tunables)
         self._told_live: Note = {}
-        self._open = False
         self._goals = 0
         self._inboxes = 0
-        self._note: Note = {}
 
     def first(self) -> Note:
         """Return what was known before the first turn."""
-        self._told_live = _live(self.live())
-        first = {"tunables": self._tuned, "live": self._told_live, "t": self.clock()}
-        self._rest()
+        self.live()
+        first = {"tunables": self.tuned, "live": self._told_live, "t": self.clock()}
+        self.note = {}
+        self.turn = 0
         return first
 
     def begin(self) -> None:
         """Begin a turn, unless it has begun."""
-        if self._open:
-            return
-        self._open = True
-        self.turn += 1
-        if self._tuned != self._tunables:
-            self._tuned = dict(self._tunables)
-            self._note["tunables"] = self._tuned
+        if not self.open:
+            self.open = True
+            if self.tuned != self.tunables:
+                self.note["tunables"] = self.tuned = dict(self.tunables)
 
     def do(self, what: str, *how: Plain) -> None:
         """Note what the host does besides ticking."""
@@ -85,24 +87,15 @@ class Notebook:
 
     def end(self) -> Note:
         """End a turn; return what is to be noted about it."""
-        for key, clock in self._clocks:
-            if (now := clock.news()) is not None:
-                self._note[key] = now
-        if (scene := self.live.news()) is not None:
-            live = _live(scene)
-            new = {k: v for k, v in live.items() if not _same(v, self._told_live.get(k))}
-            if new:
-                self._told_live = live
-                self._note["live"] = new
-        note, self._note = self._note, {}
-        self._rest()
-        self._open = False
+        self.turn += 1
+        self.open = False
+        note, self.note = self.note, {}
         return note
 
     def add(self, key: str, entry: list[Any]) -> None:
         """Note one of several things."""
         if not self.closed:
-            self._note.setdefault(key, []).append(entry)
+            self.note.setdefault(key, []).append(entry)
 
     def send(self, goal: Goal) -> GoalRun:
         """Send a goal; see :class:`World`."""
@@ -134,6 +127,21 @@ class Notebook:
         run = self._tried(lambda: self._world.give_feedback(kind, values, reason), out)
         return self._opened(run)
 
+    def live(self) -> Scene:
+        """Return the scene as it is now; it stands still during a turn."""
+        if self._scene is not None and self._seen_in == self.turn:
+            return self._scene
+        self._seen_in = self.turn
+        scene = self._live()
+        if scene is not self._scene:
+            self._scene = scene
+            live = _live(scene)
+            new = {k: v for k, v in live.items() if not _same(v, self._told_live.get(k))}
+            self._told_live = live
+            if new:
+                self.note["live"] = new
+        return scene
+
     def plugin(self, spec: NodeSpec, context: RunContext, scope: Scope) -> Leaf:
         """Return the leaf of a behaviour from a package, whose answers are noted."""
         return _NotedPlugin(spec, context, scope, self)
@@ -157,34 +165,55 @@ class Notebook:
         self._goals += 1
         return _NotedGoal(run, self._goals - 1, self)
 
-    def _rest(self) -> None:
-        """Let the outside go on."""
-        self.clock.rest()
-        self.steady.rest()
-        self.live.rest()
 
+class NotedClock:
+    """A clock that stands still during a turn, and is noted when somebody reads it.
 
-class _Still(Generic[T]):
-    """Something of the outside that is looked at once a turn."""
+    Args:
+        look: Returns the time [s].
+        notebook: Takes the notes.
+        key: Under which the time is noted.
+    """
 
-    def __init__(self, look: Callable[[], T]) -> None:
+    def __init__(self, look: Clock, notebook: Notebook, key: str) -> None:
         self._look = look
-        self._seen: T | None = None
-        self._told: T | None = None
+        self._notebook = notebook
+        self._key = key
+        self._turn: int | None = None
+        self._now = self._told = math.nan
 
-    def __call__(self) -> T:
-        if self._seen is None:
-            self._seen = self._look()
-        return self._seen
+    def __call__(self) -> float:
+        """Return the time of this turn [s]."""
+        if self._turn != self._notebook.turn:
+            self._turn, self._now = self._notebook.turn, self._look()
+        if self._now != self._told:
+            self._notebook.note[self._key] = self._told = self._now
+        return self._now
 
-    def news(self) -> T | None:
-        """Return what was seen, if it is another than at the last news; else None."""
-        return None if self._seen == self._told else self._seen
+    def reached(self, at: float) -> bool:
+        """Return whether a time has come [s]; as long as it has not, nothing need be noted.
 
-    def rest(self) -> None:
-        """Look anew in the next turn."""
-        if self._seen is not None:
-            self._told, self._seen = self._seen, None
+        By the time that was noted last, it has not come either.
+        """
+        if self._turn != self._notebook.turn:
+            self._turn, self._now = self._notebook.turn, self._look()
+        return not self._told <= self._now < at and self() >= at
+
+
+class NotedContext(RunContext):
+    """What the nodes of a recorded run share, in the world of a :class:`Notebook`."""
+
+    def __init__(self, world: World, scope: RunScope, random: Random) -> None:
+        super().__init__(world, scope, random)
+        assert isinstance(world, Notebook)
+        self._reached = world.clock.reached
+
+    def reached(self, path: str, at: float) -> bool:
+        """See :meth:`RunContext.reached`."""
+        if self._reached(at):
+            return True
+        self.wakes[path] = at
+        return False
 
 
 class _NotedGoal:
@@ -255,20 +284,16 @@ class _NotedInbox:
     """An inbox whose messages are noted when they are taken."""
 
     def __init__(self, inbox: Inbox, number: int, notebook: Notebook) -> None:
-        self._inbox = inbox
-        self._number = number
-        self._notebook = notebook
+        taken = inbox.take
 
-    def take(self) -> Mapping[str, Plain] | None:
-        """See :class:`Inbox`."""
-        message = self._inbox.take()
-        if message is not None:
-            self._notebook.add("inbox", [self._number, message])
-        return message
+        def take() -> Mapping[str, Plain] | None:
+            message = taken()
+            if message is not None:
+                notebook.add("inbox", [number, message])
+            return message
 
-    def close(self) -> None:
-        """See :class:`Inbox`."""
-        self._inbox.close()
+        self.take = take
+        self.close = inbox.close
 
 
 class _NotedPlugin(PluginLeaf):

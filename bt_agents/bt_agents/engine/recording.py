@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import asdict
 from random import Random
 
-from bt_agents.engine.notebook import Note, Notebook
+from bt_agents.engine.notebook import Note, Notebook, NotedContext
 from bt_agents.engine.run import Run, RunLimits, RunResult, StatusChange
 from bt_agents.engine.world import Clock, World
 from bt_agents.language.specs import AgentSpec, Plain
@@ -39,7 +39,8 @@ class RecordingRun(Run):
     ``turn``     number of the turn, from 1
     ``quiet``    how many turns without a note there were right before; without it none
     ``changes``  how many nodes have changed in it; without it none
-    ``t``        the trees' clock, when it was read and is another than before [s]
+    ``t``        the trees' clock, when it was read and is another than before [s]; not when it was
+                 only asked whether some time has come, and it has not
     ``s``        the same of the steady clock, which only the end of a run reads [s]
     ``live``     what is new in the live scene that was looked at
     ``tunables`` all of them, when one has changed
@@ -98,6 +99,7 @@ class RecordingRun(Run):
             random=Random(seed),
             stopwatch=steady,
             plugins=notebook.plugin,
+            context=NotedContext,
         )
         self._write(
             {
@@ -116,10 +118,15 @@ class RecordingRun(Run):
 
     def tick(self) -> list[StatusChange]:
         """Tick; see :meth:`Run.tick`."""
-        self._notebook.begin()
-        changes = super().tick()
-        self._changed += len(changes)
-        self._close()
+        notebook = self._notebook
+        if not notebook.open and notebook.tuned != notebook.tunables:
+            notebook.begin()
+        changes = Run.tick(self)
+        if changes or notebook.note or self.result is not None:
+            self._changed += len(changes)
+            self._close()
+        else:
+            notebook.turn += 1
         return changes
 
     def cancel(self, reason: str, *, clean_up: bool = True) -> list[StatusChange]:
@@ -143,22 +150,23 @@ class RecordingRun(Run):
     def _close(self) -> None:
         """Write down the turn."""
         note = self._notebook.end()
+        turn = self._notebook.turn
+        head: Note = {"turn": turn}
+        if turn > self._noted + 1:
+            head["quiet"] = turn - self._noted - 1
+        if self._changed:
+            head["changes"] = self._changed
         if self.result is not None:
             note["end"] = {**asdict(self.result), "outcome": self.result.outcome.value}
-        if self._changed:
-            note["changes"] = self._changed
-            self._changed = 0
-        if note:
-            turn = self._notebook.turn
-            quiet = turn - self._noted - 1
-            self._noted = turn
-            self._write({"turn": turn, **({"quiet": quiet} if quiet else {}), **note})
+        self._noted = turn
+        self._changed = 0
+        self._write({**head, **note})
 
     def _write(self, note: Note) -> None:
         if self._notebook.closed:
             return
         try:
-            line = _JSON.encode(note)
+            line = _line(note)
         except (TypeError, ValueError, RecursionError) as error:
             self._stop(f"a value cannot be written down: {error}")
             return
@@ -174,6 +182,13 @@ class RecordingRun(Run):
             self._sink(self.ticks, json.dumps({"stopped": reason}))
 
 
+def _line(note: Note) -> str:
+    """Return a note as JSON; most say no more than the time, and are written much quicker."""
+    if note.keys() <= _NUMBERS:
+        return "{" + ",".join([f'"{key}":{value!r}' for key, value in note.items()]) + "}"
+    return _JSON.encode(note)
+
+
 def _plain(value: object) -> object:
     """Return what JSON has no word for as something that it has one for."""
     if isinstance(value, Mapping):
@@ -184,5 +199,7 @@ def _plain(value: object) -> object:
         return value.tolist()
     raise TypeError(f"there is a {type(value).__name__}, expected plain data")
 
+
+_NUMBERS = {"turn", "quiet", "changes", "t", "s"}
 
 _JSON = json.JSONEncoder(default=_plain, separators=(",", ":"), ensure_ascii=False)

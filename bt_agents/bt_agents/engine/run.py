@@ -4,20 +4,22 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from enum import Enum
 from random import Random
+from typing import Any, NamedTuple
 
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
 from bt_agents.engine.builder import LeafMaker, build
 from bt_agents.engine.context import RunContext
-from bt_agents.engine.leaves import Leaf
+from bt_agents.engine.halting import Step
 from bt_agents.engine.plugin_leaf import PluginLeaf
 from bt_agents.engine.scope import RunScope
+from bt_agents.engine.ticking import Ticker, Visit
 from bt_agents.engine.world import Clock, World
 from bt_agents.language.specs import AgentSpec, NodeSpec, Plain
 from bt_agents.scene import Scene, SceneSpace, Vector
@@ -34,8 +36,7 @@ class Outcome(Enum):
     CANCELLED = "cancelled"
 
 
-@dataclass(frozen=True, kw_only=True)
-class StatusChange:
+class StatusChange(NamedTuple):
     """A node's status or its message changed in a tick, or it did something and ended again."""
 
     path: str
@@ -73,7 +74,7 @@ class Overrun:
 
     Attributes:
         took_s: How long it took [s].
-        slowest: Path of the node that took longest itself, without the nodes below it.
+        slowest: Path of the leaf that took longest, with what led from the leaf before to it.
         slowest_s: How long that took [s].
     """
 
@@ -119,13 +120,15 @@ class Run:
             source.
         stopwatch: Measures how long ticks take [s]; None takes ``steady``.
         plugins: Makes the leaves whose behaviours come from packages.
+        context: Makes what the nodes share.
+        visit: Called for each node that answers a tick.
 
     Attributes:
-        period_s: The time between two ticks; one that takes longer is an overrun [s].
+        period_s: The time between two ticks; one that takes longer is an overrun [s]. Where it is
+            infinite before the first tick, leaves are not measured.
         ticks: Ticks so far, of the tree and of its clean-up.
         overruns: Those that took too long.
         overrun: The last tick, if it took too long.
-        ticked: Nodes of the last tick in the order in which they answered, and how.
         changes: What has changed in the last tick so far, in order.
         result: How it ended; None until then.
     """
@@ -145,6 +148,8 @@ class Run:
         random: Random | None = None,
         stopwatch: Clock | None = None,
         plugins: LeafMaker = PluginLeaf,
+        context: type[RunContext] = RunContext,
+        visit: Visit | None = None,
     ) -> None:
         scope = RunScope(space=space, scene=scene, live=live, profile=profile, tunables=tunables)
         self.spec = spec
@@ -152,17 +157,20 @@ class Run:
         self.ticks = 0
         self.overruns = 0
         self.overrun: Overrun | None = None
-        self.ticked: list[tuple[Behaviour, Status]] = []
         self.changes: list[StatusChange] = []
         self.result: RunResult | None = None
-        self._context = RunContext(world, scope, random or Random())
+        self._context = context(world, scope, random or Random())
         self._steady = steady
         self._stopwatch = stopwatch or steady
         self._limits = limits or RunLimits()
         self._plugins = plugins
+        self._visit = visit
         self._root = build(spec.tree, self._context, plugins)
         self._clean_up: Behaviour | None = None
-        self._told: dict[int, tuple[Status, str]] = {}
+        self._tickers: dict[Behaviour, Ticker] = {}
+        self._answered_at = 0.0
+        self._slowest = self._root
+        self._slowest_s = 0.0
         self._phase = _Phase.TICKING
         self._start = world.clock()
         self._deadline = 0.0
@@ -185,7 +193,6 @@ class Run:
 
     def tick(self) -> list[StatusChange]:
         """Tick once, in whatever phase the run is; return what changed, in order."""
-        self.ticked = []
         self.changes = []
         self.overrun = None
         self._context.wakes.clear()
@@ -197,7 +204,7 @@ class Run:
             case _Phase.CLEANING:
                 assert self._clean_up is not None
                 if self._steady() >= self._deadline:
-                    self.changes += self._stop_cleaning()
+                    self._stop_cleaning()
                 else:
                     self._tick(self._clean_up)
                     if self._clean_up.status is not Status.RUNNING:
@@ -216,13 +223,13 @@ class Run:
             reason: Why, in words.
             clean_up: False leaves the agent's ``on_cancel`` out, and stops it if it runs.
         """
+        self.changes = []
         if self._phase is _Phase.CLEANING and not clean_up:
-            return self._stop_cleaning()
+            self._stop_cleaning()
         if self._phase is not _Phase.TICKING:
-            return []
+            return self.changes
         tip = self.tip if self.ticks else ""
-        self._root.stop(Status.INVALID)
-        changes = self._untold(self._root)
+        self._ticker(self._root).halt()
         self._end = (Outcome.CANCELLED, reason, tip)
         if self.spec.on_cancel is None or not clean_up or not self.ticks:
             self._settle()
@@ -231,7 +238,7 @@ class Run:
             self._clean_up = build(self.spec.on_cancel, self._context, self._plugins)
             self._phase = _Phase.CLEANING
             self._deadline = self._steady() + self._limits.clean_up_s
-        return changes
+        return self.changes
 
     def hurry(self, settle_s: float) -> None:
         """Wait no longer than this for goals to be confirmed ended, from now or its end on [s]."""
@@ -245,7 +252,7 @@ class Run:
             # What made it give up may stand in the way of stopping, too.
             with suppress(Exception):
                 if tree is not None:
-                    tree.stop(Status.INVALID)
+                    self._ticker(tree).halt()
         self._end = (Outcome.FAILED, reason, "")
         self._deadline = self._steady()
         self._try_end()
@@ -263,11 +270,10 @@ class Run:
         )
         self._settle()
 
-    def _stop_cleaning(self) -> list[StatusChange]:
+    def _stop_cleaning(self) -> None:
         assert self._clean_up is not None
-        self._clean_up.stop(Status.INVALID)
+        self._ticker(self._clean_up).halt()
         self._settle()
-        return self._untold(self._clean_up)
 
     def _settle(self) -> None:
         self._phase = _Phase.SETTLING
@@ -291,34 +297,44 @@ class Run:
 
     def _tick(self, root: Behaviour) -> None:
         self.ticks += 1
-        began = before = self._stopwatch()
-        slowest: tuple[float, Behaviour] = (0.0, root)
-        for node in root.tick():
-            now = self._stopwatch()
-            if now - before > slowest[0]:
-                slowest = (now - before, node)
-            self.ticked.append((node, node.status))
-            acted = isinstance(node, Leaf) and node.acts and node.status is not Status.RUNNING
-            self.changes += self._change(node, again=acted)
-            before = now
-        self.changes += self._untold(root)
+        ticker = self._ticker(root)
+        if self.period_s == math.inf:
+            ticker.tick()
+            return
+        began = self._answered_at = self._stopwatch()
+        self._slowest, self._slowest_s = root, 0.0
+        ticker.tick()
         took = self._stopwatch() - began
         if took > self.period_s:
             self.overruns += 1
-            path = _path_of(slowest[1])
-            self.overrun = Overrun(took_s=took, slowest=path, slowest_s=slowest[0])
+            slowest = _path_of(self._slowest)
+            self.overrun = Overrun(took_s=took, slowest=slowest, slowest_s=self._slowest_s)
 
-    def _untold(self, root: Behaviour) -> list[StatusChange]:
-        """Return what changed without an answer of the node itself: mostly that it was stopped."""
-        return [change for node in root.iterate() for change in self._change(node)]
+    def _ticker(self, root: Behaviour) -> Ticker:
+        ticker = self._tickers.get(root)
+        if ticker is None:
+            around = None if self.period_s == math.inf else self._timed
+            ticker = Ticker(root, tell=self._tell, visit=self._visit, around=around)
+            self._tickers[root] = ticker
+        return ticker
 
-    def _change(self, node: Behaviour, *, again: bool = False) -> Iterator[StatusChange]:
-        """Give what is new about a node; ``again`` tells it even when nothing differs."""
-        status, message = node.status, node.feedback_message
-        before, told = self._told.get(id(node), (Status.INVALID, ""))
-        if again or status is not before or (message != told and status is not Status.INVALID):
-            self._told[id(node)] = (status, message)
-            yield StatusChange(path=_path_of(node), name=node.name, status=status, message=message)
+    def _timed(self, step: Step, leaf: Behaviour) -> Step:
+        clock = self._stopwatch
+
+        def timed() -> Status:
+            status = step()
+            now = clock()
+            if now - self._answered_at > self._slowest_s:
+                self._slowest_s = now - self._answered_at
+                self._slowest = leaf
+            self._answered_at = now
+            return status
+
+        return timed
+
+    def _tell(self, node: Any) -> None:
+        change = StatusChange(node.spec.path, node.name, node.status, node.feedback_message)
+        self.changes.append(change)
 
 
 def _path_of(node: Behaviour | None) -> str:

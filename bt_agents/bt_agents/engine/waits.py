@@ -11,7 +11,7 @@ from py_trees.common import Status
 from bt_agents.engine.context import RunContext
 from bt_agents.engine.leaves import Leaf
 from bt_agents.engine.scope import MessageNames, Scope, field_of, holds, not_so
-from bt_agents.engine.world import Inbox
+from bt_agents.engine.world import Clock, Inbox
 from bt_agents.language.expression.expressions import MissingValue, StaleValue
 from bt_agents.language.specs import Literal, NodeSpec, Plain
 
@@ -41,12 +41,12 @@ class _Hold:
     def __init__(self) -> None:
         self._since: float | None = None
 
-    def see(self, holds_now: bool, now: float) -> None:
+    def see(self, holds_now: bool, clock: Clock) -> None:
         """Note whether it holds now."""
         if not holds_now:
             self._since = None
         elif self._since is None:
-            self._since = now
+            self._since = clock()
 
     def due(self, seconds: float) -> float:
         """Return when it will have held for so long [s]; infinite when it does not hold."""
@@ -64,7 +64,7 @@ class WaitForCondition(Leaf):
 
     def step(self) -> Status:
         """Look at the condition."""
-        self._hold.see(self._holds(), self.context.clock())
+        self._hold.see(self._holds(), self.context.clock)
         due = self._hold.due(self.fields.seconds("for"))
         return Status.SUCCESS if self.context.reached(self.spec.path, due) else Status.RUNNING
 
@@ -118,11 +118,10 @@ class WaitForMessage(Leaf):
     def step(self) -> Status:
         """Look at what has come."""
         assert self._inbox is not None
-        now = self.context.clock()
         seconds = self.fields.seconds("for")
         while (message := self._inbox.take()) is not None:
             fits = self._fits(message)
-            self._hold.see(fits, now)
+            self._hold.see(fits, self.context.clock)
             if fits:
                 self._message = message
                 if seconds == 0:

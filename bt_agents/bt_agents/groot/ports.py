@@ -14,8 +14,9 @@ from bt_agents.groot.port_types import quantity
 from bt_agents.groot.written import Data, Raw
 from bt_agents.language.expression.expression_tokens import ExpressionError, TokenKind, tokenize
 from bt_agents.language.quantities import QuantityError
-from bt_agents.language.specs import FieldType, Plain, Position
+from bt_agents.language.specs import FieldType, Plain
 from bt_agents.language.text.scalars import plain_value
+from bt_agents.language.text.source import Source
 from bt_agents.language.text.yaml_reader import Mapping, Node, Scalar, Sequence
 
 JSON = "json:"
@@ -26,7 +27,7 @@ MAX_JSON_DEPTH = 16
 
 _REFERENCE = re.compile(r"\$\$\{|\$\{([^{}$]*)\}")
 _NAME = re.compile(r"[^\W\d]\w*(\.\w+)?")
-_NOWHERE = Position(file="", line=1, column=1)
+_NOWHERE = Source("", "")
 
 
 class PortError(BtAgentsError):
@@ -140,7 +141,7 @@ def _plain(node: Node) -> Plain:
 
 def _means_more(text: str) -> bool:
     """Return whether a text without quotes would be taken for a number, a time, or the like."""
-    scalar = Scalar(position=_NOWHERE, span=(0, 0), text=text, style="")
+    scalar = Scalar(_NOWHERE, 0, 0, text, "")
     try:
         return isinstance(plain_value(scalar), bool | int | float)
     except QuantityError:

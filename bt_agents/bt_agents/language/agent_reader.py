@@ -25,6 +25,7 @@ from bt_agents.language.text.source import Source
 from bt_agents.language.text.yaml_reader import entries_of
 from bt_agents.language.tree.trees_reader import TreesReader
 from bt_agents.language.tunables import read_tunable
+from bt_agents.language.uncollected import uncollected
 from bt_agents.language.values import read_condition
 from bt_agents.language.vocabulary import Vocabulary
 from bt_agents.language.walking import every_node
@@ -42,12 +43,14 @@ def read_agent(path: Path, vocabulary: Vocabulary) -> AgentSpec:
     Raises:
         ReadError: There is a problem; it lists all of them.
     """
-    return _AgentFile(FileReading.of(path), vocabulary).read()
+    with uncollected():
+        return _AgentFile(FileReading.of(path), vocabulary).read()
 
 
 def read_agent_text(text: str, file: str, vocabulary: Vocabulary) -> AgentSpec:
     """Return the agent of a text; ``file`` is what messages call it. As :func:`read_agent`."""
-    return _AgentFile(FileReading(Source(file, text)), vocabulary).read()
+    with uncollected():
+        return _AgentFile(FileReading(Source(file, text)), vocabulary).read()
 
 
 class _AgentFile:

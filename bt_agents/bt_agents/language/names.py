@@ -3,12 +3,18 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 
 from bt_agents.language.diagnostics import did_you_mean
 from bt_agents.language.expression.expression_tokens import OPERATOR_WORDS
-from bt_agents.language.expression.expressions import ValueKind
+from bt_agents.language.expression.expressions import (
+    Expression,
+    ValueKind,
+    parse_expression,
+)
 from bt_agents.language.expression.functions import FUNCTIONS
 from bt_agents.language.interfaces import MessageFields
 from bt_agents.language.specs import FieldType
@@ -20,6 +26,8 @@ RESERVED = (
     "true", "false", "null", *OPERATOR_WORDS, *FUNCTIONS,
 )  # fmt: skip
 """Words that no tunable, input or output may be called."""
+
+_WORD = re.compile(r"[^\W\d]\w*(?:\.\w+)*")
 
 _KINDS = {
     FieldType.TEXT: ValueKind.TEXT,
@@ -105,27 +113,34 @@ class Names:
     def type_of(self, name: str) -> FieldType | None:
         """Return the type of a name and remember it as used; None when there is no such name."""
         self.used.add(name)
-        head, _, path = name.partition(".")
-        if path and head in self._messages:
-            return self._messages[head].type_of(path)
+        return self._type_of(name)
+
+    def _type_of(self, name: str) -> FieldType | None:
+        if self._messages:
+            head, _, path = name.partition(".")
+            if path and head in self._messages:
+                return self._messages[head].type_of(path)
         if name in self._types:
             return self._types[name]
         if name in self._written:
             return self._written[name].type
         return FieldType.ANY if self._lenient and "." not in name else None
 
-    def kind_of(self, name: str) -> ValueKind | None:
-        """Return the kind of a name's value for operators, None where only a run shows it."""
-        found = self.type_of(name)
-        return _KINDS.get(found) if found is not None else None
+    def parse(self, text: str) -> Expression:
+        """Return the expression that a text says, its names of the types that they have here.
 
-    def unit_of(self, name: str) -> Dimension | None:
-        """Return the dimension of a name's value; None for a plain number, or no number."""
-        found = self.type_of(name)
-        return UNITS.get(found) if found is not None else None
+        Raises:
+            ExpressionError: As of :func:`parse_expression`; an unknown name is no error.
+        """
+        # Words that are no names, such as those in quotes, do no harm here.
+        types = tuple([self._type_of(word) for word in _WORD.findall(text)])
+        return _parsed(text, types)
 
     def problem(self, name: str) -> tuple[str, str, str] | None:
         """Return code, message and hint when a name cannot be used."""
+        if name in self._types and not self._messages:
+            self.used.add(name)
+            return None
         head, _, path = name.partition(".")
         if path and head in self._messages:
             problem = self._messages[head].problem(path)
@@ -165,6 +180,22 @@ class Names:
             "one later",
             "move that node before this one, or give it a value before with 'set'",
         )
+
+
+@lru_cache(maxsize=1024)
+def _parsed(text: str, types: tuple[FieldType | None, ...]) -> Expression:
+    """Return an expression; files say the same ones again and again.
+
+    Args:
+        text: What is written.
+        types: Type of each word in it, None where it is no name.
+    """
+    known = dict(zip(_WORD.findall(text), types, strict=True))
+    return parse_expression(
+        text,
+        kind_of=lambda name: _KINDS.get(known.get(name) or FieldType.ANY),
+        unit_of=lambda name: UNITS.get(known.get(name) or FieldType.ANY),
+    )
 
 
 def scene_names(

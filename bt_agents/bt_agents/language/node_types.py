@@ -5,8 +5,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import Enum
+from functools import cached_property
 
-from bt_agents.language.specs import FieldType, Plain
+from bt_agents.language.specs import FieldType, Literal, Plain
 
 
 class Content(Enum):
@@ -57,6 +58,11 @@ class NodeField:
     minimum: float | None = None
     message: str = ""
     description: str = ""
+
+    @cached_property
+    def default_value(self) -> Literal | None:
+        """What a node has that does not write it; None when it has nothing then."""
+        return None if self.default is None else Literal(value=self.default)
 
 
 @dataclass(frozen=True, kw_only=True)

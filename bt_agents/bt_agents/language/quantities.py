@@ -126,8 +126,7 @@ def angle(text: str) -> float:
 
 def expected(field_type: FieldType) -> str:
     """Return what a place for a quantity expects, in words: ``a time such as '8 s'``."""
-    dimension = _TYPES[field_type]
-    return f"{dimension.a} such as '{dimension.example}'"
+    return _wanted(_TYPES[field_type])
 
 
 def quantity_type(text: str) -> FieldType | None:
@@ -204,9 +203,9 @@ def _type_of(text: str, *, strict: bool) -> FieldType | None:
 def _quantity(text: str, dimension: Dimension) -> float:
     """Return a quantity of a dimension in SI."""
     text = text.strip()
-    wanted = f"{dimension.a} such as '{dimension.example}'"
     match = _QUANTITY.fullmatch(text) if len(text) <= _MAX_LENGTH else None
     if not match:
+        wanted = _wanted(dimension)
         hint = ""
         if dimension is TIME and _CLOCK.fullmatch(text):
             hint = "write minutes and seconds as one number, for example 90 s or 1.5 min"
@@ -220,7 +219,7 @@ def _quantity(text: str, dimension: Dimension) -> float:
     amount, unit = match.groups()
     unit = unit or dimension.si
     if unit not in dimension.units:
-        raise _wrong_unit(text, amount, unit, dimension, wanted)
+        raise _wrong_unit(text, amount, unit, dimension)
     value = dimension.si_value(_finite(amount), unit)
     if not math.isfinite(value):
         raise QuantityError(
@@ -229,9 +228,7 @@ def _quantity(text: str, dimension: Dimension) -> float:
     return value
 
 
-def _wrong_unit(
-    text: str, amount: str, unit: str, dimension: Dimension, wanted: str
-) -> QuantityError:
+def _wrong_unit(text: str, amount: str, unit: str, dimension: Dimension) -> QuantityError:
     near = dimension.meant(unit)
     if near:
         return QuantityError(
@@ -247,7 +244,13 @@ def _wrong_unit(
         hint = f"write {amount} min for minutes; m is metres"
     elif dimension is LENGTH and unit == "min":
         hint = f"write {amount} m for metres; min is minutes"
-    return QuantityError(f"expected {wanted}, found the {other.name} '{shortened(text)}'", hint)
+    return QuantityError(
+        f"expected {_wanted(dimension)}, found the {other.name} '{shortened(text)}'", hint
+    )
+
+
+def _wanted(dimension: Dimension) -> str:
+    return f"{dimension.a} such as '{dimension.example}'"
 
 
 def _finite(text: str) -> float:
@@ -261,7 +264,7 @@ def _finite(text: str) -> float:
 
 
 def _check_zero(text: str) -> None:
-    if _LEADING_ZERO.match(text):
+    if text[0] in "0+-" and _LEADING_ZERO.match(text):
         sign = text[0] if text[0] in "+-" else ""
         meant = sign + (text.lstrip("+-").lstrip("0") or "0")
         meant = sign + "0" + meant[len(sign) :] if meant[len(sign) :].startswith(".") else meant

@@ -28,6 +28,9 @@ _SPOILING = ("tag", "bad-character")
 """Problems of a value that leave open what it is."""
 
 _NAME = re.compile(r"[a-z][a-z0-9_]*")
+_A_TIME = quantities.expected(FieldType.DURATION)
+_A_LENGTH = quantities.expected(FieldType.LENGTH)
+_AN_ANGLE = quantities.expected(FieldType.ANGLE)
 
 T = TypeVar("T")
 
@@ -131,13 +134,21 @@ class FileReading:
             beside: Keys that belong beside what has the mapping, not into it.
         """
         if not isinstance(node, Mapping):
-            keys = required or known
-            self.wrong_type(node, what, f"a mapping with the keys {listed(keys)}")
+            self.wrong_type(node, what, f"a mapping with the keys {listed(required or known)}")
             return None
-        nodes = {e.key.text: e.value for e in node.entries if e.key.text in known}
-        keys = {entry.key.text: entry.key for entry in node.entries}
+        nodes: dict[str, Node] = {}
+        keys: dict[str, Scalar] = {}
+        unknown: list[Entry] = []
+        for entry in node.entries:
+            word = entry.key.text
+            keys[word] = entry.key
+            if word in known:
+                nodes[word] = entry.value
+            else:
+                unknown.append(entry)
         missing = [key for key in required if key not in nodes]
-        unknown = [entry for entry in node.entries if entry.key.text not in known]
+        if not unknown and not missing:
+            return Fields(self, what, node, nodes, keys)
         if unknown and not nodes and all(map(without_value, unknown)):
             self.error(
                 "wrong-type",
@@ -195,6 +206,8 @@ class FileReading:
         if not isinstance(node, Scalar):
             self.wrong_type(node, what, "a text")
             return None
+        if node.text.strip() and not node.empty:
+            return node.text
         if node.empty and node.text not in ("", "~") and not empty:
             self.error(
                 "missing-value", node, f"{shown(node.text)} means nothing", 'quote it: "null"'
@@ -246,18 +259,15 @@ class FileReading:
 
     def duration(self, node: Node, what: str) -> float | None:
         """Return a time [s]."""
-        expected = quantities.expected(FieldType.DURATION)
-        return self._quantity(node, what, expected, quantities.duration, "bad-duration")
+        return self._quantity(node, what, _A_TIME, quantities.duration, "bad-duration")
 
     def length(self, node: Node, what: str) -> float | None:
         """Return a length [m]."""
-        expected = quantities.expected(FieldType.LENGTH)
-        return self._quantity(node, what, expected, quantities.length, "bad-length")
+        return self._quantity(node, what, _A_LENGTH, quantities.length, "bad-length")
 
     def angle(self, node: Node, what: str) -> float | None:
         """Return an angle [rad]."""
-        expected = quantities.expected(FieldType.ANGLE)
-        return self._quantity(node, what, expected, quantities.angle, "bad-angle")
+        return self._quantity(node, what, _AN_ANGLE, quantities.angle, "bad-angle")
 
     def _quantity(
         self, node: Node, what: str, expected: str, convert: Callable[[str], T], code: str

@@ -13,7 +13,6 @@ from bt_agents.language.expression.expressions import (
     EvaluationError,
     Expression,
     ValueKind,
-    parse_expression,
 )
 from bt_agents.language.fields import Fields
 from bt_agents.language.interfaces import Interfaces, MessageFields, read_ros_name, read_ros_type
@@ -332,7 +331,7 @@ class SourceReader:
             path = self.path(node, what, message)
             if path is None:
                 return None
-            return parse_expression(f"{MESSAGE}.{path}", kind_of=names.kind_of)
+            return names.parse(f"{MESSAGE}.{path}")
         return read_expression(self._reading, node, node.text, 0, what, names)
 
     def _certainty(

@@ -6,6 +6,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import Enum
+from functools import cached_property
+from typing import Any, NamedTuple
 
 from bt_agents.feedback import LearningRule
 from bt_agents.language.expression.expressions import Expression
@@ -14,9 +16,15 @@ from bt_agents.scene import Vector
 Plain = None | bool | int | float | str | tuple["Plain", ...] | Mapping[str, "Plain"]
 """A value without any name in it."""
 
+NOTHING: Mapping[str, Any] = {}
+"""What all nodes share that have no fields or outputs; one of its own for each takes space."""
 
-@dataclass(frozen=True, kw_only=True)
-class Position:
+
+def _nothing() -> Mapping[str, Any]:
+    return NOTHING
+
+
+class Position(NamedTuple):
     """Where something stands; line and column count from 1."""
 
     file: str
@@ -39,8 +47,11 @@ class FieldType(Enum):
     ANGLE = "angle"
     ANY = "any"
 
+    # That of Enum is computed anew each time, and these are keys wherever a file is read.
+    __hash__ = object.__hash__
 
-@dataclass(frozen=True, kw_only=True)
+
+@dataclass(frozen=True, kw_only=True, slots=True)
 class Literal:
     """A value as written, in SI units.
 
@@ -52,7 +63,7 @@ class Literal:
     type: FieldType = field(default=FieldType.ANY, compare=False)
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, slots=True)
 class Reference:
     """``${name}``: the value of a name, at the moment it is needed.
 
@@ -64,28 +75,28 @@ class Reference:
     type: FieldType = field(default=FieldType.ANY, compare=False)
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, slots=True)
 class Computed:
     """``${age + 1}``: the value of an expression, at the moment it is needed."""
 
     expression: Expression
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, slots=True)
 class Text:
     """Text with names inside: ``Hello ${who}.``."""
 
     parts: tuple[str | Reference | Computed, ...]
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, slots=True)
 class ListValue:
     """A list of values."""
 
     items: tuple[Value, ...]
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, slots=True)
 class MapValue:
     """A mapping of values, for example the goal of an action."""
 
@@ -104,6 +115,11 @@ class FieldSpec:
     required: bool = True
     default: Plain = None
     description: str = ""
+
+    @cached_property
+    def default_value(self) -> Literal:
+        """What a node has that does not write it."""
+        return Literal(value=self.default)
 
 
 class BindingKind(Enum):
@@ -198,8 +214,23 @@ class SkillSpec:
     position: Position
     unoffered: str = ""
 
+    @cached_property
+    def input_names(self) -> tuple[str, ...]:
+        """The names of its inputs."""
+        return tuple(one.name for one in self.inputs)
 
-@dataclass(frozen=True, kw_only=True)
+    @cached_property
+    def required(self) -> tuple[str, ...]:
+        """The names of the inputs that must be written."""
+        return tuple(one.name for one in self.inputs if one.required)
+
+    @cached_property
+    def main_is_text(self) -> bool:
+        """True when its main input is a text."""
+        return any(one.name == self.main and one.type is FieldType.TEXT for one in self.inputs)
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
 class NodeSpec:
     """One node of a tree; a modifier is a node around the one it modifies.
 
@@ -221,12 +252,28 @@ class NodeSpec:
     position: Position
     kind: str
     name: str
-    fields: Mapping[str, Value | Expression] = field(default_factory=dict)
+    fields: Mapping[str, Value | Expression] = field(default_factory=_nothing)
     children: tuple[NodeSpec, ...] = ()
     skill: SkillSpec | None = None
-    outputs: Mapping[str, str] = field(default_factory=dict)
-    feedback: Mapping[str, str] = field(default_factory=dict)
+    outputs: Mapping[str, str] = field(default_factory=_nothing)
+    feedback: Mapping[str, str] = field(default_factory=_nothing)
     plugin: type | None = None
+
+    def moved(self, path: str, children: tuple[NodeSpec, ...]) -> NodeSpec:
+        """Return the same node at another path, with other children."""
+        # Not by ``replace``, which takes three times as long: each use of a subtree is moved.
+        return NodeSpec(
+            path=path,
+            position=self.position,
+            kind=self.kind,
+            name=self.name,
+            fields=self.fields,
+            children=children,
+            skill=self.skill,
+            outputs=self.outputs,
+            feedback=self.feedback,
+            plugin=self.plugin,
+        )
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -65,22 +65,25 @@ def read_value(
     """
     if field_type is FieldType.ANY:
         return _read_any(reading, node, names, what)
-    expected = _EXPECTED[field_type]
     if not isinstance(node, Scalar):
-        reading.wrong_type(node, what, expected)
+        reading.wrong_type(node, what, _EXPECTED[field_type])
         return None
+    if "${" not in node.text:
+        if field_type is FieldType.TEXT:
+            return _plain_text(reading, node, what)
+        return _literal(reading, node, field_type, what, minimum)
     parts = read_parts(reading, node, names)
     if parts is None:
         return None
     if field_type is FieldType.TEXT:
-        return _text(reading, node, parts, what)
+        return _text(parts)
     if len(parts) == 1 and not isinstance(parts[0], str):
         return _fitting(reading, node, parts[0], field_type, what)
     if any(not isinstance(part, str) for part in parts):
         reading.error(
             "wrong-type",
             node,
-            f"{what}: expected {expected}, found a text with a name in it",
+            f"{what}: expected {_EXPECTED[field_type]}, found a text with a name in it",
             "write only the ${…}, without anything around it",
         )
         return None
@@ -107,11 +110,15 @@ def _literal(
     return None if value is None else Literal(value=value, type=field_type)
 
 
-def _text(reading: FileReading, node: Scalar, parts: tuple[Part, ...], what: str) -> Value | None:
+def _plain_text(reading: FileReading, node: Scalar, what: str) -> Literal | None:
+    # An empty text can be meant, but then it is in quotes.
+    text = reading.text(node, what, empty=not node.plain)
+    return None if text is None else Literal(value=text)
+
+
+def _text(parts: tuple[Part, ...]) -> Value:
     if all(isinstance(part, str) for part in parts):
-        # An empty text can be meant, but then it is in quotes.
-        text = reading.text(node, what, empty=not node.plain)
-        return None if text is None else Literal(value="".join(map(str, parts)))
+        return Literal(value="".join(map(str, parts)))
     match parts:
         case (Reference(type=FieldType.TEXT) as only,):
             return only

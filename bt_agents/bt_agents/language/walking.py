@@ -21,4 +21,5 @@ def every_node(root: _Node) -> Iterator[_Node]:
     while waiting:
         node = waiting.pop()
         yield node
-        waiting += reversed(node.children)
+        if node.children:
+            waiting += reversed(node.children)

@@ -11,6 +11,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from random import Random
 
+from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
 from bt_agents.engine.run import Outcome, Run, RunResult, StatusChange
@@ -119,6 +120,8 @@ class _Rehearsal:
         self._held: list[tuple[int, Event]] | None = None
         self._noted = 0
         self._teller = Teller(self._nodes)
+        # Nodes of the last tick in the order in which they answered, and how.
+        self._ticked: list[tuple[Behaviour, Status]] = []
         self._marks: dict[str, set[Mark]] = {}
         self._given: list[Kind] = []
         self._cancelled_by = ""
@@ -147,6 +150,7 @@ class _Rehearsal:
             world=self._world,
             steady=self._clock,
             random=Random(scenario.seed),
+            visit=lambda node, status: self._ticked.append((node, status)),
         )
         rules = tuple(map(watched, agent.rules))
         self._watch = Watch(rules, self._scene, space, self._clock)
@@ -184,13 +188,14 @@ class _Rehearsal:
         self._world.report_ended()
         self._held = []
         self._noted = 0
+        self._ticked.clear()
         changes = self._run.tick()
         self._world.report_ended()
-        mark(self._run.ticked, self._marks)
+        mark(self._ticked, self._marks)
         self._note(changes)
         self._held = None
         self._rests = (
-            not changes and not self._world.active and at_rest(self._run.ticked, self._run.wakes)
+            not changes and not self._world.active and at_rest(self._ticked, self._run.wakes)
         )
 
     def _move_on(self) -> str:
@@ -225,7 +230,7 @@ class _Rehearsal:
             return self._endless()
 
     def _endless(self) -> str:
-        leaves = running_leaves(self._run.ticked)
+        leaves = running_leaves(self._ticked)
         waiting = "; ".join(f"{one.path}, {one.position}" for one in leaves)
         return f"it waits for ever: nothing more will happen ({waiting})"
 
@@ -238,7 +243,7 @@ class _Rehearsal:
         announced = bool(self._agenda) or min(self._watch.due, self._run.deadline) < math.inf
         if self._prompt is None or not self._rests or announced:
             return None
-        leaves = running_leaves(self._run.ticked)
+        leaves = running_leaves(self._ticked)
         waits = [one for one in leaves if one.kind == "wait_for"]
         if until == math.inf:
             reason = self._endless()

@@ -12,7 +12,7 @@ KEPT = 50
 """Good versions of an agent that can be rolled back to."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, slots=True)
 class Version:
     """One good version of an agent.
 
@@ -54,7 +54,7 @@ class Standing:
     problems: tuple[str, ...]
 
 
-@dataclass(kw_only=True)
+@dataclass(kw_only=True, slots=True)
 class Shelf:
     """The versions of one agent.
 

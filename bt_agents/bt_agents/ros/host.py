@@ -16,6 +16,7 @@ from bt_agents.reload.effects import Act, Effect
 from bt_agents.reload.versions import AgentVersions
 from bt_agents.ros import qos
 from bt_agents.ros.audience import hear_each_other
+from bt_agents.ros.bid_bytes import Saying
 from bt_agents.ros.installed import InstalledInterfaces
 from bt_agents.ros.introductions import Introductions
 from bt_agents.ros.live_scene import LiveScene
@@ -39,6 +40,7 @@ from bt_agents_interfaces.msg import (
 from bt_agents_interfaces.srv import SetProfile
 
 HEARTBEAT_S = 0.1
+_NAMES_SHOWN = 20
 
 
 class HostNode(GuardedNode):
@@ -60,6 +62,7 @@ class HostNode(GuardedNode):
         for problem in folder.plugin_problems:
             self.get_logger().warning(f"a node of a package is left out: {problem}")
         self._bids = self.create_publisher(Bids, "bids", qos.EVENTS)
+        self._saying = Saying(self.host, self.instance)
         self._heartbeats = self.create_publisher(Heartbeat, "~/heartbeat", qos.EVENTS)
         stamp = seconds(self.get_clock().now().to_msg())
         self._versions = AgentVersions(folder, stamp)
@@ -102,9 +105,9 @@ class HostNode(GuardedNode):
         steady_timer(self, HEARTBEAT_S, self._beat)
         self._introductions.trees()
         self._introductions.files()
-        self.get_logger().info(
-            f"{len(self.roster.members)} agents: {', '.join(self.roster.members)}"
-        )
+        names = list(self.roster.members)
+        shown = ", ".join(names[:_NAMES_SHOWN]) + (" …" if names[_NAMES_SHOWN:] else "")
+        self.get_logger().info(f"{len(names)} agents: {shown}")
 
     @property
     def host(self) -> str:
@@ -207,22 +210,9 @@ class HostNode(GuardedNode):
             self.get_logger().warning(f"call of round {call.round} not answered: {refused}")
             return
         answer = self.roster.answer(
-            scene, call.excluded, obstacle=self._runs.world.clock.obstacle()
+            scene, frozenset(call.excluded), obstacle=self._runs.world.clock.obstacle()
         )
-        self._bids.publish(
-            Bids(
-                epoch=call.epoch,
-                round=call.round,
-                host=self.host,
-                host_instance=self.instance,
-                agents=[member.spec.name for member in answer.bids],
-                agent_ids=[member.agent_id for member in answer.bids],
-                vectors=[v for member in answer.bids for v in member.profile_for(scene)],
-                weights=self.roster.weights(answer.bids),
-                declined=list(answer.declined),
-                decline_reasons=list(answer.declined.values()),
-            )
-        )
+        self._bids.publish(self._saying.message(call.epoch, call.round, answer))
 
     def _set_profile(
         self, request: SetProfile.Request, response: SetProfile.Response
@@ -242,9 +232,9 @@ class HostNode(GuardedNode):
             response.code, response.message = refused.code, refused.reason
             return response
         response.accepted = True
-        if layer or request.remove:
-            return response
-        self._introductions.card()
+        if not layer and not request.remove:
+            # The feedback node waits for the answer, nobody for the card.
+            self.executor.create_task(self._introductions.card)
         return response
 
     def _beat(self) -> None:
@@ -260,6 +250,8 @@ class HostNode(GuardedNode):
                 sequence=self._beats % 2**32,
             )
         )
+        self._membership.watch()
+        self._runs.look()
 
 
 def _nodes(agent: AgentSpec) -> Iterator[NodeSpec]:

@@ -36,7 +36,6 @@ class Introductions:
         self._roster = roster
         self._versions = versions
         self._folder = str(versions.trees.folder.resolve())
-        self._structures: dict[str, tuple[AgentSpec, Tree]] = {}
         self._node = node
         self._taken = False
         self._cards = self._card_publisher()
@@ -78,14 +77,15 @@ class Introductions:
 
     def trees(self) -> None:
         """Publish the structure of all trees, the clean-up branches included."""
-        self._structures = {
-            name: self._structure(member) for name, member in self._roster.members.items()
-        }
+        # Made anew each time: kept, the nodes of 1,000 agents would take 2 MB.
         self._trees.publish(
             Trees(
                 host=self._host,
                 host_instance=self._instance,
-                trees=[tree for _, tree in self._structures.values()],
+                trees=[
+                    Tree(agent=name, nodes=_nodes(member.spec))
+                    for name, member in self._roster.members.items()
+                ],
             )
         )
 
@@ -105,14 +105,6 @@ class Introductions:
 
     def _card_publisher(self) -> Publisher[HostCard]:
         return self._node.create_publisher(HostCard, "cards", qos.FACT)
-
-    def _structure(self, member: Member) -> tuple[AgentSpec, Tree]:
-        """Return the structure of a tree; it is made once for each version."""
-        spec = member.spec
-        known = self._structures.get(spec.name)
-        if known is not None and known[0] is spec:
-            return known
-        return spec, Tree(agent=spec.name, nodes=_nodes(spec))
 
     def _agent_card(self, member: Member) -> AgentCard:
         spec = member.spec

@@ -30,7 +30,6 @@ MARKET_LEASE = "market_lease"
 _LIMIT_S = 1.0
 _AGAIN_S = 1.0
 _LOOK_S = 0.02
-_WATCH_S = 0.1
 _TOLD_S = 30.0
 
 
@@ -88,7 +87,6 @@ class Membership:
         runs.on_begin(self._run_begins)
         runs.on_end(self._run_ended)
         steady_timer(node, _AGAIN_S, self._again)
-        steady_timer(node, _WATCH_S, self._watch)
         self._waiting = ""
         self._look = steady_timer(node, _LOOK_S, self._register_heard, running=False)
 
@@ -155,7 +153,8 @@ class Membership:
         if heartbeat.epoch != self.epoch and now - self._asked >= _AGAIN_S:
             self._register(heartbeat.epoch)
 
-    def _watch(self) -> None:
+    def watch(self) -> None:
+        """Look ten times a second whether the market is silent, or this process was held up."""
         now = time.monotonic()
         held_up_s = now - self._watched
         if held_up_s > self._lease.lease_s / 2:

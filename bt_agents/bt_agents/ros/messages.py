@@ -13,6 +13,8 @@ from bt_agents.scene import Origin, Scene, SceneSpace, SceneValue
 from bt_agents_interfaces.msg import Scene as SceneMsg
 from bt_agents_interfaces.msg import SceneValue as SceneValueMsg
 
+_ORIGINS = {int(origin): origin for origin in Origin}
+
 LONGEST_NAME = 200
 """Characters of the name of a person or a place."""
 
@@ -73,7 +75,8 @@ def scene_from_msg(message: Any, space: SceneSpace) -> Scene:
             )
     values = []
     for value in message.values:
-        if value.origin not in set(Origin):
+        origin = _ORIGINS.get(value.origin)
+        if origin is None:
             raise Refused(
                 "UNKNOWN_ORIGIN",
                 f"scene: '{value.name}' has the origin {value.origin}, expected 0-4",
@@ -82,7 +85,7 @@ def scene_from_msg(message: Any, space: SceneSpace) -> Scene:
             SceneValue(
                 name=value.name,
                 value=value.value,
-                origin=Origin(value.origin),
+                origin=origin,
                 age_s=value.age_s,
                 std=value.std,
                 confidence=value.confidence,

@@ -10,6 +10,7 @@ from rcl_interfaces.msg import SetParametersResult
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
+from bt_agents.ros.log_lines import LogLines
 from bt_agents.ros.parameter_services import ParameterServices
 
 
@@ -23,6 +24,7 @@ class GuardedNode(Node):
 
     def __init__(self, name: str, **node_kwargs: Any) -> None:
         super().__init__(name, start_parameter_services=False, **node_kwargs)
+        self._logger = LogLines(self.get_logger().name)
         self.add_on_set_parameters_callback(_check_finite)
         self._parameter_services = ParameterServices(self)
 

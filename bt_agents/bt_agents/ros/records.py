@@ -56,6 +56,7 @@ class Records:
         self._goal: Any = None
         self._tick = 0
         self._lines: list[str] = []
+        self._characters = 0
 
     def run(self, goal: Any, spec: AgentSpec, **how: Any) -> Run:
         """Return the run of a goal, recorded when somebody listens.
@@ -80,6 +81,7 @@ class Records:
         if not self._lines:
             return
         lines, self._lines = self._lines, []
+        self._characters = 0
         self._records.publish(
             RunRecord(
                 stamp=self._node.get_clock().now().to_msg(),
@@ -103,5 +105,6 @@ class Records:
             self._tick = tick
             self._timer.reset()
         self._lines.append(line)
-        if sum(map(len, self._lines)) >= _MOST_CHARACTERS:
+        self._characters += len(line)
+        if self._characters >= _MOST_CHARACTERS:
             self.flush()

@@ -100,7 +100,7 @@ class Reloading:
         what = "take changed files of agents over by itself"
         self._on = bool(follow(node, "reload", True, describe(what), self._switch))
         runs.on_end(lambda goal, _result: self.run_ended(goal.agent))
-        steady_timer(node, _TURN_S, self._turn)
+        self._timer = steady_timer(node, PERIOD_S, self._turn)
 
     def close(self) -> None:
         """Stop reading; nothing is waited for."""
@@ -190,21 +190,31 @@ class Reloading:
         if effects or news:
             self._applied(effects)
 
+    def _set_timer(self) -> None:
+        """Turn soon while something is under way, else when the files are looked at again."""
+        now = time.monotonic()
+        busy = self._readings or self._unsettled or self._requests
+        wait_s = _TURN_S if busy else max(_TURN_S, self._next_look - now)
+        self._timer.timer_period_ns = round(wait_s * 1e9)
+        self._timer.reset()
+
     def _turn(self) -> None:
         now = time.monotonic()
         if self._unsettled:
             self._settle()
         while self._readings and not self._unsettled and self._readings[0].job.done():
             self._finish(self._readings.popleft())
-        if self._on and not (self._readings or self._unsettled) and now >= self._next_look:
+        if now >= self._next_look and not (self._readings or self._unsettled):
             self._next_look = now + PERIOD_S
-            self._read(self._watch.look, self._take_look, None)
+            if self._on:
+                self._read(self._watch.look, self._take_look, None)
         for request in list(self._requests):
             if not self._unsettled and not self._is_awaited(request):
                 self._end(request)
             elif now >= request.deadline:
                 request.error = f"not done within {ANSWER_LIMIT_S:g} s, but it goes on"
                 self._end(request)
+        self._set_timer()
 
     def _finish(self, reading: _Reading) -> None:
         try:
@@ -231,6 +241,7 @@ class Reloading:
         self, work: Callable[[], Any], take: Callable[[Any], None], request: Request | None
     ) -> None:
         self._readings.append(_Reading(job=self._thread.submit(work), take=take, request=request))
+        self._set_timer()
 
     def _take_look(self, trees: Trees | None) -> None:
         if trees is not None:

@@ -5,10 +5,10 @@ from __future__ import annotations
 
 import time
 import traceback
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
-from rclpy.action import ActionServer, CancelResponse, GoalResponse
+from rclpy.action import CancelResponse, GoalResponse
 from rclpy.node import Node
 from rclpy.task import Future
 
@@ -17,6 +17,7 @@ from bt_agents.engine.run import Outcome, Overrun, Run, RunResult, StatusChange
 from bt_agents.errors import Refused
 from bt_agents.held_up import Award, LastWord
 from bt_agents.ros import qos
+from bt_agents.ros.action_server import QuietActionServer
 from bt_agents.ros.messages import scene_from_msg
 from bt_agents.ros.records import Records
 from bt_agents.ros.run_messages import failed, not_begun, run_result_to_msg, tree_status
@@ -29,14 +30,13 @@ from bt_agents_interfaces.action import RunAgent
 from bt_agents_interfaces.msg import MarketHeartbeat, TreeStatus
 from bt_agents_interfaces.msg import Scene as SceneMsg
 
-RESULT_KEPT_S = 5
+RESULT_KEPT_S = 2
 """How long rclpy keeps a finished goal [s]; its default of 900 s slows acceptance 25-fold."""
 
 _STOP_SETTLE_S = 0.7
 """How long a host that is stopped waits for goals to end [s]; it has a second for everything."""
 
 _OVERRUNS_TOLD_S = 5.0
-_LOOK_S = 0.1
 _FAREWELL_S = 0.2
 """How long the last result has to go out before the action leaves the graph [s]."""
 
@@ -70,13 +70,16 @@ class RunServer:
         self._live = live
         self._run: Run | None = None
         self._ended: Any = None
+        self._stopped: tuple[Run, Sequence[StatusChange]] | None = None
         self._handle: Any = None
+        self._scene: Any = None
         self._cancel_reason = ""
         self._clean_up = True
         self._stopping = False
         self._leaving = False
         self._free_since = 0.0
         self._market = LastWord(time.monotonic())
+        self._soon = False
         self._period_s = 0.05
         self._pace = Pace(self._period_s, time.monotonic())
         self._at_begin: list[Callable[[Any], None]] = []
@@ -92,14 +95,13 @@ class RunServer:
         self._records = Records(node, instance, self._status, version)
         # It is set anew for each tick: a timer that is late makes up for nothing.
         self._timer = steady_timer(node, self._period_s, self._tick, running=False)
-        steady_timer(node, _LOOK_S, self._look)
-        self._server: ActionServer | None = None
+        self._server: QuietActionServer | None = None
 
     def open(self) -> None:
         """Take goals; two servers of one name would each take every goal."""
         self._leaving = False
         if self._server is None:
-            self._server = ActionServer(
+            self._server = QuietActionServer(
                 self._node,
                 RunAgent,
                 "~/run",
@@ -174,6 +176,13 @@ class RunServer:
             self._pace.hurry(time.monotonic())
             self._set_timer()
 
+    def look(self) -> None:
+        """Look ten times a second whether this process was held up, and whether it may leave."""
+        now = time.monotonic()
+        self._market.held_up.wait_s(now)
+        if self._leaving and not self.busy and now - self._free_since >= _FAREWELL_S:
+            self.close()
+
     def hear_market(self, heartbeat: MarketHeartbeat) -> None:
         """Take a sign of life of a market, which names the run that it knows of."""
         run = _award(self.goal) if self.busy else None
@@ -182,7 +191,7 @@ class RunServer:
 
     def _answer_goal(self, goal: Any) -> GoalResponse:
         try:
-            self._check(goal)
+            self._scene = self._check(goal)
         except Refused as refused:
             self._node.get_logger().warning(
                 f"goal for '{goal.agent[:80]}' (round {goal.round}) refused: {refused}"
@@ -191,14 +200,14 @@ class RunServer:
         return GoalResponse.ACCEPT
 
     def _begin(self, handle: Any) -> None:
-        """Take a goal whose acceptance is on its way; it is executed in a turn of its own."""
+        """Take a goal whose acceptance is on its way; a cancel that came with it is seen first."""
         self._handle = handle
         self.goal = handle.request
         handle.execute()
         for listener in self._at_begin:
             self._tell(listener, self.goal)
 
-    def _check(self, goal: Any) -> None:
+    def _check(self, goal: Any) -> Scene:
         if self._stopping:
             raise Refused("STOPPING", "this host is being stopped")
         if self._leaving:
@@ -217,12 +226,14 @@ class RunServer:
             raise Refused(
                 "UNREGISTERED", f"{goal.agent} has the id {member.agent_id}, not {goal.agent_id}"
             )
-        scene_from_msg(goal.scene, self._roster.space)
+        return scene_from_msg(goal.scene, self._roster.space)
 
     def _answer_cancel(self, handle: Any) -> CancelResponse:
         if self._handle is None or handle != self._handle:
             return CancelResponse.REJECT
-        self.cancel(AS_TOLD)
+        if not self._cancel_reason:
+            self.cancel(AS_TOLD)
+            self._tick()
         return CancelResponse.ACCEPT
 
     async def _execute(self, handle: Any) -> RunAgent.Result:
@@ -244,26 +255,30 @@ class RunServer:
         for listener in self._at_end:
             self._tell(listener, goal, result)
         _close(handle, result)
+        if self._stopped is not None:
+            # The result has a turn of its own, which comes before that of what is begun in it.
+            begin = self._node.executor.create_task
+            begin(begin, self._tell_stopped, goal, *self._stopped)
+            self._stopped = None
         return run_result_to_msg(result)
 
     def _start(self, goal: Any) -> None:
-        scene = scene_from_msg(goal.scene, self._roster.space)
         member = self._roster.member(goal.agent)
         self._run = self._records.run(
             goal,
             member.spec,
             space=self._roster.space,
-            scene=scene,
-            profile=member.profile_for(scene),
-            live=self._live(scene),
+            scene=self._scene,
+            profile=member.profile_for(self._scene),
+            live=self._live(self._scene),
             tunables=member.tunables,
             world=self.world,
             steady=time.monotonic,
         )
         self._run.period_s = self._period_s
         self._pace = Pace(self._period_s, time.monotonic())
-        self._node.get_logger().info(f"round {goal.round}: {goal.agent} runs")
         self._tick()
+        self._node.get_logger().info(f"round {goal.round}: {goal.agent} runs")
 
     def _tell(self, listener: Callable[..., None], *what: Any) -> None:
         """Tell a listener, which must not stand between the market and the result."""
@@ -282,11 +297,18 @@ class RunServer:
         wait_s = self._pace.due - now
         if not self._cancel_reason:
             wait_s = max(wait_s, self._wait_s(now))
+        if wait_s <= 0.0 and not self._soon:
+            self._soon = True
+            self._timer.cancel()
+            self._node.executor.create_task(self._tick)
+        if self._soon:
+            return
         # It rings early rather than never: a period of zero is none.
         self._timer.timer_period_ns = max(1, int(wait_s * 1e9))
         self._timer.reset()
 
     def _tick(self) -> None:
+        self._soon = False
         self._timer.cancel()
         run = self._run
         if run is None or run.result is not None:
@@ -323,16 +345,18 @@ class RunServer:
             return failed(reason)
 
     def _advance(self, run: Run) -> None:
-        changes = []
-        if self._cancel_reason:
-            changes += self._cancel_now(run)
-        changes += run.tick()
-        if changes:
-            self._publish(run, changes)
+        stopped = self._cancel_now(run) if self._cancel_reason else []
+        is_over = run.result is not None
+        ticked = run.tick()
+        if is_over:
+            # Whoever cancels waits for the result, not for the words about a thousand nodes.
+            self._stopped = (run, stopped)
+        elif stopped or ticked:
+            self._publish(run, [*stopped, *ticked])
         if run.overrun is not None:
             self._tell_overrun(run, run.overrun)
 
-    def _cancel_now(self, run: Run) -> list[StatusChange]:
+    def _cancel_now(self, run: Run) -> Sequence[StatusChange]:
         reason, clean_up = self._cancel_reason, self._clean_up
         if self._wait_s(time.monotonic()):
             # Another agent may have the robot by now, and must not be talked into.
@@ -346,12 +370,6 @@ class RunServer:
         """Return how long not to tick, as the market may have given the run away meanwhile [s]."""
         return self._market.wait_s(_award(self.goal), now)
 
-    def _look(self) -> None:
-        now = time.monotonic()
-        self._market.held_up.wait_s(now)
-        if self._leaving and not self.busy and now - self._free_since >= _FAREWELL_S:
-            self.close()
-
     def _tell_overrun(self, run: Run, overrun: Overrun) -> None:
         self._node.get_logger().warning(
             f"{run.spec.name}: tick {run.ticks} took {overrun.took_s * 1e3:.0f} ms, there are "
@@ -360,12 +378,20 @@ class RunServer:
             throttle_duration_sec=_OVERRUNS_TOLD_S,
         )
 
-    def _publish(self, run: Run, changes: list[StatusChange]) -> None:
-        stamp = self._node.get_clock().now().to_msg()
-        status = tree_status(stamp, self.goal, self._instance, run, changes)
+    def _publish(self, run: Run, changes: Sequence[StatusChange]) -> None:
+        status = self._status_of(self.goal, run, changes)
         self._status.publish(status)
         if self._handle.is_active:
             self._handle.publish_feedback(RunAgent.Feedback(status=status))
+
+    def _tell_stopped(self, goal: Any, run: Run, changes: Sequence[StatusChange]) -> None:
+        """Tell what a cancel has changed, when its result is on its way."""
+        if changes:
+            self._status.publish(self._status_of(goal, run, changes))
+
+    def _status_of(self, goal: Any, run: Run, changes: Sequence[StatusChange]) -> TreeStatus:
+        stamp = self._node.get_clock().now().to_msg()
+        return tree_status(stamp, goal, self._instance, run, changes)
 
 
 def _award(message: Any) -> Award:

@@ -14,11 +14,12 @@ from contextlib import suppress
 from typing import Protocol, TypeVar
 
 import rclpy
-from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
 from bt_agents.interrupt import Interrupt, Interrupted
+from bt_agents.ros.executor import LeanExecutor
 from bt_agents.starting import READY, SUPERVISED
 
 _POLL_S = 0.1
@@ -43,11 +44,11 @@ NodeT = TypeVar("NodeT", bound=Node)
 
 
 class Turner:
-    """Turns a single-threaded executor; an exception in a callback is reported and survived."""
+    """Turns a node; an exception in a callback is reported and survived."""
 
     def __init__(self, node: Node) -> None:
         self.node = node
-        self.executor = SingleThreadedExecutor()
+        self.executor = LeanExecutor()
         self.executor.add_node(node)
 
     def turn(self, timeout_s: float = _POLL_S) -> None:

@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+import math
+import time
 from collections.abc import Callable
 
 from rclpy.clock import Clock, ClockType
@@ -23,3 +25,34 @@ def steady_timer(
     """
     steady = Clock(clock_type=ClockType.STEADY_TIME)
     return node.create_timer(period_s, callback, clock=steady, autostart=running)
+
+
+class OneShot:
+    """Calls back once, at a time that may be moved.
+
+    Args:
+        node: Whose executor calls back.
+        callback: What is called.
+    """
+
+    def __init__(self, node: Node, callback: Callable[[], None]) -> None:
+        self._callback = callback
+        self._at = math.inf
+        self._timer = steady_timer(node, 1.0, self._ring, running=False)
+
+    def set(self, at: float) -> None:
+        """Call back at this time on the steady clock [s], and no more for infinity."""
+        if at == self._at:
+            return
+        self._at = at
+        if at == math.inf:
+            self._timer.cancel()
+            return
+        # It rings early rather than never: a period of zero is none.
+        self._timer.timer_period_ns = max(1, int((at - time.monotonic()) * 1e9))
+        self._timer.reset()
+
+    def _ring(self) -> None:
+        self._timer.cancel()
+        self._at = math.inf
+        self._callback()

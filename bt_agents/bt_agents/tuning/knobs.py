@@ -54,7 +54,7 @@ class KnobKind(Enum):
     TICK_RATE = "tick rate"
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, slots=True)
 class Knob:
     """One value that may be tuned; it is a ROS parameter of the host.
 

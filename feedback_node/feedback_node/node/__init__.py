@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import time
 import uuid
@@ -20,19 +21,19 @@ from bt_agents.language.scene_reader import read_scene
 from bt_agents.ros import qos
 from bt_agents.ros.calls import Calls
 from bt_agents.ros.live_scene import declare_live_lease
-from bt_agents.ros.messages import scene_from_msg, scene_to_msg
+from bt_agents.ros.messages import scene_from_msg
 from bt_agents.ros.node import GuardedNode
 from bt_agents.ros.runner import run
 from bt_agents.ros.startup import TREES, StartParameter, make_from_parameters
-from bt_agents.ros.timers import steady_timer
-from bt_agents.scene import Scene, SceneSpace
+from bt_agents.ros.timers import OneShot, steady_timer
+from bt_agents.scene import SceneSpace
 from bt_agents.simulated import SimulatedFeedback
 from bt_agents.trees_folder import find_trees
 from bt_agents_interfaces.msg import Feedback, HostCard, MoodTrace, TreeStatus
 from bt_agents_interfaces.msg import Profiles as ProfilesMsg
 from bt_agents_interfaces.msg import Run as RunMsg
 from bt_agents_interfaces.msg import Scene as SceneMsg
-from bt_agents_interfaces.srv import CancelRun, CollectFeedback, GiveFeedback
+from bt_agents_interfaces.srv import CollectFeedback, GiveFeedback
 from feedback_node.changes import Change, Table
 from feedback_node.ledger import Ledger
 from feedback_node.ledger_file import LedgerError, ledger_path
@@ -48,16 +49,18 @@ from feedback_node.node.messages import (
     run_from_msg,
     table_to_msg,
 )
+from feedback_node.node.stops import Stops
 from feedback_node.node.tips import Tips
 from feedback_node.profiles import Profiles
-from feedback_node.teaching import Lesson, Stop, Teaching
+from feedback_node.teaching import Lesson, Teaching
 
 CARDS_S = 10.0
 """So long after its start the node waits for the card of an agent that it is asked about [s]."""
 
-_TICK_S = 0.025
+_REST_S = 0.025
+"""Between two looks at live scenes, however many come [s]."""
+
 _TIDY_S = 1.0
-_CALL_LIMIT_S = 1.0
 _MOST_PROBLEMS = 100
 
 ResultT = TypeVar("ResultT")
@@ -96,18 +99,18 @@ class FeedbackNode(GuardedNode):
         self._born_ns = time.time_ns()
         self._cards_until = time.monotonic() + CARDS_S
         self._card_awaited: list[Future] = []
-        self._unanswered: list[Stop] = []
         self._calls = Calls(self)
         self._hosts = Hosts(self, self._calls, self._profiles)
         self._tips = Tips(self, self._on_status)
         self._problems: dict[str, tuple[str, ...]] = {}
         self._untaken: dict[str, HostCard] = {}
         self._table: Table = ()
-        self._live: Scene | None = None
-        self._cancel = self.create_client(CancelRun, "marketplace/cancel", qos_profile=qos.SERVICE)
+        self._live: SceneMsg | None = None
+        self._looked = -math.inf
+        self._stops = Stops(self, self._calls, self._teaching.runs)
         self._tell_from_now()
         self._current = self.create_publisher(ProfilesMsg, "profiles", qos.FACT)
-        self._timer = steady_timer(self, _TICK_S, self._on_tick, running=False)
+        self._timer = OneShot(self, self._look)
         steady_timer(self, _TIDY_S, self._on_idle)
         self.create_subscription(HostCard, "cards", self._on_card, qos.FACTS)
         self.create_subscription(RunMsg, "runs", self._on_run, qos.HISTORY)
@@ -175,16 +178,22 @@ class FeedbackNode(GuardedNode):
         self._teaching.ticked((message.epoch, message.round, message.agent), message.tip)
 
     def _on_live(self, message: SceneMsg) -> None:
-        """Keep the newest live scene; the rules look at it with the next tick."""
         if not self._teaching.follows(message.scene_id):
             return
+        self._live = message
+        if time.monotonic() >= self._looked + _REST_S:
+            self._look()
+        else:
+            self._set_timer()
+
+    def _look(self) -> None:
+        """Look at the newest live scene, or at the time."""
+        message, self._live, self._looked = self._live, None, time.monotonic()
         try:
-            self._live = scene_from_msg(message, self._space)
+            live = None if message is None else scene_from_msg(message, self._space)
         except Refused as refusal:
             self.get_logger().warning(f"live scene refused: {refusal}", throttle_duration_sec=5.0)
-
-    def _on_tick(self) -> None:
-        live, self._live = self._live, None
+            live = None
         self._follow(self._teaching.tick() if live is None else self._teaching.see(live))
 
     def _on_idle(self) -> None:
@@ -193,7 +202,8 @@ class FeedbackNode(GuardedNode):
         self._hosts.again()
         self._follow(self._teaching.again())
         self._look_again()
-        self._stop_again()
+        self._stops.again()
+        self._ledger.secure()
         if self._untidy and not self._teaching.watching:
             self._untidy = not self._ledger.tidy()
 
@@ -206,15 +216,12 @@ class FeedbackNode(GuardedNode):
                 for delivery in self._profiles.deliveries(lesson.change.all):
                     self._hosts.deliver(delivery)
             if lesson.stop is not None:
-                self._stop(lesson.stop)
+                self._stops.ask(lesson.stop)
         self._set_timer()
 
     def _set_timer(self) -> None:
-        if self._teaching.following == self._timer.is_canceled():
-            if self._teaching.following:
-                self._timer.reset()
-            else:
-                self._timer.cancel()
+        rested = math.inf if self._live is None else self._looked + _REST_S
+        self._timer.set(min(self._teaching.due, rested))
 
     # Requests
 
@@ -232,8 +239,9 @@ class FeedbackNode(GuardedNode):
             response.message = f"no feedback for {request.agent}"
             return response
         response.applied = True
+        told = self._tell(change)
         response.feedback = self._announce(change)
-        response.message = await self._told(change)
+        response.message = await self._told(change, told)
         return response
 
     async def _on_give(
@@ -249,8 +257,9 @@ class FeedbackNode(GuardedNode):
             response.code, response.message = refusal.code, refusal.reason
             return response
         response.accepted = True
+        told = self._tell(change)
         response.feedback = self._announce(change)
-        response.message = await self._told(change)
+        response.message = await self._told(change, told)
         return response
 
     async def _introduced(self, teach: Callable[[], ResultT]) -> ResultT:
@@ -282,7 +291,7 @@ class FeedbackNode(GuardedNode):
             self._untidy = True
             for message in messages:
                 self._feedback.publish(message)
-            self._publish_table()
+            self.executor.create_task(self._publish_table)
             first = messages[0]
             self.get_logger().info(
                 f"{first.agent} revision {first.revision}: {change.words}; "
@@ -290,13 +299,17 @@ class FeedbackNode(GuardedNode):
             )
         return messages[0]
 
-    async def _told(self, change: Change) -> str:
-        """Wait until the host bids with the profile or has not answered in time; say which."""
-        words = f"{change.revision.agent}: {change.words}"
+    def _tell(self, change: Change) -> list[Future]:
+        """Tell the hosts what their agents are now; each of the futures gets a problem or ""."""
         answers = []
         for delivery in self._profiles.deliveries(change.all):
             answers.append(Future())
             self._hosts.deliver(delivery, answers[-1])
+        return answers
+
+    async def _told(self, change: Change, answers: list[Future]) -> str:
+        """Wait until the host bids with the profile or has not answered in time; say which."""
+        words = f"{change.revision.agent}: {change.words}"
         problems = [await answer for answer in answers]
         if any(problems):
             problem = next(filter(None, problems))
@@ -322,40 +335,6 @@ class FeedbackNode(GuardedNode):
     def _tell_from_now(self) -> None:
         self._feedback = self.create_publisher(Feedback, "feedback", qos.HISTORY)
         self._traces = self.create_publisher(MoodTrace, "mood_traces", qos.HISTORY)
-
-    def _stop_again(self) -> None:
-        """Ask again for what the market has not answered, as long as the run goes on."""
-        stops, self._unanswered = self._unanswered, []
-        for stop in stops:
-            if self._teaching.runs(stop.run):
-                self._stop(stop)
-
-    def _stop(self, stop: Stop) -> None:
-        what = f"{stop.run.agent} in round {stop.run.round} was to be stopped ({stop.reason})"
-
-        def unanswered(problem: str) -> None:
-            self._unanswered.append(stop)
-            self.get_logger().warning(
-                f"{what}: {problem}; asked again until its run ends", throttle_duration_sec=10.0
-            )
-
-        def answered(response: CancelRun.Response) -> None:
-            if not response.accepted:
-                self.get_logger().error(f"{what}: {response.message}")
-
-        self._calls.call(
-            self._cancel,
-            CancelRun.Request(
-                epoch=stop.run.epoch,
-                round=stop.run.round,
-                reason=stop.reason,
-                again=True,
-                scene=scene_to_msg(stop.live),
-            ),
-            deadline_s=_CALL_LIMIT_S,
-            on_answer=answered,
-            on_failure=unanswered,
-        )
 
     def _publish_table(self) -> None:
         table = self._profiles.table()

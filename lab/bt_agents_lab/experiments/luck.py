@@ -11,8 +11,8 @@ import numpy as np
 import numpy.typing as npt
 
 from bt_agents.scene import Vector
+from bt_agents_lab.experiments.seeding import sources
 from bt_agents_lab.experiments.world import World
-from marketplace_node.strategies import chance
 from marketplace_node.strategies.field import Floats, Integers
 
 Bools = npt.NDArray[np.bool_]
@@ -52,11 +52,13 @@ class Luck:
             shape = (len(self.seeds), *calls[-1][1])
             self._drawn[key] = (np.empty(shape), np.zeros(len(self.seeds), dtype=bool))
         values, known = self._drawn[key]
-        for run in np.unique(runs[~known[runs]]):
-            source = chance(seed_of(self.seeds[run], round_index, attempt))
-            for kind, shape in calls:
-                values[run] = getattr(source, kind)(shape)
-        known[runs] = True
+        fresh = np.flatnonzero(np.bincount(runs[~known[runs]], minlength=len(known))).tolist()
+        if fresh:
+            seeds = [seed_of(self.seeds[run], round_index, attempt) for run in fresh]
+            for run, source in zip(fresh, sources(seeds), strict=True):
+                for kind, shape in calls:
+                    values[run] = getattr(source, kind)(shape)
+            known[runs] = True
         return values[runs]
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -13,7 +12,7 @@ from bt_agents.feedback import MOOD_RULE, Kind, Update
 from bt_agents_lab.experiments.luck import Bools, Luck, Moment
 from bt_agents_lab.experiments.world import Arm, Person, World
 from feedback_node import updates
-from marketplace_node.strategies import STRATEGIES, Field, order
+from marketplace_node.strategies import STRATEGIES, Field
 from marketplace_node.strategies.field import Floats, Integers
 
 NEVER = 1_000_000
@@ -48,6 +47,7 @@ class _State:
     def __init__(self, world: World, arm: Arm, runs: int) -> None:
         agents, width = world.starts.shape
         self.profiles: Floats = np.repeat(world.starts[None], runs, axis=0)
+        self.total = np.zeros(runs)
         self.runs = np.zeros((runs, agents))
         self.last_run = np.zeros((runs, agents))
         self.changes = np.zeros((runs, agents))
@@ -115,7 +115,8 @@ def _play(
             if attempt == 0:
                 course.awarded[:, index] = chosen
             state.runs[rows, chosen] += 1.0
-            state.last_run[rows, chosen] = state.runs[rows].sum(axis=-1)
+            state.total[rows] += 1.0
+            state.last_run[rows, chosen] = state.total[rows]
             course.won[rows, index, chosen] = True
             wrong = now.doubt < share[rows]
             if world.person is None:
@@ -138,7 +139,8 @@ def _play(
             rows = rows[stopped]
             if not len(rows):
                 break
-        course.profiles[:, index if history else 0] = state.profiles
+        if history or index == rounds - 1:
+            course.profiles[:, index if history else 0] = state.profiles
     return course
 
 
@@ -152,33 +154,39 @@ def _award(
     tried: Bools,
 ) -> Integers:
     """Return who gets the scene in each run; all runs have equally many agents left."""
-    left = len(world.agents) - now.attempt
-    bidders = np.argsort(tried, axis=-1, kind="stable")[:, :left]
-    every = rows[:, None]
-    total = state.runs[rows].sum(axis=-1)
-    last_run = state.last_run[every, bidders]
+    total = state.total[rows]
+    profiles, runs, last_run = state.profiles, state.runs, state.last_run
+    bidders = None
+    if now.attempt:
+        left = len(world.agents) - now.attempt
+        bidders = np.argsort(tried, axis=-1, kind="stable")[:, :left]
+        where = (rows[:, None], bidders)
+        profiles, runs, last_run = profiles[where], runs[where], last_run[where]
     spec = STRATEGIES[arm.strategy]
-    scores = spec.score(
+    score = spec.score(
         Field(
             scene=scene,
             std=np.zeros(scene.shape),
-            bids=state.profiles[every, bidders],
+            bids=profiles,
             weights=np.array([p.weight for p in world.space.parameters]),
             widths=world.high - world.low,
-            runs=state.runs[every, bidders],
+            runs=runs,
             rounds=total,
             idle=total[:, None] - last_run,
         ),
         spec.values(arm.options),
         now.chance(),
-    )
-    ties: Any = last_run
+    ).score
+    # Bidders stay in alphabetical order, so the first of those that are left comes first by name.
+    best = score == score.min(axis=-1, keepdims=True)
     if arm.tie_break == "random":
-        ties = np.take_along_axis(now.ties, bidders, axis=-1)
-    # Bidders stay in alphabetical order, so any such names do.
-    by = "name" if arm.tie_break == "name" else "least_recently_run"
-    best = order(scores.score, ties, world.agents[:left], by)[:, :1]
-    return np.take_along_axis(bidders, best, axis=-1)[:, 0]
+        ties = now.ties if bidders is None else np.take_along_axis(now.ties, bidders, axis=-1)
+        chosen = np.where(best, ties, np.inf).argmin(axis=-1)
+    elif arm.tie_break == "name":
+        chosen = best.argmax(axis=-1)
+    else:
+        chosen = np.where(best, last_run, np.inf).argmin(axis=-1)
+    return np.asarray(chosen if bidders is None else bidders[np.arange(len(rows)), chosen])
 
 
 def _moods(

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from functools import partial
 from itertools import zip_longest
 from typing import Any
@@ -132,7 +132,7 @@ def _shadow_difference(auction: Any, ranked: Ranked) -> str:
     return ""
 
 
-def _margin(bids: tuple[RankedBid, ...]) -> float:
+def _margin(bids: Sequence[RankedBid]) -> float:
     return bids[1].score - bids[0].score if len(bids) > 1 else math.nan
 
 

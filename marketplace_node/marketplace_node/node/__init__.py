@@ -19,7 +19,7 @@ from bt_agents.ros.node import GuardedNode
 from bt_agents.ros.outbox import Outbox
 from bt_agents.ros.runner import run
 from bt_agents.ros.startup import TREES, StartParameter, make_from_parameters
-from bt_agents.ros.timers import steady_timer
+from bt_agents.ros.timers import OneShot, steady_timer
 from bt_agents.scene import SceneSpace
 from bt_agents.trees_folder import find_trees
 from bt_agents_interfaces.msg import Auction as AuctionMsg
@@ -53,10 +53,10 @@ from marketplace_node.effects import (
 )
 from marketplace_node.market import Market
 from marketplace_node.node.asking_outside import AskingOutside
+from marketplace_node.node.hearing import Hearing
 from marketplace_node.node.hosts import Hosts
 from marketplace_node.node.messages import (
     auction_to_msg,
-    bids_from_msg,
     call_to_msg,
     earlier_run_to_msg,
     run_to_msg,
@@ -70,6 +70,7 @@ from marketplace_node.node.registering import Registering
 from marketplace_node.registry import HostEntry
 from marketplace_node.settings import RULES, Settings
 from marketplace_node.strategies.plugins import add_installed
+from marketplace_node.wording import listed
 
 ORDERS = StartParameter(
     name="orders",
@@ -77,8 +78,7 @@ ORDERS = StartParameter(
     "empty for none",
 )
 
-_FAST_S = 0.02
-_WATCH_S = 0.05
+_LOOK_S = 0.02  # between two looks whether somebody who starts is found
 _HEARTBEAT_S = 0.1
 _NOTES_S = 1.0  # one note in so long: a peer that misbehaves must not fill the disk
 _SHOWN = 200  # characters of what is malformed
@@ -132,12 +132,15 @@ class MarketplaceNode(GuardedNode):
         self._operators = Operators(self, self._market, space, self._carry_out)
         self._orders = OrdersFile(self, orders) if orders is not None else None
         self._ticked = time.monotonic()
-        self._fast = steady_timer(self, _FAST_S, self._tick, running=False)
-        steady_timer(self, _WATCH_S, self._tick)
+        self._deadline = OneShot(self, self._tick)
+        self._look = steady_timer(self, _LOOK_S, self._tick, running=False)
         steady_timer(self, _HEARTBEAT_S, self._beat)
         Registering(self, self._market, self._hosts, space, self._carry_out)
         self.create_service(CancelRun, "~/cancel", self._cancel, qos_profile=qos.SERVICE)
-        self._bids = self.create_subscription(BidsMsg, "bids", self._take_bids, qos.EVENTS)
+        self._hearing = Hearing(self._market.epoch, self._hosts.reaches)
+        self._bids = self.create_subscription(
+            BidsMsg, "bids", self._take_bids, qos.EVENTS, raw=True
+        )
         self.create_subscription(SceneMsg, "scene", self._take_scene, qos.EVENTS)
         self._carry_out(self._market.tick(self._ticked))
         self._restore_orders()
@@ -190,8 +193,13 @@ class MarketplaceNode(GuardedNode):
             return
         self._carry_out(self._market.scene(scene, time.monotonic()))
 
-    def _take_bids(self, message: BidsMsg) -> None:
-        self._carry_out(self._market.bids(bids_from_msg(message), time.monotonic()))
+    def _take_bids(self, message: bytes) -> None:
+        try:
+            bids = self._hearing.read(message)
+        except Refused as refused:
+            self._carry_out([Note(message=str(refused)[:_SHOWN])])
+            return
+        self._carry_out(self._market.bids(bids, time.monotonic()))
 
     def _cancel(
         self, request: CancelRun.Request, response: CancelRun.Response
@@ -235,6 +243,7 @@ class MarketplaceNode(GuardedNode):
                 sequence=self._beats % 2**32,
             )
         )
+        self._tick()
 
     def _carry_out(self, effects: list[Effect]) -> None:
         self._due.extend(effects)
@@ -246,10 +255,11 @@ class MarketplaceNode(GuardedNode):
                 self._do(self._due.popleft())
         finally:
             self._carrying = False
-        if not self._market.hurries:
-            self._fast.cancel()
-        elif self._fast.is_canceled():
-            self._fast.reset()
+        self._deadline.set(self._market.due)
+        if not (self._due_calls or self._hosts.is_looking):
+            self._look.cancel()
+        elif self._look.is_canceled():
+            self._look.reset()
 
     def _do(self, effect: Effect) -> None:
         log = self.get_logger()
@@ -258,6 +268,7 @@ class MarketplaceNode(GuardedNode):
                 self._connect(effect.entry)
             case Disconnect():
                 self._hosts.disconnect(effect.host)
+                self._hearing.forget(effect.host)
             case OpenCall():
                 now = time.monotonic()
                 latest = now + _CALL_WAITS * effect.deadline_s
@@ -303,7 +314,7 @@ class MarketplaceNode(GuardedNode):
     def _connect(self, entry: HostEntry) -> None:
         try:
             self._hosts.connect(entry)
-            self.get_logger().info(f"{entry.host} is registered: {', '.join(entry.agents)}")
+            self.get_logger().info(f"{entry.host} is registered: {listed(entry.agents)}")
         except Refused as refused:
             self.get_logger().error(refused.reason)
             self._carry_out(self._market.disconnect(entry.host, time.monotonic()))

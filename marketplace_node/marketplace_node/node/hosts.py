@@ -11,7 +11,6 @@ from typing import Any
 
 from action_msgs.msg import GoalStatus
 from action_msgs.srv import CancelGoal
-from rclpy.action import ActionClient
 from rclpy.node import Node
 
 from bt_agents.errors import Refused
@@ -26,30 +25,36 @@ from marketplace_node.registry import HostEntry
 
 @dataclass(eq=False, kw_only=True)
 class _Link:
+    """What reaches a host: clients of the services of its action, and its heartbeat."""
+
     entry: HostEntry
-    runs: Any
+    goals: Any
+    results: Any
     cancels: Any
     heartbeat: Any
+
+    @property
+    def is_ready(self) -> bool:
+        """Whether the action is matched; a request would be lost before."""
+        clients = (self.goals, self.results, self.cancels)
+        return all(client.service_is_ready() for client in clients)
 
 
 @dataclass(eq=False, kw_only=True)
 class _Sending:
-    """A goal that waits for its server, is sent, or has been taken when there is a handle.
-
-    ``cancel`` is the request that cancels it, as soon as it has been sent.
-    """
+    """A goal that waits for its server, or is sent."""
 
     link: _Link
-    message: RunAgent.Goal
-    cancel: Any
+    request: Any
     sent: bool = False
-    handle: Any = None
 
 
 class Hosts:
     """Sends goals to hosts and reports to the market what becomes of them.
 
-    A goal waits for its server until the market gives it up; the market owns every deadline.
+    A goal waits for its server until the market gives it up; the market owns every deadline. The
+    action is spoken to by its services: a client of an action would also listen to its feedback
+    and to the states of all its goals, which takes longer than all the rest.
 
     Args:
         node: The marketplace node.
@@ -66,6 +71,11 @@ class Hosts:
         self._links: dict[str, _Link] = {}
         self._goals: dict[Goal, _Sending] = {}
 
+    @property
+    def is_looking(self) -> bool:
+        """Whether a goal waits for its server to be found."""
+        return not all(sending.sent for sending in self._goals.values())
+
     def reaches(self, host: str) -> bool:
         """Return True when the host is connected."""
         return host in self._links
@@ -77,37 +87,33 @@ class Hosts:
             Refused: ``UNREACHABLE``, when its names cannot be used.
         """
         self.disconnect(entry.host)
-        runs = cancels = None
+        made: list[Any] = []
         try:
-            runs = ActionClient(
-                self._node,
-                RunAgent,
-                entry.run_action,
-                goal_service_qos_profile=qos.SERVICE,
-                result_service_qos_profile=qos.SERVICE,
-                cancel_service_qos_profile=qos.SERVICE,
-                feedback_sub_qos_profile=qos.SERVICE,
-            )
-            # For goals that are not taken yet, which a client of the action cannot cancel.
-            cancels = self._node.create_client(
-                CancelGoal, f"{entry.run_action}/_action/cancel_goal", qos_profile=qos.SERVICE
-            )
+            for kind, name in (
+                (RunAgent.Impl.SendGoalService, "send_goal"),
+                (RunAgent.Impl.GetResultService, "get_result"),
+                (CancelGoal, "cancel_goal"),
+            ):
+                made.append(
+                    self._node.create_client(
+                        kind, f"{entry.run_action}/_action/{name}", qos_profile=qos.SERVICE
+                    )
+                )
             heartbeat = self._node.create_subscription(
                 Heartbeat, entry.heartbeat, self._take_heartbeat, qos.EVENTS
             )
         except Exception as error:
             # The names come from outside; rclpy has no common root for what it makes of bad ones.
-            if runs is not None:
-                runs.destroy()
-            if cancels is not None:
-                self._node.destroy_client(cancels)
+            for client in made:
+                self._node.destroy_client(client)
             raise Refused(
                 "UNREACHABLE",
                 f"{entry.host} cannot be reached at {entry.run_action} and {entry.heartbeat}, "
                 f"expected an action and a topic that nothing else is called: {error}",
             ) from None
+        goals, results, cancels = made
         self._links[entry.host] = _Link(
-            entry=entry, runs=runs, cancels=cancels, heartbeat=heartbeat
+            entry=entry, goals=goals, results=results, cancels=cancels, heartbeat=heartbeat
         )
 
     def disconnect(self, host: str) -> None:
@@ -115,8 +121,8 @@ class Hosts:
         link = self._links.pop(host, None)
         if link is not None:
             self._goals = {g: s for g, s in self._goals.items() if s.link is not link}
-            link.runs.destroy()
-            self._node.destroy_client(link.cancels)
+            for client in (link.goals, link.results, link.cancels):
+                self._node.destroy_client(client)
             self._node.destroy_subscription(link.heartbeat)
 
     def close(self) -> None:
@@ -131,22 +137,19 @@ class Hosts:
         if link is None:
             self._refuse(goal, f"{goal.host} is not connected")
             return
-        message = goal_to_msg(effect, self._market.epoch)
-        cancel = CancelGoal.Request()
-        cancel.goal_info.goal_id.uuid = list(uuid.uuid4().bytes)
-        self._goals[goal] = _Sending(link=link, message=message, cancel=cancel)
+        request = RunAgent.Impl.SendGoalService.Request()
+        request.goal_id.uuid = list(uuid.uuid4().bytes)
+        request.goal = goal_to_msg(effect, self._market.epoch)
+        self._goals[goal] = _Sending(link=link, request=request)
         self.send_waiting()
 
     def send_waiting(self) -> None:
         """Send the goals whose server has been found since."""
         for goal, sending in list(self._goals.items()):
             # A goal for a server that is still being matched would be lost.
-            if not sending.sent and sending.link.runs.server_is_ready():
+            if not sending.sent and sending.link.is_ready:
                 sending.sent = True
-                future = sending.link.runs.send_goal_async(
-                    sending.message, goal_uuid=sending.cancel.goal_info.goal_id
-                )
-                future.add_done_callback(
+                sending.link.goals.call_async(sending.request).add_done_callback(
                     lambda done, goal=goal, sending=sending: self._answered(goal, sending, done)
                 )
 
@@ -162,10 +165,10 @@ class Hosts:
             if link is not None and link.entry.instance == goal.instance:
                 # Another server of this name has answered for it, or the host was reached anew.
                 self.cancel_all(goal.host)
-        elif sending.handle is not None:
-            sending.handle.cancel_goal_async()
         elif sending.sent:
-            sending.link.cancels.call_async(sending.cancel)
+            request = CancelGoal.Request()
+            request.goal_info.goal_id = sending.request.goal_id
+            sending.link.cancels.call_async(request)
         else:
             del self._goals[goal]
             self._refuse(goal, f"{sending.link.entry.run_action} is not there")
@@ -191,13 +194,14 @@ class Hosts:
     def _answered(self, goal: Goal, sending: _Sending, future: Any) -> None:
         if self._goals.get(goal) is not sending:
             return
-        handle = future.result()
-        if not handle.accepted:
+        if not future.result().accepted:
             del self._goals[goal]
             self._refuse(goal, f"{goal.host} refused it")
             return
-        sending.handle = handle
-        handle.get_result_async().add_done_callback(lambda done: self._ended(goal, sending, done))
+        request = RunAgent.Impl.GetResultService.Request(goal_id=sending.request.goal_id)
+        sending.link.results.call_async(request).add_done_callback(
+            lambda done: self._ended(goal, sending, done)
+        )
         self._carry_out(self._market.goal_accepted(goal, time.monotonic()))
 
     def _ended(self, goal: Goal, sending: _Sending, future: Any) -> None:

@@ -16,7 +16,8 @@ from marketplace_node.strategies.distances import (
     weighted_manhattan,
 )
 from marketplace_node.strategies.exploration import epsilon_greedy, softmax, thompson, ucb
-from marketplace_node.strategies.field import Option, StrategySpec
+from marketplace_node.strategies.field import Option, StrategySpec, Sum
+from marketplace_node.strategies.nearest import MANHATTAN
 
 _OWN = (
     StrategySpec(
@@ -24,18 +25,21 @@ _OWN = (
         description="The nearest bid wins: the sum of the differences, as in the paper.",
         score=manhattan,
         lines=manhattan_lines,
+        sum=MANHATTAN,
     ),
     StrategySpec(
         name="weighted_manhattan",
         description="As manhattan, but parameters count by their weight.",
         score=weighted_manhattan,
         lines=weighted_lines,
+        sum=Sum(weighted=True),
     ),
     StrategySpec(
         name="euclidean",
         description="The nearest bid by the straight line wins; one big difference counts more "
         "than some small ones.",
         score=euclidean,
+        sum=Sum(squared=True),
     ),
     StrategySpec(
         name="expected_manhattan",

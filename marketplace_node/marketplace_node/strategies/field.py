@@ -118,6 +118,19 @@ Score = Callable[[Field, Mapping[str, float], Chance], Scores]
 
 
 @dataclass(frozen=True, kw_only=True)
+class Sum:
+    """A distance that is a sum of ``|bid - scene|`` over the parameters.
+
+    Attributes:
+        weighted: True when each is multiplied by its weight.
+        squared: True when each is squared, and the distance is the root of the sum.
+    """
+
+    weighted: bool = False
+    squared: bool = False
+
+
+@dataclass(frozen=True, kw_only=True)
 class StrategySpec:
     """A strategy as people choose it.
 
@@ -130,6 +143,8 @@ class StrategySpec:
         counts: True when it looks at how many runs there have been in all.
         lines: The same for one round as a function of the scene, where it is made of straight
             lines; lets the smallest change of a scene be found exactly. None elsewhere.
+        sum: What the score is, where it is the distance alone and that a sum; lets the nearest
+            bid be found without the others. None elsewhere.
     """
 
     name: str
@@ -139,6 +154,7 @@ class StrategySpec:
     draws: bool = False
     counts: bool = False
     lines: Callable[[Field, Mapping[str, float], Chance], Lines] | None = None
+    sum: Sum | None = None
 
     def values(self, given: Mapping[str, float]) -> dict[str, float]:
         """Return the value of every option: as given, else the default."""
@@ -146,9 +162,12 @@ class StrategySpec:
 
 
 def chance(seed: str) -> np.random.Generator:
-    """Return the source of chance of a round: PCG64, seeded by the SHA-256 of ``seed``."""
-    digest = hashlib.sha256(seed.encode()).digest()
-    return np.random.Generator(np.random.PCG64(int.from_bytes(digest, "big")))
+    """Return the source of chance of a round: PCG64, seeded by the SHA-256 of ``seed``.
+
+    NumPy takes the digest as eight words of 32 bits, the last of them first.
+    """
+    words = np.frombuffer(hashlib.sha256(seed.encode()).digest()[::-1], dtype="<u4")
+    return np.random.Generator(np.random.PCG64(np.random.SeedSequence(words.astype(np.uint32))))
 
 
 class Chances:

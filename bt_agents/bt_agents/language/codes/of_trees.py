@@ -144,15 +144,15 @@ TREE_CODES = (
     ),
     error(
         "tree-too-large",
-        "A tree has more than 2,000 nodes, or is nested more than 64 deep.",
+        "A tree has more than 10,000 nodes, or is nested more than 64 deep.",
         """
         tree:
-          sequence: [⟨{wait: 1 s}, × 2,000⟩]
+          sequence: [⟨{wait: 1 s}, × 10,000⟩]
         """,
         """
         tree:
           wait: 1 s
-          repeat: 2000
+          repeat: 10000
         """,
     ),
     error(

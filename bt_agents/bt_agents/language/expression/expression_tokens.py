@@ -18,18 +18,9 @@ MAX_TOKENS = 400
 OPERATOR_WORDS = ("and", "or", "not", "in", "between")
 """Operators that are words."""
 
-_TOKEN = re.compile(
-    r"""
-    (?P<space>\s+)
-    | (?P<number>(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][-+]?[0-9]+)?)
-    | (?P<not_in>not\s+in\b)
-    | (?P<name>[^\W\d]\w*(?:\.\w+)*)
-    | (?P<text>"[^"]*"|'[^']*')
-    | (?P<operator>==|!=|<=|>=|<|>|\+|-|\*|/|%|\(|\)|\[|\]|,)
-    """,
-    re.VERBOSE,
-)
-_NUMBER_LIKE = re.compile(r"[\w.]*")
+_WORDS = frozenset((*OPERATOR_WORDS, "true", "false"))
+
+_NUMBER_LIKE = re.compile(r"[\w.]+")
 _UNIT = re.compile(r"([0-9.]+)([^\W\d_]+)")
 _STRAIGHT_DOUBLE = 'use straight quotation marks: "…"'
 _STRAIGHT_SINGLE = "use straight quotation marks: '…'"
@@ -70,6 +61,19 @@ _OPERATOR_SLIPS = {
     "-=": "write x - 1; the node 'set' gives the result a name",
     "&&": "write and", "||": "write or",
 }  # fmt: skip
+_TOKEN = re.compile(
+    rf"""
+    \s*(?:
+    (?P<number>(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][-+]?[0-9]+)?)
+    | (?P<not_in>not\s+in\b)
+    | (?P<name>[^\W\d]\w*(?:\.\w+)*)
+    | (?P<slip>{"|".join(map(re.escape, _OPERATOR_SLIPS))})
+    | (?P<operator>==|!=|<=|>=|<|>|\+|-|\*|/|%|\(|\)|\[|\]|,)
+    | (?P<text>"[^"]*"|'[^']*')
+    )
+    """,
+    re.VERBOSE,
+)
 
 
 class ExpressionError(BtAgentsError):
@@ -101,7 +105,7 @@ class TokenKind(Enum):
     END = "end"
 
 
-@dataclass(frozen=True)
+@dataclass(slots=True, eq=False)
 class Token:
     """One word; ``column`` counts from 1, ``value`` is that of a number, text or boolean."""
 
@@ -122,52 +126,56 @@ def tokenize(text: str) -> list[Token]:
         ExpressionError: There is something that is no word, or there are too many.
     """
     tokens: list[Token] = []
-    at = 0
-    while at < len(text):
+    at, end = 0, len(text.rstrip())
+    while at < end:
         match = _TOKEN.match(text, at)
-        _refuse_slip(text, at)
         if match is None:
-            raise _unreadable(text, at)
+            raise _unreadable(text, end - len(text[at:end].lstrip()))
+        tokens.append(_token(match))
         at = match.end()
-        if match.lastgroup != "space":
-            tokens.append(_token(match, text))
         if len(tokens) > MAX_TOKENS:
             raise ExpressionError(
                 f"the expression has more than {MAX_TOKENS} words and signs",
                 tokens[-1].column,
                 "split it over several nodes",
             )
-    tokens.append(Token(TokenKind.END, "", len(text.rstrip()) + 1))
+    tokens.append(Token(TokenKind.END, "", end + 1))
     return tokens
 
 
-def _token(match: re.Match[str], text: str) -> Token:
-    word, column = match[0], match.start() + 1
-    match match.lastgroup:
-        case "number":
-            rest = _NUMBER_LIKE.match(text, match.end())
-            if rest is not None and rest[0]:
-                raise _number_slip(word + rest[0], column)
-            return Token(TokenKind.NUMBER, word, column, _number(word, column))
-        case "text":
-            _refuse_protected_quote(match, text)
-            return Token(TokenKind.TEXT, word, column, word[1:-1])
-        case "not_in":
-            return Token(TokenKind.OPERATOR, "not in", column)
-        case "operator":
-            return Token(TokenKind.OPERATOR, word, column)
+def _token(match: re.Match[str]) -> Token:
+    kind = match.lastgroup
+    assert kind is not None
+    word, column = match[kind], match.start(kind) + 1
+    if kind == "name":
+        return _name(word, column)
+    if kind == "operator":
+        return Token(TokenKind.OPERATOR, word, column)
+    if kind == "number":
+        rest = _NUMBER_LIKE.match(match.string, match.end())
+        if rest is not None:
+            raise _number_slip(word + rest[0], column)
+        return Token(TokenKind.NUMBER, word, column, _number(word, column))
+    if kind == "not_in":
+        return Token(TokenKind.OPERATOR, "not in", column)
+    if kind == "slip":
+        hint = _OPERATOR_SLIPS[word]
+        raise ExpressionError(f"there is no operator '{word}'", column, hint, len(word))
+    _refuse_protected_quote(word, match)
+    return Token(TokenKind.TEXT, word, column, word[1:-1])
+
+
+def _name(word: str, column: int) -> Token:
+    lowered = word.lower()
+    if lowered not in _WORDS:
+        return Token(TokenKind.NAME, word, column)
+    if lowered != word:
+        raise ExpressionError(
+            f"'{word}' is written with capital letters", column, f"write {lowered}", len(word)
+        )
     if word in OPERATOR_WORDS:
         return Token(TokenKind.OPERATOR, word, column)
-    if word in ("true", "false"):
-        return Token(TokenKind.BOOLEAN, word, column, word == "true")
-    if word.lower() in (*OPERATOR_WORDS, "true", "false"):
-        raise ExpressionError(
-            f"'{word}' is written with capital letters",
-            column,
-            f"write {word.lower()}",
-            len(word),
-        )
-    return Token(TokenKind.NAME, word, column)
+    return Token(TokenKind.BOOLEAN, word, column, word == "true")
 
 
 def unit_hint(amount: str, unit: str) -> str:
@@ -194,7 +202,7 @@ def _number_slip(word: str, column: int) -> ExpressionError:
 
 
 def _number(word: str, column: int) -> int | float:
-    if re.match("0[0-9]", word):
+    if word[0] == "0" and word[1:2].isdecimal():
         raise ExpressionError(
             f"'{shortened(word)}' starts with a zero, which some programs read as another number",
             column,
@@ -211,22 +219,16 @@ def _number(word: str, column: int) -> int | float:
     return value
 
 
-def _refuse_protected_quote(match: re.Match[str], text: str) -> None:
+def _refuse_protected_quote(word: str, match: re.Match[str]) -> None:
     """Refuse a quotation mark behind a backslash, which fails only far behind its cause."""
-    following = text[match.end() : match.end() + 1]
-    if match[0][-2] == "\\" and following.isalnum():
-        other = '"' if match[0][0] == "'" else "'"
+    following = match.string[match.end() : match.end() + 1]
+    if word[-2] == "\\" and following.isalnum():
+        other = '"' if word[0] == "'" else "'"
         raise ExpressionError(
             "a backslash does not protect the quotation mark behind it",
             match.end() - 1,
             f"put the whole text in {other}…{other}",
         )
-
-
-def _refuse_slip(text: str, at: int) -> None:
-    for slip, hint in _OPERATOR_SLIPS.items():
-        if text.startswith(slip, at):
-            raise ExpressionError(f"there is no operator '{slip}'", at + 1, hint, len(slip))
 
 
 def _unreadable(text: str, at: int) -> ExpressionError:

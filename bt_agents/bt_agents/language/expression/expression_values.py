@@ -58,7 +58,7 @@ class ValueKind(Enum):
         return self.value if self is ValueKind.BOOLEAN else f"{self.value}s"
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(kw_only=True, slots=True, eq=False)
 class Part:
     """A part of an expression, compiled.
 

@@ -79,7 +79,7 @@ class StaleValue(MissingValue):
         self.args = (f"'{name}' is stale: the scene layer has been silent for {silent_s:.1f} s",)
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, slots=True)
 class Mention:
     """A name in an expression and the column where it starts, from 1."""
 
@@ -87,27 +87,24 @@ class Mention:
     column: int
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, slots=True)
 class Expression:
     """A parsed expression; two are equal when their texts are.
 
     Attributes:
         text: As written, without spaces around it.
         mentions: Every name in it with its place in the text that was parsed.
+        names: The names in it.
         kind: Kind of its value where that is known without running it.
         unit: Dimension of its value; None for a plain number, or no number.
     """
 
     text: str
     mentions: tuple[Mention, ...] = field(compare=False)
+    names: frozenset[str] = field(compare=False, repr=False)
     kind: ValueKind | None = field(compare=False)
     unit: Dimension | None = field(compare=False)
     _run: Evaluator = field(compare=False, repr=False)
-
-    @property
-    def names(self) -> frozenset[str]:
-        """The names in it."""
-        return frozenset(mention.name for mention in self.mentions)
 
     def evaluate(self, lookup: Lookup) -> object:
         """Return its value.
@@ -155,6 +152,7 @@ def parse_expression(
     return Expression(
         text=text.strip(),
         mentions=tuple(parser.mentions),
+        names=frozenset(mention.name for mention in parser.mentions),
         kind=whole.kind,
         unit=whole.unit,
         _run=whole.run,
@@ -176,6 +174,7 @@ class _Parser:
         self._known = known
         self._kind_of = kind_of
         self._unit_of = unit_of
+        self._token = tokens[0]
         self._next = 0
         self._depth = 0
 
@@ -190,10 +189,6 @@ class _Parser:
             raise self._unexpected()
         return part
 
-    @property
-    def _token(self) -> Token:
-        return self._tokens[self._next]
-
     def _at_end(self) -> bool:
         return self._token.kind is TokenKind.END
 
@@ -201,6 +196,7 @@ class _Parser:
         token = self._token
         if token.kind is not TokenKind.END:
             self._next += 1
+            self._token = self._tokens[self._next]
         return token
 
     def _unexpected(self) -> ExpressionError:
@@ -280,26 +276,27 @@ class _Parser:
 
     def _operand(self) -> Part:
         token = self._take()
-        match token.kind:
-            case TokenKind.NUMBER | TokenKind.TEXT | TokenKind.BOOLEAN:
-                value = token.value
-                return Part(
-                    run=lambda _: value,
-                    kind=ValueKind.of(value),
-                    column=token.column,
-                    width=len(token.text),
-                    constant=value,
-                )
-            case TokenKind.NAME if token.text in FUNCTIONS or self._token.text == "(":
+        kind = token.kind
+        if kind is TokenKind.NAME:
+            if token.text in FUNCTIONS or self._token.text == "(":
                 return self._call(token)
-            case TokenKind.NAME:
-                return self._name(token)
-            case TokenKind.OPERATOR if token.text in PREFIXES:
+            return self._name(token)
+        if kind is TokenKind.OPERATOR:
+            if token.text in PREFIXES:
                 return self._prefixed(token)
-            case TokenKind.OPERATOR if token.text == "(":
+            if token.text == "(":
                 return self._parentheses(token)
-            case TokenKind.OPERATOR if token.text == "[":
+            if token.text == "[":
                 return self._list(token)
+        elif kind is not TokenKind.END:
+            value = token.value
+            return Part(
+                run=lambda _: value,
+                kind=ValueKind.of(value),
+                column=token.column,
+                width=len(token.text),
+                constant=value,
+            )
         raise slips.no_operand(token)
 
     def _prefixed(self, token: Token) -> Part:

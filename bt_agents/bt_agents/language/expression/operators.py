@@ -65,10 +65,13 @@ class Prefix:
 
 
 def _both(kind: ValueKind, word: str, hint: str = "") -> Callable[[Part, Part, int], None]:
+    needs = f"'{word}' needs {kind.one} on each side"
+
     def check(left: Part, right: Part, _: int) -> None:
         for part in (left, right):
-            fits = kind is ValueKind.BOOLEAN or part.kind is ValueKind.TEXT
-            part.must_be(kind, f"'{word}' needs {kind.one} on each side", hint if fits else "")
+            if part.kind is not kind:
+                fits = kind is ValueKind.BOOLEAN or part.kind is ValueKind.TEXT
+                part.must_be(kind, needs, hint if fits else "")
 
     return check
 
@@ -102,12 +105,21 @@ def _arithmetic(word: str, strength: int, apply: Callable[[float, float], float]
 
 def _order(word: str, apply: Callable[[float, float], bool]) -> Operator:
     def compile_(left: Part, right: Part, column: int) -> Evaluator:
-        a_of, b_of = left.run, right.run
+        a_of, b_of, limit = left.run, right.run, right.constant
+        if isinstance(limit, (int, float)):
+
+            def against(lookup: Lookup) -> bool:
+                a = a_of(lookup)
+                # The usual case first: this line is most of what a tick spends on conditions.
+                if type(a) is not float and type(a) is not int:
+                    a = a_number(a, word, column)
+                return apply(a, limit)
+
+            return against
 
         def run(lookup: Lookup) -> bool:
             a = a_of(lookup)
             b = b_of(lookup)
-            # The usual case first: this line is most of what a tick spends on conditions.
             if type(a) is not float or type(b) is not float:
                 a = a_number(a, word, column)
                 b = a_number(b, word, column)
@@ -137,7 +149,19 @@ def _equality(word: str, equal: bool) -> Operator:
             )
 
     def compile_(left: Part, right: Part, column: int) -> Evaluator:
-        a_of, b_of = left.run, right.run
+        a_of, b_of, wanted = left.run, right.run, right.constant
+        if wanted is not None:
+            wanted_kind = ValueKind.of(wanted)
+
+            def against(lookup: Lookup) -> bool:
+                a = a_of(lookup)
+                if ValueKind.of(a) is not wanted_kind:
+                    raise EvaluationError(
+                        f"'{word}' cannot compare {described(a)} with {described(wanted)}", column
+                    )
+                return (a == wanted) is equal
+
+            return against
 
         def run(lookup: Lookup) -> bool:
             a, b = a_of(lookup), b_of(lookup)

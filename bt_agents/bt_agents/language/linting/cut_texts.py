@@ -12,10 +12,13 @@ from bt_agents.language.text.yaml_reader import Mapping, Node, Scalar, Sequence,
 
 # A comment starts with a word; a number behind it, as in "gate #4", is part of what is said.
 _NUMBER = re.compile(r"[ \t]+#\d\w*")
+_SIGN = re.compile(r"[ \t]#\d")
 
 
 def cut_texts(source: Source) -> tuple[Diagnostic, ...]:
     """Return a warning for each text of a file that was probably meant to go on."""
+    if _SIGN.search(source.text) is None:
+        return ()
     root = read_yaml(source, Diagnostics(source))
     if root is None:
         return ()

@@ -5,12 +5,17 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Iterable, Iterator
-from dataclasses import replace
-from itertools import chain
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from itertools import chain, pairwise
 
 from bt_agents.language.diagnostics import Diagnostic, shown
-from bt_agents.language.linting.outcomes import Outcome, constant, endless, outcomes
+from bt_agents.language.linting.outcomes import (
+    Outcome,
+    Outcomes,
+    constant,
+    endless,
+    every_outcome,
+)
 from bt_agents.language.linting.reads import names_read, texts_of
 from bt_agents.language.nodes import KINDS
 from bt_agents.language.specs import (
@@ -37,21 +42,51 @@ _UNMARKED = re.compile(r"(?<![$\w])(?:\$([^\W\d]\w*)|\{([^\W\d]\w*)\})")
 Found = Iterator[Diagnostic]
 
 
+class _Tree:
+    """A tree as the rules look at it.
+
+    Attributes:
+        root: Its outermost node.
+        nodes: All its nodes, parents before children.
+        kinds: What kinds there are among them.
+    """
+
+    def __init__(self, root: NodeSpec) -> None:
+        self.root = root
+        self.nodes = list(every_node(root))
+        self.kinds = {spec.kind for spec in self.nodes}
+
+    def of(self, *kinds: str) -> list[NodeSpec]:
+        """Return the nodes of some kinds."""
+        if self.kinds.isdisjoint(kinds):
+            return []
+        return [spec for spec in self.nodes if spec.kind in kinds]
+
+
 def lint(agent: AgentSpec) -> tuple[Diagnostic, ...]:
     """Return the warnings about an agent, in the order of its file."""
     found: dict[tuple[Position, str], Diagnostic] = {}
-    for tree in filter(None, (agent.tree, agent.on_cancel)):
+    trees = [_Tree(root) for root in (agent.tree, agent.on_cancel) if root is not None]
+    for tree in trees:
         for rule in _RULES:
             for one in rule(tree):
                 # A subtree that is used twice is written once.
                 found.setdefault((one.position, one.code), one)
-    named = (_unread_tunables(agent), unused_inputs(agent.unused_inputs), _unmarked_names(agent))
+    nodes = [node for tree in trees for node in tree.nodes]
+    named = (
+        _unread_tunables(agent, nodes),
+        unused_inputs(agent.unused_inputs),
+        _unmarked_names(agent, nodes),
+    )
     for one in chain(*named):
         found[(one.position, one.code)] = one
     return tuple(sorted(found.values(), key=lambda one: (one.position.line, one.position.column)))
 
 
-def _endless_speech(tree: NodeSpec) -> Found:
+def _endless_speech(tree: _Tree) -> Found:
+    if all(_rounds(spec) <= _PATIENCE for spec in tree.of(*_COUNTS)):
+        return iter(())
+
     def walk(spec: NodeSpec, loop: NodeSpec | None, guarded: bool) -> Found:
         if spec.kind == "once":
             loop = None
@@ -77,7 +112,7 @@ def _endless_speech(tree: NodeSpec) -> Found:
         for child in spec.children:
             yield from walk(child, loop, guarded)
 
-    return walk(tree, None, False)
+    return walk(tree.root, None, False)
 
 
 def _rounds(spec: NodeSpec) -> float:
@@ -89,7 +124,7 @@ def _rounds(spec: NodeSpec) -> float:
     return number if isinstance(number, int) else 1
 
 
-def _endless_waits(tree: NodeSpec) -> Found:
+def _endless_waits(tree: _Tree) -> Found:
     def walk(spec: NodeSpec, ended: bool) -> Found:
         if spec.kind == "parallel":
             ended = ended or spec.fields.get("succeed_on") != Literal(value="all")
@@ -104,16 +139,17 @@ def _endless_waits(tree: NodeSpec) -> Found:
         for child in spec.children:
             yield from walk(child, ended)
 
-    return walk(tree, False)
+    return walk(tree.root, False) if "wait_for" in tree.kinds else iter(())
 
 
-def _never_reached(tree: NodeSpec) -> Found:
-    for spec in every_node(tree):
+def _never_reached(tree: _Tree) -> Found:
+    ways = every_outcome(tree.nodes)
+    for spec in tree.of("sequence", "selector", "choose", "random", "when", "while"):
         match spec.kind:
             case "sequence":
-                yield from _behind(spec, Outcome.SUCCESS)
+                yield from _behind(spec, Outcome.SUCCESS, ways)
             case "selector":
-                yield from _behind(spec, Outcome.FAILURE)
+                yield from _behind(spec, Outcome.FAILURE, ways)
             case "choose":
                 yield from _cases(spec)
             case "random":
@@ -127,10 +163,10 @@ def _never_reached(tree: NodeSpec) -> Found:
                 yield _unreached(spec, f"its '{spec.kind}' is never true", hint)
 
 
-def _behind(composite: NodeSpec, goes_on: Outcome) -> Found:
+def _behind(composite: NodeSpec, goes_on: Outcome, ways: Mapping[int, Outcomes]) -> Found:
     """Find the first child behind one that never lets it come to that."""
-    for before, after in zip(composite.children, composite.children[1:], strict=False):
-        ends = outcomes(before)
+    for before, after in pairwise(composite.children):
+        ends = ways[id(before)]
         if goes_on in ends:
             continue
         how = " or ".join(sorted(outcome.value for outcome in ends))
@@ -156,8 +192,8 @@ def _cases(choose: NodeSpec) -> Found:
         first = case if says else None
 
 
-def _busy_repeats(tree: NodeSpec) -> Found:
-    for spec in every_node(tree):
+def _busy_repeats(tree: _Tree) -> Found:
+    for spec in tree.of(*_COUNTS):
         if (
             endless(spec)
             and "pause" not in spec.fields
@@ -173,10 +209,8 @@ def _busy_repeats(tree: NodeSpec) -> Found:
             )
 
 
-def _two_voices(tree: NodeSpec) -> Found:
-    for spec in every_node(tree):
-        if spec.kind != "parallel":
-            continue
+def _two_voices(tree: _Tree) -> Found:
+    for spec in tree.of("parallel"):
         spoken = [next(filter(_speaks, every_node(child)), None) for child in spec.children]
         first, *others = [one for one in spoken if one is not None] or [spec]
         for other in others:
@@ -189,8 +223,8 @@ def _two_voices(tree: NodeSpec) -> Found:
             )
 
 
-def _not_offered(tree: NodeSpec) -> Found:
-    for spec in every_node(tree):
+def _not_offered(tree: _Tree) -> Found:
+    for spec in tree.nodes:
         if spec.skill is not None and spec.skill.binding is None:
             yield _at(
                 spec,
@@ -200,26 +234,31 @@ def _not_offered(tree: NodeSpec) -> Found:
             )
 
 
-def _unmarked_names(agent: AgentSpec) -> Found:
+def _unmarked_names(agent: AgentSpec, nodes: Sequence[NodeSpec]) -> Found:
     """Find ``$place`` and ``{place}`` in texts, where ``${place}`` is meant."""
-    nodes = [
-        node for tree in filter(None, (agent.tree, agent.on_cancel)) for node in every_node(tree)
+    candidates = [
+        (node, match)
+        for node in nodes
+        if node.fields
+        for text in texts_of(node)
+        if "$" in text or "{" in text
+        for match in _UNMARKED.finditer(text)
     ]
+    if not candidates:
+        return
     known = {tunable.name for tunable in agent.tunables}
     known |= {name for node in nodes for name in (*node.outputs, *node.feedback)}
     known |= {name for node in nodes if node.kind == "set" for name in node.fields}
-    for node in nodes:
-        for text in texts_of(node):
-            for match in _UNMARKED.finditer(text):
-                name = match[1] or match[2]
-                if name in known:
-                    yield _at(
-                        node,
-                        "unmarked-name",
-                        f"'{match[0]}' in a text of '{node.kind}' stays as it is, though there is "
-                        f"a '{name}'",
-                        f"write ${{{name}}} for its value",
-                    )
+    for node, match in candidates:
+        name = match[1] or match[2]
+        if name in known:
+            yield _at(
+                node,
+                "unmarked-name",
+                f"'{match[0]}' in a text of '{node.kind}' stays as it is, though there is a "
+                f"'{name}'",
+                f"write ${{{name}}} for its value",
+            )
 
 
 def unused_inputs(inputs: Iterable[UnusedInput]) -> Found:
@@ -234,17 +273,16 @@ def unused_inputs(inputs: Iterable[UnusedInput]) -> Found:
         )
 
 
-def _unread_tunables(agent: AgentSpec) -> Found:
-    # The trees of a library see its own names only.
-    nodes = (
-        node
-        for tree in filter(None, (agent.tree, agent.on_cancel))
-        for node in every_node(tree)
-        if node.position.file == agent.file
-    )
-    read = {name for node in nodes for name in names_read(node)}
+def _unread_tunables(agent: AgentSpec, nodes: Sequence[NodeSpec]) -> Found:
+    unread = {tunable.name for tunable in agent.tunables}
+    for node in nodes:
+        if not unread:
+            return
+        # The trees of a library see its own names only.
+        if node.position.file == agent.file:
+            unread.difference_update(names_read(node))
     for tunable in agent.tunables:
-        if tunable.name not in read:
+        if tunable.name in unread:
             yield _warning(
                 "unread-tunable",
                 tunable.position,
@@ -254,7 +292,7 @@ def _unread_tunables(agent: AgentSpec) -> Found:
             )
 
 
-_RULES: tuple[Callable[[NodeSpec], Found], ...] = (
+_RULES: tuple[Callable[[_Tree], Found], ...] = (
     _endless_speech,
     _endless_waits,
     _never_reached,
@@ -286,5 +324,5 @@ def _at(spec: NodeSpec, code: str, message: str, hint: str) -> Diagnostic:
 
 
 def _warning(code: str, position: Position, width: int, message: str, hint: str) -> Diagnostic:
-    end = replace(position, column=position.column + width)
+    end = position._replace(column=position.column + width)
     return Diagnostic(code=code, position=position, message=message, hint=hint, end=end)

@@ -3,12 +3,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from enum import Enum
 
 from bt_agents.language.expression.expressions import EvaluationError, Expression, MissingValue
 from bt_agents.language.nodes import FOREVER
 from bt_agents.language.specs import Literal, NodeSpec, Value
+from bt_agents.language.walking import every_node
 
 
 class Outcome(Enum):
@@ -18,9 +19,14 @@ class Outcome(Enum):
     FAILURE = "fails"
     ENDLESS = "never ends"
 
+    # That of Enum is computed anew each time, and these are members of many sets.
+    __hash__ = object.__hash__
+
 
 Outcomes = frozenset[Outcome]
 
+_FOREVER = Literal(value=FOREVER)
+_COUNTS = {"retry": "attempts", "repeat": "times"}
 _SUCCESS = frozenset({Outcome.SUCCESS})
 _FAILURE = frozenset({Outcome.FAILURE})
 _ENDLESS = frozenset({Outcome.ENDLESS})
@@ -29,7 +35,26 @@ _EITHER = _SUCCESS | _FAILURE
 
 def outcomes(spec: NodeSpec) -> Outcomes:
     """Return every way in which a node can go; a way too many where only a run shows it."""
-    children = [outcomes(child) for child in spec.children]
+    return every_outcome(list(every_node(spec)))[id(spec)]
+
+
+def every_outcome(nodes: Sequence[NodeSpec]) -> dict[int, Outcomes]:
+    """Return every way in which each node of a tree can go; as :func:`outcomes`.
+
+    Args:
+        nodes: All nodes of a tree, parents before children.
+
+    Returns:
+        The ways by the identity of the node.
+    """
+    found: dict[int, Outcomes] = {}
+    for spec in reversed(nodes):
+        children = [found[id(child)] for child in spec.children]
+        found[id(spec)] = _outcomes(spec, children) if children else _leaf(spec)
+    return found
+
+
+def _outcomes(spec: NodeSpec, children: list[Outcomes]) -> Outcomes:
     match spec.kind:
         case "sequence":
             return _one_after_the_other(children, Outcome.SUCCESS)
@@ -42,7 +67,7 @@ def outcomes(spec: NodeSpec) -> Outcomes:
             return _any_of(children) | (frozenset() if fallback else _FAILURE)
         case "random":
             return _any_of(children)
-        case _ if children and spec.skill is None:
+        case _ if spec.skill is None:
             return _wrapper(spec, children)
         case _:
             return _leaf(spec)
@@ -50,7 +75,7 @@ def outcomes(spec: NodeSpec) -> Outcomes:
 
 def constant(condition: Value | Expression | None) -> bool | None:
     """Return what a condition without names always says; None when only a run shows it."""
-    if not isinstance(condition, Expression) or condition.names:
+    if not isinstance(condition, Expression) or condition.mentions:
         return None
     try:
         return condition.evaluate(_no_name) is True
@@ -60,8 +85,8 @@ def constant(condition: Value | Expression | None) -> bool | None:
 
 def endless(spec: NodeSpec) -> bool:
     """Return whether a node is a retry or repeat without a number."""
-    count = {"retry": "attempts", "repeat": "times"}.get(spec.kind)
-    return count is not None and spec.fields.get(count) == Literal(value=FOREVER)
+    count = _COUNTS.get(spec.kind)
+    return count is not None and spec.fields.get(count) == _FOREVER
 
 
 def _no_name(name: str) -> object:
@@ -69,12 +94,13 @@ def _no_name(name: str) -> object:
 
 
 def _one_after_the_other(children: list[Outcomes], goes_on: Outcome) -> Outcomes:
-    ends: Outcomes = frozenset()
+    ends: set[Outcome] = set()
     for child in children:
-        ends |= child - {goes_on}
+        ends |= child
         if goes_on not in child:
-            return ends
-    return ends | {goes_on}
+            ends.discard(goes_on)
+            return frozenset(ends)
+    return frozenset(ends)
 
 
 def _any_of(children: list[Outcomes]) -> Outcomes:

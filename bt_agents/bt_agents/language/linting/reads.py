@@ -22,7 +22,10 @@ from bt_agents.language.specs import (
 def names_read(spec: NodeSpec) -> Iterator[str]:
     """Yield the names that a node reads itself, those of its children not."""
     for value in spec.fields.values():
-        yield from _of_value(value)
+        if isinstance(value, Reference):
+            yield value.name
+        elif not isinstance(value, Literal):
+            yield from _of_value(value)
     # The interface of a raw leaf stands in the tree; that of a skill names the skill's inputs.
     if spec.kind in KINDS and spec.skill is not None and spec.skill.binding is not None:
         yield from _of_value(spec.skill.binding.fields)
@@ -50,16 +53,19 @@ def _of_value(value: Value | Expression) -> Iterator[str]:
                 yield from _of_value(item)
 
 
-def texts_of(spec: NodeSpec) -> Iterator[str]:
-    """Yield the plain texts in the values of a node, those of its children not."""
-    open_values = [value for value in spec.fields.values() if not isinstance(value, Expression)]
+def texts_of(spec: NodeSpec) -> list[str]:
+    """Return the plain texts in the values of a node, those of its children not."""
+    texts: list[str] = []
+    open_values: list[Value | Expression] = [*spec.fields.values()]
     while open_values:
-        match open_values.pop():
-            case Literal(value=str() as text):
-                yield text
-            case Text(parts=parts):
-                yield from (part for part in parts if isinstance(part, str))
-            case ListValue(items=items):
-                open_values += items
-            case MapValue(items=fields):
-                open_values += fields.values()
+        value = open_values.pop()
+        if isinstance(value, Literal):
+            if isinstance(value.value, str):
+                texts.append(value.value)
+        elif isinstance(value, Text):
+            texts += [part for part in value.parts if isinstance(part, str)]
+        elif isinstance(value, ListValue):
+            open_values += value.items
+        elif isinstance(value, MapValue):
+            open_values += value.items.values()
+    return texts

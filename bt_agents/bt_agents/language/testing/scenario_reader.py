@@ -308,9 +308,7 @@ class ScenarioReader:
             for name in names
             if name in fields.nodes
         )
-        mapping = MappingNode(
-            position=fields.mapping.position, span=fields.mapping.span, entries=entries
-        )
+        mapping = replace(fields.mapping, entries=entries)
         return read_values(self._reading, mapping, "what happens", self._space)
 
     def _message(self, node: Node | None) -> tuple[str, Mapping[str, Plain]]:
@@ -368,7 +366,7 @@ def _outputs(node: NodeSpec) -> _Outputs:
 
 def _without_person(scene: MappingNode) -> MappingNode:
     entries = tuple(entry for entry in scene.entries if entry.key.text != "person")
-    return MappingNode(position=scene.position, span=scene.span, entries=entries)
+    return replace(scene, entries=entries)
 
 
 def _text(node: Node) -> str:

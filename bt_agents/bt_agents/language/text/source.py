@@ -29,13 +29,15 @@ class Source:
 
     @cached_property
     def _starts(self) -> list[int]:
-        return [0, *(match.end() for match in _LINE_BREAK.finditer(self.text))]
+        return [0, *[match.end() for match in _LINE_BREAK.finditer(self.text)]]
 
     def position(self, index: int) -> Position:
         """Return where the character at ``index`` stands; an index too large is the end."""
-        index = min(max(index, 0), len(self.text))
-        line = bisect_right(self._starts, index)
-        return Position(file=self.file, line=line, column=index - self._starts[line - 1] + 1)
+        starts = self._starts
+        if not 0 <= index <= len(self.text):
+            index = min(max(index, 0), len(self.text))
+        line = bisect_right(starts, index)
+        return Position(self.file, line, index - starts[line - 1] + 1)
 
     def line(self, number: int) -> str:
         """Return a line, counted from 1, without its end; empty beyond the last."""

@@ -4,11 +4,21 @@
 from __future__ import annotations
 
 import re
+import string
 import unicodedata
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field
+from typing import Any
 
 import yaml
+from yaml.events import (
+    CollectionStartEvent,
+    MappingEndEvent,
+    MappingStartEvent,
+    ScalarEvent,
+    SequenceEndEvent,
+    SequenceStartEvent,
+)
 
 from bt_agents.language.diagnostics import Diagnostics, shown
 from bt_agents.language.specs import Position
@@ -29,21 +39,46 @@ MAX_TEXT = 20_000
 _STRANGE_SPACE = re.compile("[\u00a0\u1680\u2000-\u200b\u202f\u205f\u2060\u3000]")
 _LOST_SPACE = re.compile("-(?=[^\\W\\d_])|[\u2010-\u2015\u2212] ?")
 _STANDARD_TAG = "tag:yaml.org,2002:"
+_NOTHING = frozenset(("", "~", "null", "Null", "NULL"))
+_LETTERS = frozenset(string.ascii_letters)
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Scalar:
+class _Located:
+    """Something that stands in a file; its place is worked out only when somebody asks for it."""
+
+    __slots__ = ()
+    source: Source
+    start: int
+    end: int
+
+    @property
+    def position(self) -> Position:
+        """Its first character, of a quoted text the quotation mark."""
+        return self.source.position(self.start)
+
+    @property
+    def span(self) -> tuple[int, int]:
+        """Index of its first character in the file's text and of the one after its last."""
+        return self.start, self.end
+
+
+# Never changed, but not frozen: most of what is made for a file are these, and freezing them
+# takes three times as long.
+@dataclass(slots=True)
+class Scalar(_Located):
     """A text, number or word as written.
 
     Attributes:
-        position: Its first character, of a quoted one the quotation mark.
-        span: Index of its first character in the file's text and of the one after its last.
+        source: The file.
+        start: Index of its first character in the text of the file.
+        end: Index of the character after its last one.
         text: Its content, quotes and line folding resolved.
         style: Empty for a plain scalar, else ``'``, ``"``, ``|`` or ``>``.
     """
 
-    position: Position
-    span: tuple[int, int]
+    source: Source = field(compare=False)
+    start: int
+    end: int
     text: str
     style: str
 
@@ -55,19 +90,20 @@ class Scalar:
     @property
     def empty(self) -> bool:
         """True when nothing is written, or the word that means nothing."""
-        return self.plain and self.text in ("", "~", "null", "Null", "NULL")
+        return self.text in _NOTHING and not self.style
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Sequence:
-    """A list."""
+@dataclass(slots=True)
+class Sequence(_Located):
+    """A list; as :class:`Scalar`."""
 
-    position: Position
-    span: tuple[int, int]
+    source: Source = field(compare=False)
+    start: int
+    end: int
     items: tuple[Node, ...]
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@dataclass(slots=True)
 class Entry:
     """One key of a mapping and what stands behind it."""
 
@@ -75,12 +111,13 @@ class Entry:
     value: Node
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Mapping:
-    """A mapping; its keys are different from each other."""
+@dataclass(slots=True)
+class Mapping(_Located):
+    """A mapping; its keys are different from each other. As :class:`Scalar`."""
 
-    position: Position
-    span: tuple[int, int]
+    source: Source = field(compare=False)
+    start: int
+    end: int
     entries: tuple[Entry, ...]
 
     def get(self, key: str) -> Node | None:
@@ -126,10 +163,11 @@ def read_once(source: Source, problems: Diagnostics) -> tuple[Node | None, Slip 
     return None if builder.hopeless else builder.root, None
 
 
-def _events(text: str) -> Iterator[yaml.Event]:
+def _events(text: str) -> Iterable[yaml.Event]:
     # The C parser is iterative, so that depth is checked here before anything recursive is built.
     loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
-    return yaml.parse(text, Loader=loader)
+    next_event: Callable[[], yaml.Event | None] = loader(text).get_event
+    return iter(next_event, None)
 
 
 def _as_written(tag: str) -> str:
@@ -139,8 +177,11 @@ def _as_written(tag: str) -> str:
 class _Open:
     """A list or mapping whose end has not come yet."""
 
-    def __init__(self, event: yaml.CollectionStartEvent) -> None:
-        self.event = event
+    __slots__ = ("entries", "is_list", "items", "key", "start", "value_is_next")
+
+    def __init__(self, start: int, is_list: bool) -> None:
+        self.start = start
+        self.is_list = is_list
         self.items: list[Node] = []
         self.entries: dict[str, Entry] = {}
         self.key: Scalar | None = None
@@ -156,45 +197,77 @@ class _Builder:
         self.hopeless = False
         self._source = source
         self._problems = problems
-        self._open: list[_Open] = []
-        self._count = 0
         self._documents = 0
 
-    def take(self, events: Iterator[yaml.Event]) -> None:
-        """Build from all events, or until the file turns out to be hopeless."""
+    def take(self, events: Iterable[Any]) -> None:
+        """Build from all events, or until the file turns out to be hopeless.
+
+        Args:
+            events: Of the parser, each with its marks.
+        """
+        # One loop without calls for what is usual: it sees every word of the file.
+        source = self._source
+        waiting: list[_Open | None] = []
+        parent: _Open | None = None
+        count = 0
+        node: Node
         for event in events:
-            self._event(event)
+            kind = type(event)
+            if kind is ScalarEvent:
+                text, style = event.value, event.style or ""
+                if event.anchor is not None or event.tag is not None:
+                    self._refuse_extras(event)
+                if style == '"':
+                    self._refuse_escapes(event)
+                if len(text) > MAX_TEXT:
+                    self._refuse_length(event)
+                count += 1
+                if count > MAX_NODES:
+                    self._refuse_count(event)
+                node = Scalar(source, event.start_mark.index, event.end_mark.index, text, style)
+            elif kind is MappingStartEvent or kind is SequenceStartEvent:
+                if event.anchor is not None or event.tag is not None:
+                    self._refuse_extras(event)
+                count += 1
+                if count > MAX_NODES:
+                    self._refuse_count(event)
+                waiting.append(parent)
+                parent = _Open(event.start_mark.index, kind is SequenceStartEvent)
+                if len(waiting) > MAX_DEPTH:
+                    self._refuse_depth(event)
+                if self.hopeless:
+                    return
+                continue
+            elif kind is MappingEndEvent or kind is SequenceEndEvent:
+                assert parent is not None
+                start, end = parent.start, event.end_mark.index
+                if parent.is_list:
+                    node = Sequence(source, start, end, tuple(parent.items))
+                else:
+                    node = Mapping(source, start, end, tuple(parent.entries.values()))
+                parent = waiting.pop()
+            else:
+                self._other(event)
+                if self.hopeless:
+                    return
+                continue
+            if parent is None:
+                self.root = node
+            elif parent.is_list:
+                parent.items.append(node)
+            elif parent.value_is_next:
+                parent.value_is_next = False
+                if parent.key is not None:
+                    parent.entries[parent.key.text] = Entry(parent.key, node)
+            else:
+                parent.value_is_next = True
+                parent.key = self._key(parent.entries, node)
             if self.hopeless:
                 return
 
-    def _event(self, event: yaml.Event) -> None:
+    def _other(self, event: yaml.Event) -> None:
+        """Refuse an alias and a second document; all other events say nothing."""
         match event:
-            case yaml.ScalarEvent():
-                self._refuse_extras(event)
-                self._refuse_escapes(event)
-                self._refuse_length(event)
-                self._count_one(event)
-                self._add(
-                    Scalar(
-                        position=self._position(event),
-                        span=self._span(event),
-                        text=event.value,
-                        style=event.style or "",
-                    )
-                )
-            case yaml.CollectionStartEvent():
-                self._refuse_extras(event)
-                self._count_one(event)
-                self._open.append(_Open(event))
-                if len(self._open) > MAX_DEPTH:
-                    self._give_up(
-                        event,
-                        "too-deep",
-                        f"lists and mappings are nested more than {MAX_DEPTH} deep",
-                        "move inner parts to subtrees",
-                    )
-            case yaml.CollectionEndEvent():
-                self._close(event)
             case yaml.AliasEvent():
                 self._give_up(
                     event,
@@ -213,44 +286,28 @@ class _Builder:
                         "put it into a file of its own, or remove the line '---'",
                     )
 
-    def _count_one(self, event: yaml.Event) -> None:
-        self._count += 1
-        if self._count > MAX_NODES:
-            self._give_up(
-                event,
-                "too-many-values",
-                f"the file holds more than {MAX_NODES:,} values",
-                "split it over several files",
-            )
+    def _refuse_count(self, event: yaml.Event) -> None:
+        self._give_up(
+            event,
+            "too-many-values",
+            f"the file holds more than {MAX_NODES:,} values",
+            "split it over several files",
+        )
 
-    def _close(self, event: yaml.CollectionEndEvent) -> None:
-        opened = self._open.pop()
-        position = self._position(opened.event)
-        span = (_start(opened.event), _end(event))
-        if isinstance(opened.event, yaml.SequenceStartEvent):
-            self._add(Sequence(position=position, span=span, items=tuple(opened.items)))
-        else:
-            self._add(
-                Mapping(position=position, span=span, entries=tuple(opened.entries.values()))
-            )
+    def _refuse_depth(self, event: yaml.Event) -> None:
+        self._give_up(
+            event,
+            "too-deep",
+            f"lists and mappings are nested more than {MAX_DEPTH} deep",
+            "move inner parts to subtrees",
+        )
 
-    def _add(self, node: Node) -> None:
-        if not self._open:
-            self.root = node
-            return
-        parent = self._open[-1]
-        if isinstance(parent.event, yaml.SequenceStartEvent):
-            parent.items.append(node)
-        elif not parent.value_is_next:
-            parent.key = self._key(parent, node)
-            parent.value_is_next = True
-        else:
-            parent.value_is_next = False
-            if parent.key is not None:
-                parent.entries[parent.key.text] = Entry(key=parent.key, value=node)
-
-    def _key(self, parent: _Open, node: Node) -> Scalar | None:
+    def _key(self, entries: dict[str, Entry], node: Node) -> Scalar | None:
         """Return a key, or None when it is refused and its value is to be left out."""
+        if isinstance(node, Scalar):
+            text = node.text
+            if text[:1] in _LETTERS and text not in entries and text not in _NOTHING:
+                return node
         if not isinstance(node, Scalar):
             template = self._source.text.startswith("{{", node.span[0] - 1)
             self._problems.add(
@@ -302,7 +359,7 @@ class _Builder:
                 "write the keys out, or use a subtree",
             )
             return None
-        first = parent.entries.get(node.text)
+        first = entries.get(node.text)
         if first is not None:
             self._problems.add(
                 "duplicate-key",
@@ -315,7 +372,7 @@ class _Builder:
             return None
         return node
 
-    def _refuse_extras(self, event: yaml.ScalarEvent | yaml.CollectionStartEvent) -> None:
+    def _refuse_extras(self, event: ScalarEvent | CollectionStartEvent) -> None:
         if event.anchor is not None:
             self._problems.add(
                 "anchor",
@@ -331,8 +388,8 @@ class _Builder:
                 "remove it, or quote a text that starts with '!'",
             )
 
-    def _refuse_escapes(self, event: yaml.ScalarEvent) -> None:
-        bad = BAD_CHARACTER.search(event.value) if event.style == '"' else None
+    def _refuse_escapes(self, event: ScalarEvent) -> None:
+        bad = BAD_CHARACTER.search(event.value)
         if bad is not None:
             self._problems.add(
                 "bad-character",
@@ -341,33 +398,19 @@ class _Builder:
                 "remove the backslash and the code behind it",
             )
 
-    def _refuse_length(self, event: yaml.ScalarEvent) -> None:
-        if len(event.value) > MAX_TEXT:
-            self._give_up(
-                event,
-                "too-long",
-                f"one text has {len(event.value):,} characters, at most {MAX_TEXT:,} are possible",
-                "split it; close a quotation mark that is still open",
-            )
+    def _refuse_length(self, event: ScalarEvent) -> None:
+        self._give_up(
+            event,
+            "too-long",
+            f"one text has {len(event.value):,} characters, at most {MAX_TEXT:,} are possible",
+            "split it; close a quotation mark that is still open",
+        )
 
     def _give_up(self, event: yaml.Event, code: str, message: str, hint: str) -> None:
         self._problems.add(code, self._position(event), message, hint)
         self.hopeless = True
 
     def _position(self, event: yaml.Event) -> Position:
-        return self._source.position(_start(event))
-
-    def _span(self, event: yaml.Event) -> tuple[int, int]:
-        return _start(event), _end(event)
-
-
-def _start(event: yaml.Event) -> int:
-    mark = event.start_mark
-    assert mark is not None
-    return mark.index
-
-
-def _end(event: yaml.Event) -> int:
-    mark = event.end_mark
-    assert mark is not None
-    return mark.index
+        mark = event.start_mark
+        assert mark is not None
+        return self._source.position(mark.index)

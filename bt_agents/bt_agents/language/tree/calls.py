@@ -11,11 +11,11 @@ from bt_agents.language.nodes import STANDS_BESIDE
 from bt_agents.language.shape import FileReading, found, listed
 from bt_agents.language.shortened import shortened
 from bt_agents.language.specs import (
+    NOTHING,
     FieldSpec,
-    FieldType,
-    Literal,
     NodeSpec,
     Position,
+    SkillSpec,
     SubtreeSpec,
 )
 from bt_agents.language.text.yaml_reader import Mapping as MappingNode
@@ -61,11 +61,10 @@ class CallReader:
         nodes = self._skill_fields(draft)
         if nodes is None:
             return None
-        # Without a binding, what a rehearsal answers has the outputs by their own names.
-        unbound = {output.name: output.name for output in skill.outputs}
-        paths = skill.binding.outputs if skill.binding is not None else unbound
-        feedback = skill.binding.feedback if skill.binding is not None else {}
-        outputs = self._outputs(draft, skill.outputs, f"skill '{skill.name}'")
+        outputs: Mapping[str, str] = NOTHING
+        feedback: Mapping[str, str] = NOTHING
+        if skill.outputs or "outputs" in draft.beside:
+            outputs, feedback = self._skill_outputs(draft, skill)
         return NodeSpec(
             path=path,
             position=draft.key.position,
@@ -73,8 +72,22 @@ class CallReader:
             name=draft.name or _skill_label(draft, nodes),
             fields=self._inputs(skill.inputs, nodes, names, draft),
             skill=skill,
-            outputs={name: paths[of] for name, of in outputs.items() if of in paths},
-            feedback={name: feedback[of] for name, of in outputs.items() if of in feedback},
+            outputs=outputs,
+            feedback=feedback,
+        )
+
+    def _skill_outputs(
+        self, draft: Draft, skill: SkillSpec
+    ) -> tuple[Mapping[str, str], Mapping[str, str]]:
+        """Return what names get of the result, and what of the feedback."""
+        # Without a binding, what a rehearsal answers has the outputs by their own names.
+        unbound = {output.name: output.name for output in skill.outputs}
+        paths = skill.binding.outputs if skill.binding is not None else unbound
+        feedback = skill.binding.feedback if skill.binding is not None else NOTHING
+        written = self._outputs(draft, skill.outputs, f"skill '{skill.name}'")
+        return (
+            {name: paths[of] for name, of in written.items() if of in paths},
+            {name: feedback[of] for name, of in written.items() if of in feedback} or NOTHING,
         )
 
     def subtree(self, draft: Draft, path: str, names: Names) -> NodeSpec | None:
@@ -125,11 +138,10 @@ class CallReader:
     def _skill_fields(self, draft: Draft) -> Mapping[str, Node] | None:
         skill, value = draft.skill, draft.value
         assert skill is not None
-        required = [one.name for one in skill.inputs if one.required]
+        required = skill.required
         if isinstance(value, MappingNode):
-            known = [one.name for one in skill.inputs]
             fields = self._reading.fields(
-                value, f"'{skill.name}'", known, required, beside=STANDS_BESIDE
+                value, f"'{skill.name}'", skill.input_names, required, beside=STANDS_BESIDE
             )
             return fields.nodes if fields is not None else None
         if isinstance(value, Scalar) and value.empty and not required:
@@ -165,7 +177,7 @@ class CallReader:
             node = nodes.get(one.name)
             if node is None:
                 if not one.required:
-                    fields[one.name] = Literal(value=one.default)
+                    fields[one.name] = one.default_value
                 continue
             short_form = draft is not None and node is draft.value
             what = draft.word if draft is not None and short_form else one.name
@@ -235,7 +247,6 @@ def _skill_label(draft: Draft, nodes: Mapping[str, Node]) -> str:
     skill = draft.skill
     assert skill is not None
     shortened = short(nodes.get(skill.main or ""))
-    types = {one.name: one.type for one in skill.inputs}
-    if shortened and types.get(skill.main or "") is FieldType.TEXT:
+    if shortened and skill.main_is_text:
         shortened = f'"{shortened}"'
     return f"{skill.name} {shortened}".rstrip()

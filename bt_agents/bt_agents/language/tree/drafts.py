@@ -12,12 +12,13 @@ from bt_agents.language.diagnostics import did_you_mean, nearest, shown
 from bt_agents.language.node_types import Children, Content, NodeKind
 from bt_agents.language.nodes import BESIDE, MODIFIERS, STANDS_BESIDE
 from bt_agents.language.shape import FileReading, found, listed
-from bt_agents.language.specs import SkillSpec
+from bt_agents.language.specs import NOTHING, SkillSpec
 from bt_agents.language.text.yaml_reader import Entry, Node, Scalar, Sequence
 from bt_agents.language.text.yaml_reader import Mapping as MappingNode
 from bt_agents.language.vocabulary import Vocabulary
 
 _MAX_LABEL = 64
+_STANDS_BESIDE = frozenset(STANDS_BESIDE)
 _CASE = ("name", "when")
 _OTHER_LANGUAGES = {
     "if": "write 'when: …' beside a node, or use 'choose' for several cases",
@@ -33,7 +34,7 @@ _OTHER_LANGUAGES = {
 """Words of other languages → how the same is said here."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(slots=True, kw_only=True, eq=False)
 class Draft:
     """One node as written, its values not read yet.
 
@@ -70,9 +71,14 @@ class Draft:
 
     def walk(self) -> Iterator[Draft]:
         """Return this node and all below it, handlers included."""
-        yield self
-        for child in (*self.children, *self.nodes.values()):
-            yield from child.walk()
+        waiting = [self]
+        while waiting:
+            draft = waiting.pop()
+            yield draft
+            if draft.nodes:
+                waiting += reversed([*draft.nodes.values()])
+            if draft.children:
+                waiting += reversed(draft.children)
 
 
 class DraftReader:
@@ -91,6 +97,7 @@ class DraftReader:
         self._subtrees = subtrees
         self._skills = vocabulary.skills
         self._kinds = vocabulary.kinds
+        self._words = {*vocabulary.kinds, *vocabulary.skills}
         self._incomplete = vocabulary.incomplete
 
     def read(self, node: Node, where: str, parent: NodeKind | None = None) -> Draft | None:
@@ -104,9 +111,17 @@ class DraftReader:
         if not isinstance(node, MappingNode) or not node.entries:
             self._not_a_node(node, where)
             return None
-        nodes = [e for e in node.entries if self._is_word(e.key.text)]
-        others = [e for e in node.entries if e not in nodes]
-        unknown = [e for e in others if e.key.text not in STANDS_BESIDE]
+        nodes: list[Entry] = []
+        unknown: list[Entry] = []
+        known: dict[str, Entry] = {}
+        for entry in node.entries:
+            word = entry.key.text
+            if word in self._words:
+                nodes.append(entry)
+            elif word in _STANDS_BESIDE:
+                known[word] = entry
+            else:
+                unknown.append(entry)
         if not nodes:
             return self._no_node(node, unknown, where, parent)
         for extra in nodes[1:]:
@@ -118,12 +133,11 @@ class DraftReader:
             )
         for entry in unknown:
             self._unknown_beside(entry, nodes[0])
-        known = {e.key.text: e for e in others if e not in unknown}
-        loose = any(entry.key.text == "children" for entry in unknown)
+        loose = bool(unknown) and any(entry.key.text == "children" for entry in unknown)
         return self._draft(nodes[0], nodes[0].key.text, known, parent, loose_children=loose)
 
     def _is_word(self, text: str) -> bool:
-        return text in self._kinds or text in self._skills
+        return text in self._words
 
     def _draft(
         self,
@@ -145,21 +159,25 @@ class DraftReader:
         kind = self._kinds.get(word)
         skill = None if kind is not None else self._skills[word]
         label = known.pop("name", None)
-        beside = {key: known.pop(key) for key in BESIDE if key in known}
-        self._check_beside(beside, word, kind, parent)
+        beside: dict[str, Entry] = {}
+        if known:
+            beside = {key: known.pop(key) for key in BESIDE if key in known}
+        if beside:
+            self._check_beside(beside, word, kind, parent)
         if parent is not None and parent.key == "choose":
             self._check_case(entry, known, label)
         options: dict[str, Entry] = {}
         children: tuple[Draft, ...] = ()
         if not (loose_children and isinstance(entry.value, Scalar) and entry.value.empty):
             options, children = self._children(entry, kind)
-        fields = kind.fields if kind is not None else ()
-        nodes = {
-            one.name: self.read(options[one.name].value, f"'{one.name}'")
-            for one in fields
-            if one.content is Content.NODE and one.name in options
-        }
-        if all(_is_on(known.get(key)) for key in ("succeed", "fail")):
+        nodes: dict[str, Draft | None] = {}
+        if options and kind is not None:
+            nodes = {
+                one.name: self.read(options[one.name].value, f"'{one.name}'")
+                for one in kind.fields
+                if one.content is Content.NODE and one.name in options
+            }
+        if "succeed" in known and "fail" in known and _is_on(known, "succeed", "fail"):
             self._reading.error(
                 "contradiction",
                 known["fail"].key,
@@ -174,12 +192,14 @@ class DraftReader:
             value=entry.value,
             kind=kind,
             skill=skill,
-            name=self._label(label),
+            name=self._label(label) if label is not None else "",
             modifiers=known,
             beside=beside,
             options=options,
             children=children,
-            nodes={key: node for key, node in nodes.items() if node is not None},
+            nodes={key: node for key, node in nodes.items() if node is not None}
+            if nodes
+            else NOTHING,
         )
 
     def _check_beside(
@@ -271,12 +291,12 @@ class DraftReader:
             self._reading.error(
                 "no-children", written, f"'{word}' has no children", "add a '-' item"
             )
-        drafts = (self.read(item, f"'{word}'", kind) for item in written.items)
-        return options, tuple(draft for draft in drafts if draft is not None)
+        drafts = [self.read(item, f"'{word}'", kind) for item in written.items]
+        return options, tuple([draft for draft in drafts if draft is not None])
 
-    def _label(self, entry: Entry | None) -> str:
-        text = self._reading.text(entry.value, "'name'") if entry is not None else None
-        if entry is None or text is None:
+    def _label(self, entry: Entry) -> str:
+        text = self._reading.text(entry.value, "'name'")
+        if text is None:
             return ""
         if len(text) > _MAX_LABEL or "\n" in text:
             self._reading.error(
@@ -394,5 +414,6 @@ class DraftReader:
         )
 
 
-def _is_on(switch: Entry | None) -> bool:
-    return switch is not None and isinstance(switch.value, Scalar) and switch.value.text == "true"
+def _is_on(known: Mapping[str, Entry], *switches: str) -> bool:
+    values = [known[switch].value for switch in switches]
+    return all(isinstance(value, Scalar) and value.text == "true" for value in values)

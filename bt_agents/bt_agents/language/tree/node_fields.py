@@ -56,8 +56,8 @@ class FieldReader:
         for field in fields:
             node = nodes.get(field.name)
             if node is None:
-                if field.default is not None:
-                    values[field.name] = Literal(value=field.default)
+                if field.default_value is not None:
+                    values[field.name] = field.default_value
                 continue
             label = what if field.name == main else f"'{field.name}'"
             value = self.read(field, node, names, label, nodes)
@@ -165,6 +165,8 @@ def written_fields(
     Returns:
         None when nothing can be read, which is then reported.
     """
+    if main is not None and isinstance(node, Scalar) and not node.empty:
+        return {main: node}
     required = [field.name for field in fields if field.required]
     if isinstance(node, Scalar) and node.empty and not required:
         return {}

@@ -4,9 +4,10 @@
 from __future__ import annotations
 
 import re
+from functools import lru_cache
 
 from bt_agents.language.diagnostics import shown
-from bt_agents.language.expression.expressions import Expression, ExpressionError, parse_expression
+from bt_agents.language.expression.expressions import Expression, ExpressionError
 from bt_agents.language.names import Names
 from bt_agents.language.shape import FileReading
 from bt_agents.language.specs import Computed, FieldType, Reference
@@ -18,6 +19,7 @@ Part = str | Reference | Computed
 _REFERENCE = re.compile(r"\$\$\{|\$\{([^{}$]*)(\}?)")
 _WHERE_TEXTS_STAND = re.compile(r"(==|!=|\[|,)\s*$")
 _DOTTED = re.compile(r"[^\W\d]\w*(\.\w+)*")
+_ONE_NAME = re.compile(r"\$\{\s*([^\W\d]\w*(?:\.\w+)*)\s*\}")
 
 
 def read_parts(reading: FileReading, node: Scalar, names: Names) -> tuple[Part, ...] | None:
@@ -27,6 +29,9 @@ def read_parts(reading: FileReading, node: Scalar, names: Names) -> tuple[Part, 
     """
     if "${" not in node.text:
         return (node.text,)
+    alone = _ONE_NAME.fullmatch(node.text)
+    if alone is not None and names.problem(alone[1]) is None:
+        return (_reference(alone[1], names.type_of(alone[1]) or FieldType.ANY),)
     parts: list[Part] = []
     plain = ""
     at = 0
@@ -68,11 +73,19 @@ def _read_one(
         reading.error_in("bad-reference", node, match.start(), len(match[0]), problem, hint)
         return None
     if _DOTTED.fullmatch(inner):
-        if not check_name(reading, node, inner, offset, names):
-            return None
-        return Reference(name=inner, type=names.type_of(inner) or FieldType.ANY)
+        unknown = names.problem(inner)
+        if unknown is None:
+            return _reference(inner, names.type_of(inner) or FieldType.ANY)
+        _report_name(reading, node, inner, offset, unknown)
+        return None
     expression = read_expression(reading, node, inner, offset, shown(inner), names)
     return None if expression is None else Computed(expression=expression)
+
+
+@lru_cache(maxsize=1024)
+def _reference(name: str, field_type: FieldType) -> Reference:
+    """Return a name; files name the same ones again and again."""
+    return Reference(name=name, type=field_type)
 
 
 def read_expression(
@@ -92,51 +105,51 @@ def read_expression(
         None when it is no expression or a name is not known, which is then reported.
     """
     try:
-        expression = parse_expression(text, kind_of=names.kind_of, unit_of=names.unit_of)
+        expression = names.parse(text)
     except ExpressionError as error:
         place = offset + error.column - 1
         reading.error_in(
             "bad-expression", node, place, error.width, f"{what}: {error.message}", error.hint
         )
         return None
-    known = [
-        check_name(
+    sound = True
+    for mention in expression.mentions:
+        problem = names.problem(mention.name)
+        if problem is None:
+            continue
+        sound = False
+        before = text[: mention.column - 1]
+        _report_name(
             reading,
             node,
             mention.name,
-            offset + mention.column - 1,
-            names,
-            maybe_text=_WHERE_TEXTS_STAND.search(text[: mention.column - 1]) is not None,
+            offset + len(before),
+            problem,
+            maybe_text=_WHERE_TEXTS_STAND.search(before) is not None,
         )
-        for mention in expression.mentions
-    ]
-    return expression if all(known) else None
+    return expression if sound else None
 
 
-def check_name(
+def _report_name(
     reading: FileReading,
     node: Scalar,
     name: str,
     offset: int,
-    names: Names,
+    problem: tuple[str, str, str],
     *,
     maybe_text: bool = False,
-) -> bool:
-    """Return whether a name can be used here; report it where it stands when not.
+) -> None:
+    """Report where it stands that a name cannot be used here.
 
     Args:
         reading: The file.
         node: The scalar.
         name: The name.
         offset: Where it begins in the text of the scalar.
-        names: What may be named.
+        problem: Code, message and hint.
         maybe_text: Whether it can be meant as a text.
     """
-    problem = names.problem(name)
-    if problem is None:
-        return True
     code, message, hint = problem
     if maybe_text and "." not in name and hint.startswith("possible here"):
         hint = f"if it is meant as a text, put it in quotation marks: '{name}'"
     reading.error_in(code, node, offset, len(name), message, hint)
-    return False

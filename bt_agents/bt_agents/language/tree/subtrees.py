@@ -3,13 +3,13 @@
 
 from __future__ import annotations
 
+import operator
 from collections.abc import Mapping
-from dataclasses import replace
 
 from bt_agents.language.shape import FileReading
 from bt_agents.language.specs import NodeSpec, Position
 
-MAX_NODES = 2000
+MAX_NODES = 10_000
 """Nodes of all trees of an agent, modifiers counted, subtrees counted wherever they are used."""
 
 MAX_DEPTH = 64
@@ -88,7 +88,7 @@ class Expansion:
                 "use 'repeat', or split the agent",
             )
             return None
-        return self._expanded(root, ""), size
+        return (self._expanded(root, "") if self._calls else root), size
 
     def _called(self, body: NodeSpec) -> dict[str, Position]:
         """Return the subtrees that a tree calls itself, each with the place of one call."""
@@ -104,19 +104,27 @@ class Expansion:
 
     def _size(self, spec: NodeSpec) -> tuple[int, int]:
         """Return how many nodes and levels a tree has with its subtrees in place."""
-        sizes = [self._size(child) for child in spec.children]
         if _calls(spec):
-            sizes.append(self._sizes.get(self._calls[spec.position], (0, 0)))
-        return 1 + sum(s for s, _ in sizes), 1 + max((d for _, d in sizes), default=0)
+            size, depth = self._sizes.get(self._calls[spec.position], (0, 0))
+            return 1 + size, 1 + depth
+        size, deepest = 1, 0
+        for child in spec.children:
+            below, depth = self._size(child)
+            size += below
+            if depth > deepest:
+                deepest = depth
+        return size, 1 + deepest
 
     def _expanded(self, spec: NodeSpec, prefix: str) -> NodeSpec:
         path = prefix + spec.path
-        children = tuple(self._expanded(child, prefix) for child in spec.children)
-        if _calls(spec):
-            body = self._bodies.get(self._calls[spec.position])
-            if body is not None:
-                children = (self._expanded(body, f"{path}/"),)
-        return replace(spec, path=path, children=children)
+        body = self._bodies.get(self._calls[spec.position]) if _calls(spec) else None
+        if body is not None:
+            children = [self._expanded(body, f"{path}/")]
+        else:
+            children = [self._expanded(child, prefix) for child in spec.children]
+            if not prefix and all(map(operator.is_, children, spec.children)):
+                return spec
+        return spec.moved(path, tuple(children))
 
 
 def _calls(spec: NodeSpec) -> bool:

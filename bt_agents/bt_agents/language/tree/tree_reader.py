@@ -25,7 +25,7 @@ from bt_agents.language.tree.child_counts import read_succeed_on, refuse_no_chan
 from bt_agents.language.tree.drafts import Draft
 from bt_agents.language.tree.node_fields import FieldReader, FieldValues, written_fields
 from bt_agents.language.tree.raw_leaves import RAW_LEAVES, read_raw_leaf
-from bt_agents.language.tree.written_names import WrittenNames
+from bt_agents.language.tree.written_names import WrittenNames, may_write
 from bt_agents.language.values import read_value
 from bt_agents.language.vocabulary import Vocabulary
 
@@ -55,13 +55,6 @@ class TreeReader:
         self._fields = FieldReader(reading, vocabulary)
         self._calls = CallReader(reading, subtrees, vocabulary)
         self._written = WrittenNames(reading, subtrees, vocabulary.interfaces)
-        self._leaves: Mapping[str, Callable[[Draft, str, Names], NodeSpec | None]] = {
-            "set": self._set,
-            "subtree": self._calls.subtree,
-            "wait_for": self._wait_for,
-            "give_feedback": self._give_feedback,
-            **dict.fromkeys(RAW_LEAVES, self._raw),
-        }
 
     @property
     def calls(self) -> Mapping[Position, str]:
@@ -77,24 +70,26 @@ class TreeReader:
             names: What its values and conditions may name; learns what the node writes.
             parent: Key of the composite that it is a child of.
         """
-        if any(key in draft.modifiers for key in _LOOPS):
+        if not draft.modifiers:
+            spec = self._node(draft, path, names)
+            if may_write(draft):
+                names.give(self._written.by(draft))
+            return spec
+        if not draft.modifiers.keys().isdisjoint(_LOOPS):
             # A later round can use what an earlier one has written.
             names.give(self._written.below(draft))
-        wrapping = {
-            kind.key: self._modifier_fields(kind, draft, names, parent)
-            for kind in MODIFIERS.values()
-            if kind.key in draft.modifiers and not kind.handler
-        }
+        kinds = [kind for kind in MODIFIERS.values() if kind.key in draft.modifiers]
+        wrapping = [
+            None if kind.handler else self._modifier_fields(kind, draft, names, parent)
+            for kind in kinds
+        ]
         spec = self._node(draft, path, names)
         names.give(self._written.by(draft))
-        for kind in reversed(list(MODIFIERS.values())):
-            if kind.handler and kind.key in draft.modifiers:
-                position = draft.modifiers[kind.key].key.position
-                spec = self._handled(draft, position, path, names, spec)
-                continue
-            fields = wrapping.get(kind.key)
-            if fields is not None:
-                entry = draft.modifiers[kind.key]
+        for kind, fields in zip(reversed(kinds), reversed(wrapping), strict=True):
+            entry = draft.modifiers[kind.key]
+            if kind.handler:
+                spec = self._handled(draft, entry.key.position, path, names, spec)
+            elif fields is not None:
                 label = f"{kind.key} {short(entry.value)}" if kind.fields else kind.key
                 spec = _wrapped(spec, kind.key, entry.key.position, path, fields, label)
         return spec
@@ -157,7 +152,11 @@ class TreeReader:
         assert draft.kind is not None
         if draft.kind.children is Children.LIST:
             return self._composite(draft, path, names)
-        return self._leaves.get(draft.kind.key, self._leaf)(draft, path, names)
+        read = _LEAVES.get(draft.kind.key, TreeReader._leaf)
+        return read(self, draft, path, names)
+
+    def _subtree(self, draft: Draft, path: str, names: Names) -> NodeSpec | None:
+        return self._calls.subtree(draft, path, names)
 
     def _composite(self, draft: Draft, path: str, names: Names) -> NodeSpec:
         assert draft.kind is not None
@@ -176,12 +175,13 @@ class TreeReader:
         listed_children = [*draft.children]
         if "otherwise" in draft.nodes:
             listed_children.append(draft.nodes["otherwise"])
-        at_start = set(names.given)
+        exclusive = key in _EXCLUSIVE
+        at_start = set(names.given) if exclusive else set()
         at_end = set(at_start)
-        whens = [self._case(child, names) if key == "choose" else {} for child in draft.children]
+        whens = [self._case(child, names) for child in draft.children] if key == "choose" else []
         children: list[NodeSpec | None] = []
         for index, child in enumerate(listed_children):
-            if key in _EXCLUSIVE:
+            if exclusive:
                 names.given.clear()
                 names.given.update(at_start)
             here = f"{path}/{_segment(index, child)}"
@@ -197,8 +197,10 @@ class TreeReader:
                 one: FieldValues = {"weight": weight or Literal(value=1.0)}
                 spec = _wrapped(spec, "weight", child.key.position, here, one, label)
             children.append(spec)
-            at_end |= names.given
-        names.give(at_end)
+            if exclusive:
+                at_end |= names.given
+        if exclusive:
+            names.give(at_end)
         if key == "random":
             refuse_no_chance(self._reading, draft, children)
         return NodeSpec(
@@ -207,7 +209,7 @@ class TreeReader:
             kind=key,
             name=draft.name or key,
             fields=fields,
-            children=tuple(child for child in children if child is not None),
+            children=tuple([child for child in children if child is not None]),
         )
 
     def _case(self, child: Draft, names: Names) -> FieldValues:
@@ -332,6 +334,15 @@ class TreeReader:
         )
 
 
+_LEAVES: Mapping[str, Callable[[TreeReader, Draft, str, Names], NodeSpec | None]] = {
+    "set": TreeReader._set,
+    "subtree": TreeReader._subtree,
+    "wait_for": TreeReader._wait_for,
+    "give_feedback": TreeReader._give_feedback,
+    **dict.fromkeys(RAW_LEAVES, TreeReader._raw),
+}
+
+
 def _wrapped(
     spec: NodeSpec | None,
     kind: str,
@@ -359,5 +370,5 @@ def _key(node: Node, name: str) -> Node:
 
 
 def _segment(index: int, draft: Draft) -> str:
-    word = _NOT_IN_PATH.sub("_", draft.name).strip("_") or draft.key.text
-    return f"{index}.{word}"
+    word = _NOT_IN_PATH.sub("_", draft.name).strip("_") if draft.name else ""
+    return f"{index}.{word or draft.key.text}"

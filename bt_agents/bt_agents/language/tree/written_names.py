@@ -24,6 +24,9 @@ _WITH_OUTPUTS = {
 }
 """Leaves that name a message → its kind, its section, and the word for it in paths."""
 
+_WRITING = frozenset(("set", "subtree", *_WITH_OUTPUTS))
+"""Kinds of nodes of which some give names values; skills come on top of these."""
+
 _ONE_NAME = re.compile(r"\$\{\s*([^\W\d]\w*(?:\.\w+)*)\s*\}")
 
 
@@ -63,7 +66,8 @@ class WrittenNames:
         """
         self._types = types
         written: dict[str, Written] = {}
-        for node in (node for draft in drafts if draft is not None for node in draft.walk()):
+        nodes = (node for draft in drafts if draft is not None for node in draft.walk())
+        for node in filter(may_write, nodes):
             for name, place, field_type in self._written_by(node):
                 own = place.text == name
                 if own and read_new_name(self._reading, place, "a value") is None:
@@ -86,7 +90,12 @@ class WrittenNames:
 
     def below(self, draft: Draft) -> set[str]:
         """Return the names that a node and all below it write."""
-        return {name for node in draft.walk() for name, _, _ in self._written_by(node)}
+        return {
+            name
+            for node in draft.walk()
+            if may_write(node)
+            for name, _, _ in self._written_by(node)
+        }
 
     def by(self, draft: Draft) -> set[str]:
         """Return the names that a node writes itself."""
@@ -140,3 +149,10 @@ class WrittenNames:
             return None
         called = self._subtrees.get(node.value.text)
         return called.outputs if called is not None else ()
+
+
+def may_write(node: Draft) -> bool:
+    """Return whether a node may give names values: most give none."""
+    if node.skill is not None:
+        return bool(node.skill.outputs) or "outputs" in node.beside
+    return node.word in _WRITING

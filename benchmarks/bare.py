@@ -1,0 +1,47 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What bare rclpy programs share: QoS, and the executor, which is that of our nodes."""
+
+from __future__ import annotations
+
+import os
+from contextlib import suppress
+from typing import Any
+
+import rclpy
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+
+from bt_agents.ros.executor import LeanExecutor
+
+EVENTS = QoSProfile(depth=1000, reliability=ReliabilityPolicy.RELIABLE)
+"""As all topics and services of events of the system have it."""
+
+LATCHED = QoSProfile(
+    depth=50,
+    reliability=ReliabilityPolicy.RELIABLE,
+    durability=DurabilityPolicy.TRANSIENT_LOCAL,
+)
+"""As the history of decisions has it."""
+
+
+def executor(context: Any = None) -> Any:
+    """Return the executor that both sides of every benchmark use."""
+    return LeanExecutor(context=context)
+
+
+def spin(*nodes: Node, turner: Any = None) -> None:
+    """Say that the nodes are made, and turn them until the process is killed.
+
+    Args:
+        nodes: The nodes.
+        turner: Another executor than that of :func:`executor`.
+    """
+    turner = turner or executor()
+    for node in nodes:
+        turner.add_node(node)
+    descriptor = os.environ.pop("BT_AGENTS_READY", "")
+    if descriptor:
+        with suppress(OSError), os.fdopen(int(descriptor), "wb") as parent:
+            parent.write(b"up")
+    while rclpy.ok():
+        turner.spin_once(timeout_sec=0.1)

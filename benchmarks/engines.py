@@ -1,0 +1,141 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The reference trees built of py_trees classes, ticked by py_trees itself and by our engine."""
+
+from __future__ import annotations
+
+import asyncio
+import time
+from collections.abc import Callable
+from contextlib import ExitStack
+from dataclasses import dataclass, field
+from typing import Any
+
+from py_trees.behaviour import Behaviour
+from py_trees.common import Status
+from py_trees.composites import Selector, Sequence
+from py_trees.decorators import Inverter
+
+from bt_agents.engine.ticking import Ticker
+from measuring import Way, timed
+from reference_trees import Answer, Kind, Shape
+
+
+@dataclass(kw_only=True)
+class Built:
+    """A tree that an engine has built.
+
+    Attributes:
+        tick: Ticks it once, or returns a coroutine that does.
+        means: The engine's words for a status.
+        leaves: From the first to the last.
+        runner: Runs the coroutines; None when there are none.
+        resources: What is to be closed.
+        ticked: How often so far.
+        status: Returns the status in the engine's words, from what a tick has returned.
+    """
+
+    tick: Callable[[], Any]
+    means: dict[Any, Answer]
+    leaves: list[Any]
+    runner: asyncio.Runner | None = None
+    resources: ExitStack = field(default_factory=ExitStack)
+    ticked: int = 0
+    status: Callable[[Any], Any] = lambda answer: answer
+
+    def tick_once(self) -> Answer:
+        """Tick and return the status."""
+        self.ticked += 1
+        answer = self.tick() if self.runner is None else self.runner.run(_awaited(self.tick))
+        return self.means[self.status(answer)]
+
+    def way(self, number: int) -> Way:
+        """Return a measurement of so many ticks back to back, in an event loop if need be."""
+        runner, sync = self.runner, timed(self.tick, number, time.thread_time)
+
+        def way() -> float:
+            self.ticked += number
+            return sync() if runner is None else runner.run(_timed(self.tick, number))
+
+        return way
+
+    def counts(self) -> list[int]:
+        """Return how often each leaf was ticked."""
+        return [leaf.ticks for leaf in self.leaves]
+
+
+async def _awaited(tick: Callable[[], Any]) -> Any:
+    return await tick()
+
+
+async def _timed(tick: Callable[[], Any], number: int) -> float:
+    began = time.thread_time()
+    for _ in range(number):
+        await tick()
+    return (time.thread_time() - began) / number
+
+
+class _Leaf(Behaviour):
+    """A behaviour as a user writes it: only ``update``."""
+
+    def __init__(self, answer: Status) -> None:
+        super().__init__("leaf")
+        self.answer = answer
+        self.ticks = 0
+
+    def update(self) -> Status:
+        self.ticks += 1
+        return self.answer
+
+
+PY_TREES = {
+    Status.SUCCESS: Answer.SUCCESS,
+    Status.FAILURE: Answer.FAILURE,
+    Status.RUNNING: Answer.RUNNING,
+}
+
+
+def behaviours(shape: Shape) -> tuple[Behaviour, list[Any]]:
+    """Return a tree of stock py_trees classes, and its leaves."""
+    leaves: list[Any] = []
+
+    def node(shape: Shape) -> Behaviour:
+        if shape.kind is Kind.LEAF:
+            leaves.append(_Leaf(Status[shape.answer.name]))
+            return leaves[-1]
+        children = [node(child) for child in shape.children]
+        if shape.kind is Kind.INVERT:
+            return Inverter("invert", children[0])
+        kind = Sequence if shape.kind is Kind.SEQUENCE else Selector
+        return kind(shape.kind.value, memory=shape.memory, children=children)
+
+    return node(shape), leaves
+
+
+def py_trees(shape: Shape) -> Built:
+    """py_trees ticks with its own ``tick_once``."""
+    root, leaves = behaviours(shape)
+    return Built(
+        tick=root.tick_once, means=PY_TREES, leaves=leaves, status=lambda _answer: root.status
+    )
+
+
+def ours(shape: Shape) -> Built:
+    """Our engine ticks the same classes."""
+    root, leaves = behaviours(shape)
+    return Built(tick=Ticker(root).tick, means=PY_TREES, leaves=leaves)
+
+
+def only_leaves(shape: Shape) -> Built:
+    """Only the methods of the leaves that a second tick calls, by a loop: no engine is faster."""
+    built = py_trees(shape)
+    built.tick_once()
+    before = built.counts()
+    built.tick_once()
+    after = built.counts()
+    calls = [leaf.update for leaf, a, b in zip(built.leaves, before, after, strict=True) if b > a]
+
+    def tick() -> None:
+        for call in calls:
+            call()
+
+    return Built(tick=tick, means={}, leaves=built.leaves, ticked=built.ticked)

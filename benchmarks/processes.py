@@ -1,0 +1,284 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Node processes on ROS domains of their own, and the probe in this process that talks to them."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import ExitStack, contextmanager, suppress
+from pathlib import Path
+from typing import Any
+
+import rclpy
+from rclpy.context import Context
+from rclpy.node import Node
+from rclpy.signals import SignalHandlerOptions
+
+from bare import executor
+from bt_agents.cli.supervisor import Component, keep_local
+from bt_agents.domain import reserve_domain
+from bt_agents.starting import READY, SUPERVISED
+
+HERE = Path(__file__).parent
+
+LIMIT_S = 60.0
+"""Whatever takes longer hangs [s]."""
+
+_TURN_S = 0.05
+_END_S = 3.0
+
+SKILLS = """\
+format: 1
+skills:
+  say:
+    description: Speak a text.
+    main: text
+    inputs: {text: {type: text, description: what to say}}
+    action: {name: say, type: bt_agents_interfaces/action/Say, goal: {text: "${text}"}}
+"""
+
+
+class Running:
+    """A process that was started.
+
+    Args:
+        command: Its command line.
+        environment: Its environment.
+        log: What it prints goes here.
+
+    Attributes:
+        name: For people.
+    """
+
+    def __init__(
+        self, name: str, command: list[str], environment: Mapping[str, str], log: Path
+    ) -> None:
+        self.name = name
+        self._log = log
+        self._ready, says_ready = os.pipe()
+        os.set_blocking(self._ready, False)
+        self._is_up = False
+        with log.open("wb") as file:
+            self._process = subprocess.Popen(
+                command,
+                stdin=subprocess.DEVNULL,
+                stdout=file,
+                stderr=subprocess.STDOUT,
+                env={
+                    **environment,
+                    SUPERVISED: str(os.getpid()),
+                    READY: str(says_ready),
+                    "PYTHONUNBUFFERED": "1",
+                },
+                pass_fds=(says_ready,),
+            )
+        os.close(says_ready)
+
+    @property
+    def pid(self) -> int:
+        """Id of the process."""
+        return self._process.pid
+
+    @property
+    def is_up(self) -> bool:
+        """Whether it has said that its nodes are made.
+
+        Raises:
+            RuntimeError: It has ended; the message ends with what it said last.
+        """
+        if self._process.poll() is not None:
+            raise RuntimeError(f"{self.name} ended by itself:\n{self.said[-3000:]}")
+        if not self._is_up:
+            with suppress(BlockingIOError):
+                self._is_up = bool(os.read(self._ready, 8))
+        return self._is_up
+
+    @property
+    def resident_mb(self) -> float:
+        """Memory that it has in RAM [MB]."""
+        statm = Path(f"/proc/{self.pid}/statm").read_text(encoding="ascii")
+        return int(statm.split()[1]) * os.sysconf("SC_PAGE_SIZE") / 1e6
+
+    @property
+    def said(self) -> str:
+        """All that it has printed."""
+        return self._log.read_text(errors="replace")
+
+    def hang(self) -> None:
+        """Stop its time."""
+        self._process.send_signal(signal.SIGSTOP)
+
+    def go_on(self) -> None:
+        """Let its time go on."""
+        self._process.send_signal(signal.SIGCONT)
+
+    def kill(self) -> None:
+        """End it as a crash does; nothing when it has ended."""
+        self._process.kill()
+        self._process.wait()
+        if self._ready >= 0:
+            os.close(self._ready)
+            self._ready = -1
+
+    def end(self) -> None:
+        """End it in order, or kill it when that takes too long."""
+        self._process.terminate()
+        with suppress(subprocess.TimeoutExpired):
+            self._process.wait(_END_S)
+        self.kill()
+
+
+class Graph:
+    """A ROS graph of processes on a domain of its own, with a probe in this process.
+
+    Discovery and transport are those of a system that ``bt-agents up`` has started. Several
+    graphs at a time do not hear each other.
+
+    Args:
+        name: For people.
+
+    Attributes:
+        probe: A bare node in this process; turned while something is waited for.
+        folder: For trees, logs and a ledger; removed at the end.
+    """
+
+    def __init__(self, name: str) -> None:
+        self.name = name
+        self.folder = Path(tempfile.mkdtemp(prefix=f"bt-agents-{name}-"))
+        self._running: list[Running] = []
+        keep_local(os.environ)  # the probe reads the same settings as the processes
+        domain = reserve_domain()
+        self._environment = {**os.environ, "ROS_DOMAIN_ID": str(domain)}
+        self._context = Context()
+        rclpy.init(
+            context=self._context, domain_id=domain, signal_handler_options=SignalHandlerOptions.NO
+        )
+        self._executor = executor(self._context)
+        self._nodes: list[Node] = []
+        self.probe = self.add(Node("probe", context=self._context, enable_rosout=False))
+
+    @property
+    def context(self) -> Any:
+        """Of all nodes in this process."""
+        return self._context
+
+    def add(self, node: Any) -> Any:
+        """Turn a node of this process, made with ``context=graph.context``; return it."""
+        self._nodes.append(node)
+        self._executor.add_node(node)
+        return node
+
+    def start(self, component: Component, node: str = "") -> Running:
+        """Start a node of ours, under another name if one is given."""
+        name = node or component.name
+        return self._start(name, [*component.command(), "-r", f"__node:={name}"])
+
+    def bare(self, program: str, *arguments: object) -> Running:
+        """Start a program of this folder."""
+        words = [str(argument) for argument in arguments]
+        name = " ".join([program, *words])
+        return self._start(name, [sys.executable, str(HERE / program), *words])
+
+    def _start(self, name: str, command: list[str]) -> Running:
+        log = self.folder / f"{len(self._running)}.log"
+        self._running.append(Running(name, command, self._environment, log))
+        return self._running[-1]
+
+    def turn(self, timeout_s: float = _TURN_S) -> None:
+        """Let the nodes of this process do one piece of work, or wait for some so long [s]."""
+        self._executor.spin_once(timeout_sec=timeout_s)
+
+    def until(self, condition: Callable[[], Any], what: str, limit_s: float = LIMIT_S) -> None:
+        """Turn the nodes of this process until a condition holds.
+
+        Args:
+            condition: Looked at after each piece of work.
+            what: What is waited for, in words.
+            limit_s: How long at most [s].
+
+        Raises:
+            RuntimeError: It takes too long, or a process has ended.
+        """
+        end = time.monotonic() + limit_s
+        while not condition():
+            if time.monotonic() > end:
+                words = "\n".join(f"--- {one.name}\n{one.said[-2000:]}" for one in self._running)
+                raise RuntimeError(f"{self.name}: not within {limit_s:g} s: {what}\n{words}")
+            self.turn()
+
+    def until_up(self) -> None:
+        """Wait until every process says that its nodes are made."""
+        self.until(lambda: all(one.is_up for one in self._running), "all processes are up")
+
+    def until_matched(self, *endpoints: Any, count: int = 1) -> None:
+        """Wait until publishers, subscriptions and clients of the probe have so many partners."""
+        for endpoint in endpoints:
+            self.until(lambda of=endpoint: _partners(of) >= count, f"a partner of {endpoint}")
+
+    def rest(self, seconds: float) -> None:
+        """Turn for so long [s], as between two cold requests."""
+        end = time.monotonic() + seconds
+        while (left := end - time.monotonic()) > 0:
+            self.turn(left)
+
+    def close(self) -> None:
+        """End all processes, then the nodes of this one."""
+        try:
+            for one in self._running:
+                one.kill()
+        finally:
+            self._executor.shutdown(timeout_sec=1.0)
+            for node in self._nodes:
+                node.destroy_node()
+            self._context.try_shutdown()
+            shutil.rmtree(self.folder, ignore_errors=True)
+
+
+def _partners(endpoint: Any) -> int:
+    for count in ("get_subscription_count", "get_publisher_count"):
+        if hasattr(endpoint, count):
+            return int(getattr(endpoint, count)())
+    ready = getattr(endpoint, "service_is_ready", None) or endpoint.server_is_ready
+    return int(ready())
+
+
+@contextmanager
+def graphs() -> Iterator[Callable[[str], Graph]]:
+    """Give a maker of graphs, all of which are ended at the end, however that comes."""
+    with ExitStack() as stack:
+
+        def make(name: str) -> Graph:
+            graph = Graph(name)
+            stack.callback(graph.close)
+            return graph
+
+        yield make
+
+
+def write_trees(folder: Path, agents: Mapping[str, str], skills: str = SKILLS) -> Path:
+    """Make a trees folder of agents with profiles that differ; return it.
+
+    Args:
+        folder: Made by this.
+        agents: Name to the tree, as JSON or on lines that are indented by two spaces.
+        skills: What the robot can do, as a skills file says it.
+    """
+    (folder / "agents").mkdir(parents=True)
+    (folder / "skills").mkdir()
+    shutil.copy(HERE.parent / "trees" / "scene.yaml", folder)
+    (folder / "skills" / "voice.yaml").write_text(skills, encoding="utf-8")
+    for index, (name, tree) in enumerate(agents.items()):
+        profile = {"age": 1 + index % 997 * 4 / 997, "familiarity": 3.0, "mood": 3.0}
+        (folder / "agents" / f"{name}.yaml").write_text(
+            f"format: 1\nagent: {name}\ntitle: {name}\ndescription: d\n"
+            f"profile: {json.dumps(profile)}\ntree: {tree}\n",
+            encoding="utf-8",
+        )
+    return folder

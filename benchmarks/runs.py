@@ -1,0 +1,234 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Measures what runs wait for: a cancel, the results of leaves, feedback, the full cycle."""
+
+from __future__ import annotations
+
+import statistics
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import replace
+from functools import partial
+
+from std_msgs.msg import String
+
+from bare import EVENTS
+from bt_agents.cli import system
+from measuring import COLD, HOT, PAUSE_S, Effort, Row, Way, in_turn
+from processes import Graph, graphs, write_trees
+from run_probes import SETTLE_S, Cycle, Market, Moods, Results, Runs
+
+REST_S = 0.005
+"""After a run has begun, even when hot [s]."""
+
+CROWD = "\n  parallel:\n" + 31 * ("    - parallel:\n" + 31 * "      - wait: 1 h\n")
+"""993 nodes, all of which run."""
+
+TREES = {
+    "lone": "\n  wait: 1 h",
+    "crowd": CROWD,
+    "speaker": "\n  say: hello",
+    "listener": "{wait_for: {topic: /heard, type: std_msgs/msg/String}}",
+}
+FEEDBACK = """\
+format: 1
+rounds: 1
+seed: 1
+scenes: [{age: 3, familiarity: 3, mood: 3}]
+feedback: {sequence: [{age: 3.5, familiarity: 3, mood: 3}], repeat: true}
+"""
+RATES = (1, 100)
+"""Ticks a second of the hosts."""
+
+AGENTS = 3
+ROLES = ("scene", "market", "agents", "feedback")
+REPLICAS = {
+    "plain": ("paper's flow, rclpy.spin", 0.4),
+    "quick": ("the same, our executor", None),
+    "one": ("the same, one process", None),
+}
+"""The paper's flow as bare nodes: what it is called, and the ratio that is wanted."""
+
+
+def cancels(runs: Runs, agent: str, number: int, pause_s: float) -> Way:
+    """Return a way that cancels so many runs, each so long after it has begun [s]."""
+
+    def way() -> float:
+        took = []
+        for _ in range(number):
+            handle = runs.start(agent)
+            runs.graph.rest(pause_s)
+            took.append(runs.cancel(handle))
+        return statistics.median(took)
+
+    return way
+
+
+def paces(effort: Effort, hot_s: float) -> tuple[tuple[str, float], ...]:
+    """Return how long to pause before each request [s], by pace; one pace when it is short."""
+    cold = (COLD, PAUSE_S)
+    return (cold,) if effort.is_short else ((HOT, hot_s), cold)
+
+
+def measure(effort: Effort) -> Iterable[Row]:
+    """Yield what each costs."""
+    with graphs() as make:
+        yield from _host(effort, make("runs-floor"), make("runs"))
+    with graphs() as make:
+        yield from _mood(effort, make("mood-floor"), make("mood"))
+    with graphs() as make:
+        yield from _cycle(effort, make)
+
+
+def _host(effort: Effort, floor: Graph, ours: Graph) -> Iterator[Row]:
+    trees = write_trees(ours.folder / "trees", TREES)
+    for program in ("cancelled", "waiting"):
+        floor.bare("bare_runs.py", program)
+    market = Market(ours)
+    rates = RATES[:1] if effort.is_short else RATES
+    for rate in rates:
+        host = system.host(trees)
+        parameters = {**host.parameters, "tick_rate": float(rate)}
+        ours.start(replace(host, parameters=parameters), f"agents_{rate}")
+    floor.until_up()
+    ours.until_up()
+    hosts = {rate: Runs(ours, market, f"agents_{rate}") for rate in rates}
+    yield from _cancelling(effort, Runs(floor, None, "bare_host"), hosts)
+    yield from _results(effort, floor, hosts[RATES[0]])
+
+
+def _cancelling(effort: Effort, bare: Runs, hosts: Mapping[int, Runs]) -> Iterator[Row]:
+    for runs in (bare, *hosts.values()):
+        runs.graph.rest(SETTLE_S)
+    cases = {
+        (agent, rate): f"cancel of {words} at {rate} Hz"
+        for agent, words in (("lone", "one leaf"), ("crowd", "961 leaves"))
+        for rate in hosts
+    }
+    for pace, pause in paces(effort, 0.0):
+        number = effort.times(12)
+        ways = {"": cancels(bare, "bare", number, pause)}
+        for agent, rate in cases:
+            ways[cases[agent, rate]] = cancels(hosts[rate], agent, number, pause)
+        found = in_turn(ways, effort)
+        for case in cases.values():
+            yield Row(
+                case=case,
+                side="bt-agents",
+                values=found[case],
+                floor="rclpy",
+                floor_values=found[""],
+                goal=1.3,
+                pace=pace,
+            )
+
+
+def _results(effort: Effort, floor: Graph, runs: Runs) -> Iterator[Row]:
+    def begin(agent: str) -> Callable[[], None]:
+        result = runs.start(agent).get_result_async()
+        return lambda: runs.graph.until(result.done, "the result")
+
+    start = floor.probe.create_publisher(String, "begin", EVENTS)
+
+    def begin_bare(agent: str) -> Callable[[], None]:
+        if agent == "speaker":
+            start.publish(String(data="hello"))
+        return lambda: None
+
+    ours = Results(runs.graph, "agents_1", begin)
+    bare = Results(floor, "bare_host", begin_bare)
+    floor.until_matched(start)
+    for graph in (floor, runs.graph):
+        graph.rest(SETTLE_S)
+    for pace, pause in paces(effort, REST_S):
+        number = effort.times(16)
+        found = in_turn(
+            {
+                f"{what} {side}": median_of(partial(getattr(one, what), pause), number)
+                for what in ("topic", "action")
+                for side, one in (("ours", ours), ("bare", bare))
+            },
+            effort,
+        )
+        for what, words in (("topic", "a message"), ("action", "the result of a goal")):
+            yield Row(
+                case=f"{words} to the tick that sees it",
+                side="bt-agents",
+                values=found[f"{what} ours"],
+                floor="rclpy",
+                floor_values=found[f"{what} bare"],
+                goal=1.5,
+                pace=pace,
+            )
+
+
+def median_of(call: Callable[[], float], number: int) -> Way:
+    """Return a way that calls so often and takes the median."""
+    return lambda: statistics.median(call() for _ in range(number))
+
+
+def _mood(effort: Effort, floor: Graph, ours: Graph) -> Iterator[Row]:
+    trees = write_trees(ours.folder / "trees", {"a": "{wait: 1 h}"})
+    floor.bare("bare_runs.py", "mood")
+    floor.bare("bare_runs.py", "learning", floor.folder / "ledger.sqlite")
+    ours.start(system.scene_layer(trees))
+    ours.start(system.feedback(trees, str(ours.folder / "ledger.sqlite")))
+    floor.until_up()
+    ours.until_up()
+    sides = {"ours": Moods(ours, bare=False), "bare": Moods(floor, bare=True)}
+    number = effort.times(16)
+    found = in_turn(
+        {side: median_of(partial(one.see, PAUSE_S), number) for side, one in sides.items()},
+        effort,
+    )
+    yield Row(
+        case="mood message to its feedback",
+        side="bt-agents",
+        values=found["ours"],
+        floor="rclpy, SQLite commit",
+        floor_values=found["bare"],
+        goal=1.5,
+        pace=COLD,
+    )
+
+
+def _cycle(effort: Effort, make: Callable[[str], Graph]) -> Iterator[Row]:
+    graphs_of = {"ours": make("cycle"), "plain": make("cycle-plain")}
+    _start_ours(graphs_of["ours"])
+    if effort.is_short:
+        graphs_of["plain"].bare("replica_paper.py", "plain", *ROLES)
+    else:
+        graphs_of |= {"quick": make("cycle-quick"), "one": make("cycle-one")}
+        for role in ROLES:
+            graphs_of["plain"].bare("replica_paper.py", "plain", role)
+            graphs_of["quick"].bare("replica_paper.py", role)
+        graphs_of["one"].bare("replica_paper.py", *ROLES)
+    sides = {side: Cycle(graph, AGENTS) for side, graph in graphs_of.items()}
+    for pace, pause in paces(effort, 0.0):
+        number = effort.times(16)
+        found = in_turn(
+            {side: median_of(partial(c.once, pause), number) for side, c in sides.items()}, effort
+        )
+        for floor, (words, goal) in REPLICAS.items():
+            if floor in found:
+                yield Row(
+                    case="trigger to the winner's new profile",
+                    side="bt-agents, 4 processes",
+                    values=found["ours"],
+                    floor=words,
+                    floor_values=found[floor],
+                    goal=goal,
+                    pace=pace,
+                )
+
+
+def _start_ours(graph: Graph) -> None:
+    names = [f"agent_{number}" for number in range(AGENTS)]
+    trees = write_trees(graph.folder / "trees", dict.fromkeys(names, "{check: scene.age >= 1}"))
+    told = graph.folder / "feedback.yaml"
+    told.write_text(FEEDBACK, encoding="utf-8")
+    for component in (
+        system.scene_layer(trees),
+        system.market(trees),
+        system.host(trees),
+        system.feedback(trees, str(graph.folder / "ledger.sqlite"), told),
+    ):
+        graph.start(component)

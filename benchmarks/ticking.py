@@ -1,0 +1,112 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How long a tick of the reference trees takes, beside stock py_trees and other engines."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+
+from engines import Built, only_leaves, ours, py_trees
+from measuring import Effort, Row, in_turn
+from peers import CPP, PEERS, NotTheirsError
+from reference_trees import TREES, Shape
+
+GOALS = {"a": 0.10, "b": 0.10, "c": 0.10, "d": 0.10, "e": 0.17, "f": 0.17}
+"""Of our time to that of stock py_trees, by the letter of the tree."""
+
+EACH_S = 0.05
+"""About how long each measurement takes [s]."""
+
+STOCK = "py_trees"
+OURS = "bt-agents"
+LEAVES = "the leaves alone"
+
+BUILDERS: Mapping[str, Callable[[Shape], Built]] = {
+    STOCK: py_trees,
+    OURS: ours,
+    **{name: peer.build for name, peer in PEERS.items() if peer.is_installed},
+}
+
+
+def measure(effort: Effort) -> Iterator[Row]:
+    """Compare all engines on each tree."""
+    for case, shape in TREES.items():
+        yield from _compared(case, shape, effort)
+
+
+def _compared(case: str, shape: Shape, effort: Effort) -> Iterator[Row]:
+    built: dict[str, Built] = {}
+    remarks = [f"{name} is not installed" for name, peer in PEERS.items() if not peer.is_installed]
+    for name, build in BUILDERS.items():
+        try:
+            built[name] = build(shape)
+        except NotTheirsError as error:
+            remarks.append(str(error))
+    built[LEAVES] = only_leaves(shape)
+    try:
+        steps = _check_alike(case, built)
+        ways = {name: one.way(_number(one, effort)) for name, one in built.items()}
+        found = in_turn(ways, effort)
+        for name, one in built.items():
+            _check_counts(case, name, one, steps)
+    finally:
+        for one in built.values():
+            one.resources.close()
+    stock = found.pop(STOCK)
+    yield Row(
+        case=case,
+        side=OURS,
+        values=found[OURS],
+        floor=STOCK,
+        floor_values=stock,
+        goal=GOALS[case[0]],
+        note="; ".join(remarks),
+    )
+    if CPP in found:
+        yield Row(
+            case=case,
+            side=OURS,
+            values=found[OURS],
+            floor=CPP,
+            floor_values=found[CPP],
+            goal=1.0,
+        )
+    for name, values in found.items():
+        if name != OURS:
+            yield Row(case=case, side=name, values=values, floor=STOCK, floor_values=stock)
+
+
+def _check_alike(case: str, built: Mapping[str, Built]) -> list[tuple[int, int]]:
+    """See that all engines answer alike and tick the same leaves.
+
+    Returns:
+        How often each leaf is ticked by the first tick, and by each further one.
+
+    Raises:
+        RuntimeError: One does not.
+    """
+    steps: list[tuple[int, int]] = []
+    for name, one in built.items():
+        if name == LEAVES:
+            continue
+        answers, counts = [], [one.counts()]
+        for _ in range(3):
+            answers.append(one.tick_once())
+            counts.append(one.counts())
+        if not steps:
+            expected = answers, counts
+            steps = [(b - a, c - b) for a, b, c, _ in zip(*counts, strict=True)]
+        elif (answers, counts) != expected:
+            raise RuntimeError(f"{name} ticks '{case}' otherwise than {STOCK}")
+    return steps
+
+
+def _check_counts(case: str, name: str, one: Built, steps: list[tuple[int, int]]) -> None:
+    """See that each leaf was ticked in each tick of the measurement, too."""
+    expected = [first + (one.ticked - 1) * further for first, further in steps]
+    if one.counts() != expected:
+        raise RuntimeError(f"{name} has ticked '{case}' {one.ticked} times, but not its leaves")
+
+
+def _number(one: Built, effort: Effort) -> int:
+    """Return how many ticks last long enough to be measured."""
+    return max(1, round(effort.scale * EACH_S / one.way(effort.times(100))()))

@@ -1,0 +1,255 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What it costs to collect the status changes of a tick, and to record a run."""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections import deque
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import replace
+from pathlib import Path
+
+from py_trees.behaviour import Behaviour
+from py_trees.common import Status
+from py_trees.trees import BehaviourTree
+from py_trees.visitors import SnapshotVisitor
+
+from bt_agents.engine.recording import RecordingRun
+from bt_agents.engine.run import Run, StatusChange
+from bt_agents.engine.scripted_world import ScriptedWorld
+from bt_agents.engine.ticking import Ticker
+from bt_agents.language.agent_reader import read_agent_text
+from bt_agents.language.folder_reader import read_vocabulary
+from bt_agents.language.scene_reader import read_scene
+from bt_agents.language.specs import AgentSpec
+from bt_agents.scene import Origin, Scene, SceneSpace, SceneValue
+from engines import behaviours
+from measuring import Effort, Row, in_turn, timed
+from reference_trees import RUNNING, SUCCESS, TREES, Shape, balanced, sequence
+
+TRACED = 1.15
+"""Goal: of a tick whose changes are collected to a bare one."""
+
+LARGE = 3.0
+"""Goal: of a tick of a large tree to that of a small one."""
+
+RECORDED = 1.02
+"""Goal: of a tick of a recorded run to that of one that is not."""
+
+EACH_S = 0.005
+"""About how long each measurement takes [s]."""
+
+FINE = 10
+"""Times as many measurements as elsewhere: goals near to 1 need short ones in quick turn."""
+
+SMALL_NODES, LARGE_NODES = 10, 5000
+
+TREES_FOLDER = Path(__file__).parents[1] / "trees"
+
+HEAD = """\
+format: 1
+agent: benchmark
+title: Benchmark
+description: Is ticked again and again.
+profile: {age: 3, familiarity: 3, mood: 3}
+tree:
+"""
+CHECKS = "    - check: scene.age >= 1\n" * 9
+LISTEN = "    - wait_for: {topic: buttons/confirm, type: std_msgs/msg/Bool}\n"
+WAIT = "    - wait: 1 h\n"
+RUNS = {
+    "ten leaves, the last waits for a message": f"  sequence:\n    memory: false\n    children:\n"
+    f"{CHECKS}{LISTEN}",
+    "one leaf waits for a message": f"  sequence:\n{CHECKS}{LISTEN}",
+    "one leaf waits for a time": f"  sequence:\n{CHECKS}{WAIT}",
+}
+"""Trees that run on: case → their part of the agent's file."""
+
+BARE, TRACE, STOCK, VISITOR = "bare tick", "traced", "py_trees", "py_trees, SnapshotVisitor"
+SMALL, BIG, STOCK_SMALL, STOCK_BIG = "10 nodes", "5,000 nodes", "py_trees 10", "py_trees 5,000"
+PLAIN, NOTED = "not recorded", "recorded"
+
+
+def measure(effort: Effort) -> Iterator[Row]:
+    """Compare ticks with and without."""
+    for case, shape in TREES.items():
+        _check_told(case, shape)
+        yield from _traced(case, lambda of=shape: behaviours(of)[0], effort, TRACED)
+    yield from _traced("a, with a new message in each tick", _talkative, effort, None)
+    yield from _large(effort)
+    for case, tree in RUNS.items():
+        yield _recorded(case, tree, effort)
+
+
+def _check_told(case: str, shape: Shape) -> None:
+    """See that what changes is told, and nothing else.
+
+    Raises:
+        RuntimeError: It is not so.
+    """
+    root, _ = behaviours(shape)
+    told: list[Behaviour] = []
+    ticker = Ticker(root, tell=told.append)
+    ticker.tick()
+    changed = {node for node in root.iterate() if node.status is not Status.INVALID}
+    first = set(told)
+    told.clear()
+    ticker.tick()
+    if first != changed or told:
+        raise RuntimeError(f"not every change of '{case}' is told, or one that is none")
+
+
+class _Talkative(Behaviour):
+    """A leaf with something new to say each time."""
+
+    def update(self) -> Status:
+        self.feedback_message = "b" if self.feedback_message == "a" else "a"
+        return Status.SUCCESS
+
+
+def _talkative() -> Behaviour:
+    root, leaves = behaviours(sequence(*[SUCCESS] * 10))
+    root.replace_child(leaves[-1], _Talkative("talkative"))
+    return root
+
+
+def _traced(
+    case: str, make: Callable[[], Behaviour], effort: Effort, goal: float | None
+) -> Iterator[Row]:
+    ticks = {
+        BARE: Ticker(make()).tick,
+        TRACE: _tracing(make()),
+        STOCK: make().tick_once,
+        VISITOR: _visited(make()),
+    }
+    found = _in_turn(ticks, effort)
+    for side, floor, wanted in ((TRACE, BARE, goal), (VISITOR, STOCK, None)):
+        yield Row(
+            case=case,
+            side=side,
+            values=found[side],
+            floor=floor,
+            floor_values=found[floor],
+            goal=wanted,
+        )
+
+
+def _large(effort: Effort) -> Iterator[Row]:
+    small, large = (balanced(nodes, 10, RUNNING) for nodes in (SMALL_NODES, LARGE_NODES))
+    ticks = {
+        SMALL: _tracing(behaviours(small)[0]),
+        BIG: _tracing(behaviours(large)[0]),
+        STOCK_SMALL: _visited(behaviours(small)[0]),
+        STOCK_BIG: _visited(behaviours(large)[0]),
+    }
+    found = _in_turn(ticks, effort)
+    for side, floor, goal in ((BIG, SMALL, LARGE), (STOCK_BIG, STOCK_SMALL, None)):
+        yield Row(
+            case="one running path, traced",
+            side=side,
+            values=found[side],
+            floor=floor,
+            floor_values=found[floor],
+            goal=goal,
+        )
+
+
+def _recorded(case: str, tree: str, effort: Effort) -> Row:
+    space, agent = _agent(tree)
+    plain, recorded = _plain(space, agent), _recording(space, agent)
+    found = _in_turn({PLAIN: plain.tick, NOTED: recorded.tick}, effort)
+    if plain.result is not None or recorded.result is not None:
+        raise RuntimeError(f"the run of '{case}' has ended")
+    return Row(
+        case=case,
+        side=NOTED,
+        values=found[NOTED],
+        floor=PLAIN,
+        floor_values=found[PLAIN],
+        goal=RECORDED,
+        note="0.12 µs are the overridden tick and the look at the tunables, in any tree",
+    )
+
+
+def _agent(tree: str) -> tuple[SceneSpace, AgentSpec]:
+    scene = read_scene(TREES_FOLDER / "scene.yaml")
+    vocabulary = read_vocabulary(TREES_FOLDER, scene)
+    return scene.space, read_agent_text(HEAD + tree, "benchmark.yaml", vocabulary)
+
+
+class _World(ScriptedWorld):
+    """A world in which time goes by."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.clock = time.monotonic
+
+
+def _scene(space: SceneSpace) -> Scene:
+    values = tuple(SceneValue(name=name, value=3, origin=Origin.GIVEN) for name in space.names)
+    return Scene(scene_id="s", label="", person=True, values=values)
+
+
+def _plain(space: SceneSpace, agent: AgentSpec) -> Run:
+    scene = _scene(space)
+    return Run(
+        agent,
+        space=space,
+        scene=scene,
+        profile=agent.profile,
+        live=lambda: scene,
+        tunables={},
+        world=_World(),
+        steady=time.monotonic,
+    )
+
+
+def _recording(space: SceneSpace, agent: AgentSpec) -> Run:
+    scene = _scene(space)
+    lines: deque[str] = deque(maxlen=100)
+    return RecordingRun(
+        agent,
+        space=space,
+        scene=scene,
+        profile=agent.profile,
+        live=lambda: scene,
+        tunables={},
+        world=_World(),
+        steady=time.monotonic,
+        seed=1,
+        sink=lambda _tick, line: lines.append(line),
+        most=sys.maxsize,
+    )
+
+
+def _tracing(root: Behaviour) -> Callable[[], object]:
+    """Return a tick that collects what has changed."""
+    changes: deque[StatusChange] = deque(maxlen=LARGE_NODES)
+
+    def tell(node: Behaviour) -> None:
+        changes.append(
+            StatusChange(
+                path=node.name, name=node.name, status=node.status, message=node.feedback_message
+            )
+        )
+
+    return Ticker(root, tell=tell).tick
+
+
+def _visited(root: Behaviour) -> Callable[[], object]:
+    """Return a tick of a py_trees tree with its visitor for snapshots."""
+    tree = BehaviourTree(root)
+    tree.visitors.append(SnapshotVisitor())
+    return tree.tick
+
+
+def _in_turn(ticks: Mapping[str, Callable[[], object]], effort: Effort) -> dict[str, list[float]]:
+    """Measure ticks in turn, after some that are not measured."""
+    ways = {}
+    for name, tick in ticks.items():
+        once = timed(tick, effort.times(100), time.thread_time)
+        once()
+        number = max(1, round(effort.scale * EACH_S / once()))
+        ways[name] = timed(tick, number, time.thread_time)
+    return in_turn(ways, replace(effort, repetitions=FINE * effort.repetitions))

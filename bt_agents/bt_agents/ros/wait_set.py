@@ -1,0 +1,154 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the nodes of an executor wait for, kept from one wait to the next."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterable
+from contextlib import ExitStack, suppress
+from typing import Any
+
+from rclpy.event_handler import EventHandler
+from rclpy.exceptions import InvalidHandle
+from rclpy.impl.implementation_singleton import rclpy_implementation
+from rclpy.waitable import NumberOfEntities
+
+_EVENTS_S = 0.5
+"""How often it looks at events of the middleware, such as mismatches of quality of service [s].
+
+There are two for each publisher and subscription, which hardly ever come.
+"""
+
+
+class KeptWaitSet:
+    """What some nodes wait for, which is not destroyed before it is let go.
+
+    Args:
+        nodes: The nodes; entities of a callback group that is busy are left out.
+        wakers: Handles of guard conditions that end a wait.
+        context: Of all of them.
+    """
+
+    def __init__(self, nodes: list[Any], wakers: tuple[Any, ...], context: Any) -> None:
+        self._events_due = 0.0
+        with ExitStack() as held:
+            self._tables = {
+                "timer": _hold(held, (entity for node in nodes for entity in node.timers)),
+                "subscription": _hold(
+                    held, (entity for node in nodes for entity in node.subscriptions)
+                ),
+                "guard_condition": _hold(
+                    held, (entity for node in nodes for entity in node.guards)
+                ),
+                "client": _hold(held, (entity for node in nodes for entity in node.clients)),
+                "service": _hold(held, (entity for node in nodes for entity in node.services)),
+            }
+            waitables = _hold_waitables(
+                held, (waitable for node in nodes for waitable in node.waitables)
+            )
+            self._handlers = [one for one in waitables if type(one) is EventHandler]
+            self._waitables = [one for one in waitables if type(one) is not EventHandler]
+            held.enter_context(context.handle)
+            self._wait_set = self._make(waitables, len(wakers), context)
+            events = _Events()
+            for handler in self._handlers:
+                handler.add_to_wait_set(events)
+            self._events = events.handles
+            self._additions = [
+                (getattr(self._wait_set, f"add_{kind}"), entity.handle)
+                for kind, table in self._tables.items()
+                for entity in table.values()
+            ]
+            self._additions += [(self._wait_set.add_guard_condition, waker) for waker in wakers]
+            self._held = held.pop_all()
+
+    def _make(self, waitables: list[Any], wakers: int, context: Any) -> Any:
+        count = NumberOfEntities(
+            len(self._tables["subscription"]),
+            len(self._tables["guard_condition"]) + wakers,
+            len(self._tables["timer"]),
+            len(self._tables["client"]),
+            len(self._tables["service"]),
+        )
+        for waitable in waitables:
+            count += waitable.get_num_entities()
+        return rclpy_implementation.WaitSet(
+            count.num_subscriptions,
+            count.num_guard_conditions,
+            count.num_timers,
+            count.num_clients,
+            count.num_services,
+            count.num_events,
+            context.handle,
+        )
+
+    def wait(self, timeout_s: float | None) -> list[tuple[str, Any]]:
+        """Wait until something is ready, or a bit; return the kind of each that is, and it.
+
+        Args:
+            timeout_s: How long at most [s]; None for no limit.
+        """
+        now = time.monotonic()
+        looks_at_events = now >= self._events_due
+        if looks_at_events:
+            self._events_due = now + _EVENTS_S
+        wait_set = self._wait_set
+        wait_set.clear_entities()
+        if looks_at_events:
+            for event in self._events:
+                wait_set.add_event(event)
+        for add, handle in self._additions:
+            add(handle)
+        for waitable in self._waitables:
+            waitable.add_to_wait_set(wait_set)
+        left_s = self._events_due - now
+        wait_set.wait(int(1e9 * (left_s if timeout_s is None else min(timeout_s, left_s))))
+        ready = [("waitable", one) for one in self._waitables if one.is_ready(wait_set)]
+        for kind, table in self._tables.items():
+            if table:
+                pointers = wait_set.get_ready_entities(kind)
+                ready += [(kind, table[pointer]) for pointer in pointers if pointer in table]
+        if looks_at_events:
+            ready += [("waitable", one) for one in self._handlers if one.is_ready(wait_set)]
+        return ready
+
+    def let_go(self) -> None:
+        """Let all of them be destroyed."""
+        self._held.close()
+
+
+def _hold(held: ExitStack, entities: Iterable[Any]) -> dict[int, Any]:
+    """Return those that can be waited for, by what a wait set calls them."""
+    found = {}
+    for entity in entities:
+        if entity.callback_group.can_execute(entity):
+            with suppress(InvalidHandle):
+                held.enter_context(entity.handle)
+                found[entity.handle.pointer] = entity
+    return found
+
+
+def _hold_waitables(held: ExitStack, waitables: Iterable[Any]) -> list[Any]:
+    found = []
+    for waitable in waitables:
+        if waitable.callback_group.can_execute(waitable):
+            with suppress(InvalidHandle):
+                held.enter_context(waitable)
+                found.append(waitable)
+    return found
+
+
+class _Events:
+    """Stands for a wait set to learn what the handlers of events wait for.
+
+    Attributes:
+        handles: The events.
+    """
+
+    def __init__(self) -> None:
+        self.handles: list[Any] = []
+
+    def add_event(self, handle: Any) -> int:
+        """Take an event; return its place in the wait set."""
+        self.handles.append(handle)
+        return len(self.handles) - 1

@@ -1,0 +1,41 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Every benchmark still measures what it says; how long it takes is not tested."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from bench import BENCHMARKS
+
+ROOT = Path(__file__).parents[2]
+HANG_S = 120.0
+
+
+@pytest.mark.e2e
+@pytest.mark.parametrize("name", BENCHMARKS)
+def test_a_benchmark_works(name: str, tmp_path: Path) -> None:
+    file = tmp_path / "figures.json"
+    command = [sys.executable, "benchmarks/bench.py", name, "--short", "--json", str(file)]
+    result = subprocess.run(
+        command,
+        cwd=ROOT,
+        env={**os.environ, "XDG_STATE_HOME": str(tmp_path / "state")},
+        capture_output=True,
+        text=True,
+        timeout=HANG_S,
+    )
+    assert result.returncode == 0, result.stdout + result.stderr
+    [rows] = [kept["rows"] for kept in json.loads(file.read_text()).values()]
+    assert rows
+    for row in rows:
+        values = row["values"] + row["floor_values"]
+        assert all(math.isfinite(value) and value >= 0 for value in values), row
+        assert max(row["values"]) > 0, row
+        assert row["goal"] is None or row["ratio"] is not None, row

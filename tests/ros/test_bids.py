@@ -1,0 +1,82 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Answers of hosts as bytes: what goes out is what was meant, what comes in is what was said."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import pytest
+from rclpy.serialization import deserialize_message, serialize_message
+
+from bt_agents.errors import Refused
+from bt_agents.ros.bid_bytes import Saying
+from bt_agents.roster import Roster
+from bt_agents_interfaces.msg import Bids
+from marketplace_node.node.hearing import Hearing
+from marketplace_node.node.messages import bids_from_msg
+from stage import SPACE, agent, scene
+
+EPOCHS = ("0123456789ab", "e", "another market, äöü")
+ROUNDS = (1, 2, 255, 256, 2**31 + 1, 2**32 - 1)
+
+
+def roster() -> Roster:
+    ours = Roster(SPACE, [agent("say: x", "requires: scene.age >= 3")])
+    ours.add(replace(agent("say: x"), name="b"))
+    ours.enrol(["a", "b"], [7, 8], ["", ""])
+    return ours
+
+
+def expected(epoch: str, number: int, answer: Any) -> Bids:
+    return Bids(
+        epoch=epoch,
+        round=number,
+        host="/agents",
+        host_instance="first",
+        agents=[member.spec.name for member in answer.bids],
+        agent_ids=[member.agent_id for member in answer.bids],
+        vectors=[value for member in answer.bids for value in member.profile],
+        declined=list(answer.declined),
+        decline_reasons=list(answer.declined.values()),
+    )
+
+
+def test_a_host_says_in_each_round_of_each_market_what_its_agents_answer() -> None:
+    saying, ours = Saying("/agents", "first"), roster()
+    for age in (2, 2, 3, 3, 2):
+        for epoch in EPOCHS:
+            for number in ROUNDS:
+                answer = ours.answer(scene(age=age))
+                message = saying.message(epoch, number, answer)
+                assert deserialize_message(message, Bids) == expected(epoch, number, answer)
+    ours.set_profile("b", [1.0, 2.0, 3.0], 1)
+    answer = ours.answer(scene(age=2))
+    message = saying.message("e", 9, answer)
+    assert deserialize_message(message, Bids) == expected("e", 9, answer)
+
+
+@pytest.mark.parametrize("epoch", EPOCHS)
+def test_a_market_reads_an_answer_that_it_has_read_before_as_it_is(epoch: str) -> None:
+    hearing = Hearing(epoch, {"/agents", "/b"}.__contains__)
+    said = [
+        Bids(epoch=of, round=number, host=host, agents=["a"], agent_ids=[7], vectors=[age, 2.0])
+        for age in (1.0, 1.0, 4.0, 1.0)
+        for host in ("/agents", "/b", "/stranger")
+        for number in ROUNDS
+        for of in (epoch, "of somebody else")
+    ]
+    for message in said:
+        assert hearing.read(serialize_message(message)) == bids_from_msg(message)
+    hearing.forget("/agents")
+    hearing.forget("/nobody")
+    assert hearing.read(serialize_message(said[0])) == bids_from_msg(said[0])
+
+
+@pytest.mark.parametrize("cut", [0, 1, 4, 8, 20, 23, 40])
+def test_bytes_that_are_no_answer_are_refused(cut: int) -> None:
+    whole = serialize_message(Bids(epoch="0123456789ab", host="/agents", agents=["a"] * 99))
+    hearing = Hearing("0123456789ab", "/agents".__eq__)
+    with pytest.raises(Refused, match="MALFORMED"):
+        hearing.read(whole[:cut])
+    assert hearing.read(whole).agents == ("a",) * 99

@@ -1,0 +1,469 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The executor does what rclpy's single-threaded one does, which goes through the same tests."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from threading import Thread
+from typing import Any
+
+import pytest
+import rclpy
+from rclpy.callback_groups import MutuallyExclusiveCallbackGroup, ReentrantCallbackGroup
+from rclpy.clock import Clock, ClockType
+from rclpy.event_handler import PublisherEventCallbacks
+from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.parameter import Parameter
+from rclpy.signals import SignalHandlerOptions
+from rclpy.task import Future
+from rosgraph_msgs.msg import Clock as ClockMsg
+from std_msgs.msg import Empty, String
+from std_srvs.srv import Trigger
+
+from bt_agents.ros import qos
+from bt_agents.ros.executor import LeanExecutor
+
+pytestmark = pytest.mark.ros
+
+LIMIT_S = 30.0
+STEADY = Clock(clock_type=ClockType.STEADY_TIME)
+
+
+class Turned:
+    """A node and the executor that turns it.
+
+    Attributes:
+        errors: What callbacks have raised.
+    """
+
+    def __init__(self, kind: type) -> None:
+        self.executor = kind()
+        self.node = rclpy.create_node("turned", start_parameter_services=False)
+        self.executor.add_node(self.node)
+        self.errors: list[BaseException] = []
+
+    def turn(self, timeout_s: float = 0.02) -> None:
+        """Do one piece of work."""
+        try:
+            self.executor.spin_once(timeout_sec=timeout_s)
+        except ExternalShutdownException:
+            raise
+        except Exception as error:
+            self.errors.append(error)
+
+    def until(self, condition: Callable[[], Any], timeout_s: float = 0.02) -> None:
+        """Turn until something holds."""
+        end = time.monotonic() + LIMIT_S
+        while not condition():
+            assert time.monotonic() < end, "it does not happen"
+            self.turn(timeout_s)
+
+    def turns(self, count: int = 30) -> None:
+        """Turn a few times, for things that must not happen."""
+        for _ in range(count):
+            self.turn(0.005)
+
+    def talk(self, heard: Callable[[Any], Any], **options: Any) -> Any:
+        """Return a publisher whose messages a callback of this node hears."""
+        publisher = self.node.create_publisher(String, "words", qos.FACTS)
+        self.node.create_subscription(String, "words", heard, qos.FACTS, **options)
+        self.until(publisher.get_subscription_count)
+        return publisher
+
+    def serve(self, answer: Callable[..., Any], name: str = "ask", **options: Any) -> Any:
+        """Return a client of a service of this node."""
+        self.node.create_service(Trigger, name, answer, **options)
+        client = self.node.create_client(
+            Trigger, name, callback_group=ReentrantCallbackGroup(), qos_profile=qos.SERVICE
+        )
+        self.until(client.service_is_ready)
+        return client
+
+    def timer(self, callback: Callable[[], Any], period_s: float = 0.01, **options: Any) -> Any:
+        """Return a timer of this node."""
+        return self.node.create_timer(period_s, callback, clock=STEADY, **options)
+
+
+@pytest.fixture(params=[LeanExecutor, SingleThreadedExecutor])
+def turned(request: pytest.FixtureRequest) -> Iterator[Turned]:
+    rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
+    try:
+        turned = Turned(request.param)
+        try:
+            yield turned
+        finally:
+            turned.executor.shutdown()
+            turned.node.destroy_node()
+    finally:
+        rclpy.try_shutdown()
+
+
+def test_a_callback_that_raises_keeps_no_message_from_being_heard(turned: Turned) -> None:
+    heard = []
+
+    def hear(message: String) -> None:
+        heard.append(message.data)
+        if message.data == "2":
+            raise RuntimeError("no")
+
+    publisher = turned.talk(hear)
+    for number in range(5):
+        publisher.publish(String(data=str(number)))
+    turned.until(lambda: len(heard) == 5)
+    publisher.publish(String(data="5"))
+    turned.until(lambda: len(heard) == 6)
+    assert heard == ["0", "1", "2", "3", "4", "5"]
+    assert [str(error) for error in turned.errors] == ["no"]
+
+
+def test_many_messages_are_heard_in_order_and_keep_nobody_else_waiting(turned: Turned) -> None:
+    heard: list[str] = []
+    ticks: list[int] = []
+    publisher = turned.talk(lambda message: heard.append(message.data))
+    turned.timer(lambda: ticks.append(len(heard)), 0.001)
+    for number in range(200):
+        publisher.publish(String(data=str(number)))
+    time.sleep(0.002)
+    turned.until(lambda: len(heard) == 200)
+    assert heard == [str(number) for number in range(200)]
+    assert ticks[0] < 100
+
+
+def test_timers_and_services_that_raise_go_on(turned: Turned) -> None:
+    asked = []
+
+    def answer(_request: Any, response: Any) -> Any:
+        asked.append(1)
+        if len(asked) == 1:
+            raise RuntimeError("service")
+        return response
+
+    ticks = []
+
+    def tick() -> None:
+        ticks.append(1)
+        raise RuntimeError("timer")
+
+    client = turned.serve(answer)
+    first, second = client.call_async(Trigger.Request()), client.call_async(Trigger.Request())
+    turned.until(second.done)
+    assert not first.done()
+    turned.timer(tick)
+    turned.until(lambda: len(ticks) == 3)
+    assert {str(error) for error in turned.errors} == {"service", "timer"}
+
+
+def test_a_timer_stopped_by_a_callback_before_its_own_is_not_called(turned: Turned) -> None:
+    called = []
+    timers: list[Any] = []
+
+    def call(own: int) -> None:
+        called.append(own)
+        for timer in timers:
+            timer.cancel()
+
+    timers += [turned.timer(lambda: call(0)), turned.timer(lambda: call(1))]
+    time.sleep(0.02)  # both are due when the first is looked at
+    turned.turns()
+    assert len(called) == 1
+    timers[1 - called[0]].reset()
+    turned.until(lambda: len(called) == 2)
+    assert sorted(called) == [0, 1]
+
+
+def test_a_timer_that_is_set_anew_in_its_callback_comes_again(turned: Turned) -> None:
+    called: list[int] = []
+    timer = turned.timer(lambda: (timer.cancel(), called.append(1)), autostart=False)
+    turned.turns(5)
+    assert called == []
+    for number in range(1, 4):
+        timer.reset()
+        turned.until(lambda number=number: len(called) == number)
+    turned.turns()
+    assert len(called) == 3
+
+
+def test_what_a_callback_destroys_is_not_called_any_more(turned: Turned) -> None:
+    called = []
+    timers: list[Any] = []
+
+    def call(own: int) -> None:
+        called.append(own)
+        turned.node.destroy_timer(timers[1 - own])
+
+    timers += [turned.timer(lambda: call(0)), turned.timer(lambda: call(1))]
+    time.sleep(0.02)
+    turned.until(lambda: len(called) > 3)
+    assert len(set(called)) == 1
+    assert turned.errors == []
+
+
+@pytest.mark.parametrize("turned", [LeanExecutor], indirect=True)  # rclpy's raises for ever
+def test_what_is_destroyed_without_a_word_is_not_called_any_more(turned: Turned) -> None:
+    heard: list[Any] = []
+    told: list[Any] = []
+    publisher = turned.talk(heard.append)
+    turned.talk(told.append)
+    publisher.publish(String())
+    turned.until(lambda: heard and told)
+    next(iter(turned.node.subscriptions)).destroy()
+    publisher.publish(String())
+    turned.until(lambda: len(heard) + len(told) == 3)
+    ticks: list[int] = []
+    turned.timer(lambda: ticks.append(1))
+    turned.until(lambda: len(ticks) == 3)
+    assert len(heard) + len(told) == 3
+    assert turned.errors == []
+
+
+def test_what_a_callback_makes_is_served(turned: Turned) -> None:
+    heard: list[Any] = []
+    parts: list[Any] = []
+
+    def make(_message: Any) -> None:
+        parts.append(turned.node.create_subscription(Empty, "made", heard.append, qos.FACTS))
+        parts.append(turned.node.create_publisher(Empty, "made", qos.FACTS))
+
+    turned.talk(make).publish(String())
+    turned.until(lambda: parts)
+    turned.until(parts[1].get_subscription_count)
+    parts[1].publish(Empty())
+    turned.until(lambda: heard)
+    turned.node.destroy_subscription(parts[0])
+    turned.until(lambda: not parts[1].get_subscription_count())
+    parts[1].publish(Empty())
+    turned.turns()
+    assert len(heard) == 1
+    assert turned.errors == []
+
+
+def test_a_service_answers_when_what_it_awaits_has_come(turned: Turned) -> None:
+    awaited = Future()
+
+    async def answer(_request: Any, response: Any) -> Any:
+        response.message = await awaited
+        return response
+
+    client = turned.serve(answer)
+    future = client.call_async(Trigger.Request())
+    turned.turns()
+    assert not future.done()
+    awaited.set_result("here")
+    turned.until(future.done)
+    assert future.result().message == "here"
+
+
+@pytest.mark.parametrize("group", [MutuallyExclusiveCallbackGroup, ReentrantCallbackGroup])
+def test_an_exclusive_group_is_busy_while_one_of_its_callbacks_awaits(
+    turned: Turned, group: Callable[[], Any]
+) -> None:
+    awaited = Future()
+    asked: list[int] = []
+    shared = group()
+
+    async def answer(_request: Any, response: Any) -> Any:
+        asked.append(1)
+        await awaited
+        return response
+
+    heard: list[Any] = []
+    publisher = turned.talk(heard.append, callback_group=shared)
+    client = turned.serve(answer, callback_group=shared)
+    futures = [client.call_async(Trigger.Request()) for _ in range(3)]
+    turned.until(lambda: asked)
+    publisher.publish(String())
+    turned.turns(60)
+    busy = group is MutuallyExclusiveCallbackGroup
+    assert (len(asked), len(heard)) == ((1, 0) if busy else (3, 1))
+    awaited.set_result(None)
+    turned.until(lambda: all(future.done() for future in futures) and heard)
+
+
+def test_a_guard_condition_of_a_busy_group_is_not_lost(turned: Turned) -> None:
+    awaited = Future()
+    asked: list[int] = []
+    called: list[int] = []
+    shared = MutuallyExclusiveCallbackGroup()
+    guard = turned.node.create_guard_condition(lambda: called.append(1), callback_group=shared)
+
+    async def answer(_request: Any, response: Any) -> Any:
+        asked.append(1)
+        guard.trigger()
+        await awaited
+        return response
+
+    client = turned.serve(answer, callback_group=shared)
+    future = client.call_async(Trigger.Request())
+    turned.until(lambda: asked)
+    turned.turns()
+    assert called == []
+    awaited.set_result(None)
+    turned.until(lambda: called and future.done())
+    assert called == [1]
+
+
+def test_a_task_that_raises_is_reported_and_over(turned: Turned) -> None:
+    awaited = Future()
+
+    async def fail() -> None:
+        await awaited
+        raise RuntimeError("after a wait")
+
+    def fail_at_once() -> None:
+        raise RuntimeError("at once")
+
+    tasks = [turned.executor.create_task(fail), turned.executor.create_task(fail_at_once)]
+    turned.until(lambda: turned.errors)
+    awaited.set_result(None)
+    turned.until(lambda: all(task.done() for task in tasks))
+    assert sorted(str(error) for error in turned.errors) == ["after a wait", "at once"]
+    assert sorted(str(task.exception()) for task in tasks) == ["after a wait", "at once"]
+
+
+def test_a_task_that_is_cancelled_goes_on_no_more(turned: Turned) -> None:
+    awaited = Future()
+    seen: list[str] = []
+
+    async def work() -> None:
+        try:
+            await awaited
+            seen.append("went on")
+        finally:
+            seen.append("closed")
+
+    task = turned.executor.create_task(work)
+    turned.turns(4)
+    task.cancel()
+    awaited.set_result(None)
+    turned.turns()
+    assert seen == ["closed"]
+    assert task.cancelled()
+    assert turned.errors == []
+
+
+def test_what_is_done_when_a_future_is_done_is_done_once_and_in_a_turn(turned: Turned) -> None:
+    future = Future(executor=turned.executor)
+    told: list[Any] = []
+    future.add_done_callback(lambda done: told.append(done.result()))
+    future.set_result(7)
+    assert told == []
+    turned.until(lambda: told)
+    turned.turns()
+    assert told == [7]
+
+
+def test_another_thread_ends_the_wait_with_a_task(turned: Turned) -> None:
+    called: list[int] = []
+    turned.turns(3)
+    thread = Thread(target=lambda: turned.executor.create_task(called.append, 1))
+
+    def start() -> None:
+        timer.cancel()
+        thread.start()
+
+    timer = turned.timer(start)
+    turned.until(lambda: called, timeout_s=2 * LIMIT_S)
+    thread.join()
+
+
+def test_threads_run_while_it_waits(turned: Turned) -> None:
+    counted: list[int] = []
+
+    def count() -> None:
+        for number in range(50):
+            counted.append(number)
+            time.sleep(0)
+
+    thread = Thread(target=count)
+    turned.timer(lambda: None, 0.1)
+    thread.start()
+    turned.until(lambda: len(counted) == 50, timeout_s=2.0)
+    thread.join()
+
+
+def test_timers_of_simulated_time_stand_while_it_stands(turned: Turned) -> None:
+    turned.node.set_parameters([Parameter("use_sim_time", value=True)])
+    told = turned.node.create_publisher(ClockMsg, "/clock", qos.FACT)
+    turned.until(told.get_subscription_count)
+    simulated: list[int] = []
+    steady: list[int] = []
+    clock = turned.node.get_clock()
+    turned.node.create_timer(1.0, lambda: simulated.append(1), clock=clock)
+    turned.timer(lambda: steady.append(1))
+    for second in (100, 101, 102):
+        told.publish(ClockMsg(clock=rclpy.time.Time(seconds=second).to_msg()))
+        turned.until(lambda second=second: clock.now().nanoseconds == second * 10**9)
+        ticks = len(steady)
+        turned.until(lambda ticks=ticks: len(steady) > ticks + 3)
+    turned.until(lambda: len(simulated) >= 2)
+    before = len(simulated)
+    turned.turns(60)
+    assert len(simulated) == before
+    assert turned.errors == []
+
+
+def test_events_of_the_middleware_come_even_where_there_is_always_work(turned: Turned) -> None:
+    matched: list[int] = []
+    publisher = turned.talk(lambda message: publisher.publish(message))
+    publisher.publish(String())
+    turned.node.create_publisher(
+        Empty,
+        "other",
+        qos.FACTS,
+        event_callbacks=PublisherEventCallbacks(matched=lambda _: matched.append(1)),
+    )
+    turned.node.create_subscription(Empty, "other", lambda _: None, qos.FACTS)
+    turned.until(lambda: matched)
+
+
+def test_a_node_that_is_taken_away_is_turned_no_more(turned: Turned) -> None:
+    ticks: list[int] = []
+    other = rclpy.create_node("other", start_parameter_services=False)
+    turned.executor.add_node(other)
+    other.create_timer(0.005, lambda: ticks.append(1), clock=STEADY)
+    turned.until(lambda: len(ticks) == 3)
+    turned.executor.remove_node(other)
+    turned.turns()
+    assert len(ticks) == 3
+    other.destroy_node()
+    turned.turns(3)
+    assert turned.executor.get_nodes() == [turned.node]
+    assert turned.errors == []
+
+
+def test_the_end_of_its_context_ends_the_wait(turned: Turned) -> None:
+    thread = Thread(target=rclpy.shutdown)
+
+    def start() -> None:
+        timer.cancel()
+        thread.start()
+
+    timer = turned.timer(start)
+    began = time.monotonic()
+    with suppress(ExternalShutdownException):
+        turned.until(lambda: not rclpy.ok(), timeout_s=2 * LIMIT_S)
+    assert time.monotonic() - began < LIMIT_S
+    thread.join()
+
+
+def test_an_interrupt_in_a_callback_comes_out_and_leaves_the_rest_in_order(
+    turned: Turned,
+) -> None:
+    class Cut(BaseException):
+        pass
+
+    heard: list[str] = []
+
+    def hear(message: String) -> None:
+        heard.append(message.data)
+        if message.data == "cut":
+            raise Cut
+
+    publisher = turned.talk(hear)
+    publisher.publish(String(data="cut"))
+    with pytest.raises(Cut):
+        turned.until(lambda: False)
+    publisher.publish(String(data="next"))
+    turned.until(lambda: heard == ["cut", "next"])

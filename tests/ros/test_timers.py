@@ -1,0 +1,59 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A timer that rings once, at a time that may be moved."""
+
+from __future__ import annotations
+
+import math
+import time
+from typing import Any
+
+import pytest
+
+from bt_agents.ros.timers import OneShot
+
+pytestmark = pytest.mark.ros
+
+
+def test_it_rings_once_at_its_time_and_again_when_it_is_set_again(ros: Any) -> None:
+    rung: list[float] = []
+    one = OneShot(ros.node, lambda: rung.append(time.monotonic()))
+    at = time.monotonic() + 0.03
+    one.set(at)
+    one.set(at)
+    ros.until(lambda: rung)
+    assert rung[0] >= at - 0.001
+    ros.turns(5)
+    assert len(rung) == 1
+    one.set(time.monotonic() - 1.0)
+    ros.until(lambda: len(rung) == 2)
+
+
+def test_it_rings_at_the_time_to_which_it_was_moved_and_not_after_it_was_stopped(
+    ros: Any,
+) -> None:
+    first, second = [], []
+    moved = OneShot(ros.node, lambda: first.append(time.monotonic()))
+    stopped = OneShot(ros.node, lambda: second.append(time.monotonic()))
+    moved.set(time.monotonic() + 30.0)
+    stopped.set(time.monotonic() + 0.01)
+    stopped.set(math.inf)
+    at = time.monotonic() + 0.02
+    moved.set(at)
+    ros.until(lambda: first)
+    ros.turns(5)
+    assert (len(first), second) == (1, [])
+
+
+def test_it_may_be_set_in_its_own_callback(ros: Any) -> None:
+    rung: list[float] = []
+
+    def ring() -> None:
+        rung.append(time.monotonic())
+        if len(rung) < 3:
+            one.set(time.monotonic() + 0.001)
+
+    one = OneShot(ros.node, ring)
+    one.set(time.monotonic())
+    ros.until(lambda: len(rung) == 3)
+    ros.turns(5)
+    assert len(rung) == 3
