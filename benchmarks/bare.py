@@ -30,18 +30,18 @@ def executor(context: Any = None) -> Any:
 
 
 def spin(*nodes: Node, turner: Any = None) -> None:
-    """Say that the nodes are made, and turn them until the process is killed.
+    """Say that the nodes are made, and turn them until the parent kills the process or ends.
 
     Args:
         nodes: The nodes.
         turner: Another executor than that of :func:`executor`.
     """
-    turner = turner or executor()
+    turner, parent_id = turner or executor(), os.getppid()
     for node in nodes:
         turner.add_node(node)
     descriptor = os.environ.pop("BT_AGENTS_READY", "")
     if descriptor:
         with suppress(OSError), os.fdopen(int(descriptor), "wb") as parent:
             parent.write(b"up")
-    while rclpy.ok():
+    while rclpy.ok() and os.getppid() == parent_id:
         turner.spin_once(timeout_sec=0.1)

@@ -138,7 +138,7 @@ def _run(name: str, short: bool, seed: int) -> tuple[list[Row], str]:
 
 
 def _received(receiver: Connection) -> Iterator[Row | str]:
-    """Give what a benchmark sends, until it says that this is all or for too long nothing."""
+    """Give what a benchmark sends, until it says that this is all or its time is over."""
     limit = time.monotonic() + LIMIT_S
     try:
         while receiver.poll(max(0.0, limit - time.monotonic())):

@@ -84,8 +84,13 @@ def _drawn(file: Path, rate: int, pid: int) -> Iterator[None]:
         yield
     finally:
         sampler.send_signal(signal.SIGINT)
-        _, said = sampler.communicate(timeout=END_S)
+        try:
+            _, said = sampler.communicate(timeout=END_S)
+        finally:
+            sampler.kill()
         click.echo(said.decode().strip())
+    if sampler.returncode:
+        raise click.ClickException(f"{file} could not be drawn")
     text = file.read_text(encoding="utf-8")
     file.write_text(text.replace(f"{ROOT}/", "").replace(f"{ROOT}..", ".."), encoding="utf-8")
     click.echo(f"{file}, {file.stat().st_size // 1000} kB")

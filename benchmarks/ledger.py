@@ -103,7 +103,8 @@ def _row_of(found: dict[str, list[float]], pace: str) -> Row:
         at_least=True,
         pace=pace,
         note="the floor writes finished rows of the same size into the same table, with the same "
-        "pragmas; ours looks for the id, makes the row, its hashes and the head",
+        "pragmas; ours looks for the id, makes the row, its hashes and the head, which is "
+        "synchronised once a second, and not here",
     )
 
 

@@ -87,10 +87,9 @@ class Row:
 
     @property
     def ratio(self) -> float | None:
-        """The ratio of the medians."""
-        if not self.ratios:
-            return None
-        return statistics.median(self.values) / statistics.median(self.floor_values)
+        """The ratio of the medians; None without a floor, or with one of zero."""
+        floor = statistics.median(self.floor_values) if self.floor_values else 0
+        return statistics.median(self.values) / floor if floor > 0 else None
 
     @property
     def is_met(self) -> bool | None:

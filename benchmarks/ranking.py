@@ -176,7 +176,7 @@ def _winner_of_few(agents: int, effort: Effort) -> Row:
         floor=f"{faster}, the faster",
         floor_values=found[faster],
         goal=FEW_GOAL,
-        note="all that are equally near, where the floors find one",
+        note="the search alone; it finds all that are equally near, the floors one of them",
     )
 
 

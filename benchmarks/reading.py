@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """How long agent files take to be read, checked and built, beside YAML parsers on the same text.
 
+Every file is read as the first one of a process: no condition is known from the last time.
 Hostile files stand beside a good one of the same size.
 """
 
@@ -21,11 +22,13 @@ from bt_agents.engine.context import RunContext
 from bt_agents.engine.scope import RunScope
 from bt_agents.engine.scripted_world import ScriptedWorld
 from bt_agents.errors import ReadError
+from bt_agents.language import names
 from bt_agents.language.agent_reader import read_agent_text
 from bt_agents.language.folder_reader import read_trees, read_vocabulary, yaml_files
 from bt_agents.language.linting.cut_texts import cut_texts
 from bt_agents.language.linting.lint import lint
 from bt_agents.language.scene_reader import read_scene
+from bt_agents.language.specs import AgentSpec
 from bt_agents.language.text.source import Source
 from bt_agents.language.vocabulary import Vocabulary
 from bt_agents.scene import Scene, SceneValue
@@ -237,7 +240,7 @@ def _compared(
 
 def _whole(text: str, vocabulary: Vocabulary) -> Behaviour:
     """Read and check a file as ``bt-agents check`` does, and build its tree as a run does."""
-    agent = read_agent_text(text, "benchmark.yaml", vocabulary)
+    agent = _read(text, vocabulary)
     lint(agent)
     cut_texts(Source(agent.file, text))
     values = tuple(SceneValue.missing(name) for name in vocabulary.space.names)
@@ -252,6 +255,16 @@ def _whole(text: str, vocabulary: Vocabulary) -> Behaviour:
     return build(agent.tree, RunContext(ScriptedWorld(), scope, random.Random(1)))
 
 
+def _read(text: str, vocabulary: Vocabulary) -> AgentSpec:
+    _forget()
+    return read_agent_text(text, "benchmark.yaml", vocabulary)
+
+
+def _forget() -> None:
+    """Forget the conditions that have been parsed."""
+    names._parsed.cache_clear()
+
+
 def _folder(effort: Effort) -> Row:
     """Compare the folder as a host reads it when it starts."""
     agents = [path for path in yaml_files(TREES / "agents") if ".test." not in path.name]
@@ -264,7 +277,11 @@ def _folder(effort: Effort) -> Row:
         for path in files:
             yaml.load(path.read_text(encoding="utf-8"), Loader=yaml.SafeLoader)
 
-    values = in_turn({OURS: _way(partial(read_trees, TREES)), SAFE: _way(parse)}, effort)
+    def read() -> None:
+        _forget()
+        read_trees(TREES)
+
+    values = in_turn({OURS: _way(read), SAFE: _way(parse)}, effort)
     return Row(
         case=f"trees/, {len(files)} files",
         side="read, check",
@@ -275,12 +292,12 @@ def _folder(effort: Effort) -> Row:
 
 
 def _refused(name: str, text: str, vocabulary: Vocabulary, effort: Effort) -> Row:
-    good = _padded(mixture(max(20, len(text) // 43)), len(text))
-    read_agent_text(good, "benchmark.yaml", vocabulary)
+    good = _padded(mixture(len(text) // 43), len(text))
+    _read(good, vocabulary)
     values = in_turn(
         {
             OURS: _way(partial(_refuse, text, vocabulary)),
-            SAFE: _way(partial(read_agent_text, good, "benchmark.yaml", vocabulary)),
+            SAFE: _way(partial(_read, good, vocabulary)),
         },
         effort,
     )
@@ -296,7 +313,7 @@ def _refused(name: str, text: str, vocabulary: Vocabulary, effort: Effort) -> Ro
 
 def _refuse(text: str, vocabulary: Vocabulary) -> None:
     try:
-        read_agent_text(text, "benchmark.yaml", vocabulary)
+        _read(text, vocabulary)
     except ReadError:
         return
     raise RuntimeError("a hostile file was read")

@@ -42,7 +42,7 @@ ANALYZE = Analyze.Request(
 )
 
 NUMBER = {HOT: 110, COLD: 40}
-"""Measurements a repetition; together more than 1,000 rounds of each, in which no bid is lost."""
+"""Measurements a repetition; where all are done, more than 1,000 rounds that lose no bid."""
 
 HOPS = (
     "five hops (request, scene, call, bids, goal) and a start beside four; bare nodes that do the "

@@ -177,9 +177,7 @@ class Results:
         begin: Begins a run of an agent; returns what waits for its end.
     """
 
-    def __init__(
-        self, graph: Graph, host: str, begin: Callable[[str], Callable[[], None]]
-    ) -> None:
+    def __init__(self, graph: Graph, host: str, begin: Begin) -> None:
         self._graph = graph
         self._begin = begin
         self._goal: Any = None

@@ -159,3 +159,7 @@ class Lessons:
         self._known[key] = (revision.revision, window, recent)
         if len(self._known) > _REMEMBERED:
             del self._known[next(iter(self._known))]
+
+    def forget(self, agent: str, layer: str) -> None:
+        """Remember nothing of a layer; one of the same name counts its revisions anew."""
+        self._known.pop((agent, layer), None)

@@ -23,6 +23,7 @@ _CHECK = struct.Struct("<I")
 _MAGIC = b"bta-head"
 _OFFSETS = (0, 512)
 """Two slots in sectors of their own: a write that is cut off spoils the older one only."""
+_SIZE = _OFFSETS[-1] + _SLOT.size + _CHECK.size
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -67,8 +68,10 @@ class HeadFile:
         self._slot, self.head = max(_slots(path.read_bytes()), key=lambda one: one[1].number)
         self._path = str(path)
         self._file = os.open(path, os.O_RDWR | os.O_CLOEXEC)
+        if os.fstat(self._file).st_size < _SIZE:
+            os.ftruncate(self._file, _SIZE)
         # A write through the file would have the commit after it wait for its time of change.
-        self._memory = mmap.mmap(self._file, 0)
+        self._memory = mmap.mmap(self._file, _SIZE)
         self._synced = True
 
     def write(self, head: Head) -> None:
@@ -83,10 +86,8 @@ class HeadFile:
                 f"row {head.number} is to be the newest, but row {self.head.number} was "
                 "acknowledged"
             )
-        if not os.path.samestat(os.stat(self._path), os.fstat(self._file)):
-            raise FileNotFoundError(f"{self._path} was replaced; stop the node before that")
-        slot, written = 1 - self._slot, _slot(head)
-        self._memory[_OFFSETS[slot] : _OFFSETS[slot] + len(written)] = written
+        slot = 1 - self._slot
+        self._put(slot, head)
         self._slot, self.head = slot, head
         self._synced = False
 
@@ -97,8 +98,18 @@ class HeadFile:
             OSError: It does not.
         """
         if not self._synced:
+            # What a disk has failed to take once is not brought to it again by another sync.
+            self._put(self._slot, self.head)
             os.fdatasync(self._file)
             self._synced = True
+
+    def _put(self, slot: int, head: Head) -> None:
+        mine, written = os.fstat(self._file), _slot(head)
+        if mine.st_size < _SIZE or not os.path.samestat(os.stat(self._path), mine):
+            raise FileNotFoundError(
+                f"{self._path} was replaced or cut off; stop the node before that"
+            )
+        self._memory[_OFFSETS[slot] : _OFFSETS[slot] + len(written)] = written
 
     def close(self) -> None:
         """Close the file."""

@@ -320,6 +320,7 @@ class Profiles:
         for name, layer in profiles:
             self._current.pop((name, layer), None)
             self._false_rates.pop((name, layer), None)
+            self._lessons.forget(name, layer)
             if self.knows(name):
                 told.append(self.delivery(name, layer))
         return tuple(told)

@@ -171,11 +171,11 @@ class Floor:
         starved = self.record.starvation.starved(self.settings.starvation_rounds)
         if not starved:
             return ()
-        agents = self.registry.agents
-        if self._starved is None or self._starved[:2] != (starved, agents):
-            among = tuple(agent for agent in starved if agent in agents)
-            self._starved = (starved, agents, among)
-        return self._starved[2]
+        agents, known = self.registry.agents, self._starved
+        if known is None or known[0] != starved or known[1] is not agents:
+            known = (starved, agents, tuple(agent for agent in starved if agent in agents))
+            self._starved = known
+        return known[2]
 
     def count_run(self, agent: str, decision: Decision) -> None:
         """Note that an agent runs; ties go to whoever has not run for longest.

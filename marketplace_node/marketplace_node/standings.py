@@ -45,7 +45,7 @@ class Standings(Sequence[RankedBid]):
         return isinstance(other, Sequence) and self._all == tuple(other)
 
     def __hash__(self) -> int:
-        return hash(self._best)
+        return hash(self._all)
 
     def __repr__(self) -> str:
         return repr(self._all)

@@ -11,6 +11,7 @@ import pytest
 
 from bt_agents.scene import SceneSpace
 from market_driver import SPACE, scene
+from marketplace_node import ranking as ranking_module
 from marketplace_node.bid_table import BidTable
 from marketplace_node.contest import Contest
 from marketplace_node.decision import Ranked, Terms
@@ -70,6 +71,25 @@ def test_the_first_and_all_others_are_those_of_the_arrays(strategy: str) -> None
         assert found.bids[0].agent == expected[0][0]
         assert ranked(found) == expected
         assert list(found.bidders) == names
+
+
+@pytest.mark.parametrize("strategy", SUMS)
+def test_the_record_of_a_few_bids_is_that_of_the_arrays(
+    strategy: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    chance = Random(strategy)
+    for _ in range(50):
+        names = [f"a{number}" for number in range(chance.choice((1, 2, 5, 20)))]
+        vectors = {name: tuple(float(chance.randint(1, 5)) for _ in range(3)) for name in names}
+        weights = {name: chance.choice([(1.0, 1.0, 1.0), (2.0, 1.0, 0.0)]) for name in names}
+        accepted = bids(vectors, **(weights if chance.random() < 0.7 else {}))
+        of = terms(scene("s", 3.0, math.nan, 2.5), strategy=strategy, last_run={"a1": 2})
+        found = decide(SPACE, of, accepted)
+        record = tuple(found.bids)
+        with monkeypatch.context() as few:
+            few.setattr(ranking_module, "FEW", 0)
+            assert record == tuple(decide(SPACE, of, accepted).bids)
+        assert found.bids[0] == record[0]
 
 
 @pytest.mark.parametrize("agents", [2, 3, 9, 30, 1_000])

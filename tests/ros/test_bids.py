@@ -10,6 +10,7 @@ import pytest
 from rclpy.serialization import deserialize_message, serialize_message
 
 from bt_agents.errors import Refused
+from bt_agents.ros import bid_bytes
 from bt_agents.ros.bid_bytes import Saying
 from bt_agents.roster import Roster
 from bt_agents_interfaces.msg import Bids
@@ -56,6 +57,24 @@ def test_a_host_says_in_each_round_of_each_market_what_its_agents_answer() -> No
     assert deserialize_message(message, Bids) == expected("e", 9, answer)
 
 
+def test_what_stands_between_two_fields_does_not_matter(monkeypatch: pytest.MonkeyPatch) -> None:
+    fills = iter(range(256))
+
+    def serialize(message: Bids) -> bytes:
+        made = bytearray(serialize_message(message))
+        end = 8 + made[4]  # a header of four bytes, the length of the epoch, and the epoch
+        gap = -end % 4
+        made[end : end + gap] = bytes([next(fills)] * gap)
+        return bytes(made)
+
+    monkeypatch.setattr(bid_bytes, "serialize_message", serialize)
+    bid_bytes._before.cache_clear()
+    answer = roster().answer(scene(age=3))
+    for epoch in EPOCHS:
+        message = Saying("/agents", "first").message(epoch, 3, answer)
+        assert deserialize_message(message, Bids) == expected(epoch, 3, answer)
+
+
 @pytest.mark.parametrize("epoch", EPOCHS)
 def test_a_market_reads_an_answer_that_it_has_read_before_as_it_is(epoch: str) -> None:
     hearing = Hearing(epoch, {"/agents", "/b"}.__contains__)
@@ -71,6 +90,13 @@ def test_a_market_reads_an_answer_that_it_has_read_before_as_it_is(epoch: str) -
     hearing.forget("/agents")
     hearing.forget("/nobody")
     assert hearing.read(serialize_message(said[0])) == bids_from_msg(said[0])
+
+
+def test_an_answer_in_another_order_of_bytes_is_not_compared() -> None:
+    message = serialize_message(Bids(epoch="e", round=1, host="/agents"))
+    assert bid_bytes.number_of(message, message, "e") == 1
+    other = bytes([message[0], message[1] ^ 1]) + message[2:]
+    assert bid_bytes.number_of(other, other, "e") is None
 
 
 @pytest.mark.parametrize("cut", [0, 1, 4, 8, 20, 23, 40])

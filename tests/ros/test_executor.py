@@ -121,14 +121,38 @@ def test_a_callback_that_raises_keeps_no_message_from_being_heard(turned: Turned
 def test_many_messages_are_heard_in_order_and_keep_nobody_else_waiting(turned: Turned) -> None:
     heard: list[str] = []
     ticks: list[int] = []
-    publisher = turned.talk(lambda message: heard.append(message.data))
-    turned.timer(lambda: ticks.append(len(heard)), 0.001)
+
+    def hear(message: String) -> None:
+        heard.append(message.data)
+        if len(heard) == 50:
+            timer.reset()
+
+    timer = turned.timer(
+        lambda: (timer.cancel(), ticks.append(len(heard))), 0.000001, autostart=False
+    )
+    publisher = turned.talk(hear)
     for number in range(200):
         publisher.publish(String(data=str(number)))
-    time.sleep(0.002)
-    turned.until(lambda: len(heard) == 200)
+    turned.until(lambda: len(heard) == 200 and ticks)
     assert heard == [str(number) for number in range(200)]
     assert ticks[0] < 100
+
+
+def test_messages_that_take_long_to_hear_keep_nobody_else_waiting(turned: Turned) -> None:
+    heard: list[str] = []
+    ticks: list[int] = []
+
+    def hear(message: String) -> None:
+        time.sleep(0.003)
+        heard.append(message.data)
+
+    publisher = turned.talk(hear)
+    turned.timer(lambda: ticks.append(len(heard)), 0.001)
+    for number in range(10):
+        publisher.publish(String(data=str(number)))
+    turned.until(lambda: len(heard) == 10)
+    turned.until(lambda: ticks[-1] == 10)
+    assert set(range(1, 11)) <= set(ticks)
 
 
 def test_timers_and_services_that_raise_go_on(turned: Turned) -> None:

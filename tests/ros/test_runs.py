@@ -48,6 +48,7 @@ def agent(name: str, tree: str, more: str = "") -> str:
 TALKER = agent("talker", "say: hello", "on_cancel: {say: good-bye}")
 LISTENER = agent("listener", "wait_for: {topic: button, type: std_msgs/msg/Bool, until: msg.data}")
 SLEEPER = agent("sleeper", "wait: 5 s")
+LINGERER = agent("lingerer", "wait: 5 s", "on_cancel: {wait: 5 s}")
 QUICK = agent("quick", "wait: 0 s")
 TWO_WORDS = agent("two_words", "sequence: [{say: one}, {say: two}]", "on_cancel: {say: good-bye}")
 NOT_ONCE_MORE = 20
@@ -61,7 +62,7 @@ def market(ros: Any) -> Market:
 
 @pytest.fixture
 def host(ros: Any, market: Market, tmp_path: Path) -> HostNode:
-    path = folder(tmp_path, TALKER, LISTENER, SLEEPER, QUICK, TWO_WORDS)
+    path = folder(tmp_path, TALKER, LISTENER, SLEEPER, LINGERER, QUICK, TWO_WORDS)
     node: HostNode = ros.add(make_host(path))
     market.open()
     ros.until(lambda: node.registered)
@@ -147,6 +148,26 @@ def test_a_cancel_is_seen_at_once_however_rarely_the_tree_is_ticked(
     answer = results(ros, handle)
     assert answer.status == GoalStatus.STATUS_CANCELED
     assert answer.result.duration_s < 0.9
+
+
+def test_a_cancel_is_followed_by_one_tick(ros: Any, host: HostNode, market: Market) -> None:
+    handle = market.send(market.goal(host, agent="lingerer"))
+    run = running(ros, host)
+    ticks: list[int] = []
+    answer = host._runs._answer_cancel
+
+    def cancel(asked: Any) -> Any:
+        ticks.append(run.ticks)
+        answered = answer(asked)
+        ticks.append(run.ticks)
+        host._runs._timer.cancel()  # no regular tick
+        return answered
+
+    host._runs._server.register_cancel_callback(cancel)
+    handle.cancel_goal_async()
+    ros.until(lambda: ticks)
+    ros.turns()
+    assert [*ticks, run.ticks] == [ticks[0], ticks[0] + 1, ticks[0] + 1]
 
 
 def test_a_flood_of_messages_leaves_time_for_everything_else(

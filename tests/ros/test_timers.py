@@ -57,3 +57,14 @@ def test_it_may_be_set_in_its_own_callback(ros: Any) -> None:
     ros.until(lambda: len(rung) == 3)
     ros.turns(5)
     assert len(rung) == 3
+
+
+def test_it_may_be_set_to_a_time_that_never_comes(ros: Any) -> None:
+    rung: list[float] = []
+    one = OneShot(ros.node, lambda: rung.append(time.monotonic()))
+    for years in (1e3, 1e300):
+        one.set(time.monotonic() + years * 3.2e7)
+        ros.turns(3)
+        assert rung == []
+    one.set(time.monotonic())
+    ros.until(lambda: rung)

@@ -4,14 +4,17 @@
 from __future__ import annotations
 
 import math
+from importlib.util import module_from_spec, spec_from_file_location
+from pathlib import Path
 from typing import Any
 
 import pytest
 from rcl_interfaces.msg import Log
+from rclpy.impl import rcutils_logger
 
 from bt_agents.engine.world import GoalState
 from bt_agents.feedback import Kind
-from bt_agents.ros import qos
+from bt_agents.ros import log_lines, qos
 from bt_agents.ros.world import RosWorld
 from bt_agents_interfaces.srv import GiveFeedback
 from stage import SPACE, agent
@@ -56,6 +59,24 @@ def test_log_lines_come_under_the_name_of_the_running_agent_at_their_level(ros: 
             == [*told, told[0]]
         )
     )
+
+
+def test_lines_of_different_levels_may_be_limited_also_where_files_are_links(
+    ros: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    link = tmp_path / "linked_lines.py"
+    link.symlink_to(log_lines.__file__)
+    spec = spec_from_file_location("linked_lines", link)
+    assert spec is not None
+    assert spec.loader is not None
+    known = [name for name in rcutils_logger._internal_callers if "log_lines" not in name]
+    monkeypatch.setattr(rcutils_logger, "_internal_callers", known)
+    linked = module_from_spec(spec)
+    spec.loader.exec_module(linked)
+    lines = linked.LogLines("linked")
+    for told in (True, False):
+        assert lines.warning("again and again", throttle_duration_sec=60.0) == told
+        assert lines.error("again and again", throttle_duration_sec=60.0) == told
 
 
 def test_direct_feedback_is_sent_in_the_order_of_the_scene_without_opinion_on_the_rest(

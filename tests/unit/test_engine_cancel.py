@@ -220,6 +220,19 @@ def test_a_tick_that_takes_too_long_is_counted_with_the_node_that_took_longest()
     assert stage.run.result.overruns == 1
 
 
+def test_a_tick_that_takes_too_long_after_its_last_leaf_names_the_outermost_node() -> None:
+    stage = Stage(SPEAKS, answers={"show": [Answer(after_s=100.0)]})
+    clock = SlowClock()
+    stage.run._stopwatch = clock
+    stage.run.period_s = 0.1
+    clock.steps = iter([0.0, 0.01, 0.02, 0.3])
+    stage.tick()
+    overrun = stage.run.overrun
+    assert overrun is not None
+    assert overrun.slowest == "tree"
+    assert overrun.slowest_s == pytest.approx(0.3)
+
+
 def test_without_a_period_no_tick_is_too_long() -> None:
     stage = Stage("say: x")
     clock = SlowClock()

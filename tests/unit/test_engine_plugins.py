@@ -7,6 +7,7 @@ import asyncio
 import sys
 import time
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 import py_trees
@@ -304,6 +305,28 @@ def test_the_children_of_a_composite_plug_in_are_set_up_and_shut_down_too() -> N
     for nod in Nod.made:
         assert nod.calls[0] == "setup {}"
         assert nod.calls[-1] == "shutdown"
+
+
+def test_a_plug_in_without_a_tick_of_its_own_is_ticked_by_plain_calls() -> None:
+    callers = []
+
+    class Curious(Nod):
+        def update(self) -> Status:
+            callers.append(Path(sys._getframe(1).f_code.co_filename).parent.name)
+            return super().update()
+
+    assert Stage(plugged(Curious)).tick() == "succeeded"
+    assert callers == ["engine"]
+
+
+def test_a_plug_in_with_a_way_of_its_own_to_be_ticked_keeps_it() -> None:
+    class Twice(Nod):
+        def tick_once(self) -> None:
+            super().tick_once()
+            super().tick_once()
+
+    stage = Stage(plugged(Twice, times=Literal(value=2)))
+    assert stage.tick() == "succeeded"
 
 
 def test_a_plug_in_that_ends_the_program_does_not() -> None:

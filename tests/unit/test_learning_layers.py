@@ -15,7 +15,8 @@ from bt_agents.scene import Origin, Scene, SceneParameter, SceneSpace, SceneValu
 from feedback_node import profiles as profiles_module
 from feedback_node.cards import AgentEntry, Card, LearningEntry
 from feedback_node.changes import Change, Delivery
-from feedback_node.ledger import Ledger
+from feedback_node.ledger import Entry, Ledger
+from feedback_node.ledger_rows import IMPORT, Cause
 from feedback_node.profiles import Profiles
 from feedback_node.runs import Run
 
@@ -170,6 +171,20 @@ def test_the_same_feedback_is_applied_once_in_all_layers_also_when_one_was_forgo
     assert not third.fresh
     assert "forgotten since" in third.words
     assert ages(profiles) == {"": 3.5}
+
+
+def test_what_a_forgotten_layer_was_taught_does_not_count_for_one_that_takes_its_place():
+    ledger = Ledger(":memory:")
+    profiles = known(learning("person", update="median", window=3), ledger)
+    teach(profiles, "f1", age=5.0, where=run("anna"))
+    ledger.forget([("guide", ANNA)])
+    profiles.gone([("guide", ANNA)])
+    middle = {"age": 3.0, "mood": 3.0}
+    cause = Cause(cause=IMPORT, kind=Kind.SET, target=middle)
+    taken_in = Entry(agent="guide", layer=ANNA, profile=middle, cause=cause)
+    profiles.taken(ledger.record([profiles.beginning("guide", ANNA), taken_in])[1:])
+    teach(profiles, "f2", age=1.0, where=run("anna"))
+    assert ages(profiles)[ANNA] == 2.0
 
 
 def test_each_layer_anneals_by_its_own_changes_and_takes_the_median_of_its_own_feedback():

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import errno
+import os
 import sqlite3
 from contextlib import closing
 from pathlib import Path
@@ -262,6 +263,24 @@ def test_a_head_that_the_disk_did_not_take_is_brought_again(tmp_path, monkeypatc
         assert ledger.tidy()
 
 
+def test_a_head_that_was_lost_on_its_way_to_the_disk_is_written_anew(tmp_path, monkeypatch):
+    with Ledger(tmp_path / "ledger.sqlite") as ledger:
+        head = head_path(ledger.path)
+        before = head.read_bytes()
+        ledger.enter({"guide": {"age": 1.0}})
+
+        def lose(file: int) -> None:
+            os.pwrite(file, before, 0)
+            raise OSError(errno.EIO, "broken")
+
+        with monkeypatch.context() as broken:
+            broken.setattr(ledger_head.os, "fdatasync", lose)
+            assert not ledger.secure()
+        assert read_head(head).number == 0
+        assert ledger.secure()
+        assert read_head(head).number == 1
+
+
 def test_what_is_written_after_the_files_were_moved_away_is_not_acknowledged(tmp_path):
     path = tmp_path / "ledger.sqlite"
     with Ledger(path) as ledger:
@@ -270,6 +289,30 @@ def test_what_is_written_after_the_files_were_moved_away_is_not_acknowledged(tmp
         head.rename(tmp_path / "away")
         head.write_bytes(b"another")
         with pytest.raises(LedgerError, match=r"LEDGER_FAILED.*stop the node"):
+            ledger.append("guide", {"age": 2.0}, Cause())
+
+
+def test_a_head_of_which_one_slot_is_left_is_written_on(tmp_path):
+    path = tmp_path / "ledger.sqlite"
+    with Ledger(path) as ledger:
+        ledger.enter({"guide": {"age": 1.0}})
+    file = HeadFile(head_path(path))
+    file.write(file.head)  # now both slots say the same
+    file.close()
+    with head_path(path).open("r+b") as opened:
+        opened.truncate(100)
+    with Ledger(path) as ledger:
+        ledger.append("guide", {"age": 2.0}, Cause())
+        ledger.append("guide", {"age": 3.0}, Cause())
+    assert read_head(head_path(path)).number == 3
+
+
+def test_what_is_written_after_the_head_was_cut_off_is_not_acknowledged(tmp_path):
+    with Ledger(tmp_path / "ledger.sqlite") as ledger:
+        ledger.enter({"guide": {"age": 1.0}})
+        with head_path(ledger.path).open("r+b") as opened:
+            opened.truncate(100)
+        with pytest.raises(LedgerError, match=r"LEDGER_FAILED.*cut off; stop the node"):
             ledger.append("guide", {"age": 2.0}, Cause())
 
 

@@ -8,6 +8,7 @@ import pytest
 from market_driver import EXPRESS, GUIDE, Driver
 from marketplace_node.decision import Outcome
 from marketplace_node.effects import Alarm, Collect, PublishAuction
+from marketplace_node.registry import HostEntry
 from marketplace_node.settings import Settings
 from marketplace_node.starvation import Starvation
 
@@ -47,6 +48,20 @@ def test_the_alarm_is_said_once_until_it_wins(market: Driver) -> None:
     play(market, 3)
     assert market.status.starved == (EXPRESS,)
     assert len(market.all(Alarm)) == 2
+
+
+def test_a_host_that_registers_again_is_not_compared_once_for_each_of_its_agents(
+    market: Driver, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    play(market, 3)
+    compared = []
+    equals = HostEntry.__eq__
+    monkeypatch.setattr(
+        HostEntry, "__eq__", lambda one, other: compared.append(one) or equals(one, other)
+    )
+    assert market.register().accepted
+    assert market.status.starved == (EXPRESS,)
+    assert len(compared) == 1
 
 
 def test_without_a_limit_nobody_is_starved(market: Driver) -> None:

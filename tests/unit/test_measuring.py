@@ -56,6 +56,12 @@ def test_the_ratio_is_that_of_the_medians_and_its_spread_that_of_the_repetitions
     assert row().ratios == pytest.approx([2.0, 1.5, 1.75])
 
 
+def test_nothing_is_a_ratio_of_a_floor_that_mostly_takes_no_time() -> None:
+    lazy = row(floor_values=[0.0, 0.0, 4e-6])
+    assert lazy.ratio is None
+    assert lazy.is_met is None
+
+
 @pytest.mark.parametrize(
     ("changes", "met"),
     [

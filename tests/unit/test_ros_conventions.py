@@ -17,6 +17,7 @@ BASE = "bt_agents/bt_agents/ros/node.py"
 RELOADING = "bt_agents/bt_agents/ros/reloading.py"
 """Its thread gives way to the node's own."""
 
+ACTION_SERVERS = ("ActionServer", "QuietActionServer")
 INITS = (RUNNER, "bt_agents/bt_agents/ros/observer.py")
 
 SOURCES = {
@@ -78,11 +79,11 @@ def topics_without_table(tree: ast.AST) -> Iterator[ast.AST]:
 
 
 def services_without_table(tree: ast.AST) -> Iterator[ast.AST]:
+    kinds = [f"{kind}_service_qos_profile" for kind in ("goal", "result", "cancel")]
     wanted = {
         "create_client": ["qos_profile"],
         "create_service": ["qos_profile"],
-        "ActionClient": [f"{kind}_service_qos_profile" for kind in ("goal", "result", "cancel")],
-        "ActionServer": [f"{kind}_service_qos_profile" for kind in ("goal", "result", "cancel")],
+        **dict.fromkeys(("ActionClient", *ACTION_SERVERS), kinds),
     }
     for name, call, _ in calls(tree):
         if any(not from_the_table(keyword(call, option)) for option in wanted.get(name, [])):
@@ -92,7 +93,7 @@ def services_without_table(tree: ast.AST) -> Iterator[ast.AST]:
 def endless_servers(tree: ast.AST) -> Iterator[ast.AST]:
     """Actions that keep each result for a quarter of an hour, as rclpy does by itself."""
     for name, call, _ in calls(tree):
-        if name == "ActionServer" and keyword(call, "result_timeout") is None:
+        if name in ACTION_SERVERS and keyword(call, "result_timeout") is None:
             yield call
 
 

@@ -11,8 +11,10 @@ from typing import TypeVar
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
+from bt_agents.engine.halting import method_of
 from bt_agents.engine.leaves import Leaf
 from bt_agents.engine.scope import evaluate, holds
+from bt_agents.engine.ticking import Ticker
 from bt_agents.engine.watchdog import bounded
 from bt_agents.errors import LONGEST_REASON, Refused
 from bt_agents.language.expression.expressions import Expression
@@ -38,20 +40,22 @@ class PluginLeaf(Leaf):
 
     acts = True
     _behaviour: Behaviour | None = None
+    _tick: Callable[[], object]
     _limit_s = BLOCKS_S
 
     def begin(self) -> None:
         """Make the behaviour from what its fields mean now."""
         self._limit_s = BLOCKS_S
         fields = {name: copy.deepcopy(self._field(name)) for name in self.spec.fields}
-        self._behaviour = self._contained(lambda: self._made(fields))
-        self._contained(self._behaviour.setup_with_descendants)
+        behaviour = self._behaviour = self._contained(lambda: self._made(fields))
+        self._contained(behaviour.setup_with_descendants)
+        self._tick = self._contained(lambda: _ticking(behaviour))
 
     def step(self) -> Status:
         """Tick it."""
         behaviour = self._behaviour
         assert behaviour is not None
-        self._contained(behaviour.tick_once)
+        self._contained(self._tick)
         status, message = behaviour.status, behaviour.feedback_message
         if not isinstance(status, Status) or status is Status.INVALID:
             raise Refused(
@@ -111,3 +115,11 @@ class PluginLeaf(Leaf):
             if isinstance(error, Exception):
                 raise
             raise Refused("EXIT", f"the plug-in raised {type(error).__name__}: {error}") from None
+
+
+def _ticking(behaviour: Behaviour) -> Callable[[], object]:
+    """Return what ticks a behaviour and what is below it: plain calls, unless it has its own."""
+    if method_of(behaviour, "tick_once") is Behaviour.tick_once:
+        return Ticker(behaviour).tick
+    own: Callable[[], object] = behaviour.tick_once
+    return own

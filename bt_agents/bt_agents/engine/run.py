@@ -74,7 +74,8 @@ class Overrun:
 
     Attributes:
         took_s: How long it took [s].
-        slowest: Path of the leaf that took longest, with what led from the leaf before to it.
+        slowest: Path of the leaf that took longest, with what led from the leaf before to it; of
+            the outermost node where what came after the last leaf took longer.
         slowest_s: How long that took [s].
     """
 
@@ -304,9 +305,12 @@ class Run:
         began = self._answered_at = self._stopwatch()
         self._slowest, self._slowest_s = root, 0.0
         ticker.tick()
-        took = self._stopwatch() - began
+        now = self._stopwatch()
+        took = now - began
         if took > self.period_s:
             self.overruns += 1
+            if now - self._answered_at > self._slowest_s:
+                self._slowest, self._slowest_s = root, now - self._answered_at
             slowest = _path_of(self._slowest)
             self.overrun = Overrun(took_s=took, slowest=slowest, slowest_s=self._slowest_s)
 

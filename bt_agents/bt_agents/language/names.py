@@ -9,12 +9,8 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 from bt_agents.language.diagnostics import did_you_mean
-from bt_agents.language.expression.expression_tokens import OPERATOR_WORDS
-from bt_agents.language.expression.expressions import (
-    Expression,
-    ValueKind,
-    parse_expression,
-)
+from bt_agents.language.expression.expression_tokens import NAME, OPERATOR_WORDS
+from bt_agents.language.expression.expressions import Expression, ValueKind, parse_expression
 from bt_agents.language.expression.functions import FUNCTIONS
 from bt_agents.language.interfaces import MessageFields
 from bt_agents.language.specs import FieldType
@@ -27,7 +23,7 @@ RESERVED = (
 )  # fmt: skip
 """Words that no tunable, input or output may be called."""
 
-_WORD = re.compile(r"[^\W\d]\w*(?:\.\w+)*")
+_WORD = re.compile(NAME)
 
 _KINDS = {
     FieldType.TEXT: ValueKind.TEXT,

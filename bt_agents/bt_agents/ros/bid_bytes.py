@@ -11,7 +11,11 @@ from rclpy.serialization import serialize_message
 from bt_agents.roster import Answer
 from bt_agents_interfaces.msg import Bids
 
+_HEADER_BYTES = 4
+"""How a message says by which rules, and in which order of bytes, it is written."""
+
 _NUMBER_BYTES = 4
+_MARKS = (0x01020304, 0xF1F2F3F4)
 
 
 class Saying:
@@ -52,6 +56,8 @@ class Saying:
 def number_of(message: bytes, like: bytes, epoch: str) -> int | None:
     """Return the number of the round of a message; None when more than it is unlike another one.
 
+    None too when it is written by other rules than messages of this process.
+
     Args:
         message: Serialized.
         like: Another one.
@@ -61,6 +67,7 @@ def number_of(message: bytes, like: bytes, epoch: str) -> int | None:
     end = start + _NUMBER_BYTES
     same = (
         len(message) == len(like)
+        and message.startswith(_before(epoch)[:_HEADER_BYTES])
         and message.startswith(like[:start])
         and message.endswith(memoryview(like)[end:])
     )
@@ -70,6 +77,10 @@ def number_of(message: bytes, like: bytes, epoch: str) -> int | None:
 @lru_cache(maxsize=4)
 def _before(epoch: str) -> bytes:
     """Return how every message for a market begins, up to the number of the round."""
-    least, most = (serialize_message(Bids(epoch=epoch, round=n)) for n in (0, 2**32 - 1))
-    place = next(i for i, (a, b) in enumerate(zip(least, most, strict=True)) if a != b)
-    return bytes(least[:place])
+    # Bytes between two fields are left as they were, and so differ from message to message.
+    one, other = (serialize_message(Bids(epoch=epoch, round=mark)) for mark in _MARKS)
+    mine, its = (mark.to_bytes(_NUMBER_BYTES, sys.byteorder) for mark in _MARKS)
+    place = next(
+        i for i in range(len(one)) if one.startswith(mine, i) and other.startswith(its, i)
+    )
+    return bytes(one[:place])

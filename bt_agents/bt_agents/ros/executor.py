@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import inspect
+import time
 from collections import deque
 from collections.abc import Callable, Coroutine
 from functools import partial
@@ -19,6 +20,9 @@ from bt_agents.ros.wait_set import KeptWaitSet
 
 _MESSAGES = 32
 """So many messages of a queue are heard before it is looked what else there is to do."""
+
+_QUEUES_S = 0.002
+"""For so long queues are heard before it is looked what else there is to do [s]."""
 
 _Call: TypeAlias = Callable[[], Coroutine[Any, Any, None]]
 
@@ -142,16 +146,18 @@ class LeanExecutor(Executor):
         if not self._context.ok():
             raise ExternalShutdownException()
         heard, self._heard = self._heard, {one for kind, one in ready if kind == "subscription"}
+        until = time.monotonic() + _QUEUES_S
         for kind, entity in ready:
             if entity in heard:
-                self._batch.append(partial(self._hear, entity, _MESSAGES))
+                self._batch.append(partial(self._hear, entity, _MESSAGES, until))
             else:
                 self._batch.append(partial(self._call, self._takes[kind], entity))
 
-    def _hear(self, subscription: Any, left: int) -> None:
+    def _hear(self, subscription: Any, left: int, until: float) -> None:
         """Hear a message of a topic that had one at the wait before, and so may have a queue."""
-        if self._call(self._take_subscription, subscription) and left > 1:
-            self._batch.append(partial(self._hear, subscription, left - 1))
+        heard = self._call(self._take_subscription, subscription)
+        if heard and left > 1 and time.monotonic() < until:
+            self._batch.append(partial(self._hear, subscription, left - 1, until))
 
     def _call(self, take: Callable[[Any], _Call | None], entity: Any) -> bool:
         """Call something; return False if there was nothing any more."""

@@ -4,13 +4,15 @@
 from __future__ import annotations
 
 import sys
+from pathlib import Path
 from typing import Any
 
 from rclpy.impl import rcutils_logger
 from rclpy.impl.implementation_singleton import rclpy_implementation
 
-# rclpy tells apart who limits how often a line is written by the first frame outside of these.
-rcutils_logger._internal_callers.append(__file__)
+# rclpy tells apart who limits how often a line is written by the first frame outside of these
+# files, without symbolic links.
+rcutils_logger._internal_callers.append(str(Path(__file__).resolve()))
 
 
 class LogLines(rcutils_logger.RcutilsLogger):

@@ -300,12 +300,17 @@ class RunServer:
         if wait_s <= 0.0 and not self._soon:
             self._soon = True
             self._timer.cancel()
-            self._node.executor.create_task(self._tick)
+            self._node.executor.create_task(self._tick_soon)
         if self._soon:
             return
         # It rings early rather than never: a period of zero is none.
         self._timer.timer_period_ns = max(1, int(wait_s * 1e9))
         self._timer.reset()
+
+    def _tick_soon(self) -> None:
+        """Tick, unless a cancel has done so since this was asked for."""
+        if self._soon:
+            self._tick()
 
     def _tick(self) -> None:
         self._soon = False

@@ -11,6 +11,8 @@ from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.timer import Timer
 
+_DAY_S = 86400.0
+
 
 def steady_timer(
     node: Node, period_s: float, callback: Callable[[], None], *, running: bool = True
@@ -41,7 +43,10 @@ class OneShot:
         self._timer = steady_timer(node, 1.0, self._ring, running=False)
 
     def set(self, at: float) -> None:
-        """Call back at this time on the steady clock [s], and no more for infinity."""
+        """Call back at this time on the steady clock [s], and no more for infinity.
+
+        A time that is more than a day ahead is cut to that.
+        """
         if at == self._at:
             return
         self._at = at
@@ -49,7 +54,8 @@ class OneShot:
             self._timer.cancel()
             return
         # It rings early rather than never: a period of zero is none.
-        self._timer.timer_period_ns = max(1, int((at - time.monotonic()) * 1e9))
+        wait_s = min(at - time.monotonic(), _DAY_S)
+        self._timer.timer_period_ns = max(1, int(wait_s * 1e9))
         self._timer.reset()
 
     def _ring(self) -> None:

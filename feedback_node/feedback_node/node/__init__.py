@@ -203,7 +203,11 @@ class FeedbackNode(GuardedNode):
         self._follow(self._teaching.again())
         self._look_again()
         self._stops.again()
-        self._ledger.secure()
+        if not self._ledger.secure():
+            self.get_logger().warning(
+                f"{self._ledger.path}: its -head file does not get onto the disk",
+                throttle_duration_sec=10.0,
+            )
         if self._untidy and not self._teaching.watching:
             self._untidy = not self._ledger.tidy()
 

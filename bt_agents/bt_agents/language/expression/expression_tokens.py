@@ -18,6 +18,9 @@ MAX_TOKENS = 400
 OPERATOR_WORDS = ("and", "or", "not", "in", "between")
 """Operators that are words."""
 
+NAME = r"[^\W\d]\w*(?:\.\w+)*"
+"""Pattern of a name."""
+
 _WORDS = frozenset((*OPERATOR_WORDS, "true", "false"))
 
 _NUMBER_LIKE = re.compile(r"[\w.]+")
@@ -66,7 +69,7 @@ _TOKEN = re.compile(
     \s*(?:
     (?P<number>(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][-+]?[0-9]+)?)
     | (?P<not_in>not\s+in\b)
-    | (?P<name>[^\W\d]\w*(?:\.\w+)*)
+    | (?P<name>{NAME})
     | (?P<slip>{"|".join(map(re.escape, _OPERATOR_SLIPS))})
     | (?P<operator>==|!=|<=|>=|<|>|\+|-|\*|/|%|\(|\)|\[|\]|,)
     | (?P<text>"[^"]*"|'[^']*')

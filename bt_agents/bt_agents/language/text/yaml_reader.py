@@ -304,10 +304,6 @@ class _Builder:
 
     def _key(self, entries: dict[str, Entry], node: Node) -> Scalar | None:
         """Return a key, or None when it is refused and its value is to be left out."""
-        if isinstance(node, Scalar):
-            text = node.text
-            if text[:1] in _LETTERS and text not in entries and text not in _NOTHING:
-                return node
         if not isinstance(node, Scalar):
             template = self._source.text.startswith("{{", node.span[0] - 1)
             self._problems.add(
@@ -321,6 +317,9 @@ class _Builder:
             # Without this key, all else that could be said of its mapping is guesswork.
             self.hopeless = True
             return None
+        text = node.text
+        if text[:1] in _LETTERS and text not in entries and text not in _NOTHING:
+            return node
         if node.empty or not node.text.strip():
             self._problems.add(
                 "bad-key",

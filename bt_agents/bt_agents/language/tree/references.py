@@ -7,6 +7,7 @@ import re
 from functools import lru_cache
 
 from bt_agents.language.diagnostics import shown
+from bt_agents.language.expression.expression_tokens import NAME
 from bt_agents.language.expression.expressions import Expression, ExpressionError
 from bt_agents.language.names import Names
 from bt_agents.language.shape import FileReading
@@ -18,8 +19,10 @@ Part = str | Reference | Computed
 
 _REFERENCE = re.compile(r"\$\$\{|\$\{([^{}$]*)(\}?)")
 _WHERE_TEXTS_STAND = re.compile(r"(==|!=|\[|,)\s*$")
-_DOTTED = re.compile(r"[^\W\d]\w*(\.\w+)*")
-_ONE_NAME = re.compile(r"\$\{\s*([^\W\d]\w*(?:\.\w+)*)\s*\}")
+_DOTTED = re.compile(NAME)
+
+ONE_NAME = re.compile(rf"\$\{{\s*({NAME})\s*\}}")
+"""A text that is a name and nothing else."""
 
 
 def read_parts(reading: FileReading, node: Scalar, names: Names) -> tuple[Part, ...] | None:
@@ -29,7 +32,7 @@ def read_parts(reading: FileReading, node: Scalar, names: Names) -> tuple[Part, 
     """
     if "${" not in node.text:
         return (node.text,)
-    alone = _ONE_NAME.fullmatch(node.text)
+    alone = ONE_NAME.fullmatch(node.text)
     if alone is not None and names.problem(alone[1]) is None:
         return (_reference(alone[1], names.type_of(alone[1]) or FieldType.ANY),)
     parts: list[Part] = []

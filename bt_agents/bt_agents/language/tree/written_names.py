@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterable, Iterator, Mapping
 
 from bt_agents.language.bindings import FEEDBACK
@@ -16,6 +15,7 @@ from bt_agents.language.text.scalars import scalar_type
 from bt_agents.language.text.yaml_reader import Mapping as MappingNode
 from bt_agents.language.text.yaml_reader import Node, Scalar, entries_of
 from bt_agents.language.tree.drafts import Draft
+from bt_agents.language.tree.references import ONE_NAME
 
 _WITH_OUTPUTS = {
     "action": (BindingKind.ACTION, "result", "result"),
@@ -26,8 +26,6 @@ _WITH_OUTPUTS = {
 
 _WRITING = frozenset(("set", "subtree", *_WITH_OUTPUTS))
 """Kinds of nodes of which some give names values; skills come on top of these."""
-
-_ONE_NAME = re.compile(r"\$\{\s*([^\W\d]\w*(?:\.\w+)*)\s*\}")
 
 
 class WrittenNames:
@@ -120,7 +118,7 @@ class WrittenNames:
             yield from self._message_outputs(key, node.value)
 
     def _set_type(self, node: Node) -> FieldType:
-        match = _ONE_NAME.fullmatch(node.text) if isinstance(node, Scalar) else None
+        match = ONE_NAME.fullmatch(node.text) if isinstance(node, Scalar) else None
         if match is None:
             return scalar_type(node)
         return self._types.get(match[1], FieldType.ANY)
