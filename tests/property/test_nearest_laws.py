@@ -17,7 +17,8 @@ from marketplace_node.contest import Contest
 from marketplace_node.decision import Ranked, Terms
 from marketplace_node.ranking import decide, winning_row
 from marketplace_node.strategies import STRATEGIES
-from marketplace_node.strategies.nearest import BLOCK, nearest
+from marketplace_node.strategies.field import Sum
+from marketplace_node.strategies.nearest import BLOCK, measure, nearest
 from ranked_rounds import bids, terms
 from ranking import Case, case, equals_plain
 
@@ -106,6 +107,20 @@ def test_equals_in_different_blocks_are_all_found() -> None:
     bids[BLOCK + 3, 0] = 0.5
     bids[BLOCK + 3, 1:] = (3.0, 1.0)
     assert nearest(bids, np.array([1.0, 3.0, 1.0])) == [BLOCK + 3]
+
+
+@pytest.mark.parametrize("distance", [Sum(), Sum(weighted=True), Sum(squared=True)])
+@pytest.mark.parametrize("digits", [0, 1, 9])
+def test_of_many_none_is_left_out_that_is_as_near(distance: Sum, digits: int) -> None:
+    chance = np.random.default_rng(digits)
+    bids = np.asfortranarray(chance.uniform(0.0, 10.0, (40_000, 4)).round(digits))
+    wanted = chance.uniform(0.0, 10.0, 4).round(digits)
+    wanted[1] = math.nan
+    weights = chance.uniform(0.0, 2.0, 4).round(digits) if distance.weighted else np.ones(4)
+    rows = range(len(bids))
+    measured = [measure(bid, wanted, distance, weights)[0] for bid in bids.tolist()]
+    least = min(measured)
+    assert nearest(bids, wanted, distance, weights) == [n for n in rows if measured[n] == least]
 
 
 def test_of_many_equals_the_one_that_has_not_run_for_longest_wins() -> None:
