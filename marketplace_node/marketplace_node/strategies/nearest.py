@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -18,19 +17,10 @@ FEW = 12
 SOME = 300
 """Up to so many numbers, less is lost by one array of all than by going block by block."""
 
-BLOCK = 32_768
+BLOCK = 16_384
 """So many bids are worked on at once: their sums stay in the cache of a core."""
 
 MANHATTAN = Sum()
-
-FIRST = 4_096
-"""So many bids are measured whole, which shows how near a bid has to be."""
-
-FEW_OF = 3
-"""Bids whose first parameter is near enough are taken out when they are one of so many or less."""
-
-_ROUNDED = 1.0 + 1e-12
-"""More than what squares and roots lose."""
 
 _added = np.add.reduce
 
@@ -107,44 +97,28 @@ def _among_many(bids: Floats, scene: Floats, distance: Sum, weights: Any) -> lis
     if not known:
         return list(range(len(bids)))
     by_bid = np.broadcast_to(weights, bids.shape) if distance.weighted else None
-    buffers = np.empty(BLOCK), np.empty(BLOCK)
+    sums, parts = np.empty(BLOCK), np.empty(BLOCK)
     least = math.inf
-    found: list[int] = []
-    for first, end in pairwise([0, *range(FIRST, len(bids), BLOCK), len(bids)]):
-        rows: Any = slice(first, end)
-        added = buffers[0][: end - first]
+    rows: list[int] = []
+    for first in range(0, len(bids), BLOCK):
+        block = slice(first, first + BLOCK)
+        added = sums[: len(bids) - first]
         for index in known:
-            part = added if index == known[0] else buffers[1][: len(added)]
-            np.subtract(_taken(bids[:, index], rows), scene[index], out=part)
+            part = added if index == known[0] else parts[: len(added)]
+            np.subtract(bids[block, index], scene[index], out=part)
             if distance.squared:
                 np.multiply(part, part, out=part)
             else:
                 np.abs(part, out=part)
             if by_bid is not None:
-                np.multiply(part, _taken(by_bid[:, index], rows), out=part)
+                np.multiply(part, by_bid[block, index], out=part)
             if part is not added:
                 np.add(added, part, out=added)
-            elif first:
-                near = np.flatnonzero(added <= _farthest(least, distance))
-                if len(near) * FEW_OF <= len(added):
-                    rows, added = near + first, added.take(near)
-        if not len(added):
-            continue
         if distance.squared:
             np.sqrt(added, out=added)
         best = float(added[added.argmin()])
         if best <= least:
-            equal = np.flatnonzero(added == best)
-            equals = (equal + first if isinstance(rows, slice) else rows[equal]).tolist()
-            found = equals if best < least else found + equals
+            equals = (np.flatnonzero(added == best) + first).tolist()
+            rows = equals if best < least else rows + equals
             least = best
-    return found
-
-
-def _taken(column: Floats, rows: Any) -> Floats:
-    return column[rows] if isinstance(rows, slice) else column.take(rows)
-
-
-def _farthest(least: float, distance: Sum) -> float:
-    """Return what one parameter may add to a sum that is not larger than the least distance."""
-    return least * least * _ROUNDED if distance.squared else least
+    return rows
