@@ -7,6 +7,7 @@
 from __future__ import annotations
 
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -91,8 +92,10 @@ def _drawn(file: Path, rate: int, pid: int) -> Iterator[None]:
         click.echo(said.decode().strip())
     if sampler.returncode:
         raise click.ClickException(f"{file} could not be drawn")
-    text = file.read_text(encoding="utf-8")
-    file.write_text(text.replace(f"{ROOT}/", "").replace(f"{ROOT}..", ".."), encoding="utf-8")
+    text = file.read_text(encoding="utf-8").replace(f"{ROOT}/", "")
+    # Words that do not fit into a bar are cut.
+    text = re.sub(r"(process \d+:&quot;)/[^<]*\.\.<", r"\1..<", text)
+    file.write_text(text, encoding="utf-8")
     click.echo(f"{file}, {file.stat().st_size // 1000} kB")
 
 
