@@ -24,6 +24,7 @@ from bt_agents.engine.skill_leaf import SkillLeaf
 from bt_agents.engine.subtree import Subtree, subtree_scope
 from bt_agents.engine.waits import Wait, wait_for
 from bt_agents.language.specs import NodeSpec
+from bt_agents.language.uncollected import uncollected
 
 
 def _sequence(
@@ -88,6 +89,7 @@ SUBTREE = "subtree"
 """The kind whose child has names of its own."""
 
 
+@uncollected()
 def build(spec: NodeSpec, context: RunContext, plugins: LeafMaker = PluginLeaf) -> Behaviour:
     """Return the tree of a spec, ready to be ticked; its nodes carry their spec as ``spec``.
 

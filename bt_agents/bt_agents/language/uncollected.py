@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Files are read without the garbage collector, which finds nothing in what is just being made."""
+"""Files are read, and trees built, without the garbage collector, which would find nothing."""
 
 from __future__ import annotations
 

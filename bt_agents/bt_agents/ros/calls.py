@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -11,9 +12,10 @@ from typing import Any
 from rclpy.client import Client
 from rclpy.node import Node
 
-from bt_agents.ros.timers import steady_timer
+from bt_agents.ros.timers import OneShot
 
-_SWEEP_S = 0.02
+_LOOK_S = 0.02
+"""How often a server that is not there is looked for [s]; nothing tells that it has come."""
 
 
 @dataclass(eq=False)
@@ -27,7 +29,7 @@ class _Call:
 
 
 class Calls:
-    """Sends service requests from the executor's thread and sweeps those that are overdue.
+    """Sends service requests from the executor's thread and ends those that are overdue.
 
     A request waits for its server until the deadline, so a server that is just starting is found.
     A late answer is discarded.
@@ -36,7 +38,7 @@ class Calls:
     def __init__(self, node: Node) -> None:
         self._node = node
         self._open: list[_Call] = []
-        self._timer = steady_timer(node, _SWEEP_S, self._sweep, running=False)
+        self._timer = OneShot(node, self._look)
 
     def call(
         self,
@@ -59,8 +61,7 @@ class Calls:
         call = _Call(client, request, time.monotonic() + deadline_s, on_answer, on_failure)
         self._open.append(call)
         self._send(call)
-        if call in self._open and self._timer.is_canceled():
-            self._timer.reset()
+        self._set_timer()
 
     def _send(self, call: _Call) -> None:
         if call.future is None and call.client.service_is_ready():
@@ -71,6 +72,7 @@ class Calls:
         if call not in self._open:
             return
         self._open.remove(call)
+        self._set_timer()
         error = future.exception()
         if error is not None:
             call.on_failure(f"{call.client.srv_name} failed: {error}")
@@ -79,7 +81,13 @@ class Calls:
         else:
             call.on_failure(f"{call.client.srv_name} was cancelled")
 
-    def _sweep(self) -> None:
+    def _look(self) -> None:
+        try:
+            self._go_through()
+        finally:
+            self._set_timer()
+
+    def _go_through(self) -> None:
         now = time.monotonic()
         for call in list(self._open):
             if now < call.deadline:
@@ -91,5 +99,9 @@ class Calls:
             else:
                 call.client.remove_pending_request(call.future)
                 call.on_failure(f"{call.client.srv_name} did not answer in time")
-        if not self._open:
-            self._timer.cancel()
+
+    def _set_timer(self) -> None:
+        due = min((call.deadline for call in self._open), default=math.inf)
+        if any(call.future is None for call in self._open):
+            due = min(due, time.monotonic() + _LOOK_S)
+        self._timer.set(due)

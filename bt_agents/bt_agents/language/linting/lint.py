@@ -27,6 +27,7 @@ from bt_agents.language.specs import (
     UnusedInput,
 )
 from bt_agents.language.testing.scenarios import SPOKEN
+from bt_agents.language.uncollected import uncollected
 from bt_agents.language.walking import every_node
 
 _TAKING_TIME = ("wait", "wait_for", "action", "service")
@@ -63,6 +64,7 @@ class _Tree:
         return [spec for spec in self.nodes if spec.kind in kinds]
 
 
+@uncollected()
 def lint(agent: AgentSpec) -> tuple[Diagnostic, ...]:
     """Return the warnings about an agent, in the order of its file."""
     found: dict[tuple[Position, str], Diagnostic] = {}

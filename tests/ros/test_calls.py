@@ -1,0 +1,91 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Each service call has one outcome, whatever becomes of the server and of its neighbours."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+import rclpy
+from rclpy.task import Future
+from std_srvs.srv import Empty
+
+from bt_agents.ros import qos
+from bt_agents.ros.calls import Calls
+
+pytestmark = pytest.mark.ros
+
+
+class Caller:
+    """Calls, and notes how each call has ended."""
+
+    def __init__(self, ros: Any) -> None:
+        self.calls = Calls(ros.node)
+        self.client = ros.node.create_client(Empty, "somebody", qos_profile=qos.SERVICE)
+        self.ends: list[str] = []
+
+    def call(self, deadline_s: float, also: Callable[[], object] = lambda: None) -> None:
+        def failed(reason: str) -> None:
+            self.ends.append(reason)
+            also()
+
+        self.calls.call(
+            self.client,
+            Empty.Request(),
+            deadline_s=deadline_s,
+            on_answer=lambda _: self.ends.append("answered"),
+            on_failure=failed,
+        )
+
+
+def test_a_server_that_starts_before_the_deadline_is_found(ros: Any) -> None:
+    caller = Caller(ros)
+    caller.call(30.0)
+    ros.turns()
+    ros.node.create_service(Empty, "somebody", lambda _, answer: answer, qos_profile=qos.SERVICE)
+    ros.until(lambda: caller.ends)
+    ros.turns()
+    assert caller.ends == ["answered"]
+
+
+def test_without_a_server_a_call_fails_at_its_deadline(ros: Any) -> None:
+    caller = Caller(ros)
+    caller.call(0.1)
+    ros.until(lambda: caller.ends)
+    ros.turns()
+    assert caller.ends == ["somebody is not there"]
+
+
+def test_a_late_answer_does_not_count(ros: Any) -> None:
+    asked: list[Any] = []
+
+    async def late(_: Any, answer: Any) -> Any:
+        asked.append(answer)
+        await released
+        return answer
+
+    released = Future(executor=ros.executor)
+    caller = Caller(ros)
+    server = ros.add(rclpy.create_node("server"))
+    server.create_service(Empty, "somebody", late, qos_profile=qos.SERVICE)
+    ros.until(caller.client.service_is_ready)
+    caller.call(0.1)
+    ros.until(lambda: asked and caller.ends)
+    released.set_result(None)
+    ros.turns()
+    assert caller.ends == ["somebody did not answer in time"]
+
+
+def test_a_failure_that_raises_keeps_no_other_call_from_its_end(ros: Any) -> None:
+    def stumble() -> None:
+        raise RuntimeError("stumbled")
+
+    caller = Caller(ros)
+    caller.call(0.1, stumble)
+    caller.call(0.1)
+    with pytest.raises(RuntimeError, match="stumbled"):
+        ros.until(lambda: False, 10.0)
+    ros.until(lambda: len(caller.ends) == 2)
+    ros.turns()
+    assert len(caller.ends) == 2
