@@ -71,15 +71,11 @@ class Auction:
             return
         rows = BidRows(self._space, bids)
         if rows.all_fine and self._is_everybody(bids, entry):
-            self._accepted.add(
-                bids.agents, bids.agent_ids, entry.host, entry.instance, rows.vectors, rows.weights
-            )
+            self._take_all(bids, entry, rows)
             return
         named = set(bids.agents)
         if rows.all_fine and self._may_all_bid(bids, entry, named):
-            self._accepted.add(
-                bids.agents, bids.agent_ids, entry.host, entry.instance, rows.vectors, rows.weights
-            )
+            self._take_all(bids, entry, rows)
         else:
             named = self._take_each(bids, entry, rows)
         for agent, reason in zip(bids.declined, bids.decline_reasons, strict=True):
@@ -186,6 +182,11 @@ class Auction:
             and named <= entry.agents.keys()
             and named.isdisjoint(self._may_be_silent)
             and bids.agent_ids == tuple([entry.agents[agent] for agent in bids.agents])
+        )
+
+    def _take_all(self, bids: Bids, entry: HostEntry, rows: BidRows) -> None:
+        self._accepted.add(
+            bids.agents, bids.agent_ids, entry.host, entry.instance, rows.vectors, rows.weights
         )
 
     def _take_each(self, bids: Bids, entry: HostEntry, rows: BidRows) -> set[str]:

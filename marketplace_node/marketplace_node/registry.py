@@ -116,7 +116,6 @@ class Registry:
             agents[name] = self._ids.setdefault(name, len(self._ids) + 1)
             ids.append(agents[name])
             reasons.append("")
-        self._agents = None
         self._take_from_the_dead(agents, registration.host)
         self._entries[registration.host] = HostEntry(
             host=registration.host,
@@ -125,6 +124,7 @@ class Registry:
             heartbeat=registration.heartbeat,
             agents=agents,
         )
+        self._agents = None
         known = self._heard.get(registration.host) == registration.instance
         self._seen[registration.host] = now if known else now + FIRST_BEAT_S
         refused_count = len(registration.agents) - len(agents)
@@ -142,8 +142,8 @@ class Registry:
 
     def remove(self, host: str) -> None:
         """Forget a host; its agents keep their ids."""
-        self._agents = None
         self._entries.pop(host, None)
+        self._agents = None
         self._seen.pop(host, None)
         self._heard.pop(host, None)
 
