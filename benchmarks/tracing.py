@@ -128,15 +128,8 @@ def _traced(
         VISITOR: _visited(make()),
     }
     found = _in_turn(ticks, effort)
-    for side, floor, wanted in ((TRACE, BARE, goal), (VISITOR, STOCK, None)):
-        yield Row(
-            case=case,
-            side=side,
-            values=found[side],
-            floor=floor,
-            floor_values=found[floor],
-            goal=wanted,
-        )
+    yield _row(case, TRACE, BARE, found, goal)
+    yield _row(case, VISITOR, STOCK, found)
 
 
 def _large(effort: Effort) -> Iterator[Row]:
@@ -148,15 +141,9 @@ def _large(effort: Effort) -> Iterator[Row]:
         STOCK_BIG: _visited(behaviours(large)[0]),
     }
     found = _in_turn(ticks, effort)
-    for side, floor, goal in ((BIG, SMALL, LARGE), (STOCK_BIG, STOCK_SMALL, None)):
-        yield Row(
-            case="one running path, traced",
-            side=side,
-            values=found[side],
-            floor=floor,
-            floor_values=found[floor],
-            goal=goal,
-        )
+    case = "one running path, traced"
+    yield _row(case, BIG, SMALL, found, LARGE)
+    yield _row(case, STOCK_BIG, STOCK_SMALL, found)
 
 
 def _recorded(case: str, tree: str, effort: Effort, goal: float | None) -> Row:
@@ -168,16 +155,26 @@ def _recorded(case: str, tree: str, effort: Effort, goal: float | None) -> Row:
         raise RuntimeError(f"the run of '{case}' has ended")
     if (case == NEWS) != (f'"turn":{recorded.ticks},' in lines[-1]):
         raise RuntimeError(f"the last tick of '{case}' is noted without news, or news are not")
+    spent = "0.12 µs are the overridden tick and the look at the tunables, in any tree"
+    return _row(case, NOTED, PLAIN, found, goal, note=spent if goal else "")
+
+
+def _row(
+    case: str,
+    side: str,
+    floor: str,
+    found: Mapping[str, list[float]],
+    goal: float | None = None,
+    note: str = "",
+) -> Row:
     return Row(
         case=case,
-        side=NOTED,
-        values=found[NOTED],
-        floor=PLAIN,
-        floor_values=found[PLAIN],
+        side=side,
+        values=found[side],
+        floor=floor,
+        floor_values=found[floor],
         goal=goal,
-        note="0.12 µs are the overridden tick and the look at the tunables, in any tree"
-        if goal
-        else "",
+        note=note,
     )
 
 
