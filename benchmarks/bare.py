@@ -16,6 +16,13 @@ from bt_agents.ros.executor import LeanExecutor
 EVENTS = QoSProfile(depth=1000, reliability=ReliabilityPolicy.RELIABLE)
 """As all topics and services of events of the system have it."""
 
+SERVICES = {
+    "goal_service_qos_profile": EVENTS,
+    "result_service_qos_profile": EVENTS,
+    "cancel_service_qos_profile": EVENTS,
+}
+"""Both ends of actions."""
+
 LATCHED = QoSProfile(
     depth=50,
     reliability=ReliabilityPolicy.RELIABLE,

@@ -11,7 +11,7 @@ import rclpy
 from rclpy.action import ActionClient, ActionServer
 from rclpy.node import Node
 
-from bare import EVENTS, spin
+from bare import EVENTS, SERVICES, spin
 from bt_agents_interfaces.action import RunAgent
 from bt_agents_interfaces.msg import Bids, CallForBids, Scene, SceneValue, TreeStatus
 from bt_agents_interfaces.srv import Analyze
@@ -73,10 +73,8 @@ class Market(Node):
             self,
             RunAgent,
             "agents/run",
-            goal_service_qos_profile=EVENTS,
-            result_service_qos_profile=EVENTS,
-            cancel_service_qos_profile=EVENTS,
             feedback_sub_qos_profile=EVENTS,
+            **SERVICES,
         )
         self.create_subscription(Scene, "scene", self._call, EVENTS)
         self.create_subscription(Bids, "bids", self._award, EVENTS)
@@ -130,11 +128,9 @@ class Host(Node):
             RunAgent,
             "agents/run",
             self._run,
-            goal_service_qos_profile=EVENTS,
-            result_service_qos_profile=EVENTS,
-            cancel_service_qos_profile=EVENTS,
             feedback_pub_qos_profile=EVENTS,
             result_timeout=5,
+            **SERVICES,
         )
 
     def _bid(self, call: CallForBids) -> None:

@@ -16,17 +16,11 @@ from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.task import Future
 from std_msgs.msg import Float64, String
 
-from bare import EVENTS, LATCHED, spin
+from bare import EVENTS, LATCHED, SERVICES, spin
 from bt_agents_interfaces.action import RunAgent, Say
 from bt_agents_interfaces.msg import Feedback, Scene, SceneValue, TreeStatus
 
 SENSOR = QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)
-
-SERVICES = {
-    "goal_service_qos_profile": EVENTS,
-    "result_service_qos_profile": EVENTS,
-    "cancel_service_qos_profile": EVENTS,
-}
 
 
 class Cancelled(Node):

@@ -14,8 +14,7 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from std_msgs.msg import Empty
 
-from bare import EVENTS, LATCHED, spin
-from bare_runs import SERVICES
+from bare import EVENTS, LATCHED, SERVICES, spin
 from bt_agents_interfaces.action import RunAgent
 from bt_agents_interfaces.msg import (
     AgentCard,

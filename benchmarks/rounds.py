@@ -11,7 +11,7 @@ from typing import Any
 
 from rclpy.action import ActionClient
 
-from bare import EVENTS, LATCHED
+from bare import EVENTS, LATCHED, SERVICES
 from bare_round import NAMES, WANTED, call_for_bids, scene
 from bt_agents.cli import system
 from bt_agents.ros.messages import seconds
@@ -179,10 +179,8 @@ class Bare:
             probe,
             RunAgent,
             "agents/run",
-            goal_service_qos_profile=EVENTS,
-            result_service_qos_profile=EVENTS,
-            cancel_service_qos_profile=EVENTS,
             feedback_sub_qos_profile=EVENTS,
+            **SERVICES,
         )
 
     def until_ready(self) -> None:

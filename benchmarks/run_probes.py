@@ -12,8 +12,8 @@ from rclpy.node import Node
 from rclpy.task import Future
 from std_msgs.msg import Bool, Empty, Float64, String
 
-from bare import EVENTS, LATCHED
-from bare_runs import SENSOR, SERVICES
+from bare import EVENTS, LATCHED, SERVICES
+from bare_runs import SENSOR
 from bt_agents_interfaces.action import RunAgent, Say
 from bt_agents_interfaces.msg import (
     AgentCard,
