@@ -11,10 +11,10 @@ from typing import Any
 
 from bare import EVENTS, LATCHED
 from bare_round import NAMES, WANTED
-from bt_agents.cli import system
 from bt_agents_interfaces.action import RunAgent
 from bt_agents_interfaces.msg import MarketStatus, SceneEnd
 from bt_agents_interfaces.srv import Analyze
+from bt_agents_tools.launcher import components
 from measuring import COLD, HOT, PAUSE_S, Effort, Row
 from processes import Graph, Running, graphs, write_trees
 from run_probes import Market
@@ -110,7 +110,7 @@ def _goals(effort: Effort) -> Iterator[Row]:
         graph = make("ageing-goals")
         trees = write_trees(graph.folder / "trees", dict.fromkeys(AGENTS, TREE))
         market = Market(graph)
-        graph.start(system.host(trees))
+        graph.start(components.host(trees))
         client = Client(graph, market, "agents")
 
         def some(pace: str, number: int) -> list[float]:
@@ -160,16 +160,16 @@ class Cycle:
         self._ends: list[Any] = []
         self._market: list[Any] = []
         trees = write_trees(graph.folder / "trees", dict.fromkeys(AGENTS, TREE))
-        market = system.market(trees)
+        market = components.market(trees)
         told = graph.folder / "feedback.yaml"
         told.write_text(FEEDBACK, encoding="utf-8")
         self.processes: dict[str, Running] = {
             component.name: graph.start(component)
             for component in (
                 replace(market, parameters={**market.parameters, "host_lease": LEASE_S}),
-                system.scene_layer(trees),
-                system.feedback(trees, str(graph.folder / "ledger.db"), told),
-                system.host(trees),
+                components.scene_layer(trees),
+                components.feedback(trees, str(graph.folder / "ledger.db"), told),
+                components.host(trees),
             )
         }
         probe = graph.probe

@@ -11,7 +11,7 @@ import rclpy
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
-from bt_agents.ros.executor import LeanExecutor
+from bt_agents_ros.workarounds.cached_executor import LeanExecutor
 
 EVENTS = QoSProfile(depth=1000, reliability=ReliabilityPolicy.RELIABLE)
 """As all topics and services of events of the system have it."""

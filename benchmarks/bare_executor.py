@@ -16,7 +16,7 @@ from std_msgs.msg import Empty, String
 from std_srvs.srv import Trigger
 
 from bare import EVENTS, spin
-from bt_agents.ros.executor import LeanExecutor
+from bt_agents_ros.workarounds.cached_executor import LeanExecutor
 
 KINDS: dict[str, Callable[..., Any]] = {
     "single": SingleThreadedExecutor,

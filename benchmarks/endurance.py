@@ -12,7 +12,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 
 import click
 
-from bt_agents.cli import system
+from bt_agents_tools.launcher import components
 from processes import graphs, write_trees
 from run_probes import SETTLE_S, Market, Runs
 
@@ -34,7 +34,7 @@ def main(number: int, seed: int) -> None:
         graph = make("endurance")
         trees = write_trees(graph.folder / "trees", {"lone": "\n  wait: 1 h"})
         market = Market(graph)
-        graph.start(system.host(trees))
+        graph.start(components.host(trees))
         graph.until_up()
         runs = Runs(graph, market, "agents")
         graph.rest(SETTLE_S)

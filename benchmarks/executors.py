@@ -19,8 +19,8 @@ from std_srvs.srv import Trigger
 
 from bare import EVENTS
 from bare_executor import KINDS, echo
-from bt_agents.domain import reserve_domain
 from bt_agents_interfaces.action import Say
+from bt_agents_tools.launcher.domain_lock import reserve_domain
 from measuring import COLD, HOT, Effort, Row, in_turn, paused, timed
 from processes import Graph, graphs
 

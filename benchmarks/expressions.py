@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator
 from functools import partial
 from time import thread_time
 
-from bt_agents.language.expression.expressions import parse_expression
+from bt_agents_language.expression.expressions import parse_expression
 from measuring import Effort, Row, in_turn, timed
 
 VALUES: dict[str, object] = {

@@ -46,7 +46,7 @@ def main(folder: Path) -> None:
 
 def demo(file: Path) -> None:
     """Play the demo to its end; draw it from its first scene on."""
-    command = [sys.executable, "-m", "bt_agents.cli", "demo", "--no-voice"]
+    command = [sys.executable, "-m", "bt_agents_tools.cli", "demo", "--no-voice"]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as playing:
         assert playing.stdout is not None
         try:

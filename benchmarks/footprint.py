@@ -22,10 +22,10 @@ from rclpy.node import Node
 
 from bare import LATCHED
 from bare_idle import load, qos
-from bt_agents.cli import system
-from bt_agents.cli.supervisor import Component, keep_local
-from bt_agents.domain import reserve_domain
 from bt_agents_interfaces.msg import HostCard
+from bt_agents_tools.launcher import components as system
+from bt_agents_tools.launcher.domain_lock import reserve_domain
+from bt_agents_tools.launcher.supervisor import Component, keep_local
 from measuring import Effort, Row, Way, in_turn
 from processes import HERE, Graph, Running, graphs, write_trees
 

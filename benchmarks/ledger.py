@@ -13,10 +13,18 @@ from itertools import count, islice
 from pathlib import Path
 from typing import TypeVar
 
-from feedback_node.ledger import Entry, Ledger
-from feedback_node.ledger_layout import lay_out
-from feedback_node.ledger_rows import COLUMNS, INSERT, LAYER, NO_CHAIN, Cause, Revision, row_of
-from feedback_node.recovery import inspect
+from feedback_node.ledger.ledger import Entry, Ledger
+from feedback_node.ledger.ledger_layout import lay_out
+from feedback_node.ledger.ledger_rows import (
+    COLUMNS,
+    INSERT,
+    LAYER,
+    NO_CHAIN,
+    Cause,
+    Revision,
+    row_of,
+)
+from feedback_node.ledger.recovery import inspect
 from measuring import COLD, HOT, PAUSE_S, Effort, Row, in_turn
 
 ROOT = Path(__file__).parents[1]

@@ -22,9 +22,9 @@ from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
 from bare import executor
-from bt_agents.cli.supervisor import Component, keep_local
-from bt_agents.domain import reserve_domain
-from bt_agents.starting import READY, SUPERVISED
+from bt_agents_ros.node_main import READY, SUPERVISED
+from bt_agents_tools.launcher.domain_lock import reserve_domain
+from bt_agents_tools.launcher.supervisor import Component, keep_local
 
 HERE = Path(__file__).parent
 

@@ -9,15 +9,15 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from bt_agents.scene import Origin, Scene, SceneParameter, SceneSpace, SceneValue
-from marketplace_node.auction import Auction
-from marketplace_node.bid_table import BidColumns, BidTable
-from marketplace_node.contest import Contest
-from marketplace_node.decision import Bids, ClosedBy, Terms
-from marketplace_node.ranking import decide, winning_row
+from bt_agents_core.scene import Origin, Scene, SceneParameter, SceneSpace, SceneValue
 from marketplace_node.registry import HostEntry
+from marketplace_node.round.auction import Auction
+from marketplace_node.round.bid_table import BidColumns, BidTable
+from marketplace_node.round.decision import Bids, ClosedBy, Terms
+from marketplace_node.round.ranking import decide, winning_row
+from marketplace_node.round.round_model import Contest
 from marketplace_node.strategies import STRATEGIES, chance
-from marketplace_node.strategies.field import Floats, Integers
+from marketplace_node.strategies.arrays import Floats, Integers
 from marketplace_node.strategies.nearest import nearest
 from measuring import Effort, Row, in_turn, timed
 

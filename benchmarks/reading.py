@@ -20,18 +20,18 @@ from py_trees.behaviour import Behaviour
 from bt_agents.engine.builder import build
 from bt_agents.engine.context import RunContext
 from bt_agents.engine.scope import RunScope
-from bt_agents.engine.scripted_world import ScriptedWorld
-from bt_agents.errors import ReadError
-from bt_agents.language import names
-from bt_agents.language.agent_reader import read_agent_text
-from bt_agents.language.folder_reader import read_trees, read_vocabulary, yaml_files
-from bt_agents.language.linting.cut_texts import cut_texts
-from bt_agents.language.linting.lint import lint
-from bt_agents.language.scene_reader import read_scene
-from bt_agents.language.specs import AgentSpec
-from bt_agents.language.text.source import Source
-from bt_agents.language.vocabulary import Vocabulary
-from bt_agents.scene import Scene, SceneValue
+from bt_agents.engine.scripted_environment import ScriptedWorld
+from bt_agents_core.errors import ReadError
+from bt_agents_core.scene import Scene, SceneValue
+from bt_agents_language.files.agent_reader import read_agent_text
+from bt_agents_language.files.folder_reader import read_trees, read_vocabulary, yaml_files
+from bt_agents_language.files.scene_reader import read_scene
+from bt_agents_language.model import scope as names
+from bt_agents_language.model.specs import AgentSpec
+from bt_agents_language.model.symbols import Vocabulary
+from bt_agents_language.tools.linting.comment_truncation import cut_texts
+from bt_agents_language.tools.linting.lint import lint
+from bt_agents_language.yaml.source import Source
 from measuring import Effort, Row, Way, in_turn
 
 TREES = Path(__file__).parents[1] / "trees"

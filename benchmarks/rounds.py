@@ -13,8 +13,6 @@ from rclpy.action import ActionClient
 
 from bare import EVENTS, LATCHED, SERVICES
 from bare_round import NAMES, WANTED, call_for_bids, scene
-from bt_agents.cli import system
-from bt_agents.ros.messages import seconds
 from bt_agents_interfaces.action import RunAgent
 from bt_agents_interfaces.msg import (
     Bids,
@@ -25,6 +23,8 @@ from bt_agents_interfaces.msg import (
     TreeStatus,
 )
 from bt_agents_interfaces.srv import Analyze, CollectFeedback, PreviewAuction, RegisterHost
+from bt_agents_ros.messages import seconds
+from bt_agents_tools.launcher import components
 from measuring import COLD, HOT, PAUSE_S, Effort, Row, Way, in_turn
 from processes import Graph, graphs, write_trees
 
@@ -84,13 +84,13 @@ class System:
         for index, count in enumerate(hosts):
             names = (f"agent_{index}_{number:05d}" for number in range(count))
             trees.append(write_trees(graph.folder / str(index), dict.fromkeys(names, TREE)))
-        market = system.market(trees[0])
+        market = components.market(trees[0])
         parameters = {**market.parameters, "bid_deadline": deadline_s}
         graph.start(replace(market, parameters=parameters))
         if layer:
-            graph.start(system.scene_layer(trees[0]))
+            graph.start(components.scene_layer(trees[0]))
         for index, folder in enumerate(trees):
-            graph.start(system.host(folder), f"agents{index}")
+            graph.start(components.host(folder), f"agents{index}")
         probe = graph.probe
         probe.create_service(
             CollectFeedback,

@@ -11,7 +11,7 @@ from functools import partial
 from std_msgs.msg import String
 
 from bare import EVENTS
-from bt_agents.cli import system
+from bt_agents_tools.launcher import components
 from measuring import COLD, HOT, PAUSE_S, Effort, Row, Way, in_turn
 from processes import Graph, graphs, write_trees
 from run_probes import SETTLE_S, Cycle, Market, Moods, Results, Runs
@@ -85,7 +85,7 @@ def _host(effort: Effort, floor: Graph, ours: Graph) -> Iterator[Row]:
     market = Market(ours)
     rates = RATES[:1] if effort.is_short else RATES
     for rate in rates:
-        host = system.host(trees)
+        host = components.host(trees)
         parameters = {**host.parameters, "tick_rate": float(rate)}
         ours.start(replace(host, parameters=parameters), f"agents_{rate}")
     floor.until_up()
@@ -169,8 +169,8 @@ def _mood(effort: Effort, floor: Graph, ours: Graph) -> Iterator[Row]:
     trees = write_trees(ours.folder / "trees", {"a": "{wait: 1 h}"})
     floor.bare("bare_runs.py", "mood")
     floor.bare("bare_runs.py", "learning", floor.folder / "ledger.sqlite")
-    ours.start(system.scene_layer(trees))
-    ours.start(system.feedback(trees, str(ours.folder / "ledger.sqlite")))
+    ours.start(components.scene_layer(trees))
+    ours.start(components.feedback(trees, str(ours.folder / "ledger.sqlite")))
     floor.until_up()
     ours.until_up()
     sides = {"ours": Moods(ours, bare=False), "bare": Moods(floor, bare=True)}
@@ -226,9 +226,9 @@ def _start_ours(graph: Graph) -> None:
     told = graph.folder / "feedback.yaml"
     told.write_text(FEEDBACK, encoding="utf-8")
     for component in (
-        system.scene_layer(trees),
-        system.market(trees),
-        system.host(trees),
-        system.feedback(trees, str(graph.folder / "ledger.sqlite"), told),
+        components.scene_layer(trees),
+        components.market(trees),
+        components.host(trees),
+        components.feedback(trees, str(graph.folder / "ledger.sqlite"), told),
     ):
         graph.start(component)

@@ -8,7 +8,7 @@ import time
 from collections.abc import Iterator
 from dataclasses import replace
 
-from bt_agents.trees_folder import find_sweep
+from bt_agents_core.trees_folder import find_sweep
 from bt_agents_lab.experiments.sweep import SweepSpec, sweep
 from bt_agents_lab.experiments.sweep_reader import read_sweep
 from measuring import Effort, Row

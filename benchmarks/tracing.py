@@ -15,15 +15,15 @@ from py_trees.common import Status
 from py_trees.trees import BehaviourTree
 from py_trees.visitors import SnapshotVisitor
 
-from bt_agents.engine.recording import RecordingRun
 from bt_agents.engine.run import Run, StatusChange
-from bt_agents.engine.scripted_world import ScriptedWorld
+from bt_agents.engine.scripted_environment import ScriptedWorld
 from bt_agents.engine.ticking import Ticker
-from bt_agents.language.agent_reader import read_agent_text
-from bt_agents.language.folder_reader import read_vocabulary
-from bt_agents.language.scene_reader import read_scene
-from bt_agents.language.specs import AgentSpec
-from bt_agents.scene import Origin, Scene, SceneSpace, SceneValue
+from bt_agents.recording.recording_run import RecordingRun
+from bt_agents_core.scene import Origin, Scene, SceneSpace, SceneValue
+from bt_agents_language.files.agent_reader import read_agent_text
+from bt_agents_language.files.folder_reader import read_vocabulary
+from bt_agents_language.files.scene_reader import read_scene
+from bt_agents_language.model.specs import AgentSpec
 from engines import behaviours
 from measuring import Effort, Row, in_turn, timed
 from reference_trees import RUNNING, SUCCESS, TREES, Shape, balanced, sequence

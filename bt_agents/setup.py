@@ -20,9 +20,9 @@ setup(
     zip_safe=True,
     entry_points={
         "console_scripts": [
-            "agents = bt_agents.starting:agents",
-            "bt-agents = bt_agents.cli:main",
+            "agents = bt_agents_ros.node_main:agents",
+            "bt-agents = bt_agents_tools.cli:main",
         ],
-        "pytest11": ["bt_agents = bt_agents.pytest_plugin"],
+        "pytest11": ["bt_agents = bt_agents_tools.rehearsal.pytest_plugin"],
     },
 )

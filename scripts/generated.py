@@ -8,11 +8,16 @@ from collections.abc import Callable, Mapping
 from functools import cache, partial
 from pathlib import Path
 
-from bt_agents.groot.page import with_table
-from bt_agents.language.codes.page import codes_page
-from bt_agents.language.handbook.reference_page import reference_page
-from bt_agents.language.schema.folder import SCHEMAS, folder_vocabulary, schema_file, schema_text
-from bt_agents.language.vocabulary import Vocabulary
+from bt_agents_groot.page import with_table
+from bt_agents_language.model.symbols import Vocabulary
+from bt_agents_language.reference.codes.codes_page import codes_page
+from bt_agents_language.reference.reference_page import reference_page
+from bt_agents_language.tools.schema.folder import (
+    SCHEMAS,
+    folder_vocabulary,
+    schema_file,
+    schema_text,
+)
 
 ROOT = Path(__file__).parents[1]
 

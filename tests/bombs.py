@@ -9,7 +9,7 @@ import string
 from collections.abc import Mapping
 from pathlib import Path
 
-from bt_agents.language.tree.subtrees import MAX_NODES
+from bt_agents_language.tree.subtrees import MAX_NODES
 
 HEAD = "format: 1\nagent: a\nprofile: {age: 3, familiarity: 3, mood: 3}\n"
 MIB = 1024 * 1024

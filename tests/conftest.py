@@ -5,8 +5,8 @@ from __future__ import annotations
 
 import os
 
-from bt_agents.cli.supervisor import keep_local
-from bt_agents.domain import reserve_domain
+from bt_agents_tools.launcher.domain_lock import reserve_domain
+from bt_agents_tools.launcher.supervisor import keep_local
 
 os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
 os.environ["ROS_DOMAIN_ID"] = str(reserve_domain())

@@ -5,9 +5,9 @@ from __future__ import annotations
 
 import re
 
-from bt_agents.language.diagnostics import Diagnostics
-from bt_agents.language.text.source import Source
-from bt_agents.language.text.yaml_reader import Mapping, Node, Sequence, read_yaml
+from bt_agents_language.yaml.diagnostics import Diagnostics
+from bt_agents_language.yaml.source import Source
+from bt_agents_language.yaml.yaml_reader import Mapping, Node, Sequence, read_yaml
 
 _INTEGER = re.compile(r"[-+]?[0-9]+")
 _FLOAT = re.compile(r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?")

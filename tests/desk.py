@@ -7,13 +7,13 @@ import json
 import math
 from typing import Any
 
-from bt_agents.feedback import Kind
-from bt_agents.scene import SceneParameter, SceneSpace
-from feedback_node.cards import AgentEntry, Card
-from feedback_node.ledger import Ledger
-from feedback_node.ledger_rows import LAYER, Cause
-from feedback_node.management import Done, Management, Order
-from feedback_node.profiles import Profiles
+from bt_agents_core.feedback import Kind
+from bt_agents_core.scene import SceneParameter, SceneSpace
+from feedback_node.learning.cards import AgentEntry, Card
+from feedback_node.learning.profiles import Profiles
+from feedback_node.ledger.ledger import Ledger
+from feedback_node.ledger.ledger_rows import LAYER, Cause
+from feedback_node.management.management import Done, Management, Order
 
 SPACE = SceneSpace(
     parameters=tuple(

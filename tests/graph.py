@@ -14,7 +14,7 @@ import rclpy
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
-from bt_agents.ros.executor import LeanExecutor
+from bt_agents_ros.workarounds.cached_executor import LeanExecutor
 
 
 class Ros:

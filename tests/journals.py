@@ -15,16 +15,13 @@ from typing import Any
 from mcap.records import Message
 from rclpy.serialization import serialize_message
 
-from bt_agents.engine.recording import RecordingRun
-from bt_agents.engine.scripted_world import Answer, ScriptedWorld
-from bt_agents.feedback import Kind
-from bt_agents.language.folder_reader import read_trees
-from bt_agents.reload.texts import texts
-from bt_agents.reload.versions import AgentVersions
-from bt_agents.ros.definition_texts import definition_text
-from bt_agents.ros.messages import scene_to_msg, to_time
-from bt_agents.ros.run_messages import tree_status
-from bt_agents.scene import Scene
+from bt_agents.engine.scripted_environment import Answer, ScriptedWorld
+from bt_agents.host.reload.source_bundle import texts
+from bt_agents.host.reload.versions import AgentVersions
+from bt_agents.host.run_messages import tree_status
+from bt_agents.recording.recording_run import RecordingRun
+from bt_agents_core.feedback import Kind
+from bt_agents_core.scene import Scene
 from bt_agents_interfaces.msg import (
     AgentCard,
     AgentFiles,
@@ -35,18 +32,21 @@ from bt_agents_interfaces.msg import (
     RunRecord,
     TreeStatus,
 )
-from bt_agents_lab.journal.days import Said, Topic
-from bt_agents_lab.journal.definitions import definition
-from bt_agents_lab.journal.file import JournalFile
-from bt_agents_lab.journal.reading import JournalReader
-from bt_agents_lab.replay.story import Story, tell
-from feedback_node.learning import PLAIN, Evidence, step
-from marketplace_node.decision import AcceptedBid, ClosedBy, Decision, Outcome, Terms
+from bt_agents_lab.recorder.daily_recorder import Said, Topic
+from bt_agents_lab.recorder.definition_texts import definition_text
+from bt_agents_lab.recorder.definitions import definition
+from bt_agents_lab.recorder.file import JournalFile
+from bt_agents_lab.recorder.reading import JournalReader
+from bt_agents_lab.replay.recording_index import Story, tell
+from bt_agents_language.files.folder_reader import read_trees
+from bt_agents_ros.messages import scene_to_msg, to_time
+from feedback_node.learning.learning_step import PLAIN, Evidence, step
 from marketplace_node.effects import PublishAuction
-from marketplace_node.explain import reason
-from marketplace_node.explanation import explanation
+from marketplace_node.explanation.explanation import explanation
+from marketplace_node.explanation.reason import reason
 from marketplace_node.node.messages import auction_to_msg
-from marketplace_node.ranking import decide
+from marketplace_node.round.decision import AcceptedBid, ClosedBy, Decision, Outcome, Terms
+from marketplace_node.round.ranking import decide
 from stage import SPACE, TREES, scene
 
 NAN = math.nan

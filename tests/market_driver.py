@@ -6,10 +6,8 @@ from __future__ import annotations
 import math
 from typing import Any, TypeVar
 
-from bt_agents.errors import Refused
-from bt_agents.scene import Origin, Scene, SceneParameter, SceneSpace, SceneValue
-from marketplace_node.award import RunEnd, Stop
-from marketplace_node.decision import Bids, External
+from bt_agents_core.errors import Refused
+from bt_agents_core.scene import Origin, Scene, SceneParameter, SceneSpace, SceneValue
 from marketplace_node.effects import (
     AnnounceRun,
     AskOutside,
@@ -22,9 +20,11 @@ from marketplace_node.effects import (
     SendGoal,
     StatusChanged,
 )
+from marketplace_node.interaction.award import RunEnd, Stop
 from marketplace_node.market import Market
+from marketplace_node.operators.operator_overrides import Act, Order
 from marketplace_node.registry import Answer, Registration
-from marketplace_node.say import Act, Order
+from marketplace_node.round.decision import Bids, External
 from marketplace_node.settings import Settings
 
 SPACE = SceneSpace(

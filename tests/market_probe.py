@@ -11,14 +11,14 @@ from typing import Any
 from rclpy.action import ActionClient
 from rclpy.clock import Clock, ClockType
 
-from bt_agents.language.folder_reader import read_trees
-from bt_agents.ros import qos
-from bt_agents.ros.host import HostNode
-from bt_agents.ros.installed import InstalledInterfaces
-from bt_agents.ros.messages import scene_to_msg
+from bt_agents.host.node import HostNode
 from bt_agents_interfaces.action import RunAgent
 from bt_agents_interfaces.msg import Bids, CallForBids, MarketHeartbeat, MarketStatus, Run
 from bt_agents_interfaces.srv import RegisterHost
+from bt_agents_language.files.folder_reader import read_trees
+from bt_agents_ros import qos
+from bt_agents_ros.installed import InstalledInterfaces
+from bt_agents_ros.messages import scene_to_msg
 from stage import TREES, scene
 
 

@@ -13,8 +13,6 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.task import Future
 
-from bt_agents.ros import qos
-from bt_agents.ros.messages import scene_to_msg
 from bt_agents_interfaces.action import RunAgent
 from bt_agents_interfaces.msg import (
     Auction,
@@ -27,6 +25,8 @@ from bt_agents_interfaces.msg import (
     SceneEnd,
 )
 from bt_agents_interfaces.srv import CancelRun, RegisterHost
+from bt_agents_ros import qos
+from bt_agents_ros.messages import scene_to_msg
 from market_driver import EXPRESS, GUIDE, SPACE, scene
 from marketplace_node.node import MarketplaceNode
 

@@ -5,15 +5,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from bt_agents.feedback import MOOD_RULE, Kind
-from bt_agents.rules import Rule, Watch, read_rule
-from bt_agents.scene import Origin, Scene, SceneSpace, SceneValue, Vector
-from bt_agents_lab.experiments.luck import Luck, seed_of
-from bt_agents_lab.experiments.world import Arm, Person, World
-from feedback_node import learning
-from feedback_node.learning import Evidence
-from marketplace_node.decision import AcceptedBid, Terms
-from marketplace_node.ranking import decide
+from bt_agents_core.feedback import MOOD_RULE, Kind
+from bt_agents_core.scene import Origin, Scene, SceneSpace, SceneValue, Vector
+from bt_agents_lab.experiments.random_streams import Luck, seed_of
+from bt_agents_lab.experiments.simulated_world import Arm, Person, World
+from feedback_node.learning import learning_step
+from feedback_node.learning.learning_step import Evidence
+from feedback_node.rules import Rule, Watch, read_rule
+from marketplace_node.round.decision import AcceptedBid, Terms
+from marketplace_node.round.ranking import decide
 
 
 @dataclass
@@ -39,7 +39,7 @@ def live(world: World, arm: Arm, luck: Luck, row: int, wrong_share: float) -> Li
     lived = Lived()
 
     def learn(agent: str, kind: Kind, target: Vector, weight: float) -> None:
-        step = learning.step(
+        step = learning_step.step(
             kind,
             profiles[agent],
             target,
@@ -53,7 +53,7 @@ def live(world: World, arm: Arm, luck: Luck, row: int, wrong_share: float) -> Li
                 authored=authored[agent],
             ),
         )
-        recent[agent].append(learning.asked(kind, profiles[agent], target))
+        recent[agent].append(learning_step.asked(kind, profiles[agent], target))
         changes[agent] += 1
         profiles[agent] = step.after
 

@@ -20,10 +20,6 @@ from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.task import Future
 
-from bt_agents.cli import system
-from bt_agents.cli.supervisor import Component
-from bt_agents.ros import qos
-from bt_agents.ros.messages import scene_to_msg
 from bt_agents_interfaces.action import Say
 from bt_agents_interfaces.msg import (
     Auction,
@@ -36,6 +32,10 @@ from bt_agents_interfaces.msg import (
     SceneEnd,
 )
 from bt_agents_interfaces.srv import RegisterHost
+from bt_agents_ros import qos
+from bt_agents_ros.messages import scene_to_msg
+from bt_agents_tools.launcher import components
+from bt_agents_tools.launcher.supervisor import Component
 from graph import Ros
 from programs import ROOT
 from stage import SPACE, scene
@@ -301,7 +301,7 @@ class System:
 
     def market(self, trees: Path, **parameters: float | str | int) -> NodeProcess:
         """Start the marketplace."""
-        component = system.market(trees)
+        component = components.market(trees)
         return self.start(
             Component(
                 name=component.name,
@@ -312,7 +312,7 @@ class System:
 
     def host(self, name: str, trees: Path) -> NodeProcess:
         """Start a host of the agents of a folder."""
-        return self.start(system.host(trees), name)
+        return self.start(components.host(trees), name)
 
     def pulse(self, host: str) -> Pulse:
         """Listen to the heartbeats of a host."""

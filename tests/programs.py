@@ -26,7 +26,7 @@ class Program:
         self.output = ""
         self._lines: queue.Queue[str] = queue.Queue()
         self.process = subprocess.Popen(
-            [sys.executable, "-m", "bt_agents.cli", *arguments],
+            [sys.executable, "-m", "bt_agents_tools.cli", *arguments],
             stdin=subprocess.DEVNULL,
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,

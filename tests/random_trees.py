@@ -10,8 +10,8 @@ import py_trees
 from hypothesis import strategies as st
 from py_trees.common import Status
 
-from bt_agents.language.expression.expressions import Expression, parse_expression
-from bt_agents.language.specs import (
+from bt_agents_language.expression.expressions import Expression, parse_expression
+from bt_agents_language.model.specs import (
     Binding,
     BindingKind,
     Computed,

@@ -8,10 +8,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
-from bt_agents.scene import Scene, Vector
+from bt_agents_core.scene import Scene, Vector
 from market_driver import SPACE, scene
-from marketplace_node.decision import AcceptedBid, ClosedBy, Decision, Outcome, Terms
-from marketplace_node.ranking import decide
+from marketplace_node.round.decision import AcceptedBid, ClosedBy, Decision, Outcome, Terms
+from marketplace_node.round.ranking import decide
 
 
 def added_up(bid: Vector, wanted: Vector) -> float:

@@ -5,10 +5,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from bt_agents.language.folder_reader import Trees, read_trees
-from bt_agents.reload.effects import Effect
-from bt_agents.reload.folder_watch import FolderWatch
-from bt_agents.reload.versions import AgentVersions
+from bt_agents.host.reload.folder_watch import FolderWatch
+from bt_agents.host.reload.reload_actions import Effect
+from bt_agents.host.reload.versions import AgentVersions
+from bt_agents_language.files.folder_reader import Trees, read_trees
 
 SCENE = "format: 1\nparameters:\n  age: {min: 1, max: 5, default: 3}\n"
 SKILLS = (

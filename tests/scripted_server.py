@@ -15,9 +15,9 @@ from rclpy.node import Node
 from rclpy.task import Future
 from std_msgs.msg import Empty
 
-from bt_agents.ros import qos
-from bt_agents.ros.interfaces import fill
 from bt_agents_interfaces.action import Say
+from bt_agents_ros import qos
+from bt_agents_ros.types import fill
 
 
 @dataclass(kw_only=True)

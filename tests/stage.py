@@ -13,13 +13,13 @@ from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
 from bt_agents.engine.run import Run, RunLimits, StatusChange
-from bt_agents.engine.scripted_world import Answer, ScriptedWorld
-from bt_agents.language.agent_reader import read_agent_text
-from bt_agents.language.folder_reader import read_vocabulary
-from bt_agents.language.scene_reader import read_scene
-from bt_agents.language.specs import AgentSpec, NodeSpec, Plain
-from bt_agents.language.vocabulary import Vocabulary
-from bt_agents.scene import Origin, Scene, SceneSpace, SceneValue
+from bt_agents.engine.scripted_environment import Answer, ScriptedWorld
+from bt_agents_core.scene import Origin, Scene, SceneSpace, SceneValue
+from bt_agents_language.files.agent_reader import read_agent_text
+from bt_agents_language.files.folder_reader import read_vocabulary
+from bt_agents_language.files.scene_reader import read_scene
+from bt_agents_language.model.specs import AgentSpec, NodeSpec, Plain
+from bt_agents_language.model.symbols import Vocabulary
 
 TREES = Path(__file__).parents[1] / "trees"
 SPACE: SceneSpace = read_scene(TREES / "scene.yaml").space

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The feedback node: mood rules, learning and the ledger of profiles."""
 
-from bt_agents.starting import start
+from bt_agents_ros.node_main import start
 
 
 def main() -> int:

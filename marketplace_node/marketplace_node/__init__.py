@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The marketplace: calls for bids, ranks them, awards the run."""
 
-from bt_agents.starting import start
+from bt_agents_ros.node_main import start
 
 
 def main() -> int:

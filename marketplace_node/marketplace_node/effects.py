@@ -8,10 +8,10 @@ from dataclasses import dataclass, field
 from enum import IntEnum
 from functools import cached_property
 
-from bt_agents.errors import Refused
-from bt_agents.scene import Scene, Vector
-from marketplace_node.decision import Decision
+from bt_agents_core.errors import Refused
+from bt_agents_core.scene import Scene, Vector
 from marketplace_node.registry import HostEntry
+from marketplace_node.round.decision import Decision
 
 
 class State(IntEnum):

@@ -7,14 +7,9 @@ import math
 from collections.abc import Iterable
 from dataclasses import replace
 
-from bt_agents.errors import Refused
-from bt_agents.language.market_reader import MarketRule
-from bt_agents.scene import Scene, SceneSpace
-from marketplace_node.arrivals import Arrivals
-from marketplace_node.auction import check_round
-from marketplace_node.award import SHUTTING_DOWN, RunEnd, Stop
-from marketplace_node.decision import Bids, External
-from marketplace_node.earlier import EarlierRuns
+from bt_agents_core.errors import Refused
+from bt_agents_core.scene import Scene, SceneSpace
+from bt_agents_language.files.market_reader import MarketRule
 from marketplace_node.effects import (
     Connect,
     EarlierRun,
@@ -25,13 +20,18 @@ from marketplace_node.effects import (
     State,
     StatusChanged,
 )
-from marketplace_node.floor import PREVIEWS, Floor
-from marketplace_node.interaction import Interaction
-from marketplace_node.open_round import OpenRound
-from marketplace_node.operating import Operating
-from marketplace_node.previews import Previews
+from marketplace_node.interaction.award import SHUTTING_DOWN, RunEnd, Stop
+from marketplace_node.interaction.interaction import Interaction
+from marketplace_node.interaction.market_failover import EarlierRuns
+from marketplace_node.interaction.scene_admission import Arrivals
+from marketplace_node.market_state import PREVIEWS, Floor
+from marketplace_node.operators.operator_commands import Operating
+from marketplace_node.operators.operator_overrides import Act, Order
+from marketplace_node.operators.previews import Previews
 from marketplace_node.registry import Answer, Registration
-from marketplace_node.say import Act, Order
+from marketplace_node.round.auction import check_round
+from marketplace_node.round.decision import Bids, External
+from marketplace_node.round.open_round import OpenRound
 from marketplace_node.settings import Settings
 
 

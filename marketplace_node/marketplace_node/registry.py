@@ -7,8 +7,8 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from bt_agents.errors import Refused
-from bt_agents.lease import excused
+from bt_agents_core.errors import Refused
+from bt_agents_core.lease import excused
 
 _AGENT_NAME = re.compile(r"[a-z][a-z0-9_]*")
 _ROS_NAME = re.compile(r"(/(?!\w*__)[A-Za-z_][A-Za-z0-9_]*)+", re.ASCII)

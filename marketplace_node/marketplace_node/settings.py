@@ -8,8 +8,8 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Final
 
-from bt_agents.errors import Refused
-from bt_agents.language.diagnostics import did_you_mean
+from bt_agents_core.errors import Refused
+from bt_agents_language.yaml.diagnostics import did_you_mean
 from marketplace_node.strategies import STRATEGIES, TIE_BREAKS, Option
 
 ON_NEW_SCENE: Final = ("queue", "reject", "preempt")

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The scene layer: from readings to the vector that describes an interaction."""
 
-from bt_agents.starting import start
+from bt_agents_ros.node_main import start
 
 
 def main() -> int:

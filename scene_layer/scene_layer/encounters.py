@@ -7,8 +7,8 @@ import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-from bt_agents.errors import Refused
-from bt_agents.language.scene_specs import MissingRule, SceneSpec
+from bt_agents_core.errors import Refused
+from bt_agents_language.model.scene_specs import MissingRule, SceneSpec
 from scene_layer.memory import Memory
 from scene_layer.persons import NOBODY, Persons
 from scene_layer.sources import Sources

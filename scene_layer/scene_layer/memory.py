@@ -7,7 +7,7 @@ import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
-from bt_agents.scene import SceneParameter, SceneSpace
+from bt_agents_core.scene import SceneParameter, SceneSpace
 
 MOST_KNOWN = 1000
 """Persons, and as many places, that are remembered; the one not seen for longest goes first."""

@@ -9,9 +9,9 @@ from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from bt_agents.atomic_file import write_atomically
-from bt_agents.errors import BtAgentsError
-from bt_agents.scene import SceneSpace
+from bt_agents_core.atomic_file import write_atomically
+from bt_agents_core.errors import BtAgentsError
+from bt_agents_core.scene import SceneSpace
 from scene_layer.memory import MOST_KNOWN, Known, Running
 
 FORMAT = 1

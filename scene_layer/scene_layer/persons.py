@@ -9,8 +9,8 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from numbers import Integral
 
-from bt_agents.errors import Refused
-from bt_agents.language.scene_specs import AddresseeRule, PersonsSpec
+from bt_agents_core.errors import Refused
+from bt_agents_language.model.scene_specs import AddresseeRule, PersonsSpec
 
 MOST_PERSONS = 50
 """Persons that are tracked at once; who comes later is not looked at until there is room."""

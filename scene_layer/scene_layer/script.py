@@ -6,8 +6,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from bt_agents.language.specs import Change, Script, Visit
-from bt_agents.scene import AGAIN
+from bt_agents_core.scene import AGAIN
+from bt_agents_language.model.specs import Change, Script, Visit
 
 TAKEN_WITHIN_S = 5.0
 """A market that stays idle this long after a scene was sent has not got it [s]."""

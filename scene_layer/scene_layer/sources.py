@@ -9,10 +9,11 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from itertools import pairwise
 
-from bt_agents.errors import Refused
-from bt_agents.language.expression.expression_values import described
-from bt_agents.language.expression.expressions import EvaluationError, Expression, MissingValue
-from bt_agents.language.scene_specs import (
+from bt_agents_core.errors import Refused
+from bt_agents_core.scene import check_value
+from bt_agents_language.expression.expression_values import described
+from bt_agents_language.expression.expressions import EvaluationError, Expression, MissingValue
+from bt_agents_language.model.scene_specs import (
     LARGEST_STD,
     MESSAGE,
     PERSON,
@@ -20,14 +21,13 @@ from bt_agents.language.scene_specs import (
     SourceSpec,
     word_of,
 )
-from bt_agents.scene import check_value
 from scene_layer.fusion import Reading, fused, smoothed
 from scene_layer.memory import ignorance
 
 Message = Callable[[str], object]
 """Returns the field of a message by its dotted path, as plain data.
 
-Raises :class:`~bt_agents.errors.Refused` for what is not there: ``NO_SUCH_ITEM`` where a list is
+Raises :class:`~bt_agents_core.errors.Refused` for what is not there: ``NO_SUCH_ITEM`` where a list is
 too short, which means that nothing was measured.
 """
 

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from bt_agents.cli.supervisor import FIRST_LIMIT_S, STOP_LIMIT_S
+from bt_agents_tools.launcher.supervisor import FIRST_LIMIT_S, STOP_LIMIT_S
 from programs import ROOT, Program, alive, children
 
 pytestmark = pytest.mark.e2e

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from bt_agents.language.nodes import KINDS, MODIFIERS
+from bt_agents_language.nodes import KINDS, MODIFIERS
 from checkout import ROOT
 from language_server import LanguageServer, NoServer, installed_server
 from stage import SPACE, VOCABULARY

@@ -16,13 +16,13 @@ from typing import Any
 
 import pytest
 
-from bt_agents.cli import system
-from bt_agents.cli.log_file import LogFile
-from bt_agents.cli.supervisor import Component, spawn
-from bt_agents.interrupt import hold_back
-from bt_agents.ros import qos
-from bt_agents.ros.messages import scene_to_msg
 from bt_agents_interfaces.msg import MarketStatus, Run, Scene
+from bt_agents_ros import qos
+from bt_agents_ros.messages import scene_to_msg
+from bt_agents_ros.signals import hold_back
+from bt_agents_tools.launcher import components as system
+from bt_agents_tools.launcher.log_file import LogFile
+from bt_agents_tools.launcher.supervisor import Component, spawn
 from graph import Ros, fresh_graph
 from processes import write_trees
 from programs import HANG_S
@@ -246,7 +246,7 @@ def started_silently(command: tuple[str, ...], output: Path) -> subprocess.Popen
     try:
         with output.open("wb") as file:
             return subprocess.Popen(
-                [sys.executable, "-m", "bt_agents.cli", *command],
+                [sys.executable, "-m", "bt_agents_tools.cli", *command],
                 stdin=subprocess.DEVNULL,
                 stdout=file,
                 stderr=subprocess.STDOUT,

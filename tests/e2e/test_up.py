@@ -108,7 +108,7 @@ AT_ONCE_S = 3.0
 COMPONENTS = {
     "marketplace": "marketplace_node.node",
     "scene_layer": "scene_layer.node",
-    "agents": "bt_agents.ros.host",
+    "agents": "bt_agents.host.node",
     "feedback": "feedback_node.node",
     "robot": "bt_agents_robot.robot",
 }

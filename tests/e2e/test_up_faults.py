@@ -51,7 +51,7 @@ def test_a_run_whose_host_is_killed_is_lost_and_the_next_trigger_runs(
     start: Start, ask: Ask
 ) -> None:
     up = up_with_a_run(start, ask)
-    kill_component(up, "bt_agents.ros.host")
+    kill_component(up, "bt_agents.host.node")
     up.until("attentive_guide lost")
     up.until("agents is back")
     assert "attentive_guide" in ask(*MRS_SMITH)
@@ -74,7 +74,7 @@ def test_a_market_and_a_host_that_hang_are_killed_and_the_next_trigger_runs(
     up.until("ready")
     assert "attentive_guide" in ask("status")  # by then both have been heard
     kill_component(up, "marketplace_node.node", signal.SIGSTOP)
-    kill_component(up, "bt_agents.ros.host", signal.SIGSTOP)
+    kill_component(up, "bt_agents.host.node", signal.SIGSTOP)
     up.until(r"hangs \(no sign of life for \d+ s\): killing it")
     up.until("is back after")
     up.until("is back after")

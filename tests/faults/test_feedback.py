@@ -8,10 +8,10 @@ from pathlib import Path
 
 import pytest
 
-from bt_agents.cli import system as components
-from bt_agents.ros import qos
 from bt_agents_interfaces.msg import Profiles
-from feedback_node.ledger import Ledger
+from bt_agents_ros import qos
+from bt_agents_tools.launcher import components
+from feedback_node.ledger.ledger import Ledger
 from processes import System, write_trees
 
 pytestmark = pytest.mark.e2e

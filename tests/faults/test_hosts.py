@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from bt_agents.ros import qos
 from bt_agents_interfaces.msg import Auction, Run, TreeStatus
+from bt_agents_ros import qos
 from processes import BEATS_A_SECOND, NodeProcess, Pulse, SilentHost, System, write_trees
 
 pytestmark = pytest.mark.e2e

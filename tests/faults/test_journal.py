@@ -7,10 +7,10 @@ from pathlib import Path
 
 import pytest
 
-from bt_agents.cli import system as components
-from bt_agents.ros import qos
 from bt_agents_interfaces.msg import Feedback
-from bt_agents_lab.journal.reading import JournalReader
+from bt_agents_lab.recorder.reading import JournalReader
+from bt_agents_ros import qos
+from bt_agents_tools.launcher import components
 from processes import System
 
 pytestmark = pytest.mark.e2e

@@ -13,13 +13,13 @@ import pytest
 from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.task import Future
 
-from bt_agents.cli import system as components
-from bt_agents.ros import qos
-from bt_agents.ros.messages import scene_to_msg
-from bt_agents.ros.outbox import Outbox
 from bt_agents_interfaces.msg import AgentCard, Feedback, HostCard, Profiles
 from bt_agents_interfaces.srv import CollectFeedback, GiveFeedback, SetProfile
-from feedback_node.ledger import Ledger
+from bt_agents_ros import qos
+from bt_agents_ros.messages import scene_to_msg
+from bt_agents_ros.outbox import Outbox
+from bt_agents_tools.launcher import components
+from feedback_node.ledger.ledger import Ledger
 from processes import System
 from programs import ROOT
 from stage import SPACE, scene

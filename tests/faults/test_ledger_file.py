@@ -19,9 +19,9 @@ from typing import Any
 
 import pytest
 
-from feedback_node.ledger import Entry, Ledger
-from feedback_node.ledger_file import LedgerError
-from feedback_node.ledger_rows import LAYER, Cause
+from feedback_node.ledger.ledger import Entry, Ledger
+from feedback_node.ledger.ledger_file import LedgerError
+from feedback_node.ledger.ledger_rows import LAYER, Cause
 
 pytestmark = pytest.mark.e2e
 
@@ -33,8 +33,8 @@ NAMED = {"LEDGER_CORRUPT", "LEDGER_CUT_OFF", "LEDGER_FOREIGN", "LEDGER_NEWER", "
 # Forks a writer for each line that it reads, so that none of them has to start Python.
 WRITER = """
 import json, os, random, sys
-from feedback_node.ledger import Entry, Ledger
-from feedback_node.ledger_rows import LAYER, Cause
+from feedback_node.ledger.ledger import Entry, Ledger
+from feedback_node.ledger.ledger_rows import LAYER, Cause
 
 def say(*words):
     os.write(1, (json.dumps(words) + "\\n").encode())

@@ -9,9 +9,9 @@ from pathlib import Path
 import pytest
 from std_msgs.msg import Empty, String
 
-from bt_agents.cli import system as components
-from bt_agents.ros import qos
 from bt_agents_interfaces.msg import Run
+from bt_agents_ros import qos
+from bt_agents_tools.launcher import components
 from processes import BEATS_A_SECOND, ROOT, System, write_trees
 
 pytestmark = pytest.mark.e2e

@@ -8,8 +8,8 @@ from typing import Any
 
 import pytest
 
-from bt_agents.cli import system as components
 from bt_agents_interfaces.srv import Analyze
+from bt_agents_tools.launcher import components
 from processes import BEATS_A_SECOND, System, write_trees
 
 pytestmark = pytest.mark.e2e

@@ -10,10 +10,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from market_driver import SPACE, scene
-from marketplace_node.auction import Auction
-from marketplace_node.decision import Bids, ClosedBy, Kind, Outcome, Terms
-from marketplace_node.explain import reason
+from marketplace_node.explanation.reason import reason
 from marketplace_node.registry import HostEntry
+from marketplace_node.round.auction import Auction
+from marketplace_node.round.decision import Bids, ClosedBy, Kind, Outcome, Terms
 from ranked_rounds import added_up
 
 HOSTS = [

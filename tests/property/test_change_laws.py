@@ -13,8 +13,8 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from market_driver import SPACE, scene
-from marketplace_node.decision import AcceptedBid, Decision, Terms
-from marketplace_node.ranking import decide
+from marketplace_node.round.decision import AcceptedBid, Decision, Terms
+from marketplace_node.round.ranking import decide
 from marketplace_node.strategies import STRATEGIES
 from ranked_rounds import bids, decided, terms, with_values
 

@@ -13,12 +13,12 @@ from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
 from bt_agents.engine.builder import COMPOSITES, LEAVES, MODIFIERS, SUBTREE
+from bt_agents.engine.environment import GIVE_FEEDBACK, GoalState
 from bt_agents.engine.feedback_leaf import GiveFeedback
-from bt_agents.engine.scripted_world import Answer
+from bt_agents.engine.scripted_environment import Answer
 from bt_agents.engine.skill_leaf import SkillLeaf
 from bt_agents.engine.waits import WaitForMessage
-from bt_agents.engine.world import GIVE_FEEDBACK, GoalState
-from bt_agents.language.specs import NodeSpec, Plain
+from bt_agents_language.model.specs import NodeSpec, Plain
 from random_trees import ACTIONS, Puppet, placed, trees
 from stage import Stage, scene
 

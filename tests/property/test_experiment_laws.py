@@ -7,14 +7,14 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from bt_agents.experiment import closed_form
-from bt_agents.feedback import Kind
-from bt_agents.scene import SceneParameter, SceneSpace
-from bt_agents.simulated import Errors, SimulatedFeedback
-from bt_agents_lab.experiments.luck import Luck, draw
+from bt_agents_core.feedback import Kind
+from bt_agents_core.scene import SceneParameter, SceneSpace
 from bt_agents_lab.experiments.measures import wilson
+from bt_agents_lab.experiments.random_streams import Luck, draw
+from bt_agents_lab.experiments.simulated_world import Arm, Person, World
 from bt_agents_lab.experiments.simulation import simulate
-from bt_agents_lab.experiments.world import Arm, Person, World
+from bt_agents_language.model.experiment import closed_form
+from feedback_node.simulated_feedback import Errors, SimulatedFeedback
 from one_run import react
 
 SPACE = SceneSpace(

@@ -11,7 +11,7 @@ from fractions import Fraction
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from bt_agents.language.expression.expressions import (
+from bt_agents_language.expression.expressions import (
     EvaluationError,
     ExpressionError,
     MissingValue,

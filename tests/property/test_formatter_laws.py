@@ -10,22 +10,22 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from bt_agents.errors import BtAgentsError, ReadError
-from bt_agents.language.agent_reader import read_agent_text
-from bt_agents.language.diagnostics import Diagnostics
-from bt_agents.language.folder_reader import read_trees
-from bt_agents.language.formatting.comments import find_comments
-from bt_agents.language.formatting.formatter import format_source
-from bt_agents.language.formatting.meaning import same_meaning
-from bt_agents.language.text.source import Source, read_source
-from bt_agents.language.text.yaml_reader import Node, read_yaml
+from bt_agents_core.errors import BtAgentsError, ReadError
+from bt_agents_language.files.agent_reader import read_agent_text
+from bt_agents_language.files.folder_reader import read_trees
+from bt_agents_language.tools.formatting.comments import find_comments
+from bt_agents_language.tools.formatting.equivalence import same_meaning
+from bt_agents_language.tools.formatting.formatter import format_source
+from bt_agents_language.yaml.diagnostics import Diagnostics
+from bt_agents_language.yaml.source import Source, read_source
+from bt_agents_language.yaml.yaml_reader import Node, read_yaml
 
 ROOT = Path(__file__).parents[2]
 TREES = ROOT / "trees"
 POSITION = re.compile(r"Position\([^()]*\)")
 FILES = sorted(
     path
-    for folder in ("trees", "experiments", "tests/corpus", "bringup/params")
+    for folder in ("trees", "experiments", "tests/corpus", "bt_agents_bringup/params")
     for path in (ROOT / folder).rglob("*.yaml")
     if path.is_file()
 )

@@ -8,9 +8,9 @@ from xml.sax.saxutils import quoteattr
 
 import pytest
 
-from bt_agents.groot.importing import import_agent
-from bt_agents.language.agent_reader import read_agent_text
-from bt_agents.language.text.source import Source
+from bt_agents_groot.importing import import_agent
+from bt_agents_language.files.agent_reader import read_agent_text
+from bt_agents_language.yaml.source import Source
 from stage import VOCABULARY, Stage
 
 theirs = pytest.importorskip(

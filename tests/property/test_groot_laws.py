@@ -8,10 +8,10 @@ from dataclasses import replace
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from bt_agents.groot.document import read_document
-from bt_agents.groot.exporting import export_agent
-from bt_agents.groot.expressions import parse_formula
-from bt_agents.groot.formulas import (
+from bt_agents_groot.document import read_document
+from bt_agents_groot.exporting import export_agent
+from bt_agents_groot.expressions import parse_formula
+from bt_agents_groot.formulas import (
     Binary,
     Constant,
     Formula,
@@ -20,13 +20,13 @@ from bt_agents.groot.formulas import (
     as_expression,
     as_script,
 )
-from bt_agents.groot.importing import import_agent
-from bt_agents.groot.scripts import parse_script
-from bt_agents.groot.written import Raw, Written, yaml_lines
-from bt_agents.groot.xml_reader import Element
-from bt_agents.language.agent_reader import read_agent_text
-from bt_agents.language.specs import NodeSpec
-from bt_agents.language.text.source import Source
+from bt_agents_groot.importing import import_agent
+from bt_agents_groot.scripts import parse_script
+from bt_agents_groot.written import Raw, Written, yaml_lines
+from bt_agents_groot.xml_reader import Element
+from bt_agents_language.files.agent_reader import read_agent_text
+from bt_agents_language.model.specs import NodeSpec
+from bt_agents_language.yaml.source import Source
 from stage import VOCABULARY
 
 START = Written(key="set", value={"x": 1, "t": "hello", "b": True})

@@ -17,24 +17,24 @@ import pytest
 from hypothesis import HealthCheck, given, note, settings
 from hypothesis import strategies as st
 
+from bt_agents.engine.environment import GoalState
 from bt_agents.engine.run import Run
-from bt_agents.engine.scripted_world import Answer, ScriptedWorld
-from bt_agents.engine.world import GoalState
-from bt_agents.errors import ReadError
-from bt_agents.language.agent_reader import read_agent
-from bt_agents.language.codes.table import CODES
-from bt_agents.language.folder_reader import read_trees
-from bt_agents.language.libraries import FolderLibraries
-from bt_agents.language.market_reader import read_market
-from bt_agents.language.node_types import Children, Content, NodeField
-from bt_agents.language.nodes import BESIDE, KINDS, MODIFIERS
-from bt_agents.language.renderers import MAX_SHOWN
-from bt_agents.language.scene_reader import read_scene
-from bt_agents.language.script_reader import read_script
-from bt_agents.language.skills_reader import read_skills
-from bt_agents.language.specs import AgentSpec, FieldType
-from bt_agents.language.testing.test_reader import read_test
-from bt_agents.language.vocabulary import ImportProblem
+from bt_agents.engine.scripted_environment import Answer, ScriptedWorld
+from bt_agents_core.errors import ReadError
+from bt_agents_language.files.agent_reader import read_agent
+from bt_agents_language.files.folder_reader import read_trees
+from bt_agents_language.files.libraries import FolderLibraries
+from bt_agents_language.files.market_reader import read_market
+from bt_agents_language.files.scene_reader import read_scene
+from bt_agents_language.files.script_reader import read_script
+from bt_agents_language.files.skills_reader import read_skills
+from bt_agents_language.files.testing.test_reader import read_test
+from bt_agents_language.model.node_type import Children, Content, NodeField
+from bt_agents_language.model.specs import AgentSpec, FieldType
+from bt_agents_language.model.symbols import ImportProblem
+from bt_agents_language.nodes import BESIDE, KINDS, MODIFIERS
+from bt_agents_language.reference.codes.table import CODES
+from bt_agents_language.yaml.renderers import MAX_SHOWN
 from stage import SPACE, TREES, VOCABULARY, scene
 
 CORPUS = Path(__file__).parents[1] / "corpus"

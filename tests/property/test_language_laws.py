@@ -13,18 +13,18 @@ from pathlib import Path
 from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 
-from bt_agents.errors import ReadError
-from bt_agents.language.agent_reader import read_agent_text
-from bt_agents.language.diagnostics import CODES, Diagnostics
-from bt_agents.language.experiment_reader import read_experiment
-from bt_agents.language.expression.expressions import ExpressionError, parse_expression
-from bt_agents.language.quantities import QuantityError, duration, integer, number
-from bt_agents.language.scene_reader import read_scene_text
-from bt_agents.language.script_reader import read_script
-from bt_agents.language.skills_reader import read_skills_text
-from bt_agents.language.specs import AgentSpec, NodeSpec
-from bt_agents.language.text.source import Source
-from bt_agents.language.text.yaml_reader import Mapping, Node, Scalar, Sequence, read_yaml
+from bt_agents_core.errors import ReadError
+from bt_agents_language.expression.expressions import ExpressionError, parse_expression
+from bt_agents_language.files.agent_reader import read_agent_text
+from bt_agents_language.files.experiment_reader import read_experiment
+from bt_agents_language.files.scene_reader import read_scene_text
+from bt_agents_language.files.script_reader import read_script
+from bt_agents_language.files.skills_reader import read_skills_text
+from bt_agents_language.model.quantities import QuantityError, duration, integer, number
+from bt_agents_language.model.specs import AgentSpec, NodeSpec
+from bt_agents_language.yaml.diagnostics import CODES, Diagnostics
+from bt_agents_language.yaml.source import Source
+from bt_agents_language.yaml.yaml_reader import Mapping, Node, Scalar, Sequence, read_yaml
 from stage import SPACE, TREES, VOCABULARY
 
 EVERYTHING = """\

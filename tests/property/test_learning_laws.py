@@ -13,10 +13,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bt_agents.feedback import Kind, LearningRule, Update
-from bt_agents.scene import SceneParameter, SceneSpace, Vector
-from feedback_node import learning, updates
-from feedback_node.learning import Evidence
+from bt_agents_core.feedback import Kind, LearningRule, Update
+from bt_agents_core.scene import SceneParameter, SceneSpace, Vector
+from feedback_node.learning import learning_step, updates
+from feedback_node.learning.learning_step import Evidence
 
 RANGES = ((1.0, 5.0), (-1.0, 1.0), (0.0, 1e6))
 SPACE = SceneSpace(
@@ -65,7 +65,7 @@ evidences = st.builds(
 
 
 def step(kind: Kind, profile: Vector, target: Vector, rate: float, **more: Any) -> Vector:
-    return learning.step(kind, profile, target, rate=rate, space=SPACE, **more).after
+    return learning_step.step(kind, profile, target, rate=rate, space=SPACE, **more).after
 
 
 @given(kinds, profiles, targets, rates, rules, weights, evidences)
@@ -196,6 +196,6 @@ def test_many_rows_at_once_are_moved_as_one_by_one(rule, rows):
 
 @given(st.lists(targets, max_size=20))
 def test_the_share_of_wrong_feedback_is_a_share_or_not_known(recent):
-    share = learning.false_rate(recent, SPACE)
-    assert math.isnan(share) == (len(recent) < learning.FEWEST_SAMPLES)
+    share = learning_step.false_rate(recent, SPACE)
+    assert math.isnan(share) == (len(recent) < learning_step.FEWEST_SAMPLES)
     assert math.isnan(share) or 0.0 <= share <= 1.0

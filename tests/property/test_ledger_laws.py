@@ -11,12 +11,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, rule
 
-from bt_agents.errors import Refused
+from bt_agents_core.errors import Refused
 from desk import Desk
-from feedback_node.ledger import Entry, Ledger
-from feedback_node.ledger_rows import LAYER, Cause
-from feedback_node.management import Action
-from feedback_node.recovery import inspect
+from feedback_node.ledger.ledger import Entry, Ledger
+from feedback_node.ledger.ledger_rows import LAYER, Cause
+from feedback_node.ledger.recovery import inspect
+from feedback_node.management.management import Action
 
 values = st.floats(-1e9, 1e9)
 profiles = st.fixed_dictionaries({"age": values, "mood": values})

@@ -8,7 +8,7 @@ from collections import Counter
 
 import pytest
 
-from bt_agents.errors import Refused
+from bt_agents_core.errors import Refused
 from market_driver import Driver
 from marketplace_node.effects import (
     AnnounceRun,

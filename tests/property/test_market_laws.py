@@ -9,9 +9,8 @@ from hypothesis import settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, rule
 
-from bt_agents.errors import Refused
+from bt_agents_core.errors import Refused
 from market_driver import Driver, scene
-from marketplace_node.decision import External, Outcome
 from marketplace_node.effects import (
     AnnounceRun,
     AskOutside,
@@ -26,9 +25,10 @@ from marketplace_node.effects import (
     SendGoal,
     State,
 )
-from marketplace_node.floor import PREVIEWS
-from marketplace_node.previews import MOST
-from marketplace_node.say import Act, Order
+from marketplace_node.market_state import PREVIEWS
+from marketplace_node.operators.operator_overrides import Act, Order
+from marketplace_node.operators.previews import MOST
+from marketplace_node.round.decision import External, Outcome
 from marketplace_node.settings import ON_NEW_SCENE
 
 AGENTS = {"/a": ("ann", "abe"), "/b": ("bob", "bea")}

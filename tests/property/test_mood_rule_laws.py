@@ -9,9 +9,9 @@ from dataclasses import dataclass
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bt_agents.feedback import Kind
-from bt_agents.rules import LEAST_AGAIN_S, Fired, Rule, Watch, read_rule
-from bt_agents.scene import Origin, Scene, SceneParameter, SceneSpace, SceneValue
+from bt_agents_core.feedback import Kind
+from bt_agents_core.scene import Origin, Scene, SceneParameter, SceneSpace, SceneValue
+from feedback_node.rules import LEAST_AGAIN_S, Fired, Rule, Watch, read_rule
 
 SPACE = SceneSpace(
     parameters=(SceneParameter(name="mood", minimum=1.0, maximum=5.0, default=3.0),), mood="mood"

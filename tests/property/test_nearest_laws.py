@@ -9,15 +9,15 @@ from random import Random
 import numpy as np
 import pytest
 
-from bt_agents.scene import SceneSpace
+from bt_agents_core.scene import SceneSpace
 from market_driver import SPACE, scene
-from marketplace_node import ranking as ranking_module
-from marketplace_node.bid_table import BidTable
-from marketplace_node.contest import Contest
-from marketplace_node.decision import Ranked, Terms
-from marketplace_node.ranking import decide, winning_row
+from marketplace_node.round import ranking as ranking_module
+from marketplace_node.round.bid_table import BidTable
+from marketplace_node.round.decision import Ranked, Terms
+from marketplace_node.round.ranking import decide, winning_row
+from marketplace_node.round.round_model import Contest
 from marketplace_node.strategies import STRATEGIES
-from marketplace_node.strategies.field import Sum
+from marketplace_node.strategies.arrays import Sum
 from marketplace_node.strategies.nearest import BLOCK, measure, nearest
 from ranked_rounds import bids, terms
 from ranking import Case, case, equals_plain

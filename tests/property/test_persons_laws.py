@@ -9,14 +9,14 @@ from dataclasses import dataclass
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bt_agents.language.scene_specs import (
+from bt_agents_core.scene import SceneParameter, SceneSpace
+from bt_agents_language.model.scene_specs import (
     AddresseeRule,
     AddresseeSpec,
     PersonsSpec,
     TrackedSpec,
 )
-from bt_agents.language.specs import Position
-from bt_agents.scene import SceneParameter, SceneSpace
+from bt_agents_language.model.specs import Position
 from scene_layer.memory import Memory, Running, ignorance
 from scene_layer.memory_file import from_text, to_text
 from scene_layer.persons import NOBODY, Persons

@@ -9,12 +9,12 @@ from random import Random
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from bt_agents.engine.recorded_world import read_record, repeat
-from bt_agents.engine.recording import RecordingRun
+from bt_agents.engine.environment import GIVE_FEEDBACK, GoalState
 from bt_agents.engine.run import Run, StatusChange
-from bt_agents.engine.scripted_world import Answer, ManualClock, ScriptedWorld
-from bt_agents.engine.world import GIVE_FEEDBACK, GoalState
-from bt_agents.language.specs import NodeSpec
+from bt_agents.engine.scripted_environment import Answer, ManualClock, ScriptedWorld
+from bt_agents.recording.recording_run import RecordingRun
+from bt_agents.recording.replay_world import read_record, repeat
+from bt_agents_language.model.specs import NodeSpec
 from random_trees import ACTIONS, Puppet, placed, trees
 from stage import SPACE, Stage, agent, scene
 

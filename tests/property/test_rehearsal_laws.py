@@ -9,13 +9,13 @@ from pathlib import Path
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from bt_agents.errors import ReadError
-from bt_agents.language.codes.table import CODES
-from bt_agents.language.folder_reader import read_trees
-from bt_agents.language.testing.scenarios import Happening, Scenario
-from bt_agents.language.testing.test_reader import read_test_text
-from bt_agents.rehearsal.rehearsal import rehearse
-from bt_agents.rehearsal.suite import failure, run_case
+from bt_agents_core.errors import ReadError
+from bt_agents_language.files.folder_reader import read_trees
+from bt_agents_language.files.testing.scenarios import Happening, Scenario
+from bt_agents_language.files.testing.test_reader import read_test_text
+from bt_agents_language.reference.codes.table import CODES
+from bt_agents_tools.rehearsal.rehearsal import rehearse
+from bt_agents_tools.rehearsal.suite import failure, run_case
 from stage import SPACE, TREES, VOCABULARY
 
 AGENTS = read_trees(TREES).agents

@@ -10,9 +10,9 @@ from pathlib import Path
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from bt_agents.errors import Refused
-from bt_agents.language.specs import AgentSpec
-from bt_agents.language.walking import every_node
+from bt_agents_core.errors import Refused
+from bt_agents_language.model.specs import AgentSpec
+from bt_agents_language.model.walking import every_node
 from reloading import Watched, new_folder
 
 NAMES = ("ann", "bob")

@@ -11,27 +11,34 @@ from typing import Any
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from bt_agents.feedback import BUTTON, MOOD_RULE, Kind, LearningRule, Update
-from bt_agents.language.market_reader import read_market
-from bt_agents.language.text.source import Source
-from bt_agents.ros.learning_messages import learning_to_msg
-from bt_agents.ros.messages import to_time
-from bt_agents.scene import Scene
+from bt_agents.host.learning_messages import learning_to_msg
+from bt_agents_core.feedback import BUTTON, MOOD_RULE, Kind, LearningRule, Update
+from bt_agents_core.scene import Scene
 from bt_agents_interfaces.msg import AgentCard, HostCard
 from bt_agents_lab.replay.decisions import decisions_again
 from bt_agents_lab.replay.findings import Verdict
-from bt_agents_lab.replay.lessons import lessons_again
-from bt_agents_lab.replay.story import Lesson, Round
-from feedback_node.ledger import Ledger
+from bt_agents_lab.replay.recording_index import Lesson, Round
+from bt_agents_lab.replay.replay_learning import lessons_again
+from bt_agents_language.files.market_reader import read_market
+from bt_agents_language.yaml.source import Source
+from bt_agents_ros.messages import to_time
+from feedback_node.learning.profiles import Profiles
+from feedback_node.learning.runs import Run
+from feedback_node.ledger.ledger import Ledger
 from feedback_node.node.messages import card_from_msg, feedback_to_msg
-from feedback_node.profiles import Profiles
-from feedback_node.runs import Run
-from marketplace_node.decision import AcceptedBid, ClosedBy, Decision, External, Outcome, Terms
 from marketplace_node.effects import PublishAuction
-from marketplace_node.explain import reason
-from marketplace_node.explanation import explanation
+from marketplace_node.explanation.explanation import explanation
+from marketplace_node.explanation.reason import reason
 from marketplace_node.node.messages import auction_to_msg
-from marketplace_node.ranking import decide
+from marketplace_node.round.decision import (
+    AcceptedBid,
+    ClosedBy,
+    Decision,
+    External,
+    Outcome,
+    Terms,
+)
+from marketplace_node.round.ranking import decide
 from marketplace_node.strategies import STRATEGIES
 from stage import SPACE, scene
 

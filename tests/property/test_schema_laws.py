@@ -8,9 +8,9 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 from jsonschema import Draft7Validator
 
-from bt_agents.errors import ReadError
-from bt_agents.language.agent_reader import read_agent_text
-from bt_agents.language.schema.folder import SCHEMAS
+from bt_agents_core.errors import ReadError
+from bt_agents_language.files.agent_reader import read_agent_text
+from bt_agents_language.tools.schema.folder import SCHEMAS
 from core_schema import loaded
 from stage import VOCABULARY
 

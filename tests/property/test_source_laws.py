@@ -10,8 +10,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bt_agents.errors import Refused
-from bt_agents.language.scene_reader import read_scene_text
+from bt_agents_core.errors import Refused
+from bt_agents_language.files.scene_reader import read_scene_text
 from scene_layer.sources import Sources, message_of
 
 SCENE = """

@@ -11,12 +11,12 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from bt_agents.language.diagnostics import Diagnostics
-from bt_agents.language.formatting.comments import find_comments
-from bt_agents.language.formatting.meaning import value_type
-from bt_agents.language.formatting.span_edit import replace_value
-from bt_agents.language.text.source import Source
-from bt_agents.language.text.yaml_reader import Mapping, Node, Scalar, Sequence, read_yaml
+from bt_agents_language.tools.formatting.comments import find_comments
+from bt_agents_language.tools.formatting.equivalence import value_type
+from bt_agents_language.tools.formatting.span_edit import replace_value
+from bt_agents_language.yaml.diagnostics import Diagnostics
+from bt_agents_language.yaml.source import Source
+from bt_agents_language.yaml.yaml_reader import Mapping, Node, Scalar, Sequence, read_yaml
 
 TREES = Path(__file__).parents[2] / "trees"
 SEEDS = [

@@ -16,7 +16,7 @@ from hypothesis.extra import numpy as arrays
 
 from fields import field, scored
 from market_driver import SPACE, scene
-from marketplace_node.ranking import decide
+from marketplace_node.round.ranking import decide
 from marketplace_node.strategies import STRATEGIES, Chances, Field, chance
 from ranked_rounds import added_up, bids, terms
 

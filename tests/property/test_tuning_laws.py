@@ -13,17 +13,17 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from bt_agents.errors import Refused
-from bt_agents.language.agent_reader import read_agent_text
-from bt_agents.language.specs import AgentSpec, FieldType
-from bt_agents.language.text.legibility import BAD_CHARACTER
-from bt_agents.language.text.source import Source
-from bt_agents.tuning.history import Action, Cause, Change, History, Revision
-from bt_agents.tuning.journal_lines import revision_line, state_line, take_line
-from bt_agents.tuning.keeping import Tuned, keep
-from bt_agents.tuning.knobs import Knob, KnobKind, Setting, knobs_of, written
-from bt_agents.tuning.presets import Presets, presets_text, read_presets
-from bt_agents.tuning.remembered import Remembered
+from bt_agents.host.tuning.change_log_lines import revision_line, state_line, take_line
+from bt_agents.host.tuning.history import Action, Cause, Change, History, Revision
+from bt_agents.host.tuning.overrides import Remembered
+from bt_agents.host.tuning.presets import Presets, presets_text, read_presets
+from bt_agents.host.tuning.tunable import Knob, KnobKind, Setting, knobs_of, written
+from bt_agents_core.errors import Refused
+from bt_agents_language.files.agent_reader import read_agent_text
+from bt_agents_language.model.specs import AgentSpec, FieldType
+from bt_agents_language.yaml.precheck import BAD_CHARACTER
+from bt_agents_language.yaml.source import Source
+from bt_agents_tools.client.write_back import Tuned, keep
 from stage import SPACE, TREES, VOCABULARY
 
 NAMES = ("a.x", "a.y", "b.x", "c.x", "rate")

@@ -9,12 +9,12 @@ from typing import Any
 import pytest
 from rclpy.serialization import deserialize_message, serialize_message
 
-from bt_agents.errors import Refused
-from bt_agents.ros import bid_bytes
-from bt_agents.ros.bid_bytes import Saying
-from bt_agents.roster import Roster
+from bt_agents.host.agent_registry import Roster
+from bt_agents_core.errors import Refused
 from bt_agents_interfaces.msg import Bids
-from marketplace_node.node.hearing import Hearing
+from bt_agents_ros import bid_encoding
+from bt_agents_ros.bid_encoding import Saying
+from marketplace_node.node.bid_decoder import Hearing
 from marketplace_node.node.messages import bids_from_msg
 from stage import SPACE, agent, scene
 
@@ -67,8 +67,8 @@ def test_what_stands_between_two_fields_does_not_matter(monkeypatch: pytest.Monk
         made[end : end + gap] = bytes([next(fills)] * gap)
         return bytes(made)
 
-    monkeypatch.setattr(bid_bytes, "serialize_message", serialize)
-    bid_bytes._before.cache_clear()
+    monkeypatch.setattr(bid_encoding, "serialize_message", serialize)
+    bid_encoding._before.cache_clear()
     answer = roster().answer(scene(age=3))
     for epoch in EPOCHS:
         message = Saying("/agents", "first").message(epoch, 3, answer)
@@ -94,9 +94,9 @@ def test_a_market_reads_an_answer_that_it_has_read_before_as_it_is(epoch: str) -
 
 def test_an_answer_in_another_order_of_bytes_is_not_compared() -> None:
     message = serialize_message(Bids(epoch="e", round=1, host="/agents"))
-    assert bid_bytes.number_of(message, message, "e") == 1
+    assert bid_encoding.number_of(message, message, "e") == 1
     other = bytes([message[0], message[1] ^ 1]) + message[2:]
-    assert bid_bytes.number_of(other, other, "e") is None
+    assert bid_encoding.number_of(other, other, "e") is None
 
 
 @pytest.mark.parametrize("cut", [0, 1, 4, 8, 20, 23, 40])

@@ -11,8 +11,8 @@ import rclpy
 from rclpy.task import Future
 from std_srvs.srv import Empty
 
-from bt_agents.ros import qos
-from bt_agents.ros.calls import Calls
+from bt_agents_ros import qos
+from bt_agents_ros.calls import Calls
 
 pytestmark = pytest.mark.ros
 

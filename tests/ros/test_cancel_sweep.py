@@ -16,9 +16,9 @@ from action_msgs.srv import CancelGoal
 from unique_identifier_msgs.msg import UUID
 
 from bt_agents.engine.run import Run, RunLimits
-from bt_agents.ros import qos
-from bt_agents.ros.host import HostNode
+from bt_agents.host.node import HostNode
 from bt_agents_interfaces.action import RunAgent
+from bt_agents_ros import qos
 from market_probe import Market, folder, make_host
 from scripted_server import Script, ScriptedServer
 

@@ -22,8 +22,8 @@ from rosgraph_msgs.msg import Clock as ClockMsg
 from std_msgs.msg import Empty, String
 from std_srvs.srv import Trigger
 
-from bt_agents.ros import qos
-from bt_agents.ros.executor import LeanExecutor
+from bt_agents_ros import qos
+from bt_agents_ros.workarounds.cached_executor import LeanExecutor
 
 pytestmark = pytest.mark.ros
 

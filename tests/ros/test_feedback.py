@@ -10,10 +10,7 @@ from typing import Any
 
 import pytest
 
-from bt_agents.ros import qos
-from bt_agents.ros.messages import scene_to_msg
-from bt_agents.scene import Origin, Scene, SceneParameter, SceneSpace, SceneValue
-from bt_agents.simulated import SimulatedFeedback
+from bt_agents_core.scene import Origin, Scene, SceneParameter, SceneSpace, SceneValue
 from bt_agents_interfaces.msg import (
     AgentCard,
     Feedback,
@@ -27,10 +24,13 @@ from bt_agents_interfaces.msg import (
 )
 from bt_agents_interfaces.msg import Scene as SceneMsg
 from bt_agents_interfaces.srv import CancelRun, CollectFeedback, GiveFeedback, SetProfile
-from feedback_node.ledger import Ledger
-from feedback_node.ledger_file import LedgerError
-from feedback_node.ledger_rows import Cause
+from bt_agents_ros import qos
+from bt_agents_ros.messages import scene_to_msg
+from feedback_node.ledger.ledger import Ledger
+from feedback_node.ledger.ledger_file import LedgerError
+from feedback_node.ledger.ledger_rows import Cause
 from feedback_node.node import FeedbackNode
+from feedback_node.simulated_feedback import SimulatedFeedback
 
 pytestmark = pytest.mark.ros
 

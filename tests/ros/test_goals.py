@@ -14,17 +14,17 @@ import rclpy
 from std_msgs.msg import Bool, ByteMultiArray, String
 from std_srvs.srv import SetBool
 
-from bt_agents.engine.goals import GoalTrack
-from bt_agents.engine.scripted_world import ManualClock
-from bt_agents.engine.world import Goal, GoalRun, GoalState
-from bt_agents.language.specs import BindingKind, HeartbeatSpec, Timeouts
-from bt_agents.ros import qos
-from bt_agents.ros.goals import RosGoal
-from bt_agents.ros.inboxes import DEPTH
-from bt_agents.ros.lookout import MOST_UNCONFIRMED
-from bt_agents.ros.message_view import MessageView
-from bt_agents.ros.world import RosWorld
+from bt_agents.engine.environment import Goal, GoalRun, GoalState
+from bt_agents.engine.scripted_environment import ManualClock
+from bt_agents.host.environment.goal import RosGoal
+from bt_agents.host.environment.goal_deadlines import MOST_UNCONFIRMED
+from bt_agents.host.environment.goal_track import GoalTrack
+from bt_agents.host.environment.inbox import DEPTH
+from bt_agents.host.environment.ros_environment import RosWorld
 from bt_agents_interfaces.action import Ask
+from bt_agents_language.model.specs import BindingKind, HeartbeatSpec, Timeouts
+from bt_agents_ros import qos
+from bt_agents_ros.message_view import MessageView
 from scripted_server import Script, ScriptedServer, ScriptedService
 from stage import SPACE, agent
 

@@ -16,9 +16,7 @@ from rcl_interfaces.srv import DescribeParameters, SetParameters
 from rclpy.action import ActionServer, CancelResponse, GoalResponse
 from rclpy.task import Future
 
-from bt_agents.ros import qos
-from bt_agents.ros.host import HostNode
-from bt_agents.ros.messages import scene_to_msg
+from bt_agents.host.node import HostNode
 from bt_agents_interfaces.action import RunAgent, Say
 from bt_agents_interfaces.msg import (
     Heartbeat,
@@ -29,6 +27,8 @@ from bt_agents_interfaces.msg import (
     TreeStatus,
 )
 from bt_agents_interfaces.srv import GiveFeedback, SetProfile
+from bt_agents_ros import qos
+from bt_agents_ros.messages import scene_to_msg
 from market_probe import Market, folder, make_host
 from stage import scene
 

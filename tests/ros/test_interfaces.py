@@ -12,13 +12,13 @@ from builtin_interfaces.msg import Duration, Time
 from geometry_msgs.msg import PoseWithCovarianceStamped
 from std_msgs.msg import Bool, Byte, Empty, Float32, Float64, Int8, String, UInt16MultiArray
 
-from bt_agents.errors import ReadError, Refused
-from bt_agents.language.agent_reader import read_agent_text
-from bt_agents.language.specs import BindingKind
-from bt_agents.ros.installed import InstalledInterfaces
-from bt_agents.ros.interfaces import fill, load_type, read_field, to_plain
+from bt_agents_core.errors import ReadError, Refused
 from bt_agents_interfaces.action import Say
 from bt_agents_interfaces.msg import Scene
+from bt_agents_language.files.agent_reader import read_agent_text
+from bt_agents_language.model.specs import BindingKind
+from bt_agents_ros.installed import InstalledInterfaces
+from bt_agents_ros.types import fill, load_type, read_field, to_plain
 from stage import VOCABULARY
 
 pytestmark = pytest.mark.ros

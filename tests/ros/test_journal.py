@@ -12,18 +12,18 @@ import pytest
 from rclpy.parameter import Parameter
 from std_msgs.msg import Bool
 
-from bt_agents.errors import BtAgentsError, Refused
-from bt_agents.ros import qos
-from bt_agents.ros.host import HostNode
-from bt_agents.ros.messages import scene_to_msg
+from bt_agents.host.node import HostNode
+from bt_agents_core.errors import BtAgentsError, Refused
 from bt_agents_interfaces.action import RunAgent
 from bt_agents_interfaces.msg import RunRecord, Scene
 from bt_agents_interfaces.srv import ReloadAgents
-from bt_agents_lab.journal.reading import JournalReader
 from bt_agents_lab.node import JournalNode
+from bt_agents_lab.recorder.reading import JournalReader
 from bt_agents_lab.replay.findings import Verdict, tally
-from bt_agents_lab.replay.story import Story, tell
+from bt_agents_lab.replay.recording_index import Story, tell
 from bt_agents_lab.replay.trees import runs_again
+from bt_agents_ros import qos
+from bt_agents_ros.messages import scene_to_msg
 from market_probe import Market, folder, make_host
 from scripted_server import Script, ScriptedServer
 from stage import scene

@@ -13,15 +13,15 @@ from typing import Any
 
 import pytest
 
-from bt_agents.language.folder_reader import read_trees
-from bt_agents.ros import qos
-from bt_agents.ros.host import HostNode
-from bt_agents.ros.installed import InstalledInterfaces
-from bt_agents.ros.messages import scene_to_msg
+from bt_agents.host.node import HostNode
 from bt_agents_interfaces.msg import Auction, Bids, Feedback, MarketStatus, Profiles, Run, Scene
 from bt_agents_interfaces.srv import GiveFeedback, ManageProfiles
-from feedback_node.ledger import Entry, Ledger
-from feedback_node.ledger_rows import LAYER, Cause
+from bt_agents_language.files.folder_reader import read_trees
+from bt_agents_ros import qos
+from bt_agents_ros.installed import InstalledInterfaces
+from bt_agents_ros.messages import scene_to_msg
+from feedback_node.ledger.ledger import Entry, Ledger
+from feedback_node.ledger.ledger_rows import LAYER, Cause
 from feedback_node.node import FeedbackNode
 from marketplace_node.node import MarketplaceNode
 from programs import ROOT

@@ -7,10 +7,10 @@ from dataclasses import replace
 
 import pytest
 
-from bt_agents.feedback import WEIGHTS, LearningRule, Update
-from bt_agents.ros.learning_messages import learning_to_msg, rule_to_msg
+from bt_agents.host.learning_messages import learning_to_msg, rule_to_msg
+from bt_agents_core.feedback import WEIGHTS, LearningRule, Update
 from bt_agents_interfaces.msg import AgentCard, HostCard
-from feedback_node.cards import read_card
+from feedback_node.learning.cards import read_card
 from feedback_node.node.messages import card_from_msg
 from stage import SPACE, agent
 

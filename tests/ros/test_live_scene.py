@@ -17,17 +17,17 @@ from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
 from rcl_interfaces.srv import SetParameters
 from std_msgs.msg import Float64
 
-from bt_agents.language.expression.expressions import parse_expression
-from bt_agents.language.scene_specs import SceneSpec, SourceSpec
-from bt_agents.language.specs import Position
-from bt_agents.ros import qos
-from bt_agents.ros.live_scene import LiveScene
-from bt_agents.ros.messages import scene_to_msg
-from bt_agents.scene import Scene
+from bt_agents.host.live_scene import LiveScene
+from bt_agents_core.scene import Scene
 from bt_agents_interfaces.msg import AgentCard, HostCard, MoodRule, Run
 from bt_agents_interfaces.msg import Scene as SceneMsg
 from bt_agents_interfaces.srv import CancelRun, GiveFeedback, SetProfile
-from feedback_node.ledger import Ledger
+from bt_agents_language.expression.expressions import parse_expression
+from bt_agents_language.model.scene_specs import SceneSpec, SourceSpec
+from bt_agents_language.model.specs import Position
+from bt_agents_ros import qos
+from bt_agents_ros.messages import scene_to_msg
+from feedback_node.ledger.ledger import Ledger
 from feedback_node.node import FeedbackNode
 from scene_layer.node import SHORTEST_S, SceneLayerNode
 from stage import SPACE, scene

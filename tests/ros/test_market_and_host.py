@@ -12,12 +12,12 @@ from typing import Any
 import pytest
 from rclpy.parameter import Parameter
 
-from bt_agents.language.folder_reader import read_trees
-from bt_agents.ros import qos
-from bt_agents.ros.host import HostNode
-from bt_agents.ros.installed import InstalledInterfaces
+from bt_agents.host.node import HostNode
 from bt_agents_interfaces.msg import Auction, MarketStatus, Run, Scene, SceneEnd, SceneValue
 from bt_agents_interfaces.srv import CollectFeedback
+from bt_agents_language.files.folder_reader import read_trees
+from bt_agents_ros import qos
+from bt_agents_ros.installed import InstalledInterfaces
 from marketplace_node.node import MarketplaceNode
 
 pytestmark = pytest.mark.ros

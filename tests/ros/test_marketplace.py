@@ -15,9 +15,7 @@ from rcl_interfaces.srv import DescribeParameters, SetParameters
 from rclpy.action import ActionClient
 from rclpy.parameter import Parameter
 
-from bt_agents.errors import ReadError
-from bt_agents.ros import qos
-from bt_agents.ros.messages import scene_to_msg
+from bt_agents_core.errors import ReadError
 from bt_agents_interfaces.action import RunAgent
 from bt_agents_interfaces.msg import (
     Auction,
@@ -30,6 +28,8 @@ from bt_agents_interfaces.msg import (
     SceneValue,
 )
 from bt_agents_interfaces.srv import CollectFeedback
+from bt_agents_ros import qos
+from bt_agents_ros.messages import scene_to_msg
 from market_driver import EXPRESS, GUIDE, PLAIN, SPACE, scene
 from market_stage import FAR, FakeHost, Stage
 from marketplace_node.node import make_market

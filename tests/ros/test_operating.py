@@ -12,10 +12,10 @@ from rcl_interfaces.msg import Parameter as ParameterMsg
 from rcl_interfaces.msg import ParameterType, ParameterValue
 from rcl_interfaces.srv import DescribeParameters, SetParametersAtomically
 
-from bt_agents.ros import qos
-from bt_agents.ros.messages import scene_to_msg
 from bt_agents_interfaces.msg import Auction, MarketStatus, Run, Scene, SceneValue
 from bt_agents_interfaces.srv import OperateMarket, PreviewAuction
+from bt_agents_ros import qos
+from bt_agents_ros.messages import scene_to_msg
 from market_driver import EXPRESS, GUIDE, SPACE, scene
 from market_stage import Stage
 from marketplace_node.node import MarketplaceNode

@@ -12,13 +12,13 @@ import rclpy
 from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.task import Future
 
-from bt_agents.engine.world import GoalState
-from bt_agents.feedback import Kind
-from bt_agents.ros import qos
-from bt_agents.ros.feedback_requests import KEPT, FeedbackRequests
-from bt_agents.ros.messages import scene_to_msg
-from bt_agents.ros.outbox import Outbox
+from bt_agents.engine.environment import GoalState
+from bt_agents.host.environment.feedback_requests import KEPT, FeedbackRequests
+from bt_agents_core.feedback import Kind
 from bt_agents_interfaces.srv import GiveFeedback
+from bt_agents_ros import qos
+from bt_agents_ros.messages import scene_to_msg
+from bt_agents_ros.outbox import Outbox
 from stage import SPACE, scene
 
 pytestmark = pytest.mark.ros

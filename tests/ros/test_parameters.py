@@ -21,23 +21,23 @@ from rcl_interfaces.srv import (
 from rclpy.exceptions import InvalidParameterValueException
 from rclpy.parameter import Parameter as NodeParameter
 
-from bt_agents.cli import system
-from bt_agents.language.folder_reader import read_trees
-from bt_agents.language.scene_reader import read_scene
-from bt_agents.language.specs import Script
-from bt_agents.ros import qos
-from bt_agents.ros.host import HostNode
-from bt_agents.ros.installed import InstalledInterfaces
-from bt_agents.ros.node import GuardedNode
-from bt_agents.ros.parameter_services import MOST
+from bt_agents.host.node import HostNode
 from bt_agents_interfaces.msg import Heartbeat
+from bt_agents_language.files.folder_reader import read_trees
+from bt_agents_language.files.scene_reader import read_scene
+from bt_agents_language.model.specs import Script
 from bt_agents_robot.robot import RobotNode
 from bt_agents_robot.visitors import VisitorsNode
-from feedback_node.ledger import Ledger
+from bt_agents_ros import qos
+from bt_agents_ros.base_node import GuardedNode
+from bt_agents_ros.installed import InstalledInterfaces
+from bt_agents_ros.workarounds.parameter_services import MOST
+from bt_agents_tools.launcher import components
+from feedback_node.ledger.ledger import Ledger
 from feedback_node.node import FeedbackNode
+from marketplace_node.external_ranking.openai_protocol import Endpoint
 from marketplace_node.node import MarketplaceNode
 from marketplace_node.node.selector import SelectorNode
-from marketplace_node.openai_protocol import Endpoint
 from processes import NodeProcess
 from scene_layer.node import SceneLayerNode
 from stage import SPACE, TREES
@@ -223,7 +223,7 @@ def test_the_heartbeat_of_a_host_goes_on_while_it_gets_100000_parameters(
         Heartbeat, "agents/heartbeat", lambda _m, info: beats.append(_sent(info)), qos.EVENTS
     )
     many = [number("tick_rate", 10.0)] * 100_000
-    host = NodeProcess(system.host(TREES), "agents", tmp_path / "log")
+    host = NodeProcess(components.host(TREES), "agents", tmp_path / "log")
     try:
         asking = Asking(ros, "agents")
         ros.until(lambda: len(beats) > 3)

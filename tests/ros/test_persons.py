@@ -10,10 +10,7 @@ from typing import Any
 import pytest
 from std_msgs.msg import Empty, Float64, Int32MultiArray, String
 
-from bt_agents.errors import BtAgentsError, Refused
-from bt_agents.language.scene_reader import read_scene_text
-from bt_agents.ros import qos
-from bt_agents.ros.installed import InstalledInterfaces
+from bt_agents_core.errors import BtAgentsError, Refused
 from bt_agents_interfaces.msg import (
     Face,
     Faces,
@@ -25,6 +22,9 @@ from bt_agents_interfaces.msg import (
     SceneValue,
 )
 from bt_agents_interfaces.srv import Analyze, ManageProfiles
+from bt_agents_language.files.scene_reader import read_scene_text
+from bt_agents_ros import qos
+from bt_agents_ros.installed import InstalledInterfaces
 from scene_layer.node import SceneLayerNode
 
 pytestmark = pytest.mark.ros

@@ -13,13 +13,9 @@ from rcl_interfaces.srv import SetParameters
 from rclpy.action import ActionClient
 from rclpy.parameter import Parameter
 
-from bt_agents.language.folder_reader import read_trees
-from bt_agents.language.walking import every_node
-from bt_agents.reload.folder_watch import FolderWatch
-from bt_agents.ros import qos
-from bt_agents.ros.host import HostNode
-from bt_agents.ros.messages import scene_to_msg
-from bt_agents.scene import Origin, Scene, SceneValue
+from bt_agents.host.node import HostNode
+from bt_agents.host.reload.folder_watch import FolderWatch
+from bt_agents_core.scene import Origin, Scene, SceneValue
 from bt_agents_interfaces.action import RunAgent
 from bt_agents_interfaces.msg import Heartbeat, HostCard, MarketStatus, Run, Trees, TreeStatus
 from bt_agents_interfaces.msg import Scene as SceneMsg
@@ -31,6 +27,10 @@ from bt_agents_interfaces.srv import (
     RollBack,
     SetProfile,
 )
+from bt_agents_language.files.folder_reader import read_trees
+from bt_agents_language.model.walking import every_node
+from bt_agents_ros import qos
+from bt_agents_ros.messages import scene_to_msg
 from marketplace_node.node import MarketplaceNode
 from reloading import SKILLS, agent, new_folder, write
 
@@ -497,7 +497,7 @@ def test_heartbeats_go_on_while_many_agents_are_read_again(ros: Any, tmp_path: P
 def test_changes_are_told_when_the_last_agent_has_used_up_its_slice(
     ros: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("bt_agents.ros.reloading._SLICE_S", 0.0)
+    monkeypatch.setattr("bt_agents.host.reload.reload_service._SLICE_S", 0.0)
     host = Host(ros, tmp_path, ann=agent("ann", "{say: hello}"), bob=agent("bob", "{say: hello}"))
     (host.folder / "skills" / "robot.yaml").write_text(SKILLS.replace("name: say,", "name: talk,"))
     ros.until(lambda: [one.version for one in host.cards[-1].agents] == [2, 2])

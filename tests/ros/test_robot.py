@@ -12,11 +12,11 @@ from rclpy.action import ActionClient
 from rclpy.parameter import Parameter
 from std_msgs.msg import String
 
-from bt_agents.ros import qos
 from bt_agents_interfaces.action import Ask, Drive, Say, Show
 from bt_agents_interfaces.srv import SetLight
 from bt_agents_robot.robot import MOST_WAITING, RobotNode
 from bt_agents_robot.speech import Voice
+from bt_agents_ros import qos
 
 pytestmark = pytest.mark.ros
 

@@ -21,9 +21,7 @@ from rclpy.parameter import Parameter
 from rosgraph_msgs.msg import Clock as ClockMsg
 from std_msgs.msg import Bool
 
-from bt_agents.language.specs import NodeSpec, Position
-from bt_agents.ros import qos
-from bt_agents.ros.host import HostNode
+from bt_agents.host.node import HostNode
 from bt_agents_interfaces.action import RunAgent
 from bt_agents_interfaces.msg import (
     Heartbeat,
@@ -32,6 +30,8 @@ from bt_agents_interfaces.msg import (
     StatusChange,
     TreeStatus,
 )
+from bt_agents_language.model.specs import NodeSpec, Position
+from bt_agents_ros import qos
 from market_probe import Market, folder, make_host
 from scripted_server import Script, ScriptedServer
 

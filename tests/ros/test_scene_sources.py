@@ -10,11 +10,7 @@ from typing import Any
 import pytest
 from std_msgs.msg import Bool, Float64, String
 
-from bt_agents.errors import ReadError
-from bt_agents.language.scene_reader import read_scene, read_scene_text
-from bt_agents.language.scene_specs import SceneSpec
-from bt_agents.ros import qos
-from bt_agents.ros.installed import InstalledInterfaces
+from bt_agents_core.errors import ReadError
 from bt_agents_interfaces.msg import (
     EngagementLevel,
     Expression,
@@ -26,6 +22,10 @@ from bt_agents_interfaces.msg import (
     SoftBiometrics,
 )
 from bt_agents_interfaces.srv import Analyze
+from bt_agents_language.files.scene_reader import read_scene, read_scene_text
+from bt_agents_language.model.scene_specs import SceneSpec
+from bt_agents_ros import qos
+from bt_agents_ros.installed import InstalledInterfaces
 from scene_layer.node import SceneLayerNode
 from stage import TREES
 

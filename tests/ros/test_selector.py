@@ -9,14 +9,14 @@ from typing import Any
 
 import pytest
 
-from bt_agents.ros import qos
-from bt_agents.ros.messages import scene_to_msg
 from bt_agents_interfaces.msg import AgentCard, Auction, HostCard, Run
 from bt_agents_interfaces.srv import SelectAgent
+from bt_agents_ros import qos
+from bt_agents_ros.messages import scene_to_msg
 from market_driver import EXPRESS, GUIDE, SPACE, scene
 from market_stage import Stage
+from marketplace_node.external_ranking.openai_protocol import Endpoint
 from marketplace_node.node.selector import SelectorNode
-from marketplace_node.openai_protocol import Endpoint
 from model_server import ModelServer, drips, free_port, model_server, says, sends
 
 pytestmark = pytest.mark.ros

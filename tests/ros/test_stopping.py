@@ -10,9 +10,9 @@ from typing import Any
 import pytest
 from rclpy.parameter import Parameter
 
-from bt_agents.ros.host import HostNode
-from bt_agents.ros.runner import STOP_LIMIT_S
+from bt_agents.host.node import HostNode
 from bt_agents_interfaces.action import RunAgent
+from bt_agents_ros.spinner import STOP_LIMIT_S
 from market_probe import Market, folder, make_host
 from scripted_server import Script, ScriptedServer
 

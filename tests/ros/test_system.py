@@ -11,10 +11,7 @@ from typing import Any
 import pytest
 from rclpy.parameter import Parameter
 
-from bt_agents.language.folder_reader import read_trees
-from bt_agents.ros import qos
-from bt_agents.ros.host import HostNode
-from bt_agents.ros.installed import InstalledInterfaces
+from bt_agents.host.node import HostNode
 from bt_agents_interfaces.msg import (
     Auction,
     Bids,
@@ -26,7 +23,10 @@ from bt_agents_interfaces.msg import (
     SceneValue,
 )
 from bt_agents_interfaces.srv import Analyze, CancelRun, GiveFeedback, RegisterHost, SetProfile
-from feedback_node.ledger import Ledger
+from bt_agents_language.files.folder_reader import read_trees
+from bt_agents_ros import qos
+from bt_agents_ros.installed import InstalledInterfaces
+from feedback_node.ledger.ledger import Ledger
 from feedback_node.node import FeedbackNode
 from marketplace_node.node import MarketplaceNode
 from scene_layer.node import SceneLayerNode

@@ -10,10 +10,10 @@ import pytest
 import rclpy
 from rclpy.node import Node
 
-from bt_agents.engine.world import Goal
-from bt_agents.language.specs import BindingKind, NodeSpec, Timeouts
-from bt_agents.language.walking import every_node
-from bt_agents.ros.world import RosWorld
+from bt_agents.engine.environment import Goal
+from bt_agents.host.environment.ros_environment import RosWorld
+from bt_agents_language.model.specs import BindingKind, NodeSpec, Timeouts
+from bt_agents_language.model.walking import every_node
 from scripted_server import Script, ScriptedServer
 from stage import SPACE, agent
 

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from bt_agents.ros.timers import OneShot
+from bt_agents_ros.timers import OneShot
 
 pytestmark = pytest.mark.ros
 

@@ -16,13 +16,13 @@ from rcl_interfaces.srv import DescribeParameters, ListParameters, SetParameters
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from bt_agents.language.specs import AgentSpec
-from bt_agents.ros import qos
-from bt_agents.ros.node import GuardedNode
-from bt_agents.ros.tunables import TunableParameters
-from bt_agents.roster import Member, Roster
+from bt_agents.host.agent_registry import Member, Roster
+from bt_agents.host.tuning.tunable_parameters import TunableParameters
 from bt_agents_interfaces.msg import Feedback, Tunings
 from bt_agents_interfaces.srv import GiveFeedback, Tune
+from bt_agents_language.model.specs import AgentSpec
+from bt_agents_ros import qos
+from bt_agents_ros.base_node import GuardedNode
 from stage import SPACE, agent
 
 pytestmark = pytest.mark.ros

@@ -12,12 +12,7 @@ from rcl_interfaces.msg import Log
 from rclpy.action import ActionClient
 from rclpy.clock import Clock, ClockType
 
-from bt_agents.language.folder_reader import read_trees
-from bt_agents.language.scene_reader import read_scene
-from bt_agents.ros import qos
-from bt_agents.ros.host import HostNode
-from bt_agents.ros.installed import InstalledInterfaces
-from bt_agents.ros.messages import scene_to_msg
+from bt_agents.host.node import HostNode
 from bt_agents_interfaces.action import RunAgent
 from bt_agents_interfaces.msg import (
     Auction,
@@ -39,7 +34,12 @@ from bt_agents_interfaces.srv import (
     RegisterHost,
     SetProfile,
 )
-from feedback_node.ledger import Ledger
+from bt_agents_language.files.folder_reader import read_trees
+from bt_agents_language.files.scene_reader import read_scene
+from bt_agents_ros import qos
+from bt_agents_ros.installed import InstalledInterfaces
+from bt_agents_ros.messages import scene_to_msg
+from feedback_node.ledger.ledger import Ledger
 from feedback_node.node import FeedbackNode
 from marketplace_node.node import MarketplaceNode
 from processes import write_trees

@@ -12,11 +12,12 @@ import pytest
 from rcl_interfaces.msg import Log
 from rclpy.impl import rcutils_logger
 
-from bt_agents.engine.world import GoalState
-from bt_agents.feedback import Kind
-from bt_agents.ros import log_lines, qos
-from bt_agents.ros.world import RosWorld
+from bt_agents.engine.environment import GoalState
+from bt_agents.host.environment.ros_environment import RosWorld
+from bt_agents_core.feedback import Kind
 from bt_agents_interfaces.srv import GiveFeedback
+from bt_agents_ros import qos
+from bt_agents_ros.workarounds import quick_logger
 from stage import SPACE, agent
 
 pytestmark = pytest.mark.ros
@@ -65,7 +66,7 @@ def test_lines_of_different_levels_may_be_limited_also_where_files_are_links(
     ros: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     link = tmp_path / "linked_lines.py"
-    link.symlink_to(log_lines.__file__)
+    link.symlink_to(quick_logger.__file__)
     spec = spec_from_file_location("linked_lines", link)
     assert spec is not None
     assert spec.loader is not None

@@ -7,11 +7,11 @@ from collections.abc import Iterator
 
 import pytest
 
-from bt_agents.errors import ReadError
-from bt_agents.language.agent_reader import read_agent, read_agent_text
-from bt_agents.language.expression.expressions import Expression
-from bt_agents.language.nodes import KINDS, MODIFIERS
-from bt_agents.language.specs import (
+from bt_agents_core.errors import ReadError
+from bt_agents_core.scene import SceneParameter, SceneSpace
+from bt_agents_language.expression.expressions import Expression
+from bt_agents_language.files.agent_reader import read_agent, read_agent_text
+from bt_agents_language.model.specs import (
     BindingKind,
     FieldType,
     ListValue,
@@ -21,9 +21,9 @@ from bt_agents.language.specs import (
     Reference,
     Text,
 )
-from bt_agents.language.tree.subtrees import MAX_NODES
-from bt_agents.language.vocabulary import Vocabulary
-from bt_agents.scene import SceneParameter, SceneSpace
+from bt_agents_language.model.symbols import Vocabulary
+from bt_agents_language.nodes import KINDS, MODIFIERS
+from bt_agents_language.tree.subtrees import MAX_NODES
 from fake_interfaces import FakeInterfaces
 from stage import SPACE, TREES, VOCABULARY, agent
 

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from bt_agents.errors import BtAgentsError, ReadError
-from bt_agents.language.folder_reader import read_trees
+from bt_agents_core.errors import BtAgentsError, ReadError
+from bt_agents_language.files.folder_reader import read_trees
 from stage import TREES
 
 SCENE = "format: 1\nparameters:\n  age: {min: 1, max: 5, default: 3}\n"

@@ -9,9 +9,9 @@ from typing import Any
 import pytest
 
 from market_driver import EXPRESS, GUIDE, SPACE, scene
-from marketplace_node.auction import Auction
-from marketplace_node.decision import Bids, ClosedBy, Decision, Kind, Outcome, Terms
 from marketplace_node.registry import HostEntry
+from marketplace_node.round.auction import Auction
+from marketplace_node.round.decision import Bids, ClosedBy, Decision, Kind, Outcome, Terms
 
 FINE = (4.0, 1.5, 3.0)
 

@@ -11,13 +11,13 @@ from random import Random
 
 import pytest
 
+from bt_agents.engine.environment import GoalState
 from bt_agents.engine.run import Outcome, Run, RunLimits
-from bt_agents.engine.scripted_world import Answer, ManualClock, ScriptedWorld
-from bt_agents.engine.world import GoalState
-from bt_agents.language.folder_reader import read_trees
-from bt_agents.language.specs import AgentSpec
-from bt_agents.language.walking import every_node
-from bt_agents.scene import Origin, Scene, SceneValue
+from bt_agents.engine.scripted_environment import Answer, ManualClock, ScriptedWorld
+from bt_agents_core.scene import Origin, Scene, SceneValue
+from bt_agents_language.files.folder_reader import read_trees
+from bt_agents_language.model.specs import AgentSpec
+from bt_agents_language.model.walking import every_node
 from stage import SPACE, TREES
 
 AGENTS = read_trees(TREES).agents

@@ -11,11 +11,12 @@ import numpy as np
 import pytest
 
 from market_driver import Driver, scene
-from marketplace_node import contest, counterfactual
-from marketplace_node.contest import measured
-from marketplace_node.decision import Change, External
 from marketplace_node.effects import PublishAuction, SendGoal
-from marketplace_node.ranking import decide
+from marketplace_node.explanation import counterfactual
+from marketplace_node.round import round_model
+from marketplace_node.round.decision import Change, External
+from marketplace_node.round.ranking import decide
+from marketplace_node.round.round_model import measured
 from marketplace_node.strategies import STRATEGIES, Field, Scores, StrategySpec
 from ranked_rounds import bids, decided, terms
 from ranking import case
@@ -105,7 +106,7 @@ def test_the_search_scores_so_much_and_no_more(
         scored.append(int(np.prod(field.shape)) * width)
         return measured(spec, field, *rest)
 
-    monkeypatch.setattr(contest, "measured", counted)
+    monkeypatch.setattr(round_model, "measured", counted)
     assert ranked.change is not None
 
     assert sum(scored) + counterfactual._LOOK * len(scored) <= counterfactual.MOST_WORK

@@ -11,11 +11,11 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
-from bt_agents.cli import check as check_module
-from bt_agents.cli.check import check, check_paths, summary, watched
-from bt_agents.errors import BtAgentsError
-from bt_agents.language.checking import Checked, check_folder
-from bt_agents.watching import PERIOD_S, changes, look_at
+from bt_agents_core.errors import BtAgentsError
+from bt_agents_core.file_watch import PERIOD_S, changes, look_at
+from bt_agents_language.tools.folder_check import Checked, check_folder
+from bt_agents_tools.cli.commands import check as check_module
+from bt_agents_tools.cli.commands.check import check, check_paths, summary, watched
 from fake_interfaces import FakeInterfaces
 from stage import TREES
 

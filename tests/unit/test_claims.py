@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from bt_agents.cli.main import bt_agents
-from bt_agents.experiment import closed_form
-from bt_agents.language.experiment_reader import read_experiment
-from bt_agents.language.folder_reader import read_trees
 from bt_agents_lab.experiments import claims, drawing
 from bt_agents_lab.experiments.core import through_core
 from bt_agents_lab.experiments.replicas import luck_of, replicas, with_seed, world_of
 from bt_agents_lab.experiments.verdicts import Claim, judged, percent
+from bt_agents_language.files.experiment_reader import read_experiment
+from bt_agents_language.files.folder_reader import read_trees
+from bt_agents_language.model.experiment import closed_form
+from bt_agents_tools.cli.main import bt_agents
 from checkout import ROOT
 
 EXPERIMENTS = ROOT / "experiments"

@@ -10,11 +10,11 @@ import click
 import pytest
 from click.testing import CliRunner
 
-from bt_agents.cli.main import COMMANDS, bt_agents
+from bt_agents_tools.cli.main import COMMANDS, bt_agents
 
 LOADED = """
 import sys
-from bt_agents.cli.main import bt_agents
+from bt_agents_tools.cli.main import bt_agents
 bt_agents({arguments!r}, standalone_mode=False)
 print(sorted(n for n in sys.modules if n.startswith("bt_agents.")))
 """
@@ -54,7 +54,12 @@ def test_the_version_is_told_without_loading_any_command() -> None:
     version, loaded = said.splitlines()
     assert version.startswith("bt-agents, version ")
     assert loaded == str(
-        ["bt_agents.cli", "bt_agents.cli.main", "bt_agents.errors", "bt_agents.interrupt"]
+        [
+            "bt_agents_tools.cli",
+            "bt_agents_tools.cli.main",
+            "bt_agents_core.errors",
+            "bt_agents_ros.signals",
+        ]
     )
 
 

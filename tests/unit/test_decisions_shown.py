@@ -7,12 +7,12 @@ from dataclasses import replace
 
 import pytest
 
-from bt_agents.cli.decisions import show_decision
-from bt_agents.ros.messages import to_time
+from bt_agents_ros.messages import to_time
+from bt_agents_tools.cli.decisions import show_decision
 from market_driver import scene
-from marketplace_node.decision import External
 from marketplace_node.effects import PublishAuction
 from marketplace_node.node.messages import auction_to_msg
+from marketplace_node.round.decision import External
 from ranked_rounds import bids, decided, terms
 
 

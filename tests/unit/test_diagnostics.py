@@ -5,15 +5,11 @@ from __future__ import annotations
 
 import pytest
 
-from bt_agents.errors import ReadError
-from bt_agents.language.diagnostics import (
-    MAX_COLLECTED,
-    Diagnostics,
-    did_you_mean,
-)
-from bt_agents.language.renderers import MAX_SHOWN
-from bt_agents.language.specs import Position
-from bt_agents.language.text.source import Source
+from bt_agents_core.errors import ReadError
+from bt_agents_language.model.specs import Position
+from bt_agents_language.yaml.diagnostics import MAX_COLLECTED, Diagnostics, did_you_mean
+from bt_agents_language.yaml.renderers import MAX_SHOWN
+from bt_agents_language.yaml.source import Source
 
 
 def at(line: int, column: int) -> Position:

@@ -13,24 +13,26 @@ from pathlib import Path
 import pytest
 
 import bt_agents
-from bt_agents.errors import ReadError
-from bt_agents.groot.document import read_document
-from bt_agents.language import checking, diagnostics, folder_reader
-from bt_agents.language.agent_reader import read_agent_text
-from bt_agents.language.checking import check_folder
-from bt_agents.language.codes.entry import Code, FileKind, Severity, written
-from bt_agents.language.codes.table import CODES, GROUPS
-from bt_agents.language.diagnostics import Diagnostic
-from bt_agents.language.linting.cut_texts import cut_texts
-from bt_agents.language.linting.lint import lint
-from bt_agents.language.plugins import read_plugins
-from bt_agents.language.scene_reader import read_scene
-from bt_agents.language.script_reader import read_script
-from bt_agents.language.skills_reader import read_skills
-from bt_agents.language.specs import BindingKind
-from bt_agents.language.testing.test_reader import read_test
-from bt_agents.language.text.source import read_source
-from bt_agents.language.vocabulary import Vocabulary
+from bt_agents_core.errors import ReadError
+from bt_agents_groot.document import read_document
+from bt_agents_language.files import folder_reader
+from bt_agents_language.files.agent_reader import read_agent_text
+from bt_agents_language.files.scene_reader import read_scene
+from bt_agents_language.files.script_reader import read_script
+from bt_agents_language.files.skills_reader import read_skills
+from bt_agents_language.files.testing.test_reader import read_test
+from bt_agents_language.model.plugins import read_plugins
+from bt_agents_language.model.specs import BindingKind
+from bt_agents_language.model.symbols import Vocabulary
+from bt_agents_language.reference.codes.entry import Code, FileKind, Severity, written
+from bt_agents_language.reference.codes.table import CODES, GROUPS
+from bt_agents_language.tools import folder_check
+from bt_agents_language.tools.folder_check import check_folder
+from bt_agents_language.tools.linting.comment_truncation import cut_texts
+from bt_agents_language.tools.linting.lint import lint
+from bt_agents_language.yaml import diagnostics
+from bt_agents_language.yaml.diagnostics import Diagnostic
+from bt_agents_language.yaml.source import read_source
 from fake_interfaces import FakeInterfaces
 from stage import SPACE, TREES, VOCABULARY
 
@@ -127,7 +129,7 @@ def of_package(example: bytes, folder: Path) -> tuple[Diagnostic, ...]:
     ]
     plugins = read_plugins(points)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(checking, "installed_plugins", lambda: plugins)
+        patch.setattr(folder_check, "installed_plugins", lambda: plugins)
         patch.setattr(folder_reader, "installed_plugins", lambda: plugins)
         return check_folder(TREES, StandardTypes(), [TREES / "scene.yaml"]).problems
 

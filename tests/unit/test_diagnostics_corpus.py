@@ -15,18 +15,18 @@ from pathlib import Path
 import pytest
 
 import bombs
-from bt_agents.errors import ReadError
-from bt_agents.language import diagnostics
-from bt_agents.language.agent_reader import read_agent
-from bt_agents.language.codes.entry import FileKind, Severity
-from bt_agents.language.codes.table import CODES
-from bt_agents.language.experiment_reader import read_experiment
-from bt_agents.language.libraries import FolderLibraries
-from bt_agents.language.market_reader import read_market
-from bt_agents.language.scene_reader import read_scene
-from bt_agents.language.script_reader import read_script
-from bt_agents.language.skills_reader import read_skills
-from bt_agents.language.vocabulary import ImportProblem
+from bt_agents_core.errors import ReadError
+from bt_agents_language.files.agent_reader import read_agent
+from bt_agents_language.files.experiment_reader import read_experiment
+from bt_agents_language.files.libraries import FolderLibraries
+from bt_agents_language.files.market_reader import read_market
+from bt_agents_language.files.scene_reader import read_scene
+from bt_agents_language.files.script_reader import read_script
+from bt_agents_language.files.skills_reader import read_skills
+from bt_agents_language.model.symbols import ImportProblem
+from bt_agents_language.reference.codes.entry import FileKind, Severity
+from bt_agents_language.reference.codes.table import CODES
+from bt_agents_language.yaml import diagnostics
 from stage import SPACE, VOCABULARY
 
 KEPT = Path(__file__).parents[1] / "corpus"

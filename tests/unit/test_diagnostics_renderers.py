@@ -9,9 +9,10 @@ import re
 
 import pytest
 
-from bt_agents.language.codes.entry import Severity
-from bt_agents.language.diagnostics import Diagnostic, Diagnostics
-from bt_agents.language.renderers import (
+from bt_agents_language.model.specs import Position
+from bt_agents_language.reference.codes.entry import Severity
+from bt_agents_language.yaml.diagnostics import Diagnostic, Diagnostics
+from bt_agents_language.yaml.renderers import (
     as_annotation,
     as_block,
     as_json,
@@ -20,7 +21,6 @@ from bt_agents.language.renderers import (
     count,
     wants_colour,
 )
-from bt_agents.language.specs import Position
 
 
 def at(line: int, column: int, file: str = "trees/agents/a.yaml") -> Position:

@@ -14,20 +14,20 @@ import pytest
 import yaml
 from click.testing import CliRunner
 
-from bt_agents.cli.main import bt_agents
-from bt_agents.language.agent_reader import read_agent_text
-from bt_agents.language.folder_reader import read_trees
-from bt_agents.language.libraries import FolderLibraries
-from bt_agents.language.market_reader import read_market
-from bt_agents.language.nodes import KINDS, MODIFIERS
-from bt_agents.language.plugins import GROUP, read_plugins
-from bt_agents.language.scene_reader import read_scene_text
-from bt_agents.language.schema.scene_files import scene_schema
-from bt_agents.language.skills_reader import read_skills
-from bt_agents.language.testing.test_reader import read_test_text
-from bt_agents.language.text.source import Source
-from bt_agents.rehearsal.rehearsal import Limits, rehearse
-from bt_agents.rehearsal.suite import failure, run_case
+from bt_agents_language.files.agent_reader import read_agent_text
+from bt_agents_language.files.folder_reader import read_trees
+from bt_agents_language.files.libraries import FolderLibraries
+from bt_agents_language.files.market_reader import read_market
+from bt_agents_language.files.scene_reader import read_scene_text
+from bt_agents_language.files.skills_reader import read_skills
+from bt_agents_language.files.testing.test_reader import read_test_text
+from bt_agents_language.model.plugins import GROUP, read_plugins
+from bt_agents_language.nodes import KINDS, MODIFIERS
+from bt_agents_language.tools.schema.scene_files import scene_schema
+from bt_agents_language.yaml.source import Source
+from bt_agents_tools.cli.main import bt_agents
+from bt_agents_tools.rehearsal.rehearsal import Limits, rehearse
+from bt_agents_tools.rehearsal.suite import failure, run_case
 from journals import morning
 from marketplace_node.strategies import StrategySpec
 from rehearsals import scenario

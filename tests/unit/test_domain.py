@@ -10,12 +10,12 @@ from pathlib import Path
 
 import pytest
 
-from bt_agents.domain import hold_domain, holder
-from bt_agents.errors import BtAgentsError
+from bt_agents_core.errors import BtAgentsError
+from bt_agents_tools.launcher.domain_lock import hold_domain, holder
 
 HOLD = """
 import sys
-from bt_agents.domain import hold_domain
+from bt_agents_tools.launcher.domain_lock import hold_domain
 hold_domain(7, "'bt-agents up' of /trees (process 1)")
 print("held", flush=True)
 sys.stdin.read()

@@ -7,13 +7,13 @@ import math
 
 import pytest
 
-from bt_agents.language.scene_reader import read_scene_text
-from bt_agents.language.scene_specs import SceneSpec
-from bt_agents.scene import Origin, Scene, SceneValue
+from bt_agents_core.scene import Origin, Scene, SceneValue
+from bt_agents_language.files.scene_reader import read_scene_text
+from bt_agents_language.model.scene_specs import SceneSpec
 from scene_layer.encounters import AWAY_S, MOST_AWAY
-from scene_layer.estimate import Estimate
 from scene_layer.memory import MOST_KNOWN, Memory
 from scene_layer.memory_file import from_text, to_text
+from scene_layer.scene_estimator import Estimate
 from scene_layer.sources import Sources, message_of
 
 FACES = """

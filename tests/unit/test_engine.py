@@ -5,8 +5,8 @@ from __future__ import annotations
 
 import pytest
 
-from bt_agents.engine.scripted_world import Answer
-from bt_agents.engine.world import GoalState
+from bt_agents.engine.environment import GoalState
+from bt_agents.engine.scripted_environment import Answer
 from stage import Stage, scene
 
 LONG = [Answer(after_s=100.0)]

@@ -7,10 +7,10 @@ import math
 
 import pytest
 
+from bt_agents.engine.environment import GoalState
 from bt_agents.engine.run import Outcome, RunLimits
-from bt_agents.engine.scripted_world import Answer
+from bt_agents.engine.scripted_environment import Answer
 from bt_agents.engine.ticking import Ticker
-from bt_agents.engine.world import GoalState
 from stage import Stage
 
 LONG = Answer(after_s=100.0)

@@ -7,8 +7,8 @@ from random import Random
 
 import pytest
 
-from bt_agents.engine.scripted_world import Answer
-from bt_agents.engine.world import GoalState
+from bt_agents.engine.environment import GoalState
+from bt_agents.engine.scripted_environment import Answer
 from stage import Stage, scene
 
 FAILS = [Answer(state=GoalState.ABORTED, message="motor off")]

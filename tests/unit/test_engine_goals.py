@@ -7,10 +7,10 @@ import math
 
 import pytest
 
-from bt_agents.engine.goals import SECOND_LOOK_S, GoalTrack
-from bt_agents.engine.scripted_world import Answer, ManualClock
-from bt_agents.engine.world import Goal, GoalState
-from bt_agents.language.specs import BindingKind, HeartbeatSpec, Timeouts
+from bt_agents.engine.environment import Goal, GoalState
+from bt_agents.engine.scripted_environment import Answer, ManualClock
+from bt_agents.host.environment.goal_track import SECOND_LOOK_S, GoalTrack
+from bt_agents_language.model.specs import BindingKind, HeartbeatSpec, Timeouts
 from stage import Stage
 
 BEAT = HeartbeatSpec(topic="robot/heartbeat", type="std_msgs/msg/Empty", within_s=1.0)

@@ -7,10 +7,10 @@ from dataclasses import replace
 
 import pytest
 
-from bt_agents.engine.scripted_world import Answer, GivenFeedback
-from bt_agents.engine.world import GIVE_FEEDBACK, GoalState
-from bt_agents.feedback import Kind
-from bt_agents.language.specs import Literal, MapValue, NodeSpec, Plain, Position
+from bt_agents.engine.environment import GIVE_FEEDBACK, GoalState
+from bt_agents.engine.scripted_environment import Answer, GivenFeedback
+from bt_agents_core.feedback import Kind
+from bt_agents_language.model.specs import Literal, MapValue, NodeSpec, Plain, Position
 from stage import Stage, agent, scene
 
 TUNABLES = """

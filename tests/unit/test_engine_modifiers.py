@@ -9,9 +9,9 @@ import py_trees
 import pytest
 
 from bt_agents.engine.builder import COMPOSITES, LEAVES, MODIFIERS, SUBTREE
-from bt_agents.engine.scripted_world import Answer
-from bt_agents.engine.world import GoalState
-from bt_agents.language import nodes
+from bt_agents.engine.environment import GoalState
+from bt_agents.engine.scripted_environment import Answer
+from bt_agents_language import nodes
 from stage import Stage, scene
 
 LONG = [Answer(after_s=100.0)]

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import pytest
 
-from bt_agents.engine.pace import REST_S, Pace
+from bt_agents.engine.tick_scheduler import REST_S, Pace
 
 
 def test_regular_ticks_stay_on_their_grid_however_long_they_take() -> None:

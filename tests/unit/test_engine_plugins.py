@@ -14,8 +14,15 @@ import py_trees
 import pytest
 from py_trees.common import Status
 
-from bt_agents.language.expression.expressions import parse_expression
-from bt_agents.language.specs import ListValue, Literal, MapValue, NodeSpec, Position, Reference
+from bt_agents_language.expression.expressions import parse_expression
+from bt_agents_language.model.specs import (
+    ListValue,
+    Literal,
+    MapValue,
+    NodeSpec,
+    Position,
+    Reference,
+)
 from stage import Stage, scene
 
 POSITION = Position(file="a.yaml", line=7, column=3)

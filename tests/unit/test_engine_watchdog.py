@@ -13,8 +13,8 @@ from contextlib import suppress
 
 import pytest
 
-from bt_agents.engine.watchdog import bounded
-from bt_agents.errors import Refused
+from bt_agents.plugins.call_limit import bounded
+from bt_agents_core.errors import Refused
 
 LIMIT_S = 0.02
 FAR_S = 60.0

@@ -7,14 +7,14 @@ import math
 
 import pytest
 
-from bt_agents.errors import Refused
-from bt_agents.language.expression.expressions import parse_expression
-from bt_agents.language.scene_specs import SceneSpec, SourceSpec
-from bt_agents.language.specs import Position
-from bt_agents.scene import Origin, Scene, SceneParameter, SceneSpace, SceneValue
-from scene_layer.estimate import KEPT, Estimate, check_given
-from scene_layer.live import Following, LiveRun
+from bt_agents_core.errors import Refused
+from bt_agents_core.scene import Origin, Scene, SceneParameter, SceneSpace, SceneValue
+from bt_agents_language.expression.expressions import parse_expression
+from bt_agents_language.model.scene_specs import SceneSpec, SourceSpec
+from bt_agents_language.model.specs import Position
 from scene_layer.memory import Memory
+from scene_layer.run_tracker import Following, LiveRun
+from scene_layer.scene_estimator import KEPT, Estimate, check_given
 from scene_layer.sources import Sources, message_of
 
 SPACE = SceneSpace(

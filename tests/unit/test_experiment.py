@@ -5,8 +5,14 @@ from __future__ import annotations
 
 import pytest
 
-from bt_agents.experiment import ExperimentSpec, Record, closed_form, deviation, difference
-from bt_agents.simulated import SimulatedFeedback
+from bt_agents_language.model.experiment import (
+    ExperimentSpec,
+    Record,
+    closed_form,
+    deviation,
+    difference,
+)
+from feedback_node.simulated_feedback import SimulatedFeedback
 
 
 def spec(seed: int) -> ExperimentSpec:

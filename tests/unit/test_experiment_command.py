@@ -9,11 +9,11 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner, Result
 
-from bt_agents.cli.main import bt_agents
-from bt_agents.errors import BtAgentsError
-from bt_agents.language.experiment_reader import read_experiment
-from bt_agents.language.folder_reader import read_trees
+from bt_agents_core.errors import BtAgentsError
 from bt_agents_lab.experiments.core import through_core
+from bt_agents_language.files.experiment_reader import read_experiment
+from bt_agents_language.files.folder_reader import read_trees
+from bt_agents_tools.cli.main import bt_agents
 from checkout import ROOT
 
 EXPERIMENTS = ROOT / "experiments"

@@ -9,14 +9,11 @@ from pathlib import Path
 
 import pytest
 
-from bt_agents.errors import ReadError
-from bt_agents.language.experiment_reader import (
-    read_experiment,
-    read_simulated_feedback,
-)
-from bt_agents.language.folder_reader import read_trees
-from bt_agents.language.text.source import Source
-from bt_agents.scene import SceneParameter, SceneSpace
+from bt_agents_core.errors import ReadError
+from bt_agents_core.scene import SceneParameter, SceneSpace
+from bt_agents_language.files.experiment_reader import read_experiment, read_simulated_feedback
+from bt_agents_language.files.folder_reader import read_trees
+from bt_agents_language.yaml.source import Source
 
 EXPERIMENTS = Path(__file__).parents[2] / "experiments"
 SPACE = SceneSpace(

@@ -7,10 +7,10 @@ import math
 
 import pytest
 
-from bt_agents.scene import Origin, Scene, SceneParameter, SceneSpace, SceneValue
+from bt_agents_core.scene import Origin, Scene, SceneParameter, SceneSpace, SceneValue
 from market_driver import EXPRESS, GUIDE, PLAIN, SPACE, Driver, scene
-from marketplace_node.calculation import calculation
-from marketplace_node.ranking import decide
+from marketplace_node.explanation.calculation import calculation
+from marketplace_node.round.ranking import decide
 from ranked_rounds import bids, terms
 
 NAN = math.nan

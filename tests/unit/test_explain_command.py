@@ -10,10 +10,10 @@ import pytest
 from click.testing import CliRunner
 from rich.console import Console
 
-from bt_agents.cli.explain import explain, explanation, print_page
-from bt_agents.errors import BtAgentsError
-from bt_agents.language.codes.table import CODES
-from bt_agents.language.handbook.reference import node_pages
+from bt_agents_core.errors import BtAgentsError
+from bt_agents_language.reference.codes.table import CODES
+from bt_agents_language.reference.node_pages import node_pages
+from bt_agents_tools.cli.commands.explain import explain, explanation, print_page
 from stage import TREES, VOCABULARY
 
 

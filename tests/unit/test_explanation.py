@@ -10,12 +10,12 @@ from typing import Any
 
 import pytest
 
-from bt_agents.language.market_reader import market_of
-from bt_agents.language.scene_reader import read_scene
-from bt_agents.scene import Origin, Scene, SceneValue
-from marketplace_node.decision import ClosedBy, Decision, External, Kind, Outcome, RefusedBid
-from marketplace_node.explain import reason
-from marketplace_node.explanation import explanation
+from bt_agents_core.scene import Origin, Scene, SceneValue
+from bt_agents_language.files.market_reader import market_of
+from bt_agents_language.files.scene_reader import read_scene
+from marketplace_node.explanation.explanation import explanation
+from marketplace_node.explanation.reason import reason
+from marketplace_node.round.decision import ClosedBy, Decision, External, Kind, Outcome, RefusedBid
 from ranked_rounds import bids, decided, terms
 
 ROOT = Path(__file__).parents[2]

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import pytest
 
-from bt_agents.language.expression.expressions import (
+from bt_agents_language.expression.expressions import (
     MAX_LENGTH,
     EvaluationError,
     ExpressionError,

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import pytest
 
-from bt_agents.language.expression.expressions import ExpressionError, ValueKind, parse_expression
+from bt_agents_language.expression.expressions import ExpressionError, ValueKind, parse_expression
 
 KINDS = {
     "n": ValueKind.NUMBER,

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 import pytest
 from click.testing import CliRunner
 
-from bt_agents.cli.fmt import fmt
-from bt_agents.errors import BtAgentsError
+from bt_agents_core.errors import BtAgentsError
+from bt_agents_tools.cli.commands.fmt import fmt
 
 UGLY = "a:   1\nb: {c: 2}\n"
 NEAT = "a: 1\nb: {c: 2}\n"

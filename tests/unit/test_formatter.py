@@ -7,10 +7,10 @@ import textwrap
 
 import pytest
 
-from bt_agents.errors import BtAgentsError, ReadError
-from bt_agents.language.formatting import formatter
-from bt_agents.language.formatting.formatter import format_source
-from bt_agents.language.text.source import Source
+from bt_agents_core.errors import BtAgentsError, ReadError
+from bt_agents_language.tools.formatting import formatter
+from bt_agents_language.tools.formatting.formatter import format_source
+from bt_agents_language.yaml.source import Source
 
 
 def formatted(text: str) -> str:

@@ -7,13 +7,8 @@ import textwrap
 
 import pytest
 
-from bt_agents.errors import ReadError
-from bt_agents.language.specs import (
-    Computed,
-    Literal,
-    NodeSpec,
-    Reference,
-)
+from bt_agents_core.errors import ReadError
+from bt_agents_language.model.specs import Computed, Literal, NodeSpec, Reference
 from stage import agent
 
 

@@ -7,9 +7,9 @@ from collections.abc import Callable
 
 import pytest
 
-from bt_agents.cli.groot import export, import_
-from bt_agents.errors import BtAgentsError, ReadError
-from bt_agents.language.agent_reader import read_agent
+from bt_agents_core.errors import BtAgentsError, ReadError
+from bt_agents_groot.commands import export, import_
+from bt_agents_language.files.agent_reader import read_agent
 from stage import TREES, VOCABULARY
 
 XML = """<root BTCPP_format="4"><BehaviorTree ID="Patrol"><Sequence>

@@ -9,12 +9,12 @@ from dataclasses import replace
 
 import pytest
 
-from bt_agents.errors import ReadError
-from bt_agents.groot.exporting import Exported, export_agent
-from bt_agents.groot.importing import import_agent
-from bt_agents.language.agent_reader import read_agent, read_agent_text
-from bt_agents.language.specs import NodeSpec
-from bt_agents.language.text.source import Source, read_source
+from bt_agents_core.errors import ReadError
+from bt_agents_groot.exporting import Exported, export_agent
+from bt_agents_groot.importing import import_agent
+from bt_agents_language.files.agent_reader import read_agent, read_agent_text
+from bt_agents_language.model.specs import NodeSpec
+from bt_agents_language.yaml.source import Source, read_source
 from stage import TREES, VOCABULARY
 
 HEAD = "format: 1\nagent: my_agent\nprofile: {age: 3, familiarity: 3, mood: 3}\n"

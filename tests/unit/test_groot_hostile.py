@@ -8,11 +8,11 @@ import time
 
 import pytest
 
-from bt_agents.errors import ReadError
-from bt_agents.groot.importing import import_agent
-from bt_agents.language.codes.of_xml import XML_CODES
-from bt_agents.language.codes.table import CODES
-from bt_agents.language.text.source import Source, read_source
+from bt_agents_core.errors import ReadError
+from bt_agents_groot.importing import import_agent
+from bt_agents_language.reference.codes.of_xml import XML_CODES
+from bt_agents_language.reference.codes.table import CODES
+from bt_agents_language.yaml.source import Source, read_source
 from stage import VOCABULARY
 
 

@@ -8,12 +8,12 @@ from dataclasses import replace
 import pytest
 import yaml
 
-from bt_agents.groot.importing import Imported, import_agent
-from bt_agents.groot.remarks import Weight
-from bt_agents.language.agent_reader import read_agent_text
-from bt_agents.language.formatting.formatter import format_source
-from bt_agents.language.skills_reader import read_skills_text
-from bt_agents.language.text.source import Source
+from bt_agents_groot.importing import Imported, import_agent
+from bt_agents_groot.remarks import Weight
+from bt_agents_language.files.agent_reader import read_agent_text
+from bt_agents_language.files.skills_reader import read_skills_text
+from bt_agents_language.tools.formatting.formatter import format_source
+from bt_agents_language.yaml.source import Source
 from stage import VOCABULARY
 
 S, F = "<AlwaysSuccess/>", "<AlwaysFailure/>"

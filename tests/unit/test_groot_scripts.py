@@ -5,12 +5,12 @@ from __future__ import annotations
 
 import pytest
 
-from bt_agents.groot.expressions import parse_formula
-from bt_agents.groot.formulas import Untranslatable, as_expression, as_script, negated
-from bt_agents.groot.scopes import TreeNames
-from bt_agents.groot.script_nodes import as_condition, as_node
-from bt_agents.groot.scripts import Assignment, ScriptError, parse_script
-from bt_agents.groot.written import yaml_lines
+from bt_agents_groot.expressions import parse_formula
+from bt_agents_groot.formulas import Untranslatable, as_expression, as_script, negated
+from bt_agents_groot.scopes import TreeNames
+from bt_agents_groot.script_nodes import as_condition, as_node
+from bt_agents_groot.scripts import Assignment, ScriptError, parse_script
+from bt_agents_groot.written import yaml_lines
 
 
 def condition(script: str) -> str:

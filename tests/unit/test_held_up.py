@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import pytest
 
-from bt_agents.held_up import Award, HeldUp, LastWord
+from bt_agents_core.stall import Award, HeldUp, LastWord
 
 
 @pytest.mark.parametrize(

@@ -10,11 +10,11 @@ from pathlib import Path
 
 import pytest
 
-from bt_agents.errors import ReadError
-from bt_agents.language.agent_reader import read_agent
-from bt_agents.language.folder_reader import read_trees, read_vocabulary
-from bt_agents.language.scene_reader import read_scene
-from bt_agents.language.specs import AgentSpec
+from bt_agents_core.errors import ReadError
+from bt_agents_language.files.agent_reader import read_agent
+from bt_agents_language.files.folder_reader import read_trees, read_vocabulary
+from bt_agents_language.files.scene_reader import read_scene
+from bt_agents_language.model.specs import AgentSpec
 from stage import TREES
 
 AGENT = """

@@ -8,9 +8,9 @@ from typing import Any
 
 import pytest
 
-from bt_agents.cli import joining
-from bt_agents.cli.joining import wait_for_market
-from bt_agents.errors import BtAgentsError
+from bt_agents_core.errors import BtAgentsError
+from bt_agents_tools.cli import connection
+from bt_agents_tools.cli.connection import wait_for_market
 
 UP = "'bt-agents up' of /trees (process 1)"
 
@@ -48,7 +48,7 @@ class Graph:
 @pytest.fixture
 def holds(monkeypatch: pytest.MonkeyPatch) -> Callable[[str], None]:
     def hold(who: str) -> None:
-        monkeypatch.setattr(joining, "holder", lambda domain: who if domain == 7 else "")
+        monkeypatch.setattr(connection, "holder", lambda domain: who if domain == 7 else "")
 
     hold("")
     return hold

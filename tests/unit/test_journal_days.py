@@ -11,11 +11,11 @@ from pathlib import Path
 
 import pytest
 
-from bt_agents_lab.journal import days
-from bt_agents_lab.journal.days import Journal
-from bt_agents_lab.journal.file import JournalFile
-from bt_agents_lab.journal.reading import JournalReader
-from bt_agents_lab.replay.story import tell
+from bt_agents_lab.recorder import daily_recorder
+from bt_agents_lab.recorder.daily_recorder import Journal
+from bt_agents_lab.recorder.file import JournalFile
+from bt_agents_lab.recorder.reading import JournalReader
+from bt_agents_lab.replay.recording_index import tell
 from journals import said, ticks
 
 
@@ -99,7 +99,7 @@ def test_a_full_disk_is_said_once_and_nothing_is_lost_while_memory_lasts(desk: D
 def test_memory_is_bounded_and_what_is_lost_is_counted_and_found(
     desk: Desk, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(days, "MOST_WAITING", 5_000)
+    monkeypatch.setattr(daily_recorder, "MOST_WAITING", 5_000)
     desk.hear(1)
     desk.flush()
     desk.full = True

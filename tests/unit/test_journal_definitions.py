@@ -6,10 +6,10 @@ from __future__ import annotations
 import pytest
 from mcap_ros2._dynamic import generate_dynamic
 
-from bt_agents.errors import Refused
-from bt_agents.ros.definition_texts import definition_text
-from bt_agents.ros.interfaces import types_of
-from bt_agents_lab.journal.definitions import definition
+from bt_agents_core.errors import Refused
+from bt_agents_lab.recorder.definition_texts import definition_text
+from bt_agents_lab.recorder.definitions import definition
+from bt_agents_ros.types import types_of
 
 TYPES = {
     "a/msg/Top": "b/Part part\nLeaf[] leaves  # of a\nb/msg/Part[<=3] more\nuint8 X=1\nstring s",

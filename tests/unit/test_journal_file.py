@@ -12,10 +12,10 @@ from mcap.reader import make_reader
 from mcap.records import Message
 from mcap_ros2.decoder import DecoderFactory
 
-from bt_agents.errors import Refused
+from bt_agents_core.errors import Refused
 from bt_agents_interfaces.msg import TreeStatus
-from bt_agents_lab.journal.file import JournalFile
-from bt_agents_lab.journal.reading import JournalReader
+from bt_agents_lab.recorder.file import JournalFile
+from bt_agents_lab.recorder.reading import JournalReader
 from journals import said, ticks, topic_of
 
 

@@ -13,16 +13,16 @@ from click.testing import CliRunner
 from mcap.records import Chunk, Message
 from rclpy.serialization import serialize_message
 
-from bt_agents.errors import BtAgentsError
+from bt_agents_core.errors import BtAgentsError
 from bt_agents_interfaces.msg import RunRecord, Scene
 from bt_agents_lab.cli.journal import journal
 from bt_agents_lab.cli.replay import replay
 from bt_agents_lab.cli.what_if import what_if
-from bt_agents_lab.journal.file import JournalFile
-from bt_agents_lab.journal.layout import head, packed
-from bt_agents_lab.journal.reading import JournalReader
-from bt_agents_lab.journal.survey import survey
-from bt_agents_lab.replay.story import read
+from bt_agents_lab.recorder.file import JournalFile
+from bt_agents_lab.recorder.mcap_format import head, packed
+from bt_agents_lab.recorder.reading import JournalReader
+from bt_agents_lab.recorder.scan import survey
+from bt_agents_lab.replay.recording_index import read
 from journals import morning, topic_of
 
 RECORD = "bt_agents_interfaces/msg/RunRecord"

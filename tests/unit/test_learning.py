@@ -8,10 +8,10 @@ from typing import Any
 
 import pytest
 
-from bt_agents.errors import Refused
-from bt_agents.feedback import Kind, LearningRule, Update
-from bt_agents.scene import SceneParameter, SceneSpace, Vector
-from feedback_node.learning import Evidence, Step, asked, false_rate, step
+from bt_agents_core.errors import Refused
+from bt_agents_core.feedback import Kind, LearningRule, Update
+from bt_agents_core.scene import SceneParameter, SceneSpace, Vector
+from feedback_node.learning.learning_step import Evidence, Step, asked, false_rate, step
 
 NAN = math.nan
 SPACE = SceneSpace(

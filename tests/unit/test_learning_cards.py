@@ -8,11 +8,11 @@ from dataclasses import replace
 
 import pytest
 
-from bt_agents.errors import Refused
-from bt_agents.feedback import LearningRule, Update
-from bt_agents.scene import SceneParameter, SceneSpace
-from feedback_node import cards as cards_module
-from feedback_node.cards import (
+from bt_agents_core.errors import Refused
+from bt_agents_core.feedback import LearningRule, Update
+from bt_agents_core.scene import SceneParameter, SceneSpace
+from feedback_node.learning import cards as cards_module
+from feedback_node.learning.cards import (
     AgentEntry,
     Card,
     LearningEntry,

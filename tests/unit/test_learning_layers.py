@@ -8,17 +8,17 @@ from dataclasses import replace
 
 import pytest
 
-from bt_agents import layers as layers_module
-from bt_agents.errors import Refused
-from bt_agents.feedback import Kind
-from bt_agents.scene import Origin, Scene, SceneParameter, SceneSpace, SceneValue
-from feedback_node import profiles as profiles_module
-from feedback_node.cards import AgentEntry, Card, LearningEntry
-from feedback_node.changes import Change, Delivery
-from feedback_node.ledger import Entry, Ledger
-from feedback_node.ledger_rows import IMPORT, Cause
-from feedback_node.profiles import Profiles
-from feedback_node.runs import Run
+from bt_agents_core import profile_layers as layers_module
+from bt_agents_core.errors import Refused
+from bt_agents_core.feedback import Kind
+from bt_agents_core.scene import Origin, Scene, SceneParameter, SceneSpace, SceneValue
+from feedback_node.learning import profiles as profiles_module
+from feedback_node.learning.cards import AgentEntry, Card, LearningEntry
+from feedback_node.learning.changes import Change, Delivery
+from feedback_node.learning.profiles import Profiles
+from feedback_node.learning.runs import Run
+from feedback_node.ledger.ledger import Entry, Ledger
+from feedback_node.ledger.ledger_rows import IMPORT, Cause
 
 NAN = math.nan
 ANNA, LOBBY = "person/anna", "place/lobby"

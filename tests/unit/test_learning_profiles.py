@@ -9,13 +9,13 @@ from typing import Any
 
 import pytest
 
-from bt_agents.errors import Refused
-from bt_agents.feedback import Kind
-from bt_agents.scene import SceneParameter, SceneSpace
-from feedback_node.cards import AgentEntry, Card, RuleEntry, read_card
-from feedback_node.changes import Change, Delivery
-from feedback_node.ledger import Ledger
-from feedback_node.profiles import MOST_HOSTS, Profiles
+from bt_agents_core.errors import Refused
+from bt_agents_core.feedback import Kind
+from bt_agents_core.scene import SceneParameter, SceneSpace
+from feedback_node.learning.cards import AgentEntry, Card, RuleEntry, read_card
+from feedback_node.learning.changes import Change, Delivery
+from feedback_node.learning.profiles import MOST_HOSTS, Profiles
+from feedback_node.ledger.ledger import Ledger
 
 NAN = math.nan
 SPACE = SceneSpace(

@@ -5,10 +5,10 @@ from __future__ import annotations
 
 import pytest
 
-from bt_agents.errors import ReadError
-from bt_agents.feedback import LearningRule, Update
-from bt_agents.language.agent_reader import read_agent_text
-from bt_agents.language.specs import AgentSpec
+from bt_agents_core.errors import ReadError
+from bt_agents_core.feedback import LearningRule, Update
+from bt_agents_language.files.agent_reader import read_agent_text
+from bt_agents_language.model.specs import AgentSpec
 from stage import VOCABULARY
 
 HEAD = "format: 1\nagent: a\nprofile: {age: 3, familiarity: 3, mood: 3}\ntree: {wait: 1 s}\n"

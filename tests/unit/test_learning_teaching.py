@@ -10,17 +10,17 @@ from dataclasses import replace
 
 import pytest
 
-from bt_agents.errors import Refused
-from bt_agents.feedback import Kind
-from bt_agents.scene import Origin, Scene, SceneParameter, SceneSpace, SceneValue
-from bt_agents.simulated import SimulatedFeedback
-from feedback_node.cards import AgentEntry, Card, LearningEntry, RuleEntry
-from feedback_node.ledger import Ledger
-from feedback_node.ledger_file import LedgerError
-from feedback_node.mood_traces import LeafMood
-from feedback_node.profiles import Profiles
-from feedback_node.runs import Run, Runs
-from feedback_node.teaching import MOST_UNRECORDED, SETTLE_S, Given, Teaching
+from bt_agents_core.errors import Refused
+from bt_agents_core.feedback import Kind
+from bt_agents_core.scene import Origin, Scene, SceneParameter, SceneSpace, SceneValue
+from feedback_node.learning.cards import AgentEntry, Card, LearningEntry, RuleEntry
+from feedback_node.learning.feedback_controller import MOST_UNRECORDED, SETTLE_S, Given, Teaching
+from feedback_node.learning.profiles import Profiles
+from feedback_node.learning.runs import Run, Runs
+from feedback_node.ledger.ledger import Ledger
+from feedback_node.ledger.ledger_file import LedgerError
+from feedback_node.mood_trace import LeafMood
+from feedback_node.simulated_feedback import SimulatedFeedback
 
 NAN = math.nan
 SPACE = SceneSpace(

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import pytest
 
-from bt_agents.lease import MarketLease
+from bt_agents_core.lease import MarketLease
 
 BEGIN, HEARD, HELD_UP, END = "begin", "heard", "held up since", "end"
 

@@ -12,10 +12,10 @@ from pathlib import Path
 
 import pytest
 
-from bt_agents.errors import Refused
-from feedback_node.ledger import Ledger
-from feedback_node.ledger_file import LedgerError, ledger_path
-from feedback_node.ledger_rows import AUTHORED, FEEDBACK, UNDO, Cause
+from bt_agents_core.errors import Refused
+from feedback_node.ledger.ledger import Ledger
+from feedback_node.ledger.ledger_file import LedgerError, ledger_path
+from feedback_node.ledger.ledger_rows import AUTHORED, FEEDBACK, UNDO, Cause
 
 FIRST = {"age": 4.0, "mood": 3.0}
 
@@ -287,7 +287,7 @@ def test_a_row_that_is_changed_while_the_ledger_is_open_is_not_believed(tmp_path
 
 _WRITER = """
 import itertools, sys
-from feedback_node.ledger import Cause, Ledger
+from feedback_node.ledger.ledger import Cause, Ledger
 ledger = Ledger(sys.argv[1])
 ledger.enter({"guide": {"age": 0.0}})
 for number in itertools.count(1):

@@ -12,10 +12,10 @@ from pathlib import Path
 
 import pytest
 
-from bt_agents.errors import Refused
-from feedback_node.ledger import Entry, Ledger
-from feedback_node.ledger_file import LedgerError
-from feedback_node.ledger_rows import LAYER, Cause, hidden
+from bt_agents_core.errors import Refused
+from feedback_node.ledger.ledger import Entry, Ledger
+from feedback_node.ledger.ledger_file import LedgerError
+from feedback_node.ledger.ledger_rows import LAYER, Cause, hidden
 
 ANNA = "person/anna"
 FIRST = {"age": 4.0, "mood": 3.0}

@@ -12,14 +12,14 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
-from bt_agents.cli.main import bt_agents
-from bt_agents.errors import Refused
-from feedback_node import ledger_head
-from feedback_node.ledger import Ledger
-from feedback_node.ledger_file import LedgerError
-from feedback_node.ledger_head import Head, HeadFile, head_path, read_head
-from feedback_node.ledger_rows import LAYER, Cause
-from feedback_node.recovery import inspect, recover
+from bt_agents_core.errors import Refused
+from bt_agents_tools.cli.main import bt_agents
+from feedback_node.ledger import commit_marker
+from feedback_node.ledger.commit_marker import Head, HeadFile, head_path, read_head
+from feedback_node.ledger.ledger import Ledger
+from feedback_node.ledger.ledger_file import LedgerError
+from feedback_node.ledger.ledger_rows import LAYER, Cause
+from feedback_node.ledger.recovery import inspect, recover
 
 OLD = Path(__file__).parent.parent / "corpus" / "ledgers" / "format_1.sql"
 ANNA = "person/anna"
@@ -233,7 +233,7 @@ def test_a_change_waits_for_the_disk_once_and_the_head_follows_when_there_is_tim
     tmp_path, monkeypatch
 ):
     synced = []
-    monkeypatch.setattr(ledger_head.os, "fdatasync", synced.append)
+    monkeypatch.setattr(commit_marker.os, "fdatasync", synced.append)
     with Ledger(tmp_path / "ledger.sqlite") as ledger:
         ledger.enter({"guide": {"age": 1.0}})
         ledger.append("guide", {"age": 2.0}, Cause())
@@ -256,7 +256,7 @@ def test_a_head_that_the_disk_did_not_take_is_brought_again(tmp_path, monkeypatc
         if failures:
             raise failures.pop()
 
-    monkeypatch.setattr(ledger_head.os, "fdatasync", sync)
+    monkeypatch.setattr(commit_marker.os, "fdatasync", sync)
     with Ledger(tmp_path / "ledger.sqlite") as ledger:
         ledger.enter({"guide": {"age": 1.0}})
         assert not ledger.tidy()
@@ -274,7 +274,7 @@ def test_a_head_that_was_lost_on_its_way_to_the_disk_is_written_anew(tmp_path, m
             raise OSError(errno.EIO, "broken")
 
         with monkeypatch.context() as broken:
-            broken.setattr(ledger_head.os, "fdatasync", lose)
+            broken.setattr(commit_marker.os, "fdatasync", lose)
             assert not ledger.secure()
         assert read_head(head).number == 0
         assert ledger.secure()
@@ -333,7 +333,7 @@ def test_a_new_ledger_on_a_full_disk_says_so_and_leaves_nothing_behind(tmp_path,
     def full(_: int) -> None:
         raise OSError(errno.ENOSPC, "No space left on device")
 
-    monkeypatch.setattr(ledger_head.os, "fsync", full)
+    monkeypatch.setattr(commit_marker.os, "fsync", full)
     with pytest.raises(LedgerError, match=r"STORAGE_FULL.*make room"):
         Ledger(tmp_path / "ledger.sqlite")
     assert [one.name for one in tmp_path.iterdir()] == ["ledger.sqlite.lock"]

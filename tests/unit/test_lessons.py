@@ -5,12 +5,12 @@ from __future__ import annotations
 
 from random import Random
 
-from bt_agents.feedback import Kind
-from bt_agents.scene import SceneParameter, SceneSpace
-from feedback_node import profiles as profiles_module
-from feedback_node.cards import AgentEntry, Card, LearningEntry
-from feedback_node.ledger import Ledger
-from feedback_node.profiles import Profiles
+from bt_agents_core.feedback import Kind
+from bt_agents_core.scene import SceneParameter, SceneSpace
+from feedback_node.learning import profiles as profiles_module
+from feedback_node.learning.cards import AgentEntry, Card, LearningEntry
+from feedback_node.learning.profiles import Profiles
+from feedback_node.ledger.ledger import Ledger
 
 SPACE = SceneSpace(
     parameters=tuple(

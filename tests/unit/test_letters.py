@@ -7,7 +7,7 @@ from random import Random
 
 import pytest
 
-from bt_agents.letters import Letters
+from bt_agents_core.delivery_queue import Letters
 
 
 class Post:

@@ -7,10 +7,10 @@ from dataclasses import replace
 
 import pytest
 
-from bt_agents.language.agent_reader import read_agent_text
-from bt_agents.language.linting.lint import lint
-from bt_agents.language.linting.outcomes import Outcome, outcomes
-from bt_agents.language.specs import AgentSpec
+from bt_agents_language.files.agent_reader import read_agent_text
+from bt_agents_language.model.specs import AgentSpec
+from bt_agents_language.tools.linting.lint import lint
+from bt_agents_language.tools.linting.outcomes import Outcome, outcomes
 from stage import VOCABULARY, agent
 
 

@@ -7,8 +7,8 @@ from dataclasses import replace
 
 import pytest
 
-from bt_agents.live import LEASE_S, LiveView
-from bt_agents.scene import Scene
+from bt_agents_core.live_scene_view import LEASE_S, LiveView
+from bt_agents_core.scene import Scene
 from stage import Stage, scene
 
 AWARDED = scene(mood=3)

@@ -9,10 +9,10 @@ from typing import Any
 
 import pytest
 
-from bt_agents.errors import Refused
-from bt_agents.feedback import Kind
+from bt_agents_core.errors import Refused
+from bt_agents_core.feedback import Kind
 from desk import Desk
-from feedback_node.management import Action
+from feedback_node.management.management import Action
 
 ANNA, LOBBY = "person/anna", "place/lobby"
 DAY = 86_400.0

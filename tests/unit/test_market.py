@@ -10,9 +10,8 @@ from typing import Any
 
 import pytest
 
-from bt_agents.errors import Refused
+from bt_agents_core.errors import Refused
 from market_driver import EXPRESS, GUIDE, PLAIN, Driver, registration, scene
-from marketplace_node.decision import ClosedBy, Outcome
 from marketplace_node.effects import (
     AnnounceRun,
     CancelAll,
@@ -24,6 +23,7 @@ from marketplace_node.effects import (
     State,
     StatusChanged,
 )
+from marketplace_node.round.decision import ClosedBy, Outcome
 from marketplace_node.settings import SECONDS, Settings
 
 ROOT = Path(__file__).parents[2]

@@ -9,8 +9,8 @@ from typing import Any
 import pytest
 
 from market_driver import EXPRESS, GUIDE, PLAIN, Driver
-from marketplace_node.decision import ClosedBy, Outcome
 from marketplace_node.effects import CancelGoal, Collect, OpenCall, PublishAuction, State
+from marketplace_node.round.decision import ClosedBy, Outcome
 from marketplace_node.settings import Settings
 
 # The scene of the tests is [5, 1, 3].

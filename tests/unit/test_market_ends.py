@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 import pytest
 
-from bt_agents.errors import Refused
+from bt_agents_core.errors import Refused
 from market_driver import EXPRESS, GUIDE, PLAIN, Driver
 from marketplace_node.effects import AnnounceRun as Announced
 from marketplace_node.effects import CancelGoal, RunEventKind, SceneEnded, State

@@ -5,11 +5,11 @@ from __future__ import annotations
 
 import pytest
 
-from bt_agents.errors import Refused
+from bt_agents_core.errors import Refused
 from market_driver import EXPRESS, GUIDE, PLAIN, Driver
-from marketplace_node.decision import ClosedBy, Outcome
 from marketplace_node.effects import Note, OpenCall, PublishAuction, SendGoal, State
-from marketplace_node.outside import check_ranking, shown
+from marketplace_node.external_ranking.external_ranking_check import check_ranking, shown
+from marketplace_node.round.decision import ClosedBy, Outcome
 from marketplace_node.settings import Settings
 
 

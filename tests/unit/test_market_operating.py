@@ -7,11 +7,11 @@ import json
 
 import pytest
 
-from bt_agents.errors import Refused
+from bt_agents_core.errors import Refused
 from market_driver import EXPRESS, GUIDE, PLAIN, Driver, scene
-from marketplace_node.decision import Outcome
 from marketplace_node.effects import CancelGoal, KeepOrders, SendGoal, State
-from marketplace_node.say import Act
+from marketplace_node.operators.operator_overrides import Act
+from marketplace_node.round.decision import Outcome
 
 
 @pytest.fixture

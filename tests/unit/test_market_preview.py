@@ -5,12 +5,12 @@ from __future__ import annotations
 
 import pytest
 
-from bt_agents.errors import Refused
+from bt_agents_core.errors import Refused
 from market_driver import EXPRESS, GUIDE, Driver
 from marketplace_node.effects import PublishAuction, SendGoal, State
-from marketplace_node.floor import PREVIEWS
-from marketplace_node.previews import MOST
-from marketplace_node.say import Act
+from marketplace_node.market_state import PREVIEWS
+from marketplace_node.operators.operator_overrides import Act
+from marketplace_node.operators.previews import MOST
 
 
 @pytest.fixture

@@ -6,11 +6,11 @@ from __future__ import annotations
 import pytest
 
 from market_driver import EXPRESS, GUIDE, Driver
-from marketplace_node.decision import Outcome
 from marketplace_node.effects import Alarm, Collect, PublishAuction
+from marketplace_node.operators.starvation import Starvation
 from marketplace_node.registry import HostEntry
+from marketplace_node.round.decision import Outcome
 from marketplace_node.settings import Settings
-from marketplace_node.starvation import Starvation
 
 
 def play(market: Driver, scenes: int, **bids: tuple[float, ...]) -> None:

@@ -8,11 +8,11 @@ from pathlib import Path
 
 import pytest
 
-from bt_agents.language.market_reader import MarketRule, market_of, read_market
-from bt_agents.language.text.source import Source
+from bt_agents_language.files.market_reader import MarketRule, market_of, read_market
+from bt_agents_language.yaml.source import Source
 from market_driver import SPACE, scene
-from marketplace_node.decision import External, Ranked
-from marketplace_node.ranking import decide
+from marketplace_node.round.decision import External, Ranked
+from marketplace_node.round.ranking import decide
 from ranked_rounds import bids, terms
 
 PROFILES = {"ann": (3.0, 3.0, 3.0), "bob": (4.0, 3.0, 3.0), "cat": (5.0, 5.0, 5.0)}

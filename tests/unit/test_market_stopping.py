@@ -6,7 +6,6 @@ from __future__ import annotations
 import pytest
 
 from market_driver import EXPRESS, GUIDE, Driver, scene
-from marketplace_node.decision import ClosedBy, Outcome
 from marketplace_node.effects import (
     AnnounceRun,
     CancelGoal,
@@ -14,6 +13,7 @@ from marketplace_node.effects import (
     SendGoal,
     State,
 )
+from marketplace_node.round.decision import ClosedBy, Outcome
 
 
 @pytest.fixture

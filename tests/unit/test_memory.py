@@ -8,7 +8,7 @@ import math
 import numpy
 import pytest
 
-from bt_agents.scene import SceneParameter, SceneSpace
+from bt_agents_core.scene import SceneParameter, SceneSpace
 from scene_layer.memory import DRIFT_S, FADES, Memory, Running, ignorance
 
 AGE = SceneParameter(name="age", minimum=1.0, maximum=5.0, default=3.0)

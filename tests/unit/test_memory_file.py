@@ -10,8 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from bt_agents.errors import BtAgentsError
-from bt_agents.scene import SceneParameter, SceneSpace
+from bt_agents_core.errors import BtAgentsError
+from bt_agents_core.scene import SceneParameter, SceneSpace
 from scene_layer import memory_file
 from scene_layer.memory import MOST_KNOWN, Known, Running
 

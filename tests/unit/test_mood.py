@@ -7,8 +7,8 @@ import math
 
 import pytest
 
-from bt_agents.mood import Addressee, Mood, mood_of
-from bt_agents.scene import Origin, Scene, SceneParameter, SceneSpace, SceneValue
+from bt_agents_core.mood import Addressee, Mood, mood_of
+from bt_agents_core.scene import Origin, Scene, SceneParameter, SceneSpace, SceneValue
 
 NAN = math.nan
 SPACE = SceneSpace(

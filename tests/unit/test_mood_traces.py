@@ -7,8 +7,8 @@ import math
 
 import pytest
 
-from bt_agents.scene import Origin, Scene, SceneParameter, SceneSpace, SceneValue
-from feedback_node.mood_traces import MOST_CHANGES, MOST_LEAVES, LeafMood, MoodTrace
+from bt_agents_core.scene import Origin, Scene, SceneParameter, SceneSpace, SceneValue
+from feedback_node.mood_trace import MOST_CHANGES, MOST_LEAVES, LeafMood, MoodTrace
 
 NAN = math.nan
 SPACE = SceneSpace(

@@ -9,7 +9,7 @@ from types import SimpleNamespace
 
 from rich.console import Console
 
-from bt_agents.cli.moods import mood_table
+from bt_agents_tools.cli.commands.moods import mood_table
 
 
 def test_each_node_has_a_row_with_its_name_time_mood_and_change():

@@ -8,13 +8,13 @@ from pathlib import Path
 
 import pytest
 
-from bt_agents.cli.new import new
-from bt_agents.errors import BtAgentsError, ReadError
-from bt_agents.language.folder_reader import read_trees
-from bt_agents.language.formatting.formatter import format_source
-from bt_agents.language.specs import NodeSpec
-from bt_agents.language.text.source import read_source
-from bt_agents.rehearsal.suite import TreesFolders, coverages, run_file
+from bt_agents_core.errors import BtAgentsError, ReadError
+from bt_agents_language.files.folder_reader import read_trees
+from bt_agents_language.model.specs import NodeSpec
+from bt_agents_language.tools.formatting.formatter import format_source
+from bt_agents_language.yaml.source import read_source
+from bt_agents_tools.cli.commands.new import new
+from bt_agents_tools.rehearsal.suite import TreesFolders, coverages, run_file
 from stage import TREES
 
 ODD_SCENE = """\

@@ -15,11 +15,11 @@ from pathlib import Path
 
 import pytest
 
-from bt_agents.errors import Refused
-from bt_agents.scene import SceneParameter, SceneSpace
+from bt_agents_core.errors import Refused
+from bt_agents_core.scene import SceneParameter, SceneSpace
 from market_driver import EXPRESS, GUIDE, SPACE, scene
-from marketplace_node.asking import post
-from marketplace_node.openai_protocol import (
+from marketplace_node.external_ranking.http_client import post
+from marketplace_node.external_ranking.openai_protocol import (
     MOST_BYTES,
     Bidder,
     Endpoint,

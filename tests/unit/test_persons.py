@@ -8,14 +8,14 @@ import math
 import numpy
 import pytest
 
-from bt_agents.errors import Refused
-from bt_agents.language.scene_specs import (
+from bt_agents_core.errors import Refused
+from bt_agents_language.model.scene_specs import (
     AddresseeRule,
     AddresseeSpec,
     PersonsSpec,
     TrackedSpec,
 )
-from bt_agents.language.specs import Position
+from bt_agents_language.model.specs import Position
 from scene_layer.persons import LONGEST_ID, MOST_PERSONS, NOBODY, Persons, check_id
 
 HERE = Position(file="scene.yaml", line=1, column=1)

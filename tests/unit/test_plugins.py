@@ -19,8 +19,8 @@ CODE = '''
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
-from bt_agents.language.node_types import NodeField
-from bt_agents.language.specs import FieldType
+from bt_agents_language.model.node_type import NodeField
+from bt_agents_language.model.specs import FieldType
 
 
 class Blink(Behaviour):
@@ -84,8 +84,8 @@ PLAY = """
 import json
 from dataclasses import replace
 import stage
-from bt_agents.errors import ReadError
-from bt_agents.language.plugins import installed_plugins
+from bt_agents_core.errors import ReadError
+from bt_agents_language.model.plugins import installed_plugins
 
 stage.VOCABULARY = replace(stage.VOCABULARY, plugins=installed_plugins().kinds)
 """
@@ -134,7 +134,7 @@ def test_a_plugin_that_cannot_be_a_node_stops_no_other(package, entry, words):
     entries = package / "their_nodes-1.0.dist-info" / "entry_points.txt"
     entries.write_text(entries.read_text() + entry + "\n")
     script = """
-    from bt_agents.language.plugins import installed_plugins
+    from bt_agents_language.model.plugins import installed_plugins
     plugins = installed_plugins()
     print(sorted(plugins.kinds), *plugins.problems)
     """
@@ -145,7 +145,7 @@ def test_a_plugin_that_cannot_be_a_node_stops_no_other(package, entry, words):
 
 
 COMMAND = """
-from bt_agents.cli.main import bt_agents
+from bt_agents_tools.cli.main import bt_agents
 bt_agents({arguments}, standalone_mode=False)
 """
 

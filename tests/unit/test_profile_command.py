@@ -13,13 +13,13 @@ from typing import Any
 import pytest
 from click.testing import CliRunner, Result
 
-from bt_agents.cli import profile as command
-from bt_agents.cli.main import bt_agents
-from bt_agents.errors import Refused
-from bt_agents.ros import client
+from bt_agents_core.errors import Refused
+from bt_agents_tools.cli.commands import profile as command
+from bt_agents_tools.cli.main import bt_agents
+from bt_agents_tools.client import system
 from desk import Desk
-from feedback_node.ledger_rows import Cause
-from feedback_node.management import Action
+from feedback_node.ledger.ledger_rows import Cause
+from feedback_node.management.management import Action
 
 ANNA = "person/anna"
 
@@ -32,7 +32,7 @@ class Room:
         self.scene_layer: Any = None
         self.asked: list[tuple[str, str]] = []
         monkeypatch.setattr(command, "running_system", self._join)
-        monkeypatch.setattr(client, "manage_profiles", self._manage)
+        monkeypatch.setattr(system, "manage_profiles", self._manage)
         monkeypatch.setenv("COLUMNS", "200")
 
     @contextmanager

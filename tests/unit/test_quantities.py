@@ -7,7 +7,7 @@ import math
 
 import pytest
 
-from bt_agents.language.quantities import (
+from bt_agents_language.model.quantities import (
     QuantityError,
     angle,
     duration,
@@ -19,7 +19,7 @@ from bt_agents.language.quantities import (
     quantity_type,
     spoken,
 )
-from bt_agents.language.specs import FieldType
+from bt_agents_language.model.specs import FieldType
 
 
 @pytest.mark.parametrize(

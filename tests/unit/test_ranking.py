@@ -11,12 +11,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from bt_agents.errors import Refused
+from bt_agents_core.errors import Refused
 from market_driver import EXPRESS, GUIDE, SPACE, scene
-from marketplace_node.auction import Auction
-from marketplace_node.decision import Bids, ClosedBy
-from marketplace_node.ranking import decide
 from marketplace_node.registry import HostEntry
+from marketplace_node.round.auction import Auction
+from marketplace_node.round.decision import Bids, ClosedBy
+from marketplace_node.round.ranking import decide
 from ranked_rounds import bids, terms
 from ranking import case, equals_plain
 

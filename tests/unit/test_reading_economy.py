@@ -10,10 +10,10 @@ from dataclasses import replace
 
 import pytest
 
-from bt_agents.errors import ReadError
-from bt_agents.language.agent_reader import read_agent_text
-from bt_agents.language.specs import AgentSpec, NodeSpec
-from bt_agents.language.walking import every_node
+from bt_agents_core.errors import ReadError
+from bt_agents_language.files.agent_reader import read_agent_text
+from bt_agents_language.model.specs import AgentSpec, NodeSpec
+from bt_agents_language.model.walking import every_node
 from stage import VOCABULARY
 
 HEAD = "format: 1\nagent: a\nprofile: {age: 3, familiarity: 3, mood: 3}\n"

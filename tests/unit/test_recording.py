@@ -9,13 +9,13 @@ from typing import Any
 
 import pytest
 
-from bt_agents.engine.notebook import Notebook
-from bt_agents.engine.recorded_world import Turn, read_record, repeat
-from bt_agents.engine.recording import RecordingRun
-from bt_agents.engine.scripted_world import Answer, ScriptedWorld
-from bt_agents.engine.world import Goal, GoalState
-from bt_agents.errors import Refused
-from bt_agents.language.specs import BindingKind
+from bt_agents.engine.environment import Goal, GoalState
+from bt_agents.engine.scripted_environment import Answer, ScriptedWorld
+from bt_agents.recording.recording_run import RecordingRun
+from bt_agents.recording.recording_world import Notebook
+from bt_agents.recording.replay_world import Turn, read_record, repeat
+from bt_agents_core.errors import Refused
+from bt_agents_language.model.specs import BindingKind
 from stage import SPACE, Stage
 
 

@@ -10,20 +10,20 @@ import pytest
 from py_trees.behaviours import Success
 
 from bt_agents.engine.run import Run
-from bt_agents.engine.scripted_world import ScriptedWorld
-from bt_agents.errors import ReadError
-from bt_agents.language.agent_reader import read_agent_text
-from bt_agents.language.expression.functions import FUNCTIONS
-from bt_agents.language.expression.operators import BINARY, PREFIXES
-from bt_agents.language.handbook.node_examples import EXAMPLES
-from bt_agents.language.handbook.reference import Group, node_page, node_pages, subtree_page
-from bt_agents.language.handbook.reference_page import reference_page
-from bt_agents.language.handbook.topics import MEANINGS, TOPICS, topic
-from bt_agents.language.names import mood_names, scene_names
-from bt_agents.language.node_types import NodeField, NodeKind
-from bt_agents.language.nodes import BESIDE, KINDS, MODIFIERS
-from bt_agents.language.specs import FieldType
-from bt_agents.language.units import DIMENSIONS
+from bt_agents.engine.scripted_environment import ScriptedWorld
+from bt_agents_core.errors import ReadError
+from bt_agents_language.expression.functions import FUNCTIONS
+from bt_agents_language.expression.operators import BINARY, PREFIXES
+from bt_agents_language.files.agent_reader import read_agent_text
+from bt_agents_language.model.node_type import NodeField, NodeKind
+from bt_agents_language.model.scope import mood_names, scene_names
+from bt_agents_language.model.specs import FieldType
+from bt_agents_language.model.units import DIMENSIONS
+from bt_agents_language.nodes import BESIDE, KINDS, MODIFIERS
+from bt_agents_language.reference.node_examples import EXAMPLES
+from bt_agents_language.reference.node_pages import Group, node_page, node_pages, subtree_page
+from bt_agents_language.reference.reference_page import reference_page
+from bt_agents_language.reference.topics import MEANINGS, TOPICS, topic
 from checkout import ROOT
 from stage import SPACE, VOCABULARY, scene
 

@@ -8,13 +8,13 @@ from collections.abc import Sequence
 import pytest
 
 from bt_agents.engine.run import Outcome
-from bt_agents.feedback import Kind
-from bt_agents.language.agent_reader import read_agent_text
-from bt_agents.language.skills_reader import read_skills_text
-from bt_agents.language.specs import NodeSpec
-from bt_agents.language.testing.scenarios import Happening
-from bt_agents.rehearsal.events import EventKind
-from bt_agents.rehearsal.rehearsal import Limits, rehearse
+from bt_agents_core.feedback import Kind
+from bt_agents_language.files.agent_reader import read_agent_text
+from bt_agents_language.files.skills_reader import read_skills_text
+from bt_agents_language.files.testing.scenarios import Happening
+from bt_agents_language.model.specs import NodeSpec
+from bt_agents_tools.rehearsal.events import EventKind
+from bt_agents_tools.rehearsal.rehearsal import Limits, rehearse
 from rehearsals import rehearsed, said, scenario, told
 from stage import SPACE, VOCABULARY, agent
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import pytest
 
-from bt_agents.rehearsal.events import EventKind
+from bt_agents_tools.rehearsal.events import EventKind
 from rehearsals import rehearsed, told
 
 

@@ -7,10 +7,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bt_agents.rehearsal.coverage import coverage
-from bt_agents.rehearsal.expecting import Finding, aligned
-from bt_agents.rehearsal.suite import failure, run_case
-from bt_agents.rehearsal.transcript import table, time_text, transcript
+from bt_agents_tools.rehearsal.assertions import Finding, aligned
+from bt_agents_tools.rehearsal.coverage import coverage
+from bt_agents_tools.rehearsal.suite import failure, run_case
+from bt_agents_tools.rehearsal.transcript import table, time_text, transcript
 from rehearsals import cases_for, rehearsed
 from stage import SPACE, agent
 

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from bt_agents.engine.run import Outcome
-from bt_agents.rehearsal.events import EventKind, Rehearsed
+from bt_agents_tools.rehearsal.events import EventKind, Rehearsed
 from rehearsals import rehearsed, said, told
 
 ROOT = Path(__file__).parents[2]

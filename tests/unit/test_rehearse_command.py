@@ -10,9 +10,9 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner, Result
 
-from bt_agents.cli.main import bt_agents
-from bt_agents.cli.scenario_words import happening_text
-from bt_agents.errors import BtAgentsError
+from bt_agents_core.errors import BtAgentsError
+from bt_agents_tools.cli.main import bt_agents
+from bt_agents_tools.cli.scenario_options import happening_text
 from stage import TREES, agent
 
 ROOT = TREES.parent

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from bt_agents.reload.card_news import CardNews, why_kept
+from bt_agents.host.reload.host_card_diff import CardNews, why_kept
 
 
 def agent(name: str = "ann", version: int = 1, waiting: bool = False, *problems: str) -> Message:

@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from bt_agents.language.folder_reader import read_trees
-from bt_agents.reload.folder_watch import PATIENCE_LOOKS, FolderWatch, Stopped
+from bt_agents.host.reload.folder_watch import PATIENCE_LOOKS, FolderWatch, Stopped
+from bt_agents_language.files.folder_reader import read_trees
 from reloading import MANNERS, SKILLS, agent, new_folder, write
 
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from bt_agents.language.folder_reader import read_trees
-from bt_agents.reload.report import problems_of, report
+from bt_agents.host.reload.report import problems_of, report
+from bt_agents_language.files.folder_reader import read_trees
 from reloading import agent, new_folder, write
 
 

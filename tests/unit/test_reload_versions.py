@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from bt_agents.errors import Refused
-from bt_agents.reload.shelf import KEPT
+from bt_agents.host.reload.version_history import KEPT
+from bt_agents_core.errors import Refused
 from reloading import MANNERS, Watched, agent, new_folder, write
 
 TUNABLES = "tunables:\n  patience: {{default: {}, min: 1 s, max: 60 s, description: d}}\n"
@@ -279,7 +279,7 @@ def test_a_roll_back_to_what_cannot_be_written_is_in_force_anyway_and_stays_so(
     def refuse(*_: object) -> None:
         raise PermissionError(13, "Permission denied")
 
-    monkeypatch.setattr("bt_agents.reload.folder_watch.write_atomically", refuse)
+    monkeypatch.setattr("bt_agents.host.reload.folder_watch.write_atomically", refuse)
     said = watched.roll_back("bob", 1)
     assert said[0].startswith("swap bob: version 3 in force")
     assert said[1].endswith(

@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 from click.testing import CliRunner
 
-from bt_agents.feedback import Kind
+from bt_agents_core.feedback import Kind
 from bt_agents_interfaces.msg import (
     AgentFiles,
     Auction,
@@ -23,10 +23,10 @@ from bt_agents_interfaces.msg import (
     TreeStatus,
 )
 from bt_agents_lab.cli.replay import replay
-from bt_agents_lab.replay import decisions, lessons, trees
+from bt_agents_lab.replay import decisions, replay_learning, trees
 from bt_agents_lab.replay.decisions import decisions_again
 from bt_agents_lab.replay.findings import Finding, Tally, Verdict, tally
-from bt_agents_lab.replay.lessons import lessons_again
+from bt_agents_lab.replay.replay_learning import lessons_again
 from bt_agents_lab.replay.trees import runs_again
 from journals import NAN, Town, morning, story_of
 from stage import scene
@@ -85,7 +85,7 @@ def test_everything_of_a_morning_is_equal(tmp_path: Path, strategy: str) -> None
     made = morning(tmp_path / "trees", strategy=strategy, options=STRATEGIES[strategy])
     found = again(made.keep(tmp_path / "a.mcap"))
     assert found.told == []
-    for kind in (decisions.KIND, lessons.KIND, trees.KIND):
+    for kind in (decisions.KIND, replay_learning.KIND, trees.KIND):
         assert found.counts[kind, Verdict.EQUAL] == 4
     assert found.sizes[trees.KIND] > 12
 
@@ -148,7 +148,7 @@ LESSONS: dict[str, Callable[[Any], None]] = {
 @pytest.mark.parametrize("what", LESSONS)
 def test_an_altered_change_of_a_profile_is_found(town: Town, tmp_path: Path, what: str) -> None:
     found = altered(town, tmp_path, Feedback, LESSONS[what])
-    assert different(found, lessons.KIND).where == "revision 1 of bert"
+    assert different(found, replay_learning.KIND).where == "revision 1 of bert"
 
 
 STATUSES: dict[str, Callable[[Any], None]] = {
@@ -235,7 +235,7 @@ def test_without_notes_or_cards_runs_and_lessons_are_named_as_not_recorded(
 ) -> None:
     found = without(town, tmp_path, RunRecord, HostCard)
     assert found.counts[trees.KIND, Verdict.NOT_RECORDED] == 4
-    assert found.counts[lessons.KIND, Verdict.NOT_RECORDED] == 4
+    assert found.counts[replay_learning.KIND, Verdict.NOT_RECORDED] == 4
     assert found.counts[decisions.KIND, Verdict.EQUAL] == 4
 
 

@@ -11,14 +11,14 @@ import pytest
 from programs import ROOT
 
 PACKAGES = ("bt_agents", "marketplace_node", "scene_layer", "feedback_node", "robot")
-RUNNER = "bt_agents/bt_agents/ros/runner.py"
-QOS = "bt_agents/bt_agents/ros/qos.py"
-BASE = "bt_agents/bt_agents/ros/node.py"
-RELOADING = "bt_agents/bt_agents/ros/reloading.py"
+RUNNER = "bt_agents_ros/bt_agents_ros/spinner.py"
+QOS = "bt_agents_ros/bt_agents_ros/qos.py"
+BASE = "bt_agents_ros/bt_agents_ros/base_node.py"
+RELOADING = "bt_agents/bt_agents/host/reload/reload_service.py"
 """Its thread gives way to the node's own."""
 
 ACTION_SERVERS = ("ActionServer", "QuietActionServer")
-INITS = (RUNNER, "bt_agents/bt_agents/ros/observer.py")
+INITS = (RUNNER, "bt_agents_tools/bt_agents_tools/client/observer.py")
 
 SOURCES = {
     str(path.relative_to(ROOT)): ast.parse(path.read_text())
@@ -169,13 +169,13 @@ def test_all_sources_keep_to_it(
 
 
 EXECUTABLES = (
-    "bt_agents/bt_agents/ros/host.py",
+    "bt_agents/bt_agents/host/node.py",
     "marketplace_node/marketplace_node/node/__init__.py",
     "marketplace_node/marketplace_node/node/selector.py",
     "scene_layer/scene_layer/node/__init__.py",
     "feedback_node/feedback_node/node/__init__.py",
-    "robot/bt_agents_robot/robot.py",
-    "robot/bt_agents_robot/visitors.py",
+    "bt_agents_robot/bt_agents_robot/robot.py",
+    "bt_agents_robot/bt_agents_robot/visitors.py",
 )
 
 
@@ -186,7 +186,7 @@ def test_every_executable_is_run_by_the_one_runner(path: str) -> None:
         node
         for node in ast.walk(tree)
         if isinstance(node, ast.ImportFrom)
-        and node.module == "bt_agents.ros.runner"
+        and node.module == "bt_agents_ros.spinner"
         and [alias.name for alias in node.names] == ["run"]
     ]
     assert imported

@@ -7,9 +7,9 @@ from dataclasses import replace
 
 import pytest
 
-from bt_agents.errors import Refused
-from bt_agents.layers import MOST_LAYERS
-from bt_agents.roster import Roster
+from bt_agents.host.agent_registry import Roster
+from bt_agents_core.errors import Refused
+from bt_agents_core.profile_layers import MOST_LAYERS
 from stage import SPACE, agent, scene
 
 

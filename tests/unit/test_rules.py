@@ -11,10 +11,10 @@ from typing import Any
 
 import pytest
 
-from bt_agents.errors import Refused
-from bt_agents.feedback import Kind
-from bt_agents.rules import LEAST_AGAIN_S, Fired, Rule, Watch, read_rule
-from bt_agents.scene import Origin, Scene, SceneParameter, SceneSpace, SceneValue
+from bt_agents_core.errors import Refused
+from bt_agents_core.feedback import Kind
+from bt_agents_core.scene import Origin, Scene, SceneParameter, SceneSpace, SceneValue
+from feedback_node.rules import LEAST_AGAIN_S, Fired, Rule, Watch, read_rule
 
 NAN = math.nan
 SPACE = SceneSpace(

@@ -7,8 +7,8 @@ import math
 
 import pytest
 
-from bt_agents.errors import Refused
-from bt_agents.scene import Origin, SceneParameter, SceneSpace, SceneValue
+from bt_agents_core.errors import Refused
+from bt_agents_core.scene import Origin, SceneParameter, SceneSpace, SceneValue
 
 NAN, INF = math.nan, math.inf
 

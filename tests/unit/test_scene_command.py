@@ -11,8 +11,8 @@ from typing import Any
 
 from rich.console import Console
 
-from bt_agents.cli.scene import as_document, page
-from bt_agents.scene import Origin, SceneParameter
+from bt_agents_core.scene import Origin, SceneParameter
+from bt_agents_tools.cli.commands.scene import as_document, page
 
 LABELS = {
     "age": SceneParameter(

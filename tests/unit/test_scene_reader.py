@@ -5,8 +5,8 @@ from __future__ import annotations
 
 import pytest
 
-from bt_agents.errors import ReadError
-from bt_agents.language.scene_reader import read_scene, read_scene_text
+from bt_agents_core.errors import ReadError
+from bt_agents_language.files.scene_reader import read_scene, read_scene_text
 from fake_interfaces import FakeInterfaces
 from stage import TREES
 

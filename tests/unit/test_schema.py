@@ -13,12 +13,17 @@ from click.testing import CliRunner
 from jsonschema import Draft7Validator
 from py_trees.behaviour import Behaviour
 
-from bt_agents.cli.schema import schema
-from bt_agents.language.node_types import Content, NodeField, NodeKind
-from bt_agents.language.nodes import BESIDE, KINDS, MODIFIERS
-from bt_agents.language.schema.folder import SCHEMAS, folder_vocabulary, schema_file, schema_text
-from bt_agents.language.specs import FieldType
-from bt_agents.language.text.source import read_source
+from bt_agents_language.model.node_type import Content, NodeField, NodeKind
+from bt_agents_language.model.specs import FieldType
+from bt_agents_language.nodes import BESIDE, KINDS, MODIFIERS
+from bt_agents_language.tools.schema.folder import (
+    SCHEMAS,
+    folder_vocabulary,
+    schema_file,
+    schema_text,
+)
+from bt_agents_language.yaml.source import read_source
+from bt_agents_tools.cli.commands.schema import schema
 from checkout import ROOT
 from core_schema import loaded
 from stage import SPACE, VOCABULARY

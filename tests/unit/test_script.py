@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from bt_agents.language.specs import Change, Script, Visit
+from bt_agents_language.model.specs import Change, Script, Visit
 from scene_layer.script import AGAIN_WITHIN_S, TAKEN_WITHIN_S, Market, Performance, answer
 
 

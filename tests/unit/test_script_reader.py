@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from bt_agents.language.script_reader import read_script
-from bt_agents.language.specs import Change, Visit
-from bt_agents.language.text.source import Source
+from bt_agents_language.files.script_reader import read_script
+from bt_agents_language.model.specs import Change, Visit
+from bt_agents_language.yaml.source import Source
 from stage import SPACE, TREES
 
 

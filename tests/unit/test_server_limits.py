@@ -8,17 +8,17 @@ from pathlib import Path
 
 import pytest
 
-from bt_agents.engine.scripted_world import Answer
-from bt_agents.errors import ReadError
-from bt_agents.groot.exporting import export_agent
-from bt_agents.groot.importing import import_agent
-from bt_agents.language.agent_reader import read_agent_text
-from bt_agents.language.folder_reader import read_trees
-from bt_agents.language.formatting.formatter import format_source
-from bt_agents.language.skills_reader import read_skills_text
-from bt_agents.language.specs import HeartbeatSpec, SkillSpec, Timeouts
-from bt_agents.language.text.source import Source
-from bt_agents.rehearsal.events import EventKind
+from bt_agents.engine.scripted_environment import Answer
+from bt_agents_core.errors import ReadError
+from bt_agents_groot.exporting import export_agent
+from bt_agents_groot.importing import import_agent
+from bt_agents_language.files.agent_reader import read_agent_text
+from bt_agents_language.files.folder_reader import read_trees
+from bt_agents_language.files.skills_reader import read_skills_text
+from bt_agents_language.model.specs import HeartbeatSpec, SkillSpec, Timeouts
+from bt_agents_language.tools.formatting.formatter import format_source
+from bt_agents_language.yaml.source import Source
+from bt_agents_tools.rehearsal.events import EventKind
 from fake_interfaces import FakeInterfaces
 from rehearsals import rehearsed, told
 from stage import TREES, VOCABULARY, Stage, agent

@@ -5,9 +5,9 @@ from __future__ import annotations
 
 import pytest
 
-from bt_agents.language.folder_reader import read_trees
-from bt_agents.language.specs import AgentSpec
-from bt_agents.rehearsal.suite import TreesFolders, coverages, failure, run_file
+from bt_agents_language.files.folder_reader import read_trees
+from bt_agents_language.model.specs import AgentSpec
+from bt_agents_tools.rehearsal.suite import TreesFolders, coverages, failure, run_file
 from stage import TREES
 
 FOLDERS = TreesFolders()

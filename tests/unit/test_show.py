@@ -9,17 +9,17 @@ from pathlib import Path
 
 import pytest
 
-from bt_agents.cli.show import show
-from bt_agents.errors import BtAgentsError, ReadError
-from bt_agents.language.drawing.boxes import BoxKind, box_of
-from bt_agents.language.drawing.layout import Placed, place
-from bt_agents.language.drawing.mermaid import mermaid
-from bt_agents.language.drawing.outline import outline
-from bt_agents.language.drawing.svg import svg
-from bt_agents.language.folder_reader import read_trees
-from bt_agents.language.renderers import columns
-from bt_agents.language.specs import AgentSpec
-from bt_agents.language.walking import every_node
+from bt_agents_core.errors import BtAgentsError, ReadError
+from bt_agents_language.files.folder_reader import read_trees
+from bt_agents_language.model.specs import AgentSpec
+from bt_agents_language.model.walking import every_node
+from bt_agents_language.tools.drawing.boxes import BoxKind, box_of
+from bt_agents_language.tools.drawing.layout import Placed, place
+from bt_agents_language.tools.drawing.mermaid import mermaid
+from bt_agents_language.tools.drawing.outline import outline
+from bt_agents_language.tools.drawing.svg import svg
+from bt_agents_language.yaml.renderers import columns
+from bt_agents_tools.cli.commands.show import show
 from stage import SPACE, TREES, agent
 
 HEAD = """\

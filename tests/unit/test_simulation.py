@@ -8,13 +8,13 @@ from itertools import permutations
 import numpy as np
 import pytest
 
-from bt_agents.feedback import LearningRule, Update
-from bt_agents.scene import SceneParameter, SceneSpace
-from bt_agents_lab.experiments.luck import draw
+from bt_agents_core.feedback import LearningRule, Update
+from bt_agents_core.scene import SceneParameter, SceneSpace
 from bt_agents_lab.experiments.measures import measure, wilson
+from bt_agents_lab.experiments.random_streams import draw
+from bt_agents_lab.experiments.simulated_world import NOT_SIMULATED, Arm, Person, World
 from bt_agents_lab.experiments.simulation import simulate
-from bt_agents_lab.experiments.world import NOT_SIMULATED, Arm, Person, World
-from marketplace_node import ranking
+from marketplace_node.round import ranking
 from marketplace_node.strategies import STRATEGIES
 from one_run import live
 

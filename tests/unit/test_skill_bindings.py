@@ -7,11 +7,11 @@ from pathlib import Path
 
 import pytest
 
-from bt_agents.errors import ReadError
-from bt_agents.language.agent_reader import read_agent_text
-from bt_agents.language.skills_reader import read_skills
-from bt_agents.language.specs import SkillSpec
-from bt_agents.language.vocabulary import Vocabulary
+from bt_agents_core.errors import ReadError
+from bt_agents_language.files.agent_reader import read_agent_text
+from bt_agents_language.files.skills_reader import read_skills
+from bt_agents_language.model.specs import SkillSpec
+from bt_agents_language.model.symbols import Vocabulary
 from fake_interfaces import FakeInterfaces
 from stage import SPACE, TREES
 

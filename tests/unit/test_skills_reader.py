@@ -5,9 +5,9 @@ from __future__ import annotations
 
 import pytest
 
-from bt_agents.errors import ReadError
-from bt_agents.language.skills_reader import read_skills, read_skills_text
-from bt_agents.language.specs import BindingKind, FieldType, MapValue, Reference
+from bt_agents_core.errors import ReadError
+from bt_agents_language.files.skills_reader import read_skills, read_skills_text
+from bt_agents_language.model.specs import BindingKind, FieldType, MapValue, Reference
 from fake_interfaces import FakeInterfaces
 from stage import TREES
 

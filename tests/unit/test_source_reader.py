@@ -7,10 +7,10 @@ import math
 
 import pytest
 
-from bt_agents.errors import ReadError
-from bt_agents.language.scene_reader import read_scene_text
-from bt_agents.language.scene_specs import AddresseeRule, MissingRule, SceneSpec
-from bt_agents.language.specs import BindingKind, FieldType
+from bt_agents_core.errors import ReadError
+from bt_agents_language.files.scene_reader import read_scene_text
+from bt_agents_language.model.scene_specs import AddresseeRule, MissingRule, SceneSpec
+from bt_agents_language.model.specs import BindingKind, FieldType
 from fake_interfaces import FakeInterfaces
 
 

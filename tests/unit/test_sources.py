@@ -7,12 +7,12 @@ import math
 
 import pytest
 
-from bt_agents.errors import Refused
-from bt_agents.language.expression.expressions import parse_expression
-from bt_agents.language.scene_reader import read_scene_text
-from bt_agents.language.scene_specs import SceneSpec, SourceSpec
-from bt_agents.language.specs import Position
-from bt_agents.scene import SceneParameter, SceneSpace
+from bt_agents_core.errors import Refused
+from bt_agents_core.scene import SceneParameter, SceneSpace
+from bt_agents_language.expression.expressions import parse_expression
+from bt_agents_language.files.scene_reader import read_scene_text
+from bt_agents_language.model.scene_specs import SceneSpec, SourceSpec
+from bt_agents_language.model.specs import Position
 from scene_layer.fusion import Reading
 from scene_layer.sources import Sources, inverted, mapped, message_of
 

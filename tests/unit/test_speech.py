@@ -8,7 +8,7 @@ from collections.abc import Sequence
 
 import pytest
 
-from bt_agents.errors import Refused
+from bt_agents_core.errors import Refused
 from bt_agents_robot.acts import ANSWER_WAIT_S, CLIP_S, Ask, Drive, Say, Show, check_duration
 from bt_agents_robot.speech import (
     LONGEST_TEXT,

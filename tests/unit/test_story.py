@@ -11,7 +11,7 @@ from typing import Any
 
 from rich.console import Console
 
-from bt_agents.cli.story import Story
+from bt_agents_tools.cli.event_printer import Story
 from stage import SPACE
 
 KINDS = {"DIRECT": 0, "POSITIVE": 1, "NEGATIVE": 2, "SET": 3}

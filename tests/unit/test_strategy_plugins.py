@@ -18,10 +18,10 @@ import numpy as np
 import pytest
 
 from market_driver import SPACE, Driver, scene
-from marketplace_node import auction, ranking
-from marketplace_node.decision import Ranked
-from marketplace_node.explanation import explanation
-from marketplace_node.ranking import decide
+from marketplace_node.explanation.explanation import explanation
+from marketplace_node.round import auction, ranking
+from marketplace_node.round.decision import Ranked
+from marketplace_node.round.ranking import decide
 from marketplace_node.strategies import STRATEGIES, Lines, Option, Scores, StrategySpec, manhattan
 from marketplace_node.strategies.distances import manhattan_lines
 from marketplace_node.strategies.plugins import GROUP, read_plugins
@@ -48,7 +48,7 @@ def package(tmp_path: Path) -> Path:
 def test_the_strategy_of_the_page_ranks_and_broken_ones_stop_nothing(package: Path) -> None:
     script = """
         from market_driver import SPACE, scene
-        from marketplace_node.ranking import decide
+        from marketplace_node.round.ranking import decide
         from marketplace_node.strategies import STRATEGIES, add_installed
         from ranked_rounds import bids, terms
 

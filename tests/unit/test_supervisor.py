@@ -14,16 +14,16 @@ from pathlib import Path
 
 import pytest
 
-from bt_agents.cli.backoff import Backoff
-from bt_agents.cli.log_file import LogFile
-from bt_agents.cli.supervisor import (
+from bt_agents_core.errors import BtAgentsError
+from bt_agents_tools.launcher.backoff import Backoff
+from bt_agents_tools.launcher.log_file import LogFile
+from bt_agents_tools.launcher.supervisor import (
     LOOPBACK_PROFILE,
     Component,
     Supervisor,
     keep_local,
     reach_in_words,
 )
-from bt_agents.errors import BtAgentsError
 
 HANG_S = 30.0
 
@@ -305,7 +305,7 @@ def test_parameters_are_handed_over_with_their_types() -> None:
         *("-p", "count:=4"),
         *("-p", "flag:=true"),
     ]
-    assert component.command()[:4] == [sys.executable, "-m", "bt_agents.starting", "m"]
+    assert component.command()[:4] == [sys.executable, "-m", "bt_agents_ros.node_main", "m"]
 
 
 def test_parameters_win_over_those_of_a_file_which_comes_before_them() -> None:

@@ -12,18 +12,18 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from bt_agents.cli.main import bt_agents
-from bt_agents.errors import BtAgentsError, ReadError
-from bt_agents.feedback import Update
-from bt_agents.trees_folder import find_sweep
+from bt_agents_core.errors import BtAgentsError, ReadError
+from bt_agents_core.feedback import Update
+from bt_agents_core.trees_folder import find_sweep
 from bt_agents_lab.experiments import drawing
 from bt_agents_lab.experiments import sweep as sweeping
-from bt_agents_lab.experiments.luck import draw
 from bt_agents_lab.experiments.measures import LAST, converged, of_runs, summary, together
+from bt_agents_lab.experiments.random_streams import draw
+from bt_agents_lab.experiments.simulated_world import Arm
 from bt_agents_lab.experiments.simulation import simulate, simulate_shares
 from bt_agents_lab.experiments.sweep import sweep
 from bt_agents_lab.experiments.sweep_reader import read_sweep
-from bt_agents_lab.experiments.world import Arm
+from bt_agents_tools.cli.main import bt_agents
 from checkout import ROOT
 
 SWEEPS = ROOT / "experiments" / "sweeps"

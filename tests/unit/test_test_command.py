@@ -13,8 +13,8 @@ from xml.etree import ElementTree
 import pytest
 from click.testing import CliRunner, Result
 
-from bt_agents.cli.main import bt_agents
-from bt_agents.errors import BtAgentsError
+from bt_agents_core.errors import BtAgentsError
+from bt_agents_tools.cli.main import bt_agents
 from stage import TREES
 
 AGENT = """
@@ -162,7 +162,7 @@ def test_no_tests_at_all_are_no_success(trees: Path, run: Callable[..., Result])
 def pytest_on(folder: Path, *words: str) -> subprocess.CompletedProcess[str]:
     """Run pytest with the plugin alone."""
     return subprocess.run(
-        [sys.executable, "-m", "pytest", "-p", "bt_agents.pytest_plugin", "-p",
+        [sys.executable, "-m", "pytest", "-p", "bt_agents_tools.rehearsal.pytest_plugin", "-p",
          "no:cacheprovider", *words, str(folder)],
         cwd=folder,
         capture_output=True,
@@ -193,7 +193,7 @@ def test_pytest_runs_each_case_as_an_item_and_shows_the_same_text(trees: Path) -
 
 def test_the_plugin_brings_neither_ros_nor_the_engine_into_other_projects() -> None:
     script = (
-        "import sys, bt_agents.pytest_plugin; "
+        "import sys, bt_agents_tools.rehearsal.pytest_plugin; "
         "print([m for m in ('rclpy', 'py_trees', 'yaml', 'rich') if m in sys.modules])"
     )
     done = subprocess.run(

@@ -7,11 +7,11 @@ from pathlib import Path
 
 import pytest
 
-from bt_agents.errors import ReadError
-from bt_agents.feedback import Kind
-from bt_agents.language.folder_reader import read_trees
-from bt_agents.language.testing.path_patterns import matches
-from bt_agents.language.testing.scenarios import (
+from bt_agents_core.errors import ReadError
+from bt_agents_core.feedback import Kind
+from bt_agents_language.files.folder_reader import read_trees
+from bt_agents_language.files.testing.path_patterns import matches
+from bt_agents_language.files.testing.scenarios import (
     Because,
     Bids,
     CancelledBy,
@@ -25,8 +25,8 @@ from bt_agents.language.testing.scenarios import (
     Visits,
     Within,
 )
-from bt_agents.language.testing.test_reader import read_test_text
-from bt_agents.language.tree.subtrees import MAX_NODES
+from bt_agents_language.files.testing.test_reader import read_test_text
+from bt_agents_language.tree.subtrees import MAX_NODES
 from rehearsals import cases_for
 from stage import TREES, VOCABULARY, agent
 

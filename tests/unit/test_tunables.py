@@ -7,12 +7,12 @@ import math
 
 import pytest
 
-from bt_agents.errors import ReadError
-from bt_agents.language.shape import FileReading
-from bt_agents.language.specs import FieldType, Tunable
-from bt_agents.language.text.source import Source
-from bt_agents.language.text.yaml_reader import Mapping
-from bt_agents.language.tunables import read_tunable
+from bt_agents_core.errors import ReadError
+from bt_agents_language.files.tunable_reader import read_tunable
+from bt_agents_language.model.specs import FieldType, Tunable
+from bt_agents_language.yaml.source import Source
+from bt_agents_language.yaml.typed_reader import FileReading
+from bt_agents_language.yaml.yaml_reader import Mapping
 
 
 def tunable(text: str) -> Tunable | None:

@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 
 import pytest
 
-from bt_agents.cli.tune_table import table
-from bt_agents.language.specs import FieldType
-from bt_agents.tuning.knobs import TICK_RATE, Knob, KnobKind, Setting
+from bt_agents.host.tuning.tunable import TICK_RATE, Knob, KnobKind, Setting
+from bt_agents_language.model.specs import FieldType
+from bt_agents_tools.cli.tune_table import table
 
 WORDS = "how long to wait for an answer, in the eyes of the person before the robot"
 PATIENCE = Knob(

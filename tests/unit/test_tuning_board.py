@@ -8,14 +8,14 @@ from pathlib import Path
 
 import pytest
 
-from bt_agents.errors import Refused
-from bt_agents.language.specs import FieldType
-from bt_agents.tuning.board import FILE, Board, words_of
-from bt_agents.tuning.history import Action, Cause
-from bt_agents.tuning.journal import Journal
-from bt_agents.tuning.knobs import TICK_RATE, Knob, knobs_of
-from bt_agents.tuning.presets import Presets
-from bt_agents.tuning.profile_orders import ProfileOrders
+from bt_agents.host.tuning.change_log import Journal
+from bt_agents.host.tuning.history import Action, Cause
+from bt_agents.host.tuning.parameter_store import FILE, Board, words_of
+from bt_agents.host.tuning.pending_profiles import ProfileOrders
+from bt_agents.host.tuning.presets import Presets
+from bt_agents.host.tuning.tunable import TICK_RATE, Knob, knobs_of
+from bt_agents_core.errors import Refused
+from bt_agents_language.model.specs import FieldType
 from disk import Disk
 from stage import SPACE, agent
 

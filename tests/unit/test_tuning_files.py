@@ -11,13 +11,13 @@ from pathlib import Path
 
 import pytest
 
-from bt_agents.errors import BtAgentsError, Refused
-from bt_agents.tuning import journal as journal_module
-from bt_agents.tuning.history import MOST_UNDONE, Action, Cause, Change, Revision
-from bt_agents.tuning.journal import Journal
-from bt_agents.tuning.journal_lines import revision_line
-from bt_agents.tuning.presets import Presets, presets_text, read_presets
-from bt_agents.tuning.remembered import Kept
+from bt_agents.host.tuning import change_log as journal_module
+from bt_agents.host.tuning.change_log import Journal
+from bt_agents.host.tuning.change_log_lines import revision_line
+from bt_agents.host.tuning.history import MOST_UNDONE, Action, Cause, Change, Revision
+from bt_agents.host.tuning.overrides import Kept
+from bt_agents.host.tuning.presets import Presets, presets_text, read_presets
+from bt_agents_core.errors import BtAgentsError, Refused
 from disk import Disk
 
 

@@ -5,8 +5,7 @@ from __future__ import annotations
 
 import pytest
 
-from bt_agents.errors import Refused
-from bt_agents.tuning.history import (
+from bt_agents.host.tuning.history import (
     MOST_SHOWN,
     MOST_UNDONE,
     Action,
@@ -15,7 +14,8 @@ from bt_agents.tuning.history import (
     History,
     Revision,
 )
-from bt_agents.tuning.knobs import Setting
+from bt_agents.host.tuning.tunable import Setting
+from bt_agents_core.errors import Refused
 
 
 class Desk:

@@ -7,9 +7,9 @@ import math
 
 import pytest
 
-from bt_agents.errors import Refused
-from bt_agents.language.specs import FieldType
-from bt_agents.tuning.knobs import TICK_RATE, Knob, KnobKind, knobs_of, written
+from bt_agents.host.tuning.tunable import TICK_RATE, Knob, KnobKind, knobs_of, written
+from bt_agents_core.errors import Refused
+from bt_agents_language.model.specs import FieldType
 from stage import SPACE, agent
 
 HEAD = """

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import pytest
 
-from bt_agents.ros.unheard import MOST, UnheardRuns
+from bt_agents.host.unreported_runs import MOST, UnheardRuns
 from bt_agents_interfaces.msg import Run
 
 

@@ -11,14 +11,14 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
-from bt_agents.errors import BtAgentsError
-from bt_agents.feedback import Kind, Update
-from bt_agents.language.folder_reader import read_trees
+from bt_agents_core.errors import BtAgentsError
+from bt_agents_core.feedback import Kind, Update
 from bt_agents_interfaces.msg import Auction, Run
 from bt_agents_lab.cli.journal import journal
 from bt_agents_lab.cli.what_if import what_if as command
-from bt_agents_lab.replay.story import Story
+from bt_agents_lab.replay.recording_index import Story
 from bt_agents_lab.replay.what_if import Changes, Outlook, what_if
+from bt_agents_language.files.folder_reader import read_trees
 from journals import NAN, Town, morning, story_of, write_folder
 from stage import SPACE, scene
 

@@ -11,7 +11,7 @@ from concurrent.futures import CancelledError
 
 import pytest
 
-from bt_agents.worker_thread import WorkerThread
+from bt_agents_core.worker_thread import WorkerThread
 
 HANG_S = 30.0
 
@@ -58,7 +58,7 @@ def test_what_still_waits_when_it_is_given_up_is_not_done() -> None:
 def test_a_process_ends_although_its_work_hangs() -> None:
     code = (
         "import threading\n"
-        "from bt_agents.worker_thread import WorkerThread\n"
+        "from bt_agents_core.worker_thread import WorkerThread\n"
         "begun = threading.Event()\n"
         "thread = WorkerThread('files')\n"
         "thread.submit(lambda: (begun.set(), threading.Event().wait()))\n"

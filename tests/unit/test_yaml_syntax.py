@@ -7,13 +7,13 @@ import textwrap
 
 import pytest
 
-from bt_agents.errors import ReadError
-from bt_agents.language.agent_reader import read_agent_text
-from bt_agents.language.diagnostics import Diagnostics
-from bt_agents.language.text.document import MAX_SLIPS, read_document
-from bt_agents.language.text.mended_source import Edit, MendedSource, without_section
-from bt_agents.language.text.source import Source
-from bt_agents.language.text.yaml_reader import Mapping
+from bt_agents_core.errors import ReadError
+from bt_agents_language.files.agent_reader import read_agent_text
+from bt_agents_language.yaml.diagnostics import Diagnostics
+from bt_agents_language.yaml.document import MAX_SLIPS, read_document
+from bt_agents_language.yaml.patched_source import Edit, MendedSource, without_section
+from bt_agents_language.yaml.source import Source
+from bt_agents_language.yaml.yaml_reader import Mapping
 from stage import VOCABULARY
 
 HEAD = "format: 1\nagent: a\nprofile: {age: 3, familiarity: 3, mood: 3}\n"

@@ -14,17 +14,17 @@ from bt_agents.engine.context import RunContext
 from bt_agents.engine.feedback_leaf import GiveFeedback
 from bt_agents.engine.fields import Fields
 from bt_agents.engine.gates import Cooldown, Once, When
-from bt_agents.engine.lean import LeanSelector, LeanSequence
 from bt_agents.engine.leaves import Check, Leaf, Log, Set
+from bt_agents.engine.light_behaviour import LeanSelector, LeanSequence
 from bt_agents.engine.loops import Repeat, Retry
 from bt_agents.engine.modifiers import Fail, Invert, Modifier, Succeed, Timeout, While
-from bt_agents.engine.plugin_leaf import PluginLeaf
 from bt_agents.engine.scope import Scope
 from bt_agents.engine.skill_leaf import SkillLeaf
 from bt_agents.engine.subtree import Subtree, subtree_scope
 from bt_agents.engine.waits import Wait, wait_for
-from bt_agents.language.specs import NodeSpec
-from bt_agents.language.uncollected import uncollected
+from bt_agents.plugins.plugin_leaf import PluginLeaf
+from bt_agents_language.gc_pause import uncollected
+from bt_agents_language.model.specs import NodeSpec
 
 
 def _sequence(

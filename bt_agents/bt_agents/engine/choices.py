@@ -11,15 +11,15 @@ from py_trees.common import Status
 from py_trees.composites import Composite
 
 from bt_agents.engine.context import RunContext
-from bt_agents.engine.faults import located, why
 from bt_agents.engine.fields import Fields
 from bt_agents.engine.halting import FAILURE, RUNNING
-from bt_agents.engine.lean import Lean, adopt
+from bt_agents.engine.light_behaviour import Lean, adopt
 from bt_agents.engine.modifiers import Modifier
+from bt_agents.engine.node_errors import located, why
 from bt_agents.engine.scope import Scope
 from bt_agents.engine.ticking import Native, Ticker
-from bt_agents.errors import Refused
-from bt_agents.language.specs import NodeSpec
+from bt_agents_core.errors import Refused
+from bt_agents_language.model.specs import NodeSpec
 
 
 class Case(Modifier):

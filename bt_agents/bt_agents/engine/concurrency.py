@@ -12,10 +12,10 @@ from py_trees.composites import Parallel
 from bt_agents.engine.context import RunContext
 from bt_agents.engine.fields import Fields
 from bt_agents.engine.halting import FAILURE, RUNNING, SUCCESS
-from bt_agents.engine.lean import Lean, adopt
+from bt_agents.engine.light_behaviour import Lean, adopt
 from bt_agents.engine.scope import Scope
 from bt_agents.engine.ticking import Native, Ticker
-from bt_agents.language.specs import NodeSpec, Plain
+from bt_agents_language.model.specs import NodeSpec, Plain
 
 _ENDED = (SUCCESS, FAILURE)
 

@@ -7,9 +7,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from random import Random
 
+from bt_agents.engine.environment import Clock, Goal, GoalRun, Inbox, World
 from bt_agents.engine.scope import RunScope
-from bt_agents.engine.world import Clock, Goal, GoalRun, Inbox, World
-from bt_agents.feedback import Kind
+from bt_agents_core.feedback import Kind
 
 
 @dataclass(frozen=True)

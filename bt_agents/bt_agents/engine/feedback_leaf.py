@@ -7,14 +7,14 @@ from collections.abc import Mapping
 
 from py_trees.common import Status
 
+from bt_agents.engine.environment import GoalRun, GoalState
 from bt_agents.engine.fields import finite
 from bt_agents.engine.leaves import Leaf
-from bt_agents.engine.world import GoalRun, GoalState
-from bt_agents.errors import Refused
-from bt_agents.feedback import Kind
-from bt_agents.language.expression.expression_values import described
-from bt_agents.language.specs import Plain
-from bt_agents.scene import check_value
+from bt_agents_core.errors import Refused
+from bt_agents_core.feedback import Kind
+from bt_agents_core.scene import check_value
+from bt_agents_language.expression.expression_values import described
+from bt_agents_language.model.specs import Plain
 
 _DIRECT = "direct feedback"
 

@@ -7,11 +7,11 @@ import math
 from dataclasses import dataclass
 
 from bt_agents.engine.scope import Names, evaluate, holds, not_so
-from bt_agents.errors import Refused
-from bt_agents.language.expression.expression_values import described
-from bt_agents.language.expression.expressions import Expression
-from bt_agents.language.nodes import FOREVER
-from bt_agents.language.specs import Literal, NodeSpec, Plain
+from bt_agents_core.errors import Refused
+from bt_agents_language.expression.expression_values import described
+from bt_agents_language.expression.expressions import Expression
+from bt_agents_language.model.specs import Literal, NodeSpec, Plain
+from bt_agents_language.nodes import FOREVER
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -5,10 +5,10 @@ from __future__ import annotations
 
 from py_trees.common import Status
 
-from bt_agents.engine.faults import located, why
 from bt_agents.engine.halting import FAILURE, RUNNING, SUCCESS
 from bt_agents.engine.modifiers import Modifier
-from bt_agents.language.expression.expressions import MissingValue
+from bt_agents.engine.node_errors import located, why
+from bt_agents_language.expression.expressions import MissingValue
 
 _ENDED = (SUCCESS, FAILURE)
 

@@ -8,11 +8,11 @@ from typing import ClassVar
 from py_trees.common import Status
 
 from bt_agents.engine.context import RunContext
-from bt_agents.engine.faults import located, why
 from bt_agents.engine.fields import Fields
-from bt_agents.engine.lean import Lean
+from bt_agents.engine.light_behaviour import Lean
+from bt_agents.engine.node_errors import located, why
 from bt_agents.engine.scope import Scope
-from bt_agents.language.specs import NodeSpec
+from bt_agents_language.model.specs import NodeSpec
 
 
 class Leaf(Lean):

@@ -6,9 +6,9 @@ from __future__ import annotations
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
-from bt_agents.engine.faults import why
 from bt_agents.engine.halting import FAILURE, RUNNING, SUCCESS
 from bt_agents.engine.modifiers import Modifier
+from bt_agents.engine.node_errors import why
 
 
 class Loop(Modifier):

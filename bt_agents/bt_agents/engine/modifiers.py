@@ -8,14 +8,14 @@ from py_trees.common import Status
 from py_trees.decorators import Decorator
 
 from bt_agents.engine.context import RunContext
-from bt_agents.engine.faults import located, why
 from bt_agents.engine.fields import Fields
 from bt_agents.engine.halting import FAILURE, RUNNING, SUCCESS
-from bt_agents.engine.lean import Lean
 from bt_agents.engine.leaves import Leaf
+from bt_agents.engine.light_behaviour import Lean
+from bt_agents.engine.node_errors import located, why
 from bt_agents.engine.scope import Scope
 from bt_agents.engine.ticking import Native, Ticker
-from bt_agents.language.specs import NodeSpec
+from bt_agents_language.model.specs import NodeSpec
 
 
 class Modifier(Native, Decorator, Lean):

@@ -16,13 +16,13 @@ from py_trees.common import Status
 
 from bt_agents.engine.builder import LeafMaker, build
 from bt_agents.engine.context import RunContext
+from bt_agents.engine.environment import Clock, World
 from bt_agents.engine.halting import Step
-from bt_agents.engine.plugin_leaf import PluginLeaf
 from bt_agents.engine.scope import RunScope
 from bt_agents.engine.ticking import Ticker, Visit
-from bt_agents.engine.world import Clock, World
-from bt_agents.language.specs import AgentSpec, NodeSpec, Plain
-from bt_agents.scene import Scene, SceneSpace, Vector
+from bt_agents.plugins.plugin_leaf import PluginLeaf
+from bt_agents_core.scene import Scene, SceneSpace, Vector
+from bt_agents_language.model.specs import AgentSpec, NodeSpec, Plain
 
 TREE_SUCCEEDED = "the tree succeeded"
 """Message of a run that nothing more is to be said about."""

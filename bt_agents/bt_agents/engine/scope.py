@@ -9,16 +9,18 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Protocol, cast
 
-from bt_agents.errors import Refused
-from bt_agents.language import quantities
-from bt_agents.language.expression.expression_values import described
-from bt_agents.language.expression.expressions import (
+from bt_agents_core.errors import Refused
+from bt_agents_core.mood import mood_of
+from bt_agents_core.scene import Scene, SceneSpace, Vector
+from bt_agents_language.expression.expression_values import described
+from bt_agents_language.expression.expressions import (
     EvaluationError,
     Expression,
     MissingValue,
     StaleValue,
 )
-from bt_agents.language.specs import (
+from bt_agents_language.model import quantities
+from bt_agents_language.model.specs import (
     Computed,
     FieldType,
     ListValue,
@@ -29,8 +31,6 @@ from bt_agents.language.specs import (
     Text,
     Value,
 )
-from bt_agents.mood import mood_of
-from bt_agents.scene import Scene, SceneSpace, Vector
 
 _LONGEST_JSON = 100_000
 _LONGEST_TEXT = 40

@@ -8,6 +8,7 @@ from contextlib import suppress
 
 from py_trees.common import Status
 
+from bt_agents.engine.environment import Goal, GoalRun, GoalState
 from bt_agents.engine.leaves import Leaf
 from bt_agents.engine.scope import (
     BindingNames,
@@ -18,11 +19,10 @@ from bt_agents.engine.scope import (
     not_so,
     spoken,
 )
-from bt_agents.engine.world import Goal, GoalRun, GoalState
-from bt_agents.errors import Refused
-from bt_agents.language.expression.expressions import MissingValue
-from bt_agents.language.shortened import shortened
-from bt_agents.language.specs import Binding, BindingKind, Literal, Plain
+from bt_agents_core.errors import Refused
+from bt_agents_language.expression.expressions import MissingValue
+from bt_agents_language.model.specs import Binding, BindingKind, Literal, Plain
+from bt_agents_language.shortened import shortened
 
 _WHY = {
     GoalState.REJECTED: "its server did not take the goal and says nothing about why",

@@ -11,8 +11,8 @@ from py_trees.common import Status
 from bt_agents.engine.context import RunContext
 from bt_agents.engine.modifiers import Modifier
 from bt_agents.engine.scope import Scope, SubtreeScope
-from bt_agents.language.expression.expressions import Expression
-from bt_agents.language.specs import NodeSpec
+from bt_agents_language.expression.expressions import Expression
+from bt_agents_language.model.specs import NodeSpec
 
 
 class Subtree(Modifier):

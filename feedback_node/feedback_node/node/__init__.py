@@ -15,31 +15,34 @@ from typing import Any, TypeVar
 from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.task import Future
 
-from bt_agents.errors import Refused
-from bt_agents.language.experiment_reader import read_simulated_feedback
-from bt_agents.language.scene_reader import read_scene
-from bt_agents.ros import qos
-from bt_agents.ros.calls import Calls
-from bt_agents.ros.live_scene import declare_live_lease
-from bt_agents.ros.messages import scene_from_msg
-from bt_agents.ros.node import GuardedNode
-from bt_agents.ros.runner import run
-from bt_agents.ros.startup import TREES, StartParameter, make_from_parameters
-from bt_agents.ros.timers import OneShot, steady_timer
-from bt_agents.scene import SceneSpace
-from bt_agents.simulated import SimulatedFeedback
-from bt_agents.trees_folder import find_trees
+from bt_agents.host.live_scene import declare_live_lease
+from bt_agents_core.errors import Refused
+from bt_agents_core.scene import SceneSpace
+from bt_agents_core.trees_folder import find_trees
 from bt_agents_interfaces.msg import Feedback, HostCard, MoodTrace, TreeStatus
 from bt_agents_interfaces.msg import Profiles as ProfilesMsg
 from bt_agents_interfaces.msg import Run as RunMsg
 from bt_agents_interfaces.msg import Scene as SceneMsg
 from bt_agents_interfaces.srv import CollectFeedback, GiveFeedback
-from feedback_node.changes import Change, Table
-from feedback_node.ledger import Ledger
-from feedback_node.ledger_file import LedgerError, ledger_path
-from feedback_node.management import Done, Management
+from bt_agents_language.files.experiment_reader import read_simulated_feedback
+from bt_agents_language.files.scene_reader import read_scene
+from bt_agents_ros import qos
+from bt_agents_ros.base_node import GuardedNode
+from bt_agents_ros.calls import Calls
+from bt_agents_ros.messages import scene_from_msg
+from bt_agents_ros.spinner import run
+from bt_agents_ros.startup import TREES, StartParameter, make_from_parameters
+from bt_agents_ros.timers import OneShot, steady_timer
+from feedback_node.learning.changes import Change, Table
+from feedback_node.learning.feedback_controller import Lesson, Teaching
+from feedback_node.learning.profiles import Profiles
+from feedback_node.ledger.ledger import Ledger
+from feedback_node.ledger.ledger_file import LedgerError, ledger_path
+from feedback_node.management.management import Done, Management
+from feedback_node.node.active_leaves import Tips
+from feedback_node.node.cancel_requests import Stops
 from feedback_node.node.hosts import Hosts
-from feedback_node.node.management import ManagementService
+from feedback_node.node.management_service import ManagementService
 from feedback_node.node.messages import (
     card_from_msg,
     collected_from_msg,
@@ -49,10 +52,7 @@ from feedback_node.node.messages import (
     run_from_msg,
     table_to_msg,
 )
-from feedback_node.node.stops import Stops
-from feedback_node.node.tips import Tips
-from feedback_node.profiles import Profiles
-from feedback_node.teaching import Lesson, Teaching
+from feedback_node.simulated_feedback import SimulatedFeedback
 
 CARDS_S = 10.0
 """So long after its start the node waits for the card of an agent that it is asked about [s]."""

@@ -9,12 +9,12 @@ from rclpy.client import Client
 from rclpy.node import Node
 from rclpy.task import Future
 
-from bt_agents.ros import qos
-from bt_agents.ros.calls import Calls
 from bt_agents_interfaces.srv import SetProfile
-from feedback_node.changes import Delivery
+from bt_agents_ros import qos
+from bt_agents_ros.calls import Calls
+from feedback_node.learning.changes import Delivery
+from feedback_node.learning.profiles import Profiles
 from feedback_node.node.messages import set_profile_name
-from feedback_node.profiles import Profiles
 
 _LIMIT_S = 1.0
 _MOST_UNDER_WAY = 200

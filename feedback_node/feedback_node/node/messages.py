@@ -6,18 +6,18 @@ from __future__ import annotations
 from rclpy.exceptions import NameValidationException
 from rclpy.validate_full_topic_name import validate_full_topic_name
 
-from bt_agents.errors import Refused
-from bt_agents.ros.messages import scene_from_msg, to_time
-from bt_agents.scene import SceneSpace
+from bt_agents_core.errors import Refused
+from bt_agents_core.scene import SceneSpace
 from bt_agents_interfaces.msg import Feedback, HostCard, Learning, MoodRule, MoodTrace
 from bt_agents_interfaces.msg import Profiles as ProfilesMsg
 from bt_agents_interfaces.msg import Run as RunMsg
 from bt_agents_interfaces.srv import CollectFeedback, GiveFeedback
-from feedback_node.cards import AgentEntry, Card, LearningEntry, RuleEntry
-from feedback_node.changes import Change, Table
-from feedback_node.mood_traces import Told
-from feedback_node.runs import Run
-from feedback_node.teaching import Given
+from bt_agents_ros.messages import scene_from_msg, to_time
+from feedback_node.learning.cards import AgentEntry, Card, LearningEntry, RuleEntry
+from feedback_node.learning.changes import Change, Table
+from feedback_node.learning.feedback_controller import Given
+from feedback_node.learning.runs import Run
+from feedback_node.mood_trace import Told
 
 _OUTCOMES = (RunMsg.SUCCEEDED, RunMsg.FAILED, RunMsg.CANCELLED, RunMsg.LOST)
 

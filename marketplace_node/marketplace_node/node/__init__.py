@@ -10,18 +10,9 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from bt_agents.errors import ReadError, Refused
-from bt_agents.language.market_reader import MarketRule, market_of
-from bt_agents.language.scene_reader import read_scene
-from bt_agents.ros import qos
-from bt_agents.ros.messages import scene_from_msg, scene_to_msg
-from bt_agents.ros.node import GuardedNode
-from bt_agents.ros.outbox import Outbox
-from bt_agents.ros.runner import run
-from bt_agents.ros.startup import TREES, StartParameter, make_from_parameters
-from bt_agents.ros.timers import OneShot, steady_timer
-from bt_agents.scene import SceneSpace
-from bt_agents.trees_folder import find_trees
+from bt_agents_core.errors import ReadError, Refused
+from bt_agents_core.scene import SceneSpace
+from bt_agents_core.trees_folder import find_trees
 from bt_agents_interfaces.msg import Auction as AuctionMsg
 from bt_agents_interfaces.msg import Bids as BidsMsg
 from bt_agents_interfaces.msg import CallForBids, MarketHeartbeat, MarketStatus
@@ -29,7 +20,15 @@ from bt_agents_interfaces.msg import Run as RunMsg
 from bt_agents_interfaces.msg import Scene as SceneMsg
 from bt_agents_interfaces.msg import SceneEnd as SceneEndMsg
 from bt_agents_interfaces.srv import CancelRun, CollectFeedback
-from marketplace_node.award import Stop
+from bt_agents_language.files.market_reader import MarketRule, market_of
+from bt_agents_language.files.scene_reader import read_scene
+from bt_agents_ros import qos
+from bt_agents_ros.base_node import GuardedNode
+from bt_agents_ros.messages import scene_from_msg, scene_to_msg
+from bt_agents_ros.outbox import Outbox
+from bt_agents_ros.spinner import run
+from bt_agents_ros.startup import TREES, StartParameter, make_from_parameters
+from bt_agents_ros.timers import OneShot, steady_timer
 from marketplace_node.effects import (
     Alarm,
     AnnounceEarlierRun,
@@ -51,9 +50,11 @@ from marketplace_node.effects import (
     State,
     StatusChanged,
 )
+from marketplace_node.explanation.formatting import listed
+from marketplace_node.interaction.award import Stop
 from marketplace_node.market import Market
-from marketplace_node.node.asking_outside import AskingOutside
-from marketplace_node.node.hearing import Hearing
+from marketplace_node.node.bid_decoder import Hearing
+from marketplace_node.node.external_ranking_client import AskingOutside
 from marketplace_node.node.hosts import Hosts
 from marketplace_node.node.messages import (
     auction_to_msg,
@@ -63,14 +64,13 @@ from marketplace_node.node.messages import (
     scene_end_to_msg,
     status_to_msg,
 )
-from marketplace_node.node.operators import Operators
-from marketplace_node.node.orders_file import OrdersFile
+from marketplace_node.node.operator_services import Operators
+from marketplace_node.node.overrides_file import OrdersFile
 from marketplace_node.node.parameters import declare_settings, follow_settings
-from marketplace_node.node.registering import Registering
+from marketplace_node.node.registration_service import Registering
 from marketplace_node.registry import HostEntry
 from marketplace_node.settings import RULES, Settings
 from marketplace_node.strategies.plugins import add_installed
-from marketplace_node.wording import listed
 
 ORDERS = StartParameter(
     name="orders",

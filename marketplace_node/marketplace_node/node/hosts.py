@@ -13,10 +13,10 @@ from action_msgs.msg import GoalStatus
 from action_msgs.srv import CancelGoal
 from rclpy.node import Node
 
-from bt_agents.errors import Refused
-from bt_agents.ros import qos
+from bt_agents_core.errors import Refused
 from bt_agents_interfaces.action import RunAgent
 from bt_agents_interfaces.msg import Heartbeat
+from bt_agents_ros import qos
 from marketplace_node.effects import Effect, Goal, SendGoal
 from marketplace_node.market import Market
 from marketplace_node.node.messages import goal_to_msg, run_end_from_msg

@@ -7,10 +7,9 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
-from bt_agents.errors import Refused
-from bt_agents.ros.messages import scene_from_msg, scene_to_msg, seconds
-from bt_agents.scene import Scene, SceneSpace
-from bt_agents.stop_words import CUT_OFF
+from bt_agents_core.errors import Refused
+from bt_agents_core.scene import Scene, SceneSpace
+from bt_agents_core.stop_words import CUT_OFF
 from bt_agents_interfaces.action import RunAgent
 from bt_agents_interfaces.msg import Auction as AuctionMsg
 from bt_agents_interfaces.msg import Bids as BidsMsg
@@ -20,17 +19,7 @@ from bt_agents_interfaces.msg import RefusedBid as RefusedBidMsg
 from bt_agents_interfaces.msg import Run as RunMsg
 from bt_agents_interfaces.msg import SceneEnd as SceneEndMsg
 from bt_agents_interfaces.srv import OperateMarket, RegisterHost, SelectAgent
-from marketplace_node.award import RunEnd
-from marketplace_node.calculation import calculation
-from marketplace_node.decision import (
-    EARLIER_RUNS,
-    SHADOW,
-    Bids,
-    Decision,
-    External,
-    RankedBid,
-    Terms,
-)
+from bt_agents_ros.messages import scene_from_msg, scene_to_msg, seconds
 from marketplace_node.effects import (
     AnnounceRun,
     AskOutside,
@@ -44,9 +33,20 @@ from marketplace_node.effects import (
     SendGoal,
     StatusChanged,
 )
-from marketplace_node.outside import check_ranking, shown
+from marketplace_node.explanation.calculation import calculation
+from marketplace_node.external_ranking.external_ranking_check import check_ranking, shown
+from marketplace_node.interaction.award import RunEnd
+from marketplace_node.operators.operator_overrides import Act, Order
 from marketplace_node.registry import Registration
-from marketplace_node.say import Act, Order
+from marketplace_node.round.decision import (
+    EARLIER_RUNS,
+    SHADOW,
+    Bids,
+    Decision,
+    External,
+    RankedBid,
+    Terms,
+)
 from marketplace_node.strategies import STRATEGIES
 
 _ENDED = (RunMsg.SUCCEEDED, RunMsg.FAILED, RunMsg.CANCELLED, RunMsg.LOST)

@@ -11,8 +11,8 @@ from rcl_interfaces.msg import ParameterDescriptor, SetParametersResult
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from bt_agents.errors import Refused
-from bt_agents.ros.parameters import declare, describe
+from bt_agents_core.errors import Refused
+from bt_agents_ros.parameters import declare, describe
 from marketplace_node.settings import (
     EXTERNAL,
     MAX_MARGIN,

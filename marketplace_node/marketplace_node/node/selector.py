@@ -14,21 +14,21 @@ from typing import Any
 from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.task import Future
 
-from bt_agents.errors import Refused
-from bt_agents.language.scene_reader import read_scene
-from bt_agents.ros import qos
-from bt_agents.ros.messages import scene_from_msg
-from bt_agents.ros.node import GuardedNode
-from bt_agents.ros.runner import run
-from bt_agents.ros.startup import TREES, StartParameter, make_from_parameters
-from bt_agents.ros.timers import steady_timer
-from bt_agents.scene import SceneSpace
-from bt_agents.trees_folder import find_trees
-from bt_agents.worker_thread import WorkerThread
+from bt_agents_core.errors import Refused
+from bt_agents_core.scene import SceneSpace
+from bt_agents_core.trees_folder import find_trees
+from bt_agents_core.worker_thread import WorkerThread
 from bt_agents_interfaces.msg import HostCard
 from bt_agents_interfaces.srv import SelectAgent
-from marketplace_node.asking import post
-from marketplace_node.openai_protocol import (
+from bt_agents_language.files.scene_reader import read_scene
+from bt_agents_ros import qos
+from bt_agents_ros.base_node import GuardedNode
+from bt_agents_ros.messages import scene_from_msg
+from bt_agents_ros.spinner import run
+from bt_agents_ros.startup import TREES, StartParameter, make_from_parameters
+from bt_agents_ros.timers import steady_timer
+from marketplace_node.external_ranking.http_client import post
+from marketplace_node.external_ranking.openai_protocol import (
     MOST_BYTES,
     Bidder,
     Endpoint,

@@ -1,15 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The rules by which the marketplace ranks bids: pure functions on arrays, by name."""
 
-from marketplace_node.strategies.catalogue import STRATEGIES
-from marketplace_node.strategies.distances import (
-    euclidean,
-    expected_manhattan,
-    manhattan,
-    weighted_manhattan,
-)
-from marketplace_node.strategies.exploration import epsilon_greedy, softmax, thompson, ucb
-from marketplace_node.strategies.field import (
+from marketplace_node.strategies.arrays import (
     Chance,
     Chances,
     Field,
@@ -21,6 +13,14 @@ from marketplace_node.strategies.field import (
     explored,
     plain,
 )
+from marketplace_node.strategies.catalogue import STRATEGIES
+from marketplace_node.strategies.distances import (
+    euclidean,
+    expected_manhattan,
+    manhattan,
+    weighted_manhattan,
+)
+from marketplace_node.strategies.exploration import epsilon_greedy, softmax, thompson, ucb
 from marketplace_node.strategies.ordering import TIE_BREAKS, order
 from marketplace_node.strategies.plugins import add_installed
 

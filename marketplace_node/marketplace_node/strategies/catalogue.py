@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from types import MappingProxyType
 
 from marketplace_node.strategies import exploration
+from marketplace_node.strategies.arrays import Option, StrategySpec, Sum
 from marketplace_node.strategies.distances import (
     euclidean,
     expected_manhattan,
@@ -16,7 +17,6 @@ from marketplace_node.strategies.distances import (
     weighted_manhattan,
 )
 from marketplace_node.strategies.exploration import epsilon_greedy, softmax, thompson, ucb
-from marketplace_node.strategies.field import Option, StrategySpec, Sum
 from marketplace_node.strategies.nearest import MANHATTAN
 
 _OWN = (

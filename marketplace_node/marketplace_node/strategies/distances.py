@@ -8,8 +8,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from marketplace_node.strategies.error_function import erf
-from marketplace_node.strategies.field import (
+from marketplace_node.strategies.arrays import (
     Chance,
     Field,
     Floats,
@@ -20,6 +19,7 @@ from marketplace_node.strategies.field import (
     plain,
     total,
 )
+from marketplace_node.strategies.error_function import erf
 
 
 def manhattan(field: Field, options: Mapping[str, float], random: Chance) -> Scores:

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from marketplace_node.strategies.field import Floats
+from marketplace_node.strategies.arrays import Floats
 
 _SMALL = 0.46875
 _LARGE = 6.0

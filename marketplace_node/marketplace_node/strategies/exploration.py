@@ -7,8 +7,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from marketplace_node.strategies.distances import manhattan
-from marketplace_node.strategies.field import (
+from marketplace_node.strategies.arrays import (
     Chance,
     Field,
     Floats,
@@ -19,6 +18,7 @@ from marketplace_node.strategies.field import (
     filled,
     total,
 )
+from marketplace_node.strategies.distances import manhattan
 
 TEMPERATURE = Option(
     name="temperature",

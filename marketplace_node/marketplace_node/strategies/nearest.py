@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from marketplace_node.strategies.field import Floats, Sum
+from marketplace_node.strategies.arrays import Floats, Sum
 
 FEW = 12
 """Up to so many numbers, loops are faster than arrays."""

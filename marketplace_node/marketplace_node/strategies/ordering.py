@@ -8,7 +8,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from marketplace_node.strategies.field import Floats, Integers
+from marketplace_node.strategies.arrays import Floats, Integers
 
 TIE_BREAKS: Final = ("least_recently_run", "name")
 

@@ -9,9 +9,9 @@ from collections.abc import Iterable, Mapping
 from functools import cache
 from importlib.metadata import EntryPoint, entry_points
 
-from bt_agents.errors import BtAgentsError
+from bt_agents_core.errors import BtAgentsError
+from marketplace_node.strategies.arrays import Option, StrategySpec
 from marketplace_node.strategies.catalogue import STRATEGIES, add
-from marketplace_node.strategies.field import Option, StrategySpec
 
 GROUP = "bt_agents.strategies"
 """Entry point group; the name of an entry point is the strategy's, its object a StrategySpec."""

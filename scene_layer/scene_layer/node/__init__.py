@@ -12,29 +12,29 @@ from typing import Any
 
 from std_msgs.msg import Empty
 
-from bt_agents.errors import Refused
-from bt_agents.language.scene_reader import read_scene
-from bt_agents.language.scene_specs import SceneSpec
-from bt_agents.language.script_reader import read_script
-from bt_agents.language.specs import Script
-from bt_agents.ros import qos
-from bt_agents.ros.messages import scene_from_msg, scene_to_msg, to_time
-from bt_agents.ros.node import GuardedNode
-from bt_agents.ros.parameters import describe, follow
-from bt_agents.ros.runner import run
-from bt_agents.ros.startup import TREES, StartParameter, make_from_parameters
-from bt_agents.ros.timers import steady_timer
-from bt_agents.scene import AGAIN, Scene
-from bt_agents.trees_folder import find_trees
+from bt_agents_core.errors import Refused
+from bt_agents_core.scene import AGAIN, Scene
+from bt_agents_core.trees_folder import find_trees
 from bt_agents_interfaces.msg import MarketStatus, Persons, Run
 from bt_agents_interfaces.msg import Scene as SceneMsg
 from bt_agents_interfaces.srv import Analyze
-from scene_layer.estimate import Estimate, check_given
-from scene_layer.live import Following, LiveRun
+from bt_agents_language.files.scene_reader import read_scene
+from bt_agents_language.files.script_reader import read_script
+from bt_agents_language.model.scene_specs import SceneSpec
+from bt_agents_language.model.specs import Script
+from bt_agents_ros import qos
+from bt_agents_ros.base_node import GuardedNode
+from bt_agents_ros.messages import scene_from_msg, scene_to_msg, to_time
+from bt_agents_ros.parameters import describe, follow
+from bt_agents_ros.spinner import run
+from bt_agents_ros.startup import TREES, StartParameter, make_from_parameters
+from bt_agents_ros.timers import steady_timer
 from scene_layer.memory import Memory
-from scene_layer.node.listening import Listening
-from scene_layer.node.playing import Playing
-from scene_layer.node.remembering import Remembering
+from scene_layer.node.memory_store import Remembering
+from scene_layer.node.script_player import Playing
+from scene_layer.node.source_subscriptions import Listening
+from scene_layer.run_tracker import Following, LiveRun
+from scene_layer.scene_estimator import Estimate, check_given
 from scene_layer.sources import Sources
 
 SHORTEST_S = 0.02

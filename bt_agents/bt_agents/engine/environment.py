@@ -1,0 +1,141 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The seam between trees and the outside: what a leaf may do, none of which blocks."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from enum import Enum
+from typing import Protocol
+
+from bt_agents_core.feedback import Kind
+from bt_agents_language.model.specs import BindingKind, HeartbeatSpec, Plain, Timeouts
+
+GIVE_FEEDBACK = "feedback/give"
+"""ROS name of the service that takes feedback."""
+
+Clock = Callable[[], float]
+"""Returns the time [s]; only differences mean something."""
+
+
+class GoalState(Enum):
+    """Where a goal is; the value is the word for people."""
+
+    PENDING = "not accepted yet"
+    ACTIVE = "running"
+    SUCCEEDED = "succeeded"
+    REJECTED = "rejected"
+    ABORTED = "aborted"
+    CANCELLED = "cancelled"
+    TIMED_OUT = "timed out"
+    UNREACHABLE = "unreachable"
+
+    @property
+    def ended(self) -> bool:
+        """True when its leaf has nothing more to wait for."""
+        return self not in (GoalState.PENDING, GoalState.ACTIVE)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Goal:
+    """What a leaf wants of a server or of a topic's readers.
+
+    Attributes:
+        kind: Action, service or topic.
+        name: ROS name, relative unless it starts with a slash.
+        type: ROS type.
+        fields: Goal, request or message as plain nested data.
+        sender: Path of the node that sends it; empty when none does.
+        feedback: Whether the leaf uses the feedback of an action.
+        timeouts: How long the server may take.
+        heartbeat: By which the death of the server is noticed.
+    """
+
+    kind: BindingKind
+    name: str
+    type: str
+    fields: Mapping[str, Plain]
+    sender: str = ""
+    feedback: bool = False
+    timeouts: Timeouts = field(default_factory=Timeouts)
+    heartbeat: HeartbeatSpec | None = None
+
+
+class GoalRun(Protocol):
+    """A goal or request on its way; polled by the tick, never waited for."""
+
+    @property
+    def state(self) -> GoalState:
+        """Where it is now."""
+
+    @property
+    def confirmed(self) -> bool:
+        """True when its server surely does nothing for it any more.
+
+        A goal is confirmed when it was never sent, or when its server has said that it rejected,
+        finished or cancelled it. One that was given up, or whose server is gone, may go on out
+        there and is not. A request to a service is as soon as its leaf has done with it: nothing
+        of it can be stopped.
+        """
+
+    @property
+    def message(self) -> str:
+        """Why it is there, in words; may be empty."""
+
+    @property
+    def result(self) -> Mapping[str, Plain]:
+        """Fields of the result or response; empty until it succeeded or aborted."""
+
+    @property
+    def feedback(self) -> Mapping[str, Plain] | None:
+        """Fields of the latest feedback, the same object until there is newer; None for none."""
+
+    def cancel(self) -> None:
+        """Ask for the end; a goal not accepted yet is cancelled on acceptance."""
+
+
+class Inbox(Protocol):
+    """Messages of a topic since it was opened; of a burst maybe only the newest."""
+
+    def take(self) -> Mapping[str, Plain] | None:
+        """Return the oldest message not taken yet, None when there is none."""
+
+    def close(self) -> None:
+        """Stop listening."""
+
+
+class World(Protocol):
+    """Everything a tree can reach."""
+
+    @property
+    def clock(self) -> Clock:
+        """The trees' clock, which may be simulated."""
+
+    def send(self, goal: Goal) -> GoalRun:
+        """Send a goal to an action server or a request to a service."""
+
+    def publish(self, goal: Goal) -> None:
+        """Publish a message.
+
+        Raises:
+            Refused: The fields do not fit the type.
+        """
+
+    def watch(self, topic: str, type_name: str, *, latched: bool = False) -> Inbox:
+        """Listen to a topic; if it is latched, its last message from before comes first."""
+
+    def log(self, level: str, text: str) -> None:
+        """Write a line into the log; the level is ``info``, ``warning`` or ``error``."""
+
+    def give_feedback(self, kind: Kind, values: Mapping[str, float], reason: str) -> GoalRun:
+        """Ask for a change of the running agent's profile.
+
+        Args:
+            kind: What it asks for.
+            values: Wanted values by scene parameter, of direct feedback only; about parameters
+                that are not named there is no opinion.
+            reason: Why, in words; may be empty.
+
+        Returns:
+            The request; rejected, with the words why, when nothing was changed.
+        """

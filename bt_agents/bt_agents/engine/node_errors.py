@@ -1,0 +1,26 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What went wrong in a node, in words that say why and where."""
+
+from __future__ import annotations
+
+from bt_agents_core.errors import Refused
+from bt_agents_language.expression.expressions import EvaluationError, MissingValue
+from bt_agents_language.model.specs import NodeSpec
+
+
+def why(error: Exception) -> str:
+    """Return an error as a reason in words."""
+    match error:
+        case MissingValue():
+            return str(error)
+        case Refused():
+            return error.reason
+        case EvaluationError():
+            return str(error)
+        case _:
+            return f"{type(error).__name__}: {error}"
+
+
+def located(reason: str, spec: NodeSpec) -> str:
+    """Return a reason with the node's path and its place in the file."""
+    return f"{reason} ({spec.path}, {spec.position})"

@@ -1,0 +1,243 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A world that answers from a script on a clock turned by hand, for tests and rehearsals."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+from bt_agents.engine.environment import GIVE_FEEDBACK, Clock, Goal, GoalState
+from bt_agents.host.environment.goal_track import no_acceptance, no_result, result_limit_s
+from bt_agents_core.feedback import Kind
+from bt_agents_language.model.specs import BindingKind, Plain
+
+
+class ManualClock:
+    """A clock that moves only when told to."""
+
+    def __init__(self) -> None:
+        self.now = 0.0
+
+    def __call__(self) -> float:
+        """Return the time [s]."""
+        return self.now
+
+    def advance(self, seconds: float) -> None:
+        """Move on."""
+        self.now += seconds
+
+
+@dataclass(frozen=True, kw_only=True)
+class Answer:
+    """What a server does with one goal.
+
+    Attributes:
+        state: How the goal ends.
+        result: Fields of its result.
+        message: Why, in words.
+        accept_s: Time until it is accepted [s].
+        after_s: Time until it ends, from the moment it was sent [s].
+        cancel_s: Time a cancel takes [s]; infinite for a server that ignores it.
+        feedback: Times since it was sent [s], rising, and the fields of what is then told.
+        vanishes: Whether the server is gone by then, so that nobody confirms the end.
+    """
+
+    state: GoalState = GoalState.SUCCEEDED
+    result: Mapping[str, Plain] = field(default_factory=dict)
+    message: str = ""
+    accept_s: float = 0.0
+    after_s: float = 0.0
+    cancel_s: float = 0.0
+    feedback: tuple[tuple[float, Mapping[str, Plain]], ...] = ()
+    vanishes: bool = False
+
+
+@dataclass(frozen=True, kw_only=True)
+class GivenFeedback:
+    """Feedback that a tree has given."""
+
+    kind: Kind
+    values: Mapping[str, float]
+    reason: str
+
+
+class ScriptedGoal:
+    """One goal of a :class:`ScriptedWorld`; its timeouts count on the same clock as all else."""
+
+    def __init__(self, goal: Goal, answer: Answer, clock: Clock) -> None:
+        self.goal = goal
+        self.cancelled_at: float | None = None
+        self._answer = answer
+        self._clock = clock
+        self._sent = clock()
+        self._accepted = self._sent + answer.accept_s
+        self._ends = self._sent + answer.after_s
+        self._given_up, self._why = self._patience()
+
+    @property
+    def state(self) -> GoalState:
+        """Where it is now."""
+        now, cancelled = self._clock(), self._cancelled(self.cancelled_at)
+        if self._is_given_up:
+            return self._why[0]
+        if now >= min(cancelled, self._ends):
+            return GoalState.CANCELLED if cancelled < self._ends else self._answer.state
+        return GoalState.ACTIVE if now >= self._accepted else GoalState.PENDING
+
+    @property
+    def confirmed(self) -> bool:
+        """True when its server surely does nothing for it any more."""
+        if self.goal.kind is BindingKind.SERVICE and self.state.ended:
+            return True
+        return self._clock() >= self._server_ends and not self._answer.vanishes
+
+    @property
+    def message(self) -> str:
+        """Why it is there."""
+        return self._why[1] if self._is_given_up else self._answer.message
+
+    @property
+    def result(self) -> Mapping[str, Plain]:
+        """Fields of the result once it succeeded."""
+        return self._answer.result if self.state is GoalState.SUCCEEDED else {}
+
+    @property
+    def feedback(self) -> Mapping[str, Plain] | None:
+        """Fields of the latest feedback."""
+        until = min(self._clock(), self._server_ends)
+        told = [fields for at, fields in self._answer.feedback if self._sent + at <= until]
+        return told[-1] if told and self._clock() >= self._accepted else None
+
+    @property
+    def next_change(self) -> float:
+        """When it next becomes something else, unless it is cancelled [s]; infinite for never."""
+        if self.state.ended:
+            return math.inf
+        now = self._clock()
+        told = [self._sent + at for at, _ in self._answer.feedback]
+        moments = [self._accepted, self._given_up, self._server_ends, *told]
+        return min((at for at in moments if at > now), default=math.inf)
+
+    def cancel(self) -> None:
+        """Ask for the end."""
+        if self.cancelled_at is None:
+            self.cancelled_at = self._clock()
+
+    def _patience(self) -> tuple[float, tuple[GoalState, str]]:
+        """Return when it is given up [s], what it is then, and why."""
+        kind, timeouts = self.goal.kind, self.goal.timeouts
+        if kind is BindingKind.ACTION and self._answer.accept_s > timeouts.accept_s:
+            words = no_acceptance(timeouts.accept_s)
+            return self._sent + timeouts.accept_s, (GoalState.UNREACHABLE, words)
+        limit_s = result_limit_s(kind, timeouts)
+        return self._accepted + limit_s, (GoalState.TIMED_OUT, no_result(kind, limit_s))
+
+    @property
+    def _is_given_up(self) -> bool:
+        ends = min(self._cancelled(self.cancelled_at), self._ends)
+        return self._given_up < ends and self._clock() >= self._given_up
+
+    @property
+    def _server_ends(self) -> float:
+        """When the server has done with it [s]; what is given up is cancelled."""
+        asked = self.cancelled_at
+        if asked is None and self._is_given_up:
+            asked = self._given_up
+        return min(self._cancelled(asked), self._ends)
+
+    def _cancelled(self, asked: float | None) -> float:
+        """Return when a cancel takes effect [s]; before acceptance it does so on it."""
+        if asked is None:
+            return math.inf
+        return max(asked, self._accepted) + self._answer.cancel_s
+
+
+class ScriptedInbox:
+    """Messages that a test or script put on a topic since the inbox was opened."""
+
+    def __init__(self) -> None:
+        self.messages: deque[Mapping[str, Plain]] = deque()
+        self.closed = False
+
+    def take(self) -> Mapping[str, Plain] | None:
+        """Return the oldest message not taken yet."""
+        return self.messages.popleft() if self.messages else None
+
+    def close(self) -> None:
+        """Stop listening."""
+        self.closed = True
+
+
+class ScriptedWorld:
+    """Answers goals by name, remembers everything that was asked of it.
+
+    Args:
+        answers: Name of an action or service → answers in order; the last one is given for ever.
+            A name that is not listed succeeds at once with an empty result.
+        clock: Clock of the trees.
+        result: Fields that every result has, unless its answer says otherwise.
+    """
+
+    def __init__(
+        self,
+        answers: Mapping[str, Sequence[Answer]] | None = None,
+        clock: ManualClock | None = None,
+        result: Mapping[str, Plain] | None = None,
+    ) -> None:
+        self._result = dict(result or {})
+        self.clock = clock or ManualClock()
+        self.goals: list[ScriptedGoal] = []
+        self.published: list[Goal] = []
+        self.logged: list[tuple[str, str]] = []
+        self.feedback_given: list[GivenFeedback] = []
+        self._answers = {name: deque(queue) for name, queue in (answers or {}).items()}
+        self._inboxes: list[tuple[str, ScriptedInbox]] = []
+        self._last: dict[str, Mapping[str, Plain]] = {}
+
+    def send(self, goal: Goal) -> ScriptedGoal:
+        """Take a goal or request."""
+        answer = self._answer(goal.name)
+        answer = replace(answer, result={**self._result, **answer.result})
+        run = ScriptedGoal(goal, answer, self.clock)
+        self.goals.append(run)
+        return run
+
+    def publish(self, goal: Goal) -> None:
+        """Remember a message."""
+        self.published.append(goal)
+
+    def watch(self, topic: str, type_name: str, *, latched: bool = False) -> ScriptedInbox:
+        """Open an inbox."""
+        inbox = ScriptedInbox()
+        if latched and topic in self._last:
+            inbox.messages.append(self._last[topic])
+        self._inboxes.append((topic, inbox))
+        return inbox
+
+    def log(self, level: str, text: str) -> None:
+        """Remember a line."""
+        self.logged.append((level, text))
+
+    def give_feedback(self, kind: Kind, values: Mapping[str, float], reason: str) -> ScriptedGoal:
+        """Remember feedback; it is taken unless the service of this name answers otherwise."""
+        self.feedback_given.append(GivenFeedback(kind=kind, values=values, reason=reason))
+        fields: dict[str, Plain] = {"kind": int(kind), "values": values, "reason": reason}
+        goal = Goal(kind=BindingKind.SERVICE, name=GIVE_FEEDBACK, type="", fields=fields)
+        return ScriptedGoal(goal, self._answer(GIVE_FEEDBACK), self.clock)
+
+    def arrive(self, topic: str, message: Mapping[str, Plain]) -> None:
+        """Let a message arrive in the open inboxes of a topic; latched ones find it later too."""
+        self._last[topic] = message
+        for name, inbox in self._inboxes:
+            if name == topic and not inbox.closed:
+                inbox.messages.append(message)
+
+    def running(self) -> list[str]:
+        """Return the names of the goals that their servers still carry out."""
+        return [run.goal.name for run in self.goals if not run.confirmed]
+
+    def _answer(self, name: str) -> Answer:
+        queue = self._answers.get(name) or deque([Answer()])
+        return queue.popleft() if len(queue) > 1 else queue[0]

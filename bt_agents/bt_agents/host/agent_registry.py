@@ -1,0 +1,323 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The agents of one host as the market sees them: who bids what for a scene, and who declines."""
+
+from __future__ import annotations
+
+from array import array
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+
+from bt_agents.engine.scope import RunScope, holds
+from bt_agents_core.errors import Refused
+from bt_agents_core.profile_layers import MOST_LAYERS, checked_layer, layers_of
+from bt_agents_core.scene import Scene, SceneSpace, Vector
+from bt_agents_language.expression.expressions import EvaluationError, MissingValue
+from bt_agents_language.model.specs import AgentSpec, Plain
+
+
+def _nothing() -> None:
+    """Do nothing."""
+
+
+@dataclass(kw_only=True, slots=True)
+class Member:
+    """One agent and what has changed since its file was read.
+
+    Attributes:
+        on_change: Called after an attribute was set.
+        spec: The file.
+        profile: What it bids now.
+        revision: Ledger revision of that profile; 0 for the one in the file.
+        layers: Profile and ledger revision for a person or a place, by ``person/anna``.
+        learning_rate: 0..1.
+        tunables: Current values by name; a running tree reads the same mapping.
+        agent_id: Id from the market; 0 while it is not registered.
+        refusal: Why the market does not take it; empty when it does.
+        leaving: Why it does not bid any more and goes; empty when it stays.
+    """
+
+    on_change: Callable[[], None] = field(default=_nothing, repr=False, compare=False)
+    spec: AgentSpec
+    profile: Vector
+    revision: int = 0
+    layers: dict[str, tuple[Vector, int]] = field(default_factory=dict)
+    learning_rate: float
+    tunables: dict[str, Plain] = field(default_factory=dict)
+    agent_id: int = 0
+    refusal: str = ""
+    leaving: str = ""
+
+    def __setattr__(self, name: str, value: object) -> None:
+        object.__setattr__(self, name, value)
+        self.on_change()
+
+    def profile_for(self, scene: Scene) -> Vector:
+        """Return what it bids for a scene: for the person, else for the place, else for all."""
+        return self._profile_in(layers_of(scene))
+
+    def _profile_in(self, named: Mapping[str, str]) -> Vector:
+        for kind, layer in named.items():
+            if kind in self.spec.learning.layers and layer in self.layers:
+                return self.layers[layer][0]
+        return self.profile
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Bidders:
+    """Agents that bid, column by column, as messages have them; shared, so not to be changed.
+
+    Attributes:
+        members: The agents; N of them.
+        names: Their names.
+        ids: Their ids.
+        vectors: What they bid for a scene, one after the other; N times n.
+        weights: How much each parameter counts for each of them, as the vectors; empty when all
+            count as scene.yaml says.
+    """
+
+    members: tuple[Member, ...]
+    names: list[str]
+    ids: array[int]
+    vectors: array[float]
+    weights: array[float]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Answer:
+    """A host's answer to a call for bids: who bids, and name → reason of those who do not."""
+
+    bidders: Bidders
+    declined: Mapping[str, str]
+
+    @property
+    def bids(self) -> tuple[Member, ...]:
+        """Who bids."""
+        return self.bidders.members
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Registered:
+    """The agents that the market has taken, made ready for scenes that name no layer.
+
+    Attributes:
+        bidders: All of them.
+        choosy: Those that may not want a scene.
+        layered: Whether any has a profile for a person or a place.
+    """
+
+    bidders: Bidders
+    choosy: tuple[Member, ...]
+    layered: bool
+
+
+class Roster:
+    """All agents of a host by name."""
+
+    def __init__(self, space: SceneSpace, agents: Iterable[AgentSpec]) -> None:
+        self.space = space
+        self.members: dict[str, Member] = {}
+        self._registered: _Registered | None = None
+        self._some: tuple[frozenset[str], Bidders] | None = None
+        self._on_change = self._forget
+        for spec in agents:
+            self.add(spec)
+
+    def add(self, spec: AgentSpec) -> Member:
+        """Take an agent in, as its file says; return it."""
+        member = self.members[spec.name] = Member(
+            on_change=self._on_change,
+            spec=spec,
+            profile=spec.profile,
+            learning_rate=spec.learning_rate,
+            tunables={tunable.name: tunable.default for tunable in spec.tunables},
+        )
+        return member
+
+    def remove(self, name: str) -> None:
+        """Let an agent go."""
+        del self.members[name]
+        self._forget()
+
+    def member(self, name: str) -> Member:
+        """Return an agent.
+
+        Raises:
+            Refused: ``UNKNOWN_AGENT``.
+        """
+        if name not in self.members:
+            known = ", ".join(self.members) or "none"
+            raise Refused("UNKNOWN_AGENT", f"no agent '{name}' here; there are: {known}")
+        return self.members[name]
+
+    def enrol(self, names: Iterable[str], ids: Iterable[int], reasons: Iterable[str]) -> None:
+        """Take over the market's answer to a registration."""
+        for name, agent_id, reason in zip(names, ids, reasons, strict=True):
+            if name in self.members:
+                self.members[name].agent_id = agent_id
+                self.members[name].refusal = "" if agent_id else reason
+
+    def answer(
+        self, scene: Scene, excluded: Collection[str] = (), *, obstacle: str = ""
+    ) -> Answer:
+        """Return who bids for a scene; members that the market did not take stay silent.
+
+        Args:
+            scene: What is to be bid for.
+            excluded: Names of agents that are not asked.
+            obstacle: Why nobody here can run now, in words; empty when they can.
+        """
+        registered = self._registered or self._register()
+        everybody = registered.bidders
+        if obstacle:
+            declined = {name: obstacle for name in everybody.names if name not in excluded}
+        else:
+            declined = self._obstacles(registered.choosy, scene, excluded)
+        named = layers_of(scene) if registered.layered else {}
+        if not (declined or excluded or named):
+            return Answer(bidders=everybody, declined=declined)
+        others = frozenset(declined).union(excluded)
+        some = self._some
+        if named or some is None or some[0] != others:
+            bids = (m for m in everybody.members if m.spec.name not in others)
+            some = (others, self._columns(bids, named))
+            self._some = None if named else some
+        return Answer(bidders=some[1], declined=declined)
+
+    def set_profile(self, name: str, values: Iterable[float], revision: int) -> Member:
+        """Give an agent a new profile; return the agent.
+
+        Raises:
+            Refused: ``UNKNOWN_AGENT``, ``STALE_REVISION``, or as in :meth:`SceneSpace.vector`.
+        """
+        member = self.member(name)
+        profile = self.space.vector(values, what=f"profile of {name}")
+        if revision < member.revision:
+            raise Refused(
+                "STALE_REVISION",
+                f"{name} has revision {member.revision} already, {revision} is older",
+            )
+        member.profile = profile
+        member.revision = revision
+        return member
+
+    def set_layer(self, name: str, layer: str, values: Iterable[float], revision: int) -> Member:
+        """Give an agent a new profile for a person or a place; return the agent.
+
+        Raises:
+            Refused: ``BAD_LAYER``, ``TOO_MANY_LAYERS``, or as in :meth:`set_profile`.
+        """
+        member = self.member(name)
+        profile = self.space.vector(values, what=f"profile of {name} for {checked_layer(layer)}")
+        held = member.layers.get(layer)
+        if held is None and len(member.layers) >= MOST_LAYERS:
+            raise Refused(
+                "TOO_MANY_LAYERS",
+                f"{name} has profiles for {MOST_LAYERS} persons and places already",
+            )
+        if held is not None and revision < held[1]:
+            raise Refused(
+                "STALE_REVISION",
+                f"{name} has revision {held[1]} for {layer} already, {revision} is older",
+            )
+        member.layers[layer] = (profile, revision)
+        self._forget()
+        return member
+
+    def remove_layer(self, name: str, layer: str) -> None:
+        """Forget the profile of an agent for a person or a place; all of all with empty names.
+
+        Raises:
+            Refused: ``UNKNOWN_AGENT`` or ``BAD_LAYER``.
+        """
+        if not name and not layer:
+            for member in self.members.values():
+                member.layers.clear()
+        else:
+            self.member(name).layers.pop(checked_layer(layer), None)
+        self._forget()
+
+    def _forget(self) -> None:
+        self._registered = self._some = None
+
+    def _register(self) -> _Registered:
+        members = [member for member in self.members.values() if member.agent_id]
+        self._registered = _Registered(
+            bidders=self._columns(members, {}),
+            choosy=tuple(
+                member
+                for member in members
+                if member.leaving or member.spec.unoffered or member.spec.requires is not None
+            ),
+            layered=any(member.layers for member in members),
+        )
+        return self._registered
+
+    def _columns(self, members: Iterable[Member], named: Mapping[str, str]) -> Bidders:
+        """Return agents column by column for scenes that name these layers."""
+        bidders = tuple(members)
+        vectors = array("d")
+        for member in bidders:
+            vectors.extend(member._profile_in(named) if named else member.profile)
+        return Bidders(
+            members=bidders,
+            names=[member.spec.name for member in bidders],
+            ids=array("I", [member.agent_id for member in bidders]),
+            vectors=vectors,
+            weights=self._weights(bidders),
+        )
+
+    def _weights(self, members: Sequence[Member]) -> array[float]:
+        own = [member.spec.weights for member in members]
+        weights = array("d")
+        if any(own):
+            for one in own:
+                weights.extend(one.get(p.name, p.weight) for p in self.space.parameters)
+        return weights
+
+    def _obstacles(
+        self, choosy: Iterable[Member], scene: Scene, excluded: Collection[str]
+    ) -> dict[str, str]:
+        """Return who does not want a scene, with the reason."""
+        declined = {}
+        unmet_ones: dict[str, str] = {}  # a condition knows nothing but the scene
+        for member in choosy:
+            name, requires = member.spec.name, member.spec.requires
+            if name in excluded:
+                continue
+            if member.leaving:
+                reason = member.leaving
+            elif member.spec.unoffered:
+                reason = "; ".join(member.spec.unoffered)
+            elif requires is not None and requires.text in unmet_ones:
+                reason = unmet_ones[requires.text]
+            elif requires is not None:
+                profile, tunables = member.profile_for(scene), member.tunables
+                reason = unmet(member.spec, self.space, scene, profile, tunables)
+                unmet_ones[requires.text] = reason
+            else:
+                continue
+            if reason:
+                declined[name] = reason
+        return declined
+
+
+def unmet(
+    spec: AgentSpec,
+    space: SceneSpace,
+    scene: Scene,
+    profile: Vector,
+    tunables: Mapping[str, Plain],
+) -> str:
+    """Return what an agent requires of a scene and does not find, in words; empty for nothing."""
+    requires = spec.requires
+    if requires is None:
+        return ""
+    scope = RunScope(
+        space=space, scene=scene, live=lambda: scene, profile=profile, tunables=tunables
+    )
+    try:
+        return "" if holds(requires, scope) else f"needs {requires.text}"
+    except MissingValue as missing:
+        return f"needs {requires.text}, but {missing.name} is missing"
+    except EvaluationError as error:
+        return f"needs {requires.text}, but {error}"

@@ -1,0 +1,122 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What trees ask of the feedback node: waited for a moment, kept until it has arrived."""
+
+from __future__ import annotations
+
+import time
+import uuid
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from rclpy.node import Node
+
+from bt_agents.engine.environment import GIVE_FEEDBACK, GoalState
+from bt_agents_core.feedback import Kind
+from bt_agents_core.scene import SceneSpace
+from bt_agents_interfaces.msg import Scene as SceneMsg
+from bt_agents_interfaces.srv import GiveFeedback
+from bt_agents_language.model.specs import Plain
+from bt_agents_ros import qos
+from bt_agents_ros.outbox import Outbox
+
+WAIT_S = 1.0
+"""How long a leaf waits for the feedback node's answer [s]."""
+
+KEPT = "kept: the feedback node is away and gets it when it is back"
+"""Message of feedback that nobody has answered yet."""
+
+
+class FeedbackRequests:
+    """Gives feedback in the name of running trees; none is lost while the feedback node is away.
+
+    Args:
+        node: The host's node.
+        wake: Called when an answer has come that a leaf may wait for.
+        space: The scene parameters.
+        agent: Returns the name of the agent whose tree is running.
+        scene: Returns the scene of its run as awarded.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        wake: Callable[[], None],
+        *,
+        space: SceneSpace,
+        agent: Callable[[], str],
+        scene: Callable[[], SceneMsg],
+    ) -> None:
+        self._node = node
+        self._wake = wake
+        self._space = space
+        self._agent = agent
+        self._scene = scene
+        client = node.create_client(GiveFeedback, GIVE_FEEDBACK, qos_profile=qos.SERVICE)
+        self.outbox = Outbox(node, client)
+
+    def give(self, kind: Kind, values: Mapping[str, float], reason: str) -> FeedbackRun:
+        """Ask for a change of the running agent's profile; see ``World.give_feedback``."""
+        direct = kind is Kind.DIRECT
+        request = GiveFeedback.Request(
+            feedback_id=f"tree/{uuid.uuid4()}",
+            agent=self._agent(),
+            kind=int(kind),
+            values=self._space.ordered(values) if direct else (),
+            source="tree",
+            reason=reason,
+            scene=self._scene(),
+        )
+        run = FeedbackRun()
+        self.outbox.put(request, lambda answer: self._answered(run, request, answer))
+        return run
+
+    def _answered(self, run: FeedbackRun, request: Any, answer: Any | None) -> None:
+        if answer is None:
+            return  # the outbox has said so
+        waited_for = not run.state.ended
+        run.answered(answer)
+        if waited_for:
+            self._wake()
+        elif not answer.accepted:
+            self._node.get_logger().warning(
+                f"late feedback of {request.agent} refused: {answer.code}: {answer.message}"
+            )
+
+
+class FeedbackRun:
+    """Feedback on its way; after :data:`WAIT_S` nobody waits for it, but it still arrives."""
+
+    feedback: Mapping[str, Plain] | None = None
+    """A service tells nothing on the way."""
+
+    confirmed = True
+    """No server goes on with it unseen: a tree has nothing to wait for at its end."""
+
+    def __init__(self) -> None:
+        self.message = ""
+        self.result: Mapping[str, Plain] = {}
+        self._state = GoalState.ACTIVE
+        self._wait_until = time.monotonic() + WAIT_S
+
+    @property
+    def state(self) -> GoalState:
+        """Where it is now; looking also notices that the time to wait is up."""
+        if not self._state.ended and time.monotonic() >= self._wait_until:
+            self._end(GoalState.SUCCEEDED, KEPT)
+        return self._state
+
+    def answered(self, answer: Any) -> None:
+        """Take the feedback node's answer."""
+        if answer.accepted:
+            self._end(GoalState.SUCCEEDED)
+        else:
+            self._end(GoalState.REJECTED, answer.message or answer.code)
+
+    def cancel(self) -> None:
+        """Stop waiting for the answer; what was given stays given."""
+        self._end(GoalState.CANCELLED, "its answer is not waited for")
+
+    def _end(self, state: GoalState, message: str = "") -> None:
+        if not self._state.ended:
+            self._state = state
+            self.message = message

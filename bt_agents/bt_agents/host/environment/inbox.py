@@ -1,0 +1,99 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Topics that leaves wait for: heard only meanwhile, or, when latched, from the start."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from rclpy.node import Node
+
+from bt_agents_language.model.specs import Plain
+from bt_agents_ros import qos
+from bt_agents_ros.message_view import MessageView
+
+DEPTH = 100
+"""Messages that an inbox keeps; of more the oldest are dropped."""
+
+
+class TopicInbox:
+    """Messages of a topic for one leaf.
+
+    Args:
+        on_close: Called with the inbox when nobody listens any more.
+    """
+
+    def __init__(self, on_close: Callable[[TopicInbox], None]) -> None:
+        self._messages: deque[Any] = deque(maxlen=DEPTH)
+        self._on_close: Callable[[TopicInbox], None] | None = on_close
+
+    def put(self, message: Any) -> None:
+        """Take a message in."""
+        self._messages.append(message)
+
+    def take(self) -> Mapping[str, Plain] | None:
+        """Return the oldest message not taken yet."""
+        return MessageView(self._messages.popleft()) if self._messages else None
+
+    def close(self) -> None:
+        """Stop listening."""
+        if self._on_close is not None:
+            on_close, self._on_close = self._on_close, None
+            on_close(self)
+
+
+def open_inbox(node: Node, topic: str, kind: Any, wake: Callable[[], None]) -> TopicInbox:
+    """Return an inbox of a topic from now on; nothing is subscribed to before or afterwards.
+
+    Args:
+        node: The host's node.
+        topic: ROS name.
+        kind: Class of the messages.
+        wake: Called when a message has come.
+    """
+
+    def take_in(message: Any) -> None:
+        inbox.put(message)
+        wake()
+
+    subscription = node.create_subscription(kind, topic, take_in, qos.SENSOR)
+    inbox = TopicInbox(lambda _inbox: node.destroy_subscription(subscription))
+    return inbox
+
+
+class LatchedTopic:
+    """A topic whose publisher keeps its last message; subscribed to until it is closed.
+
+    Args:
+        node: The host's node.
+        topic: ROS name.
+        kind: Class of the messages.
+        wake: Called when a message has come that somebody waits for.
+    """
+
+    def __init__(self, node: Node, topic: str, kind: Any, wake: Callable[[], None]) -> None:
+        self._node = node
+        self._wake = wake
+        self._last: Any = None
+        self._inboxes: list[TopicInbox] = []
+        self._subscription = node.create_subscription(kind, topic, self._take_in, qos.FACTS)
+
+    def open(self) -> TopicInbox:
+        """Return an inbox that begins with the last message, if there was one."""
+        inbox = TopicInbox(self._inboxes.remove)
+        if self._last is not None:
+            inbox.put(self._last)
+        self._inboxes.append(inbox)
+        return inbox
+
+    def close(self) -> None:
+        """Stop listening."""
+        self._node.destroy_subscription(self._subscription)
+
+    def _take_in(self, message: Any) -> None:
+        self._last = message
+        for inbox in self._inboxes:
+            inbox.put(message)
+        if self._inboxes:
+            self._wake()

@@ -1,0 +1,241 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The world of trees over rclpy: goals, requests and topics that never block a tick."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterable, Mapping
+from typing import Any
+
+from rclpy.action import ActionClient
+from rclpy.node import Node
+
+from bt_agents.engine.environment import Clock, Goal, GoalRun, Inbox
+from bt_agents.host.environment.feedback_requests import FeedbackRequests
+from bt_agents.host.environment.goal import RosGoal, RosRequest
+from bt_agents.host.environment.goal_deadlines import Heartbeats, Lookout
+from bt_agents.host.environment.goal_track import GoalTrack
+from bt_agents.host.environment.inbox import LatchedTopic, open_inbox
+from bt_agents.host.environment.tree_clock import TreeClock
+from bt_agents_core.feedback import Kind
+from bt_agents_core.scene import SceneSpace
+from bt_agents_interfaces.msg import Scene as SceneMsg
+from bt_agents_language.model.specs import Binding, BindingKind, Literal, NodeSpec
+from bt_agents_ros import qos
+from bt_agents_ros.types import fill, load_type
+
+
+class RosWorld:
+    """What the trees of one host reach through its node.
+
+    Args:
+        node: The host's node; clients are made once a name and kept.
+        wake: Called when something has arrived that a leaf may wait for.
+        space: The scene parameters.
+        agent: Returns the name of the agent whose tree is running.
+        scene: Returns the scene of its run as awarded.
+        steady: Clock of every deadline, which never stands still [s].
+
+    Attributes:
+        clock: The trees' clock.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        wake: Callable[[], None],
+        *,
+        space: SceneSpace,
+        agent: Callable[[], str],
+        scene: Callable[[], SceneMsg] = SceneMsg,
+        steady: Clock = time.monotonic,
+    ) -> None:
+        self.clock = TreeClock(node)
+        self._node = node
+        self._wake = wake
+        self._space = space
+        self._agent = agent
+        self._scene = scene
+        self._steady = steady
+        self._lookout = Lookout(node, steady)
+        self._heartbeats = Heartbeats(node, steady)
+        self._clients: dict[tuple[BindingKind, str, str], Any] = {}
+        self._publishers: dict[tuple[str, str], Any] = {}
+        self._latched: dict[tuple[str, str], LatchedTopic] = {}
+        self._feedback: FeedbackRequests | None = None
+
+    def prepare(self, spec: NodeSpec) -> None:
+        """Make what a node will use ahead of its first use, so that discovery is over by then.
+
+        What cannot be made is said in the log; the node fails when it is its turn.
+        """
+        try:
+            if spec.skill is not None and spec.skill.binding is not None:
+                self._prepare_binding(spec.skill.binding)
+            elif spec.kind == "give_feedback":
+                self._feedback_requests()
+            elif spec.kind == "wait_for" and _constant(spec, "latched") is True:
+                self._latched_topic(str(_constant(spec, "topic")), str(_constant(spec, "type")))
+        except Exception as error:
+            self._node.get_logger().warning(f"{spec.path}, {spec.position}: {error}")
+
+    def keep(self, specs: Iterable[NodeSpec]) -> None:
+        """Drop what was made for nodes that are no more; to be called while no tree runs.
+
+        A goal whose end is not confirmed yet keeps its client until the next call.
+
+        Args:
+            specs: Every node that there is.
+        """
+        clients, publishers, latched, beats = set(), set(), set(), set()
+        for spec in specs:
+            if spec.skill is not None and (binding := spec.skill.binding) is not None:
+                clients.add((binding.kind, binding.name, binding.type))
+                publishers.add((binding.name, binding.type))
+                if binding.heartbeat is not None:
+                    beats.add((binding.heartbeat.topic, binding.heartbeat.type))
+            elif spec.kind == "wait_for":
+                latched.add((str(_constant(spec, "topic")), str(_constant(spec, "type"))))
+        in_use = self._lookout.clients()
+        for key in [key for key in self._clients if key not in clients]:
+            if self._clients[key] not in in_use:
+                self._drop_client(key)
+        for name in self._publishers.keys() - publishers:
+            self._node.destroy_publisher(self._publishers.pop(name))
+        for name in self._latched.keys() - latched:
+            self._latched.pop(name).close()
+        self._heartbeats.keep(beats)
+
+    def send(self, goal: Goal) -> GoalRun:
+        """Send a goal or request.
+
+        Raises:
+            Refused: The fields do not fit the type, or there is no such type.
+        """
+        client = self._client(goal.kind, goal.name, goal.type)
+        kind = load_type(goal.type, goal.kind)
+        is_action = goal.kind is BindingKind.ACTION
+        message = kind.Goal() if is_action else kind.Request()
+        fill(message, goal.fields)
+        beat = self._heartbeats.listen(goal.heartbeat) if goal.heartbeat is not None else None
+        track = GoalTrack(goal, self._steady, beat)
+        run: RosGoal | RosRequest
+        if is_action:
+            run = RosGoal(
+                client,
+                message,
+                track,
+                rearm=self._lookout.rearm,
+                wake=self._wake,
+                feedback=goal.feedback,
+                warn=lambda words: self._node.get_logger().warning(f"{goal.name}: {words}"),
+            )
+        else:
+            run = RosRequest(client, message, track, rearm=self._lookout.rearm, wake=self._wake)
+        self._lookout.add(run)
+        return run
+
+    def publish(self, goal: Goal) -> None:
+        """Publish a message.
+
+        Raises:
+            Refused: The fields do not fit the type, or there is no such type.
+        """
+        message = load_type(goal.type, BindingKind.TOPIC)()
+        fill(message, goal.fields)
+        self._publisher(goal.name, goal.type).publish(message)
+
+    def watch(self, topic: str, type_name: str, *, latched: bool = False) -> Inbox:
+        """Listen to a topic; if it is latched, its last message from before comes first.
+
+        Raises:
+            Refused: ``UNKNOWN_TYPE``.
+        """
+        if latched:
+            return self._latched_topic(topic, type_name).open()
+        return open_inbox(self._node, topic, load_type(type_name, BindingKind.TOPIC), self._wake)
+
+    def log(self, level: str, text: str) -> None:
+        """Write a line into the log, under the name of the running agent."""
+        logger = self._node.get_logger().get_child(self._agent())
+        # One call a level: rclpy refuses a line of code that changes its level.
+        match level:
+            case "error":
+                logger.error(text)
+            case "warning":
+                logger.warning(text)
+            case _:
+                logger.info(text)
+
+    def give_feedback(self, kind: Kind, values: Mapping[str, float], reason: str) -> GoalRun:
+        """Ask the feedback node for a change of the running agent's profile."""
+        return self._feedback_requests().give(kind, values, reason)
+
+    def close(self) -> None:
+        """Leave the actions, which a node does not do; say which feedback has never arrived."""
+        for (kind, _, _), client in self._clients.items():
+            if kind is BindingKind.ACTION:
+                client.destroy()
+        self._clients.clear()
+        if self._feedback is not None:
+            self._feedback.outbox.close()
+
+    def _prepare_binding(self, binding: Binding) -> None:
+        if binding.kind is BindingKind.TOPIC:
+            self._publisher(binding.name, binding.type)
+        else:
+            self._client(binding.kind, binding.name, binding.type)
+        if binding.heartbeat is not None:
+            self._heartbeats.listen(binding.heartbeat)
+
+    def _client(self, kind: BindingKind, name: str, type_name: str) -> Any:
+        key = (kind, name, type_name)
+        if key not in self._clients:
+            loaded = load_type(type_name, kind)
+            if kind is BindingKind.ACTION:
+                self._clients[key] = ActionClient(
+                    self._node,
+                    loaded,
+                    name,
+                    goal_service_qos_profile=qos.SERVICE,
+                    result_service_qos_profile=qos.SERVICE,
+                    cancel_service_qos_profile=qos.SERVICE,
+                )
+            else:
+                self._clients[key] = self._node.create_client(
+                    loaded, name, qos_profile=qos.SERVICE
+                )
+        return self._clients[key]
+
+    def _drop_client(self, key: tuple[BindingKind, str, str]) -> None:
+        client = self._clients.pop(key)
+        if key[0] is BindingKind.ACTION:
+            client.destroy()
+        else:
+            self._node.destroy_client(client)
+
+    def _publisher(self, name: str, type_name: str) -> Any:
+        key = (name, type_name)
+        if key not in self._publishers:
+            kind = load_type(type_name, BindingKind.TOPIC)
+            self._publishers[key] = self._node.create_publisher(kind, name, qos.EVENTS)
+        return self._publishers[key]
+
+    def _latched_topic(self, topic: str, type_name: str) -> LatchedTopic:
+        key = (topic, type_name)
+        if key not in self._latched:
+            kind = load_type(type_name, BindingKind.TOPIC)
+            self._latched[key] = LatchedTopic(self._node, topic, kind, self._wake)
+        return self._latched[key]
+
+    def _feedback_requests(self) -> FeedbackRequests:
+        if self._feedback is None:
+            self._feedback = FeedbackRequests(
+                self._node, self._wake, space=self._space, agent=self._agent, scene=self._scene
+            )
+        return self._feedback
+
+
+def _constant(spec: NodeSpec, field: str) -> object:
+    value = spec.fields.get(field)
+    return value.value if isinstance(value, Literal) else None

@@ -1,0 +1,149 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How a host introduces itself: cards of its agents and the structure of their trees."""
+
+from __future__ import annotations
+
+from rclpy.node import Node
+from rclpy.publisher import Publisher
+
+from bt_agents.host.agent_registry import Member, Roster
+from bt_agents.host.learning_messages import learning_to_msg, rule_to_msg
+from bt_agents.host.reload.report import problems_of
+from bt_agents.host.reload.source_bundle import texts
+from bt_agents.host.reload.versions import AgentVersions
+from bt_agents_interfaces.msg import AgentCard, AgentFiles, HostCard, Tree, TreeNode, Trees
+from bt_agents_language.model.specs import AgentSpec, NodeSpec
+from bt_agents_ros import qos
+from bt_agents_ros.installed import InstalledInterfaces
+
+
+class Introductions:
+    """Publishes what others need to know of a host's agents; latched.
+
+    The card stands under the name of the host. Only the host that the market has taken may have
+    one: another of the same name would have everybody forget the agents of the first.
+
+    Args:
+        node: The host's node.
+        instance: This start of the host.
+        roster: Its agents.
+        versions: Their versions, and what is wrong with their files.
+    """
+
+    def __init__(self, node: Node, instance: str, roster: Roster, versions: AgentVersions) -> None:
+        self._host = str(node.get_fully_qualified_name())
+        self._instance = instance
+        self._roster = roster
+        self._versions = versions
+        self._folder = str(versions.trees.folder.resolve())
+        self._node = node
+        self._taken = False
+        self._cards = self._card_publisher()
+        self._trees = node.create_publisher(Trees, "~/trees", qos.FACT)
+        self._files = node.create_publisher(AgentFiles, "~/files", qos.FACT)
+
+    def admit(self, taken: bool) -> None:
+        """Publish the card of a host that the market has taken; take back that of one refused."""
+        if self._taken and not taken:
+            self._node.destroy_publisher(self._cards)
+            self._cards = self._card_publisher()
+        self._taken = taken
+        self.card()
+
+    def card(self) -> None:
+        """Publish the card: the registered agents, and every problem of the files."""
+        if not self._taken:
+            return
+        trees = self._versions.trees
+        members = self._roster.members.values()
+        problems = problems_of(trees)
+        for member in members:
+            name = member.spec.name
+            for line in self._versions.standing(name).problems:
+                if line not in problems:
+                    problems.append(f"{name}: {line.removeprefix(f'{name}: ')}")
+        problems += [f"{m.spec.file}: {m.refusal}" for m in members if m.refusal]
+        self._cards.publish(
+            HostCard(
+                host=self._host,
+                host_instance=self._instance,
+                trees=self._folder,
+                parameters=list(self._roster.space.names),
+                agents=[self._agent_card(member) for member in members if member.agent_id],
+                broken_files=[str(broken.file) for broken in trees.broken],
+                problems=problems,
+            )
+        )
+
+    def trees(self) -> None:
+        """Publish the structure of all trees, the clean-up branches included."""
+        # Made anew each time: kept, the nodes of 1,000 agents would take 2 MB.
+        self._trees.publish(
+            Trees(
+                host=self._host,
+                host_instance=self._instance,
+                trees=[
+                    Tree(agent=name, nodes=_nodes(member.spec))
+                    for name, member in self._roster.members.items()
+                ],
+            )
+        )
+
+    def files(self) -> None:
+        """Publish the texts that the agents in force are made from."""
+        found = texts(self._versions, InstalledInterfaces().has_package)
+        self._files.publish(
+            AgentFiles(
+                host=self._host,
+                host_instance=self._instance,
+                files=list(found.files),
+                texts=list(found.files.values()),
+                agents=list(found.versions),
+                versions=list(found.versions.values()),
+            )
+        )
+
+    def _card_publisher(self) -> Publisher[HostCard]:
+        return self._node.create_publisher(HostCard, "cards", qos.FACT)
+
+    def _agent_card(self, member: Member) -> AgentCard:
+        spec = member.spec
+        standing = self._versions.standing(spec.name)
+        return AgentCard(
+            name=spec.name,
+            title=spec.title,
+            description=spec.description,
+            tags=list(spec.tags),
+            profile=list(spec.profile),
+            current=list(member.profile),
+            revision=member.revision,
+            learning_rate=member.learning_rate,
+            learning=learning_to_msg(spec.learning, self._roster.space),
+            rules=[rule_to_msg(rule) for rule in spec.rules],
+            version=standing.version,
+            waiting=standing.waiting,
+            degraded=bool(standing.problems),
+            problems=list(standing.problems),
+        )
+
+
+def _nodes(agent: AgentSpec) -> list[TreeNode]:
+    nodes: list[TreeNode] = []
+    roots = [agent.tree, *([agent.on_cancel] if agent.on_cancel else [])]
+    open_specs: list[tuple[NodeSpec, int]] = [(root, -1) for root in reversed(roots)]
+    while open_specs:
+        spec, parent = open_specs.pop()
+        index = len(nodes)
+        nodes.append(
+            TreeNode(
+                path=spec.path,
+                parent=parent,
+                kind=spec.kind,
+                name=spec.name,
+                file=spec.position.file,
+                line=spec.position.line,
+                column=spec.position.column,
+            )
+        )
+        open_specs += [(child, index) for child in reversed(spec.children)]
+    return nodes

@@ -1,0 +1,263 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A host's entry at the market: made when a market shows up, and made again when it is lost."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from rclpy.node import Node
+
+from bt_agents.engine.run import RunResult
+from bt_agents.host.agent_registry import Roster
+from bt_agents.host.run_messages import OUTCOMES
+from bt_agents.host.run_server import RunServer
+from bt_agents.host.unreported_runs import UnheardRuns
+from bt_agents_core.lease import MarketLease
+from bt_agents_core.stall import LIMIT_S as HELD_UP_S
+from bt_agents_core.stop_words import CUT_OFF
+from bt_agents_interfaces.msg import MarketHeartbeat, MarketStatus, Run
+from bt_agents_interfaces.srv import RegisterHost
+from bt_agents_ros import qos
+from bt_agents_ros.calls import Calls
+from bt_agents_ros.parameters import describe, follow
+from bt_agents_ros.timers import steady_timer
+
+MARKET_LEASE = "market_lease"
+"""Parameter of hosts: how long a run goes on without a sign of life of its market."""
+
+_LIMIT_S = 1.0
+_AGAIN_S = 1.0
+_LOOK_S = 0.02
+_TOLD_S = 30.0
+
+
+class Membership:
+    """Registers the agents of a host, and opens its action only while the market has them.
+
+    A run whose market falls silent is cancelled. Its end, and that of every other run which its
+    market has not announced, is told to the next market.
+
+    Args:
+        node: The host's node.
+        roster: Its agents.
+        runs: Its action.
+        instance: This start of the host.
+        heard: Returns whether calls and bids get through already; if not, the host registers
+            after a second all the same.
+        changed: Called after the market has taken or refused the host or some of its agents.
+
+    Attributes:
+        epoch: The market that has answered last; empty before the first.
+        accepted: Whether it has taken the host.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        roster: Roster,
+        runs: RunServer,
+        instance: str,
+        heard: Callable[[], bool],
+        changed: Callable[[], None],
+    ) -> None:
+        self.epoch = ""
+        self.accepted = False
+        self._node = node
+        self._roster = roster
+        self._runs = runs
+        self._instance = instance
+        self._heard = heard
+        self._changed = changed
+        self._registering = False
+        self._later: Callable[[], None] | None = None
+        self._stale = False
+        self._asked = 0.0
+        self._watched = time.monotonic()
+        self._unheard = UnheardRuns()
+        self._lease = MarketLease(self._declare_lease())
+        self._calls = Calls(node)
+        self._client = node.create_client(
+            RegisterHost, "marketplace/register", qos_profile=qos.SERVICE
+        )
+        node.create_subscription(MarketStatus, "market", self._meet, qos.FACT)
+        node.create_subscription(MarketHeartbeat, "marketplace/heartbeat", self._hear, qos.SENSOR)
+        node.create_subscription(Run, "runs", self._unheard.take_event, qos.HISTORY)
+        runs.on_begin(self._run_begins)
+        runs.on_end(self._run_ended)
+        steady_timer(node, _AGAIN_S, self._again)
+        self._waiting = ""
+        self._look = steady_timer(node, _LOOK_S, self._register_heard, running=False)
+
+    @property
+    def complete(self) -> bool:
+        """True when the market has taken every agent of this host."""
+        return bool(self.epoch) and all(m.agent_id for m in self._roster.members.values())
+
+    def after_answer(self, act: Callable[[], None]) -> bool:
+        """Have something done when the market has answered; return False when it is not asked.
+
+        A market may call for bids before its answer to the registration has been read.
+        """
+        if self._registering:
+            self._later = act
+        return self._registering
+
+    def refresh(self) -> None:
+        """Tell the market which agents there are now."""
+        if self.epoch:
+            self._stale = self._registering
+            self._register(self.epoch)
+
+    def _declare_lease(self) -> float:
+        def take(seconds: float) -> None:
+            self._lease.lease_s = seconds
+
+        meaning = "a tree is stopped when the market that started it is silent for this long [s]"
+        limits = describe(meaning, minimum=0.3, maximum=10.0)
+        return float(follow(self._node, MARKET_LEASE, 1.0, limits, take))
+
+    def _run_begins(self, goal: Any) -> None:
+        self._lease.begin(goal.epoch, time.monotonic())
+
+    def _run_ended(self, goal: Any, result: RunResult) -> None:
+        self._lease.end()
+        self._unheard.keep(
+            Run(
+                stamp=self._node.get_clock().now().to_msg(),
+                epoch=goal.epoch,
+                round=goal.round,
+                event=Run.ENDED,
+                outcome=OUTCOMES[result.outcome],
+                scene=goal.scene,
+                agent=goal.agent,
+                agent_id=goal.agent_id,
+                host=str(self._node.get_fully_qualified_name()),
+                host_instance=self._instance,
+                message=result.message,
+                orphans=list(result.orphans),
+                ticks=result.ticks,
+                overruns=result.overruns,
+                duration_s=result.duration_s,
+            )
+        )
+        if goal.epoch != self.epoch:
+            self.refresh()
+
+    def _hear(self, heartbeat: MarketHeartbeat) -> None:
+        now = time.monotonic()
+        self._lease.heard(heartbeat.epoch, now)
+        self._runs.hear_market(heartbeat)
+        # Two markets of one name must not have the host register ten times a second.
+        if heartbeat.epoch != self.epoch and now - self._asked >= _AGAIN_S:
+            self._register(heartbeat.epoch)
+
+    def watch(self) -> None:
+        """Look ten times a second whether the market is silent, or this process was held up."""
+        now = time.monotonic()
+        held_up_s = now - self._watched
+        if held_up_s > self._lease.lease_s / 2:
+            # This process was held up; the heartbeats of that time still wait to be read.
+            self._lease.excuse(self._watched, now)
+        if held_up_s > HELD_UP_S:
+            # Another start of this host may have taken its place.
+            self.refresh()
+        self._watched = now
+        silence = self._lease.silence(now)
+        if silence:
+            self._runs.cancel(f"{CUT_OFF}has been silent for {silence:.1f} s")
+
+    def _meet(self, status: MarketStatus) -> None:
+        if status.epoch != self.epoch:
+            self._register(status.epoch)
+
+    def _again(self) -> None:
+        if self.epoch and any(member.refusal for member in self._roster.members.values()):
+            self._register(self.epoch)
+
+    def _register(self, epoch: str) -> None:
+        if self._registering:
+            return
+        self._registering = True
+        self._asked = time.monotonic()
+        self._waiting = epoch
+        self._register_heard()
+
+    def _register_heard(self) -> None:
+        """Register as soon as no bid would be lost."""
+        if not self._heard() and time.monotonic() - self._asked < _LIMIT_S:
+            self._look.reset()
+            return
+        self._look.cancel()
+        epoch = self._waiting
+        host = str(self._node.get_fully_qualified_name())
+        names = list(self._roster.members)
+        request = RegisterHost.Request(
+            host=host,
+            host_instance=self._instance,
+            # Actions are not remapped by rclpy, so neither is the name that the market is told.
+            run_action=f"{host}/run",
+            heartbeat=self._node.resolve_topic_name("~/heartbeat"),
+            parameters=list(self._roster.space.names),
+            agents=names,
+            unreported=self._unheard.of_others(epoch),
+        )
+        self._calls.call(
+            self._client,
+            request,
+            deadline_s=_LIMIT_S,
+            on_answer=lambda answer: self._answered(request, answer),
+            on_failure=lambda reason: self._unanswered(epoch, reason),
+        )
+
+    def _answered(self, request: RegisterHost.Request, answer: RegisterHost.Response) -> None:
+        self._registering = False
+        self._take_answer(request, answer)
+        if self._stale or (answer.accepted and self._unheard.of_others(answer.epoch)):
+            self.refresh()
+        later, self._later = self._later, None
+        if later is not None:
+            later()
+
+    def _take_answer(self, request: RegisterHost.Request, answer: RegisterHost.Response) -> None:
+        names = list(request.agents)
+        before, self.accepted = self.accepted, answer.accepted
+        if not answer.accepted:
+            if self.epoch != answer.epoch:
+                self._node.get_logger().error(f"the market refuses this host: {answer.message}")
+            self.epoch = answer.epoch
+            self._runs.leave(f"the market refuses this host: {answer.message}")
+            refused = [answer.message] * len(names)
+            self._enrol(names, [0] * len(names), refused, news=before)
+            return
+        self.epoch = answer.epoch
+        self._runs.open()
+        if self._runs.busy and self._runs.goal.epoch != answer.epoch:
+            self._runs.cancel(f"{CUT_OFF}is gone")
+        # What a market has been told of its own runs it has not been asked to take over.
+        self._unheard.handed_over([r for r in request.unreported if r.epoch != answer.epoch])
+        self._enrol(names, answer.agent_ids, answer.reasons, news=not before)
+
+    def _unanswered(self, epoch: str, reason: str) -> None:
+        self._registering = False
+        self._node.get_logger().warning(
+            f"registration at market {epoch}: {reason}; trying again",
+            throttle_duration_sec=_TOLD_S,
+        )
+        self._register(epoch)
+
+    def _enrol(
+        self, names: Sequence[str], ids: Sequence[int], reasons: Sequence[str], *, news: bool
+    ) -> None:
+        before = {n: (m.agent_id, m.refusal) for n, m in self._roster.members.items()}
+        if not len(names) == len(ids) == len(reasons):
+            self._node.get_logger().error("the market's answer to the registration is malformed")
+            return
+        self._roster.enrol(names, ids, reasons)
+        after = {n: (m.agent_id, m.refusal) for n, m in self._roster.members.items()}
+        for name, (_, refusal) in after.items():
+            if refusal and refusal != before[name][1]:
+                self._node.get_logger().error(f"agent '{name}' is not registered: {refusal}")
+        if news or after != before:
+            self._changed()

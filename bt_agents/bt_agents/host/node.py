@@ -1,0 +1,297 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The host node: many agents from one trees folder, bidding and running as one."""
+
+from __future__ import annotations
+
+import uuid
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+from bt_agents.host.agent_registry import Member, Roster
+from bt_agents.host.host_card import Introductions
+from bt_agents.host.live_scene import LiveScene
+from bt_agents.host.market_registration import Membership
+from bt_agents.host.reload.reload_actions import Act, Effect
+from bt_agents.host.reload.reload_service import Reloading
+from bt_agents.host.reload.version_services import ReloadServices
+from bt_agents.host.reload.versions import AgentVersions
+from bt_agents.host.run_server import RunServer
+from bt_agents.host.tuning.tunable_parameters import TunableParameters
+from bt_agents_core.errors import Refused
+from bt_agents_core.trees_folder import find_trees
+from bt_agents_interfaces.msg import (
+    Bids,
+    CallForBids,
+    Heartbeat,
+)
+from bt_agents_interfaces.srv import SetProfile
+from bt_agents_language.files.folder_reader import Trees as TreesFolder
+from bt_agents_language.files.folder_reader import read_trees
+from bt_agents_language.model.specs import AgentSpec, NodeSpec
+from bt_agents_language.model.walking import every_node
+from bt_agents_ros import qos
+from bt_agents_ros.base_node import GuardedNode
+from bt_agents_ros.bid_encoding import Saying
+from bt_agents_ros.discovery import hear_each_other
+from bt_agents_ros.installed import InstalledInterfaces
+from bt_agents_ros.messages import scene_from_msg, seconds
+from bt_agents_ros.spinner import run
+from bt_agents_ros.startup import TREES, StartParameter, make_from_parameters
+from bt_agents_ros.timers import steady_timer
+
+HEARTBEAT_S = 0.1
+_NAMES_SHOWN = 20
+
+
+class HostNode(GuardedNode):
+    """Offers the agents of a trees folder: registers them, bids for them, ticks the winner's tree.
+
+    Args:
+        folder: What the trees folder says.
+        tunings: File in which what was tuned outlives the host; empty keeps it in memory.
+        node_kwargs: For :class:`rclpy.node.Node`.
+    """
+
+    def __init__(self, folder: TreesFolder, *, tunings: str = "", **node_kwargs: Any) -> None:
+        super().__init__("agents", **node_kwargs)
+        self.instance = uuid.uuid4().hex[:12]
+        self.roster = Roster(folder.scene.space, folder.agents)
+        self._beats = 0
+        for broken in folder.broken:
+            self.get_logger().error(f"agent file left out, the others run:\n{broken.error.report}")
+        for problem in folder.plugin_problems:
+            self.get_logger().warning(f"a node of a package is left out: {problem}")
+        self._bids = self.create_publisher(Bids, "bids", qos.EVENTS)
+        self._saying = Saying(self.host, self.instance)
+        self._heartbeats = self.create_publisher(Heartbeat, "~/heartbeat", qos.EVENTS)
+        stamp = seconds(self.get_clock().now().to_msg())
+        self._versions = AgentVersions(folder, stamp)
+        self._introductions = Introductions(self, self.instance, self.roster, self._versions)
+        live = LiveScene(self, self.roster.space)
+        self._runs = RunServer(
+            self,
+            self.roster,
+            self.instance,
+            live.follow,
+            version=lambda name: self._versions.standing(name).version,
+        )
+        for member in self.roster.members.values():
+            self._prepare(member.spec)
+        self._tunables = TunableParameters(
+            self,
+            self.roster,
+            self._introductions.card,
+            set_rate=self._runs.set_rate,
+            tunings=tunings,
+        )
+        self.create_service(
+            SetProfile, "~/set_profile", self._set_profile, qos_profile=qos.SERVICE
+        )
+        self._calls = self.create_subscription(CallForBids, "calls", self._bid, qos.EVENTS)
+        self._membership = Membership(
+            self,
+            self.roster,
+            self._runs,
+            self.instance,
+            heard=lambda: hear_each_other(self, self._bids, self._calls, partner="market"),
+            changed=lambda: self._introductions.admit(self._membership.accepted),
+        )
+        self._reloading = Reloading(
+            self, self._versions, self._runs, apply=self._change, applied=self._tell_changes
+        )
+        ReloadServices(self, self._reloading, self._runs)
+        self._changed = False
+        self._runs.on_end(lambda *_: self._tidy_up())
+        steady_timer(self, HEARTBEAT_S, self._beat)
+        self._introductions.trees()
+        self._introductions.files()
+        names = list(self.roster.members)
+        shown = ", ".join(names[:_NAMES_SHOWN]) + (" …" if names[_NAMES_SHOWN:] else "")
+        self.get_logger().info(f"{len(names)} agents: {shown}")
+
+    @property
+    def host(self) -> str:
+        """The fully qualified name, under which the market knows this host."""
+        return str(self.get_fully_qualified_name())
+
+    @property
+    def registered(self) -> bool:
+        """True when the market has taken every agent of this host."""
+        return self._membership.complete
+
+    def request_stop(self) -> None:
+        """Cancel the running tree, so that nothing goes on behind the host's back."""
+        self._runs.stop("the host is stopping")
+
+    def stopped(self) -> bool:
+        """Return True when no tree runs."""
+        return not self._runs.busy
+
+    def destroy_node(self) -> None:
+        """Leave the graph, the action first."""
+        self._reloading.close()
+        self._tunables.close()
+        self._runs.close()
+        self._runs.world.close()
+        super().destroy_node()
+
+    def _prepare(self, agent: AgentSpec) -> None:
+        for spec in _nodes(agent):
+            self._runs.world.prepare(spec)
+
+    def _tidy_up(self) -> None:
+        """Drop what only earlier versions of the agents have used, when no tree runs."""
+        if self._changed and not self._runs.busy:
+            self._changed = False
+            members = self.roster.members.values()
+            self._runs.world.keep(node for member in members for node in _nodes(member.spec))
+
+    def _change(self, effect: Effect) -> None:
+        """Change one agent, or leave it as it was; a tree that runs keeps what it began with."""
+        name, agent = effect.name, effect.agent
+        if effect.act is Act.REMOVE:
+            self.roster.remove(name)
+            self._tunables.remove(name)
+        elif effect.act is Act.ADD and agent is not None:
+            self._add(agent)
+        elif agent is not None:
+            member = self.roster.members[name]
+            if member.spec.profile != agent.profile and member.revision:
+                self.get_logger().info(
+                    f"{name}: what it has learned (revision {member.revision}) counts until the "
+                    "feedback node has recorded the profile of the file"
+                )
+            if effect.act is Act.SWAP:
+                member.tunables = dict(member.tunables)
+            self._replace(member, agent)
+        if name in self.roster.members:
+            self.roster.members[name].leaving = self._versions.standing(name).leaving
+
+    def _add(self, agent: AgentSpec) -> None:
+        try:
+            self._tunables.add(self.roster.add(agent))
+        except Exception:
+            self.roster.remove(agent.name)
+            self._tunables.remove(agent.name)
+            raise
+        self._prepare(agent)
+
+    def _replace(self, member: Member, agent: AgentSpec) -> None:
+        before = member.spec
+        try:
+            self._tunables.replace(member, agent)
+        except Exception:
+            self._tunables.replace(member, before)
+            raise
+        self._prepare(agent)
+
+    def _tell_changes(self, effects: Sequence[Effect]) -> None:
+        """Tell everybody about changed agents, in one message each."""
+        acts = {effect.act for effect in effects}
+        if acts & {Act.ADD, Act.REMOVE}:
+            self._membership.refresh()
+        if acts - {Act.NOTE}:
+            self._introductions.trees()
+            self._introductions.files()
+            self._changed = True
+            self._tidy_up()
+        self._introductions.card()
+
+    def _bid(self, call: CallForBids) -> None:
+        same_space = list(call.parameters) == list(self.roster.space.names)
+        member = self._membership
+        if call.epoch != member.epoch and member.after_answer(lambda: self._bid(call)):
+            return
+        if not (member.accepted and call.epoch == member.epoch and same_space):
+            return
+        try:
+            scene = scene_from_msg(call.scene, self.roster.space)
+        except Refused as refused:
+            self.get_logger().warning(f"call of round {call.round} not answered: {refused}")
+            return
+        answer = self.roster.answer(
+            scene, frozenset(call.excluded), obstacle=self._runs.world.clock.obstacle()
+        )
+        self._bids.publish(self._saying.message(call.epoch, call.round, answer))
+
+    def _set_profile(
+        self, request: SetProfile.Request, response: SetProfile.Response
+    ) -> SetProfile.Response:
+        agent, layer = request.agent, request.layer
+        try:
+            if request.remove:
+                self.roster.remove_layer(agent, layer)
+                response.message = f"{agent or 'everybody here'} has no {layer or 'layers'} now"
+            elif layer:
+                self.roster.set_layer(agent, layer, request.values, request.revision)
+                response.message = f"{agent} bids with revision {request.revision} for {layer}"
+            else:
+                self._tunables.take_profile(agent, request.values, request.revision)
+                response.message = f"{agent} bids with revision {request.revision}"
+        except Refused as refused:
+            response.code, response.message = refused.code, refused.reason
+            return response
+        response.accepted = True
+        if not layer and not request.remove:
+            # The feedback node waits for the answer, nobody for the card.
+            self.executor.create_task(self._introductions.card)
+        return response
+
+    def _beat(self) -> None:
+        self._beats += 1
+        goal = self._runs.goal
+        self._heartbeats.publish(
+            Heartbeat(
+                host=self.host,
+                host_instance=self.instance,
+                epoch=goal.epoch if goal else "",
+                round=goal.round if goal else 0,
+                agent=goal.agent if goal else "",
+                sequence=self._beats % 2**32,
+            )
+        )
+        self._membership.watch()
+        self._runs.look()
+
+
+def _nodes(agent: AgentSpec) -> Iterator[NodeSpec]:
+    for root in filter(None, (agent.tree, agent.on_cancel)):
+        yield from every_node(root)
+
+
+TAGS = StartParameter(
+    name="tags",
+    description="agents with one of these tags, commas between them; empty takes every agent",
+)
+ROBOT = StartParameter(
+    name="robot",
+    description="robot whose bindings of skills are preferred; empty takes the first that fits",
+)
+TUNINGS = StartParameter(
+    name="tunings",
+    description="file in which tunings outlive the host; empty keeps them in memory",
+)
+
+
+def make_node() -> HostNode:
+    """Create the node with the agents of the folder that its parameter names.
+
+    Raises:
+        BtAgentsError: There is no such folder, or its scene or skills are broken.
+    """
+
+    def make(values: Mapping[str, str]) -> HostNode:
+        folder = find_trees(values["trees"])
+        trees = read_trees(folder, InstalledInterfaces(), values["robot"])
+        return HostNode(trees.tagged(values["tags"]), tunings=values["tunings"])
+
+    return make_from_parameters("agents", (TREES, TAGS, ROBOT, TUNINGS), make)
+
+
+def main(args: Sequence[str] | None = None) -> int:
+    """Run a host until it is told to stop; return the exit code."""
+    return run(make_node, args)
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

@@ -1,0 +1,109 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What differs between two good versions of an agent, in words, and whether its tree does."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, fields
+
+from bt_agents_core.scene import SceneSpace
+from bt_agents_language.files.agent_file import AgentFile
+from bt_agents_language.model.quantities import spoken
+from bt_agents_language.model.specs import AgentSpec, Tunable
+from bt_agents_language.tree.tree_fingerprint import difference
+
+_LONGEST = 300
+_DIGITS = 6
+
+
+@dataclass(frozen=True, kw_only=True)
+class Change:
+    """What differs.
+
+    Attributes:
+        words: For people; never empty.
+        structure: True when the tree, its clean-up or the names it uses differ, so that a running
+            tree cannot take the change.
+    """
+
+    words: str
+    structure: bool
+
+
+def compare(before: AgentFile, after: AgentFile, space: SceneSpace) -> Change:
+    """Return what differs between two good versions."""
+    old, new = before.agent, after.agent
+    assert old is not None
+    assert new is not None
+    tree = difference(before.prints[0], after.prints[0])
+    clean_up = difference(before.prints[1], after.prints[1])
+    typed = _types(old) != _types(new)
+    words = [f"tree changed: {tree}"] if tree else []
+    words += [f"on_cancel changed: {clean_up}"] if clean_up else []
+    words += _tunables(old, new)
+    if old.learning_rate != new.learning_rate:
+        words.append(f"learning_rate: {old.learning_rate:g} → {new.learning_rate:g}")
+    words += [
+        f"profile {name}: {was:g} → {now:g}"
+        for name, was, now in zip(space.names, old.profile, new.profile, strict=True)
+        if was != now
+    ]
+    words += [f"{key} changed" for key, was, now in _others(old, new) if was != now]
+    if not words:
+        same = before.text == after.text
+        words = ["only places in files differ" if same else "only comments or layout changed"]
+    joined = "; ".join(words)
+    if len(joined) > _LONGEST:
+        joined = joined[: _LONGEST - 1] + "…"
+    return Change(words=joined, structure=bool(tree or clean_up or typed))
+
+
+def _types(spec: AgentSpec) -> dict[str, object]:
+    return {tunable.name: tunable.type for tunable in spec.tunables}
+
+
+def _tunables(old: AgentSpec, new: AgentSpec) -> Iterator[str]:
+    was = {tunable.name: tunable for tunable in old.tunables}
+    now = {tunable.name: tunable for tunable in new.tunables}
+    yield from (f"tunable {name} added" for name in now if name not in was)
+    yield from (f"tunable {name} removed" for name in was if name not in now)
+    for name in was.keys() & now.keys():
+        before, after = was[name], now[name]
+        if before.type is not after.type:
+            yield f"{name} is a {after.type.value}, was a {before.type.value}"
+        elif before.default != after.default:
+            yield f"{name}: {_written(before)} → {_written(after)}"
+        if _range(before) != _range(after):
+            yield f"range of {name} changed"
+        if before.description != after.description:
+            yield f"description of {name} changed"
+
+
+def _written(tunable: Tunable) -> str:
+    value = tunable.default
+    if isinstance(value, str | bool):
+        return str(value).lower() if isinstance(value, bool) else f"'{value}'"
+    return spoken(value, tunable.type, _DIGITS)
+
+
+def _range(tunable: Tunable) -> tuple[float | None, float | None, float]:
+    return tunable.minimum, tunable.maximum, tunable.step
+
+
+def _others(old: AgentSpec, new: AgentSpec) -> Iterable[tuple[str, object, object]]:
+    def rules(spec: AgentSpec) -> list[tuple[object, ...]]:
+        return [
+            tuple(getattr(rule, one.name) for one in fields(rule) if one.name != "position")
+            for rule in spec.rules
+        ]
+
+    return (
+        ("title", old.title, new.title),
+        ("description", old.description, new.description),
+        ("tags", old.tags, new.tags),
+        ("requires", old.requires, new.requires),
+        ("learning", old.learning, new.learning),
+        ("weights", old.weights, new.weights),
+        ("feedback rules", rules(old), rules(new)),
+        ("skills that the robot offers", old.unoffered, new.unoffered),
+    )

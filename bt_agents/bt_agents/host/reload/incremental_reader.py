@@ -1,0 +1,221 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Reads again what has changed in a trees folder, and keeps everything else as it was."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from bt_agents_core.errors import ReadError
+from bt_agents_language.files.agent_file import AgentFile, read_agent_file
+from bt_agents_language.files.folder_reader import (
+    TEST_SUFFIXES,
+    BrokenFile,
+    Trees,
+    broken_files,
+    is_wanted,
+    named,
+    plugin_problems,
+    text_of,
+)
+from bt_agents_language.files.libraries import FolderLibraries
+from bt_agents_language.files.skills_reader import read_skills
+from bt_agents_language.model.plugins import installed_plugins
+from bt_agents_language.model.symbols import Vocabulary
+
+FILE_CHANGED = "file changed"
+NEW_FILE = "new file"
+SKILLS_CHANGED = "skills changed"
+LIBRARY_CHANGED = "library changed"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Known:
+    """A folder as it was read last, and what its agents were read with.
+
+    Attributes:
+        trees: The folder.
+        libraries: Its libraries.
+        broken_skills: What is wrong with the skills; the last good ones stay meanwhile.
+    """
+
+    trees: Trees
+    libraries: FolderLibraries
+    broken_skills: tuple[BrokenFile, ...] = ()
+
+
+def known(trees: Trees) -> Known:
+    """Return a folder that was just read."""
+    return Known(trees=trees, libraries=_libraries(trees, trees.vocabulary))
+
+
+def reread(
+    before: Known, listed: Collection[Path], changed: Collection[Path], pause: Callable[[], None]
+) -> Known:
+    """Return a folder as it is now; the same object when nothing differs.
+
+    Files and agents that say the same as before are the same objects as before.
+
+    Args:
+        before: What is known.
+        listed: Every YAML file of the folder.
+        changed: Those that may differ from what was read, and those that are gone.
+        pause: Called before each file is read; may raise to give up.
+    """
+    return _Pass(before, listed, changed, pause).result()
+
+
+def adopted(before: Known, file: AgentFile) -> Known:
+    """Return a folder with an agent file in the place of another, without reading it."""
+    trees = before.trees
+    files = [file if one.file == file.file else one for one in trees.files]
+    return replace(before, trees=_with_files(before, files, before.libraries, trees.vocabulary))
+
+
+def is_agent_file(folder: Path, path: Path) -> bool:
+    """Return True when a YAML file is that of an agent."""
+    return path.parent == folder / "agents" and not path.name.endswith(TEST_SUFFIXES)
+
+
+class _Pass:
+    """One time of reading."""
+
+    def __init__(
+        self,
+        before: Known,
+        listed: Collection[Path],
+        changed: Collection[Path],
+        pause: Callable[[], None],
+    ) -> None:
+        self._before = before
+        self._folder = before.trees.folder
+        self._listed = listed
+        self._changed = changed
+        self._pause = pause
+        self._differing: frozenset[Path] = frozenset()
+        self._skills_changed = False
+
+    def result(self) -> Known:
+        """Read."""
+        before, trees = self._before, self._before.trees
+        texts = self._texts()
+        self._differing = frozenset(
+            path for path in {*texts, *trees.texts} if texts.get(path) != trees.texts.get(path)
+        )
+        scene = self._folder / "scene.yaml"
+        # The scene of the start counts; its text stays what it was then.
+        problems = self._scene_problems(scene) if scene in self._changed else trees.problems
+        if any(path.parent == self._folder / "skills" for path in self._differing):
+            before = self._with_skills(before)
+        if self._differing:
+            vocabulary = before.trees.vocabulary
+            before = replace(before, libraries=_libraries(before.trees, vocabulary))
+        files = self._files(before)
+        same = len(files) == len(trees.files) and all(map(_is, files, trees.files))
+        if same and not self._differing and problems == trees.problems:
+            return self._before
+        renewed = _with_files(before, files, before.libraries, before.libraries.vocabulary)
+        return replace(before, trees=replace(renewed, texts=texts, problems=problems))
+
+    def _texts(self) -> Mapping[Path, str | None]:
+        """Return what the files with skills and libraries say now."""
+        texts = dict(self._before.trees.texts)
+        for path in self._changed:
+            first = path.relative_to(self._folder).parts[0]
+            if first in ("agents", "scripts", "scenes", "scene.yaml"):
+                continue
+            if path in self._listed:
+                texts[path] = text_of(path)
+            else:
+                texts.pop(path, None)
+        return texts
+
+    def _scene_problems(self, scene: Path) -> tuple[str, ...]:
+        if text_of(scene) == self._before.trees.texts.get(scene):
+            return ()
+        return (f"{scene} has changed; restart everything to use it",)
+
+    def _with_skills(self, before: Known) -> Known:
+        trees = before.trees
+        folder = self._folder / "skills"
+        paths = sorted(
+            path
+            for path in self._listed
+            if path.parent == folder and not path.name.endswith(TEST_SUFFIXES)
+        )
+        try:
+            skills = read_skills(paths, trees.vocabulary.interfaces, trees.robot)
+        except ReadError as error:
+            return replace(before, broken_skills=(BrokenFile(file=folder, error=error),))
+        self._skills_changed = True
+        vocabulary = replace(
+            trees.vocabulary,
+            skills=skills,
+            plugins=installed_plugins().without(skills).kinds,
+        )
+        return replace(before, trees=replace(trees, vocabulary=vocabulary), broken_skills=())
+
+    def _files(self, before: Known) -> list[AgentFile]:
+        had = {one.file: one for one in self._before.trees.files}
+        shared = frozenset(path.relative_to(self._folder).as_posix() for path in self._differing)
+        paths = sorted(path for path in self._listed if is_agent_file(self._folder, path))
+        return [self._file(path, had.get(path), shared, before.libraries) for path in paths]
+
+    def _file(
+        self,
+        path: Path,
+        before: AgentFile | None,
+        shared: frozenset[str],
+        libraries: FolderLibraries,
+    ) -> AgentFile:
+        if before is not None and before.agent is not None:
+            depends = self._skills_changed or not before.imports.isdisjoint(shared)
+            if not depends and (path not in self._changed or text_of(path) == before.text):
+                return before
+        self._pause()
+        cause = SKILLS_CHANGED if self._skills_changed else LIBRARY_CHANGED
+        after = read_agent_file(path, libraries, cause=cause)
+        if before is None:
+            return replace(after, cause=NEW_FILE)
+        if _says_the_same(before, after):
+            return before
+        if before.text != after.text:
+            after = replace(after, cause=FILE_CHANGED)
+        if before.agent is not None and after.agent is not None:
+            # Worked out here, where nobody waits for it.
+            assert before.prints
+            assert after.prints
+        return after
+
+
+def _libraries(trees: Trees, vocabulary: Vocabulary) -> FolderLibraries:
+    return FolderLibraries(trees.folder, replace(vocabulary, libraries=None), trees.robot)
+
+
+def _with_files(
+    before: Known, files: list[AgentFile], libraries: FolderLibraries, vocabulary: Vocabulary
+) -> Trees:
+    trees = before.trees
+    agents, given, holders = named(files, trees.holders)
+    return replace(
+        trees,
+        vocabulary=vocabulary,
+        agents=tuple(agent for agent in agents if is_wanted(agent, trees.tags)),
+        broken=(*before.broken_skills, *broken_files(given, trees.folder, libraries)),
+        plugin_problems=plugin_problems(libraries),
+        files=tuple(given),
+        holders=holders,
+    )
+
+
+def _says_the_same(before: AgentFile, after: AgentFile) -> bool:
+    return (before.text, before.agent, _lines(before)) == (after.text, after.agent, _lines(after))
+
+
+def _lines(file: AgentFile) -> tuple[str, ...]:
+    return file.error.lines if file.error is not None else ()
+
+
+def _is(one: object, other: object) -> bool:
+    return one is other

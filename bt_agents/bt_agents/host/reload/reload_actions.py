@@ -1,0 +1,41 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What changes of agent files lead to."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+
+from bt_agents_language.model.specs import AgentSpec
+
+
+class Act(Enum):
+    """What is to be done with an agent."""
+
+    ADD = "add"
+    REMOVE = "remove"
+    SWAP = "swap"
+    """Give it another tree for its next run."""
+    RETUNE = "retune"
+    """Give it other values, also while it runs; its tree is the same."""
+    NOTE = "note"
+    """Nothing but telling people."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Effect:
+    """What a change of a file leads to.
+
+    Attributes:
+        act: What is to be done.
+        name: With which agent.
+        agent: What its file says; None for one that is removed or only spoken of.
+        words: The same for people.
+        bad: True when somebody has to mend something.
+    """
+
+    act: Act
+    name: str
+    words: str
+    agent: AgentSpec | None = None
+    bad: bool = False

@@ -1,0 +1,61 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The texts from which the agents in force can be made again, on a machine without the folder."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from bt_agents.host.reload.versions import AgentVersions
+from bt_agents_language.files.folder_reader import text_of
+from bt_agents_language.model.interfaces import FOLDERS
+
+HOST = "host.json"
+"""Name of the text with what the reader was told besides: ``robot`` and installed ``packages``."""
+
+MARKET = "market.yaml"
+
+_TYPE = re.compile(rf"\b([a-z][a-z0-9_]*)/(?:{'|'.join(FOLDERS.values())})/[A-Z]")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Texts:
+    """What the agents in force are made from.
+
+    Attributes:
+        files: Path relative to the trees folder → what it says; :data:`HOST` is no file there.
+        versions: Name of an agent → its version in force.
+    """
+
+    files: dict[str, str]
+    versions: dict[str, int]
+
+
+def texts(versions: AgentVersions, has_package: Callable[[str], bool]) -> Texts:
+    """Return what the agents in force are made from.
+
+    Args:
+        versions: The versions of all agents.
+        has_package: Tells whether a ROS package is installed; bindings depend on that.
+    """
+    trees = versions.trees
+    files = {
+        path.relative_to(trees.folder).as_posix(): text
+        for path, text in trees.texts.items()
+        if text is not None
+    }
+    market = text_of(trees.folder / MARKET)
+    if market is not None:
+        files[MARKET] = market
+    in_force = {}
+    for name in versions.names():
+        number = in_force[name] = versions.standing(name).version
+        file = next(one.file for one in versions.versions(name) if one.number == number)
+        if file.text is not None:
+            files[file.file.relative_to(trees.folder).as_posix()] = file.text
+    named = sorted({package for text in files.values() for package in _TYPE.findall(text)})
+    packages = [package for package in named if has_package(package)]
+    files[HOST] = json.dumps({"robot": trees.robot, "packages": packages})
+    return Texts(files=files, versions=in_force)

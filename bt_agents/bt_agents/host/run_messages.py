@@ -1,0 +1,93 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Runs as messages: what changed in a tick, and how a run has ended."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from py_trees.common import Status
+
+from bt_agents.engine.run import Outcome, Run, RunResult, StatusChange
+from bt_agents_core.errors import Refused
+from bt_agents_interfaces.action import RunAgent
+from bt_agents_interfaces.msg import StatusChange as StatusChangeMsg
+from bt_agents_interfaces.msg import TreeStatus
+
+_STATUS = {
+    Status.INVALID: StatusChangeMsg.INVALID,
+    Status.RUNNING: StatusChangeMsg.RUNNING,
+    Status.SUCCESS: StatusChangeMsg.SUCCESS,
+    Status.FAILURE: StatusChangeMsg.FAILURE,
+}
+
+OUTCOMES = {
+    Outcome.SUCCEEDED: RunAgent.Result.SUCCEEDED,
+    Outcome.FAILED: RunAgent.Result.FAILED,
+    Outcome.CANCELLED: RunAgent.Result.CANCELLED,
+}
+"""Outcomes of a run as messages have them."""
+
+
+def tree_status(
+    stamp: Any, goal: Any, instance: str, run: Run, changes: Sequence[StatusChange]
+) -> TreeStatus:
+    """Return the message of a tick.
+
+    Args:
+        stamp: When the tree was ticked.
+        goal: What it runs for.
+        instance: This start of the host.
+        run: The run, after the tick.
+        changes: What the tick has changed, in order.
+    """
+    return TreeStatus(
+        stamp=stamp,
+        epoch=goal.epoch,
+        round=goal.round,
+        agent=goal.agent,
+        host_instance=instance,
+        tick=run.ticks,
+        tip=run.tip,
+        changes=[
+            StatusChangeMsg(
+                path=change.path,
+                name=change.name,
+                status=_STATUS[change.status],
+                message=change.message,
+            )
+            for change in changes
+        ],
+    )
+
+
+def run_result_to_msg(result: RunResult) -> RunAgent.Result:
+    """Return the result of the action."""
+    return RunAgent.Result(
+        outcome=OUTCOMES[result.outcome],
+        message=result.message,
+        tip=result.tip,
+        orphans=list(result.orphans),
+        ticks=result.ticks,
+        overruns=result.overruns,
+        duration_s=result.duration_s,
+    )
+
+
+def not_begun(error: Exception) -> RunResult:
+    """Return how a run has ended whose tree could not be made."""
+    reason = error.reason if isinstance(error, Refused) else f"{type(error).__name__}: {error}"
+    return failed(f"it could not begin: {reason}")
+
+
+def failed(reason: str) -> RunResult:
+    """Return how a run has ended of which nothing but the reason is known."""
+    return RunResult(
+        outcome=Outcome.FAILED,
+        message=reason,
+        tip="",
+        orphans=(),
+        ticks=0,
+        overruns=0,
+        duration_s=0.0,
+    )

@@ -1,0 +1,110 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the outside told the trees of a host, published while somebody keeps it for a replay."""
+
+from __future__ import annotations
+
+import secrets
+from collections.abc import Callable
+from typing import Any
+
+from rclpy.node import Node
+from rclpy.publisher import Publisher
+
+from bt_agents.engine.run import Run
+from bt_agents.recording.recording_run import RecordingRun
+from bt_agents_interfaces.msg import RunRecord, TreeStatus
+from bt_agents_language.model.specs import AgentSpec
+from bt_agents_ros import qos
+from bt_agents_ros.timers import steady_timer
+
+_MOST_CHARACTERS = 8_000
+"""Notes of so many characters go out at once, fewer of them after a while."""
+
+_WAIT_S = 0.5
+"""How long notes are collected at most [s]; a host that is killed takes them along."""
+
+_SEED_BITS = 53
+
+
+class Records:
+    """Publishes the notes of runs on ``~/records``, several turns in one message.
+
+    A run is recorded when somebody listens to both the records and the status of trees at its
+    begin: notes alone can be repeated, but not be compared with what happened.
+
+    Args:
+        node: The host's node.
+        instance: This start of the host.
+        status: Publishes the changes of each tick.
+        version: Returns the version of an agent's file that is in force.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        instance: str,
+        status: Publisher[TreeStatus],
+        version: Callable[[str], int],
+    ) -> None:
+        self._node = node
+        self._instance = instance
+        self._status = status
+        self._version = version
+        self._host = str(node.get_fully_qualified_name())
+        self._records = node.create_publisher(RunRecord, "~/records", qos.EVENTS)
+        self._timer = steady_timer(node, _WAIT_S, self.flush, running=False)
+        self._goal: Any = None
+        self._tick = 0
+        self._lines: list[str] = []
+        self._characters = 0
+
+    def run(self, goal: Any, spec: AgentSpec, **how: Any) -> Run:
+        """Return the run of a goal, recorded when somebody listens.
+
+        Args:
+            goal: What it runs for.
+            spec: The agent.
+            how: For :class:`Run`.
+        """
+        if not self._heard():
+            return Run(spec, **how)
+        self.flush()
+        self._goal = goal
+        seed = secrets.randbits(_SEED_BITS)
+        return RecordingRun(
+            spec, seed=seed, version=self._version(spec.name), sink=self._take, **how
+        )
+
+    def flush(self) -> None:
+        """Send what was collected."""
+        self._timer.cancel()
+        if not self._lines:
+            return
+        lines, self._lines = self._lines, []
+        self._characters = 0
+        self._records.publish(
+            RunRecord(
+                stamp=self._node.get_clock().now().to_msg(),
+                host=self._host,
+                host_instance=self._instance,
+                epoch=self._goal.epoch,
+                round=self._goal.round,
+                agent=self._goal.agent,
+                tick=self._tick,
+                record="\n".join(lines),
+            )
+        )
+
+    def _heard(self) -> bool:
+        return bool(
+            self._records.get_subscription_count() and self._status.get_subscription_count()
+        )
+
+    def _take(self, tick: int, line: str) -> None:
+        if not self._lines:
+            self._tick = tick
+            self._timer.reset()
+        self._lines.append(line)
+        self._characters += len(line)
+        if self._characters >= _MOST_CHARACTERS:
+            self.flush()

@@ -1,0 +1,413 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The action that ticks one agent's tree at a time, with a cancel that is seen at once."""
+
+from __future__ import annotations
+
+import time
+import traceback
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from rclpy.action import CancelResponse, GoalResponse
+from rclpy.node import Node
+from rclpy.task import Future
+
+from bt_agents.engine.run import Outcome, Overrun, Run, RunResult, StatusChange
+from bt_agents.engine.tick_scheduler import Pace
+from bt_agents.host.agent_registry import Roster
+from bt_agents.host.environment.ros_environment import RosWorld
+from bt_agents.host.run_messages import failed, not_begun, run_result_to_msg, tree_status
+from bt_agents.host.run_records import Records
+from bt_agents_core.errors import Refused
+from bt_agents_core.scene import Scene
+from bt_agents_core.stall import Award, LastWord
+from bt_agents_core.stop_words import AS_TOLD
+from bt_agents_interfaces.action import RunAgent
+from bt_agents_interfaces.msg import MarketHeartbeat, TreeStatus
+from bt_agents_interfaces.msg import Scene as SceneMsg
+from bt_agents_ros import qos
+from bt_agents_ros.messages import scene_from_msg
+from bt_agents_ros.timers import steady_timer
+from bt_agents_ros.workarounds.quiet_action_server import QuietActionServer
+
+RESULT_KEPT_S = 2
+"""How long rclpy keeps a finished goal [s]; its default of 900 s slows acceptance 25-fold."""
+
+_STOP_SETTLE_S = 0.7
+"""How long a host that is stopped waits for goals to end [s]; it has a second for everything."""
+
+_OVERRUNS_TOLD_S = 5.0
+_FAREWELL_S = 0.2
+"""How long the last result has to go out before the action leaves the graph [s]."""
+
+
+class RunServer:
+    """Serves ``~/run``: accepts one goal at a time and ticks its tree until it has ended.
+
+    Args:
+        node: The host's node.
+        roster: Its agents.
+        instance: This start of the host; goals meant for another one are refused.
+        live: Begins with the scene of a run; returns what tells its live scene.
+        version: Returns the version of an agent's file that is in force.
+
+    Attributes:
+        goal: The goal under way; None without one.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        roster: Roster,
+        instance: str,
+        live: Callable[[Scene], Callable[[], Scene]],
+        version: Callable[[str], int],
+    ) -> None:
+        self.goal: Any = None
+        self._node = node
+        self._roster = roster
+        self._instance = instance
+        self._live = live
+        self._run: Run | None = None
+        self._ended: Any = None
+        self._stopped: tuple[Run, Sequence[StatusChange]] | None = None
+        self._handle: Any = None
+        self._scene: Any = None
+        self._cancel_reason = ""
+        self._clean_up = True
+        self._stopping = False
+        self._leaving = False
+        self._free_since = 0.0
+        self._market = LastWord(time.monotonic())
+        self._soon = False
+        self._period_s = 0.05
+        self._pace = Pace(self._period_s, time.monotonic())
+        self._at_begin: list[Callable[[Any], None]] = []
+        self._at_end: list[Callable[[Any, RunResult], None]] = []
+        self.world = RosWorld(
+            node,
+            self._take_news,
+            space=roster.space,
+            agent=lambda: self.goal.agent if self.goal is not None else "",
+            scene=lambda: self.goal.scene if self.goal is not None else SceneMsg(),
+        )
+        self._status = node.create_publisher(TreeStatus, "~/status", qos.EVENTS)
+        self._records = Records(node, instance, self._status, version)
+        # It is set anew for each tick: a timer that is late makes up for nothing.
+        self._timer = steady_timer(node, self._period_s, self._tick, running=False)
+        self._server: QuietActionServer | None = None
+
+    def open(self) -> None:
+        """Take goals; two servers of one name would each take every goal."""
+        self._leaving = False
+        if self._server is None:
+            self._server = QuietActionServer(
+                self._node,
+                RunAgent,
+                "~/run",
+                execute_callback=self._execute,
+                goal_callback=self._answer_goal,
+                handle_accepted_callback=self._begin,
+                cancel_callback=self._answer_cancel,
+                goal_service_qos_profile=qos.SERVICE,
+                result_service_qos_profile=qos.SERVICE,
+                cancel_service_qos_profile=qos.SERVICE,
+                feedback_pub_qos_profile=qos.EVENTS,
+                result_timeout=RESULT_KEPT_S,
+            )
+
+    def leave(self, reason: str) -> None:
+        """Take the action off the graph, but first stop the running tree, without its clean-up."""
+        self._leaving = True
+        self.cancel(reason, clean_up=False)
+        if not self.busy and time.monotonic() - self._free_since >= _FAREWELL_S:
+            self.close()
+
+    def close(self) -> None:
+        """Take the action off the graph now."""
+        if self._server is not None:
+            self._server.destroy()
+            self._server = None
+
+    @property
+    def busy(self) -> bool:
+        """True from the acceptance of a goal until its result is on its way."""
+        return self.goal is not None
+
+    @property
+    def running(self) -> str:
+        """Name of the agent whose goal is under way; empty without one."""
+        return str(self.goal.agent) if self.goal is not None else ""
+
+    def set_rate(self, hertz: float) -> None:
+        """Tick this often from now on [1/s]."""
+        self._period_s = 1.0 / hertz
+        if self._run is not None:
+            self._run.period_s = self._period_s
+            self._pace.change(self._period_s, time.monotonic())
+            self._set_timer()
+
+    def on_begin(self, listener: Callable[[Any], None]) -> None:
+        """Have a callable told each goal that was accepted."""
+        self._at_begin.append(listener)
+
+    def on_end(self, listener: Callable[[Any, RunResult], None]) -> None:
+        """Have a callable told each goal that is over, and how, before its result goes out.
+
+        The host is not busy any more then.
+        """
+        self._at_end.append(listener)
+
+    def cancel(self, reason: str, *, clean_up: bool = True) -> None:
+        """Stop the running tree from within the host; the first reason counts."""
+        if not self.busy or (self._cancel_reason and (clean_up or not self._clean_up)):
+            return
+        self._cancel_reason = self._cancel_reason or reason
+        self._clean_up = clean_up
+        self._pace.hurry(time.monotonic())
+        self._set_timer()
+
+    def stop(self, reason: str) -> None:
+        """Stop the running tree soon, without its clean-up, and take no goals any more."""
+        self._stopping = True
+        self.cancel(reason, clean_up=False)
+        if self._run is not None:
+            self._run.hurry(_STOP_SETTLE_S)
+            self._pace.hurry(time.monotonic())
+            self._set_timer()
+
+    def look(self) -> None:
+        """Look ten times a second whether this process was held up, and whether it may leave."""
+        now = time.monotonic()
+        self._market.held_up.wait_s(now)
+        if self._leaving and not self.busy and now - self._free_since >= _FAREWELL_S:
+            self.close()
+
+    def hear_market(self, heartbeat: MarketHeartbeat) -> None:
+        """Take a sign of life of a market, which names the run that it knows of."""
+        run = _award(self.goal) if self.busy else None
+        if self._market.hear(_award(heartbeat), run, time.monotonic()):
+            self.cancel("the market has given its run away", clean_up=False)
+
+    def _answer_goal(self, goal: Any) -> GoalResponse:
+        try:
+            self._scene = self._check(goal)
+        except Refused as refused:
+            self._node.get_logger().warning(
+                f"goal for '{goal.agent[:80]}' (round {goal.round}) refused: {refused}"
+            )
+            return GoalResponse.REJECT
+        return GoalResponse.ACCEPT
+
+    def _begin(self, handle: Any) -> None:
+        """Take a goal whose acceptance is on its way; a cancel that came with it is seen first."""
+        self._handle = handle
+        self.goal = handle.request
+        handle.execute()
+        for listener in self._at_begin:
+            self._tell(listener, self.goal)
+
+    def _check(self, goal: Any) -> Scene:
+        if self._stopping:
+            raise Refused("STOPPING", "this host is being stopped")
+        if self._leaving:
+            raise Refused("REFUSED", "the market has refused this host, so it takes no goals")
+        if self.busy:
+            raise Refused("BUSY", f"{self.goal.agent} is running; one tree at a time")
+        if goal.host_instance != self._instance:
+            raise Refused(
+                "WRONG_INSTANCE",
+                f"meant for instance '{goal.host_instance}', this is '{self._instance}'",
+            )
+        if self._market.is_over(_award(goal)):
+            raise Refused("OVER", f"the market has gone on from round {goal.round} already")
+        member = self._roster.member(goal.agent)
+        if not member.agent_id or member.agent_id != goal.agent_id:
+            raise Refused(
+                "UNREGISTERED", f"{goal.agent} has the id {member.agent_id}, not {goal.agent_id}"
+            )
+        return scene_from_msg(goal.scene, self._roster.space)
+
+    def _answer_cancel(self, handle: Any) -> CancelResponse:
+        if self._handle is None or handle != self._handle:
+            return CancelResponse.REJECT
+        if not self._cancel_reason:
+            self.cancel(AS_TOLD)
+            self._tick()
+        return CancelResponse.ACCEPT
+
+    async def _execute(self, handle: Any) -> RunAgent.Result:
+        goal = handle.request
+        self._ended = Future(executor=self._node.executor)
+        try:
+            self._start(goal)
+            result: RunResult = await self._ended
+        except Exception as error:
+            result = not_begun(error)
+        finally:
+            self.goal = self._run = self._handle = None
+            self._cancel_reason = ""
+            self._clean_up = True
+            self._free_since = time.monotonic()
+        self._node.get_logger().info(
+            f"round {goal.round}: {goal.agent} {result.outcome.value}: {result.message}"
+        )
+        for listener in self._at_end:
+            self._tell(listener, goal, result)
+        _close(handle, result)
+        if self._stopped is not None:
+            # The result has a turn of its own, which comes before that of what is begun in it.
+            begin = self._node.executor.create_task
+            begin(begin, self._tell_stopped, goal, *self._stopped)
+            self._stopped = None
+        return run_result_to_msg(result)
+
+    def _start(self, goal: Any) -> None:
+        member = self._roster.member(goal.agent)
+        self._run = self._records.run(
+            goal,
+            member.spec,
+            space=self._roster.space,
+            scene=self._scene,
+            profile=member.profile_for(self._scene),
+            live=self._live(self._scene),
+            tunables=member.tunables,
+            world=self.world,
+            steady=time.monotonic,
+        )
+        self._run.period_s = self._period_s
+        self._pace = Pace(self._period_s, time.monotonic())
+        self._tick()
+        self._node.get_logger().info(f"round {goal.round}: {goal.agent} runs")
+
+    def _tell(self, listener: Callable[..., None], *what: Any) -> None:
+        """Tell a listener, which must not stand between the market and the result."""
+        try:
+            listener(*what)
+        except Exception:
+            self._node.get_logger().error(traceback.format_exc())
+
+    def _take_news(self) -> None:
+        if self._run is not None:
+            self._pace.news(time.monotonic())
+            self._set_timer()
+
+    def _set_timer(self) -> None:
+        now = time.monotonic()
+        wait_s = self._pace.due - now
+        if not self._cancel_reason:
+            wait_s = max(wait_s, self._wait_s(now))
+        if wait_s <= 0.0 and not self._soon:
+            self._soon = True
+            self._timer.cancel()
+            self._node.executor.create_task(self._tick_soon)
+        if self._soon:
+            return
+        # It rings early rather than never: a period of zero is none.
+        self._timer.timer_period_ns = max(1, int(wait_s * 1e9))
+        self._timer.reset()
+
+    def _tick_soon(self) -> None:
+        """Tick, unless a cancel has done so since this was asked for."""
+        if self._soon:
+            self._tick()
+
+    def _tick(self) -> None:
+        self._soon = False
+        self._timer.cancel()
+        run = self._run
+        if run is None or run.result is not None:
+            return
+        began = time.monotonic()
+        if self._wait_s(began) and not self._cancel_reason:
+            # The market may have given the run to another agent meanwhile, and will say so.
+            self._set_timer()
+            return
+        self._pace.begin()
+        try:
+            self._advance(run)
+        except Exception as error:
+            # What a node raises is its FAILURE; this is a fault of the engine, and ends the run.
+            self._end(self._give_up(run, f"{type(error).__name__}: {error}"))
+            return
+        if run.result is not None:
+            self._end(run.result)
+            return
+        self._pace.end(began, time.monotonic(), run.deadline)
+        self._set_timer()
+
+    def _end(self, result: RunResult) -> None:
+        self._timer.cancel()
+        self._records.flush()
+        self._ended.set_result(result)
+
+    def _give_up(self, run: Run, reason: str) -> RunResult:
+        self._node.get_logger().error(traceback.format_exc())
+        try:
+            return run.give_up(reason)
+        except Exception:
+            self._node.get_logger().error(traceback.format_exc())
+            return failed(reason)
+
+    def _advance(self, run: Run) -> None:
+        stopped = self._cancel_now(run) if self._cancel_reason else []
+        is_over = run.result is not None
+        ticked = run.tick()
+        if is_over:
+            # Whoever cancels waits for the result, not for the words about a thousand nodes.
+            self._stopped = (run, stopped)
+        elif stopped or ticked:
+            self._publish(run, [*stopped, *ticked])
+        if run.overrun is not None:
+            self._tell_overrun(run, run.overrun)
+
+    def _cancel_now(self, run: Run) -> Sequence[StatusChange]:
+        reason, clean_up = self._cancel_reason, self._clean_up
+        if self._wait_s(time.monotonic()):
+            # Another agent may have the robot by now, and must not be talked into.
+            reason += (
+                f", after this host had been held up for {self._market.held_up.lasted_s:.1f} s"
+            )
+            clean_up = False
+        return run.cancel(reason, clean_up=clean_up)
+
+    def _wait_s(self, now: float) -> float:
+        """Return how long not to tick, as the market may have given the run away meanwhile [s]."""
+        return self._market.wait_s(_award(self.goal), now)
+
+    def _tell_overrun(self, run: Run, overrun: Overrun) -> None:
+        self._node.get_logger().warning(
+            f"{run.spec.name}: tick {run.ticks} took {overrun.took_s * 1e3:.0f} ms, there are "
+            f"{self._period_s * 1e3:.0f} ms between two; {overrun.slowest} alone took "
+            f"{overrun.slowest_s * 1e3:.0f} ms ({run.overruns} such ticks in this run so far)",
+            throttle_duration_sec=_OVERRUNS_TOLD_S,
+        )
+
+    def _publish(self, run: Run, changes: Sequence[StatusChange]) -> None:
+        status = self._status_of(self.goal, run, changes)
+        self._status.publish(status)
+        if self._handle.is_active:
+            self._handle.publish_feedback(RunAgent.Feedback(status=status))
+
+    def _tell_stopped(self, goal: Any, run: Run, changes: Sequence[StatusChange]) -> None:
+        """Tell what a cancel has changed, when its result is on its way."""
+        if changes:
+            self._status.publish(self._status_of(goal, run, changes))
+
+    def _status_of(self, goal: Any, run: Run, changes: Sequence[StatusChange]) -> TreeStatus:
+        stamp = self._node.get_clock().now().to_msg()
+        return tree_status(stamp, goal, self._instance, run, changes)
+
+
+def _award(message: Any) -> Award:
+    """Return the award that a goal is for, or that a heartbeat names."""
+    return Award(epoch=message.epoch, round=message.round, agent=message.agent)
+
+
+def _close(handle: Any, result: RunResult) -> None:
+    if result.outcome is Outcome.SUCCEEDED:
+        handle.succeed()
+    elif result.outcome is Outcome.CANCELLED and handle.is_cancel_requested:
+        handle.canceled()
+    else:
+        handle.abort()

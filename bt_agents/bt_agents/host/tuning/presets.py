@@ -1,0 +1,163 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Presets: values that are applied together under a name, in a file that people can read."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+from bt_agents_core.atomic_file import write_atomically
+from bt_agents_core.errors import ReadError, Refused
+from bt_agents_language.tools.formatting.scalar_style import quoted
+from bt_agents_language.yaml.diagnostics import did_you_mean, shown
+from bt_agents_language.yaml.source import read_source
+from bt_agents_language.yaml.typed_reader import FileReading
+
+LONGEST_NAME = 60
+"""Characters of the name of a preset."""
+
+MOST_PRESETS = 100
+
+MOST_VALUES = 10_000
+"""Values of all presets together: a file of them can be read."""
+
+Preset = Mapping[str, str]
+"""ROS parameter of the host → value as an author writes it."""
+
+
+class Presets:
+    """The presets of a host, on the disk before they count.
+
+    One thread may change them, and others read them meanwhile.
+
+    Args:
+        file: Where they are kept; None keeps them in memory.
+
+    Attributes:
+        problem: Why those of the file cannot be used, in words; empty when they can.
+    """
+
+    def __init__(self, file: Path | None) -> None:
+        self.problem = ""
+        self._file = file
+        self._presets: dict[str, Preset] = {}
+        if file is not None and file.exists() and file.stat().st_size:
+            try:
+                self._presets = dict(read_presets(file))
+            except ReadError as error:
+                self.problem = error.report
+
+    @property
+    def by_name(self) -> Mapping[str, Preset]:
+        """All presets, by name in the order of the alphabet."""
+        presets = self._presets
+        return {name: presets[name] for name in sorted(presets)}
+
+    def get(self, name: str) -> Preset:
+        """Return a preset.
+
+        Raises:
+            Refused: ``UNKNOWN_PRESET``, or ``BROKEN_PRESETS``.
+        """
+        presets = self._presets
+        if name not in presets:
+            self._refuse_broken()
+            hint = did_you_mean(name, presets) or "'bt-agents preset save NAME' makes one"
+            raise Refused("UNKNOWN_PRESET", f"no preset {shown(name)}; {hint}")
+        return presets[name]
+
+    def save(self, name: str, values: Preset) -> None:
+        """Keep values under a name, instead of what had it before.
+
+        Raises:
+            Refused: ``NOT_A_NAME``, ``TOO_MANY``, ``BROKEN_PRESETS`` or ``NOT_KEPT``; nothing is
+                changed.
+        """
+        self._refuse_broken()
+        presets = {**self._presets, check_name(name): dict(values)}
+        many = sum(map(len, presets.values()))
+        if len(presets) > MOST_PRESETS or many > MOST_VALUES:
+            raise Refused(
+                "TOO_MANY",
+                f"{len(presets)} presets with {many} values, expected at most {MOST_PRESETS} with "
+                f"{MOST_VALUES}; forget one, or save fewer agents",
+            )
+        self._write(presets)
+
+    def forget(self, name: str) -> None:
+        """Remove a preset.
+
+        Raises:
+            Refused: As in :meth:`get` and :meth:`save`; nothing is changed.
+        """
+        self.get(name)
+        self._write({one: values for one, values in self._presets.items() if one != name})
+
+    def _refuse_broken(self) -> None:
+        if self.problem:
+            first = self.problem.splitlines()[0]
+            raise Refused(
+                "BROKEN_PRESETS",
+                f"the file of the presets is broken; mend it or move it away, then restart the "
+                f"host: {first}",
+            )
+
+    def _write(self, presets: dict[str, Preset]) -> None:
+        if self._file is not None:
+            try:
+                self._file.touch()
+                write_atomically(self._file, presets_text(presets))
+            except OSError as error:
+                raise Refused(
+                    "NOT_KEPT",
+                    f"{self._file} cannot be written: {error.strerror or error}; nothing is "
+                    "changed",
+                ) from error
+        self._presets = presets
+
+
+def check_name(name: str) -> str:
+    """Return a name that a preset can have.
+
+    Raises:
+        Refused: ``NOT_A_NAME``.
+    """
+    if not 0 < len(name) <= LONGEST_NAME or not name.isprintable() or name != name.strip():
+        raise Refused(
+            "NOT_A_NAME",
+            f"a preset cannot be called {shown(name)}; expected 1 to {LONGEST_NAME} visible "
+            "characters in one line, for example 'morning' or 'care home'",
+        )
+    return name
+
+
+def presets_text(presets: Mapping[str, Preset]) -> str:
+    """Return a file of presets."""
+    lines = ["format: 1\n", "presets:\n" if presets else "presets: {}\n"]
+    for name in sorted(presets):
+        lines.append(f"  {quoted(name)}:{'' if presets[name] else ' {}'}\n")
+        lines += [f"    {key}: {quoted(value)}\n" for key, value in presets[name].items()]
+    return "".join(lines)
+
+
+def read_presets(path: Path) -> Mapping[str, Preset]:
+    """Return the presets of a file.
+
+    Raises:
+        ReadError: There is a problem; it lists all of them.
+    """
+    reading = FileReading(read_source(path))
+    fields = reading.document("a file of presets", ("presets",), ("presets",))
+    presets: dict[str, dict[str, str]] = {}
+    for entry in fields.entries("presets", "names and values"):
+        name = entry.key.text
+        try:
+            check_name(name)
+        except Refused as refused:
+            reading.error("out-of-range", entry.key, refused.reason)
+        presets[name] = {}
+        for one in reading.entries(entry.value, f"preset {shown(name)}", "values"):
+            what = f"the value of {shown(one.key.text)}"
+            presets[name][one.key.text] = reading.text(one.value, what, empty=True) or ""
+    reading.problems.raise_if_any()
+    return presets

@@ -1,0 +1,270 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Every value that may be tuned: its type and range, its check, and how people write it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from enum import Enum
+
+from bt_agents_core.errors import Refused
+from bt_agents_core.scene import SceneSpace
+from bt_agents_language.model import quantities
+from bt_agents_language.model.quantities import MAX_DURATION_S, QuantityError, spoken
+from bt_agents_language.model.specs import AgentSpec, FieldType, Tunable
+from bt_agents_language.yaml.diagnostics import shown
+from bt_agents_language.yaml.precheck import BAD_CHARACTER
+from bt_agents_language.yaml.scalars import boolean
+
+Setting = bool | int | float | str
+"""A value of a knob; times, lengths and angles in SI."""
+
+LONGEST_TEXT = 1000
+"""Characters of a text that is tuned."""
+
+_STEP_TOLERANCE = 1e-6
+_DIGITS = 6
+_QUANTITIES: Mapping[FieldType, Callable[[str], float]] = {
+    FieldType.DURATION: quantities.duration,
+    FieldType.LENGTH: quantities.length,
+    FieldType.ANGLE: quantities.angle,
+}
+_UNITS = {FieldType.DURATION: "s", FieldType.LENGTH: "m", FieldType.ANGLE: "rad"}
+_TYPES: Mapping[FieldType, type] = {
+    FieldType.BOOLEAN: bool,
+    FieldType.INTEGER: int,
+    FieldType.TEXT: str,
+}
+
+_TYPE_WORDS: Mapping[type, str] = {
+    bool: "true or false",
+    int: "a whole number",
+    float: "a number with a decimal point",
+    str: "a text",
+}
+
+
+class KnobKind(Enum):
+    """What a knob turns."""
+
+    TUNABLE = "tunable"
+    LEARNING_RATE = "learning rate"
+    PROFILE = "profile"
+    TICK_RATE = "tick rate"
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Knob:
+    """One value that may be tuned; it is a ROS parameter of the host.
+
+    Attributes:
+        name: Of the parameter: ``attentive_guide.patience``.
+        agent: Whose; empty for a knob of the whole host.
+        key: Its name without the agent's: ``patience``, ``age`` of a profile.
+        kind: What it turns.
+        type: Type of its value.
+        default: What the file says, in SI.
+        minimum: Smallest value; None for texts, booleans and quantities without a range.
+        maximum: Largest value.
+        step: Distance of the allowed values from ``minimum`` on; 0 allows all.
+        description: What it means, in words.
+    """
+
+    name: str
+    agent: str
+    key: str
+    kind: KnobKind
+    type: FieldType
+    default: Setting
+    minimum: float | None = None
+    maximum: float | None = None
+    step: float = 0.0
+    description: str = ""
+
+    @property
+    def unit(self) -> str:
+        """SI unit of the value; empty for none."""
+        return _UNITS.get(self.type, "")
+
+    def read(self, text: str) -> Setting:
+        """Return the value that a text means here: ``12``, ``12 s``, ``2 min``.
+
+        Raises:
+            Refused: ``NOT_A_VALUE``, or as in :meth:`check`.
+        """
+        try:
+            return self.check(self.meant(text))
+        except QuantityError as error:
+            hint = f"; {error.hint}" if error.hint else ""
+            raise Refused("NOT_A_VALUE", f"{self.name}: {error.message}{hint}") from None
+
+    def meant(self, text: str) -> Setting:
+        """Return the value that a text means here, whether it is possible or not.
+
+        Raises:
+            QuantityError: It means none.
+        """
+        if self.type in _QUANTITIES:
+            return _QUANTITIES[self.type](text)
+        if self.type is FieldType.INTEGER:
+            return quantities.integer(text)
+        if self.type is FieldType.BOOLEAN:
+            value = boolean(text.strip())
+            if value is None:
+                raise QuantityError(f"expected true or false, found {shown(text)}")
+            return value
+        return text if self.type is FieldType.TEXT else quantities.number(text)
+
+    def check(self, value: Setting) -> Setting:
+        """Return a value that this knob can have.
+
+        Raises:
+            Refused: ``WRONG_TYPE``, ``NOT_FINITE``, ``OUT_OF_RANGE``, ``OFF_STEP`` or
+                ``NOT_A_VALUE`` for a text that no file can hold.
+        """
+        wanted = _TYPES.get(self.type, float)
+        if type(value) is not wanted:
+            raise Refused(
+                "WRONG_TYPE",
+                f"{self.name} is {shown(str(value))}, a {type(value).__name__}; expected "
+                f"{_TYPE_WORDS[wanted]}",
+            )
+        if isinstance(value, str):
+            self._check_text(value)
+        elif not isinstance(value, bool):
+            self._check_number(value)
+        return value
+
+    def _check_text(self, value: str) -> None:
+        if len(value) > LONGEST_TEXT:
+            raise Refused(
+                "NOT_A_VALUE",
+                f"{self.name} has {len(value)} characters, expected at most {LONGEST_TEXT}",
+            )
+        if BAD_CHARACTER.search(value):
+            raise Refused(
+                "NOT_A_VALUE", f"{self.name} has a control character, which no file can hold"
+            )
+
+    def _check_number(self, value: float) -> None:
+        if not math.isfinite(value):
+            raise Refused(
+                "NOT_FINITE", f"{self.name} is {value}, expected a number{self._limits()}"
+            )
+        low, high = self.minimum, self.maximum
+        if low is None and self.type is FieldType.DURATION:
+            low, high = 0.0, MAX_DURATION_S
+        if low is not None and high is not None and not low <= value <= high:
+            raise Refused(
+                "OUT_OF_RANGE",
+                f"{self.name} is {spoken(value, self.type, _DIGITS)}, expected "
+                f"{self.written(low)} to {self.written(high)}",
+            )
+        if not self.step or low is None or value == high:
+            return
+        steps = (value - low) / self.step
+        if abs(steps - round(steps)) > _STEP_TOLERANCE:
+            raise Refused(
+                "OFF_STEP",
+                f"{self.name} is {spoken(value, self.type, _DIGITS)}, expected "
+                f"{self.written(low)} and then steps of {self.written(self.step)}; the nearest is "
+                f"{spoken(low + round(steps) * self.step, self.type, _DIGITS)}",
+            )
+
+    def _limits(self) -> str:
+        if self.minimum is None or self.maximum is None:
+            return ""
+        return f" from {self.written(self.minimum)} to {self.written(self.maximum)}"
+
+    def written(self, value: Setting) -> str:
+        """Return a value as an author writes it: ``12 s``; :meth:`read` gives the same value."""
+        return written(value, self.type)
+
+
+def written(value: Setting, field_type: FieldType) -> str:
+    """Return a value as an author writes it, with as many digits as it needs."""
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, str):
+        return value
+    read = _QUANTITIES.get(field_type)
+    if read is None:
+        short = spoken(value, field_type)
+        return short if float(short) == value else repr(value)
+    for digits in (6, 9, 12, 15, 16, 17):
+        text = spoken(value, field_type, digits)
+        if not math.isfinite(value) or read(text) == value:
+            return text
+    return f"{value!r} {_UNITS[field_type]}"
+
+
+def shown_value(knob: Knob, value: Setting) -> str:
+    """Return a value for people: an empty text as ``''``, else as an author writes it."""
+    return knob.written(value) or "''"
+
+
+def same(one: Setting, other: Setting) -> bool:
+    """Return whether two values are equal and of the same type."""
+    return type(one) is type(other) and one == other
+
+
+TICK_RATE = Knob(
+    name="tick_rate",
+    agent="",
+    key="tick_rate",
+    kind=KnobKind.TICK_RATE,
+    type=FieldType.NUMBER,
+    default=20.0,
+    minimum=1.0,
+    maximum=200.0,
+    description="ticks of the running tree [1/s]",
+)
+
+
+def knobs_of(spec: AgentSpec, space: SceneSpace) -> tuple[Knob, ...]:
+    """Return the knobs of an agent: its tunables, its learning rate, the values of its profile."""
+    rate = Knob(
+        name=f"{spec.name}.learning_rate",
+        agent=spec.name,
+        key="learning_rate",
+        kind=KnobKind.LEARNING_RATE,
+        type=FieldType.NUMBER,
+        default=float(spec.learning_rate),
+        minimum=0.0,
+        maximum=1.0,
+        description="step of a profile towards feedback",
+    )
+    profile = (
+        Knob(
+            name=f"{spec.name}.profile.{parameter.name}",
+            agent=spec.name,
+            key=parameter.name,
+            kind=KnobKind.PROFILE,
+            type=FieldType.NUMBER,
+            default=float(value),
+            minimum=parameter.minimum,
+            maximum=parameter.maximum,
+            description=f"its bid: {parameter.description}".rstrip(": "),
+        )
+        for parameter, value in zip(space.parameters, spec.profile, strict=True)
+    )
+    return (*(_of_tunable(spec.name, tunable) for tunable in spec.tunables), rate, *profile)
+
+
+def _of_tunable(agent: str, tunable: Tunable) -> Knob:
+    default = tunable.default
+    if tunable.type not in _TYPES:
+        default = float(default)
+    return Knob(
+        name=f"{agent}.{tunable.name}",
+        agent=agent,
+        key=tunable.name,
+        kind=KnobKind.TUNABLE,
+        type=tunable.type,
+        default=default,
+        minimum=tunable.minimum,
+        maximum=tunable.maximum,
+        step=tunable.step,
+        description=tunable.description,
+    )

@@ -1,0 +1,54 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The exceptions of the project under one root, so that a caller can catch what it means to."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from bt_agents_language.yaml.diagnostics import Diagnostic
+
+
+class BtAgentsError(Exception):
+    """Root of every error that this project raises on purpose."""
+
+
+STORAGE_FULL = "STORAGE_FULL"
+"""Code of a refusal because the disk takes no more; the same is taken when there is room."""
+
+LONGEST_REASON = 500
+"""Characters of a reason; what comes from outside may be as long as it likes."""
+
+
+class Refused(BtAgentsError):
+    """Input that is not taken; nothing has changed.
+
+    Attributes:
+        code: Stable name of the reason in upper case, for example ``NOT_FINITE``.
+        reason: The same in words: what was found, what was expected, how to mend it.
+    """
+
+    def __init__(self, code: str, reason: str) -> None:
+        if len(reason) > LONGEST_REASON:
+            reason = reason[: LONGEST_REASON - 1] + "…"
+        super().__init__(f"{code}: {reason}")
+        self.code = code
+        self.reason = reason
+
+
+class ReadError(BtAgentsError):
+    """A file that could not be read as a whole; carries every problem found in it.
+
+    Attributes:
+        report: All problems as text, one block each, ready for a terminal.
+        lines: One line a problem: ``file:line:col: error[code]: message``.
+        diagnostics: The problems themselves, for other ways of showing them.
+    """
+
+    def __init__(
+        self, report: str, lines: tuple[str, ...], diagnostics: tuple[Diagnostic, ...]
+    ) -> None:
+        super().__init__(report)
+        self.diagnostics = diagnostics
+        self.report = report
+        self.lines = lines

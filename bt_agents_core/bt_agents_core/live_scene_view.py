@@ -1,0 +1,42 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The scene while a run goes on, and how long the last look at it tells anything about now."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+from bt_agents_core.scene import Scene
+
+LEASE_S = 1.0
+"""A live scene says nothing any more after this silence; at least twice their distance [s]."""
+
+
+class LiveView:
+    """The live scene of one run; the scene as awarded is its first one.
+
+    Args:
+        awarded: Scene as awarded.
+        clock: Steady time [s].
+        lease_s: A scene counts for so long after it has come [s].
+    """
+
+    def __init__(
+        self, awarded: Scene, clock: Callable[[], float], lease_s: float = LEASE_S
+    ) -> None:
+        self.lease_s = lease_s
+        self.scene_id = awarded.scene_id
+        self._clock = clock
+        self._scene = awarded
+        self._seen_at = clock()
+
+    def see(self, scene: Scene) -> None:
+        """Take a live scene; one of another scene id is none of this run."""
+        if scene.scene_id == self.scene_id:
+            self._scene = scene
+            self._seen_at = self._clock()
+
+    def now(self) -> Scene:
+        """Return the latest scene, marked as stale when nothing has come during the lease."""
+        silent_s = self._clock() - self._seen_at
+        return self._scene if silent_s <= self.lease_s else replace(self._scene, stale_s=silent_s)

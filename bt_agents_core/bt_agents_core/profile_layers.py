@@ -1,0 +1,44 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Profiles of an agent for one person or one place, which lie over the one for everybody."""
+
+from __future__ import annotations
+
+from bt_agents_core.errors import Refused
+from bt_agents_core.scene import Scene
+
+EVERYBODY = ""
+"""The layer that is there always."""
+
+PERSON = "person"
+PLACE = "place"
+
+MOST_LAYERS = 1000
+"""Persons and places that one agent has profiles for."""
+
+LONGEST_LAYER = 256
+
+
+def layers_of(scene: Scene) -> dict[str, str]:
+    """Return the layers that a scene names, the one that goes first in front: kind → layer."""
+    named = {PERSON: scene.person_id, PLACE: scene.place}
+    return {kind: f"{kind}/{name}" for kind, name in named.items() if name}
+
+
+def checked_layer(layer: str) -> str:
+    """Return the name of a layer of a person or a place.
+
+    Raises:
+        Refused: ``BAD_LAYER``.
+    """
+    kind, slash, name = layer.partition("/")
+    if not layer.isprintable():
+        raise Refused(
+            "BAD_LAYER", f"{layer[:80]!a} is no layer, expected no control characters in a name"
+        )
+    if kind not in (PERSON, PLACE) or not slash or not name or len(layer) > LONGEST_LAYER:
+        raise Refused(
+            "BAD_LAYER",
+            f"'{layer[:80]}' is no layer, expected person/ or place/ and a name, such as "
+            "person/anna",
+        )
+    return layer

@@ -1,0 +1,333 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Scene parameters, vectors and scenes: the one validator of every vector that comes in."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from enum import IntEnum
+from functools import cached_property
+
+from bt_agents_core.errors import Refused
+
+Vector = tuple[float, ...]
+"""Values of all scene parameters, in the order of the space; NaN marks a missing one."""
+
+MISSING = math.nan
+
+MAX_WEIGHT = 100.0
+"""Most that a parameter or a source of feedback can weigh; most things weigh 1."""
+
+AGAIN = "+again"
+"""Ends the id of a scene that a restarted market asks for again by itself."""
+
+
+class Origin(IntEnum):
+    """Where a value of a scene comes from; the numbers are those of ``SceneValue.msg``."""
+
+    MISSING = 0
+    MEASURED = 1
+    GIVEN = 2
+    ESTIMATED = 3
+    DEFAULT = 4
+
+
+@dataclass(frozen=True, kw_only=True)
+class SceneParameter:
+    """One named, ranged dimension of every scene and every profile.
+
+    Attributes:
+        name: Identifier used in files, expressions and messages.
+        minimum: Smallest value, in the parameter's own unit.
+        maximum: Largest value.
+        default: Value in the range that stands for "nothing special"; never used as a measurement.
+        description: What the dimension means, in words.
+        labels: Words for some values, for example ``{1.0: "child"}``.
+        weight: How much it counts where distances are weighted, 0 or more.
+    """
+
+    name: str
+    minimum: float
+    maximum: float
+    default: float
+    description: str = ""
+    labels: Mapping[float, str] = field(default_factory=dict)
+    weight: float = 1.0
+
+    def clamp(self, value: float) -> float:
+        """Return ``value`` moved into the range; NaN stays NaN."""
+        return value if math.isnan(value) else min(max(value, self.minimum), self.maximum)
+
+
+@dataclass(frozen=True, kw_only=True)
+class SceneValue:
+    """One value of a scene; ``value`` is NaN exactly when ``origin`` is ``MISSING``.
+
+    Attributes:
+        name: Its parameter.
+        value: In the unit of the parameter.
+        origin: Where it comes from.
+        age_s: Time since the reading; 0 when given, NaN when missing [s].
+        std: Standard deviation in the unit of the parameter; 0 when exact or not stated, NaN when
+            missing.
+        confidence: 0..1 as the sources state it; 1 when not stated, 0 when missing.
+        source: Where it comes from in words; may be empty.
+    """
+
+    name: str
+    value: float
+    origin: Origin
+    age_s: float = 0.0
+    std: float = 0.0
+    confidence: float = 1.0
+    source: str = ""
+
+    @property
+    def observed(self) -> bool:
+        """True when somebody measured or gave it, so that it is neither estimated nor assumed."""
+        return self.origin in (Origin.MEASURED, Origin.GIVEN)
+
+    @classmethod
+    def missing(cls, name: str) -> SceneValue:
+        """Return the value of a parameter that nobody measured."""
+        return cls(
+            name=name,
+            value=MISSING,
+            origin=Origin.MISSING,
+            age_s=math.nan,
+            std=math.nan,
+            confidence=0.0,
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Scene:
+    """The vector that describes an interaction, with the origin of each value.
+
+    Attributes:
+        scene_id: Unique per analysed scene.
+        label: Words for people; may be empty.
+        person: True when a person is there.
+        values: Every parameter of the space once, in its order.
+        urgent: True may stop a running tree at once, where new scenes preempt.
+        person_id: Who it is, by name or as a tracker calls them; empty when nobody knows.
+        place: Where it is; may be empty.
+        persons: How many persons are tracked; 0 when nobody counts them.
+        stamp: Time of the analysis [s].
+        stale_s: Of a live scene: how long the scene layer has been silent, once that is so long
+            that the values tell nothing about now; 0 otherwise [s].
+    """
+
+    scene_id: str
+    label: str
+    person: bool
+    values: tuple[SceneValue, ...]
+    urgent: bool = False
+    person_id: str = ""
+    place: str = ""
+    persons: int = 0
+    stamp: float = 0.0
+    stale_s: float = 0.0
+
+    @cached_property
+    def vector(self) -> Vector:
+        """The values alone, in the order of the space, NaN where missing."""
+        return tuple(value.value for value in self.values)
+
+    @cached_property
+    def observed(self) -> Vector:
+        """The values that were measured or given, in the order of the space, NaN for others."""
+        return tuple(value.value if value.observed else MISSING for value in self.values)
+
+    @cached_property
+    def std(self) -> Vector:
+        """The standard deviations alone, in the order of the space, NaN where missing."""
+        return tuple(value.std for value in self.values)
+
+    def get(self, name: str) -> float:
+        """Return the value of a parameter, NaN when missing.
+
+        Raises:
+            KeyError: The scene has no such parameter.
+        """
+        for value in self.values:
+            if value.name == name:
+                return value.value
+        raise KeyError(name)
+
+    def with_id(self, scene_id: str) -> Scene:
+        """Return the same scene under another id."""
+        return replace(self, scene_id=scene_id)
+
+
+@dataclass(frozen=True, kw_only=True)
+class SceneSpace:
+    """The scene parameters that all parts of one system share, in order.
+
+    Attributes:
+        parameters: At least one, names unique.
+        mood: Name of the parameter that is the person's mood; None when there is none.
+    """
+
+    parameters: tuple[SceneParameter, ...]
+    mood: str | None = None
+
+    @cached_property
+    def names(self) -> tuple[str, ...]:
+        """Parameter names in order."""
+        return tuple(parameter.name for parameter in self.parameters)
+
+    def __len__(self) -> int:
+        return len(self.parameters)
+
+    def vector(self, values: Iterable[float], *, missing: bool = False, what: str = "") -> Vector:
+        """Check a sequence of values from outside and return it as a vector.
+
+        Args:
+            values: One finite number a parameter, in order, inside the range.
+            missing: True lets NaN stand for a missing value.
+            what: Subject of the error message, for example ``"bid of express"``.
+
+        Raises:
+            Refused: ``WRONG_LENGTH``, ``NOT_A_NUMBER``, ``NOT_FINITE`` or ``OUT_OF_RANGE``.
+        """
+        try:
+            vector = tuple(float(value) for value in values)
+        except (TypeError, ValueError, OverflowError) as error:
+            raise Refused(
+                "NOT_A_NUMBER", f"{_subject(what)}a value is not a number ({error})"
+            ) from None
+        if len(vector) != len(self.parameters):
+            raise Refused(
+                "WRONG_LENGTH",
+                f"{_subject(what)}{len(vector)} values, expected {len(self.parameters)}: "
+                f"{', '.join(self.names)}",
+            )
+        for parameter, value in zip(self.parameters, vector, strict=True):
+            if missing and math.isnan(value):
+                continue
+            check_value(parameter, value, what=what)
+        return vector
+
+    def from_mapping(self, values: Mapping[str, float], *, what: str = "") -> Vector:
+        """Check named values and return them in order.
+
+        Raises:
+            Refused: ``UNKNOWN_PARAMETER`` or ``WRONG_LENGTH``, else as in :meth:`vector`.
+        """
+        for name in values:
+            self.parameter(name, what=what)
+        absent = [name for name in self.names if name not in values]
+        if absent:
+            raise Refused(
+                "WRONG_LENGTH", f"{_subject(what)}no value for {', '.join(absent)}; all are needed"
+            )
+        return self.vector((values[name] for name in self.names), what=what)
+
+    def ordered(self, values: Mapping[str, float]) -> Vector:
+        """Return named values in the order of the space, NaN for what is not there; unchecked."""
+        return tuple(values.get(name, MISSING) for name in self.names)
+
+    def named(self, vector: Iterable[float]) -> dict[str, float]:
+        """Return the values of a vector by name, in order, without what is missing."""
+        pairs = zip(self.names, vector, strict=True)
+        return {name: value for name, value in pairs if not math.isnan(value)}
+
+    def parameter(self, name: str, *, what: str = "") -> SceneParameter:
+        """Return the parameter of a name.
+
+        Raises:
+            Refused: ``UNKNOWN_PARAMETER``.
+        """
+        for parameter in self.parameters:
+            if parameter.name == name:
+                return parameter
+        raise Refused(
+            "UNKNOWN_PARAMETER",
+            f"{_subject(what)}no scene parameter '{name}'; there are {', '.join(self.names)}",
+        )
+
+    def clamp(self, vector: Sequence[float]) -> Vector:
+        """Return the vector moved into the ranges; NaN stays NaN."""
+        return tuple(p.clamp(v) for p, v in zip(self.parameters, vector, strict=True))
+
+    def scene(
+        self, values: Iterable[SceneValue], *, what: str = "scene"
+    ) -> tuple[SceneValue, ...]:
+        """Check the values of a scene from outside and return them in the order of the space.
+
+        Raises:
+            Refused: ``EMPTY``, ``UNKNOWN_PARAMETER``, ``DUPLICATE_PARAMETER``, ``WRONG_LENGTH``,
+                ``ORIGIN_MISMATCH``, ``NOT_FINITE``, ``OUT_OF_RANGE``, ``BAD_STD`` or
+                ``BAD_CONFIDENCE``.
+        """
+        found: dict[str, SceneValue] = {}
+        for value in values:
+            parameter = self.parameter(value.name, what=what)
+            if value.name in found:
+                raise Refused(
+                    "DUPLICATE_PARAMETER", f"{_subject(what)}'{value.name}' stands twice"
+                )
+            if value.origin is Origin.MISSING:
+                if not math.isnan(value.value):
+                    raise Refused(
+                        "ORIGIN_MISMATCH",
+                        f"{_subject(what)}'{value.name}' is marked missing but has the value "
+                        f"{value.value:g}; a missing value is NaN",
+                    )
+                value = replace(SceneValue.missing(value.name), source=value.source)
+            else:
+                check_value(parameter, value.value, what=what)
+                _check_certainty(value, what)
+            found[value.name] = value
+        if not found:
+            raise Refused("EMPTY", f"{_subject(what)}no values; expected {', '.join(self.names)}")
+        absent = [name for name in self.names if name not in found]
+        if absent:
+            raise Refused(
+                "WRONG_LENGTH",
+                f"{_subject(what)}no entry for {', '.join(absent)}; mark what is not "
+                "known as missing",
+            )
+        return tuple(found[name] for name in self.names)
+
+
+def check_value(parameter: SceneParameter, value: float, *, what: str = "") -> float:
+    """Return ``value`` when it is finite and inside the parameter's range.
+
+    Raises:
+        Refused: ``NOT_FINITE`` or ``OUT_OF_RANGE``.
+    """
+    if not math.isfinite(value):
+        raise Refused(
+            "NOT_FINITE",
+            f"{_subject(what)}{parameter.name} is {value}, expected a number between "
+            f"{parameter.minimum:g} and {parameter.maximum:g}",
+        )
+    if not parameter.minimum <= value <= parameter.maximum:
+        raise Refused(
+            "OUT_OF_RANGE",
+            f"{_subject(what)}{parameter.name} is {value:g}, expected "
+            f"{parameter.minimum:g} to {parameter.maximum:g}",
+        )
+    return value
+
+
+def _check_certainty(value: SceneValue, what: str) -> None:
+    if not 0.0 <= value.std < math.inf:
+        raise Refused(
+            "BAD_STD",
+            f"{_subject(what)}the standard deviation of {value.name} is {value.std:g}, expected "
+            "0 or more",
+        )
+    if not 0.0 <= value.confidence <= 1.0:
+        raise Refused(
+            "BAD_CONFIDENCE",
+            f"{_subject(what)}the confidence in {value.name} is {value.confidence:g}, expected "
+            "0 to 1",
+        )
+
+
+def _subject(what: str) -> str:
+    return f"{what}: " if what else ""

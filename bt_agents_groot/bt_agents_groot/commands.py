@@ -1,0 +1,126 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`bt-agents import groot` and `export groot`: trees from and for BehaviorTree.CPP and Groot2."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+
+import click
+
+from bt_agents_core.errors import BtAgentsError, ReadError
+from bt_agents_core.trees_folder import find_trees
+from bt_agents_groot.exporting import export_agent
+from bt_agents_groot.importing import Imported, import_agent
+from bt_agents_groot.remarks import Remark, Weight
+from bt_agents_groot.words import snake
+from bt_agents_language.files.agent_reader import read_agent_text
+from bt_agents_language.files.folder_reader import read_trees, read_vocabulary
+from bt_agents_language.files.scene_reader import read_scene
+from bt_agents_language.model.symbols import Vocabulary
+from bt_agents_language.yaml.diagnostics import did_you_mean
+from bt_agents_language.yaml.source import read_source
+
+_OUT = click.option("-o", "--out", metavar="OUT", default="", help="The file to write.")
+_TREES = click.option("--dir", "directory", default="", help="The trees folder.")
+
+
+@click.group("import")
+def import_() -> None:
+    """Make an agent from a file of another program."""
+
+
+@click.group("export")
+def export() -> None:
+    """Make a file for another program from an agent."""
+
+
+@import_.command("groot")
+@click.argument("file")
+@_OUT
+@click.option("--agent", default="", help="Name of the agent; without it, that of the file.")
+@_TREES
+def import_groot(file: str, out: str, agent: str, directory: str) -> None:
+    """Make an agent from a FILE of BehaviorTree.CPP 4 or Groot2.
+
+    Without -o it is printed. What could not be translated is listed, and stands in the file as
+    comments. The skills of the trees folder are used where their names fit.
+    """
+    _refuse_existing(out)
+    folder = find_trees(directory)
+    vocabulary = read_vocabulary(folder, read_scene(folder / "scene.yaml"))
+    imported = import_agent(read_source(Path(file)), snake(agent or Path(file).stem), vocabulary)
+    _write(out, imported.text)
+    _list(imported.remarks)
+    if imported.missing:
+        names = ", ".join(skill.name for skill in imported.missing)
+        click.echo(f"skills that nobody declares yet: {names}", err=True)
+        click.echo("the end of the file shows how a skills file would declare them", err=True)
+    else:
+        _check(imported, out, vocabulary)
+
+
+@export.command("groot")
+@click.argument("agent", metavar="FILE|AGENT")
+@_OUT
+@_TREES
+def export_groot(agent: str, out: str, directory: str) -> None:
+    """Make a file for Groot2 from an agent, by its name or file.
+
+    Without -o it is printed. Nodes that BehaviorTree.CPP does not have are declared in it, so that
+    Groot2 shows them, and are listed.
+    """
+    _refuse_existing(out)
+    path, vocabulary = _find(agent, directory)
+    exported = export_agent(read_source(path), vocabulary)
+    _write(out, exported.text)
+    _list(exported.remarks)
+
+
+def _find(agent: str, directory: str) -> tuple[Path, Vocabulary]:
+    """Return the file of an agent, and what it may speak of."""
+    path = Path(agent)
+    if agent.endswith((".yaml", ".yml")) or "/" in agent:
+        above = (one for one in path.absolute().parents if (one / "scene.yaml").is_file())
+        folder = find_trees(directory or str(next(above, "")))
+        return path, read_vocabulary(folder, read_scene(folder / "scene.yaml"))
+    trees = read_trees(find_trees(directory))
+    files = {one.name: Path(one.file) for one in trees.agents}
+    files |= {broken.file.stem: broken.file for broken in trees.broken}
+    if agent not in files:
+        hint = did_you_mean(agent, files)
+        raise BtAgentsError(f"there is no agent '{agent}' in {trees.folder}; {hint}")
+    return files[agent], trees.vocabulary
+
+
+def _refuse_existing(out: str) -> None:
+    if out and Path(out).exists():
+        raise BtAgentsError(f"there is a file '{out}' already; remove it, or name another one")
+
+
+def _write(out: str, text: str) -> None:
+    if not out:
+        click.echo(text, nl=False)
+        return
+    try:
+        Path(out).write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise BtAgentsError(f"'{out}' cannot be written: {error.strerror}") from None
+    click.echo(f"wrote {out}")
+
+
+def _list(remarks: Iterable[Remark]) -> None:
+    listed = list(remarks)
+    for remark in listed:
+        click.echo(str(remark), err=True)
+    lost = sum(remark.weight is Weight.LOST for remark in listed)
+    if lost:
+        click.echo(f"{lost} not translated; the file says where", err=True)
+
+
+def _check(imported: Imported, out: str, vocabulary: Vocabulary) -> None:
+    """Say what is still wrong in a file that was made."""
+    try:
+        read_agent_text(imported.text, out or "(the agent)", vocabulary)
+    except ReadError as error:
+        click.echo(f"before it can run, mend this:\n{error.report}", err=True)

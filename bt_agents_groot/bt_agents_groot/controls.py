@@ -1,0 +1,290 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Control nodes of BehaviorTree.CPP as composites of our language."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+
+from bt_agents_groot.catalogue import BUILTINS, CONDITIONS
+from bt_agents_groot.document import node_id
+from bt_agents_groot.formulas import Binary, Constant, Formula, Name, Untranslatable, negated
+from bt_agents_groot.ports import from_port, names_in, names_of_expression, pointed_at
+from bt_agents_groot.remarks import Weight
+from bt_agents_groot.translation import Translation
+from bt_agents_groot.written import Data, Raw, Written, may_be_left_out, outside, sequence
+from bt_agents_groot.xml_reader import Attribute, Element
+from bt_agents_language.model.specs import FieldType
+
+ON_FAILURE = "on_failure"
+"""Name of a ``Fallback`` that stands for our modifier."""
+
+_NUMBER = re.compile(r"-?[0-9]{1,15}(\.[0-9]{1,15})?")
+
+Compose = Callable[[Translation, Element], Written]
+
+
+def _composite(key: str, *, memory: bool = True) -> Compose:
+    def translate(tree: Translation, element: Element) -> Written:
+        fallback = key == "selector"
+        children = tuple(tree.node(c, below_fallback=fallback) for c in element.children)
+        if not memory:
+            _note_slow(tree, element.children[:-1])
+        if all(map(may_be_left_out, children)):
+            tree.remark(
+                Weight.NOTE,
+                element,
+                "when all its children are left out, Groot's is left out too; ours has "
+                f"{'failed' if fallback else 'succeeded'}",
+            )
+        return Written(key=key, value={} if memory else {"memory": False}, children=children)
+
+    return translate
+
+
+def _note_slow(tree: Translation, children: tuple[Element, ...]) -> None:
+    """Note what looks at something at every tick, but takes time in our language."""
+    for child in children:
+        if node_id(child) not in BUILTINS and child.tag != "SubTree" and not child.children:
+            tree.remark(
+                Weight.NOTE,
+                child,
+                f"<{node_id(child)}> is asked again and again; while a skill takes time, what "
+                "stands behind it is stopped",
+            )
+
+
+def _fallback(tree: Translation, element: Element) -> Written:
+    plain = _composite("selector")
+    if element.get("name") != ON_FAILURE or len(element.children) != 2:
+        return plain(tree, element)
+    node = tree.node(element.children[0])
+    if "when" in node.modifiers:
+        return plain(tree, element)
+    return outside(node, ON_FAILURE, tree.node(element.children[1]))
+
+
+def is_handler(element: Element, node: Written) -> bool:
+    """Return whether an element has become our modifier, so that its name says no more."""
+    return element.get("name") == ON_FAILURE and ON_FAILURE in node.modifiers
+
+
+def _with_memory(tree: Translation, element: Element) -> Written:
+    tree.remark(Weight.NOTE, element, BUILTINS["SequenceWithMemory"].note)
+    return _composite("sequence")(tree, element)
+
+
+def _parallel(tree: Translation, element: Element) -> Written:
+    children = tuple(tree.node(child) for child in element.children)
+    total = len(children)
+    success = _threshold(tree, element, "success_count", -1, total)
+    failure = _threshold(tree, element, "failure_count", 1, total)
+    if success >= total:
+        return Written(key="parallel", children=children)
+    if failure != total - success + 1:
+        tree.remark(
+            Weight.NOTE,
+            element,
+            f"it fails after {failure} failure{'s' * (failure > 1)}; ours fails when "
+            f"{f'fewer than {success}' if success > 1 else 'none'} can still succeed",
+        )
+    wanted: Data = Raw("one") if success == 1 else success
+    return Written(key="parallel", value={"succeed_on": wanted}, children=children)
+
+
+def _threshold(tree: Translation, element: Element, port: str, default: int, total: int) -> int:
+    text = element.get(port, str(default)).strip()
+    if pointed_at(text) is not None:
+        tree.remark(Weight.LOST, element, f"'{port}' is {text}; {default} is assumed")
+        text = str(default)
+    number = int(text)
+    return max(number + total + 1, 1) if number < 0 else number
+
+
+def _parallel_all(tree: Translation, element: Element) -> Written:
+    tree.remark(Weight.NOTE, element, BUILTINS["ParallelAll"].note)
+    return Written(key="parallel", children=tuple(map(tree.node, element.children)))
+
+
+def _if_then_else(tree: Translation, element: Element) -> Written:
+    cases: list[Written] = []
+    options: dict[str, Data] = {}
+    current: Element | None = element
+    while current is not None:
+        text = _text(tree, current.children[0])
+        if text is None:
+            return _by_result(tree, element)
+        cases.append(_case(tree, current.children[1], text, len(cases) + 1))
+        rest = current.children[2] if len(current.children) == 3 else None
+        current = None
+        if rest is not None and rest.tag == "IfThenElse" and not rest.attributes:
+            current = rest if _text(tree, rest.children[0]) is not None else None
+        if rest is not None and current is None:
+            options["otherwise"] = _branch(tree, rest)
+    return Written(key="choose", value=options, children=tuple(cases))
+
+
+def _by_result(tree: Translation, element: Element) -> Written:
+    """Return what chooses by how a node ends, not by a condition."""
+    asked, *branches = element.children
+    if len(branches) == 1:
+        return sequence(tree.node(asked), tree.node(branches[0]))
+    name, *steps = _asked(tree, asked)
+    first = _case(tree, branches[0], Raw(name), 1)
+    choose = Written(
+        key="choose", value={"otherwise": _branch(tree, branches[1])}, children=(first,)
+    )
+    return sequence(*steps, choose)
+
+
+def _branch(tree: Translation, element: Element) -> Written:
+    node = tree.node(element)
+    if may_be_left_out(node):
+        tree.remark(
+            Weight.NOTE, element, "when it is left out, ours has succeeded; Groot's is left out"
+        )
+    return node
+
+
+def _case(tree: Translation, element: Element, condition: Raw, number: int) -> Written:
+    case = outside(_branch(tree, element), "when", condition)
+    return replace(case, name=case.name or f"case_{number}")
+
+
+def _text(tree: Translation, element: Element) -> Raw | None:
+    """Return the condition that an element checks, as text; None when it is more than that."""
+    if node_id(element) == "check" and set(element.attributes) <= {"ID", "condition"}:
+        tree.names.read(names_of_expression(element.get("condition")))
+        return Raw(element.get("condition"))
+    condition = _formula(tree, element)
+    return None if condition is None else tree.text(condition)
+
+
+def _formula(tree: Translation, element: Element) -> Formula | None:
+    """Return the condition that an element checks; None when it is more than that."""
+    if node_id(element) != "ScriptCondition" or set(element.attributes) - {"code", "ID"}:
+        return None
+    try:
+        condition = tree.condition(element.attributes["code"])
+        tree.text(condition)
+    except Untranslatable:
+        return None
+    return condition
+
+
+def _while_do_else(tree: Translation, element: Element) -> Written:
+    asked, *branches = element.children
+    condition = _formula(tree, asked)
+    if condition is not None:
+        text, opposite = tree.text(condition), tree.text(negated(condition))
+        return _while(tree, branches, text, opposite)
+    _note_slow(tree, (asked,))
+    if len(branches) == 1:
+        return _reactive("sequence", tree.node(asked), tree.node(branches[0]))
+    name, *steps = _asked(tree, asked)
+    return _reactive("sequence", *steps, _while(tree, branches, Raw(name), Raw(f"not {name}")))
+
+
+def _while(tree: Translation, branches: list[Element], text: Raw, opposite: Raw) -> Written:
+    """Return what does the first branch while a condition is true, the second while it is not."""
+    first = _held(tree, branches[0], text)
+    if len(branches) == 1:
+        return first
+    return _reactive("selector", first, _held(tree, branches[1], opposite))
+
+
+def _held(tree: Translation, element: Element, condition: Raw) -> Written:
+    return tree.around(element, tree.node(element), "while", condition)
+
+
+def _asked(tree: Translation, asked: Element) -> tuple[str, Written, Written]:
+    """Return a name that tells how a node has ended, and what gives it that value."""
+    name = tree.names.fresh("fits")
+    fits = sequence(tree.node(asked), Written(key="set", value={name: True}))
+    return name, Written(key="set", value={name: False}), outside(fits, "succeed", True)
+
+
+def _reactive(key: str, *children: Written) -> Written:
+    return Written(key=key, value={"memory": False}, children=children)
+
+
+def _switch(tree: Translation, element: Element) -> Written:
+    tree.remark(Weight.NOTE, element, BUILTINS["Switch2"].note)
+    variable = _operand(tree, element.attributes["variable"])
+    *branches, default = element.children
+    cases: list[Written] = []
+    for number, branch in enumerate(branches, start=1):
+        key = _operand(tree, element.attributes[f"case_{number}"])
+        text = tree.text(Binary("==", variable, key))
+        cases.append(_case(tree, branch, text, number))
+    return Written(
+        key="choose", value={"otherwise": _branch(tree, default)}, children=tuple(cases)
+    )
+
+
+def _operand(tree: Translation, attribute: Attribute) -> Formula:
+    entry = pointed_at(attribute.value)
+    if entry is not None:
+        return Name(tree.names.rename(entry))
+    text = attribute.value
+    if _NUMBER.fullmatch(text):
+        return Constant(float(text) if "." in text else int(text))
+    return Constant(text == "true") if text in ("true", "false") else Constant(text)
+
+
+def _try_catch(tree: Translation, element: Element) -> Written:
+    if element.get("catch_on_halt", "false").lower() in ("true", "1"):
+        tree.remark(
+            Weight.LOST,
+            element.attributes["catch_on_halt"],
+            "what is to be done when the node is stopped; of a whole agent, 'on_cancel' does it",
+        )
+    *tried, caught = element.children
+    handler = outside(tree.node(caught), "fail", True)
+    return outside(sequence(*map(tree.node, tried)), ON_FAILURE, handler)
+
+
+def own_control(tree: Translation, element: Element) -> Written | None:
+    """Return the node for our ``random``, or ``parallel`` with names; None for anything else."""
+    ports = set(element.attributes) - {"ID", "name", *CONDITIONS}
+    if node_id(element) == "parallel" and ports == {"succeed_on"}:
+        wanted = from_port(element.get("succeed_on"), FieldType.ANY, tree.names.rename)
+        children = tuple(map(tree.node, element.children))
+        return Written(key="parallel", value={"succeed_on": wanted}, children=children)
+    if node_id(element) != "random" or not ports <= {"seed", "weights"}:
+        return None
+    weights = from_port(element.get("weights", "json:[]"), FieldType.ANY, tree.names.rename)
+    if not isinstance(weights, list) or len(weights) not in (0, len(element.children)):
+        return None
+    tree.names.read(names_in(weights), FieldType.NUMBER)
+    chosen = [tree.node(child) for child in element.children]
+    for number, weight in enumerate(weights):
+        if weight != 1:
+            beside = {**chosen[number].beside, "weight": _weight(weight)}
+            chosen[number] = replace(chosen[number], beside=beside)
+    seed = element.get("seed")
+    options: dict[str, Data] = {"seed": Raw(seed)} if seed else {}
+    return Written(key="random", value=options, children=tuple(chosen))
+
+
+def _weight(weight: Data) -> Data:
+    return Raw(weight) if isinstance(weight, str) else weight
+
+
+CONTROLS: Mapping[str, Compose] = {
+    "Sequence": _composite("sequence"),
+    "AsyncSequence": _composite("sequence"),
+    "ReactiveSequence": _composite("sequence", memory=False),
+    "SequenceWithMemory": _with_memory,
+    "Fallback": _fallback,
+    "AsyncFallback": _composite("selector"),
+    "ReactiveFallback": _composite("selector", memory=False),
+    "Parallel": _parallel,
+    "ParallelAll": _parallel_all,
+    "IfThenElse": _if_then_else,
+    "WhileDoElse": _while_do_else,
+    **{f"Switch{cases}": _switch for cases in range(2, 7)},
+    "TryCatch": _try_catch,
+}
+"""Translator of each built-in control node."""

@@ -1,0 +1,141 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Decorators of BehaviorTree.CPP as modifiers of our language."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+
+from bt_agents_groot.document import node_id
+from bt_agents_groot.formulas import Formula, Untranslatable, negated
+from bt_agents_groot.leaves import check, count, duration, shown_element
+from bt_agents_groot.own_words import own_fields
+from bt_agents_groot.remarks import Weight
+from bt_agents_groot.translation import Translation
+from bt_agents_groot.written import (
+    Data,
+    Raw,
+    Written,
+    may_be_left_out,
+    outside,
+    selector,
+    sequence,
+)
+from bt_agents_groot.xml_reader import Element
+from bt_agents_language.nodes import FOREVER, MODIFIERS
+
+Decorate = Callable[[Translation, Element], Written]
+
+
+def _switch(key: str) -> Decorate:
+    def translate(tree: Translation, element: Element) -> Written:
+        return outside(tree.node(element.children[0]), key, True)
+
+    return translate
+
+
+def _again(key: str, port: str) -> Decorate:
+    def translate(tree: Translation, element: Element) -> Written:
+        times = count(tree, element, port) if port else Raw(FOREVER)
+        child = tree.node(element.children[0])
+        return tree.around(element, child, key, times)
+
+    return translate
+
+
+def _timeout(tree: Translation, element: Element) -> Written:
+    limit = duration(tree, element, "msec")
+    child = tree.node(element.children[0])
+    # No milliseconds mean no limit there.
+    return child if limit == Raw("0 s") else outside(child, "timeout", limit)
+
+
+def _delay(tree: Translation, element: Element) -> Written:
+    wait = Written(key="wait", value=duration(tree, element, "delay_msec"))
+    return sequence(wait, tree.node(element.children[0]))
+
+
+def _run_once(tree: Translation, element: Element) -> Written:
+    if element.get("then_skip", "true").lower() not in ("true", "1"):
+        tree.remark(
+            Weight.NOTE, element, "the second time it ends as it did the first; ours is left out"
+        )
+    return outside(tree.node(element.children[0]), "once", True)
+
+
+def _precondition(tree: Translation, element: Element) -> Written:
+    status = element.get("else", "FAILURE").strip()
+    if status.startswith("{"):
+        tree.remark(Weight.LOST, element, f"'else' is {status}; FAILURE is assumed")
+        status = "FAILURE"
+    try:
+        condition: Formula = tree.condition(element.attributes["if"])
+        text = tree.text(condition)
+        opposite = tree.text(negated(condition))
+    except Untranslatable as error:
+        tree.remark(Weight.LOST, element.attributes["if"], f"the condition is left out: {error}")
+        return tree.node(element.children[0])
+    child = tree.node(element.children[0])
+    match status:
+        case "SKIPPED":
+            return outside(child, "when", text)
+        case "SUCCESS":
+            if may_be_left_out(child):
+                tree.remark(Weight.NOTE, element, "when its child is left out, ours has failed")
+            return selector(check(opposite), child)
+        case "RUNNING":
+            wait = Written(key="wait_for", value=text)
+            return wait if child == check(Raw("true")) else sequence(wait, child)
+    return sequence(check(text), child)
+
+
+def _kept_child(tree: Translation, element: Element) -> Written:
+    tree.remark(
+        Weight.LOST, element, f"{shown_element(element)} has no equivalent; its child stands alone"
+    )
+    return tree.node(element.children[0])
+
+
+def own_decorator(tree: Translation, element: Element) -> Written | None:
+    """Return the node for a modifier of our language; None when it is none."""
+    kind = MODIFIERS.get(node_id(element))
+    if kind is None or len(element.children) != 1 or not kind.fields:
+        return None
+    fields = own_fields(element, kind.fields, tree.names, tree.remark)
+    if fields is None:
+        return None
+    value: Data = fields[kind.main] if list(fields) == [kind.main] else fields
+    return outside(tree.node(element.children[0]), kind.key, value)
+
+
+def unknown_parent(tree: Translation, element: Element) -> Written:
+    """Return what stands for a custom element with children: the children alone."""
+    if len(element.children) == 1:
+        return _kept_child(tree, element)
+    tree.remark(
+        Weight.LOST,
+        element,
+        f"{shown_element(element)} has no equivalent; its children stand in a sequence",
+    )
+    return sequence(*(tree.node(child) for child in element.children))
+
+
+DECORATORS: Mapping[str, Decorate] = {
+    "Inverter": _switch("invert"),
+    "ForceSuccess": _switch("succeed"),
+    "ForceFailure": _switch("fail"),
+    "Repeat": _again("repeat", "num_cycles"),
+    "RetryUntilSuccessful": _again("retry", "num_attempts"),
+    "KeepRunningUntilFailure": _again("repeat", ""),
+    "Timeout": _timeout,
+    "Delay": _delay,
+    "RunOnce": _run_once,
+    "Precondition": _precondition,
+    **dict.fromkeys(
+        (
+            "LoopInt", "LoopBool", "LoopDouble", "LoopString",
+            "SkipUnlessUpdated", "WaitValueUpdate",
+        ),
+        _kept_child,
+    ),
+}  # fmt: skip
+"""Translator of each built-in decorator."""

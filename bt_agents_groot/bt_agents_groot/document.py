@@ -1,0 +1,358 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Reads the trees and models of a BehaviorTree.CPP file, and checks them as that library does."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from bt_agents_groot.catalogue import (
+    BUILTINS,
+    CONDITIONS,
+    EXPLICIT,
+    OTHER_ATTRIBUTES,
+    Builtin,
+    PortKind,
+)
+from bt_agents_groot.ports import pointed_at
+from bt_agents_groot.scripts import ScriptError, parse_script
+from bt_agents_groot.xml_reader import Attribute, Element, XmlReading
+from bt_agents_language.yaml.diagnostics import did_you_mean, shown
+from bt_agents_language.yaml.source import Source
+from bt_agents_language.yaml.typed_reader import listed
+
+_WHOLE = re.compile(r"[-+]?[0-9]{1,9}")
+_STATUSES = ("SUCCESS", "FAILURE", "RUNNING", "SKIPPED")
+_BOOLEANS = ("true", "false", "1", "0", "True", "False", "TRUE", "FALSE")
+_DIRECTIONS = {"input_port": "in", "output_port": "out", "inout_port": "both"}
+_KINDS = (*EXPLICIT, "SubTree")
+
+
+@dataclass(frozen=True, kw_only=True)
+class ModelPort:
+    """One declared port: ``in``, ``out`` or ``both``, its C++ type, default and description."""
+
+    direction: str
+    type: str = ""
+    default: str = ""
+    description: str = ""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Model:
+    """A node that a program registers.
+
+    Attributes:
+        kind: Element that declares it: ``Action``, ``Condition``, ``Control``, ``Decorator``.
+        ports: By name.
+    """
+
+    kind: str
+    ports: Mapping[str, ModelPort] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Document:
+    """One file.
+
+    Attributes:
+        trees: ID → the ``BehaviorTree`` element, which has one child.
+        main: ID of the main tree.
+        models: ID → model of a custom node.
+        subtree_models: ID → model of a subtree.
+        unread: Elements of the file that say something which is not read.
+        calls: ID of a tree → its ``SubTree`` elements.
+        reading: The file, for problems that are found later.
+    """
+
+    trees: Mapping[str, Element]
+    main: str
+    models: Mapping[str, Model]
+    subtree_models: Mapping[str, Model]
+    unread: tuple[Element, ...]
+    calls: Mapping[str, tuple[Element, ...]]
+    reading: XmlReading
+
+
+def node_id(element: Element) -> str:
+    """Return what a node is: its ``ID`` in the explicit writing, else the name of its element."""
+    return element.get("ID") if element.tag in _KINDS else element.tag
+
+
+def read_document(source: Source) -> Document:
+    """Return the trees and models of a file.
+
+    Raises:
+        ReadError: There is a problem; it lists all of them.
+    """
+    reading = XmlReading(source)
+    if reading.root is None:
+        raise reading.problems.error()
+    return _DocumentReader(reading, reading.root).read()
+
+
+class _DocumentReader:
+    def __init__(self, reading: XmlReading, root: Element) -> None:
+        self._reading = reading
+        self._root = root
+        self._trees: dict[str, Element] = {}
+        self._models: dict[str, dict[str, Model]] = {"node": {}, "subtree": {}}
+        self._calls: dict[str, tuple[Element, ...]] = {}
+        self._unread: list[Element] = []
+
+    def read(self) -> Document:
+        self._check_root()
+        for child in self._root.children:
+            match child.tag:
+                case "BehaviorTree":
+                    self._tree(child)
+                case "TreeNodesModel":
+                    for model in child.children:
+                        self._model(model)
+                case _:
+                    self._unread.append(child)
+        for tree_id, tree in self._trees.items():
+            calls: list[Element] = []
+            for child in tree.children:
+                self._node(child, calls)
+            self._calls[tree_id] = tuple(calls)
+        self._refuse_recursion()
+        main = self._main()
+        self._reading.problems.raise_if_any()
+        return Document(
+            trees=self._trees,
+            main=main,
+            models=self._models["node"],
+            subtree_models=self._models["subtree"],
+            unread=tuple(self._unread),
+            calls=self._calls,
+            reading=self._reading,
+        )
+
+    def _check_root(self) -> None:
+        root = self._root
+        if root.tag != "root":
+            self._reading.error(
+                "xml-root",
+                root,
+                f"the outermost element is <{root.tag[:40]}>, expected <root>",
+                'trees of Groot2 stand in <root BTCPP_format="4"> … </root>',
+            )
+            raise self._reading.problems.error()
+        version = root.attributes.get("BTCPP_format")
+        if version is not None and version.value != "4":
+            self._reading.error(
+                "wrong-format",
+                version,
+                f"the file has BTCPP_format {shown(version.value)}, this program reads format 4",
+                "open the file in Groot2 and save it; files of Groot 1 need convert_v3_to_v4.py, "
+                "which comes with BehaviorTree.CPP",
+            )
+
+    def _tree(self, element: Element) -> None:
+        tree_id = element.get("ID")
+        if not tree_id:
+            others = [c for c in self._root.children if c.tag == "BehaviorTree"]
+            if len(others) > 1:
+                self._missing(element, "ID", "give each tree a name of its own")
+            tree_id = "main"
+        if tree_id in self._trees:
+            self._reading.error(
+                "name-taken",
+                element.attributes["ID"],
+                f"there is a tree {shown(tree_id)} already "
+                f"(line {self._trees[tree_id].position.line})",
+                "rename one of them",
+            )
+            return
+        self._check_count(element, (1, 1))
+        self._trees[tree_id] = element
+
+    def _model(self, element: Element) -> None:
+        model_id = element.get("ID")
+        if element.tag not in _KINDS:
+            self._unread.append(element)
+            return
+        if not model_id:
+            self._missing(element, "ID", f'write <{element.tag} ID="…">')
+            return
+        ports: dict[str, ModelPort] = {}
+        for child in element.children:
+            if child.tag not in _DIRECTIONS:
+                continue
+            name = child.get("name")
+            if not name:
+                self._missing(child, "name", f'write <{child.tag} name="…">')
+                continue
+            ports[name] = ModelPort(
+                direction=_DIRECTIONS[child.tag],
+                type=child.get("type"),
+                default=child.get("default"),
+                description=child.text or child.get("description"),
+            )
+        group = "subtree" if element.tag == "SubTree" else "node"
+        self._models[group][model_id] = Model(kind=element.tag, ports=ports)
+
+    def _missing(self, element: Element, name: str, hint: str) -> None:
+        self._reading.error(
+            "missing-attribute", element, f"<{element.tag}> has no attribute '{name}'", hint
+        )
+
+    def _node(self, element: Element, calls: list[Element]) -> None:
+        """Check an element inside a tree, and all below it."""
+        if element.tag in _KINDS and not element.get("ID"):
+            self._missing(element, "ID", f'write <{element.tag} ID="…">')
+        elif element.tag == "SubTree":
+            calls.append(element)
+            self._subtree(element)
+        elif node_id(element) in BUILTINS:
+            self._builtin(element, BUILTINS[node_id(element)])
+        else:
+            self._custom(element)
+        for name in CONDITIONS:
+            if name in element.attributes:
+                self._script(element.attributes[name])
+        for child in element.children:
+            self._node(child, calls)
+
+    def _subtree(self, element: Element) -> None:
+        self._check_count(element, (0, 0))
+        called = element.get("ID")
+        included = any(unread.tag == "include" for unread in self._unread)
+        if called not in self._trees and not included:
+            self._reading.error(
+                "unknown-subtree",
+                element.attributes["ID"],
+                f"there is no <BehaviorTree> {shown(called)}",
+                did_you_mean(called, self._trees),
+            )
+
+    def _builtin(self, element: Element, builtin: Builtin) -> None:
+        self._check_count(element, builtin.children)
+        known = (*builtin.ports, *CONDITIONS, *OTHER_ATTRIBUTES)
+        missing = [port for port in builtin.required if port not in element.attributes]
+        for attribute in element.attributes.values():
+            if attribute.name in builtin.ports:
+                self._port(attribute, builtin.ports[attribute.name], builtin.id)
+            elif attribute.name not in known and not attribute.name.startswith("_"):
+                self._unknown(attribute, builtin.id, builtin.ports)
+        for port in missing:
+            self._missing(element, port, f"it takes {builtin.ports[port].value}")
+
+    def _custom(self, element: Element) -> None:
+        model = self._models["node"].get(node_id(element))
+        if model is None:
+            return
+        limits: dict[str, tuple[int, int | None]] = {"Decorator": (1, 1), "Control": (1, None)}
+        self._check_count(element, limits.get(model.kind, (0, 0)))
+        known = (*model.ports, *CONDITIONS, *OTHER_ATTRIBUTES)
+        for attribute in element.attributes.values():
+            if attribute.name not in known and not attribute.name.startswith("_"):
+                self._unknown(attribute, node_id(element), model.ports)
+
+    def _unknown(self, attribute: Attribute, of: str, ports: Mapping[str, object]) -> None:
+        self._reading.error(
+            "unknown-attribute",
+            attribute,
+            f"<{of}> has no attribute {shown(attribute.name)}",
+            did_you_mean(attribute.name, [*ports, *CONDITIONS, "name"]),
+        )
+
+    def _check_count(self, element: Element, limits: tuple[int, int | None]) -> None:
+        low, high = limits
+        count = len(element.children)
+        if count >= low and (high is None or count <= high):
+            return
+        if high is None:
+            expected = f"{low} or more"
+        else:
+            expected = "no" if high == 0 else f"{low}" if low == high else f"{low} to {high}"
+        children = "child" if high == 1 else "children"
+        self._reading.error(
+            "wrong-children",
+            element,
+            f"<{node_id(element) or element.tag}> has {count or 'no'} "
+            f"child{'ren' * (count != 1)}, expected {expected} {children}",
+            "put several nodes into a <Sequence>" if high == 1 and count > 1 else "",
+        )
+
+    def _script(self, attribute: Attribute) -> None:
+        try:
+            parse_script(attribute.value, str)
+        except ScriptError as error:
+            self._reading.error_in(
+                "bad-script", attribute, error.offset, f"'{attribute.name}': {error.message}"
+            )
+
+    def _port(self, attribute: Attribute, kind: PortKind, of: str) -> None:
+        value = attribute.value.strip()
+        if kind is PortKind.TEXT or pointed_at(value) is not None:
+            return
+        if kind is PortKind.SCRIPT:
+            self._script(attribute)
+            return
+        number = int(value) if _WHOLE.fullmatch(value) else None
+        fits = {
+            PortKind.COUNT: number is not None and (number == -1 or number > 0),
+            PortKind.THRESHOLD: number is not None and number != 0,
+            PortKind.MILLISECONDS: number is not None and number >= 0,
+            PortKind.BOOLEAN: value in _BOOLEANS,
+            PortKind.STATUS: value in _STATUSES,
+        }[kind]
+        if not fits:
+            self._reading.error(
+                "bad-attribute",
+                attribute,
+                f"'{attribute.name}' of <{of}> is {shown(value)}, expected {kind.value}",
+                "or the name of a blackboard entry: {name}",
+            )
+
+    def _refuse_recursion(self) -> None:
+        """Report every tree that contains itself."""
+        finished: set[str] = set()
+        for start in self._calls:
+            chain = {start: iter(self._calls[start])}
+            while chain:
+                current, calls = next(reversed(chain.items()))
+                call = next(calls, None)
+                called = call.get("ID") if call is not None else ""
+                if call is None or current in finished:
+                    del chain[current]
+                    finished.add(current)
+                elif called in chain:
+                    names = list(chain)
+                    loop = " → ".join([*names[names.index(called) :], called])
+                    self._reading.error(
+                        "recursion",
+                        call.attributes["ID"],
+                        f"tree {shown(called)} contains itself: {loop[:200]}",
+                        "use <Repeat> to do something again",
+                    )
+                elif called in self._calls and called not in finished:
+                    chain[called] = iter(self._calls[called])
+
+    def _main(self) -> str:
+        named = self._root.attributes.get("main_tree_to_execute")
+        if named is not None:
+            if named.value not in self._trees:
+                self._reading.error(
+                    "unknown-subtree",
+                    named,
+                    f"there is no <BehaviorTree> {shown(named.value)}",
+                    did_you_mean(named.value, self._trees),
+                )
+            return named.value
+        called = {call.get("ID") for calls in self._calls.values() for call in calls}
+        roots = [tree_id for tree_id in self._trees if tree_id not in called]
+        if not self._trees:
+            self._reading.error(
+                "xml-root",
+                self._root,
+                "there is no <BehaviorTree> in the file",
+                'write <BehaviorTree ID="…"> around the tree',
+            )
+        elif len(roots) > 1:
+            hint = f"name the tree that starts: {listed(roots)}"
+            self._missing(self._root, "main_tree_to_execute", hint)
+        return roots[0] if roots else ""

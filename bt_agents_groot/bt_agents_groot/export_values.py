@@ -1,0 +1,108 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Conditions, times and numbers of our language as BehaviorTree.CPP writes them."""
+
+from __future__ import annotations
+
+import re
+
+from bt_agents_groot.expressions import parse_formula
+from bt_agents_groot.formulas import (
+    Binary,
+    Constant,
+    Formula,
+    Untranslatable,
+    as_script,
+    mentioned,
+    negated,
+    script_name,
+)
+from bt_agents_groot.ports import only_name
+from bt_agents_language.model.quantities import QuantityError, duration
+from bt_agents_language.nodes import FOREVER
+from bt_agents_language.yaml.scalars import plain_value
+from bt_agents_language.yaml.yaml_reader import Entry, Node, Scalar
+
+_LONGEST_MS = 999_999_999
+_PIECE = re.compile(r"\$\$\{|\$\{([^{}$]*)\}")
+
+
+def condition_script(node: Node, *, negative: bool = False) -> str:
+    """Return a condition as a script, or the opposite of it.
+
+    Raises:
+        Untranslatable: Scripts cannot say it.
+    """
+    assert isinstance(node, Scalar)
+    formula = parse_formula(node.text)
+    return as_script(negated(formula) if negative else formula)
+
+
+def set_script(entries: tuple[Entry, ...]) -> str:
+    """Return the script that gives names their values.
+
+    Raises:
+        Untranslatable: Scripts cannot say a value, or one value needs a name that is set with it.
+    """
+    statements: list[str] = []
+    names: set[str] = set()
+    for entry in entries:
+        value = _formula(entry.value)
+        if names & set(mentioned(value)):
+            raise Untranslatable("the values of a script follow each other")
+        names.add(entry.key.text)
+        statements.append(f"{script_name(entry.key.text)} := {as_script(value)}")
+    return "; ".join(statements)
+
+
+def milliseconds(node: Node) -> str | None:
+    """Return a written time in whole milliseconds; None when it is not such a time."""
+    if not isinstance(node, Scalar) or "${" in node.text:
+        return None
+    try:
+        amount = duration(node.text) * 1000
+    except QuantityError:
+        return None
+    whole = round(amount)
+    return str(whole) if 0 < whole <= _LONGEST_MS and abs(amount - whole) < 1e-6 else None
+
+
+def number_port(node: Node) -> str | None:
+    """Return a number of attempts for a port; None when it is not a number or a single name."""
+    if not isinstance(node, Scalar):
+        return None
+    if node.text == FOREVER:
+        return "-1"
+    name = only_name(node.text)
+    if name is not None:
+        return f"{{{name.replace('.', '__')}}}"
+    return node.text if node.text.isdigit() else None
+
+
+def _formula(node: Node) -> Formula:
+    if not isinstance(node, Scalar):
+        raise Untranslatable("scripts have no lists and mappings")
+    if "${" not in node.text:
+        value = plain_value(node)
+        if not isinstance(value, bool | int | float | str):
+            raise Untranslatable("scripts have no such value")
+        return Constant(value)
+    pieces: list[Formula] = []
+    at = 0
+    plain = ""
+    for match in _PIECE.finditer(node.text):
+        plain += node.text[at : match.start()]
+        at = match.end()
+        if match[1] is None:
+            plain += "${"
+            continue
+        if plain:
+            pieces.append(Constant(plain))
+            plain = ""
+        pieces.append(parse_formula(match[1].strip()))
+    plain += node.text[at:]
+    if plain or not pieces:
+        pieces.append(Constant(plain))
+    whole = pieces[0]
+    for piece in pieces[1:]:
+        whole = Binary("..", whole, piece)
+    return whole

@@ -1,0 +1,111 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Reads our expressions as formulas, so that they can be written as scripts."""
+
+from __future__ import annotations
+
+from bt_agents_groot.formulas import (
+    ARITHMETIC,
+    COMPARISONS,
+    Binary,
+    Call,
+    Constant,
+    Formula,
+    Name,
+    Unary,
+    Untranslatable,
+    negative,
+)
+from bt_agents_groot.scripts import MAX_WORDS
+from bt_agents_language.expression.expression_tokens import Token, TokenKind, tokenize
+
+_STRENGTH = {
+    "or": 1, "and": 2, **dict.fromkeys(COMPARISONS, 4), "in": 4, "not in": 4, "between": 4,
+    "not": 4, **dict.fromkeys(ARITHMETIC, 6), "+": 5, "-": 5,
+}  # fmt: skip
+_NOT, _MINUS = 3, 7
+
+
+def parse_formula(text: str) -> Formula:
+    """Return the formula that an expression of our language says.
+
+    ``a between b and c`` becomes two comparisons.
+
+    Args:
+        text: An expression that
+            :func:`~bt_agents_language.expression.expressions.parse_expression` accepts.
+
+    Raises:
+        Untranslatable: It is too long to be written as a script.
+    """
+    tokens = tokenize(text)
+    if len(tokens) > MAX_WORDS:
+        raise Untranslatable(f"a script has at most {MAX_WORDS} words")
+    return _Parser(tokens).formula(0)
+
+
+class _Parser:
+    """A Pratt parser; what it reads was checked before."""
+
+    def __init__(self, tokens: list[Token]) -> None:
+        self._tokens = tokens
+        self._next = 0
+
+    def _take(self) -> Token:
+        token = self._tokens[self._next]
+        self._next += 1
+        return token
+
+    def formula(self, weakest: int) -> Formula:
+        """Read operands joined by operators that are stronger than ``weakest``."""
+        left = self._operand()
+        while True:
+            word = self._tokens[self._next].text
+            if self._tokens[self._next].kind is TokenKind.TEXT:
+                return left
+            strength = _STRENGTH.get(word, 0)
+            if strength <= weakest:
+                return left
+            self._take()
+            left = self._applied(word, left)
+
+    def _applied(self, word: str, left: Formula) -> Formula:
+        if word == "not":
+            return Unary("not", self._applied(self._take().text, left))
+        if word == "not in":
+            return Unary("not", Binary("in", left, self.formula(_STRENGTH["in"])))
+        if word == "between":
+            low = self.formula(_STRENGTH["between"])
+            self._take()
+            high = self.formula(_STRENGTH["between"])
+            return Binary("and", Binary("<=", low, left), Binary("<=", left, high))
+        return Binary(word, left, self.formula(_STRENGTH[word]))
+
+    def _operand(self) -> Formula:
+        token = self._take()
+        match token.kind:
+            case TokenKind.NUMBER | TokenKind.TEXT | TokenKind.BOOLEAN:
+                return Constant(token.value)
+        match token.text:
+            case "not":
+                return Unary("not", self.formula(_NOT))
+            case "-":
+                return negative(self.formula(_MINUS))
+            case "(":
+                inner = self.formula(0)
+                self._take()
+                return inner
+            case "[":
+                return Call("[", self._arguments("]"))
+        if self._tokens[self._next].text == "(":
+            self._take()
+            return Call(token.text, self._arguments(")"))
+        return Name(token.text)
+
+    def _arguments(self, closing: str) -> tuple[Formula, ...]:
+        arguments: list[Formula] = []
+        while self._tokens[self._next].text != closing:
+            arguments.append(self.formula(0))
+            if self._tokens[self._next].text == ",":
+                self._take()
+        self._take()
+        return tuple(arguments)

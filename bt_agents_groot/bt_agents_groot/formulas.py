@@ -1,0 +1,243 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What our expressions and BehaviorTree.CPP's scripts have in common, written as either."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from bt_agents_core.errors import BtAgentsError
+
+
+class Untranslatable(BtAgentsError):
+    """Something that the other language has no equivalent of; the message says what."""
+
+
+@dataclass(frozen=True)
+class Constant:
+    """A number, a text, true or false."""
+
+    value: bool | int | float | str
+
+
+@dataclass(frozen=True)
+class Name:
+    """A name as our language writes it, for example ``scene.age``."""
+
+    name: str
+
+
+@dataclass(frozen=True)
+class Unary:
+    """``not`` or ``-`` before an operand; ``~`` stands only in scripts."""
+
+    operator: str
+    operand: Formula
+
+
+@dataclass(frozen=True)
+class Binary:
+    """Two operands; operators are written as in our language, ``..`` joins texts."""
+
+    operator: str
+    left: Formula
+    right: Formula
+
+
+@dataclass(frozen=True)
+class Choice:
+    """``condition ? yes : no``."""
+
+    condition: Formula
+    yes: Formula
+    no: Formula
+
+
+@dataclass(frozen=True)
+class Call:
+    """A function of our language; a list is the call of ``[``."""
+
+    function: str
+    arguments: tuple[Formula, ...]
+
+
+Formula = Constant | Name | Unary | Binary | Choice | Call
+
+COMPARISONS = ("==", "!=", "<", "<=", ">", ">=")
+ARITHMETIC = ("+", "-", "*", "/", "%")
+
+_OURS = {
+    "or": 1, "and": 2, **dict.fromkeys(COMPARISONS, 4), "+": 5, "-": 5, "*": 6, "/": 6, "%": 6,
+}  # fmt: skip
+_SCRIPT = {
+    "or": 6, "and": 8, **dict.fromkeys(COMPARISONS, 10), "+": 16, "-": 16, "..": 16,
+    "*": 18, "/": 18,
+}  # fmt: skip
+_SCRIPT_WORDS = {"or": "||", "and": "&&"}
+_SCRIPT_PREFIX = 20
+_NOT, _MINUS, _OPERAND = 3, 7, 99
+
+GROUPS = ("scene", "live", "profile", "mood")
+"""First parts of the names that hold a point, as in ``scene.age``."""
+
+_GROUPED = re.compile(rf"({'|'.join(GROUPS)})__(\w+)")
+
+
+def negated(formula: Formula) -> Formula:
+    """Return a formula that is true when another one is not."""
+    match formula:
+        case Unary("not", operand):
+            return operand
+        case Constant(bool() as value):
+            return Constant(not value)
+    return Unary("not", formula)
+
+
+def negative(formula: Formula) -> Formula:
+    """Return a formula with a minus sign before it."""
+    match formula:
+        case Constant(int() | float() as value) if not isinstance(value, bool):
+            return Constant(-value)
+    return Unary("-", formula)
+
+
+def mentioned(formula: Formula) -> Iterator[str]:
+    """Return the names in a formula, in order."""
+    match formula:
+        case Name(name):
+            yield name
+        case Unary(_, operand):
+            yield from mentioned(operand)
+        case Binary(_, left, right):
+            yield from mentioned(left)
+            yield from mentioned(right)
+        case Choice(condition, yes, no):
+            for part in (condition, yes, no):
+                yield from mentioned(part)
+        case Call(_, arguments):
+            for part in arguments:
+                yield from mentioned(part)
+
+
+def as_expression(formula: Formula) -> str:
+    """Return a formula in our language.
+
+    Raises:
+        Untranslatable: It does something with bits, or joins texts.
+    """
+    return _expression(formula)[0]
+
+
+def _expression(formula: Formula) -> tuple[str, int]:
+    """Return the text of a formula and how tightly it holds together."""
+    match formula:
+        case Constant(value):
+            return _constant(value), _MINUS if _is_negative(value) else _OPERAND
+        case Name(name):
+            return name, _OPERAND
+        case Unary("not", operand):
+            return f"not {_inside(operand, _NOT)}", _NOT
+        case Unary("-", operand):
+            return f"-{_inside(operand, _MINUS)}", _MINUS
+        case Binary(operator, left, right) if operator in _OURS:
+            strength = _OURS[operator]
+            # Comparisons do not chain, and '-' and '/' count from the left.
+            at_left = strength + (operator in COMPARISONS)
+            text = f"{_inside(left, at_left)} {operator} {_inside(right, strength + 1)}"
+            return text, strength
+        case Choice(condition, yes, no):
+            either = Binary("and", condition, yes)
+            return _expression(Binary("or", either, Binary("and", negated(condition), no)))
+        case Call("[", arguments):
+            return f"[{', '.join(map(as_expression, arguments))}]", _OPERAND
+        case Call(function, arguments):
+            return f"{function}({', '.join(map(as_expression, arguments))})", _OPERAND
+    raise Untranslatable(f"our language has no operator '{formula.operator}' in a condition")
+
+
+def _inside(formula: Formula, strength: int) -> str:
+    text, own = _expression(formula)
+    return text if own >= strength else f"({text})"
+
+
+def _constant(value: bool | int | float | str) -> str:
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if not isinstance(value, str):
+        return repr(value)
+    if "'" not in value:
+        return f"'{value}'"
+    if '"' in value:
+        raise Untranslatable("a text with both kinds of quotation marks cannot stand here")
+    return f'"{value}"'
+
+
+def _is_negative(value: object) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool) and value < 0
+
+
+def as_script(formula: Formula) -> str:
+    """Return a formula in the script language of BehaviorTree.CPP.
+
+    Raises:
+        Untranslatable: It uses a function, a list, ``%`` or a text with a ``'`` in it.
+    """
+    return _script(formula)[0]
+
+
+def _script(formula: Formula) -> tuple[str, int]:
+    match formula:
+        case Constant(str() as value):
+            if "'" in value:
+                raise Untranslatable("a text with a ' in it cannot stand in a script")
+            return f"'{value}'", _OPERAND
+        case Constant(value):
+            return _constant(value), _SCRIPT_PREFIX if _is_negative(value) else _OPERAND
+        case Name(name):
+            return script_name(name), _OPERAND
+        case Unary(operator, operand) if operator in ("not", "-"):
+            sign = "!" if operator == "not" else "-"
+            return f"{sign}{_in_script(operand, _SCRIPT_PREFIX)}", _SCRIPT_PREFIX
+        case Binary(operator, left, right) if operator in _SCRIPT:
+            strength = _SCRIPT[operator]
+            at_left = strength + (operator in COMPARISONS)
+            word = _SCRIPT_WORDS.get(operator, operator)
+            text = f"{_in_script(left, at_left)} {word} {_in_script(right, strength + 1)}"
+            return text, strength
+        case Binary("in", operand, Call("[", arguments)) if arguments:
+            equal: Formula = Binary("==", operand, arguments[0])
+            for argument in arguments[1:]:
+                equal = Binary("or", equal, Binary("==", operand, argument))
+            return _script(equal)
+        case Binary(operator, _, _):
+            raise Untranslatable(f"scripts have no operator '{operator}'")
+        case Call(function, _):
+            raise Untranslatable(
+                "scripts have no lists" if function == "[" else f"scripts have no {function}()"
+            )
+    raise Untranslatable("this cannot be written as a script")
+
+
+def _in_script(formula: Formula, strength: int) -> str:
+    text, own = _script(formula)
+    return text if own >= strength else f"({text})"
+
+
+def script_name(name: str) -> str:
+    """Return a name as scripts can hold it: ``scene.age`` becomes ``scene__age``.
+
+    Raises:
+        Untranslatable: It is the field of a message, or has letters that scripts cannot hold.
+    """
+    head, point, rest = name.partition(".")
+    written = f"{head}__{rest}" if point else name
+    if (point and head not in GROUPS) or not re.fullmatch(r"[A-Za-z_]\w*", written, re.ASCII):
+        raise Untranslatable(f"scripts cannot name '{name}'")
+    return written
+
+
+def our_name(name: str) -> str | None:
+    """Return a name with a point that :func:`script_name` has replaced; None for any other."""
+    match = _GROUPED.fullmatch(name)
+    return f"{match[1]}.{match[2]}" if match else None

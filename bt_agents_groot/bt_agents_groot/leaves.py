@@ -1,0 +1,107 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Built-in leaves of BehaviorTree.CPP as leaves of our language."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+
+from bt_agents_groot.document import node_id
+from bt_agents_groot.formulas import Untranslatable
+from bt_agents_groot.ports import from_port, names_in, pointed_at
+from bt_agents_groot.remarks import Weight
+from bt_agents_groot.script_nodes import as_node
+from bt_agents_groot.translation import Translation
+from bt_agents_groot.written import Data, Raw, Written
+from bt_agents_groot.xml_reader import Element
+from bt_agents_language.model.specs import FieldType
+from bt_agents_language.nodes import FOREVER
+
+
+def count(tree: Translation, element: Element, port: str, default: str = "") -> Data:
+    """Return a number of attempts or cycles."""
+    text = element.get(port, default).strip()
+    entry = pointed_at(text)
+    if entry is not None:
+        name = tree.names.rename(entry)
+        tree.names.read([name], FieldType.INTEGER)
+        return Raw(f"${{{name}}}")
+    return Raw(FOREVER) if int(text) < 0 else int(text)
+
+
+def duration(tree: Translation, element: Element, port: str) -> Data:
+    """Return a time that is written in milliseconds."""
+    text = element.get(port).strip()
+    entry = pointed_at(text)
+    if entry is not None:
+        name = tree.names.rename(entry)
+        tree.names.read([name], FieldType.NUMBER)
+        return Raw(f"${{{name} / 1000}}")
+    return milliseconds(int(text))
+
+
+def milliseconds(amount: int) -> Raw:
+    """Return a number of milliseconds with the unit that people would use."""
+    if amount % 60_000 == 0 and amount > 0:
+        return Raw(f"{amount // 60_000} min")
+    if amount % 1000 == 0:
+        return Raw(f"{amount // 1000} s")
+    return Raw(f"{amount / 1000} s" if amount > 1000 else f"{amount} ms")
+
+
+def check(condition: Raw) -> Written:
+    """Return a leaf that succeeds when a condition is true."""
+    return Written(key="check", value=condition)
+
+
+def _sleep(tree: Translation, element: Element) -> Written:
+    return Written(key="wait", value=duration(tree, element, "msec"))
+
+
+def _script(tree: Translation, element: Element) -> Written:
+    try:
+        return as_node(tree.statements(element.attributes["code"]), tree.names)
+    except Untranslatable as error:
+        return lost(tree, element, str(error))
+
+
+def _always(result: str) -> Callable[[Translation, Element], Written]:
+    return lambda tree, element: check(Raw(result))
+
+
+def _set_blackboard(tree: Translation, element: Element) -> Written:
+    key = element.get("output_key")
+    value = from_port(element.get("value"), FieldType.ANY, tree.names.rename)
+    tree.names.read(names_in(value))
+    name = tree.names.rename(pointed_at(key) or key)
+    tree.names.write(name)
+    return Written(key="set", value={name: value})
+
+
+def lost(tree: Translation, element: Element, reason: str = "") -> Written:
+    """Return what stands where a leaf cannot be translated: it says so, and fails."""
+    because = f": {reason}" if reason else ""
+    tree.remark(Weight.LOST, element, f"{shown_element(element)} has no equivalent{because}")
+    message = f"not translated: {shown_element(element)}".replace("${", "$ {")
+    node = Written(key="log", value={"message": message, "level": "error"})
+    return replace(node, modifiers={"fail": True})
+
+
+def shown_element(element: Element) -> str:
+    """Return an element in one line, for messages."""
+    ports = [f'{one.name}="{one.value[:60]}"' for one in element.attributes.values()]
+    shown = " ".join((node_id(element), *(port for port in ports if port[:3] != "ID=")))
+    return f"<{' '.join(shown.split())[:160]}>"
+
+
+LEAVES: Mapping[str, Callable[[Translation, Element], Written]] = {
+    "Sleep": _sleep,
+    "Script": _script,
+    "ScriptCondition": _script,
+    "SetBlackboard": _set_blackboard,
+    "AlwaysSuccess": _always("true"),
+    "AlwaysFailure": _always("false"),
+    "UnsetBlackboard": lost,
+    "WasEntryUpdated": lost,
+}
+"""Translator of each built-in leaf."""

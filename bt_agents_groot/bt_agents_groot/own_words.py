@@ -1,0 +1,94 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Words of our language that stand in a file of BehaviorTree.CPP as custom nodes of that name."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from bt_agents_groot.catalogue import CONDITIONS, OTHER_ATTRIBUTES
+from bt_agents_groot.document import node_id
+from bt_agents_groot.ports import PortError, from_port, names_in, names_of_expression
+from bt_agents_groot.remarks import Weight
+from bt_agents_groot.scopes import TreeNames
+from bt_agents_groot.words import port
+from bt_agents_groot.written import Data, Raw, Written
+from bt_agents_groot.xml_reader import Attribute, Element
+from bt_agents_language.model.node_type import Children, Content, NodeField
+from bt_agents_language.model.specs import FieldType
+from bt_agents_language.nodes import KINDS
+
+Remarking = Callable[[Weight, Element | Attribute, str], None]
+"""Takes a remark about an element or attribute."""
+
+
+def own_leaf(element: Element, names: TreeNames, remark: Remarking) -> Written | None:
+    """Return the node for a leaf of our own language; None when an element is none."""
+    kind = KINDS.get(node_id(element))
+    if kind is None or kind.children is not Children.NONE:
+        return None
+    if kind.open:
+        return _own_set(element, names, remark)
+    fields = own_fields(element, kind.fields, names, remark)
+    if fields is None:
+        return None
+    outputs = fields.get("outputs")
+    for name in outputs if isinstance(outputs, dict) else ():
+        names.write(name)
+    only_main = kind.main is not None and list(fields) == [kind.main]
+    return Written(key=kind.key, value=fields[kind.main or ""] if only_main else fields)
+
+
+def _own_set(element: Element, names: TreeNames, remark: Remarking) -> Written | None:
+    values = element.attributes.get("values")
+    data = port_value(values, FieldType.ANY, names, remark) if values is not None else None
+    if not isinstance(data, dict):
+        return None
+    for key in data:
+        names.write(key)
+    return Written(key="set", value=data)
+
+
+def own_fields(
+    element: Element, fields: tuple[NodeField, ...], names: TreeNames, remark: Remarking
+) -> dict[str, Data] | None:
+    """Return the fields of a word of our language; None when the ports are not those fields."""
+    by_port = {port(one.name): one for one in fields}
+    written = written_ports(element)
+    required = {port(one.name) for one in fields if one.required}
+    present = {attribute.name for attribute in written}
+    if not present or not required <= present <= set(by_port):
+        return None
+    result: dict[str, Data] = {}
+    for attribute in written:
+        one = by_port[attribute.name]
+        if one.content is Content.CONDITION:
+            names.read(names_of_expression(attribute.value))
+            result[one.name] = Raw(attribute.value)
+        else:
+            result[one.name] = port_value(attribute, one.type, names, remark)
+    return result
+
+
+def port_value(
+    attribute: Attribute, field_type: FieldType, names: TreeNames, remark: Remarking
+) -> Data:
+    """Return what stands in a port, the names in it remembered."""
+    try:
+        data = from_port(attribute.value, field_type, names.rename)
+    except PortError as error:
+        remark(Weight.LOST, attribute, str(error))
+        return attribute.value
+    if isinstance(data, str) and "${" in data.replace("$${", ""):
+        remark(Weight.NOTE, attribute, "the ${…} in it is taken as a name of our language")
+    names.read(names_in(data), field_type)
+    return data
+
+
+def written_ports(element: Element) -> list[Attribute]:
+    """Return the attributes of an element that are ports."""
+    return [
+        attribute
+        for attribute in element.attributes.values()
+        if attribute.name not in (*CONDITIONS, *OTHER_ATTRIBUTES)
+        and not attribute.name.startswith("_")
+    ]

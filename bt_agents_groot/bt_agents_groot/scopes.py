@@ -1,0 +1,156 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The names of one tree of BehaviorTree.CPP: which it reads, writes, and gets from outside."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable, Mapping
+from dataclasses import dataclass, field
+
+from bt_agents_groot.formulas import (
+    ARITHMETIC,
+    COMPARISONS,
+    Binary,
+    Choice,
+    Constant,
+    Formula,
+    Name,
+    Unary,
+    our_name,
+)
+from bt_agents_groot.words import Renaming
+from bt_agents_language.model.specs import FieldType
+
+_DEFAULTS: Mapping[FieldType, bool | int | float | str] = {
+    FieldType.BOOLEAN: False,
+    FieldType.NUMBER: 0.0,
+    FieldType.INTEGER: 0,
+    FieldType.DURATION: 0,
+}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Interface:
+    """What a subtree gets from its caller and gives back.
+
+    Attributes:
+        inputs: Declared input → the name that it has inside of the tree.
+        optional: Inputs that need not be given.
+        outputs: Names that the tree writes and that some caller uses.
+    """
+
+    inputs: Mapping[str, str] = field(default_factory=dict)
+    optional: frozenset[str] = frozenset()
+    outputs: tuple[str, ...] = ()
+
+
+class TreeNames:
+    """Names of one tree while it is translated.
+
+    Args:
+        mentions: Blackboard entry → how often the tree mentions it.
+        given: Entries that callers of the tree fill.
+
+    Attributes:
+        shared: Entries of all trees together (``@name``) that the tree mentions.
+    """
+
+    def __init__(self, mentions: Mapping[str, int], given: Collection[str]) -> None:
+        self.shared: set[str] = set()
+        self._mentions = mentions
+        self._given = given
+        self._rename = Renaming()
+        self._originals: dict[str, str] = {}
+        # Name → whether its first mention reads it, in the order of the tree.
+        self._first: dict[str, bool] = {}
+        self._written: set[str] = set()
+        self._types: dict[str, FieldType] = {}
+        self._fresh: list[str] = []
+
+    def rename(self, entry: str) -> str:
+        """Return what a blackboard entry is called in our language."""
+        grouped = our_name(entry)
+        if grouped is not None:
+            return grouped
+        if entry.startswith("@"):
+            self.shared.add(entry)
+        name = self._rename(entry)
+        self._originals[name] = entry
+        return name
+
+    def original(self, name: str) -> str:
+        """Return the blackboard entry of a name."""
+        return self._originals.get(name, name)
+
+    def fresh(self, word: str) -> str:
+        """Return a name that nothing in the tree has."""
+        number = sum(key.startswith(f"{word} ") for key in self._fresh) + 1
+        self._fresh.append(f"{word} {number}")
+        name = self._rename(f"{word} {number}")
+        self.write(name)
+        return name
+
+    def is_new(self, entry: str) -> bool:
+        """Return whether an entry was not mentioned before, but is again behind this place."""
+        known = self.rename(entry) in self._first or entry in self._given
+        return not known and self._mentions.get(entry, 0) > 1
+
+    def read(self, names: Iterable[str], field_type: FieldType = FieldType.ANY) -> None:
+        """Remember that the values of names are needed, for a place of a type."""
+        for name in names:
+            if "." not in name:
+                self._first.setdefault(name, True)
+                if self._types.get(name, FieldType.ANY) is FieldType.ANY:
+                    self._types[name] = field_type
+
+    def write(self, name: str) -> None:
+        """Remember that a name is given a value."""
+        self._first.setdefault(name, False)
+        self._written.add(name)
+
+    def read_formula(self, formula: Formula, field_type: FieldType = FieldType.ANY) -> None:
+        """Remember the names of a formula, with the types that its operators ask for."""
+        match formula:
+            case Name(name):
+                self.read([name], field_type)
+            case Unary(operator, operand):
+                wanted = FieldType.BOOLEAN if operator == "not" else FieldType.NUMBER
+                self.read_formula(operand, wanted)
+            case Binary(operator, left, right):
+                for one, other in ((left, right), (right, left)):
+                    self.read_formula(one, _operand_type(operator, other))
+            case Choice(condition, yes, no):
+                self.read_formula(condition, FieldType.BOOLEAN)
+                self.read_formula(yes, field_type)
+                self.read_formula(no, field_type)
+
+    @property
+    def written(self) -> frozenset[str]:
+        """Names that the tree writes."""
+        return frozenset(self._written)
+
+    @property
+    def needed(self) -> list[str]:
+        """Names that are read before anything in the tree has written them."""
+        return [name for name, reads in self._first.items() if reads]
+
+    def default(self, name: str) -> bool | int | float | str:
+        """Return a value that fits where a name is used."""
+        return _DEFAULTS.get(self._types.get(name, FieldType.ANY), "")
+
+
+def _operand_type(operator: str, other: Formula) -> FieldType:
+    if operator in ("and", "or"):
+        return FieldType.BOOLEAN
+    if operator in ARITHMETIC or operator in ("<", "<=", ">", ">="):
+        return FieldType.NUMBER
+    if operator in COMPARISONS:
+        match other:
+            case Constant(bool()):
+                return FieldType.BOOLEAN
+            case Constant(int() | float()):
+                return FieldType.NUMBER
+            case Constant(str()):
+                return FieldType.TEXT
+            case Binary(inner, _, _) if inner in ARITHMETIC:
+                return FieldType.NUMBER
+    return FieldType.ANY

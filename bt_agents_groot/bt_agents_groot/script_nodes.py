@@ -1,0 +1,139 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Scripts of BehaviorTree.CPP as nodes and conditions of our language."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+from bt_agents_groot.formulas import (
+    ARITHMETIC,
+    Binary,
+    Choice,
+    Constant,
+    Formula,
+    Name,
+    Untranslatable,
+    as_expression,
+    mentioned,
+)
+from bt_agents_groot.scopes import TreeNames
+from bt_agents_groot.scripts import Assignment, Statement
+from bt_agents_groot.written import Data, Raw, Written, outside, sequence
+from bt_agents_language.model.specs import FieldType
+
+
+def as_condition(statements: list[Statement]) -> Formula:
+    """Return the condition that a script is.
+
+    Raises:
+        Untranslatable: It assigns something.
+    """
+    if len(statements) != 1 or isinstance(statements[0], Assignment):
+        raise Untranslatable("a condition cannot give names values")
+    formula = statements[0]
+    if isinstance(formula, Binary) and formula.operator in ARITHMETIC:
+        return Binary("!=", formula, Constant(0))
+    if isinstance(formula, Constant) and not isinstance(formula.value, bool | str):
+        return Constant(formula.value != 0)
+    return formula
+
+
+def condition_text(formula: Formula, names: TreeNames) -> Raw:
+    """Return a condition as it stands in a file, its names remembered.
+
+    Raises:
+        Untranslatable: Our language has no such condition.
+    """
+    text = as_expression(formula)
+    names.read_formula(formula, FieldType.BOOLEAN)
+    return Raw(text)
+
+
+def as_node(statements: list[Statement], names: TreeNames) -> Written:
+    """Return the node that does what a script does: ``set``, ``check``, or several of them.
+
+    Raises:
+        Untranslatable: Our language cannot say some statement.
+    """
+    nodes = list(_nodes(statements, names))
+    return nodes[0] if len(nodes) == 1 else sequence(*nodes)
+
+
+def _nodes(statements: list[Statement], names: TreeNames) -> Iterator[Written]:
+    values: dict[str, Data] = {}
+    for statement in statements:
+        if isinstance(statement, Assignment) and not isinstance(statement.value, Choice):
+            # The values of one 'set' do not see each other.
+            if {statement.name, *mentioned(statement.value)} & set(values):
+                yield Written(key="set", value=values)
+                values = {}
+            values[statement.name] = _assigned(statement, names)
+            continue
+        if values:
+            yield Written(key="set", value=values)
+            values = {}
+        if isinstance(statement, Assignment):
+            yield _chosen(statement, names)
+        else:
+            formula = as_condition([statement])
+            yield Written(key="check", value=condition_text(formula, names))
+    if values:
+        yield Written(key="set", value=values)
+
+
+def _assigned(statement: Assignment, names: TreeNames) -> Data:
+    if "." in statement.name:
+        raise Untranslatable(f"'{statement.name}' cannot be given a value")
+    value = _value(statement.value)
+    names.read_formula(statement.value)
+    names.write(statement.name)
+    return value
+
+
+def _chosen(statement: Assignment, names: TreeNames) -> Written:
+    """Return ``name := condition ? yes : no`` as two cases."""
+    choice = statement.value
+    assert isinstance(choice, Choice)
+    condition = condition_text(choice.condition, names)
+    yes = as_node([Assignment(statement.name, choice.yes)], names)
+    no = as_node([Assignment(statement.name, choice.no)], names)
+    case = outside(yes, "when", condition)
+    named = replace(case, name=case.name or "then")
+    return Written(key="choose", value={"otherwise": no}, children=(named,))
+
+
+def _value(formula: Formula) -> Data:
+    match formula:
+        case Constant(value):
+            return value.replace("${", "$${") if isinstance(value, str) else value
+        case Name(name):
+            return Raw(f"${{{name}}}")
+        case Binary("..", _, _):
+            return "".join(map(_part, _joined(formula)))
+    return Raw(_embedded(formula))
+
+
+def _embedded(formula: Formula) -> str:
+    text = as_expression(formula)
+    if any(sign in text for sign in "{}$"):
+        raise Untranslatable("a text with {, } or $ in it cannot stand inside of ${…}")
+    return f"${{{text}}}"
+
+
+def _joined(formula: Formula) -> Iterator[Formula]:
+    match formula:
+        case Binary("..", left, right):
+            yield from _joined(left)
+            yield from _joined(right)
+        case _:
+            yield formula
+
+
+def _part(formula: Formula) -> str:
+    match formula:
+        case Constant(str() as value):
+            return value.replace("${", "$${")
+        case Constant(value):
+            return as_expression(Constant(value))
+    return _embedded(formula)

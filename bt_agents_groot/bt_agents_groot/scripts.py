@@ -1,0 +1,252 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Reads the script language of BehaviorTree.CPP: assignments and conditions."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from bt_agents_core.errors import BtAgentsError
+from bt_agents_groot.formulas import (
+    COMPARISONS,
+    Binary,
+    Choice,
+    Constant,
+    Formula,
+    Name,
+    Unary,
+    negative,
+)
+
+MAX_WORDS = 400
+"""Words of one script; formulas of this size can be walked without running out of stack."""
+
+MAX_DEPTH = 32
+"""Nesting of parentheses and signs."""
+
+_WORD = re.compile(
+    r"""
+    (?P<space>[ \t\r\n]+)
+    | (?P<text>'[^']*')
+    | (?P<hex>0[xX][0-9a-fA-F]+(?![\w.]))
+    | (?P<number>[0-9]+(?:\.[0-9]+)?(?:[eE][-+]?[0-9]+)?(?![\w]|\.(?!\.)))
+    | (?P<name>[A-Za-z_@][A-Za-z0-9_]*)
+    | (?P<operator>\.\.|&&|\|\||==|!=|<=|>=|:=|\+=|-=|\*=|/=|[-+*/&|^~!<>=?:();])
+    """,
+    re.VERBOSE,
+)
+_ASSIGNMENTS = {":=": "", "=": "", "+=": "+", "-=": "-", "*=": "*", "/=": "/"}
+_STRENGTH = {
+    "?": 4, "||": 6, "&&": 8, **dict.fromkeys(COMPARISONS, 10), "|": 12, "^": 12, "&": 14,
+    "+": 16, "-": 16, "..": 16, "*": 18, "/": 18,
+}  # fmt: skip
+_PREFIX = 20
+_WORDS = {"||": "or", "&&": "and"}
+_SIGNS = {"!": "not", "-": "-", "~": "~"}
+
+
+class ScriptError(BtAgentsError):
+    """A text that is no script.
+
+    Attributes:
+        message: What was found and what is expected.
+        offset: Where, counted from 0 in the text.
+    """
+
+    def __init__(self, message: str, offset: int) -> None:
+        super().__init__(message)
+        self.message = message
+        self.offset = offset
+
+
+@dataclass(frozen=True)
+class Assignment:
+    """``name := value``; ``x += 1`` is the assignment of ``x + 1``."""
+
+    name: str
+    value: Formula
+
+
+Statement = Assignment | Formula
+
+
+def parse_script(text: str, rename: Callable[[str], str]) -> list[Statement]:
+    """Return the statements of a script.
+
+    From weak to strong: ``? :``, ``||``, ``&&``, comparisons (``a < b < c`` compares twice),
+    ``| ^``, ``&``, ``+ - ..``, ``* /``, signs. The rules are those of ``script_parser.cpp`` in
+    BehaviorTree.CPP 4.7; numbers stand for enums nowhere, because only a program knows its enums.
+
+    Args:
+        text: The script.
+        rename: Returns what a name of the script is called in our language.
+
+    Raises:
+        ScriptError: The text is no script.
+    """
+    parser = _Parser(_words(text), rename)
+    statements: list[Statement] = []
+    while not parser.at_end:
+        statements.append(parser.statement())
+    if not statements:
+        raise ScriptError("there is no script", 0)
+    return statements
+
+
+@dataclass(frozen=True)
+class _Word:
+    kind: str
+    text: str
+    offset: int
+
+
+def _words(text: str) -> list[_Word]:
+    words: list[_Word] = []
+    at = 0
+    while at < len(text):
+        match = _WORD.match(text, at)
+        if match is None:
+            if text[at] == "'":
+                raise ScriptError("this quotation mark is not closed", at)
+            if text[at] == '"':
+                raise ScriptError("texts in a script stand between ' and '", at)
+            raise ScriptError(f"'{text[at : at + 12]}' means nothing in a script", at)
+        kind = match.lastgroup or ""
+        if kind != "space":
+            words.append(_Word(kind, match[0], at))
+        at = match.end()
+        if len(words) > MAX_WORDS:
+            raise ScriptError(
+                f"the script has more than {MAX_WORDS} words; split it", match.start()
+            )
+    return [*words, _Word("end", "", len(text))]
+
+
+class _Parser:
+    """A Pratt parser over the words of one script."""
+
+    def __init__(self, words: list[_Word], rename: Callable[[str], str]) -> None:
+        self._words = words
+        self._rename = rename
+        self._next = 0
+        self._depth = 0
+
+    @property
+    def at_end(self) -> bool:
+        """True when all words are read."""
+        return self._peek.kind == "end"
+
+    @property
+    def _peek(self) -> _Word:
+        return self._words[self._next]
+
+    def _take(self) -> _Word:
+        word = self._peek
+        if word.kind != "end":
+            self._next += 1
+        return word
+
+    def statement(self) -> Statement:
+        """Read an assignment or a formula, and the semicolons behind it."""
+        start = self._peek
+        left = self._formula(0)
+        statement: Statement = left
+        if self._peek.text in _ASSIGNMENTS and self._peek.kind == "operator":
+            sign = self._take()
+            if not isinstance(left, Name) or start.kind != "name":
+                raise ScriptError(f"only a name can stand before '{sign.text}'", start.offset)
+            value = self._formula(0)
+            operator = _ASSIGNMENTS[sign.text]
+            statement = Assignment(left.name, Binary(operator, left, value) if operator else value)
+        # Between assignments the semicolon may be left out.
+        if not self.at_end and self._peek.text != ";" and not isinstance(statement, Assignment):
+            word = self._peek
+            raise ScriptError(f"an operator is expected before '{word.text}'", word.offset)
+        while self._peek.text == ";":
+            self._take()
+        return statement
+
+    def _formula(self, weakest: int) -> Formula:
+        self._depth += 1
+        if self._depth > MAX_DEPTH:
+            raise ScriptError(
+                f"the script is nested more than {MAX_DEPTH} deep", self._peek.offset
+            )
+        left = self._operand()
+        while True:
+            word = self._peek
+            strength = _STRENGTH.get(word.text, -1) if word.kind == "operator" else -1
+            if strength < max(weakest, 1):
+                break
+            if word.text == "?":
+                left = self._choice(left)
+                break
+            left = self._comparison(left) if word.text in COMPARISONS else self._binary(left)
+        self._depth -= 1
+        return left
+
+    def _binary(self, left: Formula) -> Formula:
+        word = self._take()
+        right = self._formula(_STRENGTH[word.text] + 1)
+        if word.text == "+" and _is_text(left, right):
+            return Binary("..", left, right)
+        return Binary(_WORDS.get(word.text, word.text), left, right)
+
+    def _comparison(self, left: Formula) -> Formula:
+        """Read ``a < b < c``, which means ``a < b and b < c``."""
+        whole: Formula | None = None
+        while self._peek.kind == "operator" and self._peek.text in COMPARISONS:
+            word = self._take()
+            right = self._formula(_STRENGTH[word.text] + 1)
+            compared = Binary(word.text, left, right)
+            whole = compared if whole is None else Binary("and", whole, compared)
+            left = right
+        assert whole is not None
+        return whole
+
+    def _choice(self, condition: Formula) -> Formula:
+        self._take()
+        yes = self._formula(0)
+        if self._peek.text != ":":
+            raise ScriptError("a ':' is expected here, as in a ? b : c", self._peek.offset)
+        self._take()
+        return Choice(condition, yes, self._formula(_STRENGTH["?"]))
+
+    def _operand(self) -> Formula:
+        word = self._take()
+        match word.kind:
+            case "text":
+                return Constant(word.text[1:-1])
+            case "hex":
+                return Constant(int(word.text, 16))
+            case "number":
+                return Constant(int(word.text) if word.text.isdigit() else float(word.text))
+            case "name" if word.text in ("true", "false"):
+                return Constant(word.text == "true")
+            case "name":
+                return Name(self._rename(word.text))
+            case "operator" if word.text in _SIGNS:
+                return _signed(_SIGNS[word.text], self._formula(_PREFIX))
+            case "operator" if word.text == "(":
+                inner = self._formula(0)
+                closing = self._take()
+                if closing.text != ")":
+                    raise ScriptError("this '(' is not closed", word.offset)
+                return inner
+            case "end":
+                raise ScriptError("the script ends where a value is expected", word.offset)
+        raise ScriptError(f"a value or name is expected, found '{word.text}'", word.offset)
+
+
+def _signed(sign: str, operand: Formula) -> Formula:
+    return negative(operand) if sign == "-" else Unary(sign, operand)
+
+
+def _is_text(*operands: Formula) -> bool:
+    """Return whether an operand is certainly a text."""
+    return any(
+        (isinstance(one, Constant) and isinstance(one.value, str))
+        or (isinstance(one, Binary) and one.operator == "..")
+        for one in operands
+    )

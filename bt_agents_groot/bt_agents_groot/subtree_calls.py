@@ -1,0 +1,124 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Uses of a tree inside of another one: what is passed in and what comes out."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from bt_agents_groot.catalogue import CONDITIONS, OTHER_ATTRIBUTES
+from bt_agents_groot.own_words import Remarking
+from bt_agents_groot.ports import from_port, names_in, pointed_at
+from bt_agents_groot.remarks import Weight
+from bt_agents_groot.scopes import Interface, TreeNames
+from bt_agents_groot.words import entry_of, snake
+from bt_agents_groot.written import Data, Raw, Written
+from bt_agents_groot.xml_reader import Element
+from bt_agents_language.model.specs import FieldType
+
+
+@dataclass(frozen=True, kw_only=True)
+class Callee:
+    """A tree that was translated as a subtree."""
+
+    name: str
+    names: TreeNames
+    interface: Interface
+
+
+def ports_of_call(element: Element) -> dict[str, str]:
+    """Return what a ``SubTree`` element passes: entry → text, ``{=}`` written out."""
+    return {
+        entry_of(name): f"{{{name}}}" if attribute.value == "{=}" else attribute.value
+        for name, attribute in element.attributes.items()
+        if name not in (*CONDITIONS, *OTHER_ATTRIBUTES) and not name.startswith("_")
+    }
+
+
+def remaps_all(element: Element) -> bool:
+    """Return whether a ``SubTree`` element shares all entries of the same name."""
+    return element.get("_autoremap").strip().lower() in ("true", "1")
+
+
+class SubtreeCalls:
+    """Translates ``SubTree`` elements.
+
+    Attributes:
+        callees: Trees that are translated already, by their ID.
+    """
+
+    def __init__(self) -> None:
+        self.callees: dict[str, Callee] = {}
+
+    def call(self, element: Element, names: TreeNames, remark: Remarking) -> Written:
+        """Return the node that does a subtree."""
+        tree_id = element.get("ID")
+        ports = ports_of_call(element)
+        callee = self.callees.get(tree_id)
+        if callee is None:
+            remark(
+                Weight.LOST,
+                element,
+                f"tree '{tree_id}' stands in an included file; import that one too, and put its "
+                "subtree below 'subtrees:'",
+            )
+            given = {snake(port): _passed(text, names) for port, text in ports.items()}
+            return _subtree(snake(tree_id), given, {})
+        entries = {callee.names.rename(port): text for port, text in ports.items()}
+        given = self._inputs(element, callee, entries, names, remark)
+        outputs: dict[str, Data] = {}
+        for name in callee.interface.outputs:
+            entry = pointed_at(entries.get(name, ""))
+            if entry is None and name not in entries and remaps_all(element):
+                entry = callee.names.original(name)
+            if entry is not None:
+                outputs[names.rename(entry)] = name
+        for written in outputs:
+            names.write(written)
+        used = {*callee.interface.inputs.values(), *callee.interface.outputs}
+        for name in entries:
+            if name not in used:
+                remark(Weight.NOTE, element, f"'{name}' is not passed on: '{callee.name}' never "
+                       "uses it")  # fmt: skip
+        return _subtree(callee.name, given, outputs)
+
+    def _inputs(
+        self,
+        element: Element,
+        callee: Callee,
+        entries: Mapping[str, str],
+        names: TreeNames,
+        remark: Remarking,
+    ) -> dict[str, Data]:
+        given: dict[str, Data] = {}
+        for declared, inside in callee.interface.inputs.items():
+            text = entries.get(inside)
+            if text is None and remaps_all(element):
+                text = f"{{{callee.names.original(inside)}}}"
+            if text is None and declared in callee.interface.optional:
+                continue
+            if text is None:
+                remark(
+                    Weight.LOST,
+                    element,
+                    f"nothing says what '{inside}' is for '{callee.name}'; write it behind 'with'",
+                )
+                given[declared] = callee.names.default(inside)
+                continue
+            given[declared] = _passed(text, names)
+        return given
+
+
+def _passed(text: str, names: TreeNames) -> Data:
+    data = from_port(text, FieldType.ANY, names.rename)
+    names.read(names_in(data))
+    return data
+
+
+def _subtree(name: str, given: dict[str, Data], outputs: dict[str, Data]) -> Written:
+    beside: dict[str, Data] = {}
+    if given:
+        beside["with"] = given
+    if outputs:
+        beside["outputs"] = outputs
+    return Written(key="subtree", value=Raw(name), beside=beside)

@@ -1,0 +1,330 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Turns the nodes of one tree of our language into elements of BehaviorTree.CPP."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+
+from bt_agents_groot.catalogue import SKIP_IF
+from bt_agents_groot.controls import ON_FAILURE
+from bt_agents_groot.export_values import condition_script, milliseconds, number_port, set_script
+from bt_agents_groot.formulas import Untranslatable
+from bt_agents_groot.models import Models
+from bt_agents_groot.ports import JSON, as_port
+from bt_agents_groot.remarks import Remarks, Weight
+from bt_agents_groot.words import port
+from bt_agents_groot.xml_writer import Xml
+from bt_agents_language.model.node_type import Content, NodeField
+from bt_agents_language.model.specs import FieldSpec, FieldType, Plain, SubtreeSpec
+from bt_agents_language.nodes import KINDS, MODIFIERS
+from bt_agents_language.tree.raw_nodes import Draft
+from bt_agents_language.yaml.scalars import boolean, plain_value
+from bt_agents_language.yaml.yaml_reader import Entry, Node, Scalar
+from bt_agents_language.yaml.yaml_reader import Mapping as MappingNode
+from bt_agents_language.yaml.yaml_reader import Sequence as SequenceNode
+
+Subtrees = Callable[[str], tuple[str, SubtreeSpec]]
+"""Returns the ID and the interface of a subtree by its name."""
+
+_SWITCHES = {"once": "RunOnce", "succeed": "ForceSuccess", "fail": "ForceFailure",
+             "invert": "Inverter"}  # fmt: skip
+_WEIGHTS = NodeField(name="weights", description="how often each child is chosen")
+_VALUES = NodeField(name="values", description="names and values")
+
+
+class TreeExport:
+    """One file's trees while they are translated.
+
+    Args:
+        models: Collects what must be declared.
+        subtrees: Finds the subtrees that the file can use.
+        remarks: Collects what differs.
+    """
+
+    def __init__(self, models: Models, subtrees: Subtrees, remarks: Remarks) -> None:
+        self._models = models
+        self._subtrees = subtrees
+        self._remarks = remarks
+
+    def node(self, draft: Draft, *, is_case: bool = False) -> Xml:
+        """Return the element for a node and all below it.
+
+        Args:
+            draft: The node.
+            is_case: Its ``when`` is looked at by the composite around it.
+        """
+        xml = self._named(draft, self._bare(draft))
+        for key in reversed(list(MODIFIERS)):
+            entry = draft.modifiers.get(key)
+            if entry is not None and not (is_case and key == "when"):
+                xml = self._modified(draft, key, entry, xml)
+        return xml
+
+    def _named(self, draft: Draft, xml: Xml) -> Xml:
+        if not draft.name:
+            return xml
+        first = {key: value for key, value in xml.attributes.items() if key == "ID"}
+        return replace(xml, attributes={**first, "name": draft.name, **xml.attributes})
+
+    def _bare(self, draft: Draft) -> Xml:
+        if draft.skill is not None:
+            skill = draft.skill
+            fields = {one.name: one.type for one in skill.inputs}
+            ports = self._ports(self._fields(draft, skill.main), fields)
+            outputs = self._outputs(draft, skill.outputs)
+            return Xml(tag=self._models.skill(skill), attributes=ports | outputs)
+        assert draft.kind is not None
+        translate = _COMPOSITES.get(draft.kind.key) or _LEAVES.get(draft.kind.key)
+        if translate is not None:
+            return translate(self, draft)
+        return self.own_leaf(draft)
+
+    def own_leaf(self, draft: Draft) -> Xml:
+        """Return a leaf that BehaviorTree.CPP does not bring along."""
+        kind = draft.kind
+        assert kind is not None
+        types = {one.name: one.type for one in kind.fields}
+        texts = {one.name for one in kind.fields if one.content is Content.CONDITION}
+        ports = self._ports(self._fields(draft, kind.main), types, texts)
+        if kind.key not in KINDS:
+            return Xml(tag=self._models.plugin(kind), attributes=ports)
+        what = "Condition" if kind.key == "check" else "Action"
+        return Xml(tag=self._word(draft.key, what, kind.key, kind.fields), attributes=ports)
+
+    def _word(self, where: Node | Scalar, kind: str, key: str, fields: Sequence[NodeField]) -> str:
+        self._remarks.add(
+            Weight.NOTE,
+            where.position,
+            f"BehaviorTree.CPP has no node for '{key}' as it stands here; Groot2 shows it as "
+            f"<{key}>",
+        )
+        return self._models.word(kind, key, fields)
+
+    def _fields(self, draft: Draft, main: str | None) -> dict[str, Node]:
+        value = draft.value
+        if isinstance(value, MappingNode):
+            return {entry.key.text: entry.value for entry in value.entries}
+        if main is None or (isinstance(value, Scalar) and value.empty):
+            return {}
+        return {main: value}
+
+    def _ports(
+        self,
+        fields: Mapping[str, Node],
+        types: Mapping[str, FieldType],
+        verbatim: set[str] | frozenset[str] = frozenset(),
+    ) -> dict[str, str]:
+        ports: dict[str, str] = {}
+        for name, node in fields.items():
+            if name in verbatim and isinstance(node, Scalar):
+                ports[port(name)] = node.text
+                continue
+            ports[port(name)] = as_port(node, types.get(name, FieldType.ANY))
+            if "${" in ports[port(name)].replace("$${", ""):
+                self._remarks.add(
+                    Weight.NOTE,
+                    node.position,
+                    "BehaviorTree.CPP does not fill in the ${…} inside of a text",
+                )
+        return ports
+
+    def _outputs(self, draft: Draft, declared: tuple[FieldSpec, ...]) -> dict[str, str]:
+        entry = draft.beside.get("outputs")
+        if entry is None or not isinstance(entry.value, MappingNode):
+            return {port(one.name): f"{{{one.name}}}" for one in declared}
+        return {
+            port(item.value.text): f"{{{item.key.text}}}"
+            for item in entry.value.entries
+            if isinstance(item.value, Scalar)
+        }
+
+    def _children(self, draft: Draft) -> tuple[Xml, ...]:
+        return tuple(map(self.node, draft.children))
+
+    def sequence(self, draft: Draft) -> Xml:
+        """Return the element for ``sequence`` or ``selector``."""
+        assert draft.kind is not None
+        name = "Sequence" if draft.kind.key == "sequence" else "Fallback"
+        memory = _option(draft, "memory")
+        reactive = memory is not None and boolean(memory) is False
+        tag = f"Reactive{name}" if reactive else name
+        return Xml(tag=tag, children=self._children(draft))
+
+    def parallel(self, draft: Draft) -> Xml:
+        """Return the element for ``parallel``."""
+        children = self._children(draft)
+        entry = draft.options.get("succeed_on")
+        if entry is not None and isinstance(entry.value, SequenceNode):
+            tag = self._word(entry.key, "Control", "parallel", KINDS["parallel"].fields)
+            succeed_on = as_port(entry.value, FieldType.ANY)
+            return Xml(tag=tag, attributes={"succeed_on": succeed_on}, children=children)
+        word = _option(draft, "succeed_on") or "all"
+        wanted = len(children) if word == "all" else 1 if word == "one" else int(word)
+        every = wanted >= len(children)
+        failures = 1 if every else len(children) - wanted + 1
+        return Xml(
+            tag="Parallel",
+            attributes={
+                "success_count": "-1" if every else str(wanted),
+                "failure_count": str(failures),
+            },
+            children=children,
+        )
+
+    def choose(self, draft: Draft) -> Xml:
+        """Return the elements for ``choose``: one ``IfThenElse`` inside of the other."""
+        otherwise = draft.nodes.get("otherwise")
+        rest: tuple[Xml, ...] = (self.node(otherwise),) if otherwise is not None else ()
+        for case in reversed(draft.children):
+            when = case.modifiers["when"]
+            asked = self._condition(when.value)
+            rest = (Xml(tag="IfThenElse", children=(asked, self.node(case, is_case=True), *rest)),)
+        return rest[0]
+
+    def _condition(self, node: Node) -> Xml:
+        """Return the leaf that looks at a condition."""
+        try:
+            return Xml(tag="ScriptCondition", attributes={"code": condition_script(node)})
+        except Untranslatable:
+            fields = KINDS["check"].fields
+            assert isinstance(node, Scalar)
+            tag = self._word(node, "Condition", "check", fields)
+            return Xml(tag=tag, attributes={fields[0].name: node.text})
+
+    def random(self, draft: Draft) -> Xml:
+        """Return the element for ``random``."""
+        seed = _option(draft, "seed")
+        weights = [child.beside.get("weight") for child in draft.children]
+        attributes = {"seed": seed} if seed is not None else {}
+        if any(weights):
+            values = [1 if one is None else _weight(one.value) for one in weights]
+            attributes["weights"] = JSON + json.dumps(values)
+        tag = self._word(draft.key, "Control", "random", (*KINDS["random"].fields, _WEIGHTS))
+        return Xml(tag=tag, attributes=attributes, children=self._children(draft))
+
+    def check(self, draft: Draft) -> Xml:
+        """Return the leaf for ``check``."""
+        node = self._fields(draft, "condition")["condition"]
+        constant = boolean(node.text) if isinstance(node, Scalar) else None
+        if constant is not None:
+            return Xml(tag="AlwaysSuccess" if constant else "AlwaysFailure")
+        return self._condition(node)
+
+    def set(self, draft: Draft) -> Xml:
+        """Return the leaf for ``set``."""
+        assert isinstance(draft.value, MappingNode)
+        try:
+            return Xml(tag="Script", attributes={"code": set_script(draft.value.entries)})
+        except Untranslatable:
+            values = as_port(draft.value, FieldType.ANY)
+            tag = self._word(draft.key, "Action", "set", (_VALUES,))
+            return Xml(tag=tag, attributes={"values": values})
+
+    def wait(self, draft: Draft) -> Xml:
+        """Return the leaf for ``wait``."""
+        time = milliseconds(self._fields(draft, "duration")["duration"])
+        if time is None:
+            return self.own_leaf(draft)
+        return Xml(tag="Sleep", attributes={"msec": time})
+
+    def wait_for(self, draft: Draft) -> Xml:
+        """Return the leaf for ``wait_for``."""
+        fields = self._fields(draft, "condition")
+        if set(fields) != {"condition"}:
+            return self.own_leaf(draft)
+        try:
+            script = condition_script(fields["condition"])
+        except Untranslatable:
+            return self.own_leaf(draft)
+        return Xml(
+            tag="Precondition",
+            attributes={"if": script, "else": "RUNNING"},
+            children=(Xml(tag="AlwaysSuccess"),),
+        )
+
+    def subtree(self, draft: Draft) -> Xml:
+        """Return the element for ``subtree``."""
+        node = self._fields(draft, "name")["name"]
+        assert isinstance(node, Scalar)
+        tree_id, subtree = self._subtrees(node.text)
+        entry = draft.beside.get("with")
+        given = entry.value.entries if entry and isinstance(entry.value, MappingNode) else ()
+        ports = self._ports({one.key.text: one.value for one in given}, {})
+        outputs = self._outputs(draft, subtree.outputs)
+        return Xml(tag="SubTree", attributes={"ID": tree_id, **ports, **outputs})
+
+    def _modified(self, draft: Draft, key: str, entry: Entry, xml: Xml) -> Xml:
+        """Return an element with a modifier around it."""
+        if key in _SWITCHES:
+            on = isinstance(entry.value, Scalar) and boolean(entry.value.text)
+            return Xml(tag=_SWITCHES[key], children=(xml,)) if on else xml
+        if key == "on_failure":
+            children = (xml, self.node(draft.nodes[key]))
+            return Xml(tag="Fallback", attributes={"name": ON_FAILURE}, children=children)
+        native = self._native(key, entry.value, xml)
+        if native is not None:
+            return native
+        kind = MODIFIERS[key]
+        types = {one.name: one.type for one in kind.fields}
+        texts = {one.name for one in kind.fields if one.content is Content.CONDITION}
+        fields = _written(entry.value, kind.main)
+        tag = self._word(entry.key, "Decorator", key, kind.fields)
+        return Xml(tag=tag, attributes=self._ports(fields, types, texts), children=(xml,))
+
+    def _native(self, key: str, value: Node, xml: Xml) -> Xml | None:
+        """Return the element for a modifier that BehaviorTree.CPP has; None when it has none."""
+        kind = MODIFIERS[key]
+        fields = _written(value, kind.main)
+        if set(fields) != {kind.main}:
+            return None
+        only = fields[kind.main]
+        try:
+            match key:
+                case "when":
+                    script = condition_script(only, negative=True)
+                    return xml.having(**{SKIP_IF: script})
+                case "while":
+                    asked = Xml(tag="ScriptCondition", attributes={"code": condition_script(only)})
+                    return Xml(tag="WhileDoElse", children=(asked, xml))
+        except Untranslatable:
+            return None
+        tag, name, text = {
+            "retry": ("RetryUntilSuccessful", "num_attempts", number_port(only)),
+            "repeat": ("Repeat", "num_cycles", number_port(only)),
+            "timeout": ("Timeout", "msec", milliseconds(only)),
+        }.get(key, ("", "", None))
+        return None if text is None else Xml(tag=tag, attributes={name: text}, children=(xml,))
+
+
+def _option(draft: Draft, name: str) -> str | None:
+    entry = draft.options.get(name)
+    return entry.value.text if entry is not None and isinstance(entry.value, Scalar) else None
+
+
+def _written(node: Node, main: str) -> dict[str, Node]:
+    if isinstance(node, MappingNode):
+        return {entry.key.text: entry.value for entry in node.entries}
+    return {main: node}
+
+
+def _weight(node: Node) -> Plain:
+    assert isinstance(node, Scalar)
+    return node.text if "${" in node.text else plain_value(node)
+
+
+_COMPOSITES: Mapping[str, Callable[[TreeExport, Draft], Xml]] = {
+    "sequence": TreeExport.sequence,
+    "selector": TreeExport.sequence,
+    "parallel": TreeExport.parallel,
+    "choose": TreeExport.choose,
+    "random": TreeExport.random,
+}
+_LEAVES: Mapping[str, Callable[[TreeExport, Draft], Xml]] = {
+    "check": TreeExport.check,
+    "set": TreeExport.set,
+    "wait": TreeExport.wait,
+    "wait_for": TreeExport.wait_for,
+    "subtree": TreeExport.subtree,
+}

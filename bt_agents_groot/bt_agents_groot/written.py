@@ -1,0 +1,187 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Nodes of our language that are to be written, and their text as YAML."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
+
+from bt_agents_language.nodes import MODIFIERS
+from bt_agents_language.tools.formatting.scalar_style import quoted
+
+
+@dataclass(frozen=True)
+class Raw:
+    """What stands without quotes where YAML allows it: a number, a time, a condition, ``${x}``."""
+
+    text: str
+
+
+_PLAIN = re.compile(r"[\w.(${+-](?:[^#:]|:(?! )|(?<! )#)*(?<![:\s])")
+_NOT_PLAIN = re.compile(r"- |\{|\s#")
+_ORDER = list(MODIFIERS)
+_LEAVES_OUT = ("when", "once", "cooldown")
+_CONTRARIES = {"succeed": "fail", "fail": "succeed"}
+"""Modifiers that must not stand beside the same node."""
+
+_LEFT_OUT_THROUGH = ("once", "succeed", "fail", "timeout", "invert")
+"""Modifiers that make no difference to a node that is left out, from inside or from outside."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Written:
+    """One node.
+
+    Attributes:
+        key: The node key.
+        value: What stands behind it; of a composite its options.
+        children: Of a composite, in order.
+        name: Name for people; may be empty.
+        modifiers: By key.
+        beside: ``with``, ``outputs`` and ``weight``.
+        comments: Lines to stand above the node.
+    """
+
+    key: str
+    value: Data = field(default_factory=dict)
+    children: tuple[Written, ...] = ()
+    name: str = ""
+    modifiers: Mapping[str, Data] = field(default_factory=dict)
+    beside: Mapping[str, Data] = field(default_factory=dict)
+    comments: tuple[str, ...] = ()
+
+    def entries(self) -> dict[str, Data]:
+        """Return the keys of the node in their usual order."""
+        entries: dict[str, Data] = {"name": self.name} if self.name else {}
+        if "weight" in self.beside:
+            entries["weight"] = self.beside["weight"]
+        modifiers = {key: self.modifiers[key] for key in _ORDER if key in self.modifiers}
+        handler = modifiers.pop("on_failure", None)
+        entries |= modifiers
+        entries[self.key] = self._value()
+        entries |= {key: self.beside[key] for key in ("with", "outputs") if key in self.beside}
+        if handler is not None:
+            entries["on_failure"] = handler
+        return entries
+
+    def _value(self) -> Data:
+        if not self.children:
+            return self.value
+        children: list[Data] = list(self.children)
+        if not isinstance(self.value, dict) or not self.value:
+            return children
+        options = dict(self.value)
+        last = {"otherwise": options.pop("otherwise")} if "otherwise" in options else {}
+        return {**options, "children": children, **last}
+
+
+Data = Raw | str | bool | int | float | list["Data"] | dict[str, "Data"] | Written
+"""Something to be written; a ``str`` is a text and never anything else."""
+
+
+def sequence(*children: Written) -> Written:
+    """Return a sequence with memory."""
+    return Written(key="sequence", children=children)
+
+
+def selector(*children: Written) -> Written:
+    """Return a selector with memory."""
+    return Written(key="selector", children=children)
+
+
+def outside(node: Written, key: str, value: Data) -> Written:
+    """Return a node with one more modifier around all that it has.
+
+    Where the order of modifiers would put the new one inside of another, or where two of them
+    must not stand together, the node is put into a
+    sequence of its own, and the modifier around that.
+    """
+    # What leaves the node out makes no difference to some modifiers, and stays outside of them.
+    outside_of_it = _LEAVES_OUT if key in _LEFT_OUT_THROUGH else ()
+    outer = {k: v for k, v in node.modifiers.items() if k in outside_of_it and k != key}
+    inner = {k: v for k, v in node.modifiers.items() if k not in outer}
+    contrary = _CONTRARIES.get(key) in inner
+    if contrary or any(_ORDER.index(present) <= _ORDER.index(key) for present in inner):
+        node, inner = sequence(replace(node, modifiers=inner)), {}
+    return replace(node, modifiers={**outer, **inner, key: value})
+
+
+def may_be_left_out(node: Written) -> bool:
+    """Return whether a node says itself that it is left out sometimes."""
+    return any(key in node.modifiers for key in _LEAVES_OUT)
+
+
+def with_comments(node: Written, comments: Iterable[str]) -> Written:
+    """Return a node with more lines above it."""
+    return replace(node, comments=(*comments, *node.comments))
+
+
+def comment_lines(text: str) -> list[str]:
+    """Return a text as lines of a comment."""
+    return [f"# {line}".rstrip() for line in text.split("\n")]
+
+
+def yaml_lines(data: Mapping[str, Data], indent: int = 0) -> list[str]:
+    """Return the lines of a mapping in block style."""
+    pad = " " * indent
+    lines: list[str] = []
+    for key, value in data.items():
+        head = f"{pad}{scalar(key)}:"
+        match value:
+            case Written():
+                lines += [head, *_comments(value, indent + 2)]
+                lines += yaml_lines(value.entries(), indent + 2)
+            case dict() if value:
+                lines += [head, *yaml_lines(value, indent + 2)]
+            case list() if value:
+                lines += [head, *_list_lines(value, indent + 2)]
+            case _:
+                lines.append(f"{head} {scalar(value)}")
+    return lines
+
+
+def _list_lines(items: list[Data], indent: int) -> list[str]:
+    lines: list[str] = []
+    for item in items:
+        match item:
+            case Written():
+                lines += _comments(item, indent)
+                block = yaml_lines(item.entries(), indent + 2)
+            case dict() if item:
+                block = yaml_lines(item, indent + 2)
+            case list() if item:
+                block = _list_lines(item, indent + 2)
+            case _:
+                block = [f"{' ' * (indent + 2)}{scalar(item)}"]
+        lines += [f"{' ' * indent}- {block[0][indent + 2 :]}", *block[1:]]
+    return lines
+
+
+def _comments(node: Written, indent: int) -> list[str]:
+    return [" " * indent + line for text in node.comments for line in comment_lines(text)]
+
+
+def scalar(value: Data) -> str:
+    """Return a value that takes one line."""
+    match value:
+        case bool():
+            return "true" if value else "false"
+        case int() | float():
+            return repr(value)
+        case str():
+            return (
+                value if re.fullmatch(r"[a-z_]+", value) and value not in _TRAPS else quoted(value)
+            )
+        case Raw(text):
+            return text if _is_plain(text) else quoted(text)
+        case list():
+            return "[]"
+    return "{}"
+
+
+_TRAPS = frozenset(("true", "false", "null", "yes", "no", "on", "off", "y", "n"))
+
+
+def _is_plain(text: str) -> bool:
+    return _PLAIN.fullmatch(text) is not None and _NOT_PLAIN.match(text) is None

@@ -1,0 +1,368 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`bt-agents experiment run|plot|sweep`: the paper's experiments, and what goes beyond them."""
+
+from __future__ import annotations
+
+import csv
+import os
+import sys
+import time
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+from rich.console import Console
+from rich.progress import Progress
+from rich.table import Table
+
+from bt_agents_core.errors import BtAgentsError
+from bt_agents_core.feedback import LearningRule
+from bt_agents_core.scene import SceneSpace
+from bt_agents_core.trees_folder import experiments_folder, find_experiments, find_sweep
+from bt_agents_lab.experiments.replicas import with_seed
+from bt_agents_language.files.experiment_reader import read_experiment
+from bt_agents_language.files.folder_reader import Trees, read_trees
+from bt_agents_language.model.experiment import ExperimentSpec, Record, deviation, difference
+from bt_agents_ros.signals import Interrupt
+from marketplace_node.settings import Settings
+
+if TYPE_CHECKING:
+    from bt_agents_lab.experiments.sweep_figures import Played
+
+TOLERANCE = 1e-12
+"""Largest difference that rounding may make between two ways to compute a profile."""
+
+
+@click.group()
+def experiment() -> None:
+    """Repeat the paper's experiments, and go beyond them."""
+
+
+@experiment.command()
+@click.argument("name")
+@click.option(
+    "--ros",
+    is_flag=True,
+    help="Also through the real ROS graph, each round compared with the same without ROS.",
+)
+@click.option("--csv", "csv_file", type=click.Path(path_type=Path), help="Write every round here.")
+@click.option("--seed", type=int, help="Another seed for all that is left to chance.")
+@click.option("--rounds", type=click.IntRange(1), help="Another number of rounds.")
+@click.option("--strategy", default="manhattan", show_default=True, help="Who gets a scene.")
+@click.option("--tie-break", default="least_recently_run", show_default=True)
+@click.option("--option", "options", multiple=True, metavar="NAME=VALUE", help="Of the strategy.")
+def run(
+    name: str,
+    ros: bool,
+    csv_file: Path | None,
+    seed: int | None,
+    rounds: int | None,
+    strategy: str,
+    tie_break: str,
+    options: tuple[str, ...],
+) -> None:
+    """Run experiment NAME and compare every profile with the closed form of the learning rule.
+
+    NAME is 1, 2 or 3, as in the paper, or a folder.
+    """
+    from bt_agents_lab.experiments.core import through_core
+
+    interrupt = Interrupt()
+    settings = Settings(
+        strategy=strategy, tie_break=tie_break, options=_options(strategy, options)
+    )
+    fine = True
+    folders = find_experiments(name)
+    tables = {path: _table_of(path, folders, csv_file) for path in folders}
+    for path in folders:
+        folder, spec = opened(path)
+        if seed is not None:
+            spec = with_seed(spec, seed)
+        if rounds is not None:
+            spec = spec.shortened(rounds)
+        start = time.monotonic()
+        # Each way uses up the feedback of its own copy.
+        records = through_core(folder, with_seed(spec, spec.seed), settings)
+        seconds = time.monotonic() - start
+        agree = True
+        if ros:
+            from bt_agents_lab.cli.through_ros import through_ros
+
+            real = through_ros(folder, with_seed(spec, spec.seed), settings, interrupt)
+            if interrupt:
+                click.echo("stopped")
+                return
+            seconds = time.monotonic() - start
+            agree = _compare(records, real)
+            records = real
+        if (table := tables[path]) is not None:
+            _write_csv(table, records, folder.scene.space)
+        fine = _report(folder, spec, records, seconds) and agree and fine
+    sys.exit(0 if fine else 1)
+
+
+@experiment.command()
+@click.argument("name", default="all")
+@click.option(
+    "--output",
+    type=click.Path(path_type=Path, file_okay=False),
+    default=Path("figures"),
+    show_default=True,
+    help="Folder for figures and verdicts.",
+)
+@click.option(
+    "--seeds",
+    type=click.IntRange(2),
+    default=1000,
+    show_default=True,
+    help="How many runs stand behind bands and verdicts.",
+)
+def plot(name: str, output: Path, seeds: int) -> None:
+    """Draw the paper's figures 5 to 9 anew, and judge what it claims.
+
+    NAME is 1, 2, 3 or all. Figures come as SVG and PNG, verdicts as Markdown and JSON.
+    """
+    from bt_agents_lab.experiments import claims, paper_figures, verdicts
+
+    if name not in ("all", "1", "2", "3"):
+        raise BtAgentsError(f"no figures of '{name}'; there are those of 1, 2, 3 and all")
+
+    def paper(folder: str) -> claims.Paper:
+        trees, spec = opened(experiments_folder() / folder)
+        return claims.Paper(folder=trees, spec=spec)
+
+    runs = range(seeds)
+    judged = []
+    console = Console()
+    with console.status("drawing and judging"):
+        if name in ("all", "1"):
+            one = paper("1")
+            paper_figures.first(output, one)
+            judged += claims.first(one)
+        if name in ("all", "2"):
+            arms = {arm: paper(f"2-{arm}") for arm in claims.RATES}
+            paper_figures.second(output, arms, runs)
+            judged += claims.second(arms, runs)
+        if name in ("all", "3"):
+            three = paper("3")
+            many = claims.played_third(three, runs)
+            paper_figures.third(output, many, three.spec.rounds)
+            judged += claims.third(many)
+        stem = "verdicts" if name == "all" else f"verdicts-{name}"
+        title = "What the paper claims, and what holds"
+        _write(output / f"{stem}.md", verdicts.as_markdown(title, judged))
+        _write(output / f"{stem}.json", verdicts.as_json(judged))
+    for verdict in judged:
+        console.print(f"{verdict.claim.name}: {verdict.words}", highlight=False)
+    console.print(f"written to {output}", highlight=False)
+
+
+@experiment.command()
+@click.argument("name")
+@click.option(
+    "--output",
+    type=click.Path(path_type=Path, file_okay=False),
+    help="Folder for table, CSV, JSON and figures; left out: the table is only printed.",
+)
+@click.option("--processes", type=click.IntRange(1), help="How many work at once; all cores.")
+@click.option("--runs", type=click.IntRange(1), help="Another number of runs.")
+@click.option("--rounds", type=click.IntRange(1), help="Another number of rounds.")
+@click.option("--seed", type=click.IntRange(0), help="Another seed of the first run.")
+def sweep(
+    name: str,
+    output: Path | None,
+    processes: int | None,
+    runs: int | None,
+    rounds: int | None,
+    seed: int | None,
+) -> None:
+    """Compare ways to select and to learn over many simulated runs.
+
+    NAME is told or persons, or a file. The same seed gives the same numbers, in however many
+    processes.
+    """
+    from bt_agents_lab.experiments import sweep as sweeping
+    from bt_agents_lab.experiments import sweep_figures
+    from bt_agents_lab.experiments.sweep_reader import read_sweep
+
+    spec = read_sweep(find_sweep(name))
+    spec = replace(
+        spec,
+        runs=spec.runs if runs is None else runs,
+        rounds=spec.rounds if rounds is None else rounds,
+        seed=spec.seed if seed is None else seed,
+    )
+    console = Console()
+    start = time.monotonic()
+    with Progress(console=console, transient=True) as progress:
+        task = progress.add_task(spec.title, total=None)
+        played = sweeping.sweep(
+            spec,
+            processes or os.cpu_count() or 1,
+            lambda done, total: progress.update(task, completed=done, total=total),
+        )
+    seconds = time.monotonic() - start
+    _print_sweep(console, spec.title, played)
+    console.print(
+        f"{len(played)} ways, {spec.runs} runs of {spec.rounds} rounds each, seeds {spec.seed} to "
+        f"{spec.seed + spec.runs - 1}: {seconds:.1f} s",
+        highlight=False,
+    )
+    if output is not None:
+        sweep_figures.write(output, spec, played)
+        console.print(f"written to {output}", highlight=False)
+
+
+def _print_sweep(console: Console, title: str, played: Played) -> None:
+    from bt_agents_lab.experiments.measures import summary
+    from bt_agents_lab.experiments.sweep_figures import cells
+
+    table = Table(title=title, box=None, pad_edge=False, header_style="dim")
+    for column in ("strategy", "update"):
+        table.add_column(column, no_wrap=True)
+    for column in ("wrong", "right", "worst", "starved", "regret", "settles"):
+        table.add_column(column, justify="right")
+    for cell, found in played:
+        measured = summary(found)
+        row = cells(cell, measured)
+        shown = [row[name] for name in ("wrong", "right", "worst", "starved", "regret", "settles")]
+        table.add_row(cell.selection.label, cell.learning.label, *shown)
+    console.print(table)
+
+
+def _write(path: Path, text: str) -> None:
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(text)
+    except OSError as error:
+        raise BtAgentsError(
+            f"{path} cannot be written: {error.strerror}; name another folder with --output"
+        ) from None
+
+
+def opened(path: Path) -> tuple[Trees, ExperimentSpec]:
+    """Read the agents and the experiment of a folder.
+
+    Raises:
+        BtAgentsError: Something in it cannot be read; it lists the problems.
+    """
+    folder = read_trees(path)
+    if folder.broken:
+        raise BtAgentsError(folder.broken[0].error.report)
+    return folder, read_experiment(path / "experiment.yaml", folder.scene.space)
+
+
+def _options(strategy: str, given: Sequence[str]) -> dict[str, float]:
+    found = {}
+    for text in given:
+        name, equals, value = text.partition("=")
+        try:
+            found[f"{strategy}.{name}"] = float(value)
+        except ValueError:
+            equals = ""
+        if not equals:
+            raise click.BadParameter(f"'{text}', expected NAME=NUMBER, such as c=2")
+    return found
+
+
+def _compare(core: Sequence[Record], real: Sequence[Record]) -> bool:
+    largest = difference(core, real)
+    fine = largest <= TOLERANCE
+    Console().print(
+        f"{len(real)} rounds through ROS against {len(core)} without it: "
+        f"{'[green]equal[/]' if fine else '[red]not equal[/]'}, largest difference "
+        f"{largest:.1e} (allowed {TOLERANCE:g})",
+        highlight=False,
+    )
+    return fine
+
+
+def _table_of(folder: Path, folders: Sequence[Path], file: Path | None) -> Path | None:
+    """Return where the rounds of one of some experiments go, once it can be written to.
+
+    Raises:
+        BtAgentsError: It cannot.
+    """
+    if file is None:
+        return None
+    apart = file.with_name(f"{file.stem}-{folder.name}{file.suffix}")
+    table = file if len(folders) == 1 else apart
+    try:
+        table.open("a").close()
+    except OSError as error:
+        raise _unwritten(table, error) from None
+    return table
+
+
+def _unwritten(path: Path, error: OSError) -> BtAgentsError:
+    return BtAgentsError(
+        f"{path} cannot be written: {error.strerror}; name another file with --csv"
+    )
+
+
+def _write_csv(path: Path, records: Sequence[Record], space: SceneSpace) -> None:
+    try:
+        with path.open("w", newline="") as file:
+            writer = csv.writer(file)
+            names = space.names
+            writer.writerow(
+                ["round", "winner"]
+                + [f"scene_{n}" for n in names]
+                + [f"before_{n}" for n in names]
+                + [f"after_{n}" for n in names]
+            )
+            for record in records:
+                row = [*record.scene, *record.before, *record.after]
+                writer.writerow([record.round, record.winner, *(repr(value) for value in row)])
+    except OSError as error:
+        raise _unwritten(path, error) from None
+
+
+def _report(
+    folder: Trees, spec: ExperimentSpec, records: Sequence[Record], seconds: float
+) -> bool:
+    console = Console()
+    starts = {agent.name: agent.profile for agent in folder.agents}
+    rates = {agent.name: agent.learning_rate for agent in folder.agents}
+    table = Table(box=None, pad_edge=False, header_style="dim")
+    for title in ("agent", "won", "profile at the start", "profile at the end", "feedback"):
+        table.add_column(title)
+    for name, start in starts.items():
+        mine = [record for record in records if record.winner == name]
+        target = spec.feedback.each.get(name, ())
+        end = mine[-1].after if mine else start
+        table.add_row(name, str(len(mine)), *(_row(v) for v in (start, end, target)))
+    console.print(f"{spec.title}: {spec.rounds} rounds, seed {spec.seed}, {seconds:.1f} s")
+    console.print(table)
+    orders = tuple(record.scene for record in records) == spec.order()
+    if not orders:
+        console.print("[red]the scenes did not come in the order that was drawn[/]")
+    if reason := _no_closed_form(folder, spec):
+        console.print(f"not compared with the closed form, as {reason}", highlight=False)
+        return orders
+    largest = deviation(records, spec.feedback.each, starts, rates)
+    fine = largest <= TOLERANCE
+    verdict = "[green]equal[/]" if fine else "[red]not equal[/]"
+    console.print(
+        f"every recorded profile against p = f + (p0 - f)(1 - rate)^n: {verdict}, largest "
+        f"difference {largest:.1e} (allowed {TOLERANCE:g})",
+        highlight=False,
+    )
+    return fine and orders
+
+
+def _row(values: Sequence[float]) -> str:
+    return f"[{', '.join(f'{value:.4g}' for value in values)}]" if values else "-"
+
+
+def _no_closed_form(folder: Trees, spec: ExperimentSpec) -> str:
+    """Return why profiles do not follow ``p = f + (p0 - f)(1 - rate)^n``; empty when they do."""
+    if spec.feedback.errors is not None:
+        return "some of the feedback is wrong"
+    if without := {agent.name for agent in folder.agents} - set(spec.feedback.each):
+        return f"{', '.join(sorted(without))} is not told the same after each run"
+    if others := [agent.name for agent in folder.agents if agent.learning != LearningRule()]:
+        return f"{', '.join(others)} does not learn by the paper's rule"
+    return ""

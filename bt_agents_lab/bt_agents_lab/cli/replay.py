@@ -1,0 +1,117 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`bt-agents replay`: does again what a journal holds, without ROS, and says what is not equal."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+
+import click
+from rich.console import Console
+from rich.markup import escape
+
+from bt_agents_core.errors import BtAgentsError
+from bt_agents_ros.signals import loading
+
+with loading():
+    from bt_agents_lab.cli.journals import files_argument, read_story, sense_of_it, show_problems
+    from bt_agents_lab.replay import decisions, replay_learning, trees
+    from bt_agents_lab.replay.findings import Finding, Tally, Verdict, tally
+    from bt_agents_lab.replay.recording_index import Story
+
+_MOST_SHOWN = 10
+_NAMES = 15
+_COLUMN = 14
+_DIFFERS = 1
+_DAMAGED = 2
+_KINDS = (
+    (decisions.KIND, "decisions"),
+    (replay_learning.KIND, "profile changes"),
+    (trees.KIND, "runs of trees"),
+)
+
+
+@click.command()
+@files_argument
+@click.option("--json", "as_json", is_flag=True, help="Print the findings as JSON.")
+def replay(files: tuple[Path, ...], as_json: bool) -> None:
+    """Decide, learn and tick again what the FILES of a journal hold.
+
+    The exit code is 1 if something differs, else 2 if a part could not be read or is lost.
+    Without FILES it takes the newest of the usual folder.
+    """
+    story = read_story(files)
+    with sense_of_it():
+        found = tally(
+            [
+                *decisions.decisions_again(story.rounds),
+                *replay_learning.lessons_again(story.lessons),
+                *trees.runs_again(story.runs.values()),
+            ]
+        )
+    if as_json:
+        click.echo(json.dumps(_as_data(story, found), indent=2))
+    else:
+        _show(Console(), story, found)
+    if not found.counts:
+        raise BtAgentsError("there is nothing to do again: no round, feedback or run was kept")
+    if found.different:
+        sys.exit(_DIFFERS)
+    sys.exit(0 if story.whole else _DAMAGED)
+
+
+def _show(console: Console, story: Story, found: Tally) -> None:
+    show_problems(console, story)
+    heads = "".join(f"{verdict.value:>{_COLUMN}}" for verdict in Verdict)
+    console.print(f"{'':{_NAMES}}{heads}", highlight=False)
+    for kind, words in _KINDS:
+        numbers = "".join(f"{found.counts[kind, verdict]:>{_COLUMN}}" for verdict in Verdict)
+        ticks = f"  {found.sizes[kind]} ticks" if kind == trees.KIND and found.sizes[kind] else ""
+        console.print(f"{words:{_NAMES}}{numbers}{ticks}", highlight=False)
+    for verdict, style in ((Verdict.DIFFERENT, "red"), (Verdict.NOT_RECORDED, "yellow")):
+        told = [finding for finding in found.told if finding.verdict is verdict]
+        for finding in told[:_MOST_SHOWN]:
+            _show_finding(console, finding, style)
+        if len(told) > _MOST_SHOWN:
+            console.print(f"… and {len(told) - _MOST_SHOWN} more, {verdict.value}")
+    if found.different:
+        console.print("[red]not equal[/]")
+    elif found.counts and not story.whole:
+        console.print(
+            "[yellow]all that could be read is equal; a part of it could not, or is lost[/]"
+        )
+    elif found.told:
+        console.print("[green]all that was recorded is equal[/]")
+    elif found.counts:
+        console.print("[green]everything is equal[/]")
+
+
+def _show_finding(console: Console, finding: Finding, style: str) -> None:
+    console.print(
+        f"[{style}]{finding.verdict.value}[/] {finding.kind}, {escape(finding.where)}: "
+        f"{escape(finding.words)}",
+        highlight=False,
+        soft_wrap=True,
+    )
+
+
+def _as_data(story: Story, found: Tally) -> dict[str, object]:
+    return {
+        "counts": {
+            words: {verdict.value: found.counts[kind, verdict] for verdict in Verdict}
+            for kind, words in _KINDS
+        },
+        "ticks": found.sizes[trees.KIND],
+        "findings": [
+            {
+                "kind": one.kind,
+                "where": one.where,
+                "verdict": one.verdict.value,
+                "words": one.words,
+            }
+            for one in found.told
+        ],
+        "problems": [*story.hints, *story.problems],
+        "lost": dict(story.lost),
+    }

@@ -1,0 +1,175 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Plays an experiment through the real ROS graph: market, host, feedback and scene layer."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import tempfile
+import time
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from rich.progress import Progress
+
+from bt_agents_core.errors import BtAgentsError
+from bt_agents_core.scene import SceneSpace, Vector
+from bt_agents_language.files.folder_reader import Trees
+from bt_agents_language.model.experiment import ExperimentSpec, Record
+from bt_agents_ros.signals import Interrupt
+from bt_agents_tools.launcher import components
+from bt_agents_tools.launcher.domain_lock import reserve_domain
+from bt_agents_tools.launcher.supervisor import Component, Supervisor, keep_local
+from marketplace_node.settings import Settings
+
+_STALL_S = 30.0
+_LOOK_S = 0.2
+
+
+class _Recorder:
+    """Joins decisions and feedback to one record a round."""
+
+    def __init__(self) -> None:
+        self.records: list[Record] = []
+        self._scenes: dict[int, Vector] = {}
+
+    def auction(self, message: Any) -> None:
+        self._scenes[message.round] = tuple(value.value for value in message.scene.values)
+
+    def feedback(self, message: Any) -> None:
+        self.records.append(
+            Record(
+                round=message.round,
+                scene=self._scenes.get(message.round, ()),
+                winner=message.agent,
+                before=tuple(message.before),
+                after=tuple(message.after),
+            )
+        )
+
+
+def through_ros(
+    folder: Trees, spec: ExperimentSpec, settings: Settings, interrupt: Interrupt
+) -> list[Record]:
+    """Play a whole experiment and return its rounds; fewer when it was interrupted.
+
+    Args:
+        folder: The agents.
+        spec: The experiment.
+        settings: Strategy, its options and tie rule for the market.
+        interrupt: True once the user wants to stop.
+
+    Raises:
+        BtAgentsError: A part did not start, died or stood still.
+    """
+    if "ROS_DOMAIN_ID" not in os.environ:
+        os.environ["ROS_DOMAIN_ID"] = str(reserve_domain())
+    keep_local(os.environ)
+    path, space = folder.folder, folder.scene.space
+    with tempfile.TemporaryDirectory(prefix="bt-agents-experiment-") as scratch:
+        script = Path(scratch) / "script.yaml"
+        script.write_text(_script(spec, space))
+        prepared = Path(scratch) / "experiment.yaml"
+        prepared.write_text(_prepared(spec, space))
+        market = components.market(path)
+        supervisor = Supervisor(components.new_log_folder())
+        try:
+            supervisor.start(
+                replace(market, parameters={**market.parameters, **_parameters(settings)}),
+                components.host(path),
+                components.feedback(path, ledger=":memory:", simulated=prepared),
+            )
+            scenes = components.scene_layer(path, script, agents=len(folder.agents))
+            return _record(supervisor, scenes, len(folder.agents), spec, interrupt)
+        finally:
+            supervisor.stop()
+
+
+def _record(
+    supervisor: Supervisor,
+    scenes: Component,
+    agents: int,
+    spec: ExperimentSpec,
+    interrupt: Interrupt,
+) -> list[Record]:
+    from bt_agents_tools.client import system as client
+    from bt_agents_tools.client.observer import Observer
+
+    observer = Observer()
+    recorder = _Recorder()
+    client.record(observer, recorder.auction, recorder.feedback)
+    try:
+        observer.turn_until(
+            lambda: bool(interrupt or supervisor.dead()) or observer.ready(agents), _STALL_S
+        )
+        if not interrupt and not observer.ready(agents):
+            raise BtAgentsError(
+                supervisor.dead()
+                or f"not ready after {_STALL_S:g} s; the logs are in "
+                f"{supervisor.log('agents').parent}"
+            )
+        supervisor.start(scenes)
+        with Progress(transient=True) as progress:
+            task = progress.add_task(spec.title, total=spec.rounds)
+            last_change = time.monotonic()
+            while len(recorder.records) < spec.rounds and not interrupt:
+                before = len(recorder.records)
+                observer.turn_until(lambda: len(recorder.records) >= spec.rounds, _LOOK_S)
+                progress.update(task, completed=len(recorder.records))
+                if len(recorder.records) > before:
+                    last_change = time.monotonic()
+                if supervisor.dead():
+                    raise BtAgentsError(supervisor.dead())
+                if time.monotonic() - last_change > _STALL_S:
+                    raise BtAgentsError(
+                        f"no round for {_STALL_S:g} s after {before} of {spec.rounds}; the logs "
+                        f"are in {supervisor.log('agents').parent}"
+                    )
+        return recorder.records
+    finally:
+        observer.close()
+
+
+def _parameters(settings: Settings) -> dict[str, str | float]:
+    return {
+        "strategy": settings.strategy,
+        "tie_break": settings.tie_break,
+        **{name: float(value) for name, value in settings.options.items()},
+    }
+
+
+def _script(spec: ExperimentSpec, space: SceneSpace) -> str:
+    visits = [
+        {"label": f"scene {number}", "scene": dict(zip(space.names, vector, strict=True))}
+        for number, vector in enumerate(spec.order(), start=1)
+    ]
+    # JSON is YAML, too.
+    return json.dumps({"format": 1, "title": "an experiment", "visits": visits}, indent=1)
+
+
+def _prepared(spec: ExperimentSpec, space: SceneSpace) -> str:
+    """Return the experiment as a file that has the seed that was asked for."""
+
+    def named(vector: Vector) -> dict[str, float]:
+        pairs = zip(space.names, vector, strict=True)
+        return {name: value for name, value in pairs if not math.isnan(value)}
+
+    feedback: dict[str, Any] = {
+        "each": {agent: named(vector) for agent, vector in spec.feedback.each.items()},
+        "sequence": [named(vector) for vector in spec.feedback.sequence],
+        "repeat": spec.feedback.repeat,
+    }
+    if (errors := spec.feedback.errors) is not None:
+        when = {"every": errors.every} if errors.every else {"share": errors.share}
+        said = {} if errors.value is None else {"value": named(errors.value)}
+        feedback["errors"] = {**when, **said}
+    document = {
+        "format": 1,
+        "rounds": spec.rounds,
+        "seed": spec.seed,
+        "scenes": [named(vector) for vector in spec.scenes],
+        "feedback": feedback,
+    }
+    return json.dumps(document, indent=1)

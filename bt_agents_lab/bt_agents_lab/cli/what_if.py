@@ -1,0 +1,172 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`bt-agents what-if`: what another strategy, learning or other agents would have changed."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+
+import click
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+
+from bt_agents_core.errors import BtAgentsError
+from bt_agents_core.feedback import Update
+from bt_agents_core.trees_folder import find_trees
+from bt_agents_ros.signals import loading
+
+with loading():
+    from bt_agents_lab.cli.journals import files_argument, read_story, sense_of_it, show_problems
+    from bt_agents_lab.replay.what_if import ASSUMED, OTHERS_ASSUMED, Case, Changes, Outlook
+    from bt_agents_lab.replay.what_if import what_if as retell
+    from bt_agents_language.files.folder_reader import read_trees
+    from bt_agents_language.model.specs import AgentSpec
+    from marketplace_node.strategies.plugins import add_installed
+
+_NOBODY = "nobody"
+_SCENE = 32
+
+
+@click.command()
+@files_argument
+@click.option("--strategy", default="", help="Rank by this strategy.")
+@click.option("--option", "options", multiple=True, metavar="NAME=VALUE", help="Of the strategy.")
+@click.option("--learning-rate", type=click.FloatRange(0.0, 1.0), help="Of every agent.")
+@click.option(
+    "--update", type=click.Choice([one.value for one in Update]), help="How profiles follow."
+)
+@click.option("--agents", default="", metavar="DIR", help="The agents of this trees folder bid.")
+@click.option("--tags", default="", help="Only agents of --agents with one of these tags.")
+@click.option("--all", "everything", is_flag=True, help="Show the rounds that stay as they were.")
+@click.option("--json", "as_json", is_flag=True, help="Print everything as JSON.")
+def what_if(
+    files: tuple[Path, ...],
+    strategy: str,
+    options: tuple[str, ...],
+    learning_rate: float | None,
+    update: str | None,
+    agents: str,
+    tags: str,
+    everything: bool,
+    as_json: bool,
+) -> None:
+    """Show what the FILES of a journal would hold if something had been different.
+
+    For example: bt-agents what-if --strategy softmax --option temperature=0.3
+    """
+    if tags and not agents:
+        raise BtAgentsError("tags choose among other agents; name their folder with --agents")
+    add_installed()
+    changes = Changes(
+        strategy=strategy,
+        options=dict(_option(text) for text in options),
+        rate=learning_rate,
+        update=Update(update) if update else None,
+        agents=_agents(agents, tags) if agents else None,
+    )
+    changes.check()
+    story = read_story(files)
+    if not story.rounds:
+        raise BtAgentsError("there is no round of a market in it")
+    with sense_of_it():
+        outlook = retell(story, changes)
+    assumed = (*ASSUMED, OTHERS_ASSUMED) if agents and not tags else ASSUMED
+    if as_json:
+        click.echo(json.dumps(_as_data(outlook, assumed), indent=2))
+        return
+    console = Console()
+    show_problems(console, story)
+    _show(console, outlook, everything)
+    for words in assumed:
+        console.print(f"[dim]{words}[/]", highlight=False, soft_wrap=True)
+
+
+def _option(text: str) -> tuple[str, float]:
+    name, equals, value = text.partition("=")
+    try:
+        number = float(value)
+    except ValueError:
+        number = math.nan
+    if not (name and equals and math.isfinite(number)):
+        raise BtAgentsError(f"--option is '{text}', expected name=number, as in temperature=0.3")
+    return name, number
+
+
+def _agents(folder: str, tags: str) -> tuple[AgentSpec, ...]:
+    trees = read_trees(find_trees(folder)).tagged(tags)
+    if not trees.agents:
+        raise BtAgentsError(f"there is no agent that can be read in {folder}")
+    return trees.agents
+
+
+def _show(console: Console, outlook: Outlook, everything: bool) -> None:
+    shown = [case for case in outlook.cases if everything or case.words or case.was != case.now]
+    if shown:
+        table = Table(box=None, pad_edge=False)
+        table.add_column("round", justify="right")
+        table.add_column("scene", no_wrap=True, max_width=_SCENE)
+        table.add_column("winner then", overflow="fold")
+        table.add_column("and now", overflow="fold")
+        table.add_column("margin", justify="right", no_wrap=True)
+        table.add_column("and now", justify="right", no_wrap=True)
+        for case in shown:
+            table.add_row(*_row(case))
+        console.print(table)
+    total = len(outlook.cases)
+    console.print(
+        f"{outlook.other} of {total} rounds would have had another winner; "
+        f"{outlook.given} of {outlook.given + outlook.withheld} feedbacks would have been given",
+        highlight=False,
+        soft_wrap=True,
+    )
+    for agent, number in sorted(outlook.chosen.items(), key=lambda item: (-item[1], item[0])):
+        console.print(f"  {escape(agent)} {number}", highlight=False)
+    if outlook.never:
+        console.print(f"never chosen: {escape(', '.join(outlook.never))}", highlight=False)
+
+
+def _row(case: Case) -> tuple[str, ...]:
+    now = f"[yellow]{escape(case.words)}[/]" if case.words else escape(case.now or _NOBODY)
+    return (
+        str(case.round),
+        escape(case.label),
+        escape(case.was or _NOBODY),
+        now,
+        _margin(case.margin_was),
+        _margin(case.margin_now),
+    )
+
+
+def _margin(value: float) -> str:
+    return "–" if math.isnan(value) else f"{value:.3g}"
+
+
+def _as_data(outlook: Outlook, assumed: tuple[str, ...]) -> dict[str, object]:
+    return {
+        "rounds": [
+            {
+                "epoch": case.epoch,
+                "round": case.round,
+                "scene": case.label,
+                "was": case.was,
+                "now": case.now,
+                "margin_was": _number(case.margin_was),
+                "margin_now": _number(case.margin_now),
+                "problem": case.words,
+            }
+            for case in outlook.cases
+        ],
+        "other_winner": outlook.other,
+        "chosen": dict(outlook.chosen),
+        "never_chosen": list(outlook.never),
+        "feedback_given": outlook.given,
+        "feedback_withheld": outlook.withheld,
+        "profiles": {agent: list(profile) for agent, profile in outlook.profiles.items()},
+        "assumed": list(assumed),
+    }
+
+
+def _number(value: float) -> float | None:
+    return None if math.isnan(value) else value

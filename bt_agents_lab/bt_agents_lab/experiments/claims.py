@@ -1,0 +1,362 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the paper claims of its experiments, judged by many runs of each."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from bt_agents_lab.experiments.measures import converged, right
+from bt_agents_lab.experiments.replicas import Replicas, replicas, with_errors, world_of
+from bt_agents_lab.experiments.simulated_world import Arm
+from bt_agents_lab.experiments.verdicts import Claim, Verdict, judged, percent
+from bt_agents_language.files.folder_reader import Trees
+from bt_agents_language.model.experiment import ExperimentSpec
+from feedback_node.simulated_feedback import Errors
+from marketplace_node.strategies.arrays import Floats
+
+RATES = {"conservative": 0.05, "moderate": 0.2, "aggressive": 0.5}
+REACHED = 0.05
+"""Manhattan distance at which a profile counts as arrived, in the units of the parameters."""
+
+LATE = 100
+"""Rounds at the end of a run in which a profile should be stable."""
+
+JUDGED = 300
+"""Least number of rounds by which Experiment 3 is judged."""
+
+NEAR = 0.25
+"""A value that close to what it should be is near, a sixteenth of the range."""
+
+JUMP = 1.0
+"""A change of a parameter by a quarter of its range is abrupt."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Paper:
+    """An experiment of the paper as it was read."""
+
+    folder: Trees
+    spec: ExperimentSpec
+
+
+def first(experiment: Paper) -> list[Verdict]:
+    """Judge what Experiment 1 shows."""
+    world = world_of(experiment.folder, experiment.spec)
+    runs = {
+        name: replicas(replace(world, rates=np.array([rate])), experiment.spec, [0])
+        for name, rate in {"as in the file": float(world.rates[0]), **RATES}.items()
+    }
+    ends = {name: float(_distance(one)[0, -1]) for name, one in runs.items()}
+    cycles = {name: _arrival(_distance(one)[0]) for name, one in runs.items()}
+    own = "as in the file"
+    arrived = f"below {REACHED:g} from cycle {cycles[own]:g} on"
+    return [
+        judged(
+            Claim(
+                name="Convergence",
+                section="4.1",
+                quote="in simple simulated feedback rounds the parameters of an agent converges "
+                "towards the parameter set defined as descriptive for the respective agent",
+                criterion=f"the Manhattan distance to the goal is below {REACHED:g} at the end",
+            ),
+            [ends[own] < REACHED],
+            f"distance {ends[own]:.2g} after {experiment.spec.rounds} cycles at rate "
+            f"{world.rates[0]:g}, "
+            f"{f'never below {REACHED:g}' if math.isinf(cycles[own]) else arrived}; every round "
+            "equals the closed form p = f + (p0 - f)(1 - rate)^n. Without wrong feedback nothing "
+            "is left to chance.",
+        ),
+        judged(
+            Claim(
+                name="Speed follows the rate",
+                section="4.1",
+                quote="the speed of convergence is influenced by the learning rate",
+                criterion=f"a higher rate needs fewer cycles to a distance below {REACHED:g}",
+            ),
+            [cycles["conservative"] > cycles["moderate"] > cycles["aggressive"]],
+            ", ".join(f"{_counted(cycles[n])} at rate {rate:g}" for n, rate in RATES.items()),
+            "a rate is too low for the number of cycles, or the goal is where the profile starts",
+        ),
+    ]
+
+
+def second(arms: Mapping[str, Paper], seeds: Sequence[int]) -> list[Verdict]:
+    """Judge what Experiment 2 shows.
+
+    Args:
+        arms: Its three scenarios by name, as in :data:`RATES`.
+        seeds: One run each.
+    """
+    any_arm = arms["moderate"]
+    few = any_arm.spec.feedback.errors
+    third = arms["aggressive"].spec.feedback.errors
+    assert few is not None
+    assert third is not None
+    by_chance = replace(third, every=0, share=1 / third.every)
+    rare = {name: _played(any_arm, rate, few, seeds) for name, rate in RATES.items()}
+    often = {name: _played(any_arm, rate, by_chance, seeds) for name, rate in RATES.items()}
+    regular = {name: _played(any_arm, rate, third, seeds[:1]) for name, rate in RATES.items()}
+    return [
+        _conservative(
+            rare["conservative"], _played(any_arm, RATES["conservative"], None, seeds[:1])
+        ),
+        _aggressive(often, regular),
+        _abrupt(often["aggressive"], by_chance),
+        _moderate(rare["moderate"]),
+        _balance(rare),
+        _robust(often, regular),
+        _stability(rare),
+    ]
+
+
+def played_third(experiment: Paper, seeds: Sequence[int]) -> Replicas:
+    """Play Experiment 3 with random ties; the paper leaves open who gets a scene of equal bids."""
+    spec = experiment.spec.shortened(max(experiment.spec.rounds, JUDGED))
+    return replicas(world_of(experiment.folder, spec), spec, seeds, Arm(tie_break="random"))
+
+
+def third(runs: Replicas) -> list[Verdict]:
+    """Judge what Experiment 3 shows."""
+    world = runs.world
+    correct = right(world, runs.luck, runs.course)
+    start = np.abs(world.starts - world.best).sum(axis=-1)
+    end = np.abs(runs.course.profiles[:, -1] - world.best).sum(axis=-1)
+    adjusted = (end < start).all(axis=1)
+    early, late = correct[:, :20].mean(axis=1), correct[:, -LATE:].mean(axis=1)
+    starved = ~runs.course.all_ran
+    settled = converged(correct)
+    starvation = (
+        f"in {percent(float(starved.mean()))} of runs an agent never runs: when agents 1 and 3 "
+        "have run before agent 5, agent 3 is nearer to [5, 5, 5] than an agent that still stands "
+        "at [2.5, 2.5, 2.5], and stays so for ever. With random ties agent 5 is the last of the "
+        "three in exactly one of three runs, whatever the order of the scenes; with a fixed order "
+        "of the agents two of the six orders do that in every run, also the default of the market"
+    )
+    return [
+        judged(
+            Claim(
+                name="Agents move to what they are made for",
+                section="3.4",
+                quote="adjustments of the individual agents in the direction of their exemplary "
+                "assumed values become visible",
+                criterion=f"after {correct.shape[1]} rounds every agent is nearer to it than at "
+                "the start",
+            ),
+            adjusted,
+            f"mean distance {end.mean():.2g} at the end, {start.mean():.2g} at the start",
+            starvation,
+        ),
+        judged(
+            Claim(
+                name="Selection becomes targeted",
+                section="3.4",
+                quote="an increasingly targeted selection of agents takes place, although all "
+                "agents were initialised with the same parameters",
+                criterion=f"at least 99 % of the last {LATE} scenes go to the agent made for "
+                "them, and no fewer than of the first 20",
+            ),
+            (late >= 0.99) & (late >= early),
+            f"right selections: {percent(float(early.mean()))} of the first 20 scenes, "
+            f"{percent(float(late.mean()))} of the last {LATE}; median of {np.median(settled):g} "
+            "rounds until it stays right",
+            starvation,
+        ),
+    ]
+
+
+def _conservative(runs: Replicas, quiet: Replicas) -> Verdict:
+    late = _gap(runs)[:, -LATE:]
+    slow = _arrival(_distance(quiet)[0])
+    return judged(
+        Claim(
+            name="A low rate is slow but stable",
+            section="3.3.1, Figure 6",
+            quote="Even with noise in the feedback data a low learning rate leads to a slow but "
+            "stable convergence.",
+            criterion="with 5 % wrong feedback no parameter is farther than 0.5 from its goal in "
+            f"the last {LATE} of 200 cycles",
+        ),
+        np.abs(late).max(axis=(1, 2)) <= 0.5,
+        f"largest distance of a parameter in the last {LATE} cycles: median "
+        f"{np.median(np.abs(late).max(axis=(1, 2))):.2f}; without noise {_counted(slow)} to a "
+        f"Manhattan distance below {REACHED:g}",
+        "several wrong feedbacks close together carry even a slow profile farther",
+    )
+
+
+def _aggressive(often: Mapping[str, Replicas], regular: Mapping[str, Replicas]) -> Verdict:
+    swing = {name: _swing(runs) for name, runs in often.items()}
+    own = {name: float(_swing(runs)[0]) for name, runs in regular.items()}
+    return judged(
+        Claim(
+            name="A high rate fluctuates",
+            section="3.3.2, Figure 7",
+            quote="This noise causes Agent 1's parameters to fluctuate significantly, as it "
+            "quickly adjusts to feedback changes.",
+            criterion="with a third of the feedback 5, a parameter swings over more than a "
+            f"quarter of its range in the last {LATE} cycles, and more than at the low rate",
+        ),
+        (swing["aggressive"] > JUMP) & (swing["aggressive"] > swing["conservative"]),
+        f"median swing {np.median(swing['aggressive']):.2f} at rate {RATES['aggressive']:g}, "
+        f"{np.median(swing['conservative']):.2f} at rate {RATES['conservative']:g}; when exactly "
+        f"each third is 5: {own['aggressive']:.2f} and {own['conservative']:.2f}",
+        "there are runs without wrong feedbacks close together",
+    )
+
+
+def _abrupt(runs: Replicas, errors: Errors) -> Verdict:
+    wrong = runs.luck.doubt[:, :, 0] == 0.0
+    twice = wrong[:, :-1] & wrong[:, 1:]
+    values = np.concatenate(
+        [np.repeat(runs.world.starts[None, None], len(wrong), 0), runs.course.profiles], axis=1
+    )[:, :, 0]
+    rises = (values[:, 2:] - values[:, :-2]).max(axis=-1)
+    # From a settled profile: the first ten cycles rise anyway.
+    settled = np.arange(twice.shape[1]) >= 10
+    events = twice & settled & (values[:, :-2, -1] < 2.0)
+    jumps = rises[events]
+    return judged(
+        Claim(
+            name="Two wrong feedbacks in a row shift it abruptly",
+            section="3.3.2",
+            quote="when erroneous feedback (e.g., two consecutive instances of a feedback score "
+            "of 5) occurs, the parameters abruptly shift to higher values, leading to instability",
+            criterion=f"two wrong feedbacks in a row raise a parameter by {JUMP:g} or more at "
+            f"rate {RATES['aggressive']:g}, when it was below 2",
+        ),
+        jumps >= JUMP,
+        f"{len(jumps)} such pairs, median rise {np.median(jumps):.2f}. With exactly each third "
+        "feedback wrong there are no two in a row; so 'every third' has to mean one of three by "
+        f"chance ({percent(errors.share)})",
+        unit="pairs",
+    )
+
+
+def _moderate(runs: Replicas) -> Verdict:
+    late = np.abs(_gap(runs)[:, -LATE:].mean(axis=1)).max(axis=-1)
+    outer = np.abs(_gap(runs)[:, -LATE:]).max(axis=(1, 2))
+    return judged(
+        Claim(
+            name="A moderate rate converges near the truth",
+            section="3.3.3, Figure 8",
+            quote="Despite the occasional noise, Agent 1's parameters gradually converge toward a "
+            "stable value near the true parameter values, demonstrating resilience to noise.",
+            criterion=f"the mean of each parameter over the last {LATE} cycles is within "
+            f"{NEAR:g} of its goal",
+        ),
+        late <= NEAR,
+        f"largest deviation of such a mean: median {np.median(late):.2f}; but single values are "
+        f"up to {np.median(outer):.2f} away in the median run, so 'stable' holds on average only",
+        "a wrong feedback moves a parameter by up to 0.8 at this rate, and some runs have more of "
+        "them than others",
+    )
+
+
+def _balance(rare: Mapping[str, Replicas]) -> Verdict:
+    squared = {n: (_gap(runs) ** 2).sum(axis=-1).mean(axis=1) for n, runs in rare.items()}
+    plain = {n: _distance(runs).mean() for n, runs in rare.items()}
+    best = (squared["moderate"] < squared["conservative"]) & (
+        squared["moderate"] < squared["aggressive"]
+    )
+    return judged(
+        Claim(
+            name="A moderate rate is the best balance",
+            section="3.3.3",
+            quote="When comparing these three scenarios, we find that a moderate learning rate "
+            "strikes a balance between stability and responsiveness",
+            criterion="with 5 % wrong feedback the squared distance to the goal, averaged over "
+            "all 200 cycles, is the smallest of the three rates",
+        ),
+        best,
+        "mean squared distance "
+        + ", ".join(f"{squared[n].mean():.2f} at rate {rate:g}" for n, rate in RATES.items())
+        + ". By the mean Manhattan distance the high rate is best: "
+        + ", ".join(f"{plain[n]:.2f} at rate {rate:g}" for n, rate in RATES.items()),
+        "which rate is best depends on the measure, on how much of the feedback is wrong and on "
+        "how long one looks; with little noise in a run the high rate is best",
+    )
+
+
+def _robust(often: Mapping[str, Replicas], regular: Mapping[str, Replicas]) -> Verdict:
+    means = {n: runs.course.profiles[:, -LATE:, 0].mean(axis=1) for n, runs in often.items()}
+    off = {n: np.abs(means[n] - often[n].world.best[0]).max(axis=-1) for n in RATES}
+    exact = regular["moderate"].course.profiles[0, -99:, 0].mean(axis=0)
+    goal = ", ".join(f"{value:g}" for value in regular["moderate"].world.best[0])
+    return judged(
+        Claim(
+            name="A moderate rate stays robust under noise",
+            section="3.3.3",
+            quote="and maintains robustness in the presence of noisy feedback",
+            criterion="also with a third of the feedback 5 the mean of each parameter over the "
+            f"last {LATE} cycles is within {NEAR:g} of its goal",
+        ),
+        off["moderate"] <= NEAR,
+        f"the mean goes to [{', '.join(f'{value:.2f}' for value in exact)}], not [{goal}]; median "
+        "deviation of a parameter "
+        + ", ".join(f"{np.median(off[n]):.2f} at rate {rate:g}" for n, rate in RATES.items()),
+        "the update follows the mean of the feedback, which wrong feedback shifts at every rate; "
+        "a lower rate only hides it behind a slower path. A robust update (huber, median) is "
+        "needed",
+    )
+
+
+def _stability(rare: Mapping[str, Replicas]) -> Verdict:
+    spread = {
+        n: runs.course.profiles[:, -LATE:, 0].std(axis=1).mean(axis=-1) for n, runs in rare.items()
+    }
+    ordered = (spread["conservative"] < spread["moderate"]) & (
+        spread["moderate"] < spread["aggressive"]
+    )
+    return judged(
+        Claim(
+            name="The rate sets the stability under noise",
+            section="4.1",
+            quote="the feedback rate defines the stability of the parameters when statistical "
+            "noise is introduced",
+            criterion="with 5 % wrong feedback the standard deviation over the last "
+            f"{LATE} cycles grows with the rate",
+        ),
+        ordered,
+        "mean standard deviation "
+        + ", ".join(f"{spread[n].mean():.3f} at rate {rate:g}" for n, rate in RATES.items())
+        + "; theory: it goes with the root of rate / (2 - rate)",
+        "a run with hardly any wrong feedback in its last cycles has no noise to show it by",
+    )
+
+
+def _played(
+    experiment: Paper, rate: float, errors: Errors | None, seeds: Sequence[int]
+) -> Replicas:
+    world = replace(world_of(experiment.folder, experiment.spec), rates=np.array([rate]))
+    return replicas(world, with_errors(experiment.spec, errors), seeds)
+
+
+def _gap(runs: Replicas) -> Floats:
+    """Return profile minus goal of the only agent, [R, T, n]."""
+    return np.asarray(runs.course.profiles[:, :, 0] - runs.world.best[0])
+
+
+def _distance(runs: Replicas) -> Floats:
+    """Return the Manhattan distance of the only agent to its goal, [R, T]."""
+    return np.asarray(np.abs(_gap(runs)).sum(axis=-1))
+
+
+def _swing(runs: Replicas) -> Floats:
+    """Return the largest range that a parameter passes through in the last cycles, [R]."""
+    late = runs.course.profiles[:, -LATE:, 0]
+    return np.asarray((late.max(axis=1) - late.min(axis=1)).max(axis=-1))
+
+
+def _arrival(distance: Floats) -> float:
+    """Return the number of cycles after which a falling distance is small; infinite for never."""
+    reached = distance < REACHED
+    return float(np.argmax(reached)) + 1.0 if reached.any() else math.inf
+
+
+def _counted(cycles: float) -> str:
+    """Return a number of cycles in words."""
+    return "never" if math.isinf(cycles) else f"{cycles:g} cycles"

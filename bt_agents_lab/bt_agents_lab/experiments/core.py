@@ -1,0 +1,235 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Plays an experiment with the market and the learning of the nodes, but without ROS."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Mapping
+
+from bt_agents.host.agent_registry import Roster
+from bt_agents_core.errors import BtAgentsError
+from bt_agents_core.feedback import LearningRule
+from bt_agents_core.scene import MISSING, Origin, Scene, SceneSpace, SceneValue, Vector
+from bt_agents_lab.experiments.simulated_world import NOT_SIMULATED
+from bt_agents_language.files.folder_reader import Trees
+from bt_agents_language.model.experiment import ExperimentSpec, Record
+from feedback_node.learning.cards import AgentEntry, Card, LearningEntry
+from feedback_node.learning.feedback_controller import Teaching
+from feedback_node.learning.profiles import Profiles
+from feedback_node.learning.runs import Run
+from feedback_node.ledger.ledger import Ledger
+from feedback_node.ledger.ledger_file import MEMORY
+from marketplace_node.effects import Collect, Effect, OpenCall, RunOutcome, SendGoal
+from marketplace_node.interaction.award import RunEnd
+from marketplace_node.market import Market
+from marketplace_node.registry import Registration
+from marketplace_node.round.decision import Bids
+from marketplace_node.settings import Settings
+from marketplace_node.strategies import STRATEGIES
+
+HOST = "/agents"
+_INSTANCE = "core"
+_NOW = 0.0
+"""Nothing takes any time here [s]."""
+
+
+class Core:
+    """One market, one host of all agents of a folder, and one feedback node, as objects.
+
+    Every tree succeeds at once.
+
+    Args:
+        folder: Agents and scene parameters.
+        spec: The experiment.
+        settings: Of the market; None for its defaults.
+    """
+
+    def __init__(
+        self, folder: Trees, spec: ExperimentSpec, settings: Settings | None = None
+    ) -> None:
+        self.space = folder.scene.space
+        self._market = Market(self.space, "core", settings or Settings())
+        self._roster = Roster(self.space, folder.agents)
+        self._ledger = Ledger(MEMORY)
+        self._teaching = Teaching(
+            Profiles(self.space, self._ledger),
+            clock=lambda: _NOW,
+            new_id=lambda: "",
+            simulated=spec.feedback,
+        )
+        self._records: list[Record] = []
+        self._do(self._market.tick(_NOW))
+        self._introduce()
+
+    def close(self) -> None:
+        """Close the ledger."""
+        self._ledger.close()
+
+    def play(self, label: str, vector: Vector) -> Record:
+        """Put a scene on the market and return what came of it.
+
+        Args:
+            label: Unique among the scenes.
+            vector: The scene.
+
+        Raises:
+            BtAgentsError: It led to no feedback.
+        """
+        before = len(self._records)
+        self._do(self._market.scene(scene_of(label, vector, self.space), _NOW))
+        if len(self._records) != before + 1:
+            raise BtAgentsError(
+                f"{label} led to no feedback, expected some after each; name every agent under "
+                "'each' of the experiment's feedback, or let its 'sequence' be long enough"
+            )
+        return self._records[-1]
+
+    def _introduce(self) -> None:
+        agents = tuple(member.spec for member in self._roster.members.values())
+        names = tuple(agent.name for agent in agents)
+        answer, effects = self._market.register(
+            Registration(
+                host=HOST,
+                instance=_INSTANCE,
+                run_action=f"{HOST}/run",
+                heartbeat=f"{HOST}/heartbeat",
+                parameters=self.space.names,
+                agents=names,
+            ),
+            _NOW,
+        )
+        self._roster.enrol(names, answer.agent_ids, answer.reasons)
+        self._do(effects)
+        self._beat(0)
+        self._teaching.introduce(
+            Card(
+                host=HOST,
+                instance=_INSTANCE,
+                parameters=self.space.names,
+                agents=tuple(
+                    AgentEntry(
+                        name=agent.name,
+                        profile=agent.profile,
+                        revision=0,
+                        learning_rate=agent.learning_rate,
+                        learning=learning_of(agent.learning, self.space),
+                    )
+                    for agent in agents
+                ),
+            )
+        )
+
+    def _do(self, effects: list[Effect]) -> None:
+        waiting = deque(effects)
+        while waiting:
+            effect = waiting.popleft()
+            if isinstance(effect, OpenCall):
+                waiting += self._market.called(effect.round, _NOW)
+                waiting += self._market.bids(self._bids(effect), _NOW)
+            elif isinstance(effect, SendGoal):
+                waiting += self._market.goal_accepted(effect.goal, _NOW)
+                self._beat(effect.goal.round)
+                end = RunEnd(outcome=RunOutcome.SUCCEEDED, message="", orphans=(), ticks=1)
+                waiting += self._market.run_ended(effect.goal, end, _NOW)
+                self._beat(0)
+            elif isinstance(effect, Collect):
+                waiting += self._collect(effect)
+
+    def _bids(self, call: OpenCall) -> Bids:
+        answer = self._roster.answer(call.scene, call.excluded)
+        return Bids(
+            epoch=self._market.epoch,
+            round=call.round,
+            host=HOST,
+            instance=_INSTANCE,
+            agents=tuple(member.spec.name for member in answer.bids),
+            agent_ids=tuple(member.agent_id for member in answer.bids),
+            vectors=tuple(value for member in answer.bids for value in member.profile),
+            declined=tuple(answer.declined),
+            decline_reasons=tuple(answer.declined.values()),
+        )
+
+    def _collect(self, effect: Collect) -> list[Effect]:
+        goal = effect.goal
+        run = Run(epoch=self._market.epoch, round=goal.round, agent=goal.agent, scene=effect.scene)
+        change = self._teaching.collect(run)
+        if change is not None:
+            self._roster.set_profile(goal.agent, change.after, change.revision.revision)
+            self._records.append(
+                Record(
+                    round=goal.round,
+                    scene=effect.scene.vector,
+                    winner=goal.agent,
+                    before=change.before,
+                    after=change.after,
+                )
+            )
+        return self._market.collected(goal.round, "", _NOW)
+
+    def _beat(self, round_number: int) -> None:
+        self._do(self._market.heartbeat(HOST, _INSTANCE, self._market.epoch, round_number, _NOW))
+
+
+def learning_of(rule: LearningRule, space: SceneSpace) -> LearningEntry:
+    """Return a learning rule as the card of a host has it."""
+
+    def ordered(values: Mapping[str, float]) -> Vector:
+        return tuple(values.get(name, MISSING) for name in space.names)
+
+    return LearningEntry(
+        update=rule.update.value,
+        rates=ordered(rule.rates),
+        width=ordered(rule.width),
+        window=rule.window,
+        anneal=rule.anneal,
+        drift=ordered(rule.drift),
+        sources=tuple(rule.weights),
+        weights=tuple(rule.weights.values()),
+        layers=rule.layers,
+        general=rule.general,
+    )
+
+
+def scene_of(label: str, vector: Vector, space: SceneSpace) -> Scene:
+    """Return a scene that somebody gives, all of it known."""
+    return Scene(
+        scene_id=label,
+        label=label,
+        person=True,
+        values=tuple(
+            SceneValue(name=name, value=value, origin=Origin.GIVEN)
+            for name, value in zip(space.names, vector, strict=True)
+        ),
+    )
+
+
+def through_core(
+    folder: Trees,
+    spec: ExperimentSpec,
+    settings: Settings | None = None,
+) -> list[Record]:
+    """Play a whole experiment and return its rounds.
+
+    Args:
+        folder: Agents and scene parameters.
+        spec: The experiment; its feedback is used up.
+        settings: Of the market; None for its defaults.
+
+    Raises:
+        BtAgentsError: The strategy needs more than the bids, or a scene led to no feedback.
+    """
+    strategy = settings.strategy if settings else ""
+    if strategy in NOT_SIMULATED:
+        known = ", ".join(name for name in STRATEGIES if name not in NOT_SIMULATED)
+        raise BtAgentsError(
+            f"strategy '{strategy}' is not simulated, as its choice needs more than the bids; "
+            f"take one of {known}"
+        )
+    core = Core(folder, spec, settings)
+    try:
+        return [
+            core.play(f"scene {number}", vector)
+            for number, vector in enumerate(spec.order(), start=1)
+        ]
+    finally:
+        core.close()

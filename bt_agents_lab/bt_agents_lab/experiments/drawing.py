@@ -1,0 +1,138 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Figures that are the same each time they are made, as SVG and PNG."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from bt_agents_core.errors import BtAgentsError
+from marketplace_node.strategies.arrays import Floats
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000", "#999999")
+"""Told apart by people who do not see all colours (Okabe and Ito, 2008)."""
+
+_STYLE: dict[Any, Any] = {
+    "svg.hashsalt": "bt-agents",
+    "svg.fonttype": "path",
+    "path.simplify": True,
+    "path.simplify_threshold": 0.3,
+    "font.family": "DejaVu Sans",
+    "font.size": 9.0,
+    "axes.titlesize": 9.5,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.grid": True,
+    "grid.color": "#E4E4E4",
+    "grid.linewidth": 0.6,
+    "legend.frameon": False,
+    "legend.fontsize": 8.5,
+    "lines.linewidth": 1.4,
+}
+_PNG_DPI = 130
+
+
+@contextmanager
+def sheet(
+    folder: Path, name: str, size: tuple[float, float], rows: int = 1, columns: int = 1
+) -> Iterator[tuple[Figure, Sequence[Axes]]]:
+    """Give an empty figure and its axes, row by row; save it as SVG and PNG afterwards.
+
+    Args:
+        folder: Where the files go; made when it is not there.
+        name: Of the files, without suffix.
+        size: Width and height [inch].
+        rows: Axes below each other.
+        columns: Axes beside each other.
+
+    Raises:
+        BtAgentsError: matplotlib is not installed, or the files cannot be written.
+    """
+    try:
+        import matplotlib
+        from matplotlib.backends.backend_agg import FigureCanvasAgg
+        from matplotlib.figure import Figure as NewFigure
+    except ImportError:
+        raise BtAgentsError(
+            "figures need matplotlib, which is not installed; install it with "
+            "'pip install bt-agents[lab]' or 'apt install python3-matplotlib'"
+        ) from None
+    with matplotlib.rc_context(_STYLE):
+        figure = NewFigure(figsize=size, layout="constrained")
+        FigureCanvasAgg(figure)
+        axes = figure.subplots(rows, columns, squeeze=False)
+        yield figure, list(axes.flat)
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+            figure.savefig(folder / f"{name}.svg", metadata={"Date": None})
+            # What is laid out once serves both.
+            figure.set_layout_engine("none")
+            figure.savefig(folder / f"{name}.png", dpi=_PNG_DPI, metadata={"Software": None})
+        except OSError as error:
+            raise BtAgentsError(
+                f"{folder}: {error.strerror}; name a folder to write into"
+            ) from None
+
+
+def below(axes: Axes, note: str = "", columns: int = 3) -> None:
+    """Put the legend below, where it covers nothing.
+
+    Args:
+        axes: Whose legend.
+        note: What else is to be said about lines and bands.
+        columns: Entries in a row.
+    """
+    axes.legend(
+        loc="upper center",
+        bbox_to_anchor=(0.5, -0.17 if axes.get_xlabel() else -0.1),
+        ncols=columns,
+        title=note or None,
+        title_fontsize=8,
+    )
+
+
+def band(axes: Axes, runs: Floats, colour: str, first: int = 1) -> None:
+    """Draw where 90 % of the runs are, round by round.
+
+    Args:
+        axes: Where.
+        runs: [R, T].
+        colour: Of the band.
+        first: Number of the first round.
+    """
+    if len(runs) < 2:
+        return
+    low, high = np.quantile(runs, [0.05, 0.95], axis=0)
+    rounds = np.arange(first, first + runs.shape[1])
+    axes.fill_between(rounds, low, high, color=colour, alpha=0.16, linewidth=0)
+
+
+def share_band(axes: Axes, hits: Floats, colour: str, label: str) -> None:
+    """Draw a share of runs round by round with its 95 % interval (normal approximation).
+
+    Args:
+        axes: Where.
+        hits: One number from 0 to 1 for each run and round, [R, T].
+        colour: Of the line.
+        label: Of the line.
+    """
+    mean = hits.mean(axis=0)
+    error = 1.96 * hits.std(axis=0) / np.sqrt(len(hits))
+    rounds = np.arange(1, hits.shape[1] + 1)
+    axes.fill_between(
+        rounds,
+        np.clip(mean - error, 0.0, 1.0),
+        np.clip(mean + error, 0.0, 1.0),
+        color=colour,
+        alpha=0.2,
+        linewidth=0,
+    )
+    axes.plot(rounds, mean, color=colour, label=label)

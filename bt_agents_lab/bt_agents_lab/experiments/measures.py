@@ -1,0 +1,170 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What is measured of simulated runs: right selections, regret, starvation, convergence."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from bt_agents_lab.experiments.random_streams import Bools, Luck
+from bt_agents_lab.experiments.simulated_world import World
+from bt_agents_lab.experiments.simulation import Course
+from marketplace_node.strategies.arrays import Floats, Integers
+
+LAST = 100
+"""Rounds at the end of a run that count as learned."""
+
+SETTLED = 0.95
+WINDOW = 20
+"""A run has converged from the round on from which all windows of this length are that right."""
+
+Z95 = 1.959963984540054
+
+
+@dataclass(frozen=True, kw_only=True)
+class Interval:
+    """A share with its 95 % interval; all 0..1."""
+
+    share: float
+    low: float
+    high: float
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PerRun:
+    """What each of R runs came to.
+
+    Attributes:
+        late: Share of the last scenes that the best suited agent got, [R].
+        served: Whether every agent that suits a scene best ran for it in the last rounds, [R].
+        ran: Whether every agent ran at all, [R].
+        regret: Sum of how much worse the chosen agents suited than the best, [R].
+        cycles: Rounds until it stays right, [R]; infinite when it never does.
+        cancelled: Share of scenes for which a run was cancelled, [R].
+        error: Mean Manhattan distance of a profile to what its agent is made for, at the end, [R].
+        right: How many of the runs were right in each round, [T].
+    """
+
+    late: Floats
+    served: Bools
+    ran: Bools
+    regret: Floats
+    cycles: Floats
+    cancelled: Floats
+    error: Floats
+    right: Integers
+
+
+@dataclass(frozen=True, kw_only=True)
+class Measures:
+    """What many runs came to.
+
+    Attributes:
+        runs: How many.
+        accuracy: Mean share of scenes in the last rounds that the best suited agent got.
+        worst: The same of the worst run.
+        starved: Share of runs in which an agent that suits a scene best never ran for it in the
+            last rounds.
+        never: Share of runs in which an agent never ran at all.
+        regret: Mean sum over a run of how much worse the chosen agents suited than the best.
+        cycles: Median rounds until a run has converged; infinite when less than half did.
+        cancelled: Mean share of scenes for which a run was cancelled, over whole runs.
+        error: Mean Manhattan distance of a profile to what its agent is made for, at the end.
+    """
+
+    runs: int
+    accuracy: float
+    worst: float
+    starved: Interval
+    never: Interval
+    regret: float
+    cycles: float
+    cancelled: float
+    error: float
+
+
+def right(world: World, luck: Luck, course: Course) -> Bools:
+    """Return where the best suited agent got the scene, [R, T]."""
+    return np.asarray(course.awarded == world.suited[luck.scene])
+
+
+def regret(world: World, luck: Luck, course: Course) -> Floats:
+    """Return how much worse the chosen agent suits than the best one, [R, T]."""
+    misfit = world.misfit[luck.scene]
+    chosen = np.take_along_axis(misfit, course.awarded[..., None], axis=-1)[..., 0]
+    return np.asarray(chosen - misfit.min(axis=-1))
+
+
+def of_runs(world: World, luck: Luck, course: Course) -> PerRun:
+    """Return what each run came to."""
+    correct = right(world, luck, course)
+    suits = np.unique(world.suited)
+    recent = course.awarded[:, -LAST:]
+    late = correct[:, -LAST:]
+    served = np.stack([((recent == agent) & late).any(axis=1) for agent in suits])
+    return PerRun(
+        late=late.mean(axis=1),
+        served=np.asarray(np.all(served, axis=0)),
+        ran=course.all_ran,
+        regret=regret(world, luck, course).sum(axis=1),
+        cycles=converged(correct),
+        cancelled=(course.cancelled > 0).mean(axis=1),
+        error=np.abs(course.profiles[:, -1] - world.best).sum(axis=-1).mean(axis=-1),
+        right=correct.sum(axis=0),
+    )
+
+
+def together(parts: Sequence[PerRun]) -> PerRun:
+    """Return the runs of several parts, in their order."""
+    names = ("late", "served", "ran", "regret", "cycles", "cancelled", "error")
+    joined = {name: np.concatenate([getattr(part, name) for part in parts]) for name in names}
+    return PerRun(**joined, right=np.sum([part.right for part in parts], axis=0))
+
+
+def summary(runs: PerRun) -> Measures:
+    """Return what all runs came to."""
+    count = len(runs.late)
+    return Measures(
+        runs=count,
+        accuracy=float(runs.late.mean()),
+        worst=float(runs.late.min()),
+        starved=wilson(int((~runs.served).sum()), count),
+        never=wilson(int((~runs.ran).sum()), count),
+        regret=float(runs.regret.mean()),
+        cycles=float(np.median(runs.cycles)),
+        cancelled=float(runs.cancelled.mean()),
+        error=float(runs.error.mean()),
+    )
+
+
+def measure(world: World, luck: Luck, course: Course) -> Measures:
+    """Return what the runs of one course came to."""
+    return summary(of_runs(world, luck, course))
+
+
+def converged(correct: Bools) -> Floats:
+    """Return the round from which each run stays right, [R]; infinite when it never does."""
+    width = min(WINDOW, correct.shape[1])
+    sums = np.cumsum(np.pad(correct, ((0, 0), (1, 0))), axis=1)
+    good = (sums[:, width:] - sums[:, :-width]) >= SETTLED * width
+    stays = np.logical_and.accumulate(good[:, ::-1], axis=1)[:, ::-1]
+    first = np.where(stays.any(axis=1), np.argmax(stays, axis=1) + 1.0, math.inf)
+    return np.asarray(first)
+
+
+def wilson(hits: int, runs: int) -> Interval:
+    """Return a share with its 95 % interval by Wilson's score (1927), right also near 0 and 1."""
+    if runs == 0:
+        return Interval(share=math.nan, low=0.0, high=1.0)
+    share = hits / runs
+    spread = Z95**2 / runs
+    centre = (share + spread / 2.0) / (1.0 + spread)
+    half = Z95 / (1.0 + spread) * math.sqrt(share * (1.0 - share) / runs + spread / (4.0 * runs))
+    return Interval(
+        share=share,
+        low=0.0 if hits == 0 else centre - half,
+        high=1.0 if hits == runs else centre + half,
+    )

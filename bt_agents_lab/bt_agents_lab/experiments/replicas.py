@@ -1,0 +1,97 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Many runs of one experiment that differ in nothing but their seed."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from bt_agents_core.errors import BtAgentsError
+from bt_agents_lab.experiments.random_streams import Luck, draw
+from bt_agents_lab.experiments.simulated_world import Arm, World, vectors
+from bt_agents_lab.experiments.simulation import Course, simulate
+from bt_agents_language.files.folder_reader import Trees
+from bt_agents_language.model.experiment import ExperimentSpec
+from feedback_node.simulated_feedback import Errors
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Replicas:
+    """Many runs of one experiment."""
+
+    world: World
+    luck: Luck
+    course: Course
+
+
+def world_of(folder: Trees, spec: ExperimentSpec) -> World:
+    """Return the world of an experiment.
+
+    Raises:
+        BtAgentsError: It has an agent without a feedback of its own under ``each``.
+    """
+    agents = sorted(folder.agents, key=lambda agent: agent.name)
+    without = [agent.name for agent in agents if agent.name not in spec.feedback.each]
+    if without:
+        raise BtAgentsError(
+            f"{spec.title}: 'each' has no feedback for {', '.join(without)}; many runs at once "
+            "need one for each agent"
+        )
+    return World(
+        space=folder.scene.space,
+        agents=tuple(agent.name for agent in agents),
+        starts=vectors([agent.profile for agent in agents]),
+        best=vectors([spec.feedback.each[agent.name] for agent in agents]),
+        scenes=vectors(list(dict.fromkeys(spec.scenes))),
+        rates=np.array([agent.learning_rate for agent in agents]),
+    )
+
+
+def luck_of(world: World, spec: ExperimentSpec, seeds: Sequence[int]) -> Luck:
+    """Return the chance of some runs: each as the experiment has it with that seed."""
+    luck = draw(world, seeds, spec.rounds)
+    places = {tuple(scene): index for index, scene in enumerate(world.scenes.tolist())}
+    luck.doubt[:] = 1.0
+    for row, seed in enumerate(seeds):
+        seeded = with_seed(spec, seed)
+        luck.scene[row] = [places[scene] for scene in seeded.order()]
+        if seeded.feedback.errors is None:
+            continue
+        for index in range(spec.rounds):
+            wrong = seeded.feedback.errors.instead(index)
+            if wrong is not None:
+                luck.doubt[row, index], luck.said[row, index] = 0.0, wrong
+    return luck
+
+
+def with_seed(spec: ExperimentSpec, seed: int) -> ExperimentSpec:
+    """Return an experiment with another seed, and its feedback from the start."""
+    errors = spec.feedback.errors
+    return replace(
+        spec,
+        seed=seed,
+        feedback=spec.feedback.afresh(None if errors is None else replace(errors, seed=seed)),
+    )
+
+
+def with_errors(spec: ExperimentSpec, errors: Errors | None) -> ExperimentSpec:
+    """Return an experiment with other wrong feedback."""
+    return replace(spec, feedback=spec.feedback.afresh(errors))
+
+
+def replicas(
+    world: World, spec: ExperimentSpec, seeds: Sequence[int], arm: Arm | None = None
+) -> Replicas:
+    """Play an experiment once for each seed.
+
+    Args:
+        world: Of :func:`world_of`, or a variant.
+        spec: The experiment.
+        seeds: Any.
+        arm: How to select and to learn; None as in the paper.
+    """
+    luck = luck_of(world, spec, seeds)
+    # Feedback is wrong where the doubt is 0, right where it is 1.
+    return Replicas(world=world, luck=luck, course=simulate(world, arm or Arm(), luck, 0.5))

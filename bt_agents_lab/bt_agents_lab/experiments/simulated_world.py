@@ -1,0 +1,121 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What an experiment is about: agents, the scenes they should learn, and who reacts to them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+
+from bt_agents_core.feedback import LearningRule
+from bt_agents_core.scene import SceneSpace, Vector
+from marketplace_node.settings import EXTERNAL, RULES
+from marketplace_node.strategies.arrays import Floats, Integers
+
+NOT_SIMULATED = (EXTERNAL, RULES)
+"""Strategies whose choice needs more than the bids."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Person:
+    """How a person's mood follows what an agent does, and what the agents make of it.
+
+    The mood changes each second by ``drift * fit`` and a normally distributed noise, inside the
+    range of its parameter. The fit is 1 for an agent that is made for the scene, falls with the
+    Manhattan distance between both, is 0 at ``tolerance`` and never less than −1. Where feedback
+    is wrong, the mood has other reasons, and the fit is drawn evenly from −1 to 1.
+
+    Attributes:
+        seconds: How long an interaction lasts; the mood is looked at once a second [s].
+        drift: What a perfectly fitting agent adds to the mood [1/s].
+        noise: Standard deviation of what else changes the mood in a second.
+        tolerance: Distance at which an agent neither pleases nor annoys.
+        better: A rise of the mood by so much is positive feedback.
+        worse: A fall by so much is negative feedback, and the run is cancelled.
+        hold_s: How long either must hold; whole seconds [s].
+    """
+
+    seconds: int = 12
+    drift: float = 0.3
+    noise: float = 0.15
+    tolerance: float = 2.0
+    better: float = 0.5
+    worse: float = 1.0
+    hold_s: int = 2
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class World:
+    """Who can be chosen, and for what.
+
+    N agents, K scenes, n parameters.
+
+    Attributes:
+        space: The scene parameters; with a person one of them is the mood.
+        agents: Names in alphabetical order, N.
+        starts: Profiles before the first round, [N, n].
+        best: What each agent is made for, which nobody but the person knows, [N, n].
+        scenes: [K, n].
+        rates: Learning rate of each agent, [N].
+        person: Who reacts by mood during the run; None tells each agent after its run what it is
+            made for, as in the paper.
+    """
+
+    space: SceneSpace
+    agents: tuple[str, ...]
+    starts: Floats
+    best: Floats
+    scenes: Floats
+    rates: Floats
+    person: Person | None = None
+
+    @cached_property
+    def low(self) -> Floats:
+        """Lower ends of the ranges, [n]."""
+        return np.array([p.minimum for p in self.space.parameters])
+
+    @cached_property
+    def high(self) -> Floats:
+        """Upper ends of the ranges, [n]."""
+        return np.array([p.maximum for p in self.space.parameters])
+
+    @cached_property
+    def misfit(self) -> Floats:
+        """Manhattan distance of each scene to what each agent is made for, [K, N]."""
+        distances: Floats = np.abs(self.scenes[:, None] - self.best).sum(axis=-1)
+        return distances
+
+    @cached_property
+    def suited(self) -> Integers:
+        """Index of the agent that suits each scene best, [K]."""
+        nearest: Integers = np.argmin(self.misfit, axis=-1)
+        return nearest
+
+    @property
+    def attempts(self) -> int:
+        """How many agents an interaction can come to: a cancelled run is followed by another."""
+        return 1 if self.person is None else len(self.agents)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Arm:
+    """One way to select and to learn.
+
+    Attributes:
+        strategy: As the market's parameter.
+        options: Of the strategy; its defaults where nothing is said.
+        tie_break: As the market's parameter, or ``random``, which the market does not have.
+        rule: How agents learn.
+    """
+
+    strategy: str = "manhattan"
+    options: Mapping[str, float] = field(default_factory=dict)
+    tie_break: str = "least_recently_run"
+    rule: LearningRule = field(default_factory=LearningRule)
+
+
+def vectors(rows: list[Vector] | tuple[Vector, ...]) -> Floats:
+    """Return vectors as an array, [rows, n]."""
+    return np.array(rows, dtype=np.float64)

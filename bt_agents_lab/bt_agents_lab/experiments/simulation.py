@@ -1,0 +1,278 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Plays many runs of the market at once, each as it would go alone, to the last digit."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from bt_agents_core.feedback import MOOD_RULE, Kind, Update
+from bt_agents_lab.experiments.random_streams import Bools, Luck, Moment
+from bt_agents_lab.experiments.simulated_world import Arm, Person, World
+from feedback_node.learning import updates
+from marketplace_node.strategies import STRATEGIES, Field
+from marketplace_node.strategies.arrays import Floats, Integers
+
+NEVER = 1_000_000
+"""Second of an event that does not happen."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Course:
+    """How R runs of T rounds went, of N agents with n parameters.
+
+    Attributes:
+        awarded: Index of the agent that got each scene first, [R, T].
+        cancelled: How many runs for it were cancelled, [R, T].
+        won: How often each agent ran in each round, [R, T, N]; 0 or 1.
+        profiles: After each round, [R, T, N, n]; with one round only, after the last one.
+    """
+
+    awarded: Integers
+    cancelled: Integers
+    won: Bools
+    profiles: Floats
+
+    @property
+    def all_ran(self) -> Bools:
+        """Whether every agent ran at least once, [R]."""
+        return np.asarray(np.all(np.any(self.won, axis=1), axis=-1))
+
+
+class _State:
+    """What R runs remember from round to round."""
+
+    def __init__(self, world: World, arm: Arm, runs: int) -> None:
+        agents, width = world.starts.shape
+        self.profiles: Floats = np.repeat(world.starts[None], runs, axis=0)
+        self.total = np.zeros(runs)
+        self.runs = np.zeros((runs, agents))
+        self.last_run = np.zeros((runs, agents))
+        self.changes = np.zeros((runs, agents))
+        window = arm.rule.window - 1 if arm.rule.update is Update.MEDIAN else 0
+        self.recent = np.full((runs, agents, window, width), np.nan)
+
+
+def simulate(world: World, arm: Arm, luck: Luck, wrong_share: float = 0.0) -> Course:
+    """Play all runs of ``luck``.
+
+    Args:
+        world: Agents and scenes.
+        arm: How to select and to learn.
+        luck: The chance.
+        wrong_share: Probability that feedback is wrong, 0..1.
+    """
+    return _play(world, arm, luck, (wrong_share,), history=True)
+
+
+def simulate_shares(
+    world: World, arm: Arm, luck: Luck, wrong_shares: Sequence[float]
+) -> list[Course]:
+    """Play all runs of ``luck`` once for each share of wrong feedback, which is faster together.
+
+    Profiles are those after the last round alone.
+    """
+    whole = _play(world, arm, luck, wrong_shares, history=False)
+    runs = len(luck.seeds)
+    parts = [slice(first, first + runs) for first in range(0, runs * len(wrong_shares), runs)]
+    return [
+        Course(
+            awarded=whole.awarded[part],
+            cancelled=whole.cancelled[part],
+            won=whole.won[part],
+            profiles=whole.profiles[part],
+        )
+        for part in parts
+    ]
+
+
+def _play(
+    world: World, arm: Arm, luck: Luck, wrong_shares: Sequence[float], *, history: bool
+) -> Course:
+    """Play R runs of ``luck`` for each of S shares; rows are those of the first share first."""
+    of_luck, rounds = luck.scene.shape
+    runs = of_luck * len(wrong_shares)
+    share = np.repeat(np.array(wrong_shares), of_luck)
+    agents, width = world.starts.shape
+    state = _State(world, arm, runs)
+    rule = updates.arrays(arm.rule, world.space)
+    course = Course(
+        awarded=np.empty((runs, rounds), dtype=np.int64),
+        cancelled=np.zeros((runs, rounds), dtype=np.int64),
+        won=np.zeros((runs, rounds, agents), dtype=bool),
+        profiles=np.empty((runs, rounds if history else 1, agents, width)),
+    )
+    everyone = np.arange(runs)
+    for index in range(rounds):
+        rows = everyone
+        scene = world.scenes[luck.scene[rows % of_luck, index]]
+        for attempt in range(world.attempts):
+            tried = course.won[rows, index]
+            now = Moment(luck, rows % of_luck, index, attempt)
+            chosen = _award(world, arm, state, now, rows, scene, tried)
+            if attempt == 0:
+                course.awarded[:, index] = chosen
+            state.runs[rows, chosen] += 1.0
+            state.total[rows] += 1.0
+            state.last_run[rows, chosen] = state.total[rows]
+            course.won[rows, index, chosen] = True
+            wrong = now.doubt < share[rows]
+            if world.person is None:
+                told = np.where(wrong[:, None], now.said, world.best[chosen])
+                _learn(world, rule, state, rows, chosen, Kind.DIRECT, told, 1.0)
+                break
+            moods = _moods(world, world.person, now, scene, chosen, wrong)
+            praised, blamed = _fired(world.person, moods)
+            weight = arm.rule.weight(MOOD_RULE)
+            for kind, at in (
+                (Kind.POSITIVE, praised < blamed),
+                (Kind.NEGATIVE, blamed < NEVER),
+            ):
+                _learn(world, rule, state, rows[at], chosen[at], kind, scene[at], weight)
+            stopped = blamed < NEVER
+            course.cancelled[rows[stopped], index] += 1
+            scene = scene[stopped]
+            seen_at = blamed[stopped] - min(world.person.hold_s, 1)
+            scene[:, _mood_place(world)] = moods[seen_at, stopped.nonzero()[0]]
+            rows = rows[stopped]
+            if not len(rows):
+                break
+        if history or index == rounds - 1:
+            course.profiles[:, index if history else 0] = state.profiles
+    return course
+
+
+def _award(
+    world: World,
+    arm: Arm,
+    state: _State,
+    now: Moment,
+    rows: Integers,
+    scene: Floats,
+    tried: Bools,
+) -> Integers:
+    """Return who gets the scene in each run; all runs have equally many agents left."""
+    total = state.total[rows]
+    profiles, runs, last_run = state.profiles, state.runs, state.last_run
+    bidders = None
+    if now.attempt:
+        left = len(world.agents) - now.attempt
+        bidders = np.argsort(tried, axis=-1, kind="stable")[:, :left]
+        where = (rows[:, None], bidders)
+        profiles, runs, last_run = profiles[where], runs[where], last_run[where]
+    spec = STRATEGIES[arm.strategy]
+    score = spec.score(
+        Field(
+            scene=scene,
+            std=np.zeros(scene.shape),
+            bids=profiles,
+            weights=np.array([p.weight for p in world.space.parameters]),
+            widths=world.high - world.low,
+            runs=runs,
+            rounds=total,
+            idle=total[:, None] - last_run,
+        ),
+        spec.values(arm.options),
+        now.chance(),
+    ).score
+    # Bidders stay in alphabetical order, so the first of those that are left comes first by name.
+    best = score == score.min(axis=-1, keepdims=True)
+    if arm.tie_break == "random":
+        ties = now.ties if bidders is None else np.take_along_axis(now.ties, bidders, axis=-1)
+        chosen = np.where(best, ties, np.inf).argmin(axis=-1)
+    elif arm.tie_break == "name":
+        chosen = best.argmax(axis=-1)
+    else:
+        chosen = np.where(best, last_run, np.inf).argmin(axis=-1)
+    return np.asarray(chosen if bidders is None else bidders[np.arange(len(rows)), chosen])
+
+
+def _moods(
+    world: World,
+    person: Person,
+    now: Moment,
+    scene: Floats,
+    chosen: Integers,
+    wrong: Bools,
+) -> Floats:
+    """Return the mood at the start and after each second, [seconds + 1, rows]."""
+    place = _mood_place(world)
+    misfit = world.misfit[now.scene, chosen]
+    fit = np.clip(1.0 - misfit / person.tolerance, -1.0, 1.0)
+    fit = np.where(wrong, now.whim, fit)
+    noise = now.mood.astype(np.float64) * person.noise
+    steps = (person.drift * fit[:, None] + noise).T
+    moods = np.empty((person.seconds + 1, len(scene)))
+    moods[0] = scene[:, place]
+    low, high = world.low[place], world.high[place]
+    for second in range(person.seconds):
+        next_mood = moods[second + 1]
+        np.add(moods[second], steps[second], out=next_mood)
+        np.maximum(next_mood, low, out=next_mood)
+        np.minimum(next_mood, high, out=next_mood)
+    return moods
+
+
+def _fired(person: Person, moods: Floats) -> tuple[Integers, Integers]:
+    """Return the second in which the mood rules fire, or :data:`NEVER`."""
+    change = moods[1:] - moods[0]
+    return (
+        _held(change >= person.better, person.hold_s),
+        _held(change <= -person.worse, person.hold_s),
+    )
+
+
+def _held(holds: Bools, hold_s: int) -> Integers:
+    """Return the second, from 1, at which a condition [seconds, rows] has held so long.
+
+    As for :class:`feedback_node.rules.Watch`, a look counts until the next one: one that is due fires
+    on what was seen before.
+    """
+    starts = len(holds) - hold_s
+    if starts < 1:
+        return np.full(holds.shape[1], NEVER)
+    whole = holds[:starts].copy()
+    for shift in range(1, hold_s):
+        whole &= holds[shift : shift + starts]
+    return np.where(whole.any(axis=0), np.argmax(whole, axis=0) + 1 + hold_s, NEVER)
+
+
+def _learn(
+    world: World,
+    rule: updates.RuleArrays,
+    state: _State,
+    rows: Integers,
+    chosen: Integers,
+    kind: Kind,
+    target: Floats,
+    weight: float,
+) -> None:
+    if not len(rows):
+        return
+    profile = state.profiles[rows, chosen]
+    recent = state.recent[rows, chosen]
+    rate = updates.rates(
+        rule, world.rates[chosen], np.full(len(rows), weight), state.changes[rows, chosen]
+    )
+    state.profiles[rows, chosen] = updates.moved(
+        kind,
+        profile,
+        target,
+        rate,
+        rule,
+        recent,
+        world.starts[chosen],
+        world.low,
+        world.high,
+    )
+    state.changes[rows, chosen] += 1.0
+    if recent.shape[1]:
+        asked = updates.asked(kind, profile, target)
+        state.recent[rows, chosen] = np.concatenate([recent[:, 1:], asked[:, None]], axis=1)
+
+
+def _mood_place(world: World) -> int:
+    assert world.space.mood is not None
+    return world.space.names.index(world.space.mood)

@@ -1,0 +1,177 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Compares ways to select and to learn over many runs, in as many processes as wanted."""
+
+from __future__ import annotations
+
+import multiprocessing
+from collections.abc import Callable, Iterator, Mapping
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures.process import BrokenProcessPool
+from dataclasses import dataclass, field
+from itertools import product
+
+from bt_agents_core.errors import BtAgentsError
+from bt_agents_core.feedback import LearningRule, Update
+from bt_agents_lab.experiments.measures import PerRun, of_runs, together
+from bt_agents_lab.experiments.random_streams import Said, draw
+from bt_agents_lab.experiments.simulated_world import Arm, World
+from bt_agents_lab.experiments.simulation import simulate_shares
+
+PART = 1000
+"""Runs that are played at once, whatever the number of processes, so that results are the same."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Selection:
+    """A strategy with what is set about it."""
+
+    strategy: str
+    options: Mapping[str, float] = field(default_factory=dict)
+    tie_break: str = "least_recently_run"
+
+    @property
+    def label(self) -> str:
+        """For tables and figures: ``ucb c=2``."""
+        words = [self.strategy, *(f"{name}={value:g}" for name, value in self.options.items())]
+        if self.tie_break != "least_recently_run":
+            words.append(f"(ties: {self.tie_break})")
+        return " ".join(words)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Learning:
+    """A learning rule of all agents."""
+
+    rule: LearningRule
+
+    @property
+    def label(self) -> str:
+        """For tables and figures: ``huber width=1``."""
+        words = [str(self.rule.update)]
+        if self.rule.update is Update.HUBER and self.rule.width:
+            words.append(f"width={next(iter(self.rule.width.values())):g}")
+        if self.rule.update is Update.MEDIAN:
+            words.append(f"window={self.rule.window}")
+        if self.rule.anneal:
+            words.append(f"anneal={self.rule.anneal:g}")
+        return " ".join(words)
+
+
+@dataclass(frozen=True, kw_only=True)
+class SweepSpec:
+    """What is compared.
+
+    Attributes:
+        title: For people.
+        world: In which world.
+        runs: Runs of each cell; run i has the seed ``seed + i``.
+        rounds: Length of a run.
+        seed: Of the first run.
+        shares: Shares of wrong feedback.
+        said: What wrong feedback says.
+        selections: Ways to select.
+        learnings: Ways to learn.
+    """
+
+    title: str
+    world: World
+    runs: int
+    rounds: int
+    seed: int
+    shares: tuple[float, ...]
+    said: Said
+    selections: tuple[Selection, ...]
+    learnings: tuple[Learning, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Cell:
+    """One way to select and to learn, under one share of wrong feedback."""
+
+    selection: Selection
+    learning: Learning
+    share: float
+
+
+Results = dict[tuple[int, int, int], PerRun]
+"""Indices of selection, learning and share → what the runs came to."""
+
+
+def sweep(
+    spec: SweepSpec, processes: int = 1, progress: Callable[[int, int], None] = lambda d, t: None
+) -> list[tuple[Cell, PerRun]]:
+    """Play every cell and return what came of it, in the order of the spec.
+
+    Args:
+        spec: What is compared.
+        processes: How many work at once; the result does not depend on it.
+        progress: Told how many of how many pieces of work are done.
+
+    Raises:
+        BtAgentsError: A process was ended from outside.
+    """
+    parts = [
+        range(first, min(first + PART, spec.seed + spec.runs))
+        for first in range(spec.seed, spec.seed + spec.runs, PART)
+    ]
+    # What a strategy draws for some seeds serves all learning rules and shares.
+    tasks = list(product(range(len(parts)), range(len(spec.selections))))
+    done: dict[tuple[int, int], Results] = {}
+    for task, results in _worked(spec, parts, tasks, processes):
+        done[task] = results
+        progress(len(done), len(tasks))
+    cells = []
+    for (row, selection), (rule, learning), (place, share) in product(
+        enumerate(spec.selections), enumerate(spec.learnings), enumerate(spec.shares)
+    ):
+        cell = Cell(selection=selection, learning=learning, share=share)
+        runs = [done[part, row][row, rule, place] for part in range(len(parts))]
+        cells.append((cell, together(runs)))
+    return cells
+
+
+def _worked(
+    spec: SweepSpec,
+    parts: list[range],
+    tasks: list[tuple[int, int]],
+    processes: int,
+) -> Iterator[tuple[tuple[int, int], Results]]:
+    if processes <= 1:
+        for part, selection in tasks:
+            yield (part, selection), _play(spec, parts[part], selection)
+        return
+    context = multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(processes, mp_context=context) as pool:
+        waiting: dict[Future[Results], tuple[int, int]] = {
+            pool.submit(_play, spec, parts[part], selection): (part, selection)
+            for part, selection in tasks
+        }
+        try:
+            while waiting:
+                for future in wait(waiting, return_when=FIRST_COMPLETED).done:
+                    yield waiting.pop(future), future.result()
+        except BrokenProcessPool:
+            raise BtAgentsError(
+                "a process of the sweep was ended from outside; with little memory, take fewer "
+                "with --processes"
+            ) from None
+        finally:
+            pool.shutdown(cancel_futures=True)
+
+
+def _play(spec: SweepSpec, seeds: range, selection: int) -> Results:
+    """Play some runs with one strategy and every learning rule and share."""
+    chosen = spec.selections[selection]
+    luck = draw(spec.world, seeds, spec.rounds, spec.said)
+    results = {}
+    for rule, learning in enumerate(spec.learnings):
+        arm = Arm(
+            strategy=chosen.strategy,
+            options=chosen.options,
+            tie_break=chosen.tie_break,
+            rule=learning.rule,
+        )
+        courses = simulate_shares(spec.world, arm, luck, spec.shares)
+        for place, course in enumerate(courses):
+            results[selection, rule, place] = of_runs(spec.world, luck, course)
+    return results

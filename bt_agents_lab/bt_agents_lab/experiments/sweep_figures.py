@@ -1,0 +1,237 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a sweep came to: figures, a table and files for other programs."""
+
+from __future__ import annotations
+
+import csv
+import json
+import math
+from collections.abc import Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from bt_agents_core.errors import BtAgentsError
+from bt_agents_lab.experiments.drawing import COLOURS, sheet
+from bt_agents_lab.experiments.measures import LAST, Measures, PerRun, summary
+from bt_agents_lab.experiments.sweep import Cell, Learning, Selection, SweepSpec
+from bt_agents_lab.experiments.verdicts import percent
+from marketplace_node.strategies.arrays import Floats
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+Played = Sequence[tuple[Cell, PerRun]]
+
+HEADINGS = {
+    "wrong": "wrong feedback",
+    "right": f"right, last {LAST} rounds",
+    "worst": "right, worst run",
+    "starved": "runs with a starved agent",
+    "never": "runs where one never ran",
+    "regret": "regret",
+    "settles": "rounds to converge",
+    "cancelled": "scenes with a cancelled run",
+    "error": "profile error",
+}
+"""What a table of results shows."""
+
+WINDOW = 10
+"""Rounds over which a learning curve is averaged."""
+
+_THICKEST, _THINNEST = 3.0, 0.9
+"""Widths of the first and the last line [points]."""
+
+_DASHES = ("-", "--", ":", "-.")
+_CURVE_SHARE = 0.2
+"""Learning curves are drawn for the share of wrong feedback next to this one."""
+
+
+def write(folder: Path, spec: SweepSpec, played: Played) -> list[Path]:
+    """Write results.csv, results.json, table.md and all figures; return the files.
+
+    Raises:
+        BtAgentsError: A file cannot be written, or matplotlib is not installed.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        _csv(folder / "results.csv", played)
+        (folder / "results.json").write_text(_json(spec, played))
+        (folder / "table.md").write_text(table(spec, played))
+    except OSError as error:
+        raise BtAgentsError(f"{folder}: {error.strerror}; name a folder to write into") from None
+    curves(folder, spec, played)
+    robustness(folder, spec, played)
+    names = ("results.csv", "results.json", "table.md")
+    figures = [f"{name}.{kind}" for name in ("curves", "robustness") for kind in ("svg", "png")]
+    return [folder / name for name in (*names, *figures)]
+
+
+def table(spec: SweepSpec, played: Played) -> str:
+    """Return the results as a Markdown table."""
+    head = ("strategy", "update", *HEADINGS.values())
+    lines = [
+        f"{spec.title}: {spec.runs} runs of {spec.rounds} rounds a row, seeds {spec.seed} to "
+        f"{spec.seed + spec.runs - 1}.",
+        "",
+        f"| {' | '.join(head)} |",
+        f"|{'---|' * len(head)}",
+    ]
+    for cell, runs in played:
+        row = (cell.selection.label, cell.learning.label, *cells(cell, summary(runs)).values())
+        lines.append(f"| {' | '.join(row)} |")
+    return "\n".join(lines) + "\n"
+
+
+def cells(cell: Cell, found: Measures) -> dict[str, str]:
+    """Return share of wrong feedback and measures as words, by the keys of :data:`HEADINGS`."""
+    return {
+        "wrong": f"{cell.share:.0%}",
+        "right": f"{found.accuracy:.2%}",
+        "worst": f"{found.worst:.0%}",
+        "starved": f"{found.starved.share:.1%}",
+        "never": f"{found.never.share:.1%}",
+        "regret": f"{found.regret:.0f}",
+        "settles": "never" if math.isinf(found.cycles) else f"{found.cycles:.0f}",
+        "cancelled": f"{found.cancelled:.1%}",
+        "error": f"{found.error:.2f}",
+    }
+
+
+def curves(folder: Path, spec: SweepSpec, played: Played) -> None:
+    """Draw how the share of right selections grows, a panel for each learning rule."""
+    share = min(spec.shares, key=lambda one: abs(one - _CURVE_SHARE))
+    columns = len(spec.learnings)
+    with sheet(folder, "curves", (3.2 * columns + 0.4, 4.2), columns=columns) as (figure, panels):
+        for axes, learning in zip(panels, spec.learnings, strict=True):
+            for selection, line in zip(spec.selections, _lines(spec.selections), strict=True):
+                runs = _of(played, selection, learning, share)
+                right = _smooth(runs.right / len(runs.late))
+                axes.plot(np.arange(1, len(right) + 1), right, **line)
+            axes.set_title(learning.label)
+            axes.set_xlabel("round")
+            axes.set_xlim(0, spec.rounds)
+            axes.set_ylim(0.0, 1.02)
+        panels[0].set_ylabel("right selections (share of runs)")
+        _legend(figure, panels[0], columns)
+        figure.suptitle(
+            f"{spec.title}: {percent(share)} wrong feedback, {spec.runs} runs, mean of {WINDOW} "
+            "rounds",
+            fontsize=10,
+        )
+
+
+def robustness(folder: Path, spec: SweepSpec, played: Played) -> None:
+    """Draw right selections at the end, and starvation, over the share of wrong feedback."""
+    columns = len(spec.learnings)
+    size = (3.2 * columns + 0.4, 6.4)
+    least = 100.0 * min(float(runs.late.mean()) for _, runs in played)
+    with sheet(folder, "robustness", size, rows=2, columns=columns) as (figure, panels):
+        for column, learning in enumerate(spec.learnings):
+            upper, lower = panels[column], panels[columns + column]
+            for selection, line in zip(spec.selections, _lines(spec.selections), strict=True):
+                found = [summary(_of(played, selection, learning, one)) for one in spec.shares]
+                wrong = [100.0 * one for one in spec.shares]
+                upper.plot(wrong, [100.0 * one.accuracy for one in found], marker=".", **line)
+                lower.plot(wrong, [100.0 * one.starved.share for one in found], marker=".", **line)
+                lower.fill_between(
+                    wrong,
+                    [100.0 * one.starved.low for one in found],
+                    [100.0 * one.starved.high for one in found],
+                    color=line["color"],
+                    alpha=0.12,
+                    linewidth=0,
+                )
+            upper.set_title(learning.label)
+            upper.set_ylim(least - 2.0, 101.0)
+            lower.set_ylim(-2, 102)
+            lower.set_xlabel("wrong feedback [%]")
+        panels[0].set_ylabel(f"right selections, last {LAST} rounds [%]")
+        panels[columns].set_ylabel("runs with a starved agent [%]")
+        _legend(figure, panels[0], columns)
+        figure.suptitle(
+            f"{spec.title}: {spec.runs} runs of {spec.rounds} rounds; bands: 95 % intervals",
+            fontsize=10,
+        )
+
+
+def _smooth(values: Floats) -> Floats:
+    """Return means over the last rounds up to each, [T]."""
+    ends = range(1, len(values) + 1)
+    return np.array([values[max(end - WINDOW, 0) : end].mean() for end in ends])
+
+
+def _lines(selections: Sequence[Selection]) -> list[dict[str, Any]]:
+    """Return how each is drawn: a colour for a strategy, dashes for other options of it.
+
+    Each is thinner than the one before, which so is seen on both sides where they are equal.
+    """
+    families = list(dict.fromkeys(one.strategy for one in selections))
+    counts = dict.fromkeys(families, 0)
+    widths = np.linspace(_THICKEST, _THINNEST, len(selections)).tolist()
+    lines = []
+    for one, width in zip(selections, widths, strict=True):
+        lines.append(
+            {
+                "color": COLOURS[families.index(one.strategy) % len(COLOURS)],
+                "linestyle": _DASHES[counts[one.strategy] % len(_DASHES)],
+                "label": one.label,
+                "linewidth": width,
+                "markersize": 2.0 + 2.0 * width,
+            }
+        )
+        counts[one.strategy] += 1
+    return lines
+
+
+def _legend(figure: Figure, axes: Axes, columns: int) -> None:
+    handles, labels = axes.get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=max(columns, 2))
+
+
+def _of(played: Played, selection: Selection, learning: Learning, share: float) -> PerRun:
+    wanted = Cell(selection=selection, learning=learning, share=share)
+    return next(runs for cell, runs in played if cell == wanted)
+
+
+def _csv(path: Path, played: Played) -> None:
+    with path.open("w", newline="") as file:
+        writer = csv.writer(file)
+        rows = [_row(cell, summary(runs)) for cell, runs in played]
+        writer.writerow(rows[0])
+        writer.writerows(row.values() for row in rows)
+
+
+def _row(cell: Cell, found: Measures) -> dict[str, object]:
+    values = asdict(found)
+    flat: dict[str, object] = {
+        "strategy": cell.selection.label,
+        "update": cell.learning.label,
+        "wrong_share": cell.share,
+    }
+    for name, value in values.items():
+        if isinstance(value, dict):
+            flat |= {f"{name}_{part}": number for part, number in value.items()}
+        else:
+            flat[name] = None if isinstance(value, float) and math.isinf(value) else value
+    return flat
+
+
+def _json(spec: SweepSpec, played: Played) -> str:
+    rows = [
+        {**_row(cell, summary(runs)), "right_by_round": runs.right.tolist()}
+        for cell, runs in played
+    ]
+    document = {
+        "title": spec.title,
+        "runs": spec.runs,
+        "rounds": spec.rounds,
+        "seed": spec.seed,
+        "agents": spec.world.agents,
+        "parameters": spec.world.space.names,
+        "cells": rows,
+    }
+    return json.dumps(document, indent=1) + "\n"

@@ -1,0 +1,128 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A written verdict on a claim, with the runs it was counted in."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Sequence
+from dataclasses import asdict, dataclass
+
+import numpy as np
+
+from bt_agents_lab.experiments.measures import Interval, wilson
+from bt_agents_lab.experiments.random_streams import Bools
+
+
+@dataclass(frozen=True, kw_only=True)
+class Claim:
+    """What is claimed, and by what it is judged here.
+
+    Attributes:
+        name: Short and unique.
+        section: Where it stands.
+        quote: In its own words.
+        criterion: What a run must show for the claim to hold in it.
+    """
+
+    name: str
+    section: str
+    quote: str
+    criterion: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class Verdict:
+    """Whether a claim holds.
+
+    Attributes:
+        claim: The claim.
+        runs: In how many runs it was looked at; 1 where nothing is left to chance.
+        held: In how many of them it holds.
+        unit: What was counted, in the plural.
+        interval: Share of runs and its 95 % interval (Wilson).
+        found: What was measured, in words and numbers.
+        reason: Why it holds only sometimes or not at all; empty when it holds.
+    """
+
+    claim: Claim
+    runs: int
+    held: int
+    unit: str
+    interval: Interval
+    found: str
+    reason: str = ""
+
+    @property
+    def words(self) -> str:
+        """``holds``, ``holds in 66.3 % of runs`` or ``fails``, with the runs."""
+        if self.runs == 1:
+            return "holds" if self.held else "fails"
+        low, high = percent(self.interval.low), percent(self.interval.high)
+        counted = f"{self.held} of {self.runs} {self.unit}, 95 % interval {low} to {high}"
+        if self.held == self.runs:
+            return f"holds ({counted})"
+        if not self.held:
+            return f"fails ({counted})"
+        return f"holds in {percent(self.interval.share)} of {self.unit} ({counted})"
+
+
+def judged(
+    claim: Claim,
+    held: Bools | Sequence[bool],
+    found: str,
+    reason: str = "",
+    unit: str = "runs",
+) -> Verdict:
+    """Return the verdict on a claim from one answer a run.
+
+    Args:
+        claim: The claim.
+        held: Whether each run shows it.
+        found: What was measured.
+        reason: Why it does not hold in every run; left out when it does.
+        unit: What is counted, when it is not runs.
+    """
+    runs, hits = len(held), int(np.count_nonzero(held))
+    return Verdict(
+        claim=claim,
+        runs=runs,
+        held=hits,
+        unit=unit,
+        interval=wilson(hits, runs),
+        found=found,
+        reason="" if hits == runs else reason,
+    )
+
+
+def percent(share: float) -> str:
+    """Return a share as words: as many digits as tell it from none and from all."""
+    for digits in (1, 2, 3):
+        rounded = round(share * 100, digits)
+        if share in (0.0, 1.0) or 0.0 < rounded < 100.0:
+            break
+    return f"{rounded:.6g} %"
+
+
+def as_markdown(title: str, verdicts: Iterable[Verdict]) -> str:
+    """Return verdicts as a document."""
+    lines = [f"# {title}", ""]
+    for verdict in verdicts:
+        claim = verdict.claim
+        lines += [
+            f"## {claim.name}: {verdict.words}",
+            "",
+            f"> {claim.quote} (section {claim.section})",
+            "",
+            f"- Judged by: {claim.criterion}",
+            f"- Found: {verdict.found}",
+        ]
+        if verdict.reason:
+            lines.append(f"- Why: {verdict.reason}")
+        lines.append("")
+    return "\n".join(lines)
+
+
+def as_json(verdicts: Iterable[Verdict]) -> str:
+    """Return verdicts as JSON, a list."""
+    rows = [{**asdict(verdict), "verdict": verdict.words} for verdict in verdicts]
+    return json.dumps(rows, indent=2, ensure_ascii=False) + "\n"

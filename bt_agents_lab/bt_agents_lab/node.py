@@ -1,0 +1,210 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The journal node: hears everything that a system says and keeps it as it is."""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from datetime import date
+from pathlib import Path
+from typing import Any
+
+from rclpy.qos import QoSProfile
+from rclpy.serialization import deserialize_message
+
+from bt_agents_core.errors import BtAgentsError
+from bt_agents_interfaces.msg import (
+    AgentFiles,
+    Auction,
+    Bids,
+    CallForBids,
+    Feedback,
+    HostCard,
+    MarketStatus,
+    MoodTrace,
+    Persons,
+    Profiles,
+    Run,
+    RunRecord,
+    Scene,
+    SceneEnd,
+    Trees,
+    TreeStatus,
+    Tunings,
+)
+from bt_agents_lab.recorder.daily_recorder import Journal, Said, Topic
+from bt_agents_lab.recorder.definition_texts import definition_text
+from bt_agents_lab.recorder.definitions import definition
+from bt_agents_ros import qos
+from bt_agents_ros.base_node import GuardedNode
+from bt_agents_ros.parameters import declare, describe
+from bt_agents_ros.spinner import run
+from bt_agents_ros.startup import StartParameter, make_from_parameters
+from bt_agents_ros.timers import steady_timer
+from bt_agents_tools.launcher.components import journal_folder
+
+FLUSH_S = 1.0
+"""What was heard is in the file after so long [s]."""
+
+MOST_HOSTS = 100
+"""Hosts that are listened to at once."""
+
+_PACKAGE = "bt_agents_interfaces"
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Source:
+    """A topic that is kept; a fact stays true until it is said anew."""
+
+    name: str
+    kind: Any
+    profile: QoSProfile
+    fact: bool = False
+
+
+_SYSTEM = (
+    _Source(name="scene", kind=Scene, profile=qos.FACTS),
+    _Source(name="scene/live", kind=Scene, profile=qos.SENSOR),
+    _Source(name="scene/persons", kind=Persons, profile=qos.FACTS),
+    _Source(name="calls", kind=CallForBids, profile=qos.EVENTS),
+    _Source(name="bids", kind=Bids, profile=qos.EVENTS),
+    _Source(name="auctions", kind=Auction, profile=qos.FACTS),
+    _Source(name="runs", kind=Run, profile=qos.FACTS),
+    _Source(name="scene_ends", kind=SceneEnd, profile=qos.FACTS),
+    _Source(name="market", kind=MarketStatus, profile=qos.FACTS, fact=True),
+    _Source(name="feedback", kind=Feedback, profile=qos.FACTS),
+    _Source(name="profiles", kind=Profiles, profile=qos.FACTS, fact=True),
+    _Source(name="mood_traces", kind=MoodTrace, profile=qos.FACTS),
+)
+
+_OF_A_HOST = (
+    _Source(name="files", kind=AgentFiles, profile=qos.FACTS, fact=True),
+    _Source(name="trees", kind=Trees, profile=qos.FACTS, fact=True),
+    _Source(name="tunings", kind=Tunings, profile=qos.FACTS, fact=True),
+    _Source(name="status", kind=TreeStatus, profile=qos.EVENTS),
+    _Source(name="records", kind=RunRecord, profile=qos.EVENTS),
+)
+
+
+class JournalNode(GuardedNode):
+    """Writes what the nodes of a system say into one file a day.
+
+    Args:
+        folder: For the files.
+        today: Returns the local date.
+        node_kwargs: For :class:`rclpy.node.Node`.
+    """
+
+    def __init__(
+        self, folder: Path, *, today: Callable[[], date] = date.today, **node_kwargs: Any
+    ) -> None:
+        super().__init__("journal", **node_kwargs)
+        limits = describe(
+            "files that are kept, one a day; 0 keeps all",
+            minimum=0,
+            maximum=36_500,
+            integer=True,
+            read_only=True,
+        )
+        days = int(declare(self, "days", 0, limits))
+        self._definitions: dict[str, str] = {}
+        self._hosts: set[str] = set()
+        try:
+            self.journal = Journal(folder, days=days, today=today, tell=self._tell)
+        except OSError as error:
+            self.destroy_node()
+            raise BtAgentsError(
+                f"no place for the journal: {folder} ({error.strerror}); name another folder"
+            ) from None
+        except BtAgentsError:
+            self.destroy_node()
+            raise
+        for source in _SYSTEM:
+            self._listen(source, source.name)
+        self._topic_of_cards = self._topic(HostCard, "cards")
+        self.create_subscription(HostCard, "cards", self._take_card, qos.FACTS, raw=True)
+        steady_timer(self, FLUSH_S, lambda: self.journal.flush(time.time_ns()))
+        self.get_logger().info(f"the journal is {self.journal.path}")
+
+    def destroy_node(self) -> None:
+        """Write what was heard and leave the graph."""
+        if hasattr(self, "journal"):
+            self.journal.close()
+        super().destroy_node()
+
+    def _listen(self, source: _Source, name: str) -> None:
+        topic = self._topic(source.kind, name)
+        fact = topic.name if source.fact else ""
+
+        def take(data: bytes, info: Mapping[str, Any]) -> None:
+            self.journal.take(_said(topic, data, info), fact=fact)
+
+        self.create_subscription(source.kind, name, take, source.profile, raw=True)
+
+    def _take_card(self, data: bytes, info: Mapping[str, Any]) -> None:
+        """Keep the card of a host, and listen to the host from then on."""
+        host = str(deserialize_message(data, HostCard).host)
+        if host not in self._hosts:
+            if len(self._hosts) >= MOST_HOSTS:
+                self.get_logger().error(
+                    f"{host} is left out of the journal: {MOST_HOSTS} other hosts were heard, "
+                    "expected no more; start it again when some of them are gone",
+                    throttle_duration_sec=60.0,
+                )
+                return
+            self._hosts.add(host)
+            for source in _OF_A_HOST:
+                self._listen(source, f"{host}/{source.name}")
+        topic = self._topic_of_cards
+        self.journal.take(_said(topic, data, info), fact=f"{topic.name} {host}")
+
+    def _topic(self, kind: Any, name: str) -> Topic:
+        type_name = f"{_PACKAGE}/msg/{kind.__name__}"
+        if type_name not in self._definitions:
+            self._definitions[type_name] = definition(type_name, definition_text)
+        return Topic(
+            name=self.resolve_topic_name(name),
+            type=type_name,
+            definition=self._definitions[type_name],
+        )
+
+    def _tell(self, words: str, wrong: bool) -> None:
+        if wrong:
+            self.get_logger().error(words)
+        else:
+            self.get_logger().info(words)
+
+
+def _said(topic: Topic, data: bytes, info: Mapping[str, Any]) -> Said:
+    heard = time.time_ns()
+    return Said(topic=topic, data=data, sent_ns=int(info["source_timestamp"]), heard_ns=heard)
+
+
+FOLDER = StartParameter(
+    name="folder", description="folder of the files; empty means that of the logs of bt-agents"
+)
+
+
+def make_node() -> JournalNode:
+    """Create the node with the folder that its parameter names.
+
+    Raises:
+        BtAgentsError: The folder cannot be written, or another journal writes there.
+    """
+
+    def make(values: Mapping[str, str]) -> JournalNode:
+        folder = Path(values["folder"]) if values["folder"] else journal_folder()
+        return JournalNode(folder.expanduser())
+
+    return make_from_parameters("journal", (FOLDER,), make)
+
+
+def main(args: Sequence[str] | None = None) -> int:
+    """Run the journal until it is told to stop; return the exit code."""
+    return run(make_node, args)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

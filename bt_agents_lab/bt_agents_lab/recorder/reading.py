@@ -1,0 +1,240 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Reads a journal, whole or torn, without ROS."""
+
+from __future__ import annotations
+
+import os
+import zlib
+from collections.abc import Callable, Collection, Iterator, Sequence
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Any, BinaryIO
+
+from mcap.exceptions import EndOfFile
+from mcap.records import Channel, Chunk, Header, McapRecord, Message, Schema
+from mcap.stream_reader import StreamReader
+from mcap_ros2.decoder import DecoderFactory
+
+from bt_agents_core.errors import BtAgentsError
+from bt_agents_lab.recorder.mcap_format import LIBRARY, records_of
+
+_LARGEST_RECORD = 1 << 30
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Entry:
+    """One message of a journal.
+
+    Attributes:
+        topic: Its full name.
+        type: ``package/msg/Name``.
+        sent_ns: When it was sent [ns since 1970].
+        heard_ns: When it was heard [ns since 1970].
+        lost: How many messages of its topic the journal found no room for, right before it.
+        data: As it was sent.
+        decoder: Makes of ``data`` the message with its fields as attributes.
+    """
+
+    topic: str
+    type: str
+    sent_ns: int
+    heard_ns: int
+    lost: int
+    data: bytes
+    decoder: Callable[[bytes], Any]
+
+    def decode(self) -> Any:
+        """Return it with its fields as attributes.
+
+        Raises:
+            BtAgentsError: It cannot be read, or the definition of its type cannot.
+        """
+        try:
+            return self.decoder(self.data)
+        except BtAgentsError:
+            raise
+        except Exception as error:
+            # Whatever a decoder makes of broken bytes.
+            words = str(error) or type(error).__name__
+            raise BtAgentsError(f"it or the definition of its type is damaged ({words})") from None
+
+
+@dataclass(kw_only=True, slots=True)
+class Counted:
+    """Messages of one topic that were counted and not kept.
+
+    Attributes:
+        messages: How many.
+        lost: How many the journal found no room for.
+        first_ns: When the first one was sent [ns since 1970].
+        last_ns: When the last one was.
+    """
+
+    messages: int = 0
+    lost: int = 0
+    first_ns: int = 0
+    last_ns: int = 0
+
+    def add(self, sent_ns: int, lost: int) -> None:
+        """Count one."""
+        self.messages += 1
+        self.lost += lost
+        self.first_ns = min(self.first_ns or sent_ns, sent_ns)
+        self.last_ns = max(self.last_ns, sent_ns)
+
+
+class JournalReader:
+    """The messages of some files, in the order in which they were sent.
+
+    A message that is there twice, as a fact is that a journal heard again after its restart, is
+    given once.
+
+    Args:
+        paths: The files.
+
+    Attributes:
+        problems: What could not be read, in words; complete after reading.
+        counted: Topic → what was only counted; complete after reading.
+
+    Raises:
+        BtAgentsError: A file cannot be opened.
+    """
+
+    def __init__(self, paths: Sequence[Path]) -> None:
+        self.problems: list[str] = []
+        self.counted: dict[str, Counted] = {}
+        self._paths = paths
+        for path in paths:
+            try:
+                with path.open("rb"):
+                    pass
+            except OSError as error:
+                raise BtAgentsError(f"no journal {path}: {error.strerror}") from None
+
+    def entries(self, types: Collection[str] | None = None) -> list[Entry]:
+        """Return messages.
+
+        Args:
+            types: ``package/msg/Name`` of those to return; the others are counted as often as they
+                are there. None returns all.
+        """
+        seen: set[int] = set()
+        found = []
+        for path in self._paths:
+            for entry in self._of_file(path, types):
+                key = hash((entry.topic, entry.sent_ns, zlib.crc32(entry.data)))
+                if key not in seen:
+                    seen.add(key)
+                    found.append(entry)
+        return sorted(found, key=lambda entry: entry.sent_ns)
+
+    def _of_file(self, path: Path, types: Collection[str] | None) -> Iterator[Entry]:
+        with path.open("rb") as file:
+            schemas: dict[int, Schema] = {}
+            channels: dict[int, Channel] = {}
+            decoders: dict[int, Callable[[bytes], Any]] = {}
+            factory = DecoderFactory()
+            numbers = _Numbers()
+            for record in self._records(path, file):
+                match record:
+                    case Header():
+                        numbers.ours = record.library == LIBRARY
+                    case Schema():
+                        schemas[record.id] = record
+                    case Channel():
+                        channels[record.id] = record
+                        decoders.pop(record.id, None)
+                    case Message(channel_id=number) if number in channels:
+                        channel = channels[number]
+                        schema = schemas.get(channel.schema_id)
+                        if schema is None:
+                            continue
+                        lost = numbers.lost_before(record)
+                        if types is not None and schema.name not in types:
+                            counted = self.counted.setdefault(channel.topic, Counted())
+                            counted.add(record.publish_time, lost)
+                            continue
+                        if number not in decoders:
+                            decoders[number] = _decoder(channel, schema, factory)
+                        yield Entry(
+                            topic=channel.topic,
+                            type=schema.name,
+                            sent_ns=record.publish_time,
+                            heard_ns=record.log_time,
+                            lost=lost,
+                            data=record.data,
+                            decoder=decoders[number],
+                        )
+
+    def _records(self, path: Path, file: BinaryIO) -> Iterator[McapRecord]:
+        """Give the records of a file up to where it cannot be read any more.
+
+        A file that ends after a whole record has lost nothing: it is being written, or its journal
+        was killed.
+        """
+        whole = 0
+        reader = StreamReader(file, emit_chunks=True, record_size_limit=_LARGEST_RECORD)
+        try:
+            for record in reader.records:
+                whole = file.tell()
+                if isinstance(record, Chunk):
+                    yield from self._of_chunk(path, record)
+                else:
+                    yield record
+        except EndOfFile:
+            size = os.fstat(file.fileno()).st_size
+            if size > whole:
+                self.problems.append(
+                    f"{path} ends in the middle of a record, as after a kill: its last "
+                    f"{size - whole} bytes cannot be read"
+                )
+        except Exception as error:
+            # Whatever a decoder makes of broken bytes.
+            why = str(error) or type(error).__name__
+            self.problems.append(f"{path} can be read to byte {file.tell()} only: {why}")
+
+    def _of_chunk(self, path: Path, chunk: Chunk) -> list[McapRecord]:
+        try:
+            return records_of(chunk)
+        except Exception as error:
+            self.problems.append(f"{path} has a part that cannot be read: {error}")
+            return []
+
+
+class _Numbers:
+    """The numbers of the messages of a file, which show what is lost.
+
+    Each start of a journal, and each file, counts the messages of every topic from 1.
+
+    Attributes:
+        ours: Whether a journal wrote the file; others may count otherwise.
+    """
+
+    def __init__(self) -> None:
+        self.ours = False
+        self._last: dict[int, int] = {}
+
+    def lost_before(self, message: Message) -> int:
+        """Return how many messages of the same topic are missing before one."""
+        before = self._last.get(message.channel_id, 0)
+        self._last[message.channel_id] = message.sequence
+        if not self.ours or message.sequence <= before:
+            before = 0
+        return max(message.sequence - before - 1, 0) if self.ours else 0
+
+
+def _decoder(channel: Channel, schema: Schema, factory: DecoderFactory) -> Callable[[bytes], Any]:
+    """Return what decodes the messages of a channel; it is made when it is first needed."""
+
+    @cache
+    def made() -> Callable[[bytes], Any]:
+        decoder = factory.decoder_for(channel.message_encoding, schema)
+        if decoder is None:
+            raise BtAgentsError(
+                f"{channel.topic} is written as {channel.message_encoding} with a "
+                f"{schema.encoding} schema, expected cdr with ros2msg"
+            )
+        return decoder
+
+    return lambda data: made()(data)

@@ -1,0 +1,152 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Learns what a journal holds again and compares each changed profile to the last digit."""
+
+from __future__ import annotations
+
+import math
+from collections import defaultdict
+from collections.abc import Iterable, Iterator, Sequence
+from typing import Any
+
+from bt_agents_core.errors import BtAgentsError, Refused
+from bt_agents_core.feedback import Kind, LearningRule, Update
+from bt_agents_core.scene import SceneSpace, Vector
+from bt_agents_lab.replay.findings import Finding, Verdict
+from bt_agents_lab.replay.recording_index import Lesson
+from feedback_node.learning.learning_step import Evidence, Step, asked, step
+
+KIND = "profile change"
+
+
+def lessons_again(lessons: Iterable[Lesson]) -> Iterator[Finding]:
+    """Learn each feedback again and say whether the profile after it is equal."""
+    history = History()
+    for lesson in lessons:
+        feedback = lesson.feedback
+        where = f"revision {feedback.revision} of {_whose(feedback)}"
+        if lesson.making is None or lesson.card is None:
+            missing = "no host has introduced the agent before"
+            yield _finding(where, Verdict.NOT_RECORDED, missing)
+            continue
+        try:
+            yield _again(lesson, lesson.making.space, history, where)
+            history.note(feedback)
+        except Refused as refused:
+            yield _finding(where, Verdict.DIFFERENT, refused.reason)
+        except BtAgentsError as error:
+            yield _finding(where, Verdict.NOT_RECORDED, str(error))
+
+
+class History:
+    """What each profile was taught, as far as a journal tells."""
+
+    def __init__(self) -> None:
+        self._asked: defaultdict[tuple[str, str], list[Vector]] = defaultdict(list)
+        self._revisions: defaultdict[tuple[str, str], list[int]] = defaultdict(list)
+
+    def note(self, feedback: Any) -> None:
+        """Take a feedback that was learned."""
+        key = (feedback.agent, feedback.layer)
+        self._revisions[key].append(feedback.revision)
+        kind = Kind(feedback.kind)
+        if kind is not Kind.SET:
+            before, target = tuple(feedback.before), tuple(feedback.target)
+            self._asked[key].append(asked(kind, before, target))
+
+    def recent(self, feedback: Any) -> tuple[Vector, ...]:
+        """Return what was asked for before a feedback, newest last."""
+        return tuple(self._asked[feedback.agent, feedback.layer])
+
+    def is_whole(self, feedback: Any) -> bool:
+        """Whether every change before a feedback is known, and was a lesson."""
+        key = (feedback.agent, feedback.layer)
+        known = self._revisions[key]
+        every = known == list(range(1, feedback.revision))
+        return every and len(self._asked[key]) == len(known)
+
+
+def rule_of(card: Any, parameters: Sequence[str]) -> LearningRule:
+    """Return how an agent learns, from its card.
+
+    Args:
+        card: An ``AgentCard``.
+        parameters: Order of its values.
+    """
+    learning = card.learning
+
+    def named(values: Sequence[float]) -> dict[str, float]:
+        pairs = zip(parameters, values, strict=True) if values else ()
+        return {name: value for name, value in pairs if not math.isnan(value)}
+
+    return LearningRule(
+        rates=named(learning.rates),
+        update=Update(learning.update or Update.PLAIN),
+        width=named(learning.width),
+        window=max(learning.window, 1),
+        anneal=learning.anneal,
+        drift=named(learning.drift),
+        weights=dict(zip(learning.sources, learning.weights, strict=True)),
+        layers=tuple(learning.layers),
+        general=learning.general,
+    )
+
+
+def _again(lesson: Lesson, space: SceneSpace, history: History, where: str) -> Finding:
+    feedback = lesson.feedback
+    if list(feedback.parameters) != list(space.names):
+        raise Refused(
+            "BAD_RECORD",
+            f"it has the parameters {', '.join(feedback.parameters)}, expected "
+            f"{', '.join(space.names)}",
+        )
+    rule = rule_of(lesson.card, lesson.parameters)
+    again = step(
+        Kind(feedback.kind),
+        tuple(feedback.before),
+        tuple(feedback.target),
+        rate=feedback.learning_rate,
+        space=space,
+        rule=rule,
+        weight=feedback.weight,
+        evidence=Evidence(
+            recent=history.recent(feedback),
+            changes=_changes(feedback, rule, space),
+            authored=tuple(lesson.card.profile),
+        ),
+    )
+    difference = _difference(feedback, again, space)
+    if difference and rule.update is Update.MEDIAN and not history.is_whole(feedback):
+        missing = "what the agent was taught before the journal began, or was undone"
+        return _finding(where, Verdict.NOT_RECORDED, missing)
+    return _finding(where, Verdict.DIFFERENT if difference else Verdict.EQUAL, difference)
+
+
+def _changes(feedback: Any, rule: LearningRule, space: SceneSpace) -> int:
+    """Return after how many changes a rate that falls is what it was; 0 when it does not fall."""
+    if rule.anneal == 0.0 or not feedback.rates:
+        return 0
+    for name, then in zip(space.names, feedback.rates, strict=True):
+        at_first = rule.rates.get(name, feedback.learning_rate) * feedback.weight
+        if 0.0 < then < min(at_first, 1.0):
+            return max(0, round(float((at_first / then - 1.0) / rule.anneal)))
+    return 0
+
+
+def _difference(feedback: Any, again: Step, space: SceneSpace) -> str:
+    rates = list(feedback.rates) or [feedback.learning_rate] * len(space)
+    for what, before, after in (
+        ("", feedback.after, again.after),
+        ("rate of ", rates, again.rates),
+    ):
+        for name, was, now in zip(space.names, before, after, strict=True):
+            if was != now:
+                return f"{what}{name} was {was!r}, now {now!r}"
+    return ""
+
+
+def _whose(feedback: Any) -> str:
+    return f"{feedback.agent}, {feedback.layer}" if feedback.layer else str(feedback.agent)
+
+
+def _finding(where: str, verdict: Verdict, words: str = "") -> Finding:
+    return Finding(kind=KIND, where=where, verdict=verdict, words=words)

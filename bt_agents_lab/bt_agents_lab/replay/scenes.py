@@ -1,0 +1,118 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Scenes and rounds of a market from decoded messages, as its pure core takes them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from typing import Any
+
+from bt_agents_core.scene import Origin, Scene, SceneSpace, SceneValue
+from bt_agents_lab.replay.recording_index import Round
+from marketplace_node.round.decision import EARLIER_RUNS, SHADOW, AcceptedBid, External, Terms
+
+
+def scene_of(message: Any, space: SceneSpace) -> Scene:
+    """Return the scene of a message.
+
+    Raises:
+        Refused: As in :meth:`SceneSpace.scene`.
+    """
+    values = [
+        SceneValue(
+            name=value.name,
+            value=value.value,
+            origin=Origin(value.origin),
+            age_s=value.age_s,
+            std=value.std,
+            confidence=value.confidence,
+            source=value.source,
+        )
+        for value in message.values
+    ]
+    return Scene(
+        scene_id=message.scene_id,
+        label=message.label,
+        person=message.person,
+        values=space.scene(values),
+        urgent=message.urgent,
+        person_id=message.person_id,
+        place=message.place,
+        persons=message.persons,
+        stamp=message.stamp.sec + message.stamp.nanosec * 1e-9,
+    )
+
+
+def named(scene: Any) -> str:
+    """Return what people call a scene: its label, else its values.
+
+    Args:
+        scene: A ``Scene`` message.
+
+    Example:
+        ``age 4.5, familiarity 1, mood 3``
+    """
+    known = ", ".join(
+        f"{value.name} {value.value:.4g}" for value in scene.values if not math.isnan(value.value)
+    )
+    who = "" if scene.person else "nobody"
+    return str(scene.label) or ", ".join(filter(None, (who, known))) or str(scene.scene_id)
+
+
+def terms_of(one: Round, scene: Scene, runs: int) -> Terms:
+    """Return what was fixed when a round opened.
+
+    Args:
+        one: The round.
+        scene: Its scene.
+        runs: How many runs this start of the market had begun before it.
+    """
+    auction = one.auction
+    options = dict(zip(auction.option_names, auction.option_values, strict=True))
+    return Terms(
+        epoch=auction.epoch,
+        round=auction.round,
+        follows=auction.follows,
+        scene=scene,
+        strategy=auction.strategy,
+        tie_break=auction.tie_break,
+        runs={bid.agent: bid.runs for bid in auction.ranking},
+        last_run={bid.agent: bid.last_run for bid in auction.ranking},
+        rounds_run=one.earlier + runs,
+        earlier_runs=one.earlier,
+        options={
+            k: v for k, v in options.items() if not k.startswith(SHADOW) and k != EARLIER_RUNS
+        },
+        seed=auction.seed,
+        shadow=auction.shadow_strategy,
+        shadow_options={
+            k.removeprefix(SHADOW): v for k, v in options.items() if k.startswith(SHADOW)
+        },
+        rules=one.making.rules if one.making is not None else (),
+        intervention=auction.intervention,
+        preview=auction.preview,
+    )
+
+
+def bids_of(ranking: Iterable[Any]) -> tuple[AcceptedBid, ...]:
+    """Return the accepted bids of a round."""
+    return tuple(
+        AcceptedBid(
+            agent=bid.agent,
+            agent_id=bid.agent_id,
+            host=bid.host,
+            instance="",
+            vector=tuple(bid.vector),
+            weights=tuple(bid.weights),
+        )
+        for bid in ranking
+    )
+
+
+def external_of(auction: Any) -> External:
+    """Return the answer from outside by which a round was ranked.
+
+    Bids that such an answer puts first have a score below every distance, that is below 0.
+    """
+    first = tuple(bid.agent for bid in auction.ranking if bid.score < 0.0)
+    return External(ranking=first) if first else External(failure="it gave no usable answer")

@@ -1,0 +1,129 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Agents made again from their texts, on a machine that has neither their folder nor ROS."""
+
+from __future__ import annotations
+
+import json
+import tempfile
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path, PurePosixPath
+from typing import Any
+
+from bt_agents.host.reload.source_bundle import HOST, MARKET
+from bt_agents_core.errors import BtAgentsError, Refused
+from bt_agents_core.scene import SceneSpace
+from bt_agents_language.files.folder_reader import Trees, read_trees
+from bt_agents_language.files.market_reader import MarketRule, read_market
+from bt_agents_language.model.specs import BindingKind, FieldType, Plain
+
+_FOLDER = "trees"
+
+
+class RecordedInterfaces:
+    """The ROS types of the machine on which the agents ran, as far as bindings depend on them.
+
+    Args:
+        packages: Packages that were installed there.
+    """
+
+    def __init__(self, packages: frozenset[str]) -> None:
+        self._packages = packages
+
+    def has_package(self, package: str) -> bool:
+        """Return whether a ROS package was installed."""
+        return package in self._packages
+
+    def type_problem(self, kind: BindingKind, type_name: str) -> str | None:
+        """Return None: what was in force had no problem."""
+        return None
+
+    def field_problem(
+        self, kind: BindingKind, type_name: str, section: str, path: str
+    ) -> str | None:
+        """Return None: what was in force had no problem."""
+        return None
+
+    def field_type(self, kind: BindingKind, type_name: str, section: str, path: str) -> FieldType:
+        """Return ANY: no value depends on it."""
+        return FieldType.ANY
+
+    def value_problem(
+        self, kind: BindingKind, type_name: str, section: str, values: Mapping[str, Plain]
+    ) -> str | None:
+        """Return None: what was in force had no problem."""
+        return None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Making:
+    """What texts make.
+
+    Attributes:
+        trees: The agents, and the scene parameters.
+        rules: Of the market.
+        folder: Where they were while they were read, as it stands in positions.
+    """
+
+    trees: Trees
+    rules: tuple[MarketRule, ...]
+    folder: str
+
+    @property
+    def space(self) -> SceneSpace:
+        """The scene parameters."""
+        return self.trees.scene.space
+
+
+@dataclass(frozen=True, kw_only=True)
+class TextFiles:
+    """The texts of a host at some time.
+
+    Attributes:
+        files: Path relative to the trees folder → text.
+        versions: Name of an agent → its version.
+    """
+
+    files: Mapping[str, str]
+    versions: Mapping[str, int] = field(default_factory=dict)
+
+    @classmethod
+    def of(cls, message: Any) -> TextFiles:
+        """Return the texts of an ``AgentFiles`` message.
+
+        Raises:
+            Refused: ``BAD_PATH``; a path leads out of the folder.
+        """
+        for path in message.files:
+            parts = PurePosixPath(path)
+            if parts.is_absolute() or ".." in parts.parts or not parts.parts or "\0" in path:
+                raise Refused("BAD_PATH", f"the file '{path[:80]}' lies outside of the folder")
+        return cls(
+            files=dict(zip(message.files, message.texts, strict=True)),
+            versions=dict(zip(message.agents, message.versions, strict=True)),
+        )
+
+    @cached_property
+    def making(self) -> Making:
+        """What they make.
+
+        Raises:
+            BtAgentsError: They cannot be read here.
+        """
+        told = json.loads(self.files.get(HOST, "{}"))
+        interfaces = RecordedInterfaces(frozenset(map(str, told.get("packages", ()))))
+        with tempfile.TemporaryDirectory(prefix="bt-agents-replay-") as scratch:
+            folder = Path(scratch) / _FOLDER
+            for name, text in self.files.items():
+                if name != HOST:
+                    path = folder / name
+                    path.parent.mkdir(parents=True, exist_ok=True)
+                    path.write_bytes(text.encode())
+            try:
+                trees = read_trees(folder, interfaces, str(told.get("robot", "")))
+                market = folder / MARKET
+                rules = read_market(market, trees.scene.space).rules if market.exists() else ()
+            except OSError as error:
+                raise BtAgentsError(f"the texts cannot be unpacked: {error}") from None
+        return Making(trees=trees, rules=rules, folder=str(folder))

@@ -1,0 +1,180 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Ticks the trees of a journal again and compares each change."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Iterator
+from itertools import zip_longest
+from typing import Any
+
+from bt_agents.engine.run import Outcome
+from bt_agents.recording.replay_world import Record, Turn, read_record, repeat
+from bt_agents_core.errors import BtAgentsError, Refused
+from bt_agents_lab.replay.findings import Finding, Verdict
+from bt_agents_lab.replay.recording_index import RunStory
+from bt_agents_lab.replay.texts import Making
+from bt_agents_language.model.specs import AgentSpec
+
+KIND = "run of a tree"
+
+_WORDS = ("INVALID", "RUNNING", "SUCCESS", "FAILURE")
+"""Names of the numbers of ``StatusChange.msg``."""
+
+Change = tuple[str, str, str, str]
+"""Path, name, status and message of a node."""
+
+
+class _Missing(Exception):
+    """Something was not recorded; the words say what."""
+
+
+def runs_again(runs: Iterable[RunStory]) -> Iterator[Finding]:
+    """Tick each run again and say whether the changes of each tick are equal."""
+    for run in runs:
+        _, _, number, agent = run.key
+        where = f"round {number}, {agent}"
+        try:
+            turns = _again(run)
+        except _Missing as missing:
+            yield Finding(kind=KIND, where=where, verdict=Verdict.NOT_RECORDED, words=str(missing))
+        except Refused as refused:
+            yield Finding(kind=KIND, where=where, verdict=Verdict.DIFFERENT, words=refused.reason)
+        else:
+            if isinstance(turns, int):
+                yield Finding(kind=KIND, where=where, verdict=Verdict.EQUAL, size=turns)
+            elif run.torn:
+                words = "the journal has lost messages around it"
+                yield Finding(kind=KIND, where=where, verdict=Verdict.NOT_RECORDED, words=words)
+            else:
+                yield Finding(kind=KIND, where=where, verdict=Verdict.DIFFERENT, words=turns)
+
+
+def _again(run: RunStory) -> int | str:
+    """Return how many ticks are equal, or the first difference in words.
+
+    Raises:
+        Refused: The record is broken.
+        _Missing: Something was not recorded.
+    """
+    if not run.records:
+        raise _Missing("nothing was noted of what its tree was told")
+    if run.records[0].tick != 0:
+        raise _Missing("its notes begin in the middle")
+    record = read_record(line for one in run.records for line in one.record.splitlines())
+    spec, making = _made(run, record)
+    told = _by_tick(run)
+    before = str(record.head.get("file", ""))
+    prefix = before.removesuffix(_inside(spec, making))
+    ticks = unheard = 0
+    for turn in repeat(record, spec, making.space):
+        ticks = turn.tick
+        if turn.changed and len(turn.changes) == turn.changed and turn.tick not in told:
+            unheard += 1
+            told[turn.tick] = _changes_of(turn, making.folder + "/", prefix)
+        difference = _difference(turn, told, making.folder + "/", prefix)
+        if difference:
+            return f"tick {turn.tick}: {difference}"
+    if not record.ended:
+        why = record.stopped or "its host or the journal has ended before it"
+        raise _Missing(f"{ticks} ticks are equal, then the notes end: {why}")
+    left = next((changes for changes in told.values() if changes), None)
+    if left:
+        return f"after its end: {left[0][0]} {left[0][2]}, as it was told, does not come again"
+    if unheard:
+        raise _Missing(f"the changes of {unheard} of {ticks} ticks were not heard")
+    return ticks
+
+
+def _made(run: RunStory, record: Record) -> tuple[AgentSpec, Making]:
+    """Return the agent as it was, from the texts in which its version came up."""
+    name, version = record.head.get("agent"), record.head.get("version")
+    fitting = [texts for texts in run.texts if texts.versions.get(str(name)) == version]
+    if not fitting:
+        raise _Missing(f"there is no text of version {version} of {name}")
+    try:
+        # The oldest: a library may have changed since, and waits as the tree does.
+        making = fitting[-1].making
+    except BtAgentsError as error:
+        raise _Missing(f"its texts cannot be read here: {error}") from None
+    spec = next((agent for agent in making.trees.agents if agent.name == name), None)
+    if spec is None:
+        broken = "; ".join(one.error.lines[0] for one in making.trees.broken)
+        raise _Missing(f"its text cannot be read here: {broken or 'there is no such agent'}")
+    return spec, making
+
+
+def _inside(spec: AgentSpec, making: Making) -> str:
+    """Return the path of an agent's file inside of its folder."""
+    return spec.file.removeprefix(making.folder + "/")
+
+
+def _by_tick(run: RunStory) -> dict[int, list[Change]]:
+    """Return what was told of each tick; a tick may have been told of more than once."""
+    told: dict[int, list[Change]] = {}
+    for status in run.statuses:
+        told.setdefault(status.tick, []).extend(
+            (one.path, one.name, _status(one.status), one.message) for one in status.changes
+        )
+    return told
+
+
+def _status(number: int) -> str:
+    return _WORDS[number] if 0 <= number < len(_WORDS) else str(number)
+
+
+def _changes_of(turn: Turn, folder: str, prefix: str) -> list[Change]:
+    return [
+        (one.path, one.name, one.status.name, one.message.replace(folder, prefix))
+        for one in turn.changes
+    ]
+
+
+def _difference(turn: Turn, told: dict[int, list[Change]], folder: str, prefix: str) -> str:
+    """Return what differs in a turn, in words; empty when nothing does."""
+    again = _changes_of(turn, folder, prefix)
+    was = told.get(turn.tick, [])
+    head, told[turn.tick] = was[: len(again)], was[len(again) :]
+    for here, there in zip_longest(again, head):
+        if here != there:
+            return f"{_shown(there)} was told, now {_shown(here)}"
+    asked, noted = _plain(turn.asked), _plain(turn.noted)
+    for one, other in zip_longest(asked, noted):
+        if one != other:
+            return f"{_asked(other)} was asked for, now {_asked(one)}"
+    return _end_difference(turn, folder, prefix)
+
+
+def _end_difference(turn: Turn, folder: str, prefix: str) -> str:
+    if turn.result is None:
+        return "it had ended, now it goes on" if turn.end is not None else ""
+    if turn.end is None:
+        return f"it went on, now it ends: {turn.result.message}"
+    result = turn.result
+    pairs = {
+        "outcome": (Outcome(turn.end["outcome"]).value, result.outcome.value),
+        "message": (turn.end["message"], result.message.replace(folder, prefix)),
+        "tip": (turn.end["tip"], result.tip),
+        "orphans": (list(turn.end["orphans"]), list(result.orphans)),
+        "ticks": (turn.end["ticks"], result.ticks),
+        "duration_s": (turn.end["duration_s"], result.duration_s),
+    }
+    for name, (was, now) in pairs.items():
+        if was != now:
+            return f"the {name} of its end was {was}, now {now}"
+    return ""
+
+
+def _plain(asked: list[Any]) -> list[str]:
+    return [json.dumps(one, sort_keys=True, default=list) for one in asked]
+
+
+def _asked(written: str | None) -> str:
+    return "nothing" if written is None else written[:200]
+
+
+def _shown(change: Change | None) -> str:
+    if change is None:
+        return "nothing"
+    path, name, status, message = change
+    return f"{path} '{name}' {status}" + (f" ({message})" if message else "")

@@ -1,0 +1,165 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Hints for the usual slips in expressions: words of other languages, units, missing brackets."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable
+
+from bt_agents_language.expression.expression_tokens import (
+    ExpressionError,
+    Token,
+    TokenKind,
+    unit_hint,
+)
+from bt_agents_language.shortened import shortened
+
+_OTHER_FUNCTIONS = {
+    "minimum": "min", "least": "min", "smallest": "min",
+    "maximum": "max", "greatest": "max", "largest": "max",
+    "fabs": "abs", "absolute": "abs",
+    "int": "round", "trunc": "round", "floor": "round", "ceil": "round",
+    "count": "len", "size": "len", "length": "len", "strlen": "len",
+}  # fmt: skip
+_NO_FUNCTIONS = {
+    "sum": "add with +",
+    "pow": "multiply with *",
+    "sqrt": "roots are not possible; compare the squares: a * a",
+    "any": "join conditions with 'or'",
+    "all": "join conditions with 'and'",
+    "not": "write not (…)",
+    "contains": "write 'word' in the_text",
+    "range": "write x between 2 and 4",
+    "str": 'texts and numbers fit into a text as they are: "${x}"',
+    "format": 'texts and numbers fit into a text as they are: "${x}"',
+    "float": "numbers need no conversion",
+    "bool": "compare, for example x > 0",
+    "random": "use the node 'random'",
+    "now": "use the modifiers 'cooldown' and 'timeout', or the node 'wait'",
+    "time": "use the modifiers 'cooldown' and 'timeout', or the node 'wait'",
+}
+_METHODS = {
+    "contains": "write 'word' in {0}",
+    "count": "write len({0})",
+    "find": "write 'word' in {0}",
+    "index": "write 'word' in {0}",
+    "includes": "write 'word' in {0}",
+    "length": "write len({0})",
+    "size": "write len({0})",
+    "round": "write round({0})",
+    "abs": "write abs({0})",
+    "startswith": "write 'word' in {0}",
+    "endswith": "write 'word' in {0}",
+    "lower": "write all spellings in a list: {0} in ['yes', 'Yes']",
+    "upper": "write all spellings in a list: {0} in ['yes', 'Yes']",
+    "strip": "compare with the whole text, or look for a part: 'word' in {0}",
+}
+_OTHER_OPERATORS = {
+    "is": "write ==", "equals": "write ==", "eq": "write ==", "equal": "write ==",
+    "isnt": "write !=", "ne": "write !=", "unlike": "write !=",
+    "gt": "write >", "above": "write >", "over": "write >", "more": "write >",
+    "ge": "write >=", "lt": "write <", "below": "write <", "under": "write <", "less": "write <",
+    "le": "write <=", "mod": "write %", "div": "write /", "times": "write *", "plus": "write +",
+    "minus": "write -", "xor": "write (a or b) and not (a and b)",
+    "contains": "turn it round: 'word' in the_text",
+    "includes": "turn it round: 'word' in the_list",
+    "if": "a choice between two values is not possible; use two nodes with 'when'",
+    "then": "a choice between two values is not possible; use two nodes with 'when'",
+    "else": "a choice between two values is not possible; use two nodes with 'when'",
+    "for": "loops are not possible; repeat a node with 'repeat'",
+    "within": "write between", "isin": "write in", "of": "write in",
+}  # fmt: skip
+_NO_VALUES = ("null", "None", "nil", "undefined", "NULL", "none")
+
+
+def unknown_function(token: Token, functions: Iterable[str]) -> ExpressionError:
+    """Return the error for a name with an opening parenthesis behind it."""
+    value, dot, method = token.text.rpartition(".")
+    if dot:
+        hint = _METHODS.get(method.lower(), "possible are min, max, abs, round and len")
+        return token.error(
+            f"values have no functions of their own: '{shortened(token.text)}(…)'",
+            hint.format(shortened(value)),
+        )
+    word = token.text
+    hint = _NO_FUNCTIONS.get(word.lower(), "")
+    if not hint:
+        known = list(functions)
+        folded = word.lower()
+        near = difflib.get_close_matches(folded, known, n=1, cutoff=0.6) if len(word) < 40 else []
+        meant = _OTHER_FUNCTIONS.get(folded) or (near[0] if near else "")
+        hint = f"did you mean '{meant}'?" if meant else f"possible are {', '.join(known)}"
+    return token.error(f"there is no function '{shortened(word)}'", hint)
+
+
+def no_value(token: Token) -> ExpressionError | None:
+    """Return the error for ``null`` and its like, None for any other name."""
+    if token.text not in _NO_VALUES:
+        return None
+    return token.error(
+        f"'{token.text}' is no value",
+        "a condition with a name that has no value yet is not true, so this need not be asked",
+    )
+
+
+def unexpected(token: Token, before: Token | None) -> ExpressionError:
+    """Return the error for a word where an operator or the end is expected.
+
+    Args:
+        token: The word.
+        before: The one before it.
+    """
+    if token.text == ")":
+        return token.error("this ')' closes nothing", "remove it")
+    if token.text == "]":
+        return token.error("this ']' closes nothing", "remove it")
+    if token.text == "[" and before is not None and before.kind is TokenKind.NAME:
+        message = before.text.startswith(("msg.", "result."))
+        return token.error(
+            "an item is not picked with brackets",
+            f"name its place behind a point, counted from 0: {shortened(before.text)}.0"
+            if message
+            else f"look for a value with 'in': 'word' in {shortened(before.text)}",
+        )
+    return token.error(
+        f"an operator is expected before '{shortened(token.text)}'", _between(token, before)
+    )
+
+
+def _between(token: Token, before: Token | None) -> str:
+    """Return what may be missing between two words."""
+    if token.kind is TokenKind.NAME and token.text.lower() in _OTHER_OPERATORS:
+        return _OTHER_OPERATORS[token.text.lower()]
+    if token.text == "not":
+        return "write 'not' before the whole comparison: not x between 2 and 4"
+    if token.text == ",":
+        if before is not None and before.kind is TokenKind.NUMBER:
+            return "write decimals with a point: 1.5; write a list in brackets: [1, 5]"
+        return "write a list in brackets: ['a', 'b']"
+    if token.kind is TokenKind.NAME and before is not None and before.kind is TokenKind.NUMBER:
+        hint = unit_hint(before.text, token.text)
+        if hint:
+            return hint
+    return "join conditions with 'and' or 'or', and put texts in quotes"
+
+
+def no_operand(token: Token) -> ExpressionError:
+    """Return the error for a word where a value is expected."""
+    if token.kind is TokenKind.END:
+        return token.error("the expression ends where a value is expected")
+    hint = ""
+    if token.text == "+":
+        hint = "remove the +"
+    elif token.text in ("]", ")", ","):
+        hint = "write a value, or remove the comma" if token.text != "," else "write a value"
+    elif token.kind is TokenKind.OPERATOR:
+        hint = "write a value or name before it"
+    return token.error(f"a value or name is expected, found '{shortened(token.text)}'", hint)
+
+
+def bad_between(token: Token) -> ExpressionError:
+    """Return the error for ``between`` without its ``and``."""
+    found = "the end" if token.kind is TokenKind.END else f"'{shortened(token.text)}'"
+    return token.error(
+        f"'between' needs two numbers joined with 'and', found {found}", "write between 2 and 4"
+    )

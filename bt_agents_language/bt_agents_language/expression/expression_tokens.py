@@ -1,0 +1,246 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The words of an expression: numbers, quoted texts, names, operators, each with its column."""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import dataclass
+from enum import Enum
+
+from bt_agents_core.errors import BtAgentsError
+from bt_agents_language.model.units import dimension_of
+from bt_agents_language.shortened import shortened
+
+MAX_TOKENS = 400
+"""Words of an expression; evaluation nests at most half as deep."""
+
+OPERATOR_WORDS = ("and", "or", "not", "in", "between")
+"""Operators that are words."""
+
+NAME = r"[^\W\d]\w*(?:\.\w+)*"
+"""Pattern of a name."""
+
+_WORDS = frozenset((*OPERATOR_WORDS, "true", "false"))
+
+_NUMBER_LIKE = re.compile(r"[\w.]+")
+_UNIT = re.compile(r"([0-9.]+)([^\W\d_]+)")
+_STRAIGHT_DOUBLE = 'use straight quotation marks: "…"'
+_STRAIGHT_SINGLE = "use straight quotation marks: '…'"
+_SLIPS = {
+    "=": "compare with ==",
+    "&": "write and",
+    "|": "write or",
+    "!": "write not",
+    "~": "write not",
+    "$": "in an expression names stand alone, without ${ }",
+    "{": "write a list in square brackets: [1, 2]",
+    "^": "powers are not possible, write a * a",
+    "“": _STRAIGHT_DOUBLE,
+    "”": _STRAIGHT_DOUBLE,
+    "„": _STRAIGHT_DOUBLE,
+    "«": _STRAIGHT_DOUBLE,
+    "»": _STRAIGHT_DOUBLE,
+    "\u2018": _STRAIGHT_SINGLE,
+    "’": _STRAIGHT_SINGLE,
+    "`": _STRAIGHT_SINGLE,
+    "≤": "write <=",
+    "≥": "write >=",
+    "≠": "write !=",
+    "−": "write the plain minus sign -",
+    "–": "write the plain minus sign -",
+    "×": "write *",
+    "·": "write *",
+    "÷": "write /",
+    "∈": "write in",
+    ";": "join conditions with 'and' or 'or'",
+    ".": "a point stands only inside of names and numbers",
+    "?": "a choice between two values is not possible; use two nodes with 'when'",
+}
+_OPERATOR_SLIPS = {
+    "===": "write ==", "!==": "write !=", "=<": "write <=", "=>": "write >=", "<>": "write !=",
+    "**": "powers are not possible, write a * a", "//": "write round(a / b)",
+    "+=": "write x + 1; the node 'set' gives the result a name",
+    "-=": "write x - 1; the node 'set' gives the result a name",
+    "&&": "write and", "||": "write or",
+}  # fmt: skip
+_TOKEN = re.compile(
+    rf"""
+    \s*(?:
+    (?P<number>(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][-+]?[0-9]+)?)
+    | (?P<not_in>not\s+in\b)
+    | (?P<name>{NAME})
+    | (?P<slip>{"|".join(map(re.escape, _OPERATOR_SLIPS))})
+    | (?P<operator>==|!=|<=|>=|<|>|\+|-|\*|/|%|\(|\)|\[|\]|,)
+    | (?P<text>"[^"]*"|'[^']*')
+    )
+    """,
+    re.VERBOSE,
+)
+
+
+class ExpressionError(BtAgentsError):
+    """An expression that cannot be understood, or whose values do not fit.
+
+    Attributes:
+        message: What was found and what is expected.
+        column: Where, counted from 1 in the text that was parsed.
+        hint: How to mend it; may be empty.
+        width: How many characters are wrong.
+    """
+
+    def __init__(self, message: str, column: int, hint: str = "", width: int = 1) -> None:
+        super().__init__(message)
+        self.message = message
+        self.column = column
+        self.hint = hint
+        self.width = max(width, 1)
+
+
+class TokenKind(Enum):
+    """Kinds of words."""
+
+    NUMBER = "number"
+    TEXT = "text"
+    BOOLEAN = "boolean"
+    NAME = "name"
+    OPERATOR = "operator"
+    END = "end"
+
+
+@dataclass(slots=True, eq=False)
+class Token:
+    """One word; ``column`` counts from 1, ``value`` is that of a number, text or boolean."""
+
+    kind: TokenKind
+    text: str
+    column: int
+    value: bool | int | float | str = ""
+
+    def error(self, message: str, hint: str = "") -> ExpressionError:
+        """Return an error about this word."""
+        return ExpressionError(message, self.column, hint, len(self.text))
+
+
+def tokenize(text: str) -> list[Token]:
+    """Return the words of an expression, the end marked by a last one.
+
+    Raises:
+        ExpressionError: There is something that is no word, or there are too many.
+    """
+    tokens: list[Token] = []
+    at, end = 0, len(text.rstrip())
+    while at < end:
+        match = _TOKEN.match(text, at)
+        if match is None:
+            raise _unreadable(text, end - len(text[at:end].lstrip()))
+        tokens.append(_token(match))
+        at = match.end()
+        if len(tokens) > MAX_TOKENS:
+            raise ExpressionError(
+                f"the expression has more than {MAX_TOKENS} words and signs",
+                tokens[-1].column,
+                "split it over several nodes",
+            )
+    tokens.append(Token(TokenKind.END, "", end + 1))
+    return tokens
+
+
+def _token(match: re.Match[str]) -> Token:
+    kind = match.lastgroup
+    assert kind is not None
+    word, column = match[kind], match.start(kind) + 1
+    if kind == "name":
+        return _name(word, column)
+    if kind == "operator":
+        return Token(TokenKind.OPERATOR, word, column)
+    if kind == "number":
+        rest = _NUMBER_LIKE.match(match.string, match.end())
+        if rest is not None:
+            raise _number_slip(word + rest[0], column)
+        return Token(TokenKind.NUMBER, word, column, _number(word, column))
+    if kind == "not_in":
+        return Token(TokenKind.OPERATOR, "not in", column)
+    if kind == "slip":
+        hint = _OPERATOR_SLIPS[word]
+        raise ExpressionError(f"there is no operator '{word}'", column, hint, len(word))
+    _refuse_protected_quote(word, match)
+    return Token(TokenKind.TEXT, word, column, word[1:-1])
+
+
+def _name(word: str, column: int) -> Token:
+    lowered = word.lower()
+    if lowered not in _WORDS:
+        return Token(TokenKind.NAME, word, column)
+    if lowered != word:
+        raise ExpressionError(
+            f"'{word}' is written with capital letters", column, f"write {lowered}", len(word)
+        )
+    if word in OPERATOR_WORDS:
+        return Token(TokenKind.OPERATOR, word, column)
+    return Token(TokenKind.BOOLEAN, word, column, word == "true")
+
+
+def unit_hint(amount: str, unit: str) -> str:
+    """Return how to write a number that has a unit behind it; empty when that is no unit."""
+    dimension = dimension_of(unit)
+    if dimension is None:
+        return ""
+    value = dimension.si_value(float(amount), unit)
+    return f"numbers have no unit here: write {value:g} ({dimension.si})"
+
+
+def _number_slip(word: str, column: int) -> ExpressionError:
+    hint = ""
+    unit = _UNIT.fullmatch(word)
+    if re.fullmatch("[0-9][0-9_]*", word):
+        hint = f"write {word.replace('_', '')}"
+    elif re.fullmatch("0[xX][0-9a-fA-F]{1,12}", word):
+        hint = f"write {int(word, 16)}"
+    elif unit and unit[1].count(".") < 2 and unit[1] != ".":
+        hint = unit_hint(unit[1], unit[2]) or "names start with a letter"
+    return ExpressionError(
+        f"'{shortened(word)}' is neither a number nor a name", column, hint, len(word)
+    )
+
+
+def _number(word: str, column: int) -> int | float:
+    if word[0] == "0" and word[1:2].isdecimal():
+        raise ExpressionError(
+            f"'{shortened(word)}' starts with a zero, which some programs read as another number",
+            column,
+            f"write {shortened(word.lstrip('0') or '0')}",
+            len(word),
+        )
+    if word.isdigit() and len(word) <= 18:
+        return int(word)
+    value = float(word)
+    if not math.isfinite(value):
+        raise ExpressionError(
+            f"'{shortened(word)}' is too large for a number", column, "", len(word)
+        )
+    return value
+
+
+def _refuse_protected_quote(word: str, match: re.Match[str]) -> None:
+    """Refuse a quotation mark behind a backslash, which fails only far behind its cause."""
+    following = match.string[match.end() : match.end() + 1]
+    if word[-2] == "\\" and following.isalnum():
+        other = '"' if word[0] == "'" else "'"
+        raise ExpressionError(
+            "a backslash does not protect the quotation mark behind it",
+            match.end() - 1,
+            f"put the whole text in {other}…{other}",
+        )
+
+
+def _unreadable(text: str, at: int) -> ExpressionError:
+    character = text[at]
+    if character in "'\"":
+        return ExpressionError(
+            "this quotation mark is not closed", at + 1, f"close the text with {character}"
+        )
+    hint = _SLIPS.get(character, "")
+    if character == ":" and text[at - 1 : at].isdecimal():
+        hint = "times are numbers of seconds here: 1:30 is 90"
+    return ExpressionError(f"'{character}' means nothing in an expression", at + 1, hint)

@@ -1,0 +1,150 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What flows through an expression: kinds of values, compiled parts, and the checks on both."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass
+from enum import Enum
+
+from bt_agents_language.expression.expression_tokens import ExpressionError
+from bt_agents_language.model.units import Dimension
+from bt_agents_language.shortened import shortened
+
+Lookup = Callable[[str], object]
+"""Returns the value of a name."""
+
+Evaluator = Callable[[Lookup], object]
+"""A compiled part of an expression."""
+
+LARGEST = sys.float_info.max
+"""Numbers that an expression computes lie between this and its negative."""
+
+_LARGEST_SHOWN = 10**18
+
+
+class EvaluationError(ExpressionError):
+    """The values of an expression do not fit its operators and functions."""
+
+
+class ValueKind(Enum):
+    """Kinds of values that operators and functions tell apart."""
+
+    NUMBER = "number"
+    TEXT = "text"
+    BOOLEAN = "true or false"
+    LIST = "list"
+
+    @staticmethod
+    def of(value: object) -> ValueKind | None:
+        """Return the kind of a value; None for mappings and nothing."""
+        if isinstance(value, bool):
+            return ValueKind.BOOLEAN
+        if isinstance(value, (int, float)):
+            return ValueKind.NUMBER
+        if isinstance(value, str):
+            return ValueKind.TEXT
+        return ValueKind.LIST if isinstance(value, (list, tuple)) else None
+
+    @property
+    def one(self) -> str:
+        """One value of this kind in words: ``a number``."""
+        return self.value if self is ValueKind.BOOLEAN else f"a {self.value}"
+
+    @property
+    def many(self) -> str:
+        """Several values of this kind in words: ``numbers``."""
+        return self.value if self is ValueKind.BOOLEAN else f"{self.value}s"
+
+
+@dataclass(kw_only=True, slots=True, eq=False)
+class Part:
+    """A part of an expression, compiled.
+
+    Attributes:
+        run: Gives its value.
+        kind: Kind of its value, None where only a run shows it.
+        column: Where it starts, from 1.
+        width: Characters of its first word.
+        items: Kind of the items of a list that is written out; None elsewhere.
+        constant: Value of a number, text or boolean that is written out; None elsewhere.
+        unit: Dimension of a quantity; None for plain numbers and everything else.
+    """
+
+    run: Evaluator
+    kind: ValueKind | None
+    column: int
+    width: int
+    items: ValueKind | None = None
+    constant: bool | int | float | str | None = None
+    unit: Dimension | None = None
+
+    def must_be(self, kind: ValueKind, needs: str, hint: str = "") -> None:
+        """Refuse the part if its value is certainly of another kind.
+
+        Args:
+            kind: The kind it must have.
+            needs: Who needs what, for the message: ``'<' needs numbers``.
+            hint: How to mend it.
+
+        Raises:
+            ExpressionError: It has another kind.
+        """
+        if self.kind is not None and self.kind is not kind:
+            raise self.error(f"{needs}, found {self.kind.one}", hint)
+
+    def error(self, message: str, hint: str = "") -> ExpressionError:
+        """Return an error about the part."""
+        return ExpressionError(message, self.column, hint, self.width)
+
+
+def a_number(value: object, word: str, column: int) -> float:
+    """Return a value that an operator or function needs as a number.
+
+    Raises:
+        EvaluationError: It is none.
+    """
+    if isinstance(value, bool) or not isinstance(value, (int, float)):
+        raise EvaluationError(f"'{word}' needs numbers, found {described(value)}", column)
+    return value
+
+
+def a_truth(value: object, word: str, column: int) -> bool:
+    """Return a value that an operator needs as true or false.
+
+    Raises:
+        EvaluationError: It is neither.
+    """
+    if not isinstance(value, bool):
+        raise EvaluationError(f"'{word}' needs true or false, found {described(value)}", column)
+    return value
+
+
+def bounded(value: float, word: str, column: int) -> float:
+    """Return the number that an operator or function gives.
+
+    Raises:
+        EvaluationError: It is too large, or no number at all.
+    """
+    if -LARGEST <= value <= LARGEST:
+        return value
+    if value != value:
+        raise EvaluationError(f"the result of '{word}' is not a number", column)
+    raise EvaluationError(f"the result of '{word}' is too large", column)
+
+
+def described(value: object) -> str:
+    """Return a value in words for a message."""
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, str):
+        return f"the text '{shortened(value)}'"
+    if isinstance(value, float):
+        return f"the number {value:g}"
+    if isinstance(value, int):
+        large = not -_LARGEST_SHOWN < value < _LARGEST_SHOWN
+        return "a very large number" if large else f"the number {value}"
+    if value is None:
+        return "nothing"
+    return "a list" if isinstance(value, (list, tuple)) else "a mapping"

@@ -1,0 +1,409 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Expressions as authors write them, such as ``scene.age >= 4``: checked and compiled."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+from bt_agents_core.errors import BtAgentsError
+from bt_agents_language.expression import expression_hints as slips
+from bt_agents_language.expression.expression_tokens import (
+    ExpressionError,
+    Token,
+    TokenKind,
+    tokenize,
+)
+from bt_agents_language.expression.expression_units import (
+    check_range_units,
+    unit_of_call,
+    unit_of_pair,
+)
+from bt_agents_language.expression.expression_values import (
+    EvaluationError,
+    Evaluator,
+    Lookup,
+    Part,
+    ValueKind,
+)
+from bt_agents_language.expression.functions import FUNCTIONS
+from bt_agents_language.expression.operators import (
+    BINARY,
+    COMPARISON,
+    PREFIXES,
+    Operator,
+    check_between,
+    compile_between,
+)
+from bt_agents_language.model.units import Dimension
+
+__all__ = [
+    "EvaluationError",
+    "Expression",
+    "ExpressionError",
+    "Mention",
+    "MissingValue",
+    "StaleValue",
+    "ValueKind",
+    "parse_expression",
+]
+
+MAX_LENGTH = 1000
+"""Characters of an expression."""
+
+MAX_DEPTH = 32
+"""Nesting of brackets, ``not`` and minus signs."""
+
+
+class MissingValue(BtAgentsError):
+    """A name has no value now; a lookup raises it and an evaluation passes it on.
+
+    Attributes:
+        name: The name.
+    """
+
+    def __init__(self, name: str) -> None:
+        super().__init__(f"'{name}' has no value")
+        self.name = name
+
+
+class StaleValue(MissingValue):
+    """A name of the live scene whose last value is too old to tell anything about now.
+
+    Attributes:
+        name: The name.
+    """
+
+    def __init__(self, name: str, silent_s: float) -> None:
+        super().__init__(name)
+        self.args = (f"'{name}' is stale: the scene layer has been silent for {silent_s:.1f} s",)
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Mention:
+    """A name in an expression and the column where it starts, from 1."""
+
+    name: str
+    column: int
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Expression:
+    """A parsed expression; two are equal when their texts are.
+
+    Attributes:
+        text: As written, without spaces around it.
+        mentions: Every name in it with its place in the text that was parsed.
+        names: The names in it.
+        kind: Kind of its value where that is known without running it.
+        unit: Dimension of its value; None for a plain number, or no number.
+    """
+
+    text: str
+    mentions: tuple[Mention, ...] = field(compare=False)
+    names: frozenset[str] = field(compare=False, repr=False)
+    kind: ValueKind | None = field(compare=False)
+    unit: Dimension | None = field(compare=False)
+    _run: Evaluator = field(compare=False, repr=False)
+
+    def evaluate(self, lookup: Lookup) -> object:
+        """Return its value.
+
+        Args:
+            lookup: Returns the value of a name.
+
+        Raises:
+            EvaluationError: Values do not fit the operators, or a division by zero.
+            MissingValue: Passed on from ``lookup``.
+        """
+        return self._run(lookup)
+
+
+def parse_expression(
+    text: str,
+    known: Callable[[str], bool] | None = None,
+    kind_of: Callable[[str], ValueKind | None] | None = None,
+    unit_of: Callable[[str], Dimension | None] | None = None,
+) -> Expression:
+    """Return the expression that a text says.
+
+    From weak to strong: ``or``, ``and``, ``not``, one of ``== != < <= > >= in, not in,
+    between … and …``, ``+ -``, ``* / %``, the minus sign. Operands are numbers, quoted texts,
+    ``true``, ``false``, dotted names, lists such as ``[1, 2]`` and the functions of
+    :mod:`~bt_agents_language.expression.functions`.
+
+    Args:
+        text: At most 1,000 characters.
+        known: Whether a name exists; None takes every name.
+        kind_of: Kind of a name's value, None where only a run shows it.
+        unit_of: Dimension of a name's value, None for a plain number or no number.
+
+    Raises:
+        ExpressionError: The text is none, values in it do not fit, or a name is not known.
+    """
+    if len(text) > MAX_LENGTH:
+        raise ExpressionError(
+            f"the expression has {len(text)} characters, at most {MAX_LENGTH} are possible",
+            1,
+            "split it over several nodes",
+        )
+    parser = _Parser(tokenize(text), known, kind_of, unit_of)
+    whole = parser.whole()
+    return Expression(
+        text=text.strip(),
+        mentions=tuple(parser.mentions),
+        names=frozenset(mention.name for mention in parser.mentions),
+        kind=whole.kind,
+        unit=whole.unit,
+        _run=whole.run,
+    )
+
+
+class _Parser:
+    """A Pratt parser over the tokens of one expression."""
+
+    def __init__(
+        self,
+        tokens: list[Token],
+        known: Callable[[str], bool] | None,
+        kind_of: Callable[[str], ValueKind | None] | None,
+        unit_of: Callable[[str], Dimension | None] | None,
+    ) -> None:
+        self.mentions: list[Mention] = []
+        self._tokens = tokens
+        self._known = known
+        self._kind_of = kind_of
+        self._unit_of = unit_of
+        self._token = tokens[0]
+        self._next = 0
+        self._depth = 0
+
+    def whole(self) -> Part:
+        """Parse all tokens."""
+        if self._at_end():
+            raise ExpressionError(
+                "there is no expression", 1, "write one, for example scene.age >= 4"
+            )
+        part = self._expression(0)
+        if not self._at_end():
+            raise self._unexpected()
+        return part
+
+    def _at_end(self) -> bool:
+        return self._token.kind is TokenKind.END
+
+    def _take(self) -> Token:
+        token = self._token
+        if token.kind is not TokenKind.END:
+            self._next += 1
+            self._token = self._tokens[self._next]
+        return token
+
+    def _unexpected(self) -> ExpressionError:
+        before = self._tokens[self._next - 1] if self._next else None
+        return slips.unexpected(self._token, before)
+
+    def _expression(self, weakest: int) -> Part:
+        self._depth += 1
+        if self._depth > MAX_DEPTH:
+            raise self._token.error(
+                f"the expression is nested more than {MAX_DEPTH} deep",
+                "split it over several nodes",
+            )
+        left = self._operand()
+        while True:
+            token = self._token
+            if token.kind is not TokenKind.OPERATOR:
+                break
+            if token.text == "between" and weakest < COMPARISON:
+                self._take()
+                left = self._between(left, token)
+                self._refuse_chain()
+                continue
+            operator = BINARY.get(token.text)
+            if operator is None or operator.strength <= weakest:
+                break
+            self._take()
+            left = self._applied(operator, token, left, self._expression(operator.strength))
+            if not operator.chains:
+                self._refuse_chain()
+        self._depth -= 1
+        return left
+
+    def _applied(self, operator: Operator, token: Token, left: Part, right: Part) -> Part:
+        operator.check(left, right, token.column)
+        return Part(
+            run=operator.compile(left, right, token.column),
+            kind=operator.gives,
+            column=left.column,
+            width=left.width,
+            unit=unit_of_pair(operator.word, left, right),
+        )
+
+    def _between(self, value: Part, token: Token) -> Part:
+        opening = self._token
+        if opening.text in ("(", "["):
+            self._refuse_pair(opening)
+        low = self._expression(COMPARISON)
+        joint = self._token
+        if joint.text != "and":
+            raise slips.bad_between(joint)
+        self._take()
+        high = self._expression(COMPARISON)
+        check_between(value, low, high)
+        check_range_units(value, low, high)
+        return Part(
+            run=compile_between(value, low, high, token.column),
+            kind=ValueKind.BOOLEAN,
+            column=value.column,
+            width=value.width,
+        )
+
+    def _refuse_pair(self, opening: Token) -> None:
+        """Refuse ``between [2, 4]`` and ``between (2, 4)`` by what they mean."""
+        second = self._tokens[min(self._next + 2, len(self._tokens) - 1)]
+        if opening.text == "[" or second.text == ",":
+            raise slips.bad_between(opening)
+
+    def _refuse_chain(self) -> None:
+        token = self._token
+        following = BINARY.get(token.text) if token.kind is TokenKind.OPERATOR else None
+        if token.text == "between" or (following is not None and not following.chains):
+            raise token.error(
+                f"two comparisons in a row: '{token.text}' follows another one",
+                "join them with and: 2 <= x and x <= 4; or write x between 2 and 4",
+            )
+
+    def _operand(self) -> Part:
+        token = self._take()
+        kind = token.kind
+        if kind is TokenKind.NAME:
+            if token.text in FUNCTIONS or self._token.text == "(":
+                return self._call(token)
+            return self._name(token)
+        if kind is TokenKind.OPERATOR:
+            if token.text in PREFIXES:
+                return self._prefixed(token)
+            if token.text == "(":
+                return self._parentheses(token)
+            if token.text == "[":
+                return self._list(token)
+        elif kind is not TokenKind.END:
+            value = token.value
+            return Part(
+                run=lambda _: value,
+                kind=ValueKind.of(value),
+                column=token.column,
+                width=len(token.text),
+                constant=value,
+            )
+        raise slips.no_operand(token)
+
+    def _prefixed(self, token: Token) -> Part:
+        prefix = PREFIXES[token.text]
+        operand = self._expression(prefix.strength)
+        prefix.check(operand)
+        constant = operand.constant
+        negative = -constant if isinstance(constant, (int, float)) else None
+        return Part(
+            run=prefix.compile(operand, token.column),
+            kind=prefix.gives,
+            column=token.column,
+            width=len(token.text),
+            constant=negative if token.text == "-" else None,
+            unit=operand.unit,
+        )
+
+    def _name(self, token: Token) -> Part:
+        name = token.text
+        nothing = slips.no_value(token)
+        if nothing is not None:
+            raise nothing
+        if self._known is not None and not self._known(name):
+            raise token.error(f"there is no name '{name}' here")
+        self.mentions.append(Mention(name=name, column=token.column))
+        return Part(
+            run=lambda lookup: lookup(name),
+            kind=self._kind_of(name) if self._kind_of is not None else None,
+            column=token.column,
+            width=len(name),
+            unit=self._unit_of(name) if self._unit_of is not None else None,
+        )
+
+    def _parentheses(self, opening: Token) -> Part:
+        inner = self._expression(0)
+        if self._token.text == ",":
+            raise opening.error(
+                "a list stands in square brackets, not in parentheses", "write [ … ]"
+            )
+        self._close(opening, ")")
+        return inner
+
+    def _list(self, opening: Token) -> Part:
+        items = self._items(opening, "]")
+        if not items:
+            raise opening.error("this list is empty", "write at least one value in it")
+        kinds = [item.kind for item in items if item.kind is not None]
+        for item in items:
+            if item.kind is ValueKind.LIST:
+                raise item.error("a list cannot stand in a list", "write one list")
+            if item.kind is not None and item.kind is not kinds[0]:
+                raise item.error(
+                    f"this list holds {kinds[0].many}, found {item.kind.one}",
+                    "write values of one kind",
+                )
+        runs = [item.run for item in items]
+        constants = tuple(item.constant for item in items)
+        return Part(
+            run=(
+                (lambda lookup: tuple(run(lookup) for run in runs))
+                if None in constants
+                else (lambda _: constants)
+            ),
+            kind=ValueKind.LIST,
+            column=opening.column,
+            width=1,
+            items=kinds[0] if kinds else None,
+        )
+
+    def _call(self, token: Token) -> Part:
+        function = FUNCTIONS.get(token.text)
+        if function is None:
+            raise slips.unknown_function(token, FUNCTIONS)
+        opening = self._token
+        if opening.text != "(":
+            raise token.error(
+                f"'{token.text}' is a function, its values stand in parentheses",
+                f"write {function.usage}",
+            )
+        self._take()
+        arguments = self._items(opening, ")")
+        function.check(arguments, token.column)
+        return Part(
+            run=function.compile(arguments, token.column),
+            kind=ValueKind.NUMBER,
+            column=token.column,
+            width=len(token.text),
+            unit=unit_of_call(token.text, arguments),
+        )
+
+    def _items(self, opening: Token, closing: str) -> list[Part]:
+        """Return the expressions up to a closing bracket, which is taken."""
+        items: list[Part] = []
+        if self._token.text == closing:
+            self._take()
+            return items
+        items.append(self._expression(0))
+        while self._token.text == ",":
+            self._take()
+            items.append(self._expression(0))
+        self._close(opening, closing)
+        return items
+
+    def _close(self, opening: Token, closing: str) -> None:
+        if self._token.text == closing:
+            self._take()
+            return
+        if self._at_end():
+            raise opening.error(f"this '{opening.text}' is not closed", f"add a '{closing}'")
+        raise self._unexpected()

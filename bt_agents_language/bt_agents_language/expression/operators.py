@@ -1,0 +1,352 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the operators of an expression do with values, and which kinds of values they take."""
+
+from __future__ import annotations
+
+import math
+import operator as python
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+
+from bt_agents_language.expression.expression_values import (
+    EvaluationError,
+    Evaluator,
+    Lookup,
+    Part,
+    ValueKind,
+    a_number,
+    a_truth,
+    bounded,
+    described,
+)
+
+COMPARISON = 4
+"""Strength of ``==``, ``<``, ``in``, ``between`` and their like."""
+
+_JOIN_HINT = 'texts are not joined here; write them one behind the other: "${a} ${b}"'
+
+
+@dataclass(frozen=True, kw_only=True)
+class Operator:
+    """An operator between two operands.
+
+    Attributes:
+        word: As written, for messages.
+        strength: Binds its operands the more tightly the larger it is.
+        gives: Kind of its result.
+        check: Refuses operands whose kinds do not fit, for an operator at a column.
+        compile: (left, right, column) → evaluator.
+    """
+
+    word: str
+    strength: int
+    gives: ValueKind
+    check: Callable[[Part, Part, int], None]
+    compile: Callable[[Part, Part, int], Evaluator]
+
+    @property
+    def chains(self) -> bool:
+        """Whether it may follow an operator of the same strength."""
+        return self.strength != COMPARISON
+
+
+@dataclass(frozen=True, kw_only=True)
+class Prefix:
+    """An operator before one operand; attributes as of :class:`Operator`."""
+
+    word: str
+    strength: int
+    gives: ValueKind
+    compile: Callable[[Part, int], Evaluator]
+
+    def check(self, operand: Part) -> None:
+        """Refuse an operand whose kind does not fit."""
+        operand.must_be(self.gives, f"'{self.word}' needs {self.gives.one}")
+
+
+def _both(kind: ValueKind, word: str, hint: str = "") -> Callable[[Part, Part, int], None]:
+    needs = f"'{word}' needs {kind.one} on each side"
+
+    def check(left: Part, right: Part, _: int) -> None:
+        for part in (left, right):
+            if part.kind is not kind:
+                fits = kind is ValueKind.BOOLEAN or part.kind is ValueKind.TEXT
+                part.must_be(kind, needs, hint if fits else "")
+
+    return check
+
+
+def _arithmetic(word: str, strength: int, apply: Callable[[float, float], float]) -> Operator:
+    def compile_(left: Part, right: Part, column: int) -> Evaluator:
+        a_of, b_of = left.run, right.run
+
+        def run(lookup: Lookup) -> float:
+            a = a_number(a_of(lookup), word, column)
+            b = a_number(b_of(lookup), word, column)
+            try:
+                value = apply(a, b)
+            except ZeroDivisionError:
+                raise EvaluationError(f"'{word}' by zero", column) from None
+            except OverflowError:
+                value = math.inf
+            return bounded(value, word, column)
+
+        return run
+
+    number = ValueKind.NUMBER
+    return Operator(
+        word=word,
+        strength=strength,
+        gives=number,
+        check=_both(number, word, _JOIN_HINT if word == "+" else ""),
+        compile=compile_,
+    )
+
+
+def _order(word: str, apply: Callable[[float, float], bool]) -> Operator:
+    def compile_(left: Part, right: Part, column: int) -> Evaluator:
+        a_of, b_of, limit = left.run, right.run, right.constant
+        if isinstance(limit, (int, float)):
+
+            def against(lookup: Lookup) -> bool:
+                a = a_of(lookup)
+                # The usual case first: this line is most of what a tick spends on conditions.
+                if type(a) is not float and type(a) is not int:
+                    a = a_number(a, word, column)
+                return apply(a, limit)
+
+            return against
+
+        def run(lookup: Lookup) -> bool:
+            a = a_of(lookup)
+            b = b_of(lookup)
+            if type(a) is not float or type(b) is not float:
+                a = a_number(a, word, column)
+                b = a_number(b, word, column)
+            return apply(a, b)
+
+        return run
+
+    return Operator(
+        word=word,
+        strength=COMPARISON,
+        gives=ValueKind.BOOLEAN,
+        check=_both(ValueKind.NUMBER, word),
+        compile=compile_,
+    )
+
+
+def _equality(word: str, equal: bool) -> Operator:
+    def check(left: Part, right: Part, _: int) -> None:
+        for part in (left, right):
+            if part.kind is ValueKind.LIST:
+                wanted = f"write {'in' if equal else 'not in'} instead of {word}"
+                raise part.error(f"'{word}' cannot compare with a list", wanted)
+        if left.kind is not None and right.kind is not None and left.kind is not right.kind:
+            raise right.error(
+                f"'{word}' cannot compare {left.kind.one} with {right.kind.one}",
+                _quotes_hint(left, right),
+            )
+
+    def compile_(left: Part, right: Part, column: int) -> Evaluator:
+        a_of, b_of, wanted = left.run, right.run, right.constant
+        if wanted is not None:
+            wanted_kind = ValueKind.of(wanted)
+
+            def against(lookup: Lookup) -> bool:
+                a = a_of(lookup)
+                if ValueKind.of(a) is not wanted_kind:
+                    raise EvaluationError(
+                        f"'{word}' cannot compare {described(a)} with {described(wanted)}", column
+                    )
+                return (a == wanted) is equal
+
+            return against
+
+        def run(lookup: Lookup) -> bool:
+            a, b = a_of(lookup), b_of(lookup)
+            kind = ValueKind.of(a)
+            if kind is None or kind is ValueKind.LIST or kind is not ValueKind.of(b):
+                raise EvaluationError(
+                    f"'{word}' cannot compare {described(a)} with {described(b)}", column
+                )
+            return (a == b) is equal
+
+        return run
+
+    return Operator(
+        word=word,
+        strength=COMPARISON,
+        gives=ValueKind.BOOLEAN,
+        check=check,
+        compile=compile_,
+    )
+
+
+def _quotes_hint(left: Part, right: Part) -> str:
+    """Return how to mend a comparison with a text: mostly by its quotes."""
+    for part, other in ((left, right), (right, left)):
+        value = part.constant
+        if isinstance(value, str):
+            number = other.kind is ValueKind.NUMBER and value.replace(".", "", 1).isdecimal()
+            if number or (other.kind is ValueKind.BOOLEAN and value in ("true", "false")):
+                return f"remove the quotation marks: {value}"
+        elif value is not None and other.kind is ValueKind.BOOLEAN:
+            return "compare with true or false, or write only the name"
+        elif value is not None and other.kind is ValueKind.TEXT:
+            text = str(value).lower() if isinstance(value, bool) else f"{value:g}"
+            return f"compare a text with a text in quotation marks, such as '{text}'"
+    return ""
+
+
+def _membership(word: str, inside: bool) -> Operator:
+    def check(left: Part, right: Part, _: int) -> None:
+        if left.kind is ValueKind.LIST:
+            raise left.error(f"'{word}' looks for one value, found a list")
+        if right.kind is ValueKind.TEXT:
+            left.must_be(ValueKind.TEXT, f"'{word}' looks for a text in a text")
+        elif right.kind is ValueKind.LIST:
+            if right.items is not None:
+                quotes = ValueKind.TEXT in (left.kind, right.items)
+                left.must_be(
+                    right.items,
+                    f"the list behind '{word}' holds {right.items.many}",
+                    "texts stand in quotation marks, numbers without" if quotes else "",
+                )
+        elif right.kind is not None:
+            raise right.error(
+                f"'{word}' needs a list or a text behind it, found {right.kind.one}",
+                f"write {word} [ … ]; for a range of numbers: between 2 and 4",
+            )
+
+    def compile_(left: Part, right: Part, column: int) -> Evaluator:
+        wanted_of, where_of = left.run, right.run
+
+        def run(lookup: Lookup) -> bool:
+            wanted, where = wanted_of(lookup), where_of(lookup)
+            if isinstance(where, str):
+                if not isinstance(wanted, str):
+                    raise EvaluationError(
+                        f"'{word}' looks for a text in a text, found {described(wanted)}", column
+                    )
+                return (wanted in where) is inside
+            if not isinstance(where, (list, tuple)):
+                raise EvaluationError(
+                    f"'{word}' needs a list or a text behind it, found {described(where)}", column
+                )
+            return _among(wanted, where, word, column) is inside
+
+        return run
+
+    return Operator(
+        word=word,
+        strength=COMPARISON,
+        gives=ValueKind.BOOLEAN,
+        check=check,
+        compile=compile_,
+    )
+
+
+def _among(wanted: object, items: Iterable[object], word: str, column: int) -> bool:
+    """Return whether a value is one of some; ``true`` is not ``1`` here."""
+    kind = ValueKind.of(wanted)
+    if kind is None or kind is ValueKind.LIST:
+        raise EvaluationError(f"'{word}' looks for one value, found {described(wanted)}", column)
+    for item in items:
+        if ValueKind.of(item) is not kind:
+            raise EvaluationError(
+                f"'{word}' cannot compare {described(wanted)} with {described(item)}", column
+            )
+        if item == wanted:
+            return True
+    return False
+
+
+def _logic(word: str, strength: int, decided_by: bool) -> Operator:
+    def compile_(left: Part, right: Part, column: int) -> Evaluator:
+        a_of, b_of = left.run, right.run
+
+        def run(lookup: Lookup) -> bool:
+            if a_truth(a_of(lookup), word, column) is decided_by:
+                return decided_by
+            return a_truth(b_of(lookup), word, column)
+
+        return run
+
+    kind = ValueKind.BOOLEAN
+    return Operator(
+        word=word,
+        strength=strength,
+        gives=kind,
+        check=_both(kind, word, f"write a comparison on each side: x == 4 {word} x == 5"),
+        compile=compile_,
+    )
+
+
+def check_between(value: Part, low: Part, high: Part) -> None:
+    """Refuse operands of ``between`` that are no numbers, or a range that nothing lies in.
+
+    Raises:
+        ExpressionError: As said.
+    """
+    for part in (value, low, high):
+        text = part.kind is ValueKind.TEXT
+        hint = "look for a text with in ['a', 'b']" if text else ""
+        part.must_be(ValueKind.NUMBER, "'between' needs numbers", hint)
+    first, last = low.constant, high.constant
+    if isinstance(first, (int, float)) and isinstance(last, (int, float)) and first > last:
+        raise low.error(
+            f"nothing lies between {first} and {last}, the first number must be the smaller one",
+            f"write between {last} and {first}",
+        )
+
+
+def compile_between(value: Part, low: Part, high: Part, column: int) -> Evaluator:
+    """Return the evaluator of ``value between low and high``; both ends belong to the range."""
+    value_of, low_of, high_of = value.run, low.run, high.run
+
+    def run(lookup: Lookup) -> bool:
+        between = a_number(value_of(lookup), "between", column)
+        lowest = a_number(low_of(lookup), "between", column)
+        return lowest <= between <= a_number(high_of(lookup), "between", column)
+
+    return run
+
+
+def _compile_not(operand: Part, column: int) -> Evaluator:
+    of = operand.run
+    return lambda lookup: not a_truth(of(lookup), "not", column)
+
+
+def _compile_minus(operand: Part, column: int) -> Evaluator:
+    of = operand.run
+    return lambda lookup: bounded(-a_number(of(lookup), "-", column), "-", column)
+
+
+BINARY: dict[str, Operator] = {
+    operator.word: operator
+    for operator in (
+        _logic("or", 1, decided_by=True),
+        _logic("and", 2, decided_by=False),
+        _equality("==", equal=True),
+        _equality("!=", equal=False),
+        _order("<", python.lt),
+        _order("<=", python.le),
+        _order(">", python.gt),
+        _order(">=", python.ge),
+        _membership("in", inside=True),
+        _membership("not in", inside=False),
+        _arithmetic("+", 5, python.add),
+        _arithmetic("-", 5, python.sub),
+        _arithmetic("*", 6, python.mul),
+        _arithmetic("/", 6, python.truediv),
+        _arithmetic("%", 6, python.mod),
+    )
+}
+"""Operators between two operands; ``between … and …``, of three, has its own rule."""
+
+PREFIXES: dict[str, Prefix] = {
+    "not": Prefix(word="not", strength=3, gives=ValueKind.BOOLEAN, compile=_compile_not),
+    "-": Prefix(word="-", strength=7, gives=ValueKind.NUMBER, compile=_compile_minus),
+}
+"""Operators before one operand."""

@@ -1,0 +1,93 @@
+# SPDX-License-Identifier: Apache-2.0
+"""One agent file as it was read: its text, the agent or its errors, and what they depend on."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+
+from bt_agents_core.errors import ReadError
+from bt_agents_language.files.agent_reader import read_agent_text
+from bt_agents_language.files.libraries import FolderLibraries
+from bt_agents_language.model.specs import AgentSpec
+from bt_agents_language.model.symbols import Library
+from bt_agents_language.tree.tree_fingerprint import TreePrint, tree_print
+from bt_agents_language.yaml.source import read_source
+
+
+@dataclass(frozen=True, kw_only=True)
+class AgentFile:
+    """One agent file as it was read.
+
+    Attributes:
+        file: Where it is.
+        text: What it said; None when it could not be opened.
+        agent: The agent; None when there are errors.
+        error: The errors; None when there are none.
+        imports: Paths of the libraries that were read for it, one through the other.
+        cause: Why it was read, in words.
+    """
+
+    file: Path
+    text: str | None
+    agent: AgentSpec | None
+    error: ReadError | None
+    imports: frozenset[str]
+    cause: str
+
+    @cached_property
+    def prints(self) -> tuple[TreePrint, TreePrint]:
+        """By which changes of the tree and of its clean-up can be told."""
+        assert self.agent is not None
+        return tree_print(self.agent.tree), tree_print(self.agent.on_cancel)
+
+
+def read_agent_file(path: Path, libraries: FolderLibraries, *, cause: str) -> AgentFile:
+    """Return an agent file, good or broken.
+
+    Args:
+        path: Where it is.
+        libraries: Of its folder, with what it may speak of.
+        cause: Why it is read, in words.
+    """
+    text: str | None = None
+    agent: AgentSpec | None = None
+    error: ReadError | None = None
+    asked = _Asked(libraries)
+    try:
+        source = read_source(path)
+        text = source.text
+        vocabulary = replace(libraries.vocabulary, libraries=asked)
+        agent = read_agent_text(text, source.file, vocabulary)
+    except ReadError as problem:
+        error = problem
+    return AgentFile(
+        file=path,
+        text=text,
+        agent=agent,
+        error=error,
+        imports=libraries.behind(asked.paths_loaded),
+        cause=cause,
+    )
+
+
+class _Asked:
+    """The libraries of a folder, noting which of them one file asks for."""
+
+    def __init__(self, libraries: FolderLibraries) -> None:
+        self.paths_loaded: set[str] = set()
+        self._libraries = libraries
+
+    def load(self, path: str) -> Library:
+        """Return a library; see :class:`Libraries`."""
+        self.paths_loaded.add(path)
+        return self._libraries.load(path)
+
+    def paths(self) -> list[str]:
+        """Return the paths of all libraries; see :class:`Libraries`."""
+        return self._libraries.paths()
+
+    def with_subtree(self, name: str) -> list[str]:
+        """Return the libraries with a subtree; see :class:`Libraries`."""
+        return self._libraries.with_subtree(name)

@@ -1,0 +1,155 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Reads an agent file: who the agent is, what it bids, what it does, and what it learns from."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+from bt_agents_language.expression.expressions import Expression
+from bt_agents_language.files.imports import read_imports
+from bt_agents_language.files.inputs import read_new_name
+from bt_agents_language.files.learning_reader import read_learning, read_weights
+from bt_agents_language.files.mood_rule_reader import read_mood_rules
+from bt_agents_language.files.tunable_reader import read_tunable
+from bt_agents_language.gc_pause import uncollected
+from bt_agents_language.model.scene_values import read_vector
+from bt_agents_language.model.scope import Names, scene_names
+from bt_agents_language.model.specs import AgentSpec, FieldType, NodeSpec, Tunable, UnusedInput
+from bt_agents_language.model.symbols import Vocabulary
+from bt_agents_language.model.values import read_condition
+from bt_agents_language.model.walking import every_node
+from bt_agents_language.tree.trees_reader import TreesReader
+from bt_agents_language.yaml.source import Source
+from bt_agents_language.yaml.typed_reader import FileReading
+from bt_agents_language.yaml.yaml_reader import entries_of
+
+_KEYS = (
+    "agent", "title", "description", "tags", "imports", "profile", "learning_rate", "learning",
+    "weights", "requires", "tunables", "feedback", "tree", "on_cancel", "subtrees",
+)  # fmt: skip
+_REQUIRED = ("agent", "profile", "tree")
+
+
+def read_agent(path: Path, vocabulary: Vocabulary) -> AgentSpec:
+    """Return the agent of a file.
+
+    Raises:
+        ReadError: There is a problem; it lists all of them.
+    """
+    with uncollected():
+        return _AgentFile(FileReading.of(path), vocabulary).read()
+
+
+def read_agent_text(text: str, file: str, vocabulary: Vocabulary) -> AgentSpec:
+    """Return the agent of a text; ``file`` is what messages call it. As :func:`read_agent`."""
+    with uncollected():
+        return _AgentFile(FileReading(Source(file, text)), vocabulary).read()
+
+
+class _AgentFile:
+    """One agent file while it is read."""
+
+    def __init__(self, reading: FileReading, vocabulary: Vocabulary) -> None:
+        self._reading = reading
+        self._vocabulary = vocabulary
+        self._space = vocabulary.space
+        self._fields = reading.document("an agent file", _KEYS, _REQUIRED)
+        self._unused_inputs: tuple[UnusedInput, ...] = ()
+
+    def read(self) -> AgentSpec:
+        """Return the agent."""
+        fields = self._fields
+        name = fields.name("agent")
+        profile_node = fields.get("profile")
+        profile = (
+            read_vector(self._reading, profile_node, "'profile'", self._space)
+            if profile_node is not None
+            else None
+        )
+        rate, learning = read_learning(self._reading, fields, self._space)
+        weights = read_weights(self._reading, fields, self._space)
+        tunables = self._tunables()
+        rules = read_mood_rules(self._reading, fields, self._space)
+        requires = self._requires()
+        tags = tuple(self._reading.text(tag, "a tag") or "" for tag in fields.items("tags"))
+        title, description = fields.text("title"), fields.text("description")
+        tree, on_cancel = self._trees(tunables)
+        self._reading.problems.raise_if_any()
+        assert name is not None
+        assert profile is not None
+        assert tree is not None
+        return AgentSpec(
+            name=name,
+            title=title or name,
+            description=" ".join(description.split()),
+            tags=tags,
+            profile=profile,
+            learning_rate=rate,
+            learning=learning,
+            weights=weights,
+            requires=requires,
+            tunables=tuple(tunable for tunable in tunables.values() if tunable is not None),
+            rules=rules,
+            tree=tree,
+            on_cancel=on_cancel,
+            file=self._reading.source.file,
+            unoffered=_unoffered(tree, on_cancel),
+            unused_inputs=self._unused_inputs,
+        )
+
+    def _tunables(self) -> dict[str, Tunable | None]:
+        """Return the tunables by name; of one that is wrong only the name is known."""
+        tunables: dict[str, Tunable | None] = {}
+        for entry in self._fields.entries("tunables", "names and tunables"):
+            name = read_new_name(self._reading, entry.key, "a tunable")
+            if name == "learning_rate":
+                self._reading.error(
+                    "name-taken",
+                    entry.key,
+                    "'learning_rate' is a key of the agent itself",
+                    "choose another name for the tunable",
+                )
+            tunable = read_tunable(self._reading, entry, name or entry.key.text[:40])
+            if name is not None:
+                tunables[name] = tunable
+        return tunables
+
+    def _requires(self) -> Expression | None:
+        node = self._fields.get("requires")
+        if node is None:
+            return None
+        names = Names(scene_names(self._space, ("scene",)))
+        return read_condition(self._reading, node, names, "'requires'")
+
+    def _trees(
+        self, tunables: Mapping[str, Tunable | None]
+    ) -> tuple[NodeSpec | None, NodeSpec | None]:
+        fields = self._fields
+        vocabulary, imported = read_imports(self._reading, fields, self._vocabulary)
+        types = {
+            name: tunable.type if tunable is not None else FieldType.ANY
+            for name, tunable in tunables.items()
+        }
+        declared = entries_of(fields.get("tunables"))
+        sound = fields.get("tunables") is None or len(declared) == len(tunables) > 0
+        trees = TreesReader(
+            self._reading,
+            fields.entries("subtrees", "names and subtrees"),
+            vocabulary,
+            imported,
+            types if sound else None,
+        )
+        specs = trees.trees(fields.get("tree"), fields.get("on_cancel"))
+        self._unused_inputs = tuple(trees.unused_inputs)
+        return specs
+
+
+def _unoffered(*trees: NodeSpec | None) -> tuple[str, ...]:
+    """Return the skills of trees that no robot offers, each with the reason."""
+    found: dict[str, str] = {}
+    for tree in filter(None, trees):
+        for spec in every_node(tree):
+            if spec.skill is not None and spec.skill.binding is None:
+                found[spec.skill.name] = f"skill '{spec.skill.name}': {spec.skill.unoffered}"
+    return tuple(found[name] for name in sorted(found))

@@ -1,0 +1,250 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Reads a trees folder: the scene, the skills and all agents; a broken agent stops no other."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+from bt_agents_core.errors import BtAgentsError, ReadError
+from bt_agents_language.files.agent_file import AgentFile, read_agent_file
+from bt_agents_language.files.libraries import FolderLibraries
+from bt_agents_language.files.scene_reader import read_scene
+from bt_agents_language.files.skills_reader import read_skills
+from bt_agents_language.model.interfaces import Interfaces
+from bt_agents_language.model.plugins import installed_plugins
+from bt_agents_language.model.scene_specs import SceneSpec
+from bt_agents_language.model.specs import AgentSpec, Position
+from bt_agents_language.model.symbols import ImportProblem, Vocabulary
+from bt_agents_language.yaml.diagnostics import Diagnostics
+from bt_agents_language.yaml.source import Source, read_source
+
+SUFFIXES = (".yaml", ".yml")
+TEST_SUFFIXES = (".test.yaml", ".test.yml")
+"""Ends of the names of files that test agents; they lie beside them."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class BrokenFile:
+    """A file that could not be read, and all that is wrong with it."""
+
+    file: Path
+    error: ReadError
+
+
+@dataclass(frozen=True, kw_only=True)
+class Trees:
+    """A trees folder.
+
+    Attributes:
+        folder: Where it is.
+        scene: ``scene.yaml``.
+        vocabulary: What its agents may speak of.
+        agents: The agents that could be read, by name.
+        broken: The files of agents and libraries that could not.
+        plugin_problems: Why some nodes of installed packages cannot be used, in words.
+        problems: What is wrong with the folder as a whole, in words.
+        robot: Robot whose bindings of skills are preferred.
+        tags: Only agents with one of these are wanted; empty for all.
+        files: The agent files, as they were read.
+        holders: Name of an agent → the file that it belongs to, which may be broken since.
+        texts: What the scene and the files with skills and libraries say; None for unreadable.
+    """
+
+    folder: Path
+    scene: SceneSpec
+    vocabulary: Vocabulary
+    agents: tuple[AgentSpec, ...]
+    broken: tuple[BrokenFile, ...]
+    plugin_problems: tuple[str, ...] = ()
+    problems: tuple[str, ...] = ()
+    robot: str = ""
+    tags: tuple[str, ...] = ()
+    files: tuple[AgentFile, ...] = ()
+    holders: Mapping[str, Path] = field(default_factory=dict)
+    texts: Mapping[Path, str | None] = field(default_factory=dict)
+
+    def tagged(self, tags: str) -> Trees:
+        """Return the folder with those agents only that have one of some tags.
+
+        Args:
+            tags: Tags with commas between them; empty keeps every agent.
+
+        Raises:
+            BtAgentsError: No agent has a tag of this name.
+        """
+        wanted = tuple(tag.strip() for tag in tags.split(",") if tag.strip())
+        known = sorted({tag for agent in self.agents for tag in agent.tags})
+        for tag in wanted:
+            if tag not in known:
+                raise BtAgentsError(
+                    f"no agent has the tag '{tag}'; there are {', '.join(known) or 'none'}"
+                )
+        kept = tuple(agent for agent in self.agents if is_wanted(agent, wanted))
+        return replace(self, agents=kept, tags=wanted)
+
+
+def read_trees(folder: Path, interfaces: Interfaces | None = None, robot: str = "") -> Trees:
+    """Return everything in a trees folder.
+
+    Args:
+        folder: Holds ``scene.yaml``, ``skills/*.yaml``, ``libraries/*.yaml`` and
+            ``agents/*.yaml``.
+        interfaces: The installed ROS types; None leaves types and fields unchecked.
+        robot: Robot whose bindings of skills are preferred; empty takes the first that fits.
+
+    Raises:
+        ReadError: ``scene.yaml`` or a skills file is broken, so that no agent can be read.
+    """
+    shared = [
+        folder / "scene.yaml",
+        *yaml_files(folder / "skills"),
+        *yaml_files(folder / "libraries"),
+    ]
+    # Before they are read: what changes meanwhile differs from these texts at the next look.
+    texts = {path: text_of(path) for path in shared}
+    scene = read_scene(folder / "scene.yaml", interfaces)
+    libraries = _libraries(folder, scene, interfaces, robot)
+    files = [
+        read_agent_file(path, libraries, cause="start") for path in yaml_files(folder / "agents")
+    ]
+    agents, files, holders = named(files, {})
+    return Trees(
+        folder=folder,
+        scene=scene,
+        vocabulary=libraries.vocabulary,
+        agents=agents,
+        broken=broken_files(files, folder, libraries),
+        plugin_problems=plugin_problems(libraries),
+        robot=robot,
+        files=tuple(files),
+        holders=holders,
+        texts=texts,
+    )
+
+
+def read_vocabulary(
+    folder: Path, scene: SceneSpec, interfaces: Interfaces | None = None, robot: str = ""
+) -> Vocabulary:
+    """Return what the agents of a folder may speak of; as :func:`read_trees`.
+
+    Raises:
+        ReadError: A skills file is broken.
+    """
+    return _libraries(folder, scene, interfaces, robot).vocabulary
+
+
+def _libraries(
+    folder: Path, scene: SceneSpec, interfaces: Interfaces | None, robot: str
+) -> FolderLibraries:
+    skills = read_skills(yaml_files(folder / "skills"), interfaces, robot)
+    vocabulary = Vocabulary(
+        space=scene.space,
+        skills=skills,
+        interfaces=interfaces,
+        plugins=installed_plugins().without(skills).kinds,
+    )
+    return FolderLibraries(folder, vocabulary, robot)
+
+
+def yaml_files(folder: Path, *, tests: bool = False) -> list[Path]:
+    """Return the YAML files of a folder by name, without hidden ones; with tests if asked for."""
+    if not folder.is_dir():
+        return []
+    return sorted(path for path in folder.iterdir() if _is_yaml(path, tests))
+
+
+def _is_yaml(path: Path, tests: bool) -> bool:
+    return (
+        path.suffix in SUFFIXES
+        and not path.name.startswith(".")
+        and (tests or not path.name.endswith(TEST_SUFFIXES))
+    )
+
+
+def is_wanted(agent: AgentSpec, tags: tuple[str, ...]) -> bool:
+    """Return True when an agent has one of some tags, or when none are named."""
+    return not tags or not {*tags}.isdisjoint(agent.tags)
+
+
+def text_of(path: Path) -> str | None:
+    """Return what a file says; None when it cannot be opened."""
+    try:
+        return read_source(path).text
+    except ReadError:
+        return None
+
+
+def named(
+    files: list[AgentFile], before: Mapping[str, Path]
+) -> tuple[tuple[AgentSpec, ...], list[AgentFile], dict[str, Path]]:
+    """Give each name to one file; who had it keeps it, also while its file is broken.
+
+    Args:
+        files: As they were read.
+        before: Name → the file that has had it so far.
+
+    Returns:
+        The agents by name; the files, where those that came too late are broken; the new holders.
+    """
+    unreadable = {one.file for one in files if one.agent is None}
+    holders = {name: file for name, file in before.items() if file in unreadable}
+    agents: dict[str, AgentSpec] = {}
+    late: dict[Path, ReadError] = {}
+
+    def turn(one: AgentFile) -> tuple[bool, Path]:
+        had = one.agent is not None and before.get(one.agent.name) == one.file
+        return not had, one.file
+
+    for one in sorted(files, key=turn):
+        if one.agent is None:
+            continue
+        name = one.agent.name
+        if name in holders:
+            late[one.file] = _duplicate(one, one.agent, holders[name])
+        else:
+            holders[name] = one.file
+            agents[name] = one.agent
+    kept = [
+        replace(one, agent=None, error=late[one.file]) if one.file in late else one
+        for one in files
+    ]
+    return tuple(agents[name] for name in sorted(agents)), kept, holders
+
+
+def broken_files(
+    files: list[AgentFile], folder: Path, libraries: FolderLibraries
+) -> tuple[BrokenFile, ...]:
+    """Return the files of agents that are broken, and all libraries that are."""
+    for path in libraries.paths():
+        with suppress(ImportProblem):
+            libraries.load(path)
+    return (
+        *(BrokenFile(file=one.file, error=one.error) for one in files if one.error is not None),
+        *(BrokenFile(file=folder / name, error=e) for name, e in libraries.broken.items()),
+    )
+
+
+def plugin_problems(libraries: FolderLibraries) -> tuple[str, ...]:
+    """Return why nodes of packages are left out, those named like a skill of a library too."""
+    skills = dict(libraries.vocabulary.skills)
+    for name in libraries.paths():
+        with suppress(ImportProblem):
+            skills |= libraries.load(name).skills
+    return installed_plugins().without(skills).problems
+
+
+def _duplicate(late: AgentFile, agent: AgentSpec, first: Path) -> ReadError:
+    source = Source(agent.file, late.text or "")
+    lines = enumerate(source.text.splitlines(), start=1)
+    line = next((number for number, text in lines if text.startswith("agent:")), 1)
+    problems = Diagnostics(source)
+    problems.add(
+        "duplicate-agent",
+        Position(file=source.file, line=line, column=1),
+        f"there is an agent '{agent.name}' already: {first}",
+        "give one of them another name",
+    )
+    return problems.error()

@@ -1,0 +1,93 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a file imports: skills and subtrees of libraries that lie in the same trees folder."""
+
+from __future__ import annotations
+
+import posixpath
+from collections.abc import Mapping
+from dataclasses import replace
+
+from bt_agents_language.model.specs import SkillSpec, SubtreeSpec
+from bt_agents_language.model.symbols import ImportProblem, Library, Vocabulary
+from bt_agents_language.yaml.diagnostics import shown
+from bt_agents_language.yaml.mapping_reader import Fields
+from bt_agents_language.yaml.typed_reader import FileReading
+from bt_agents_language.yaml.yaml_reader import Node, Sequence
+
+SUFFIXES = (".yaml", ".yml")
+"""How the name of a file of a trees folder ends."""
+
+
+def read_imports(
+    reading: FileReading, fields: Fields, vocabulary: Vocabulary
+) -> tuple[Vocabulary, Mapping[str, SubtreeSpec]]:
+    """Return the vocabulary with imported skills, and the imported subtrees by name.
+
+    What cannot be imported is reported where its path stands.
+    """
+    skills: dict[str, SkillSpec] = dict(vocabulary.skills)
+    subtrees: dict[str, SubtreeSpec] = {}
+    seen: set[str] = set()
+    imports = fields.get("imports")
+    failed = imports is not None and not isinstance(imports, Sequence)
+    for node in fields.items("imports"):
+        path = reading.text(node, "an import")
+        library = _load(reading, node, path, vocabulary, seen) if path is not None else None
+        if library is None:
+            failed = True
+            continue
+        for skill in library.skills.values():
+            known = skills.setdefault(skill.name, skill)
+            if known is not skill:
+                _taken(reading, node, "skill", skill.name, known.position.file)
+        for subtree in library.subtrees.values():
+            other = subtrees.setdefault(subtree.name, subtree)
+            if other is not subtree:
+                _taken(reading, node, "subtree", subtree.name, other.position.file)
+    return replace(vocabulary.with_skills(skills), incomplete=failed), subtrees
+
+
+def _load(
+    reading: FileReading, node: Node, path: str, vocabulary: Vocabulary, seen: set[str]
+) -> Library | None:
+    problem, hint = _path_problem(path)
+    if problem:
+        reading.error("bad-import", node, problem, hint)
+        return None
+    if path in seen:
+        reading.error("duplicate-key", node, f"{shown(path)} is imported twice", "remove one")
+        return None
+    seen.add(path)
+    if vocabulary.libraries is None:
+        reading.error(
+            "bad-import", node, "there is no trees folder to import from", "put the file into one"
+        )
+        return None
+    try:
+        return vocabulary.libraries.load(path)
+    except ImportProblem as error:
+        reading.error(error.code, node, error.message, error.hint)
+        return None
+
+
+def _path_problem(path: str) -> tuple[str, str]:
+    expected = "the path of a file from the trees folder on"
+    example = "for example libraries/manners.yaml"
+    if path.startswith(("/", "~")) or "\\" in path or ":" in path:
+        return f"expected {expected}, found {shown(path)}", example
+    if ".." in path.split("/"):
+        return f"{shown(path)} leads out of the trees folder", f"write {expected}, {example}"
+    if posixpath.normpath(path) != path:
+        return f"{shown(path)} is not written plainly", f"write {posixpath.normpath(path)}"
+    if not path.endswith(SUFFIXES):
+        return f"{shown(path)} is no YAML file", f"write {expected}, {example}"
+    return "", ""
+
+
+def _taken(reading: FileReading, node: Node, what: str, name: str, file: str) -> None:
+    reading.error(
+        "name-taken",
+        node,
+        f"this import brings a {what} '{name}', which {file} has already",
+        "rename one of the two",
+    )

@@ -1,0 +1,186 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Finds and reads the libraries of a trees folder, each once, and refuses circles of imports."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from contextlib import suppress
+from dataclasses import replace
+from pathlib import Path
+
+from bt_agents_core.errors import ReadError
+from bt_agents_language.files.imports import SUFFIXES, read_imports
+from bt_agents_language.files.skills_reader import FILE_KEYS, SkillsReader
+from bt_agents_language.model.symbols import ImportProblem, Library, Vocabulary
+from bt_agents_language.tree.trees_reader import TreesReader
+from bt_agents_language.yaml.diagnostics import did_you_mean, shown
+from bt_agents_language.yaml.typed_reader import FileReading
+
+_KEYS = (*FILE_KEYS, "imports", "subtrees")
+MAX_CHAIN = 16
+"""Libraries that import each other one after the other."""
+
+_OTHERS = ("agents/", "scripts/")
+"""Folders whose files are read as something else, so that reading them here blames them."""
+
+_CONTENTS = ("skills", "bindings", "subtrees")
+
+
+class FolderLibraries:
+    """The libraries of one trees folder.
+
+    Args:
+        folder: The trees folder; nothing outside of it is read.
+        vocabulary: What libraries may speak of.
+        robot: Robot whose bindings of skills are preferred.
+
+    Attributes:
+        vocabulary: The same, with these libraries.
+        broken: The libraries that could not be read, by path.
+        imports: Path of a library → what it imports itself.
+    """
+
+    def __init__(self, folder: Path, vocabulary: Vocabulary, robot: str = "") -> None:
+        self.broken: dict[str, ReadError] = {}
+        self.imports: dict[str, set[str]] = {}
+        self._folder = folder
+        self.vocabulary = replace(vocabulary, libraries=self)
+        self._robot = robot
+        self._read: dict[str, Library] = {}
+        self._chain: list[str] = []
+        self._circles: dict[str, tuple[str, ...]] = {}
+
+    def load(self, path: str) -> Library:
+        """Return the library of a path; see :class:`Libraries`."""
+        if self._chain:
+            self.imports.setdefault(self._chain[-1], set()).add(path)
+        if path in self._read:
+            return self._read[path]
+        if path.startswith(_OTHERS):
+            raise ImportProblem(
+                "bad-import",
+                f"{shown(path)} is no library",
+                "import a file of libraries; what two agents share stands there",
+            )
+        if path in self._chain:
+            circle = self._chain[self._chain.index(path) :]
+            self._circles.update(dict.fromkeys(circle, (*circle, path)))
+        elif len(self._chain) >= MAX_CHAIN:
+            raise ImportProblem(
+                "bad-import",
+                f"imports are nested more than {MAX_CHAIN} deep",
+                "import what is needed directly",
+            )
+        elif path not in self.broken:
+            file = self._inside(path)
+            self._chain.append(path)
+            try:
+                self._read[path] = self._library(FileReading.of(file))
+                return self._read[path]
+            except ReadError as error:
+                self.broken[path] = error
+            finally:
+                self._chain.pop()
+        if self._chain and path in self._circles.get(self._chain[-1], ()):
+            steps = " → ".join(self._circles[path])
+            raise ImportProblem(
+                "import-cycle",
+                f"the import leads back to itself: {steps[:120]}",
+                "move what both need into a third library",
+            )
+        problems = self.broken[path].diagnostics
+        first = problems[0]
+        more = f" and {len(problems) - 1} more" if len(problems) > 1 else ""
+        raise ImportProblem(
+            "broken-import",
+            f"{shown(path)} has errors itself: {first.code} in line {first.position.line}{more}",
+            "mend it first",
+        )
+
+    def behind(self, paths: Iterable[str]) -> frozenset[str]:
+        """Return libraries with all that they import, one after the other."""
+        found: set[str] = set()
+        waiting = list(paths)
+        while waiting:
+            path = waiting.pop()
+            if path not in found:
+                found.add(path)
+                waiting += self.imports.get(path, ())
+        return frozenset(found)
+
+    def _inside(self, path: str) -> Path:
+        file = self._folder / path
+        try:
+            real = file.resolve()
+            inside = real.is_relative_to(self._folder.resolve())
+            there, link = file.exists(), file.is_symlink()
+        except (OSError, RuntimeError, ValueError):
+            inside, there, link = True, False, False
+        if not inside:
+            raise ImportProblem(
+                "bad-import", f"{shown(path)} leads out of the trees folder", "copy the file here"
+            )
+        if not there and link:
+            raise ImportProblem(
+                "no-file", f"the link {shown(path)} leads nowhere", "put the file in its place"
+            )
+        if not there:
+            raise ImportProblem(
+                "no-file",
+                f"there is no file {shown(path)} in the trees folder",
+                did_you_mean(path, self.paths()),
+            )
+        return file
+
+    def paths(self) -> list[str]:
+        """Return the paths of all files under ``libraries``; see :class:`Libraries`."""
+        found = sorted((self._folder / "libraries").glob("*"))
+        return [f"libraries/{path.name}" for path in found if path.suffix in SUFFIXES]
+
+    def with_subtree(self, name: str) -> list[str]:
+        """Return the paths of the libraries with a subtree of a name; see :class:`Libraries`."""
+        found = []
+        for path in self.paths():
+            # What is being read now may be imported by the others, which would look like a circle.
+            if not self._chain:
+                with suppress(ImportProblem):
+                    self.load(path)
+            if path in self._read and name in self._read[path].subtrees:
+                found.append(path)
+        return found
+
+    def _library(self, reading: FileReading) -> Library:
+        fields = reading.document("a library", _KEYS)
+        if not any(fields.get(key) is not None for key in _CONTENTS):
+            reading.error(
+                "missing-key",
+                fields.mapping.position,
+                "a library needs the key 'skills' or 'subtrees'",
+                "add what it offers to the files that import it",
+            )
+        fields.text("description")
+        vocabulary, imported = read_imports(reading, fields, self.vocabulary)
+        skills = SkillsReader(vocabulary.interfaces, self._robot)
+        if fields.get("skills") is not None or fields.get("bindings") is not None:
+            skills.declare(reading, fields)
+            skills.bind(reading, fields)
+        own = skills.skills()
+        for name in own.keys() & vocabulary.skills.keys():
+            reading.error(
+                "duplicate-skill",
+                own[name].position,
+                f"there is a skill '{name}' already: {vocabulary.skills[name].position}",
+                "rename or remove one of them",
+            )
+        vocabulary = vocabulary.with_skills(own)
+        trees = TreesReader(
+            reading, fields.entries("subtrees", "names and subtrees"), vocabulary, imported, {}
+        )
+        subtrees = trees.library()
+        reading.problems.raise_if_any()
+        return Library(
+            file=reading.source.file,
+            skills=own,
+            subtrees=subtrees,
+            unused_inputs=tuple(trees.unused_inputs),
+        )

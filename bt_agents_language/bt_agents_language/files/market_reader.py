@@ -1,0 +1,119 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Reads ``market.yaml``: the rules by which the strategy ``rules`` chooses."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from bt_agents_core.scene import SceneSpace
+from bt_agents_language.expression.expressions import Expression
+from bt_agents_language.model.scope import Names, scene_names
+from bt_agents_language.model.specs import Position
+from bt_agents_language.model.values import read_condition
+from bt_agents_language.yaml.diagnostics import Diagnostic, did_you_mean
+from bt_agents_language.yaml.mapping_reader import Fields
+from bt_agents_language.yaml.source import Source
+from bt_agents_language.yaml.typed_reader import FileReading
+from bt_agents_language.yaml.yaml_reader import Node, Sequence
+
+MARKET_FILE = "market.yaml"
+"""Its name in a trees folder, which need not have one."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class MarketRule:
+    """Who wins when a condition holds.
+
+    Attributes:
+        condition: Over ``scene.*``.
+        agents: Who wins, the first of them that bids.
+        positions: Where each of the agents is named.
+    """
+
+    condition: Expression
+    agents: tuple[str, ...]
+    positions: tuple[Position, ...] = field(compare=False)
+
+    @property
+    def text(self) -> str:
+        """The condition as the author wrote it."""
+        return self.condition.text
+
+
+@dataclass(frozen=True, kw_only=True)
+class MarketSpec:
+    """What ``market.yaml`` says; ``rules`` in their order."""
+
+    rules: tuple[MarketRule, ...] = ()
+
+
+def market_of(folder: Path, space: SceneSpace) -> MarketSpec:
+    """Return what the market file of a trees folder says; one without any has no rules.
+
+    Raises:
+        ReadError: As :func:`read_market`.
+    """
+    file = folder / MARKET_FILE
+    return read_market(file, space) if file.exists() else MarketSpec()
+
+
+def read_market(file: Path | Source, space: SceneSpace) -> MarketSpec:
+    """Return what a market file says.
+
+    Args:
+        file: The file, or its text.
+        space: The parameters that conditions may name.
+
+    Raises:
+        ReadError: There is a problem; it lists all of them.
+    """
+    reading = FileReading.of(file)
+    fields = reading.document(MARKET_FILE, ("rules",), ("rules",))
+    names = Names(scene_names(space, ("scene",)))
+    rules = [_rule(reading, node, names) for node in fields.items("rules")]
+    reading.problems.raise_if_any()
+    return MarketSpec(rules=tuple(rule for rule in rules if rule is not None))
+
+
+def unknown_agents(market: MarketSpec, known: Collection[str]) -> Iterator[Diagnostic]:
+    """Yield a warning for each agent of a rule that is not among the known ones."""
+    for rule in market.rules:
+        for agent, position in zip(rule.agents, rule.positions, strict=True):
+            if agent not in known:
+                yield Diagnostic(
+                    code="unknown-agent-in-rule",
+                    position=position,
+                    message=f"there is no agent '{agent}' in this folder; the rule passes over it",
+                    hint=did_you_mean(agent, known),
+                )
+
+
+def _rule(reading: FileReading, node: Node, names: Names) -> MarketRule | None:
+    fields = reading.fields(node, "a rule", ("when", "agents"), ("when", "agents"))
+    if fields is None:
+        return None
+    condition = None
+    if (when := fields.get("when")) is not None:
+        condition = read_condition(reading, when, names, "'when'")
+    agents = _agents(reading, fields)
+    if condition is None or not agents:
+        return None
+    return MarketRule(condition=condition, agents=tuple(agents), positions=tuple(agents.values()))
+
+
+def _agents(reading: FileReading, fields: Fields) -> dict[str, Position]:
+    agents: dict[str, Position] = {}
+    nodes = fields.items("agents")
+    if not nodes and isinstance(fields.get("agents"), Sequence):
+        reading.error(
+            "missing-value", fields.nodes["agents"], "a rule names no agent", "name one or more"
+        )
+    for node in nodes:
+        agent = reading.name(node, "the name of an agent")
+        if agent in agents:
+            reading.error("duplicate-key", node, f"'{agent}' stands here twice", "name it once")
+        elif agent is not None:
+            agents[agent] = node.position
+    return agents

@@ -1,0 +1,236 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Reads ``scene.yaml``: the parameters of every scene and the sources that feed them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from bt_agents_core.scene import MAX_WEIGHT, SceneParameter, SceneSpace
+from bt_agents_language.files.persons_reader import read_persons
+from bt_agents_language.files.source_reader import VALUE_KEYS, SourceReader, Wanted
+from bt_agents_language.model.interfaces import Interfaces
+from bt_agents_language.model.scene_specs import (
+    PERSON,
+    MissingRule,
+    PersonsSpec,
+    SceneSpec,
+    SourceSpec,
+    TrackedSpec,
+)
+from bt_agents_language.model.scene_values import read_values
+from bt_agents_language.yaml.diagnostics import did_you_mean, shown
+from bt_agents_language.yaml.mapping_reader import Fields
+from bt_agents_language.yaml.source import Source
+from bt_agents_language.yaml.typed_reader import FileReading
+from bt_agents_language.yaml.yaml_reader import Entry, Mapping
+
+MAX_PLACE = 64
+"""Characters of the name of a place."""
+
+_KEYS = ("place", "parameters", "mood", "no_person", "persons", "sources")
+_PARAMETER_KEYS = ("min", "max", "default", "description", "labels", "weight", "missing")
+_TAKEN = {
+    PERSON: "whether a person is there",
+    "stale": "whether the live scene is too old to count",
+    "person_id": "who the person is",
+    "persons": "how many persons are there",
+    "place": "where the robot is",
+}
+
+
+def read_scene(path: Path, interfaces: Interfaces | None = None) -> SceneSpec:
+    """Return the scene parameters and sources of a file.
+
+    Raises:
+        ReadError: There is a problem; it lists all of them.
+    """
+    return _read(FileReading.of(path), interfaces)
+
+
+def read_scene_text(text: str, file: str, interfaces: Interfaces | None = None) -> SceneSpec:
+    """Return the scene parameters and sources of a text; as :func:`read_scene`."""
+    return _read(FileReading(Source(file, text)), interfaces)
+
+
+def _read(reading: FileReading, interfaces: Interfaces | None) -> SceneSpec:
+    fields = reading.document("scene.yaml", _KEYS, ("parameters",))
+    entries = fields.entries("parameters", "names and parameters")
+    if not entries and isinstance(fields.get("parameters"), Mapping):
+        reading.error(
+            "missing-value", fields.nodes["parameters"], "there is no parameter", "add one"
+        )
+    missing: dict[str, MissingRule] = {}
+    read = [(entry.key.text, _parameter(reading, entry, missing)) for entry in entries]
+    parameters = {name: parameter for name, parameter in read if parameter is not None}
+    names = [name for name, _ in read]
+    space = SceneSpace(parameters=tuple(parameters.values()), mood=_mood(reading, fields, names))
+    persons, source_reader = read_persons(reading, fields.get("persons"), interfaces)
+    place = _place(reading, fields, source_reader)
+    sources, person = _sources(reading, fields, names, parameters, source_reader, persons)
+    no_person = _no_person(reading, fields, space, names)
+    spec = SceneSpec(
+        space=space,
+        sources=tuple(sources),
+        person=person,
+        persons=persons,
+        place=place,
+        missing=missing,
+        no_person=no_person,
+    )
+    _check_types(reading, spec)
+    reading.problems.raise_if_any()
+    return spec
+
+
+def _check_types(reading: FileReading, spec: SceneSpec) -> None:
+    """Report topics that are named with more than one type: a process can hear only one."""
+    tracked = (spec.persons.tracked,) if spec.persons is not None else ()
+    named = sorted(
+        (*spec.every_source, *tracked), key=lambda one: (one.position.line, one.position.column)
+    )
+    first: dict[str, SourceSpec | TrackedSpec] = {}
+    for one in named:
+        before = first.setdefault(one.topic, one)
+        if one.type != before.type:
+            reading.error(
+                "wrong-value",
+                one.position,
+                f"the topic '{one.topic}' has the type {one.type} here, and {before.type} in line "
+                f"{before.position.line}",
+                "write the type that it has, or name another topic",
+            )
+
+
+def _sources(
+    reading: FileReading,
+    fields: Fields,
+    names: list[str],
+    parameters: dict[str, SceneParameter],
+    source_reader: SourceReader,
+    persons: PersonsSpec | None,
+) -> tuple[list[SourceSpec], SourceSpec | None]:
+    """Return the sources of parameters, and the one that says whether somebody is there."""
+    sources: list[SourceSpec] = []
+    person = None
+    for entry in fields.entries("sources", "parameters and sources"):
+        name = entry.key.text
+        if name == PERSON:
+            if "persons" in fields.nodes:
+                reading.error(
+                    "name-taken",
+                    entry.key,
+                    "'persons' says already whether somebody is there: when somebody is tracked",
+                    "remove this source",
+                )
+            wanted = Wanted(name=name, what="source 'person'", may_be_per_person=False)
+            person = source_reader.read(entry.value, entry.key, wanted)
+        elif name not in names:
+            reading.error(
+                "unknown-name",
+                entry.key,
+                f"there is no scene parameter {shown(name)}",
+                did_you_mean(name, [PERSON, *names]),
+            )
+        else:
+            wanted = Wanted(
+                name=name,
+                what=f"source '{name}'",
+                keys=VALUE_KEYS,
+                parameter=parameters.get(name),
+            )
+            sources += source_reader.read_all(entry.value, entry.key, wanted)
+    return sources, person
+
+
+def _place(reading: FileReading, fields: Fields, source_reader: SourceReader) -> str | SourceSpec:
+    node = fields.get("place")
+    if node is None:
+        return ""
+    if isinstance(node, Mapping):
+        wanted = Wanted(name="place", what="'place'", text=True, may_be_per_person=False)
+        return source_reader.read(node, fields.keys["place"], wanted) or ""
+    place = fields.text("place")
+    if len(place) > MAX_PLACE:
+        reading.error(
+            "bad-name",
+            node,
+            f"'place' has {len(place)} characters, at most {MAX_PLACE} are possible",
+            "write a shorter name",
+        )
+    return place
+
+
+def _no_person(
+    reading: FileReading, fields: Fields, space: SceneSpace, names: list[str]
+) -> dict[str, float]:
+    node = fields.get("no_person")
+    if node is None or len(space) < len(names):
+        return {}
+    return read_values(reading, node, "'no_person'", space)
+
+
+def _parameter(
+    reading: FileReading, entry: Entry, missing: dict[str, MissingRule]
+) -> SceneParameter | None:
+    """Return a parameter, and note what stands for it where nobody measures it."""
+    name = reading.name(entry.key, "the name of a scene parameter")
+    if name in _TAKEN:
+        reading.error(
+            "name-taken",
+            entry.key,
+            f"'{name}' has a meaning of its own: {_TAKEN[name]}",
+            "choose another name",
+        )
+    what = f"parameter '{entry.key.text[:40]}'"
+    fields = reading.fields(entry.value, what, _PARAMETER_KEYS, ("min", "max", "default"))
+    if fields is None:
+        return None
+    minimum, maximum = fields.number("min"), fields.number("max")
+    if not fields.check_range(what, minimum, maximum):
+        minimum = maximum = None
+    default = fields.number("default", minimum, maximum)
+    labels = _labels(reading, fields, minimum, maximum)
+    description = fields.text("description")
+    weight = fields.number("weight", 0.0, MAX_WEIGHT)
+    rule = fields.choice("missing", [rule.value for rule in MissingRule])
+    if rule is not None and name is not None:
+        missing[name] = MissingRule(rule)
+    if name is None or minimum is None or maximum is None or default is None:
+        return None
+    return SceneParameter(
+        name=name,
+        minimum=minimum,
+        maximum=maximum,
+        default=default,
+        description=description,
+        labels=labels,
+        weight=1.0 if weight is None else weight,
+    )
+
+
+def _labels(
+    reading: FileReading, fields: Fields, minimum: float | None, maximum: float | None
+) -> dict[float, str]:
+    labels: dict[float, str] = {}
+    for entry in fields.entries("labels", "values and words"):
+        value = reading.number(entry.key, "the value of a label", minimum, maximum)
+        text = reading.text(entry.value, "a label")
+        if value in labels:
+            reading.error("duplicate-key", entry.key, f"the value {value:g} has a label already")
+        if value is not None and text is not None:
+            labels[value] = text
+    return labels
+
+
+def _mood(reading: FileReading, fields: Fields, names: list[str]) -> str | None:
+    node = fields.get("mood")
+    mood = reading.text(node, "'mood'") if node is not None else None
+    if node is None or mood is None or mood in names:
+        return mood
+    reading.error(
+        "unknown-name",
+        node,
+        f"there is no scene parameter {shown(mood)}",
+        did_you_mean(mood, names),
+    )
+    return None

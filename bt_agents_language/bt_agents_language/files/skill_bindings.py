@@ -1,0 +1,165 @@
+# SPDX-License-Identifier: Apache-2.0
+"""One robot's offer to carry out a skill: an interface, how it is filled, what comes back."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from bt_agents_language.files.bindings import (
+    RECEIVED,
+    Back,
+    Outputs,
+    binding_keys,
+    read_binding,
+    what_comes_back,
+)
+from bt_agents_language.model.interfaces import Interfaces, package_of
+from bt_agents_language.model.scope import Names
+from bt_agents_language.model.specs import Binding, BindingKind, SkillSpec
+from bt_agents_language.yaml.diagnostics import did_you_mean, shown
+from bt_agents_language.yaml.mapping_reader import Fields
+from bt_agents_language.yaml.typed_reader import FileReading, listed
+from bt_agents_language.yaml.yaml_reader import Mapping as MappingNode
+from bt_agents_language.yaml.yaml_reader import Node, Scalar, entries_of
+
+
+@dataclass(frozen=True, kw_only=True)
+class Offer:
+    """What a robot has for a skill.
+
+    Attributes:
+        robot: Name of the robot.
+        binding: None when its ROS types are not installed here.
+        problem: Why there is no binding, in words.
+    """
+
+    robot: str
+    binding: Binding | None
+    problem: str = ""
+
+
+def read_offer(
+    reading: FileReading,
+    fields: Fields,
+    key: Scalar,
+    what: str,
+    skill: SkillSpec,
+    robot: str,
+    interfaces: Interfaces | None,
+    inline: bool = False,
+    lenient: bool = False,
+) -> Offer | None:
+    """Return the offer of one robot; None when it is wrong, which is then reported.
+
+    Args:
+        reading: The file.
+        fields: The keys of the binding.
+        key: What messages about the whole point at.
+        what: The binding, for messages.
+        skill: The skill as declared.
+        robot: Name of the robot.
+        interfaces: The installed ROS types; None takes every type as installed.
+        inline: Whether it stands in the declaration of the skill, whose outputs then say in
+            ``from`` where they come from.
+        lenient: Whether the inputs could not be read, so that any name may be one.
+    """
+    kinds = [kind for kind in BindingKind if fields.get(kind.value) is not None]
+    if len(kinds) != 1:
+        second = fields.keys[kinds[1].value] if kinds else key
+        reading.error(
+            "bad-binding",
+            second,
+            f"{what} names {'more than one' if kinds else 'no'} ROS interface",
+            "bind it to exactly one: 'action', 'service' or 'topic'",
+        )
+        return None
+    kind = kinds[0]
+    node = fields.get(kind.value)
+    assert node is not None
+    bound = reading.fields(node, f"'{kind.value}'", binding_keys(kind), ("name", "type"))
+    if bound is None:
+        return None
+    type_node = bound.get("type")
+    type_name = type_node.text if isinstance(type_node, Scalar) else None
+    package = package_of(type_name or "")
+    absent = interfaces is not None and package != "" and not interfaces.has_package(package)
+    known = None if absent else interfaces
+    outputs = _outputs(reading, fields, kind, type_name, skill, known, what, inline)
+    binding = read_binding(
+        reading,
+        kind,
+        bound,
+        Names({one.name: one.type for one in skill.inputs}, lenient=lenient),
+        Names({}),
+        known,
+        outputs,
+    )
+    if binding is None:
+        return None
+    if absent:
+        problem = f"the ROS package '{package}' is not installed"
+        return Offer(robot=robot, binding=None, problem=problem)
+    return Offer(robot=robot, binding=binding)
+
+
+def _outputs(
+    reading: FileReading,
+    fields: Fields,
+    kind: BindingKind,
+    type_name: str | None,
+    skill: SkillSpec,
+    interfaces: Interfaces | None,
+    what: str,
+    inline: bool,
+) -> Outputs:
+    """Return where the outputs come from."""
+    if fields.get("outputs") is not None and kind not in RECEIVED:
+        reading.error(
+            "unknown-key",
+            fields.keys["outputs"],
+            "a skill that is a topic has no outputs: nothing comes back from it",
+            "remove 'outputs'",
+        )
+        return Outputs()
+    back = what_comes_back(kind, type_name, interfaces)
+    if inline:
+        return _declared_outputs(reading, fields, back)
+    return _bound_outputs(reading, fields, back, skill, what)
+
+
+def _declared_outputs(reading: FileReading, fields: Fields, back: Back) -> Outputs:
+    outputs = Outputs()
+    for entry in fields.entries("outputs", "names and fields"):
+        source: Node = entry.key
+        if isinstance(entry.value, MappingNode):
+            source = entry.value.get("from") or entry.key
+        outputs.read(reading, entry.key.text, source, "'from'", back)
+    return outputs
+
+
+def _bound_outputs(
+    reading: FileReading, fields: Fields, back: Back, skill: SkillSpec, what: str
+) -> Outputs:
+    declared = [one.name for one in skill.outputs]
+    outputs = Outputs()
+    for entry in fields.entries("outputs", "outputs and fields"):
+        if entry.key.text not in declared:
+            reading.error(
+                "unknown-name",
+                entry.key,
+                f"skill '{skill.name}' has no output {shown(entry.key.text)}",
+                did_you_mean(entry.key.text, declared) or "remove it",
+            )
+            continue
+        name = entry.key.text
+        outputs.read(reading, name, entry.value, f"output '{name}'", back)
+    written = {entry.key.text for entry in entries_of(fields.get("outputs"))}
+    missing = [name for name in declared if name not in written]
+    if missing and written <= {*declared}:
+        reading.error(
+            "missing-key",
+            fields.mapping.position,
+            f"{what} says nothing about the output{'s' * (len(missing) > 1)} {listed(missing)}",
+            "add 'outputs: {" + ", ".join(f"{name}: …" for name in missing) + "}'",
+        )
+    return outputs

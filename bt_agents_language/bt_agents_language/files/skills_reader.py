@@ -1,0 +1,260 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Reads skills: the authors' vocabulary, and which robot carries it out by which interface."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path, PurePosixPath
+
+from bt_agents_core.errors import ReadError
+from bt_agents_language.files.inputs import read_inputs, read_new_name, read_type
+from bt_agents_language.files.skill_bindings import Offer, read_offer
+from bt_agents_language.model.interfaces import Interfaces
+from bt_agents_language.model.specs import BindingKind, FieldSpec, FieldType, SkillSpec
+from bt_agents_language.nodes import WORDS
+from bt_agents_language.yaml.diagnostics import did_you_mean, joined, shown
+from bt_agents_language.yaml.mapping_reader import Fields
+from bt_agents_language.yaml.source import Source
+from bt_agents_language.yaml.typed_reader import FileReading, found
+from bt_agents_language.yaml.yaml_reader import Entry, Scalar
+
+BINDINGS = tuple(kind.value for kind in BindingKind)
+FILE_KEYS = ("description", "robot", "skills", "bindings")
+"""Keys of a file with skills, besides ``format``."""
+
+_SKILL_KEYS = ("description", "main", "inputs", "outputs", *BINDINGS)
+
+
+def read_skills(
+    paths: Iterable[Path], interfaces: Interfaces | None = None, robot: str = ""
+) -> Mapping[str, SkillSpec]:
+    """Return the skills of all files by name, each bound to the robot that counts.
+
+    Args:
+        paths: Files with skills; a file may bind the skills of another one.
+        interfaces: The installed ROS types; None takes every type as installed.
+        robot: Robot whose bindings are preferred; else the first in the order of the files is
+            taken whose ROS types are installed.
+
+    Raises:
+        ReadError: There is a problem; it lists those of all files.
+    """
+    reader = SkillsReader(interfaces, robot)
+    errors: list[ReadError] = []
+    files: list[tuple[FileReading, Fields]] = []
+    for path in paths:
+        try:
+            reading = FileReading.of(path)
+            files.append((reading, reading.document("a skills file", FILE_KEYS)))
+        except ReadError as error:
+            errors.append(error)
+    return reader.read(files, errors)
+
+
+def read_skills_text(
+    text: str, file: str, interfaces: Interfaces | None = None
+) -> Mapping[str, SkillSpec]:
+    """Return the skills of one text; as :func:`read_skills`."""
+    reading = FileReading(Source(file, text))
+    fields = reading.document("a skills file", FILE_KEYS)
+    return SkillsReader(interfaces).read([(reading, fields)])
+
+
+@dataclass(frozen=True)
+class _Declared:
+    """A skill that is declared, and the robots that offer it, in order."""
+
+    skill: SkillSpec
+    offers: list[Offer]
+
+
+class SkillsReader:
+    """Collects declarations and bindings of skills over several files.
+
+    Args:
+        interfaces: The installed ROS types; None takes every type as installed.
+        robot: Robot whose bindings are preferred.
+    """
+
+    def __init__(self, interfaces: Interfaces | None, robot: str = "") -> None:
+        self._interfaces = interfaces
+        self._robot = robot
+        self._declared: dict[str, _Declared] = {}
+
+    def read(
+        self, files: Iterable[tuple[FileReading, Fields]], errors: Iterable[ReadError] = ()
+    ) -> dict[str, SkillSpec]:
+        """Return the skills of files by name.
+
+        Args:
+            files: The files, opened, with their keys.
+            errors: Problems of files that could not be opened.
+
+        Raises:
+            ReadError: There is a problem; it lists those of all files.
+        """
+        every = list(files)
+        for reading, fields in every:
+            self.declare(reading, fields)
+        for reading, fields in every:
+            self.bind(reading, fields)
+        refused = [*errors, *(r.problems.error() for r, _ in every if r.problems)]
+        if refused:
+            raise joined(refused)
+        return self.skills()
+
+    def declare(self, reading: FileReading, fields: Fields) -> None:
+        """Read what stands under ``skills``."""
+        robot = _robot(reading, fields)
+        if fields.get("skills") is None and fields.get("bindings") is None:
+            reading.error(
+                "missing-key",
+                fields.mapping.position,
+                "a skills file needs the key 'skills' or 'bindings'",
+                "add 'skills: …'",
+            )
+        for entry in fields.entries("skills", "names and skills"):
+            name = read_new_name(reading, entry.key, "a skill")
+            free = name is not None and self._is_free(reading, entry)
+            declared = self._declaration(reading, entry, name or "skill", robot)
+            if free and name is not None and declared is not None:
+                self._declared[name] = declared
+
+    def bind(self, reading: FileReading, fields: Fields) -> None:
+        """Read what stands under ``bindings``, for skills that are declared in any file."""
+        robot = _robot(reading, fields)
+        for entry in fields.entries("bindings", "skills and their bindings"):
+            name = entry.key.text
+            declared = self._declared.get(name)
+            if declared is None:
+                reading.error(
+                    "unknown-name",
+                    entry.key,
+                    f"there is no skill {shown(name)} that could be bound",
+                    did_you_mean(name, self._declared) or "declare it under 'skills:'",
+                )
+                continue
+            what = f"the binding of '{name}'"
+            bound = reading.fields(entry.value, what, ("outputs", *BINDINGS))
+            if bound is None:
+                continue
+            offer = read_offer(
+                reading, bound, entry.key, what, declared.skill, robot, self._interfaces
+            )
+            if offer is not None:
+                declared.offers.append(offer)
+
+    def skills(self) -> dict[str, SkillSpec]:
+        """Return the declared skills by name, each with the binding that counts."""
+        return {name: self._chosen(one) for name, one in self._declared.items()}
+
+    def _chosen(self, declared: _Declared) -> SkillSpec:
+        installed = [offer for offer in declared.offers if offer.binding is not None]
+        for offer in sorted(installed, key=lambda one: one.robot != self._robot):
+            return replace(declared.skill, binding=offer.binding)
+        why = "; ".join(f"{one.robot}: {one.problem}" for one in declared.offers)
+        return replace(declared.skill, unoffered=why or "no robot is bound to it")
+
+    def _is_free(self, reading: FileReading, entry: Entry) -> bool:
+        name = entry.key.text
+        if name in WORDS:
+            reading.error(
+                "name-taken",
+                entry.key,
+                f"'{name}' is a word of the tree language",
+                "rename the skill",
+            )
+            return False
+        if name in self._declared:
+            reading.error(
+                "duplicate-skill",
+                entry.key,
+                f"there is a skill '{name}' already: {self._declared[name].skill.position}",
+                "rename or remove one of them; another robot's interface for the same skill "
+                "goes under 'bindings:'",
+            )
+            return False
+        return True
+
+    def _declaration(
+        self, reading: FileReading, entry: Entry, name: str, robot: str
+    ) -> _Declared | None:
+        what = f"skill '{name}'"
+        fields = reading.fields(entry.value, what, _SKILL_KEYS)
+        if fields is None:
+            return None
+        node = fields.get("inputs")
+        before = len(reading.problems)
+        inputs = read_inputs(reading, node, what) if node is not None else ()
+        lenient = len(reading.problems) > before
+        skill = SkillSpec(
+            name=name,
+            description=fields.text("description"),
+            main=_main(reading, fields, inputs),
+            inputs=inputs,
+            outputs=_outputs(reading, fields),
+            binding=None,
+            position=entry.key.position,
+        )
+        declared = _Declared(skill, [])
+        if any(fields.get(kind) is not None for kind in BINDINGS):
+            offer = read_offer(
+                reading,
+                fields,
+                entry.key,
+                what,
+                skill,
+                robot,
+                self._interfaces,
+                inline=True,
+                lenient=lenient,
+            )
+            if offer is not None:
+                declared.offers.append(offer)
+        return declared
+
+
+def _robot(reading: FileReading, fields: Fields) -> str:
+    return fields.name("robot") or PurePosixPath(reading.source.file).stem
+
+
+def _main(reading: FileReading, fields: Fields, inputs: tuple[FieldSpec, ...]) -> str | None:
+    node = fields.get("main")
+    main = reading.text(node, "'main'") if node is not None else None
+    known = [one.name for one in inputs]
+    if node is None or main is None or main in known:
+        return main
+    reading.error(
+        "unknown-name", node, f"there is no input {shown(main)}", did_you_mean(main, known)
+    )
+    return None
+
+
+def _outputs(reading: FileReading, fields: Fields) -> tuple[FieldSpec, ...]:
+    outputs: list[FieldSpec] = []
+    for entry in fields.entries("outputs", "names and fields"):
+        name = read_new_name(reading, entry.key, "an output")
+        what = f"output '{entry.key.text[:40]}'"
+        if isinstance(entry.value, Scalar) and not entry.value.empty:
+            reading.error(
+                "wrong-type",
+                entry.value,
+                f"{what} needs a type and where it comes from, found {found(entry.value)}",
+                f"write {entry.key.text[:40]}: {{type: text, from: {entry.value.text[:40]}}}",
+            )
+            continue
+        one = reading.fields(entry.value, what, ("type", "from", "description"))
+        if name is None or one is None:
+            continue
+        type_node = one.get("type")
+        field_type = read_type(reading, type_node) if type_node is not None else None
+        outputs.append(
+            FieldSpec(
+                name=name,
+                type=field_type or FieldType.ANY,
+                required=False,
+                description=one.text("description"),
+            )
+        )
+    return tuple(outputs)

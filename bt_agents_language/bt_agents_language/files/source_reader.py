@@ -1,0 +1,402 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Reads sources of ``scene.yaml``: topic, field, map or table, and how sure the readings are."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Collection
+from dataclasses import dataclass
+
+from bt_agents_core.scene import SceneParameter
+from bt_agents_language.expression.expressions import EvaluationError, Expression, ValueKind
+from bt_agents_language.files.source_mapping import read_points, read_table
+from bt_agents_language.model.interfaces import (
+    Interfaces,
+    MessageFields,
+    read_ros_name,
+    read_ros_type,
+)
+from bt_agents_language.model.scene_specs import (
+    LARGEST_STD,
+    MESSAGE,
+    PERSON,
+    SourceSpec,
+    TrackedSpec,
+    path_of,
+)
+from bt_agents_language.model.scope import Names
+from bt_agents_language.model.specs import BindingKind
+from bt_agents_language.tree.references import read_expression
+from bt_agents_language.yaml.diagnostics import did_you_mean, shown
+from bt_agents_language.yaml.mapping_reader import Fields
+from bt_agents_language.yaml.scalars import boolean
+from bt_agents_language.yaml.typed_reader import FileReading
+from bt_agents_language.yaml.yaml_reader import Mapping, Node, Scalar, Sequence
+
+TRACKED = "tracked"
+"""The word for the list of tracked persons behind ``from``."""
+
+TOPIC_KEYS = ("topic", "type", "field", "stale_after", "latched")
+MAP_KEYS = ("map", "table", "smoothing")
+VALUE_KEYS = (*MAP_KEYS, "confidence", "std")
+
+_FIELD_PATH = re.compile(r"[a-z][a-z0-9_]*(\.[a-z0-9_]+)*")
+_PATH_LIKE = re.compile(r"[^\W\d][\w.\[\]]*[\[\]_\w]")
+_INDEX = re.compile(r"\[([0-9]+)\]")
+_PERCENT = re.compile(r"([0-9]+(?:\.[0-9]+)?)\s*%")
+_PLACEHOLDER = re.compile(r"<([^<>/]*)>")
+_NUMBERS = (None, ValueKind.BOOLEAN, ValueKind.NUMBER)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Wanted:
+    """What a source is for, and so how it may be written.
+
+    Attributes:
+        name: The parameter, or what else it is about.
+        what: The source in words, for messages.
+        keys: Keys beside those of the topic.
+        parameter: The scene parameter that it feeds; None for any value.
+        text: True when the reading is a text.
+        may_be_per_person: Whether its topic may name a person, or ``from`` the list of them.
+        must_be_per_person: Whether it has to.
+    """
+
+    name: str
+    what: str
+    keys: tuple[str, ...] = ()
+    parameter: SceneParameter | None = None
+    text: bool = False
+    may_be_per_person: bool = True
+    must_be_per_person: bool = False
+
+
+class SourceReader:
+    """Reads the sources of one file.
+
+    Args:
+        reading: The file.
+        interfaces: The installed ROS types; None leaves types and fields unchecked.
+        tracked: Who is tracked; None where persons are not told apart.
+        placeholders: What may stand in angle brackets in a topic.
+    """
+
+    def __init__(
+        self,
+        reading: FileReading,
+        interfaces: Interfaces | None,
+        tracked: TrackedSpec | None = None,
+        placeholders: Collection[str] = (),
+    ) -> None:
+        self._reading = reading
+        self._interfaces = interfaces
+        self._tracked = tracked
+        self._placeholders = placeholders
+
+    def read_all(self, node: Node, where: Node, wanted: Wanted) -> list[SourceSpec]:
+        """Return one source or a list of them; what is wrong is reported and left out.
+
+        Args:
+            node: What is written.
+            where: Stands for all sources in reports.
+            wanted: What they are for.
+        """
+        if not isinstance(node, Sequence):
+            source = self.read(node, where, wanted)
+            return [source] if source is not None else []
+        if not node.items:
+            self._reading.error("missing-value", node, f"{wanted.what} is an empty list")
+        found = [self.read(item, item, wanted) for item in node.items]
+        return [source for source in found if source is not None]
+
+    def read(self, node: Node, where: Node, wanted: Wanted) -> SourceSpec | None:
+        """Return a source; None when it is wrong, which is then reported."""
+        if isinstance(node, Mapping) and any(e.key.text == "from" for e in node.entries):
+            return self._of_tracked(node, where, wanted)
+        fields = self.topic_fields(node, wanted.what, wanted.keys)
+        if fields is None:
+            return None
+        origin = _Origin(
+            topic=self.topic(fields, wanted),
+            type_name=self.type_name(fields),
+            stale_after_s=self.stale_after(fields),
+            latched=fields.boolean("latched") or False,
+        )
+        return self._spec(fields, where, wanted, origin, self.message(origin.type_name))
+
+    def _of_tracked(self, node: Mapping, where: Node, wanted: Wanted) -> SourceSpec | None:
+        """Return a source that reads the item of a person in the list of tracked persons."""
+        known = ("from", "field", "stale_after", *wanted.keys)
+        fields = self._reading.fields(node, wanted.what, known, ("from", "field"))
+        if fields is None or fields.choice("from", (TRACKED,)) is None:
+            return None
+        tracked = self._tracked
+        if tracked is None or not tracked.id or not wanted.may_be_per_person:
+            self._reading.error(
+                "unknown-name",
+                fields.nodes["from"],
+                "there is no list of tracked persons with an item for each"
+                if wanted.may_be_per_person
+                else f"{wanted.what} is not about one person",
+                "name a topic, or say in 'persons: tracked' what the 'id' in each item is"
+                if wanted.may_be_per_person
+                else "name a topic",
+            )
+            return None
+        own = "stale_after" in fields.nodes
+        origin = _Origin(
+            topic=tracked.topic,
+            type_name=tracked.type,
+            stale_after_s=self.stale_after(fields) if own else tracked.stale_after_s,
+            latched=tracked.latched,
+            of_item=True,
+        )
+        message = self.message(tracked.type, f"{tracked.field}.0")
+        return self._spec(fields, where, wanted, origin, message)
+
+    def _spec(
+        self, fields: Fields, where: Node, wanted: Wanted, origin: _Origin, message: MessageFields
+    ) -> SourceSpec | None:
+        reads = self._field(fields, wanted, message)
+        points = read_points(self._reading, fields, wanted.parameter)
+        kind = reads.kind if reads is not None else None
+        table = read_table(self._reading, fields, wanted.parameter, kind)
+        confidence = self._certainty(fields, "confidence", message, 1.0)
+        std = self._certainty(fields, "std", message, LARGEST_STD)
+        smoothing_s = fields.duration("smoothing") or 0.0
+        if (
+            reads is None
+            or origin.topic is None
+            or origin.type_name is None
+            or origin.stale_after_s is None
+        ):
+            return None
+        return SourceSpec(
+            parameter=wanted.name,
+            topic=origin.topic,
+            type=origin.type_name,
+            field=reads,
+            points=points,
+            table=table,
+            stale_after_s=origin.stale_after_s,
+            latched=origin.latched,
+            confidence=confidence,
+            std=std,
+            smoothing_s=smoothing_s,
+            of_item=origin.of_item,
+            position=where.position,
+        )
+
+    # Topics
+
+    def topic_fields(self, node: Node, what: str, keys: Collection[str]) -> Fields | None:
+        """Return the keys of a topic, and some others; None for anything but a mapping."""
+        required = ["topic", "type", "field", *([] if is_latched(node) else ["stale_after"])]
+        return self._reading.fields(node, what, (*TOPIC_KEYS, *keys), required)
+
+    def topic(self, fields: Fields, wanted: Wanted) -> str | None:
+        """Return the name of a topic, what stands in angle brackets in it checked."""
+        node = fields.get("topic")
+        if node is None:
+            return None
+        topic = read_ros_name(self._reading, node, "'topic'", brackets=True)
+        if topic is None:
+            return None
+        named = _PLACEHOLDER.findall(topic)
+        if wanted.must_be_per_person and not named:
+            self._reading.error(
+                "wrong-value",
+                node,
+                f"{wanted.what} has the same topic for everybody",
+                f"write <{PERSON}> where the id of the person stands in the topic",
+            )
+            return None
+        return topic if all(self._is_known(node, name, wanted) for name in named) else None
+
+    def _is_known(self, node: Node, name: str, wanted: Wanted) -> bool:
+        if wanted.may_be_per_person and name in self._placeholders:
+            return True
+        if not wanted.may_be_per_person:
+            message, hint = f"{wanted.what} is not about one person", "name a topic without < >"
+        elif not self._placeholders:
+            message = f"<{name[:40]}> in a topic needs 'persons', which says who is tracked"
+            hint = "add 'persons: {tracked: …}'"
+        else:
+            message = f"there is no id called <{name[:40]}>"
+            hint = did_you_mean(name, self._placeholders)
+        self._reading.error("unknown-name", node, message, hint)
+        return False
+
+    def type_name(self, fields: Fields) -> str | None:
+        """Return the checked ROS type behind ``type``."""
+        node = fields.get("type")
+        if node is None:
+            return None
+        return read_ros_type(self._reading, node, BindingKind.TOPIC, self._interfaces)
+
+    def message(self, type_name: str | None, inside: str = "") -> MessageFields:
+        """Return the fields of a message, or of a part of it."""
+        return MessageFields(
+            self._interfaces, BindingKind.TOPIC, type_name or "", "message", inside
+        )
+
+    def stale_after(self, fields: Fields) -> float | None:
+        """Return how long a reading counts [s], infinite where nothing is written; None if bad."""
+        if "stale_after" not in fields.nodes:
+            return math.inf if is_latched(fields.mapping) else None
+        seconds = fields.duration("stale_after")
+        if seconds == 0.0:
+            node = fields.nodes["stale_after"]
+            self._reading.error("out-of-range", node, "'stale_after' must be longer than 0 s")
+        return seconds
+
+    # Readings
+
+    def path(self, node: Node, what: str, message: MessageFields) -> str | None:
+        """Return the path of a field of a message."""
+        text = self._reading.text(node, what)
+        if text is None:
+            return None
+        if not _FIELD_PATH.fullmatch(text) or len(text) > 255:
+            meant = _INDEX.sub(r".\1", text[:80])
+            sound = _FIELD_PATH.fullmatch(meant)
+            self._reading.error(
+                "bad-name",
+                node,
+                f"{what} is {shown(text)}, expected the path of a field such as data or "
+                "faces.0.mood",
+                f"write {meant}" if sound else "write field names joined by points",
+            )
+            return None
+        problem = message.problem(text)
+        if problem:
+            self._reading.error("unknown-ros-field", node, f"{message.type_name}: {problem}")
+            return None
+        return text
+
+    def _field(self, fields: Fields, wanted: Wanted, message: MessageFields) -> Expression | None:
+        node = fields.get("field")
+        if node is None:
+            return None
+        expression = self._expression(node, "'field'", message)
+        if expression is None or not self._is_single(node, "'field'", expression, message):
+            return None
+        kind = expression.kind
+        if wanted.text:
+            if kind in (None, ValueKind.TEXT):
+                return expression
+            expected, hint = "a text", "name a field that holds a text"
+        elif "table" in fields.nodes:
+            if kind is not ValueKind.LIST:
+                return expression
+            expected, hint = "one value", "pick an item by its number: list.0"
+        elif kind in _NUMBERS:
+            return expression
+        else:
+            expected = "a number, or true or false"
+            hint = (
+                "say which value each word means: table: {happy: 5, sad: 1}"
+                if kind is ValueKind.TEXT and "table" in wanted.keys
+                else "compare it: msg.name == 'anna'"
+            )
+        assert kind is not None
+        self._reading.error(
+            "bad-expression", node, f"'field' is {kind.one}, expected {expected}", hint
+        )
+        return None
+
+    def _is_single(
+        self, node: Node, what: str, expression: Expression, message: MessageFields
+    ) -> bool:
+        """Return whether a plain field holds one value, as far as its type is known."""
+        path = path_of(expression)
+        nested = message.nested(path) if path is not None else ""
+        if nested:
+            item = nested == "a list"
+            hint = f"pick an item of it: {path}.0" if item else f"name a field of it: {path}.…"
+            self._reading.error(
+                "bad-expression", node, f"{what} is {nested}, expected one value", hint
+            )
+        return not nested
+
+    def _expression(self, node: Node, what: str, message: MessageFields) -> Expression | None:
+        """Return an expression over the fields of a message; the path of a field is one, too."""
+        text = self._reading.text(node, what)
+        if text is None:
+            return None
+        assert isinstance(node, Scalar)
+        names = Names({}, messages={MESSAGE: message})
+        plain = _PATH_LIKE.fullmatch(text) and not text.startswith(f"{MESSAGE}.")
+        if plain and text not in ("true", "false"):
+            path = self.path(node, what, message)
+            if path is None:
+                return None
+            return names.parse(f"{MESSAGE}.{path}")
+        return read_expression(self._reading, node, node.text, 0, what, names)
+
+    def _certainty(
+        self, fields: Fields, key: str, message: MessageFields, largest: float
+    ) -> Expression | None:
+        """Return an expression for the confidence or the standard deviation of readings."""
+        node = fields.get(key)
+        if node is None:
+            return None
+        percent = _PERCENT.fullmatch(node.text) if isinstance(node, Scalar) else None
+        if percent is not None:
+            of_range = f"write {float(percent[1]) / 100:g}"
+            hint = "write a number in the unit of the reading" if key == "std" else of_range
+            self._reading.error(
+                "bad-number", node, f"'{key}': expected a number, found {shown(percent[0])}", hint
+            )
+            return None
+        expression = self._expression(node, f"'{key}'", message)
+        if expression is None or not self._is_single(node, f"'{key}'", expression, message):
+            return None
+        if expression.kind not in _NUMBERS:
+            self._reading.error(
+                "bad-expression",
+                node,
+                f"'{key}' is {expression.kind.one}, expected a number",
+                "name a field that holds a number, or write one",
+            )
+            return None
+        try:
+            constant = None if expression.names else expression.evaluate(_no_name)
+        except EvaluationError as error:
+            self._reading.error("bad-expression", node, f"'{key}': {error.message}", error.hint)
+            return None
+        if isinstance(constant, int | float):
+            top = None if key == "std" and constant <= largest else largest
+            self._reading.in_range(node, f"'{key}'", constant, 0.0, top)
+            if key == "confidence" and constant == 0:
+                self._reading.error(
+                    "out-of-range",
+                    node,
+                    "'confidence' is always 0, which means that nothing was measured",
+                    "write a number above 0, up to 1",
+                )
+        return expression
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Origin:
+    """Where messages come from; None for what is wrong."""
+
+    topic: str | None
+    type_name: str | None
+    stale_after_s: float | None
+    latched: bool
+    of_item: bool = False
+
+
+def is_latched(node: Node) -> bool:
+    """Return whether a mapping says that its topic is latched; a wrong word there may mean it."""
+    if not isinstance(node, Mapping):
+        return False
+    said = [entry.value for entry in node.entries if entry.key.text == "latched"]
+    return any(not isinstance(one, Scalar) or boolean(one.text) is not False for one in said)
+
+
+def _no_name(name: str) -> float:
+    raise KeyError(name)

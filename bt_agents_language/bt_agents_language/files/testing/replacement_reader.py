@@ -1,0 +1,101 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Reads the nodes that a test puts in the place of others: ``"**.drive*": {log: would drive}``."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+
+from bt_agents_language.expression.expressions import parse_expression
+from bt_agents_language.files.testing.path_patterns import matches
+from bt_agents_language.files.testing.scenarios import REPLACED
+from bt_agents_language.model.scope import Names, mood_names, scene_names
+from bt_agents_language.model.specs import NodeSpec, Tunable
+from bt_agents_language.model.symbols import Vocabulary
+from bt_agents_language.model.walking import every_node
+from bt_agents_language.tree.assigned_names import WrittenNames
+from bt_agents_language.tree.raw_nodes import DraftReader
+from bt_agents_language.tree.subtrees import MAX_NODES
+from bt_agents_language.tree.tree_reader import TreeReader
+from bt_agents_language.yaml.typed_reader import FileReading
+from bt_agents_language.yaml.yaml_reader import Mapping, Node
+
+_AT_ONCE = {"succeed": "true", "fail": "false"}
+"""Word for what ends at once → condition of the check that takes its place."""
+
+
+class ReplacementReader:
+    """Reads what stands in for nodes of one agent.
+
+    Args:
+        reading: The test file.
+        vocabulary: What a node may speak of.
+        nodes: The nodes of the agent.
+        tunables: Those of the agent.
+    """
+
+    def __init__(
+        self,
+        reading: FileReading,
+        vocabulary: Vocabulary,
+        nodes: Sequence[NodeSpec],
+        tunables: Iterable[Tunable],
+    ) -> None:
+        self._reading = reading
+        self._nodes = nodes
+        self._drafts = DraftReader(reading, vocabulary)
+        self._trees = TreeReader(reading, vocabulary, {})
+        self._written = WrittenNames(reading, {}, vocabulary.interfaces)
+        self._tunables = {one.name: one.type for one in tunables}
+        self._types = {
+            **scene_names(vocabulary.space, ("scene", "live", "profile")),
+            **mood_names(vocabulary.space),
+            **self._tunables,
+        }
+
+    def read(self, node: Node, pattern: str) -> NodeSpec | None:
+        """Return what stands in for the nodes that a pattern fits; None when it is wrong.
+
+        It may name tunables, the scene, and what it writes itself.
+        """
+        if not isinstance(node, Mapping):
+            return self._at_once(node)
+        before = len(self._reading.problems)
+        draft = self._drafts.read(node, "what stands in for it")
+        if draft is None:
+            return None
+        taken = dict.fromkeys(self._tunables, "a tunable")
+        written = self._written.of_trees([draft], taken, self._types)
+        spec = self._trees.read(draft, REPLACED, Names(self._types, written))
+        if spec is None or len(self._reading.problems) > before:
+            return None
+        places = sum(matches(pattern, one.path) for one in self._nodes)
+        if places * sum(1 for _ in every_node(spec)) > MAX_NODES:
+            self._reading.error(
+                "tree-too-large",
+                node,
+                f"with this node in all places that it is to stand in, {places:,}, the trees "
+                f"have more than {MAX_NODES:,} nodes",
+                "replace fewer nodes, or by a smaller one",
+            )
+            return None
+        return spec
+
+    def _at_once(self, node: Node) -> NodeSpec | None:
+        text = self._reading.text(node, "what stands in for it")
+        if text is None:
+            return None
+        if text not in _AT_ONCE:
+            self._reading.error(
+                "bad-choice",
+                node,
+                f"what stands in for it is '{text[:40]}', expected succeed, fail or a node",
+                "write succeed, fail, or a node such as {log: would drive} or {wait: 3 s}",
+            )
+            return None
+        return NodeSpec(
+            path=REPLACED,
+            position=node.position,
+            kind="check",
+            name=text,
+            fields={"condition": parse_expression(_AT_ONCE[text])},
+        )

@@ -1,0 +1,384 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Reads what a rehearsal starts from: scene, tunables, answers of the world and what happens."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
+
+from bt_agents_language.files.testing.path_patterns import is_path, matches, nodes_of, path_hint
+from bt_agents_language.files.testing.replacement_reader import ReplacementReader
+from bt_agents_language.files.testing.scenarios import (
+    AnswerRule,
+    GoalEnd,
+    Happening,
+    Replacement,
+    Scenario,
+    ScriptedAnswer,
+)
+from bt_agents_language.model.interfaces import read_ros_name
+from bt_agents_language.model.scene_values import read_values
+from bt_agents_language.model.scope import Names
+from bt_agents_language.model.specs import (
+    AgentSpec,
+    FieldType,
+    ListValue,
+    Literal,
+    MapValue,
+    NodeSpec,
+    Plain,
+    SkillSpec,
+    Value,
+)
+from bt_agents_language.model.symbols import Vocabulary
+from bt_agents_language.model.values import read_value
+from bt_agents_language.tree.ros_leaves import RAW_LEAVES
+from bt_agents_language.yaml.diagnostics import did_you_mean, shown
+from bt_agents_language.yaml.mapping_reader import Fields
+from bt_agents_language.yaml.typed_reader import FileReading
+from bt_agents_language.yaml.yaml_reader import Entry, Node, Scalar, Sequence
+from bt_agents_language.yaml.yaml_reader import Mapping as MappingNode
+
+SCENARIO_KEYS = ("scene", "person", "tunables", "seed", "answers", "replace", "during")
+
+_ANSWER_KEYS = ("gives", "outputs", "fails", "ends", "after")
+_ENDS = tuple(end.value for end in (GoalEnd.REJECTED, GoalEnd.UNREACHABLE, GoalEnd.NEVER))
+_HAPPENING_KEYS = ("after", "at", "person", "scene_layer", "publish", "tune", "cancel")
+_SILENT = {"silent": True, "back": False}
+_LARGEST_SEED = 2**63 - 1
+
+
+class ScenarioReader:
+    """Reads scenarios for one agent.
+
+    Args:
+        reading: The file.
+        agent: Whom it is about.
+        vocabulary: What a node may speak of that takes the place of others.
+
+    Attributes:
+        skills: The skills that the agent's trees use, by name.
+        known_skills: These, and the others that there are.
+    """
+
+    def __init__(self, reading: FileReading, agent: AgentSpec, vocabulary: Vocabulary) -> None:
+        self._reading = reading
+        self._space = vocabulary.space
+        self._nodes = tuple(nodes_of(agent))
+        self._tunables = {tunable.name: tunable for tunable in agent.tunables}
+        self.skills: dict[str, SkillSpec] = {}
+        for node in self._nodes:
+            if node.skill is not None:
+                self.skills.setdefault(node.kind, node.skill)
+        named = {name: one for name, one in self.skills.items() if name not in RAW_LEAVES}
+        self.known_skills = {**vocabulary.skills, **named}
+        self._replacements = ReplacementReader(
+            reading, vocabulary.with_skills(named), self._nodes, self._tunables.values()
+        )
+
+    def read(self, fields: Fields) -> Scenario:
+        """Return the scenario that the keys of a case say."""
+        scene = fields.get("scene")
+        values: dict[str, float] = {}
+        person = fields.boolean("person")
+        if isinstance(scene, MappingNode):
+            inner = self._person_of(scene)
+            person = inner if inner is not None else person
+            values = read_values(self._reading, _without_person(scene), "'scene'", self._space)
+        elif scene is not None:
+            self._reading.wrong_type(scene, "'scene'", "a mapping such as {age: 4, mood: 3}")
+        return Scenario(
+            scene=values,
+            person=True if person is None else person,
+            tunables=self._tuned(fields.entries("tunables", "names and values")),
+            seed=fields.integer("seed", 0, _LARGEST_SEED) or 0,
+            answers=tuple(
+                rule
+                for entry in fields.entries("answers", "skills or paths, and answers")
+                if (rule := self._rule(entry)) is not None
+            ),
+            replace=tuple(
+                one
+                for entry in fields.entries("replace", "paths and nodes")
+                if (one := self._replacement(entry)) is not None
+            ),
+            during=tuple(
+                happening
+                for node in fields.items("during")
+                if (happening := self._happening(node)) is not None
+            ),
+        )
+
+    def path(self, node: Node, what: str, *, skills: bool = False) -> str | None:
+        """Return a path or pattern that fits a node of the agent; None when it fits none.
+
+        Args:
+            node: What is written.
+            what: The place, for messages.
+            skills: Only nodes that use a skill count.
+        """
+        text = self._reading.text(node, what)
+        if text is None:
+            return None
+        known = [one.path for one in self._nodes if one.skill is not None or not skills]
+        if any(matches(text, path) for path in known):
+            return text
+        self._reading.error(
+            "unknown-path",
+            node,
+            f"no node of the agent{' that uses a skill' if skills else ''} has the path "
+            f"{shown(text)}",
+            path_hint(text, known),
+        )
+        return None
+
+    def plain(self, node: Node, field_type: FieldType, what: str) -> Plain:
+        """Return a value without names; None when it is wrong, which is then reported."""
+        value = read_value(self._reading, node, field_type, Names({}), what)
+        if value is None:
+            return None
+        try:
+            return _plain(value)
+        except ValueError:
+            self._reading.error(
+                "bad-reference",
+                node,
+                f"{what}: a test has no names to put into '${{…}}'",
+                "write the value itself",
+            )
+            return None
+
+    def _person_of(self, scene: MappingNode) -> bool | None:
+        node = None if "person" in self._space.names else scene.get("person")
+        return None if node is None else self._reading.boolean(node, "'person'")
+
+    def _tuned(self, entries: Iterable[Entry]) -> dict[str, Plain]:
+        values: dict[str, Plain] = {}
+        for entry in entries:
+            tunable = self._tunables.get(entry.key.text)
+            if tunable is None:
+                self._reading.error(
+                    "unknown-name",
+                    entry.key,
+                    f"the agent has no tunable {shown(entry.key.text)}",
+                    did_you_mean(entry.key.text, self._tunables),
+                )
+                continue
+            value = self.plain(entry.value, tunable.type, f"'{tunable.name}'")
+            if value is None or (
+                isinstance(value, int | float)
+                and not isinstance(value, bool)
+                and not self._reading.in_range(
+                    entry.value, f"'{tunable.name}'", value, tunable.minimum, tunable.maximum
+                )
+            ):
+                continue
+            values[tunable.name] = value
+        return values
+
+    def _rule(self, entry: Entry) -> AnswerRule | None:
+        key = entry.key.text
+        if is_path(key):
+            if self.path(entry.key, "the path of an answer", skills=True) is None:
+                return None
+            nodes = [
+                one for one in self._nodes if one.skill is not None and matches(key, one.path)
+            ]
+            outputs = _outputs(nodes[0])
+        elif key in self.skills:
+            outputs = _outputs(next(one for one in self._nodes if one.kind == key and one.skill))
+        else:
+            self._reading.error(
+                "unknown-name",
+                entry.key,
+                f"the agent's tree uses no skill {shown(key)}",
+                did_you_mean(key, self.skills),
+            )
+            return None
+        items = entry.value.items if isinstance(entry.value, Sequence) else (entry.value,)
+        if not items:
+            self._reading.error("missing-value", entry.value, f"{shown(key)} has no answer")
+        answers = tuple(
+            self._answer(item, outputs, f"the answer of {shown(key)}") for item in items
+        )
+        if not answers or None in answers:
+            return None
+        return AnswerRule(key=key, answers=tuple(one for one in answers if one is not None))
+
+    def _answer(self, node: Node, outputs: _Outputs, what: str) -> ScriptedAnswer | None:
+        if not isinstance(node, MappingNode):
+            given = self._given(node, outputs, what)
+            return None if given is None else ScriptedAnswer(outputs=given)
+        fields = self._reading.fields(node, what, _ANSWER_KEYS)
+        if fields is None:
+            return None
+        said = [key for key in _ANSWER_KEYS[:-1] if key in fields.nodes]
+        if len(said) > 1:
+            self._reading.error(
+                "contradiction",
+                fields.keys[said[1]],
+                f"{what} has '{said[0]}' and '{said[1]}', which exclude each other",
+                "keep one of them",
+            )
+            return None
+        after_s = fields.duration("after")
+        if "fails" in fields.nodes:
+            return ScriptedAnswer(end=GoalEnd.FAILS, reason=fields.text("fails"), after_s=after_s)
+        if "ends" in fields.nodes:
+            word = fields.choice("ends", _ENDS)
+            return ScriptedAnswer(end=GoalEnd(word), after_s=after_s) if word else None
+        if (node := fields.nodes.get("gives", node)) is not fields.mapping:
+            given = self._given(node, outputs, what)
+        else:
+            given = self._named(fields, outputs)
+        return None if given is None else ScriptedAnswer(outputs=given, after_s=after_s)
+
+    def _given(self, node: Node, outputs: _Outputs, what: str) -> dict[str, Plain] | None:
+        if outputs.main is None:
+            self._reading.error(
+                "wrong-type",
+                node,
+                f"{what}: it gives nothing back that could be {shown(_text(node))}",
+                "write {after: 3 s}, {fails: why} or {ends: never}",
+            )
+            return None
+        name, field_type = outputs.main
+        value = self.plain(node, field_type, f"'{name}'")
+        return None if value is None else {name: value}
+
+    def _named(self, fields: Fields, outputs: _Outputs) -> dict[str, Plain] | None:
+        values: dict[str, Plain] = {}
+        for entry in fields.entries("outputs", "outputs and values"):
+            name = entry.key.text
+            if name not in outputs.types:
+                self._reading.error(
+                    "unknown-name",
+                    entry.key,
+                    f"there is no output {shown(name)}",
+                    did_you_mean(name, outputs.types),
+                )
+                return None
+            values[name] = self.plain(entry.value, outputs.types[name], f"'{name}'")
+        return values
+
+    def _replacement(self, entry: Entry) -> Replacement | None:
+        pattern = self.path(entry.key, "the path of what is replaced")
+        node = self._replacements.read(entry.value, pattern or "")
+        if pattern is None or node is None:
+            return None
+        return Replacement(pattern=pattern, node=node)
+
+    def _happening(self, node: Node) -> Happening | None:
+        names = [name for name in self._space.names if name not in _HAPPENING_KEYS]
+        fields = self._reading.fields(node, "what happens", (*_HAPPENING_KEYS, *names))
+        if fields is None:
+            return None
+        if "after" not in fields.nodes and "at" not in fields.nodes:
+            self._reading.error(
+                "missing-key",
+                node,
+                "what happens needs a time or the path of a node",
+                "add 'after: 2 s', or 'at: tree/0.say'",
+            )
+        if not fields.keys.keys() - {"after", "at"}:
+            self._reading.error(
+                "missing-key",
+                node,
+                "nothing happens here",
+                f"add '{names[0] if names else 'person'}: …', 'publish', 'tune' or 'cancel'",
+            )
+        at_node = fields.get("at")
+        topic, message = self._message(fields.get("publish"))
+        return Happening(
+            after_s=fields.duration("after") or 0.0,
+            at=(self.path(at_node, "'at'") or "") if at_node is not None else "",
+            values=self._values(fields, names),
+            person=fields.boolean("person"),
+            silent=_SILENT.get(fields.choice("scene_layer", tuple(_SILENT)) or ""),
+            tunables=self._tuned(fields.entries("tune", "names and values")),
+            topic=topic,
+            message=message,
+            cancel=fields.text("cancel"),
+        )
+
+    def _values(self, fields: Fields, names: Iterable[str]) -> dict[str, float]:
+        entries = tuple(
+            # A slip in a name is reported already; it is read as the one that is meant.
+            Entry(key=replace(fields.keys[name], text=name), value=fields.nodes[name])
+            for name in names
+            if name in fields.nodes
+        )
+        mapping = replace(fields.mapping, entries=entries)
+        return read_values(self._reading, mapping, "what happens", self._space)
+
+    def _message(self, node: Node | None) -> tuple[str, Mapping[str, Plain]]:
+        if node is None:
+            return "", {}
+        fields = self._reading.fields(node, "'publish'", ("topic", "message"), ("topic",))
+        topic_node = fields.get("topic") if fields is not None else None
+        if fields is None or topic_node is None:
+            return "", {}
+        topic = read_ros_name(self._reading, topic_node, "'topic'") or ""
+        self._refuse_unheard(topic_node, topic)
+        message_node = fields.get("message")
+        if message_node is None:
+            return topic, {}
+        if not isinstance(message_node, MappingNode):
+            self._reading.wrong_type(message_node, "'message'", "a mapping such as {data: true}")
+            return topic, {}
+        message = self.plain(message_node, FieldType.ANY, "'message'")
+        return topic, message if isinstance(message, Mapping) else {}
+
+    def _refuse_unheard(self, node: Node, topic: str) -> None:
+        heard = [one.fields["topic"] for one in self._nodes if "topic" in one.fields]
+        known = [str(value.value) for value in heard if isinstance(value, Literal)]
+        if topic and topic not in known and len(known) == len(heard):
+            self._reading.error(
+                "unknown-name",
+                node,
+                f"no node of the agent waits for a message on {shown(topic)}",
+                did_you_mean(topic, known) or "remove it",
+            )
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Outputs:
+    """What a skill gives back.
+
+    Attributes:
+        types: Output → its type.
+        main: The first that comes with the result; None when only feedback gives any.
+    """
+
+    types: Mapping[str, FieldType]
+    main: tuple[str, FieldType] | None
+
+
+def _outputs(node: NodeSpec) -> _Outputs:
+    """Return what a node's skill gives back."""
+    assert node.skill is not None
+    told = node.skill.binding.feedback if node.skill.binding is not None else {}
+    types = {output.name: output.type for output in node.skill.outputs}
+    types = types or dict.fromkeys((*node.outputs, *node.feedback), FieldType.ANY)
+    last = {name: types[name] for name in types if name not in told}
+    return _Outputs(types=types, main=next(iter(last.items()), None))
+
+
+def _without_person(scene: MappingNode) -> MappingNode:
+    entries = tuple(entry for entry in scene.entries if entry.key.text != "person")
+    return replace(scene, entries=entries)
+
+
+def _text(node: Node) -> str:
+    return node.text if isinstance(node, Scalar) else "this"
+
+
+def _plain(value: Value) -> Plain:
+    match value:
+        case Literal():
+            return value.value
+        case ListValue():
+            return tuple(_plain(item) for item in value.items)
+        case MapValue():
+            return {key: _plain(item) for key, item in value.items.items()}
+    raise ValueError

@@ -1,0 +1,240 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a test file says: scenes to rehearse, how the world answers, and what is expected."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import Enum
+
+from bt_agents_core.feedback import Kind
+from bt_agents_language.model.specs import AgentSpec, NodeSpec, Plain, Position
+
+REPLACED = "replaced"
+"""First part of the paths of a node that takes the place of others."""
+
+SPOKEN = ("say", "ask")
+"""Skills whose main input ``says`` speaks of."""
+
+
+class GoalEnd(Enum):
+    """How a skill ends in a rehearsal; the value is the word in a file."""
+
+    SUCCEEDS = "succeeds"
+    FAILS = "fails"
+    REJECTED = "rejected"
+    UNREACHABLE = "unreachable"
+    NEVER = "never"
+
+
+@dataclass(frozen=True, kw_only=True)
+class ScriptedAnswer:
+    """How the world answers one use of a skill.
+
+    Attributes:
+        outputs: Values of outputs by name; the others get a likely value.
+        end: How it ends.
+        reason: Why, in words.
+        after_s: How long it takes [s]; None for as long as it usually does.
+    """
+
+    outputs: Mapping[str, Plain] = field(default_factory=dict)
+    end: GoalEnd = GoalEnd.SUCCEEDS
+    reason: str = ""
+    after_s: float | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class AnswerRule:
+    """The answers to the uses of a skill, or of the nodes that a pattern fits.
+
+    Attributes:
+        key: Name of a skill, or a pattern of paths.
+        answers: In turn, at least one; the last is given for ever.
+    """
+
+    key: str
+    answers: tuple[ScriptedAnswer, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Replacement:
+    """Another node in place of those that a pattern fits.
+
+    Attributes:
+        pattern: A pattern of paths.
+        node: What is done instead; its paths start with ``REPLACED``.
+    """
+
+    pattern: str
+    node: NodeSpec
+
+
+@dataclass(frozen=True, kw_only=True)
+class Happening:
+    """Something that happens to the agent while it runs.
+
+    Attributes:
+        after_s: Time since the start of the run, or of the first start of the node ``at`` [s].
+        at: Path of a node; empty counts from the start of the run.
+        values: Scene parameters and their new values.
+        person: Whether the person is there from now on; None for unchanged.
+        silent: Whether the scene layer is silent from now on; None for unchanged.
+        tunables: New values of tunables.
+        topic: Where a message arrives; empty for none.
+        message: Its fields.
+        cancel: Why the run is cancelled; empty when it is not.
+    """
+
+    after_s: float
+    at: str = ""
+    values: Mapping[str, float] = field(default_factory=dict)
+    person: bool | None = None
+    silent: bool | None = None
+    tunables: Mapping[str, Plain] = field(default_factory=dict)
+    topic: str = ""
+    message: Mapping[str, Plain] = field(default_factory=dict)
+    cancel: str = ""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Scenario:
+    """One interaction to rehearse.
+
+    Attributes:
+        scene: Values of scene parameters as awarded; the others are missing.
+        person: Whether a person is there.
+        tunables: Values that differ from the defaults.
+        seed: Seed of everything random.
+        answers: Those of paths count before those of skills, else the first that fits.
+        replace: The first that fits a node counts.
+        during: What happens, in any order.
+    """
+
+    scene: Mapping[str, float] = field(default_factory=dict)
+    person: bool = True
+    tunables: Mapping[str, Plain] = field(default_factory=dict)
+    seed: int = 0
+    answers: tuple[AnswerRule, ...] = ()
+    replace: tuple[Replacement, ...] = ()
+    during: tuple[Happening, ...] = ()
+
+
+@dataclass(frozen=True, kw_only=True)
+class SkillUse:
+    """A skill and the inputs that are looked at; none means that any will do.
+
+    Attributes:
+        main: The skill's main input, which its name stands before.
+    """
+
+    skill: str
+    inputs: Mapping[str, Plain] = field(default_factory=dict)
+    main: str | None = field(default=None, compare=False)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Says:
+    """The texts of ``say`` and ``ask`` in order; ``exact`` means these and no others."""
+
+    texts: tuple[str, ...]
+    exact: bool
+    position: Position
+
+
+@dataclass(frozen=True, kw_only=True)
+class Does:
+    """The skills that are used, in order; ``exact`` means these and no others."""
+
+    uses: tuple[SkillUse, ...]
+    exact: bool
+    position: Position
+
+
+@dataclass(frozen=True, kw_only=True)
+class DoesNot:
+    """Skills that are not used at all, or not with these inputs."""
+
+    uses: tuple[SkillUse, ...]
+    position: Position
+
+
+@dataclass(frozen=True, kw_only=True)
+class Visits:
+    """Whether a node that a pattern fits is ticked at all."""
+
+    pattern: str
+    wanted: bool
+    position: Position
+
+
+@dataclass(frozen=True, kw_only=True)
+class Ends:
+    """How the run ends: ``succeeded``, ``failed`` or ``cancelled``."""
+
+    outcome: str
+    position: Position
+
+
+@dataclass(frozen=True, kw_only=True)
+class Because:
+    """Words of the reason why it ended."""
+
+    words: str
+    position: Position
+
+
+@dataclass(frozen=True, kw_only=True)
+class Within:
+    """The longest time that the run may take [s]."""
+
+    seconds: float
+    position: Position
+
+
+@dataclass(frozen=True, kw_only=True)
+class Teaches:
+    """The feedback that is given, in order."""
+
+    kinds: tuple[Kind, ...]
+    position: Position
+
+
+@dataclass(frozen=True, kw_only=True)
+class CancelledBy:
+    """The mood rule, or the reason in the test, that cancels the run."""
+
+    cause: str
+    position: Position
+
+
+@dataclass(frozen=True, kw_only=True)
+class Bids:
+    """Whether the agent bids for the scene at all."""
+
+    wanted: bool
+    position: Position
+
+
+Expectation = (
+    Says | Does | DoesNot | Visits | Ends | Because | Within | Teaches | CancelledBy | Bids
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Case:
+    """One case of a test file."""
+
+    name: str
+    scenario: Scenario
+    expectations: tuple[Expectation, ...]
+    position: Position
+
+
+@dataclass(frozen=True, kw_only=True)
+class AgentTest:
+    """A test file."""
+
+    file: str
+    agent: AgentSpec
+    cases: tuple[Case, ...]

@@ -1,0 +1,374 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Reads ``*.test.yaml``: cases that rehearse an agent, and what is expected of each."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+
+from bt_agents_core.feedback import Kind
+from bt_agents_language.files.testing.scenario_reader import SCENARIO_KEYS, ScenarioReader
+from bt_agents_language.files.testing.scenarios import (
+    SPOKEN,
+    AgentTest,
+    Because,
+    Bids,
+    CancelledBy,
+    Case,
+    Does,
+    DoesNot,
+    Ends,
+    Expectation,
+    Says,
+    Scenario,
+    SkillUse,
+    Teaches,
+    Visits,
+    Within,
+)
+from bt_agents_language.model.specs import AgentSpec, FieldType, Plain, Position, SkillSpec
+from bt_agents_language.model.symbols import Vocabulary
+from bt_agents_language.yaml.diagnostics import did_you_mean, shown
+from bt_agents_language.yaml.mapping_reader import Fields
+from bt_agents_language.yaml.source import Source
+from bt_agents_language.yaml.typed_reader import FileReading
+from bt_agents_language.yaml.yaml_reader import Mapping as MappingNode
+from bt_agents_language.yaml.yaml_reader import Node, Scalar, Sequence
+
+OUTCOMES = ("succeeded", "failed", "cancelled")
+
+_FILE = re.compile(r"[\w-]{1,100}(\.ya?ml)?")
+_EXPECT_KEYS = (
+    "bids", "says", "does", "does_not", "visited", "not_visited", "ends", "because", "within",
+    "feedback", "cancelled_by",
+)  # fmt: skip
+_KINDS = {kind.name.lower(): kind for kind in Kind}
+
+
+def read_test(path: Path, agents: Iterable[AgentSpec], vocabulary: Vocabulary) -> AgentTest:
+    """Return the cases of a file.
+
+    Args:
+        path: The file.
+        agents: Those it may be about.
+        vocabulary: What they may speak of.
+
+    Raises:
+        ReadError: There is a problem; it lists all of them.
+    """
+    return _TestFile(FileReading.of(path), agents, vocabulary, path.parent).read()
+
+
+def read_test_text(
+    text: str, file: str, agents: Iterable[AgentSpec], vocabulary: Vocabulary
+) -> AgentTest:
+    """Return the cases of a text; as :func:`read_test`."""
+    reading = FileReading(Source(file, text))
+    return _TestFile(reading, agents, vocabulary, Path(file).parent).read()
+
+
+def read_scenario_text(text: str, file: str, agent: AgentSpec, vocabulary: Vocabulary) -> Scenario:
+    """Return the scenario of a text with the keys that a case has, apart from name and expect.
+
+    Raises:
+        ReadError: There is a problem; it lists all of them.
+    """
+    reading = FileReading(Source(file, text))
+    fields = reading.document("a rehearsal", SCENARIO_KEYS)
+    scenario = ScenarioReader(reading, agent, vocabulary).read(fields)
+    reading.problems.raise_if_any()
+    return scenario
+
+
+class _TestFile:
+    """One test file while it is read."""
+
+    def __init__(
+        self,
+        reading: FileReading,
+        agents: Iterable[AgentSpec],
+        vocabulary: Vocabulary,
+        folder: Path,
+    ) -> None:
+        self._reading = reading
+        self._agents = tuple(agents)
+        self._vocabulary = vocabulary
+        self._folder = folder
+
+    def read(self) -> AgentTest:
+        fields = self._reading.document("a test file", ("test", "cases"), ("test", "cases"))
+        agent = self._agent(fields.get("test"))
+        nodes = fields.items("cases")
+        if not nodes and isinstance(fields.get("cases"), Sequence):
+            self._reading.error(
+                "missing-value", fields.nodes["cases"], "there is no case", "add one"
+            )
+        cases: dict[str, Case] = {}
+        if agent is not None:
+            scenarios = ScenarioReader(self._reading, agent, self._vocabulary)
+            for node in nodes:
+                self._case(node, agent, scenarios, cases)
+        self._reading.problems.raise_if_any()
+        assert agent is not None
+        return AgentTest(file=self._reading.source.file, agent=agent, cases=tuple(cases.values()))
+
+    def _agent(self, node: Node | None) -> AgentSpec | None:
+        text = self._reading.text(node, "'test'") if node is not None else None
+        if node is None or text is None:
+            return None
+        file = (self._folder / text).resolve() if "." in text else None
+        for agent in self._agents:
+            if text == agent.name or (file is not None and file == Path(agent.file).resolve()):
+                return agent
+        broken = self._broken(text)
+        if broken is not None:
+            self._reading.error(
+                "unknown-agent",
+                node,
+                f"agent {shown(text)} cannot be tested, as its file has errors",
+                f"'bt-agents check {broken}' lists them",
+            )
+            return None
+        self._reading.error(
+            "unknown-agent",
+            node,
+            f"there is no agent {shown(text)} without errors",
+            did_you_mean(text, [agent.name for agent in self._agents])
+            or "'bt-agents check' lists the errors of all agents",
+        )
+        return None
+
+    def _broken(self, text: str) -> Path | None:
+        """Return the file of an agent that is there but could not be read."""
+        if not _FILE.fullmatch(text):
+            return None
+        for name in (text, f"{text}.yaml", f"{text}.yml"):
+            path = self._folder / name
+            if "." in name and path.is_file():
+                return path
+        return None
+
+    def _case(
+        self,
+        node: Node,
+        agent: AgentSpec,
+        scenarios: ScenarioReader,
+        cases: dict[str, Case],
+    ) -> None:
+        fields = self._reading.fields(
+            node, "a case", ("name", *SCENARIO_KEYS, "expect"), ("name", "expect")
+        )
+        if fields is None:
+            return
+        name = fields.text("name")
+        if name in cases:
+            self._reading.error(
+                "name-taken",
+                fields.nodes["name"],
+                f"there is a case {shown(name)} already (line {cases[name].position.line})",
+                "say what is different in this one",
+            )
+        scenario = scenarios.read(fields)
+        expect = fields.get("expect")
+        expectations: tuple[Expectation, ...] = ()
+        if expect is not None:
+            reader = _Expectations(self._reading, agent, scenarios, scenario)
+            expectations = reader.read(expect)
+        cases[name] = Case(
+            name=name, scenario=scenario, expectations=expectations, position=node.position
+        )
+
+
+class _Expectations:
+    """What is expected of one case."""
+
+    def __init__(
+        self,
+        reading: FileReading,
+        agent: AgentSpec,
+        scenarios: ScenarioReader,
+        scenario: Scenario,
+    ) -> None:
+        self._reading = reading
+        self._agent = agent
+        self._scenarios = scenarios
+        self._scenario = scenario
+
+    def read(self, node: Node) -> tuple[Expectation, ...]:
+        if isinstance(node, MappingNode) and not node.entries:
+            self._reading.error(
+                "missing-value", node, "nothing is expected", "add 'ends: succeeded'"
+            )
+            return ()
+        fields = self._reading.fields(node, "'expect'", _EXPECT_KEYS)
+        if fields is None:
+            return ()
+        found: list[Expectation | None] = []
+        for key in fields.nodes:
+            found += self._one(key, fields, fields.keys[key].position)
+        expectations = tuple(one for one in found if one is not None)
+        self._refuse_more_than_bids(fields, expectations)
+        return expectations
+
+    def _one(self, key: str, fields: Fields, position: Position) -> list[Expectation | None]:
+        node = fields.nodes[key]
+        match key:
+            case "bids":
+                wanted = fields.boolean(key)
+                return [None if wanted is None else Bids(wanted=wanted, position=position)]
+            case "says":
+                return [self._says(node, position)]
+            case "does":
+                return [self._does(node, position)]
+            case "does_not":
+                uses = (self._use(item, any_skill=True) for item in _several(node))
+                some = tuple(use for use in uses if use is not None)
+                return [DoesNot(uses=some, position=position)]
+            case "visited" | "not_visited":
+                return self._visits(node, key)
+            case "ends":
+                outcome = fields.choice(key, OUTCOMES)
+                return [None if outcome is None else Ends(outcome=outcome, position=position)]
+            case "because":
+                words = fields.text(key)
+                return [Because(words=words, position=position)]
+            case "within":
+                seconds = fields.duration(key)
+                return [None if seconds is None else Within(seconds=seconds, position=position)]
+            case "feedback":
+                words_ = (self._reading.choice(one, "feedback", _KINDS) for one in _several(node))
+                kinds = tuple(_KINDS[word] for word in words_ if word is not None)
+                return [Teaches(kinds=kinds, position=position)]
+            case _:
+                return [self._cancelled_by(node, position)]
+
+    def _refuse_more_than_bids(self, fields: Fields, expectations: Iterable[Expectation]) -> None:
+        silent = any(isinstance(one, Bids) and not one.wanted for one in expectations)
+        other = next((key for key in fields.nodes if key != "bids"), None)
+        if silent and other is not None:
+            self._reading.error(
+                "contradiction",
+                fields.keys[other],
+                f"an agent that does not bid does not run, so that '{other}' means nothing",
+                "remove it, or write 'bids: true'",
+            )
+
+    def _listed(self, node: Node, what: str) -> tuple[tuple[Node, ...], bool]:
+        """Return the items of a list and whether they are meant to be all."""
+        if isinstance(node, MappingNode) and node.get("contains") is not None:
+            fields = self._reading.fields(node, what, ("contains",))
+            inner = fields.get("contains") if fields is not None else None
+            return () if inner is None else _several(inner), False
+        return _several(node), True
+
+    def _says(self, node: Node, position: Position) -> Says:
+        items, exact = self._listed(node, "'says'")
+        texts = (self._reading.text(item, "a text that is said") for item in items)
+        if items and not self._scenarios.skills.keys() & set(SPOKEN):
+            self._reading.error(
+                "unknown-name",
+                node,
+                f"the agent's tree uses neither {' nor '.join(map(repr, SPOKEN))}",
+                "name its skills under 'does'",
+            )
+        return Says(
+            texts=tuple(text for text in texts if text is not None),
+            exact=exact,
+            position=position,
+        )
+
+    def _does(self, node: Node, position: Position) -> Does:
+        items, exact = self._listed(node, "'does'")
+        uses = (self._use(item) for item in items)
+        return Does(
+            uses=tuple(use for use in uses if use is not None), exact=exact, position=position
+        )
+
+    def _use(self, node: Node, *, any_skill: bool = False) -> SkillUse | None:
+        """Return a use of a skill; of one that the agent's tree does not have if ``any_skill``."""
+        if isinstance(node, Scalar):
+            text = self._reading.text(node, "a skill that is used")
+            skill = self._skill(node, text, any_skill) if text is not None else None
+            return None if skill is None else SkillUse(skill=skill.name)
+        if not isinstance(node, MappingNode) or len(node.entries) != 1:
+            self._reading.wrong_type(node, "'does'", "one skill an item, such as 'say: Hello.'")
+            return None
+        entry = node.entries[0]
+        skill = self._skill(entry.key, entry.key.text, any_skill)
+        if skill is None:
+            return None
+        types = {one.name: one.type for one in skill.inputs}
+        if isinstance(entry.value, MappingNode):
+            inputs = self._inputs(entry.value, skill.name, types)
+            return SkillUse(skill=skill.name, inputs=inputs, main=skill.main)
+        if skill.main is None:
+            self._reading.wrong_type(entry.value, f"'{skill.name}'", "a mapping of inputs")
+            return None
+        value = self._scenarios.plain(entry.value, types[skill.main], f"'{skill.main}'")
+        return SkillUse(skill=skill.name, inputs={skill.main: value}, main=skill.main)
+
+    def _inputs(
+        self, node: MappingNode, skill: str, types: Mapping[str, FieldType]
+    ) -> dict[str, Plain]:
+        values: dict[str, Plain] = {}
+        for entry in node.entries:
+            name = entry.key.text
+            if types and name not in types:
+                self._reading.error(
+                    "unknown-key",
+                    entry.key,
+                    f"'{skill}' has no input {shown(name)}",
+                    did_you_mean(name, types),
+                )
+                continue
+            field_type = types.get(name, FieldType.ANY)
+            values[name] = self._scenarios.plain(entry.value, field_type, f"'{name}'")
+        return values
+
+    def _skill(self, node: Scalar, name: str, any_skill: bool) -> SkillSpec | None:
+        known = self._scenarios.known_skills if any_skill else self._scenarios.skills
+        skill = known.get(name)
+        if skill is None:
+            self._reading.error(
+                "unknown-name",
+                node,
+                f"there is no skill {shown(name)}"
+                if any_skill
+                else f"the agent's tree uses no skill {shown(name)}",
+                did_you_mean(name, known),
+            )
+        return skill
+
+    def _visits(self, node: Node, key: str) -> list[Expectation | None]:
+        found: list[Expectation | None] = []
+        for item in _several(node):
+            pattern = self._scenarios.path(item, f"'{key}'")
+            if pattern is not None:
+                found.append(
+                    Visits(pattern=pattern, wanted=key == "visited", position=item.position)
+                )
+        return found
+
+    def _cancelled_by(self, node: Node, position: Position) -> CancelledBy | None:
+        text = self._reading.text(node, "'cancelled_by'")
+        if text is None:
+            return None
+        rules = [rule.when.text for rule in self._agent.rules if rule.cancel]
+        known = [*rules, *(one.cancel for one in self._scenario.during if one.cancel)]
+        cause = next((one for one in known if one.split() == text.split()), None)
+        if cause is None:
+            self._reading.error(
+                "unknown-name",
+                node,
+                f"nothing cancels this run for {shown(text)}",
+                did_you_mean(text, known)
+                or "give a rule under 'feedback' of the agent 'then: cancel', or cancel under "
+                "'during'",
+            )
+            return None
+        return CancelledBy(cause=cause, position=position)
+
+
+def _several(node: Node) -> tuple[Node, ...]:
+    return node.items if isinstance(node, Sequence) else (node,)

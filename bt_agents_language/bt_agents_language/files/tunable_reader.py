@@ -1,0 +1,210 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Reads tunables: values with a range that may change while a tree runs."""
+
+from __future__ import annotations
+
+from bt_agents_language.model import quantities
+from bt_agents_language.model.quantities import spoken
+from bt_agents_language.model.specs import FieldType, Tunable
+from bt_agents_language.yaml.mapping_reader import Fields
+from bt_agents_language.yaml.scalars import boolean
+from bt_agents_language.yaml.typed_reader import FileReading, adding, found, listed
+from bt_agents_language.yaml.yaml_reader import Entry, Node, Scalar
+
+_KEYS = ("default", "min", "max", "step", "description")
+_RANGE = ("min", "max", "step")
+_QUANTITIES = (FieldType.DURATION, FieldType.LENGTH, FieldType.ANGLE)
+_STEP_TOLERANCE = 1e-6
+_DIGITS = 6
+
+
+def read_tunable(reading: FileReading, entry: Entry, name: str) -> Tunable | None:
+    """Return a tunable; None when it is wrong, which is then reported.
+
+    The default says the type: ``2`` is an integer, ``2.0`` a number, ``8 s`` a duration, ``1.5 m``
+    a length, ``90 deg`` an angle, ``true`` a boolean, anything else a text. An integer with a
+    fractional range is a number.
+    """
+    what = f"tunable '{name}'"
+    if isinstance(entry.value, Scalar) and not entry.value.empty:
+        reading.error(
+            "wrong-type",
+            entry.value,
+            f"{what} needs a default and a range, found {found(entry.value)}",
+            f"write {{default: {entry.value.text[:20]}, min: …, max: …, description: …}}",
+        )
+        return None
+    fields = reading.fields(entry.value, what, _KEYS, ("default",))
+    default = fields.get("default") if fields is not None else None
+    if fields is None or default is None:
+        return None
+    if not isinstance(default, Scalar) or default.empty:
+        reading.wrong_type(default, f"the default of {what}", "a number, time, length or text")
+        return None
+    before = len(reading.problems)
+    description = fields.text("description")
+    field_type = _type(default, [fields.get(key) for key in _RANGE])
+    value = _default(reading, default, field_type, what)
+    minimum, maximum, step = None, None, 0.0
+    if value is None:
+        return None
+    if isinstance(value, str | bool):
+        _refuse_range(reading, fields, what, field_type)
+    else:
+        limits = _range(reading, fields, entry, what, field_type)
+        if limits is None:
+            return None
+        minimum, maximum, step = limits
+        _check_default(reading, default, what, field_type, value, *limits)
+    if len(reading.problems) > before:
+        return None
+    return Tunable(
+        name=name,
+        type=field_type,
+        default=value,
+        minimum=minimum,
+        maximum=maximum,
+        step=step,
+        description=description,
+        position=entry.key.position,
+    )
+
+
+def _type(default: Scalar, limits: list[Node | None]) -> FieldType:
+    written = [node.text for node in limits if isinstance(node, Scalar)]
+    text = default.text
+    if not default.plain:
+        return FieldType.TEXT
+    if boolean(text) is not None:
+        return FieldType.BOOLEAN
+    meant = [one for one in map(quantities.meant_type, (text, *written)) if one is not None]
+    if meant[:1] == [FieldType.LENGTH] and {*meant[1:]} == {FieldType.DURATION}:
+        # Metres beside limits in seconds are minutes with a slip.
+        return FieldType.DURATION
+    if meant:
+        return meant[0]
+    # Without a range 1:30 can be a text.
+    if written and any(map(quantities.is_clock, (text, *written))):
+        return FieldType.DURATION
+    if not _is_numeric(text):
+        return FieldType.NUMBER if any(map(_is_numeric, written)) else FieldType.TEXT
+    whole = all(_is_whole(one) for one in (text, *filter(_is_numeric, written)))
+    return FieldType.INTEGER if whole else FieldType.NUMBER
+
+
+def _is_numeric(text: str) -> bool:
+    try:
+        quantities.number(text)
+    except quantities.QuantityError:
+        return text[:1].isdigit() and text.replace(".", "").isdigit()
+    return True
+
+
+def _is_whole(text: str) -> bool:
+    return text.strip().lstrip("+-").isdigit()
+
+
+def _refuse_range(reading: FileReading, fields: Fields, what: str, field_type: FieldType) -> None:
+    keys = [key for key in _RANGE if fields.get(key) is not None]
+    if keys:
+        default = fields.nodes["default"]
+        quoted = isinstance(default, Scalar) and not default.plain
+        reading.error(
+            "unknown-key",
+            fields.keys[keys[0]],
+            f"{what} is a {field_type.value}, which has no {listed(keys)}",
+            "write the default without quotes" if quoted else f"remove {listed(keys)}",
+        )
+
+
+def _default(
+    reading: FileReading, node: Scalar, field_type: FieldType, what: str
+) -> bool | int | float | str | None:
+    label = f"the default of {what}"
+    if field_type is FieldType.BOOLEAN:
+        return reading.boolean(node, label)
+    if field_type is FieldType.TEXT:
+        return reading.text(node, label, empty=not node.plain)
+    return _amount(reading, node, field_type, label)
+
+
+def _amount(
+    reading: FileReading, node: Node, field_type: FieldType, what: str
+) -> int | float | None:
+    match field_type:
+        case FieldType.DURATION:
+            return reading.duration(node, what)
+        case FieldType.LENGTH:
+            return reading.length(node, what)
+        case FieldType.ANGLE:
+            return reading.angle(node, what)
+        case FieldType.INTEGER:
+            return reading.integer(node, what)
+    return reading.number(node, what)
+
+
+def _range(
+    reading: FileReading, fields: Fields, entry: Entry, what: str, field_type: FieldType
+) -> tuple[float | None, float | None, float] | None:
+    """Return the smallest and largest value and the step, 0 for none.
+
+    Returns:
+        None when they are wrong, which is then reported.
+    """
+    before = len(reading.problems)
+    needed = [key for key in ("min", "max") if fields.get(key) is None]
+    limits: dict[str, float | None] = {}
+    for key in _RANGE:
+        node = fields.get(key)
+        limits[key] = (
+            _amount(reading, node, field_type, f"'{key}' of {what}") if node is not None else None
+        )
+    # A quantity alone can do without a range; half a range helps nobody, though.
+    if needed and (field_type not in _QUANTITIES or len(needed) == 1):
+        reading.error(
+            "missing-key",
+            entry.key,
+            f"{what} needs {' and '.join(needed)}, so that it can be a slider",
+            adding(needed),
+        )
+    if len(reading.problems) > before:
+        return None
+    minimum, maximum, step = limits["min"], limits["max"], limits["step"]
+    if not fields.check_range(what, minimum, maximum, field_type):
+        return None
+    if step is not None and (step <= 0 or minimum is None):
+        reading.error(
+            "out-of-range",
+            fields.nodes["step"],
+            f"'step' of {what} needs a number above 0, and a 'min' that it counts from",
+            "remove 'step' to allow every value",
+        )
+        return None
+    return minimum, maximum, step or 0.0
+
+
+def _check_default(
+    reading: FileReading,
+    node: Scalar,
+    what: str,
+    field_type: FieldType,
+    value: float,
+    minimum: float | None,
+    maximum: float | None,
+    step: float,
+) -> None:
+    label = f"the default of {what}"
+    if not reading.in_range(node, label, value, minimum, maximum, field_type):
+        return
+    if not step or minimum is None or value == maximum:
+        return
+    steps = (value - minimum) / step
+    if abs(steps - round(steps)) > _STEP_TOLERANCE:
+        near = minimum + round(steps) * step
+        reading.error(
+            "off-step",
+            node,
+            f"{label} is {spoken(value, field_type, _DIGITS)}, which is not 'min' plus a number "
+            f"of steps of {spoken(step, field_type, _DIGITS)}",
+            f"write {spoken(near, field_type, _DIGITS)}",
+        )

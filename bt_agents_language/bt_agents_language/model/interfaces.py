@@ -1,0 +1,237 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the readers ask about ROS: whether a type and a field exist, and how names are written."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Protocol
+
+from bt_agents_language.model.specs import BindingKind, FieldType, Plain
+from bt_agents_language.yaml.typed_reader import FileReading
+from bt_agents_language.yaml.yaml_reader import Node
+
+MAX_ROS_NAME = 255
+
+_ROS_NAME = re.compile(r"(?:~/|/)?[A-Za-z_][A-Za-z0-9_]*(?:/[A-Za-z_][A-Za-z0-9_]*)*")
+_ROS_TYPE = re.compile(r"[a-z][a-z0-9_]*/(msg|srv|action)/[A-Z][A-Za-z0-9]*")
+_IN_BRACKETS = re.compile(r"<([a-z][a-z0-9_]*)>")
+_SHORT_TYPE = re.compile(
+    r"([a-z][a-z0-9_]*)[/.:]+(?:(?:msgs?|srvs?|actions?)[/.:]+)?([A-Za-z][A-Za-z0-9]*)"
+    r"(?:\.(?:msg|srv|action))?"
+)
+FOLDERS = {
+    BindingKind.ACTION: "action",
+    BindingKind.SERVICE: "srv",
+    BindingKind.TOPIC: "msg",
+}
+"""The middle part of a type's name for each kind of interface."""
+
+
+class Interfaces(Protocol):
+    """Knows the ROS types of a machine."""
+
+    def has_package(self, package: str) -> bool:
+        """Return whether a ROS package is installed."""
+
+    def type_problem(self, kind: BindingKind, type_name: str) -> str | None:
+        """Return why a type cannot be used for an interface of this kind; None when it can."""
+
+    def field_problem(
+        self, kind: BindingKind, type_name: str, section: str, path: str
+    ) -> str | None:
+        """Return why a type has no such field; None when it has.
+
+        Args:
+            kind: Action, service or topic.
+            type_name: Full name of the type.
+            section: ``goal``, ``result``, ``request``, ``response`` or ``message``.
+            path: Field names joined by dots; a number picks an item of a list.
+        """
+
+    def field_type(self, kind: BindingKind, type_name: str, section: str, path: str) -> FieldType:
+        """Return the type of a field's value; ANY for lists, messages and what is not there."""
+
+    def value_problem(
+        self, kind: BindingKind, type_name: str, section: str, values: Mapping[str, Plain]
+    ) -> str | None:
+        """Return why values do not fit the fields of a type; None when they do.
+
+        Args:
+            kind: Action, service or topic.
+            type_name: Full name of the type.
+            section: As in :meth:`field_problem`.
+            values: Plain nested data in the shape of the section.
+        """
+
+
+class OfInstalledPackages:
+    """The types of the packages that are there; those of absent packages are not checked.
+
+    Args:
+        interfaces: Knows the ROS types of a machine.
+    """
+
+    def __init__(self, interfaces: Interfaces) -> None:
+        self._interfaces = interfaces
+
+    def has_package(self, package: str) -> bool:
+        """Return whether a ROS package is installed."""
+        return self._interfaces.has_package(package)
+
+    def type_problem(self, kind: BindingKind, type_name: str) -> str | None:
+        """Return why a type cannot be used; see :class:`Interfaces`."""
+        known = self._knows(type_name)
+        return self._interfaces.type_problem(kind, type_name) if known else None
+
+    def field_problem(
+        self, kind: BindingKind, type_name: str, section: str, path: str
+    ) -> str | None:
+        """Return why a type has no such field; see :class:`Interfaces`."""
+        known = self._knows(type_name)
+        return self._interfaces.field_problem(kind, type_name, section, path) if known else None
+
+    def field_type(self, kind: BindingKind, type_name: str, section: str, path: str) -> FieldType:
+        """Return the type of a field's value; see :class:`Interfaces`."""
+        if not self._knows(type_name):
+            return FieldType.ANY
+        return self._interfaces.field_type(kind, type_name, section, path)
+
+    def value_problem(
+        self, kind: BindingKind, type_name: str, section: str, values: Mapping[str, Plain]
+    ) -> str | None:
+        """Return why values do not fit the fields of a type; see :class:`Interfaces`."""
+        known = self._knows(type_name)
+        return self._interfaces.value_problem(kind, type_name, section, values) if known else None
+
+    def _knows(self, type_name: str) -> bool:
+        return self.has_package(package_of(type_name))
+
+
+@dataclass(frozen=True)
+class MessageFields:
+    """The fields of a message that a condition or an output may name.
+
+    Attributes:
+        interfaces: Knows the types; None, or a type that is not known, takes every path.
+        kind: Action, service or topic.
+        type_name: Full name of the type; empty while it is not known.
+        section: ``result``, ``response`` or ``message``.
+        inside: Path of the part whose fields are named; empty for the whole.
+    """
+
+    interfaces: Interfaces | None
+    kind: BindingKind
+    type_name: str
+    section: str
+    inside: str = ""
+
+    def problem(self, path: str) -> str | None:
+        """Return why there is no field of this path; None when there is."""
+        known = self._known()
+        if known is None:
+            return None
+        return known.field_problem(self.kind, self.type_name, self.section, self._whole(path))
+
+    def type_of(self, path: str) -> FieldType:
+        """Return the type of a field as far as it is known."""
+        known = self._known()
+        if known is None:
+            return FieldType.ANY
+        # What stands in a JSON text has no type.
+        if "#" in path:
+            return FieldType.ANY
+        return known.field_type(self.kind, self.type_name, self.section, self._whole(path))
+
+    def nested(self, path: str) -> str:
+        """Return ``a list`` or ``a message`` for a field that is one; empty for all others."""
+        # No field is called so: whatever is known of the type, it is refused.
+        if self.type_of(path) is not FieldType.ANY or self.problem(f"{path}.-") is None:
+            return ""
+        return "a message" if self.problem(f"{path}.0") else "a list"
+
+    def _whole(self, path: str) -> str:
+        return f"{self.inside}.{path}" if self.inside else path
+
+    def _known(self) -> Interfaces | None:
+        found = self.interfaces
+        sound = found is not None and not found.type_problem(self.kind, self.type_name)
+        return found if sound else None
+
+
+def package_of(type_name: str) -> str:
+    """Return the package of a ROS type, empty when it is not written package/kind/Name."""
+    return type_name.partition("/")[0] if _ROS_TYPE.fullmatch(type_name) else ""
+
+
+def read_ros_name(
+    reading: FileReading, node: Node, what: str, *, brackets: bool = False
+) -> str | None:
+    """Return the name of a topic, service or action, checked by the rules of ROS.
+
+    Args:
+        reading: The file.
+        node: What is written.
+        what: The name, for messages.
+        brackets: Whether a word of it may be a name in angle brackets: ``persons/<person>/age``.
+    """
+    text = reading.text(node, what)
+    if text is None:
+        return None
+    bare = _IN_BRACKETS.sub(r"\1", text) if brackets else text
+    if _ROS_NAME.fullmatch(bare) and "__" not in bare and len(text) <= MAX_ROS_NAME:
+        return text
+    if len(text) > MAX_ROS_NAME:
+        message = f"{what} has {len(text)} characters, at most {MAX_ROS_NAME} are possible"
+        reading.error("bad-ros-name", node, message, "write a shorter name")
+        return None
+    meant = re.sub(r"_+", "_", re.sub(r"[^A-Za-z0-9_/~]+", "_", text.strip()))
+    meant = re.sub(r"/+", "/", meant).rstrip("/_")
+    hint = f"write {meant}" if _ROS_NAME.fullmatch(meant) and len(meant) <= 80 else ""
+    lowered = _IN_BRACKETS.search(text.lower()) if brackets else None
+    if lowered is not None:
+        hint = f"write {lowered[0][:40]}"
+    elif "{" in text and brackets:
+        hint = f"write <{re.sub(r'[^a-z_]', '', text.partition('{')[2].partition('}')[0])[:40]}>"
+    elif "{" in text:
+        hint = "ROS names are fixed here; remap them when the robot starts"
+    elif not text.isascii():
+        hint = "use the letters a-z and A-Z"
+    elif text.startswith("~") and not text.startswith("~/"):
+        hint = f"write ~/{text[1:60] or 'name'}"
+    reading.error(
+        "bad-ros-name",
+        node,
+        f"{what} is '{text[:60]}', expected words of letters, digits and single '_' "
+        "joined by '/', none starting with a digit",
+        hint,
+    )
+    return None
+
+
+def read_ros_type(
+    reading: FileReading, node: Node, kind: BindingKind, interfaces: Interfaces | None
+) -> str | None:
+    """Return the name of a ROS type; with ``interfaces`` it must be installed."""
+    what = f"the type of the {kind.value}"
+    text = reading.text(node, what)
+    if text is None:
+        return None
+    folder = FOLDERS[kind]
+    match = _ROS_TYPE.fullmatch(text)
+    if match is None or match[1] != folder:
+        short = _SHORT_TYPE.fullmatch(text)
+        hint = f"write {short[1]}/{folder}/{short[2][0].upper()}{short[2][1:]}" if short else ""
+        if match is not None:
+            other = next(one for one, its in FOLDERS.items() if its == match[1])
+            hint = f"this is the type of a {other.value}, which is used in another way"
+        reading.error(
+            "bad-ros-type", node, f"{what} is '{text[:60]}', expected package/{folder}/Name", hint
+        )
+        return None
+    problem = interfaces.type_problem(kind, text) if interfaces is not None else None
+    if problem:
+        reading.error("unknown-ros-type", node, problem)
+        return None
+    return text

@@ -1,0 +1,433 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a checked file says: frozen data that the engine and the nodes are built from."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import Enum
+from functools import cached_property
+from typing import Any, NamedTuple
+
+from bt_agents_core.feedback import LearningRule
+from bt_agents_core.scene import Vector
+from bt_agents_language.expression.expressions import Expression
+
+Plain = None | bool | int | float | str | tuple["Plain", ...] | Mapping[str, "Plain"]
+"""A value without any name in it."""
+
+NOTHING: Mapping[str, Any] = {}
+"""What all nodes share that have no fields or outputs; one of its own for each takes space."""
+
+
+def _nothing() -> Mapping[str, Any]:
+    return NOTHING
+
+
+class Position(NamedTuple):
+    """Where something stands; line and column count from 1."""
+
+    file: str
+    line: int
+    column: int
+
+    def __str__(self) -> str:
+        return f"{self.file}:{self.line}:{self.column}"
+
+
+class FieldType(Enum):
+    """Types of fields, tunables, inputs and outputs; the value is the word in a file."""
+
+    TEXT = "text"
+    NUMBER = "number"
+    INTEGER = "integer"
+    BOOLEAN = "boolean"
+    DURATION = "duration"
+    LENGTH = "length"
+    ANGLE = "angle"
+    ANY = "any"
+
+    # That of Enum is computed anew each time, and these are keys wherever a file is read.
+    __hash__ = object.__hash__
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Literal:
+    """A value as written, in SI units.
+
+    Attributes:
+        type: Type of its place as far as it has one; says with which unit it is shown.
+    """
+
+    value: Plain
+    type: FieldType = field(default=FieldType.ANY, compare=False)
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Reference:
+    """``${name}``: the value of a name, at the moment it is needed.
+
+    Attributes:
+        type: Type of the name as far as it is known; says how the value is spoken in a text.
+    """
+
+    name: str
+    type: FieldType = field(default=FieldType.ANY, compare=False)
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Computed:
+    """``${age + 1}``: the value of an expression, at the moment it is needed."""
+
+    expression: Expression
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Text:
+    """Text with names inside: ``Hello ${who}.``."""
+
+    parts: tuple[str | Reference | Computed, ...]
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class ListValue:
+    """A list of values."""
+
+    items: tuple[Value, ...]
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class MapValue:
+    """A mapping of values, for example the goal of an action."""
+
+    items: Mapping[str, Value]
+
+
+Value = Literal | Reference | Computed | Text | ListValue | MapValue
+
+
+@dataclass(frozen=True, kw_only=True)
+class FieldSpec:
+    """One typed input or output of a skill or subtree."""
+
+    name: str
+    type: FieldType
+    required: bool = True
+    default: Plain = None
+    description: str = ""
+
+    @cached_property
+    def default_value(self) -> Literal:
+        """What a node has that does not write it."""
+        return Literal(value=self.default)
+
+
+class BindingKind(Enum):
+    """The kind of ROS interface a skill or leaf uses; the value is the word in a file."""
+
+    ACTION = "action"
+    SERVICE = "service"
+    TOPIC = "topic"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Timeouts:
+    """How long a server may take, on a clock that never stands still.
+
+    Attributes:
+        server_s: To be found, or to come back after it has left the graph [s].
+        accept_s: To answer whether it takes a goal [s].
+        result_s: From the acceptance of a goal to its result, or from a request to its answer
+            [s]; None sets no limit to a goal and :data:`REPLY_LIMIT_S` to a request.
+    """
+
+    server_s: float = 3.0
+    accept_s: float = 3.0
+    result_s: float | None = None
+
+
+REPLY_LIMIT_S = 10.0
+"""How long a service may take to answer where nothing else is written [s]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class HeartbeatSpec:
+    """What a server publishes for as long as it is alive.
+
+    Attributes:
+        topic: ROS name, relative unless it starts with a slash.
+        type: ROS type, for example ``std_msgs/msg/Empty``.
+        within_s: A server that has not been heard for so long is dead [s].
+    """
+
+    topic: str
+    type: str
+    within_s: float = 1.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Binding:
+    """How a skill reaches the robot.
+
+    Attributes:
+        kind: Action, service or topic.
+        name: ROS name, relative unless it starts with a slash.
+        type: ROS type, for example ``bt_agents_interfaces/action/Say``.
+        fields: Goal, request or message; its references name inputs of the skill.
+        outputs: Output name → field of the result or response, for example ``answer``.
+        feedback: Output name → field of the feedback, which gives it while the action goes on.
+        succeed_when: Condition over ``result.*``; None succeeds whenever ROS says so.
+        timeouts: How long the server may take.
+        heartbeat: By which its death is noticed; None notices it by the graph and the timeouts.
+    """
+
+    kind: BindingKind
+    name: str
+    type: str
+    fields: MapValue
+    outputs: Mapping[str, str] = field(default_factory=dict)
+    feedback: Mapping[str, str] = field(default_factory=dict)
+    succeed_when: Expression | None = None
+    timeouts: Timeouts = field(default_factory=Timeouts)
+    heartbeat: HeartbeatSpec | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class SkillSpec:
+    """A word of the authors' vocabulary and what it does on this robot.
+
+    Attributes:
+        name: The node key.
+        main: Input that a scalar stands for; None when there is none.
+        inputs: Typed inputs.
+        outputs: Names that later nodes may use.
+        binding: None while no robot is bound to it whose ROS types are installed.
+        unoffered: Why there is no binding, in words; empty when there is one.
+    """
+
+    name: str
+    description: str
+    main: str | None
+    inputs: tuple[FieldSpec, ...]
+    outputs: tuple[FieldSpec, ...]
+    binding: Binding | None
+    position: Position
+    unoffered: str = ""
+
+    @cached_property
+    def input_names(self) -> tuple[str, ...]:
+        """The names of its inputs."""
+        return tuple(one.name for one in self.inputs)
+
+    @cached_property
+    def required(self) -> tuple[str, ...]:
+        """The names of the inputs that must be written."""
+        return tuple(one.name for one in self.inputs if one.required)
+
+    @cached_property
+    def main_is_text(self) -> bool:
+        """True when its main input is a text."""
+        return any(one.name == self.main and one.type is FieldType.TEXT for one in self.inputs)
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class NodeSpec:
+    """One node of a tree; a modifier is a node around the one it modifies.
+
+    Attributes:
+        path: Stable position in the tree, for example ``tree/0.say`` or ``tree/1.ask@timeout``.
+        position: Where it stands in the file.
+        kind: Node key or modifier: ``sequence``, ``timeout``, ``say``.
+        name: Name for people.
+        fields: Values and conditions by field name; see ``nodes.py`` for the fields of a kind.
+        children: In order; of a modifier the modified node first.
+        skill: Set when ``kind`` is a skill.
+        outputs: Name that is written → where its value comes from: a field path of the result or
+            message, or a name inside of a subtree.
+        feedback: Name that is written while the node runs → field path of its action's feedback.
+        plugin: Class of a node that a plug-in brings.
+    """
+
+    path: str
+    position: Position
+    kind: str
+    name: str
+    fields: Mapping[str, Value | Expression] = field(default_factory=_nothing)
+    children: tuple[NodeSpec, ...] = ()
+    skill: SkillSpec | None = None
+    outputs: Mapping[str, str] = field(default_factory=_nothing)
+    feedback: Mapping[str, str] = field(default_factory=_nothing)
+    plugin: type | None = None
+
+    def moved(self, path: str, children: tuple[NodeSpec, ...]) -> NodeSpec:
+        """Return the same node at another path, with other children."""
+        # Not by ``replace``, which takes three times as long: each use of a subtree is moved.
+        return NodeSpec(
+            path=path,
+            position=self.position,
+            kind=self.kind,
+            name=self.name,
+            fields=self.fields,
+            children=children,
+            skill=self.skill,
+            outputs=self.outputs,
+            feedback=self.feedback,
+            plugin=self.plugin,
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class SubtreeSpec:
+    """A subtree that nodes may call.
+
+    Attributes:
+        inputs: Typed inputs, given behind ``with``.
+        outputs: Names that the caller may use afterwards.
+        body: Its tree with the subtrees that it calls itself in place; None while those of its
+            own file are being read.
+        position: Where its name stands.
+        complete: False when its declaration has errors, so that nothing can be said about calls.
+        description: What it does, in words; may be empty.
+    """
+
+    name: str
+    inputs: tuple[FieldSpec, ...]
+    outputs: tuple[FieldSpec, ...]
+    body: NodeSpec | None
+    position: Position
+    complete: bool = True
+    description: str = ""
+
+
+@dataclass(frozen=True, kw_only=True)
+class UnusedInput:
+    """An input of a subtree that nothing in its tree uses."""
+
+    name: str
+    subtree: str
+    position: Position
+
+
+@dataclass(frozen=True, kw_only=True)
+class Tunable:
+    """A value of a tree that may change while it runs; durations in seconds.
+
+    Attributes:
+        minimum: Smallest value of a number, integer or duration; None for texts and booleans.
+        maximum: Largest value.
+        step: Distance of the allowed values from ``minimum`` on; 0 allows all.
+    """
+
+    name: str
+    type: FieldType
+    default: bool | int | float | str
+    minimum: float | None
+    maximum: float | None
+    step: float
+    description: str
+    position: Position
+
+
+@dataclass(frozen=True, kw_only=True)
+class FeedbackRule:
+    """What a change of mood during a run teaches the agent.
+
+    Attributes:
+        when: Condition over ``mood.change``, ``scene.*`` and ``live.*``.
+        hold_s: How long it must hold [s].
+        positive: True moves the profile towards the scene, False away from it.
+        cancel: True also stops the run and lets the market ask again.
+        baseline_s: ``mood.change`` is against the mean mood of so long at the start [s]; 0 for
+            the mood of the scene as awarded.
+        release: Condition after which a rule that has fired is ready again; None for none.
+        cooldown_s: A rule that has fired is ready again after so long at the earliest [s]; with
+            neither release nor cooldown a rule fires once a run.
+        confidence: Moods with less confidence are not known, 0..1.
+    """
+
+    when: Expression
+    hold_s: float
+    positive: bool
+    cancel: bool
+    position: Position
+    baseline_s: float = 0.0
+    release: Expression | None = None
+    cooldown_s: float = 0.0
+    confidence: float = 0.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class AgentSpec:
+    """One agent file.
+
+    Attributes:
+        learning: How feedback moves the profile, with the learning rate as the usual step.
+        weights: Parameter → how much it counts for this agent where distances are weighted;
+            without an entry as much as the scene file says.
+        unoffered: The skills that it uses and no robot offers here, each with the reason; with
+            one of them it does not bid.
+        unused_inputs: Inputs of its own subtrees.
+    """
+
+    name: str
+    title: str
+    description: str
+    tags: tuple[str, ...]
+    profile: Vector
+    learning_rate: float
+    requires: Expression | None
+    tunables: tuple[Tunable, ...]
+    rules: tuple[FeedbackRule, ...]
+    tree: NodeSpec
+    on_cancel: NodeSpec | None
+    file: str
+    learning: LearningRule = field(default_factory=LearningRule)
+    weights: Mapping[str, float] = field(default_factory=dict)
+    unoffered: tuple[str, ...] = ()
+    unused_inputs: tuple[UnusedInput, ...] = ()
+
+
+@dataclass(frozen=True, kw_only=True)
+class Change:
+    """Something that changes during a scripted visit.
+
+    Attributes:
+        after_s: Time since the agent's run started [s].
+        values: Scene parameters and their new values.
+        person: Whether the person is there now; None for unchanged.
+    """
+
+    after_s: float
+    values: Mapping[str, float]
+    person: bool | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Visit:
+    """One scripted scene, with what the person does in it.
+
+    Attributes:
+        label: Words for people.
+        person: False for a thing that only looks like an interaction.
+        values: Scene parameters that are measured; the others are missing.
+        changes: In order of time.
+        answers: Word in a question → answer; the first that fits counts.
+        buttons: Topic of a button → words that the robot says or shows before it is pressed.
+        urgent: True may stop a running tree at once, where new scenes preempt.
+    """
+
+    label: str
+    person: bool
+    values: Mapping[str, float]
+    changes: tuple[Change, ...] = ()
+    answers: Mapping[str, str] = field(default_factory=dict)
+    buttons: Mapping[str, str] = field(default_factory=dict)
+    urgent: bool = False
+
+
+@dataclass(frozen=True, kw_only=True)
+class Script:
+    """A list of visits, for the demo and for experiments."""
+
+    title: str
+    visits: tuple[Visit, ...]

@@ -1,0 +1,335 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What there is to say about each word of the tree language, for pages, editors and terminals."""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import Enum
+
+from bt_agents_language.model.node_type import Children, Content, ModifierKind, NodeField, NodeKind
+from bt_agents_language.model.specs import FieldSpec, FieldType, Plain, SkillSpec, SubtreeSpec
+from bt_agents_language.model.symbols import Vocabulary
+from bt_agents_language.nodes import BESIDE, KINDS, MODIFIERS
+from bt_agents_language.reference.node_examples import EXAMPLES, TEXTS
+
+
+class Group(Enum):
+    """The kinds of words, in the order of the documentation."""
+
+    COMPOSITE = "composite"
+    LEAF = "leaf"
+    SKILL = "skill"
+    PLUGIN = "node of a plug-in"
+    MODIFIER = "modifier"
+    BESIDE = "key beside a node"
+    SUBTREE = "subtree of a library"
+
+
+@dataclass(frozen=True, kw_only=True)
+class FieldEntry:
+    """One field of a word.
+
+    Attributes:
+        expected: What may be written there, in words: ``time`` or ``whole number ≥ 1``.
+        default: What counts when it is left out, as it would be written; empty for nothing.
+        main: Whether a scalar behind the word stands for it.
+    """
+
+    name: str
+    expected: str
+    required: bool
+    default: str = ""
+    main: bool = False
+    description: str = ""
+
+
+@dataclass(frozen=True, kw_only=True)
+class NodePage:
+    """Everything about one word.
+
+    Attributes:
+        key: The word in a file.
+        description: One sentence or more.
+        forms: The ways of writing it, shortest first: ``wait: <time>``.
+        fields: In the order of the documentation.
+        outputs: Names that later nodes may use; of skills and subtrees only.
+        note: Where it may stand, or in which order it takes effect; may be empty.
+        example: Part of an agent file, YAML.
+    """
+
+    key: str
+    group: Group
+    description: str
+    forms: tuple[str, ...]
+    fields: tuple[FieldEntry, ...] = ()
+    outputs: tuple[FieldEntry, ...] = ()
+    note: str = ""
+    example: str
+
+
+TYPE_WORDS: Mapping[FieldType, str] = {
+    FieldType.TEXT: "text",
+    FieldType.NUMBER: "number",
+    FieldType.INTEGER: "whole number",
+    FieldType.BOOLEAN: "true or false",
+    FieldType.DURATION: "time",
+    FieldType.LENGTH: "length",
+    FieldType.ANGLE: "angle",
+    FieldType.ANY: "anything",
+}
+"""What a type is called where authors read it."""
+
+_CONTENT_WORDS = {
+    Content.CONDITION: "condition",
+    Content.ROS_NAME: "ROS name",
+    Content.ROS_TYPE: "ROS type",
+    Content.MAP: "fields and values",
+    Content.OUTPUTS: "names and fields",
+    Content.TIMEOUTS: "times",
+    Content.HEARTBEAT: "topic, type and time",
+    Content.NODE: "node",
+}
+
+
+def node_page(key: str, vocabulary: Vocabulary) -> NodePage | None:
+    """Return what there is to say about a node, skill, modifier or other key beside a node.
+
+    Returns:
+        None when there is no such word.
+    """
+    if key in KINDS:
+        return _kind_page(KINDS[key])
+    if key in vocabulary.plugins:
+        return _kind_page(vocabulary.plugins[key])
+    if key in vocabulary.skills:
+        return _skill_page(vocabulary.skills[key])
+    if key in MODIFIERS:
+        return _modifier_page(MODIFIERS[key])
+    if key in BESIDE:
+        beside = BESIDE[key]
+        return NodePage(
+            key=key,
+            group=Group.BESIDE,
+            description=beside.description,
+            forms=(f"{key}: …",),
+            note=f"Stands beside {beside.where}.",
+            example=EXAMPLES[key],
+        )
+    return None
+
+
+def node_pages(vocabulary: Vocabulary) -> tuple[NodePage, ...]:
+    """Return the pages of all words, group by group."""
+    keys = [*KINDS, *vocabulary.skills, *vocabulary.plugins, *MODIFIERS, *BESIDE]
+    pages = [page for key in keys if (page := node_page(key, vocabulary)) is not None]
+    order = list(Group)
+    return tuple(sorted(pages, key=lambda page: order.index(page.group)))
+
+
+def subtree_page(library: str, subtree: SubtreeSpec) -> NodePage:
+    """Return what there is to say about a subtree of a library.
+
+    Args:
+        library: Path of the library from the trees folder.
+        subtree: What it declares.
+    """
+    fields = tuple(_declared(one, None) for one in subtree.inputs)
+    outputs = tuple(_declared(one, None) for one in subtree.outputs)
+    needed = [field for field in fields if field.required]
+    given = needed or fields[:1]
+    call = f"subtree: {subtree.name}\n"
+    if given:
+        values = ", ".join(f"{field.name}: {_default_or_sample(field)}" for field in given)
+        call += f"with: {{{values}}}\n"
+    forms = [f"subtree: {subtree.name}"]
+    if fields:
+        forms.append(f"with: {{{', '.join(f'{field.name}: …' for field in fields)}}}")
+    return NodePage(
+        key=subtree.name,
+        group=Group.SUBTREE,
+        description=subtree.description,
+        forms=tuple(forms),
+        fields=fields,
+        outputs=outputs,
+        note=f"Declared in {library}, which an agent imports.",
+        example=f"imports: [{library}]\n{_tree(call, outputs)}",
+    )
+
+
+def expected_words(field: NodeField) -> str:
+    """Return what may be written in a field: ``whole number ≥ 1 or forever``."""
+    if field.content is Content.COUNT:
+        return "all, one, whole number ≥ 1 or list of names"
+    if field.content in _CONTENT_WORDS:
+        return _CONTENT_WORDS[field.content]
+    words = " or ".join(field.words)
+    if field.content is Content.CONSTANT and words:
+        return words
+    least = f" ≥ {field.minimum:g}" if field.minimum is not None else ""
+    return TYPE_WORDS[field.type] + least + (f" or {words}" if words else "")
+
+
+def written(value: Plain, field_type: FieldType = FieldType.ANY) -> str:
+    """Return a default as an author would write it; empty for none."""
+    units = {FieldType.DURATION: " s", FieldType.LENGTH: " m", FieldType.ANGLE: " rad"}
+    match value:
+        case None:
+            return ""
+        case bool():
+            return "true" if value else "false"
+        case int() | float():
+            return f"{value:g}{units.get(field_type, '')}"
+        case str():
+            return value if value else '""'
+        case tuple():
+            return f"[{', '.join(map(written, value))}]"
+    return f"{{{', '.join(f'{key}: {written(item)}' for key, item in value.items())}}}"
+
+
+def _kind_page(kind: NodeKind) -> NodePage:
+    fields = tuple(_entry(field, kind.main) for field in kind.fields)
+    if kind.behaviour is not None:
+        group = Group.PLUGIN
+    else:
+        group = Group.COMPOSITE if kind.children is Children.LIST else Group.LEAF
+    if kind.children is Children.LIST:
+        options = "".join(f"{field.name}: …, " for field in kind.fields)
+        forms: tuple[str, ...] = (
+            f"{kind.key}: [node, …]",
+            f"{kind.key}: {{{options}children: [node, …]}}",
+        )
+    elif kind.open:
+        forms = (f"{kind.key}: {{name: value, …}}",)
+    else:
+        forms = _forms(kind.key, fields)
+    return NodePage(
+        key=kind.key,
+        group=group,
+        description=kind.description,
+        forms=forms,
+        fields=fields,
+        example=EXAMPLES.get(kind.key) or _made_example(kind.key, fields, ()),
+    )
+
+
+def _skill_page(skill: SkillSpec) -> NodePage:
+    fields = tuple(_declared(one, skill.main) for one in skill.inputs)
+    outputs = tuple(_declared(one, None) for one in skill.outputs)
+    return NodePage(
+        key=skill.name,
+        group=Group.SKILL,
+        description=skill.description,
+        forms=_forms(skill.name, fields),
+        fields=fields,
+        outputs=outputs,
+        note=skill.unoffered,
+        example=_made_example(skill.name, fields, outputs),
+    )
+
+
+def _modifier_page(modifier: ModifierKind) -> NodePage:
+    fields = tuple(_entry(field, modifier.main) for field in modifier.fields)
+    if modifier.handler:
+        forms: tuple[str, ...] = (f"{modifier.key}: <node>",)
+    elif not fields:
+        forms = (f"{modifier.key}: true",)
+    else:
+        forms = _forms(modifier.key, fields)
+    keys = list(MODIFIERS)
+    at = keys.index(modifier.key)
+    inside = f"around {', '.join(keys[at + 1 :])}" if keys[at + 1 :] else ""
+    outside = f"inside of {', '.join(keys[:at])}" if at else ""
+    return NodePage(
+        key=modifier.key,
+        group=Group.MODIFIER,
+        description=modifier.description,
+        forms=forms,
+        fields=fields,
+        note=f"However written, it acts {' and '.join(filter(None, (outside, inside)))}.",
+        example=EXAMPLES[modifier.key],
+    )
+
+
+def _entry(field: NodeField, main: str | None) -> FieldEntry:
+    return FieldEntry(
+        name=field.name,
+        expected=expected_words(field),
+        required=field.required,
+        default=written(field.default, field.type),
+        main=field.name == main,
+        description=field.description,
+    )
+
+
+def _declared(one: FieldSpec, main: str | None) -> FieldEntry:
+    return FieldEntry(
+        name=one.name,
+        expected=TYPE_WORDS[one.type],
+        required=one.required,
+        default=written(one.default, one.type),
+        main=one.name == main,
+        description=one.description,
+    )
+
+
+def _forms(key: str, fields: tuple[FieldEntry, ...]) -> tuple[str, ...]:
+    """Return the scalar form where one field is enough, and the form with all fields."""
+    forms = []
+    needed = [field.name for field in fields if field.required]
+    main = next((field for field in fields if field.main), None)
+    if main is not None and needed in ([], [main.name]):
+        forms.append(f"{key}: <{main.expected}>")
+    elif not needed:
+        forms.append(f"{key}:")
+    if len(fields) > 1 or (fields and main is None):
+        forms.append(f"{key}: {{{', '.join(f'{field.name}: …' for field in fields)}}}")
+    return tuple(forms)
+
+
+_SAMPLES = {
+    "number": "1.5",
+    "whole number": "2",
+    "true or false": "true",
+    "time": "5 s",
+    "length": "1 m",
+    "angle": "90 deg",
+    "anything": "[a, b]",
+    "condition": "live.person",
+}
+
+
+def _made_example(
+    key: str, fields: tuple[FieldEntry, ...], outputs: tuple[FieldEntry, ...]
+) -> str:
+    """Return an example made from the types of the fields."""
+    needed = [field for field in fields if field.required]
+    main = next((field for field in fields if field.main), None)
+    if main is not None and needed in ([], [main]):
+        value = f" {_sample(main, TEXTS.get(key))}"
+    elif needed:
+        value = f" {{{', '.join(f'{field.name}: {_sample(field)}' for field in needed)}}}"
+    else:
+        value = ""
+    return _tree(f"{key}:{value}\n", outputs)
+
+
+def _tree(node: str, outputs: tuple[FieldEntry, ...]) -> str:
+    """Return a tree of one node, and a node that uses what the first gives."""
+    if not outputs:
+        return f"tree:\n{textwrap.indent(node, '  ')}"
+    item = textwrap.indent(node, "      ").replace("      ", "    - ", 1)
+    name = outputs[0].name
+    return f'tree:\n  sequence:\n{item}    - log: "{name}: ${{{name}}}"\n'
+
+
+def _default_or_sample(field: FieldEntry) -> str:
+    return field.default or _sample(field)
+
+
+def _sample(field: FieldEntry, text: str | None = None) -> str:
+    if field.expected == TYPE_WORDS[FieldType.TEXT]:
+        return text or '"…"'
+    first = field.expected.split(" ≥ ")[0]
+    return _SAMPLES.get(first) or _SAMPLES.get(field.expected) or first.split(" or ")[0]

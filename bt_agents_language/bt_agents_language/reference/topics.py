@@ -1,0 +1,157 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What may stand in values and conditions: units, expressions and names, from their own tables."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+from bt_agents_core.scene import SceneSpace
+from bt_agents_language.expression.functions import FUNCTIONS
+from bt_agents_language.expression.operators import BINARY, COMPARISON, PREFIXES
+from bt_agents_language.model.scope import RESERVED, mood_names, scene_names
+from bt_agents_language.model.units import DIMENSIONS
+
+Rows = tuple[tuple[str, str], ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Topic:
+    """What there is to say about a part of the language that is no key of a file.
+
+    Attributes:
+        key: The word that stands for it.
+        description: One sentence or more.
+        tables: Heading → what may be written, and what it means.
+        note: What else there is to know.
+        example: Part of an agent file, YAML.
+    """
+
+    key: str
+    description: str
+    tables: Mapping[str, Rows]
+    note: str
+    example: str
+
+
+MEANINGS: Mapping[int, str] = {
+    1: "one of both is true",
+    2: "both are true",
+    3: "the opposite",
+    COMPARISON: "comparisons; 'in' looks for a value in a list, or for a text in a text",
+    5: "plus and minus",
+    6: "times, divided by, and what remains of a division",
+    7: "the minus sign of a number",
+}
+"""Strength of operators → what they say."""
+
+
+def topic(key: str, space: SceneSpace) -> Topic | None:
+    """Return what there is to say about a topic.
+
+    Args:
+        key: One of ``TOPICS``.
+        space: The scene parameters, which have names.
+
+    Returns:
+        None when there is no such topic.
+    """
+    return TOPICS[key](space) if key in TOPICS else None
+
+
+def _units(_: SceneSpace) -> Topic:
+    rows = tuple(
+        (one.name, f"{one.listed}, for example {one.example}; a bare number is in {one.si}")
+        for one in DIMENSIONS
+    )
+    return Topic(
+        key="units",
+        description="A time, length or angle is one number with one unit.",
+        tables={"": rows},
+        note="In an expression they count in " + ", ".join(one.si for one in DIMENSIONS) + ".",
+        example="""\
+tunables:
+  patience: {default: 8 s, min: 500 ms, max: 1 min}
+tree:
+  sequence:
+    - wait: ${patience}
+    - say: ${round(patience)} seconds are over.
+""",
+    )
+
+
+def _expressions(_: SceneSpace) -> Topic:
+    written: dict[int, list[str]] = {one.strength: [] for one in PREFIXES.values()}
+    for operator in BINARY.values():
+        written.setdefault(operator.strength, []).append(operator.word)
+    written[COMPARISON].append("between … and …")
+    for prefix in PREFIXES.values():
+        written[prefix.strength].append(prefix.word)
+    operators = tuple(
+        ("  ".join(words), MEANINGS[strength]) for strength, words in sorted(written.items())
+    )
+    functions = tuple((one.usage, "") for one in FUNCTIONS.values())
+    return Topic(
+        key="expressions",
+        description="A condition is an expression; in any other value one stands in ${ }.",
+        tables={
+            "Operators, the one that binds least first": operators,
+            "Functions, all of which give a number": functions,
+            "What they are about": (
+                ("scene.age", "a name; 'bt-agents explain names' lists them"),
+                ("4  0.5", "a number, without a unit"),
+                ("'yes'", "a text in quotes"),
+                ("true  false", "as words"),
+                ("['yes', 'ok']", "a list, behind 'in' or in a function"),
+            ),
+        },
+        note="Where a value is missing, a condition is not true. Parentheses are possible.",
+        example="""\
+tree:
+  sequence:
+    - ask: {text: "Coffee or tea?"}
+    - when: answer in ['coffee', 'tea'] and scene.age between 2 and 5
+      say: ${answer} comes in ${max(1, round(scene.age / 2))} minutes.
+""",
+    )
+
+
+def _names(space: SceneSpace) -> Topic:
+    def of(group: str) -> str:
+        return "  ".join(scene_names(space, (group,)))
+
+    mood = tuple((name, "the mood now minus the mood at the start") for name in mood_names(space))
+    rows = (
+        ("patience", "a tunable of the file, or an input of the subtree"),
+        ("answer", "an output of an earlier node, or what 'set' wrote"),
+        (of("scene"), "the scene as awarded"),
+        (of("live"), "the same now; live.stale: nothing comes, the others have no value"),
+        *mood,
+        (of("profile"), "the agent's own profile"),
+        ("msg.data", "a field of the message that 'wait_for' waits for"),
+        ("result.answer", "a field of the result that 'succeed_when' is about"),
+    )
+    return Topic(
+        key="names",
+        description="A value that may be different each time has a name: ${name}.",
+        tables={"": tuple((name, means) for name, means in rows if name)},
+        note="A name of your own has small letters, digits and '_', a letter first, and is none "
+        f"of the words {', '.join(RESERVED)}.",
+        example="""\
+tree:
+  sequence:
+    - ask: Where to?
+      outputs: {place: answer}
+    - set: {tries: 3}
+    - drive: ${place}
+      retry: ${tries}
+""",
+    )
+
+
+TOPICS: Mapping[str, Callable[[SceneSpace], Topic]] = {
+    "units": _units,
+    "expressions": _expressions,
+    "names": _names,
+}
+"""Topic → what makes its page."""

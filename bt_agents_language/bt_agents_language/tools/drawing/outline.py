@@ -1,0 +1,109 @@
+# SPDX-License-Identifier: Apache-2.0
+"""An agent's tree as indented text, with the line of each node in the file."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+from bt_agents_core.scene import SceneSpace
+from bt_agents_language.model.specs import AgentSpec
+from bt_agents_language.model.walking import every_node
+from bt_agents_language.tools.drawing.boxes import Box, BoxKind, box_of
+from bt_agents_language.tools.drawing.packing import packed
+from bt_agents_language.tools.drawing.shown_values import shown_profile, shown_tunable
+from bt_agents_language.yaml.renderers import columns
+
+SIGNS = {
+    BoxKind.COMPOSITE: "▼",
+    BoxKind.MODIFIER: "◇",
+    BoxKind.LEAF: "○",
+    BoxKind.SKILL: "●",
+    BoxKind.SUBTREE: "▶",
+}
+"""Sign before each kind of node."""
+
+_HEAD_INDENT = 12
+_NARROWEST = 24
+
+
+def outline(agent: AgentSpec, space: SceneSpace, width: int = 80) -> str:
+    """Return the agent's head and trees as text, ended by a line feed.
+
+    Args:
+        agent: The agent.
+        space: The scene parameters.
+        width: Columns that a line should not be wider than.
+
+    Example:
+        ::
+
+            guide: Attentive guide
+              profile   age 4, familiarity 1.5, mood 3
+              tunables  patience 8 s (2 s to 30 s)
+
+            tree
+              12  ▼ sequence
+              13  ├─ ● say "Hello."
+              15  └─ ◇ timeout ${patience}
+              16     └─ ● ask "Where to?" → answer
+    """
+    lines = [f"{agent.name}: {agent.title}", *head_lines(agent, space, width)]
+    trees = {"tree": box_of(agent.tree)}
+    if agent.on_cancel is not None:
+        trees["on_cancel"] = box_of(agent.on_cancel)
+    digits = max(
+        len(str(box.position.line)) for tree in trees.values() for box in every_node(tree)
+    )
+    for title, tree in trees.items():
+        lines += ["", title, *_lines(tree, agent.file, digits, width, "", "")]
+    return "\n".join(lines) + "\n"
+
+
+def head_lines(agent: AgentSpec, space: SceneSpace, width: int) -> list[str]:
+    """Return what an agent is, the words lined up.
+
+    Args:
+        agent: The agent.
+        space: The scene parameters.
+        width: Columns that a line should not be wider than.
+    """
+    entries: dict[str, Sequence[str]] = {
+        "profile": [shown_profile(agent.profile, space)],
+        "requires": [agent.requires.text] if agent.requires is not None else [],
+        "tunables": _joined([shown_tunable(one) for one in agent.tunables], ","),
+        "missing": _joined(agent.unoffered, ";"),
+    }
+    return [
+        f"  {'' if row else word:<9} {text}"
+        for word, pieces in entries.items()
+        for row, text in enumerate(packed(pieces, width - _HEAD_INDENT))
+    ]
+
+
+def sentence(box: Box) -> str:
+    """Return a node in one line: ``explain: timeout 90 s``."""
+    return " ".join((head(box), *box.details))
+
+
+def head(box: Box) -> str:
+    """Return the key of a node with its name, if it has one: ``explain: timeout``."""
+    return f"{box.name}: {box.word}" if box.name else box.word
+
+
+def _joined(words: Sequence[str], comma: str) -> list[str]:
+    return [*(f"{word}{comma}" for word in words[:-1]), *words[-1:]]
+
+
+def _lines(box: Box, file: str, digits: int, width: int, before: str, below: str) -> Iterator[str]:
+    role = f"{box.role}: " if box.role else ""
+    other = [f" ({box.position.file})"] if box.position.file != file else []
+    start = f"  {box.position.line:>{digits}}  {before}{role}{SIGNS[box.kind]} "
+    more = f"  {'':>{digits}}  {below}{'│' if box.children else ' '}     "
+    room = max(width - columns(start if len(start) > len(more) else more), _NARROWEST)
+    first, *others = packed([head(box), *box.details, *other], room)
+    yield start + first
+    yield from (more + line for line in others)
+    for number, child in enumerate(box.children, start=1):
+        last = number == len(box.children)
+        branch, under = ("└─ ", "   ") if last else ("├─ ", "│  ")
+        yield from _lines(child, box.position.file, digits, width, below + branch, below + under)

@@ -1,0 +1,101 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Values of a tree as short words for a picture: ``"Hello."``, ``8 s``, ``${voice_rate}``."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from bt_agents_core.scene import SceneSpace, Vector
+from bt_agents_language.expression.expressions import Expression
+from bt_agents_language.model.quantities import spoken
+from bt_agents_language.model.specs import (
+    Computed,
+    FieldType,
+    ListValue,
+    Literal,
+    MapValue,
+    Plain,
+    Reference,
+    Text,
+    Tunable,
+    Value,
+)
+
+LONGEST_TEXT = 60
+"""Characters of a text or expression; the rest is left out."""
+
+
+def shown_value(
+    value: Value | Expression,
+    field_type: FieldType = FieldType.ANY,
+    longest_text: int = LONGEST_TEXT,
+) -> str:
+    """Return a value as an author would write it, texts of more characters shortened."""
+
+    def inner(one: Value) -> str:
+        return shown_value(one, longest_text=longest_text)
+
+    match value:
+        case Expression():
+            return shortened(value.text)
+        case Literal():
+            known = field_type if field_type is not FieldType.ANY else value.type
+            return shown_plain(value.value, known, longest_text)
+        case Reference():
+            return f"${{{value.name}}}"
+        case Computed():
+            return f"${{{shortened(value.expression.text)}}}"
+        case Text():
+            parts = (part if isinstance(part, str) else inner(part) for part in value.parts)
+            return f'"{shortened("".join(parts), longest_text)}"'
+        case ListValue():
+            return f"[{', '.join(map(inner, value.items))}]"
+        case MapValue():
+            return f"{{{_pairs({key: inner(one) for key, one in value.items.items()})}}}"
+
+
+def shown_plain(
+    value: Plain, field_type: FieldType = FieldType.ANY, longest_text: int = LONGEST_TEXT
+) -> str:
+    """Return a value without names as an author would write it."""
+
+    def inner(one: Plain) -> str:
+        return shown_plain(one, longest_text=longest_text)
+
+    match value:
+        case None:
+            return "nothing"
+        case bool():
+            return "true" if value else "false"
+        case int() | float():
+            return spoken(value, field_type)
+        case str():
+            return f'"{shortened(value, longest_text)}"'
+        case tuple():
+            return f"[{', '.join(map(inner, value))}]"
+    return f"{{{_pairs({key: inner(one) for key, one in value.items()})}}}"
+
+
+def shown_tunable(tunable: Tunable) -> str:
+    """Return a tunable with its range: ``patience 8 s (2 s to 30 s)``."""
+    default = shown_plain(tunable.default, tunable.type)
+    if tunable.minimum is None or tunable.maximum is None:
+        return f"{tunable.name} {default}"
+    limits = (spoken(limit, tunable.type) for limit in (tunable.minimum, tunable.maximum))
+    return f"{tunable.name} {default} ({' to '.join(limits)})"
+
+
+def shown_profile(profile: Vector, space: SceneSpace) -> str:
+    """Return a profile in words: ``age 4, familiarity 1.5``."""
+    values = zip(space.names, profile, strict=True)
+    return ", ".join(f"{name} {value:g}" for name, value in values)
+
+
+def shortened(text: str, longest: int = LONGEST_TEXT) -> str:
+    """Return a text in one line, its end left out when it has more characters."""
+    flat = " ".join(text.split())
+    return flat if len(flat) <= longest else f"{flat[: longest - 1].rstrip()}…"
+
+
+def _pairs(items: Mapping[str, str]) -> str:
+    return ", ".join(f"{key}: {value}" for key, value in items.items())

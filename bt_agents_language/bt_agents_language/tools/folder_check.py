@@ -1,0 +1,235 @@
+# SPDX-License-Identifier: Apache-2.0
+"""All problems of a trees folder, or of some of its files, for people and programs that ask."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable, Iterator
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from bt_agents_core.errors import ReadError
+from bt_agents_language.files.folder_reader import TEST_SUFFIXES, Trees, read_trees, yaml_files
+from bt_agents_language.files.market_reader import MARKET_FILE, read_market, unknown_agents
+from bt_agents_language.files.scene_reader import read_scene
+from bt_agents_language.files.script_reader import read_script
+from bt_agents_language.files.skills_reader import read_skills
+from bt_agents_language.files.testing.test_reader import read_test
+from bt_agents_language.model.interfaces import Interfaces, OfInstalledPackages
+from bt_agents_language.model.plugins import installed_plugins
+from bt_agents_language.model.specs import AgentSpec, Position
+from bt_agents_language.model.symbols import ImportProblem, Vocabulary
+from bt_agents_language.tools.linting.comment_truncation import cut_texts
+from bt_agents_language.tools.linting.lint import lint, unused_inputs
+from bt_agents_language.yaml.diagnostics import Diagnostic
+from bt_agents_language.yaml.source import Source, read_source
+
+
+@dataclass(frozen=True, kw_only=True)
+class Checked:
+    """What a check has found.
+
+    Attributes:
+        problems: Errors and warnings, file by file in the order of reading.
+        agents: Names of the checked agents without errors.
+        files: How many files were checked.
+        unchecked: Files that could not be looked at, because the scene or the skills are broken.
+    """
+
+    problems: tuple[Diagnostic, ...]
+    agents: tuple[str, ...]
+    files: int
+    unchecked: tuple[str, ...] = ()
+
+
+def check_folder(
+    folder: Path, interfaces: Interfaces | None = None, only: Collection[Path] | None = None
+) -> Checked:
+    """Return the problems of a trees folder.
+
+    Args:
+        folder: Holds ``scene.yaml``, ``market.yaml``, ``skills``, ``libraries``, ``agents``,
+            ``scripts`` and, in ``scenes``, scene files of other robots.
+        interfaces: The installed ROS types; None leaves types and fields unchecked.
+        only: Files or folders in it to which the answer is to be limited; the scene and the
+            skills, which everything needs, are told about when they are broken.
+    """
+    return _FolderCheck(folder, interfaces, only).run()
+
+
+class _FolderCheck:
+    """One look at one folder."""
+
+    def __init__(
+        self, folder: Path, interfaces: Interfaces | None, only: Collection[Path] | None
+    ) -> None:
+        self._folder = folder
+        self._interfaces = interfaces
+        self._only = None if only is None else [_real(path) for path in only]
+        # In the order of reading; the same problem may be found on several ways.
+        self._found: dict[Diagnostic, None] = {}
+
+    def run(self) -> Checked:
+        """Look at everything."""
+        folder = self._folder
+        scene = folder / "scene.yaml"
+        base = [scene, *yaml_files(folder / "skills")]
+        others = yaml_files(folder / "scenes")
+        dependent = [
+            path
+            for name in ("libraries", "agents", "scripts")
+            for path in yaml_files(folder / name, tests=True)
+        ]
+        if (folder / MARKET_FILE).exists():
+            dependent.insert(0, folder / MARKET_FILE)
+        agents: list[AgentSpec] = []
+        try:
+            trees = read_trees(folder, self._interfaces)
+        except ReadError:
+            self._base_problems(scene, base[1:])
+            unchecked = [path for path in dependent if self._is_wanted(path)]
+            plugin_problems = installed_plugins().problems
+        else:
+            unchecked = []
+            plugin_problems = trees.plugin_problems
+            agents = self._dependent_problems(trees, dependent)
+        self._add_other_scenes(others)
+        wanted = [path for path in (*base, *others, *dependent) if self._is_wanted(path)]
+        for path in wanted:
+            self._add_cut_texts(path)
+        self._add(_bad_plugin(folder, words) for words in plugin_problems)
+        return Checked(
+            problems=tuple(_with_excerpts(_by_file(self._found))),
+            agents=tuple(agent.name for agent in agents),
+            files=len(wanted) - len(unchecked),
+            unchecked=tuple(map(str, unchecked)),
+        )
+
+    def _is_wanted(self, path: Path) -> bool:
+        if self._only is None:
+            return True
+        real = _real(path)
+        return any(real == one or real.is_relative_to(one) for one in self._only)
+
+    def _add(self, problems: Iterable[Diagnostic]) -> None:
+        self._found |= dict.fromkeys(problems)
+
+    def _base_problems(self, scene: Path, skills: list[Path]) -> None:
+        try:
+            read_scene(scene, self._interfaces)
+        except ReadError as error:
+            self._add(error.diagnostics)
+        try:
+            read_skills(skills, self._interfaces)
+        except ReadError as error:
+            self._add(error.diagnostics)
+
+    def _add_other_scenes(self, paths: Iterable[Path]) -> None:
+        """Add the problems of scene files of robots whose ROS packages may be absent here."""
+        known = OfInstalledPackages(self._interfaces) if self._interfaces is not None else None
+        for path in filter(self._is_wanted, paths):
+            try:
+                read_scene(path, known)
+            except ReadError as error:
+                self._add(error.diagnostics)
+
+    def _dependent_problems(self, trees: Trees, paths: list[Path]) -> list[AgentSpec]:
+        """Add the problems of what needs the scene and the skills; return the good agents."""
+        agents = [agent for agent in trees.agents if self._is_wanted(Path(agent.file))]
+        for broken in trees.broken:
+            if self._is_wanted(broken.file):
+                self._add(broken.error.diagnostics)
+        for agent in agents:
+            self._add(lint(agent))
+        for path in filter(self._is_wanted, paths):
+            try:
+                if path.parent.name == "libraries":
+                    self._add_unused_inputs(trees.vocabulary, path)
+                elif path.name.endswith(TEST_SUFFIXES):
+                    read_test(path, trees.agents, trees.vocabulary)
+                elif path.name == MARKET_FILE:
+                    self._add_market(trees, path)
+                elif path.parent.name == "scripts":
+                    read_script(path, trees.scene.space)
+            except ReadError as error:
+                self._add(error.diagnostics)
+        if self._only is None and not (trees.agents or trees.broken):
+            self._add([_no_agents(self._folder)])
+        return agents
+
+    def _add_market(self, trees: Trees, path: Path) -> None:
+        market = read_market(path, trees.scene.space)
+        if not trees.broken:
+            self._add(unknown_agents(market, [agent.name for agent in trees.agents]))
+
+    def _add_unused_inputs(self, vocabulary: Vocabulary, path: Path) -> None:
+        if vocabulary.libraries is not None:
+            # A library that cannot be read is among the broken files.
+            with suppress(ImportProblem):
+                library = vocabulary.libraries.load(f"{path.parent.name}/{path.name}")
+                self._add(unused_inputs(library.unused_inputs))
+
+    def _add_cut_texts(self, path: Path) -> None:
+        source = _source(str(path))
+        if source is not None:
+            self._add(cut_texts(source))
+
+
+def _real(path: Path) -> Path:
+    """Return where a path leads; a link that leads back to itself is its own place."""
+    try:
+        return path.resolve()
+    except RuntimeError:
+        return path.parent.resolve() / path.name
+
+
+def _no_agents(folder: Path) -> Diagnostic:
+    return Diagnostic(
+        code="no-agents",
+        position=Position(file=str(folder / "agents"), line=1, column=1),
+        message="there is no agent in this folder",
+        hint="make one with 'bt-agents new NAME'",
+    )
+
+
+def _bad_plugin(folder: Path, words: str) -> Diagnostic:
+    return Diagnostic(
+        code="bad-plugin",
+        position=Position(file=str(folder), line=1, column=1),
+        message=words,
+        hint="trees cannot use this node; mend its package, or remove it",
+    )
+
+
+def _by_file(problems: Iterable[Diagnostic]) -> list[Diagnostic]:
+    """Return problems file by file, those of a file in its order."""
+    files: dict[str, list[Diagnostic]] = {}
+    for problem in problems:
+        files.setdefault(problem.position.file, []).append(problem)
+    return [
+        problem
+        for of_file in files.values()
+        for problem in sorted(of_file, key=lambda p: (p.position.line, p.position.column))
+    ]
+
+
+def _with_excerpts(problems: Iterable[Diagnostic]) -> Iterator[Diagnostic]:
+    """Yield problems with the lines they are about, also those found in checked trees."""
+    sources: dict[str, Source | None] = {}
+    for problem in problems:
+        if problem.excerpt:
+            yield problem
+            continue
+        file = problem.position.file
+        if file not in sources:
+            sources[file] = _source(file)
+        source = sources[file]
+        excerpt = source.line(problem.position.line) if source is not None else ""
+        yield replace(problem, excerpt=excerpt)
+
+
+def _source(file: str) -> Source | None:
+    try:
+        return read_source(Path(file))
+    except ReadError:
+        return None

@@ -1,0 +1,80 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How one text is written in a file: plain where that is safe, else in quotes."""
+
+from __future__ import annotations
+
+import json
+import re
+
+from bt_agents_language.yaml.yaml_reader import Node, Scalar
+
+_WORDS = re.compile(r"[^\W\d_][\w/-]*(?:[ .][\w/-]+)*")
+_REFERENCE = re.compile(r"\$\{[\w.]+\}")
+_TRAPS = frozenset(
+    ("true", "false", "null", "yes", "no", "on", "off", "y", "n", "nan", "inf", "infinity")
+)
+
+
+def quoted(text: str) -> str:
+    """Return a text in quotes, in one line: double ones unless they would need a backslash."""
+    if text.isprintable():
+        if '"' not in text and "\\" not in text:
+            return f'"{text}"'
+        if "'" not in text:
+            return f"'{text}'"
+    return json.dumps(text, ensure_ascii=False)
+
+
+def in_one_line(scalar: Scalar, written: str, *, flow: bool, keep_quotes: bool = False) -> str:
+    r"""Return a value as it is to be written in one line.
+
+    Quotes are dropped only around a few words and, outside of ``{}`` and ``[]``, around
+    ``${name}``: there nobody can take the text for anything else. Numbers, times and the words
+    that other programs take for true or false keep what they have. A question gets quotes.
+
+    Args:
+        scalar: The value.
+        written: How it stands in the file.
+        flow: Whether it is to stand inside of ``{}`` or ``[]``.
+        keep_quotes: Drop no quotes.
+    """
+    if scalar.style == "":
+        return quoted(scalar.text) if "?" in scalar.text else scalar.text
+    if not keep_quotes and droppable(scalar, flow=flow):
+        return scalar.text
+    return _in_quotes(scalar, written)
+
+
+def key_in_one_line(key: Scalar, written: str) -> str:
+    """Return a key as it is to be written."""
+    if key.style == "" and "\n" not in written:
+        return key.text
+    return key.text if droppable(key, flow=True) else _in_quotes(key, written)
+
+
+def droppable(scalar: Scalar, *, flow: bool) -> bool:
+    """Return whether a text says the same without its quotes, to people and to programs."""
+    text = scalar.text
+    if _WORDS.fullmatch(text):
+        return text.lower() not in _TRAPS
+    return not flow and _REFERENCE.fullmatch(text) is not None
+
+
+def fits_one_line(scalar: Scalar, written: str) -> bool:
+    """Return whether a value can be written in one line without changing how it looks."""
+    return scalar.style not in ("|", ">") and not ("\n" in written and "\n" in scalar.text)
+
+
+def keeps_quotes(items: tuple[Node, ...], *, flow: bool) -> bool:
+    """Return whether one item of a list needs its quotes, so that the others keep theirs too."""
+    return any(
+        isinstance(item, Scalar) and item.style in ("'", '"') and not droppable(item, flow=flow)
+        for item in items
+    )
+
+
+def _in_quotes(scalar: Scalar, written: str) -> str:
+    """Return a text in quotes; escapes that the author wrote stay."""
+    if scalar.style == '"' and "\n" not in written:
+        return written
+    return quoted(scalar.text)

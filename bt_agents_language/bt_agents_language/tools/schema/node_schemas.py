@@ -1,0 +1,284 @@
+# SPDX-License-Identifier: Apache-2.0
+"""JSON Schema of a node: every kind, skill and modifier that may stand there, and its fields."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from bt_agents_core.scene import SceneSpace
+from bt_agents_language.model.node_type import Children, Content, ModifierKind, NodeField, NodeKind
+from bt_agents_language.model.specs import FieldSpec, FieldType, SkillSpec
+from bt_agents_language.model.symbols import Vocabulary
+from bt_agents_language.nodes import BESIDE, MODIFIERS
+from bt_agents_language.reference.node_pages import NodePage, node_page
+from bt_agents_language.tools.schema import value_schemas
+from bt_agents_language.tools.schema.documents import mapping
+from bt_agents_language.tools.schema.servers import heartbeat, timeouts
+from bt_agents_language.tools.schema.value_schemas import Schema, described
+from bt_agents_language.tree.ros_leaves import RAW_LEAVES
+
+NODE: Schema = {"$ref": "#/definitions/node"}
+"""A node, wherever one stands."""
+
+
+def node_definitions(vocabulary: Vocabulary) -> Mapping[str, Schema]:
+    """Return the definitions that a schema with trees needs.
+
+    A node is one mapping with every key that may stand in it, not one alternative for each kind:
+    so an editor offers all keys at once, and a slip in one field is reported there instead of as
+    a node that fits no alternative.
+    """
+    nodes = {
+        **{key: _kind(kind, vocabulary.space) for key, kind in vocabulary.kinds.items()},
+        **{key: _skill(skill) for key, skill in vocabulary.skills.items()},
+    }
+    others = {
+        **{key: _modifier(modifier) for key, modifier in MODIFIERS.items()},
+        **{key: _beside(key) for key in BESIDE},
+    }
+    properties: dict[str, object] = {}
+    for key, schema in {**nodes, **others}.items():
+        page = node_page(key, vocabulary)
+        assert page is not None
+        properties[key] = _documented(page, schema)
+    required = [{"required": [key]} for key in nodes]
+    outputs = ["subtree", *vocabulary.skills]
+    return {
+        "node": {
+            "title": "node",
+            "type": "object",
+            "description": "A node: exactly one node or skill, and modifiers beside it.",
+            "properties": properties,
+            "additionalProperties": False,
+            "minProperties": 1,
+            "dependencies": {
+                "with": ["subtree"],
+                "outputs": _one_of(outputs, "'outputs' stands beside a subtree or a skill"),
+            },
+            "allOf": [
+                {
+                    "if": {"propertyNames": {"enum": list(others)}, "minProperties": 1},
+                    "then": _refused("a modifier alone: there is no node beside it"),
+                },
+                {
+                    "if": {"allOf": [{"anyOf": required}, {"not": {"oneOf": required}}]},
+                    "then": _refused(
+                        "two nodes in one item: indent the block, or start a new '-' item"
+                    ),
+                },
+            ],
+        }
+    }
+
+
+def _refused(message: str) -> Schema:
+    """Return a schema that refuses every mapping with a message."""
+    return {"required": ["exactly one node"], "errorMessage": message}
+
+
+def _one_of(keys: list[str], message: str) -> Schema:
+    return {"anyOf": [{"required": [key], "errorMessage": message} for key in keys]}
+
+
+def _documented(page: NodePage, schema: Schema) -> Schema:
+    """Return the schema of a key with its page for hovering.
+
+    The schema stands under ``allOf``: an editor that completes the key would else write down
+    every field of it. The type beside it says what the editor begins: a list, a mapping or text.
+    """
+    documented: Schema = {
+        "title": page.key,
+        "description": page.description,
+        "markdownDescription": _markdown(page),
+    }
+    needed = [field.name for field in page.fields if field.required]
+    if schema.get("type") == "object" and needed:
+        documented["defaultSnippets"] = [_snippet(needed)]
+    return {**documented, "type": schema.get("type", ["string", "object"]), "allOf": [schema]}
+
+
+def _markdown(page: NodePage) -> str:
+    parts = [page.description, " · ".join(f"`{form}`" for form in page.forms)]
+    lines = []
+    for field in page.fields:
+        default = f", {field.default} if left out" if field.default else ""
+        needed = "" if field.required else ", may be left out" if not default else ""
+        text = f": {field.description}" if field.description else ""
+        lines.append(f"- `{field.name}` ({field.expected}{default}{needed}){text}")
+    lines += [f"- gives `{one.name}` ({one.expected}): {one.description}" for one in page.outputs]
+    parts += ["\n".join(lines), page.note, f"```yaml\n{page.example}```"]
+    return "\n\n".join(filter(None, parts))
+
+
+def _snippet(names: list[str]) -> Schema:
+    """Return a snippet that writes down fields."""
+    body = {name: f"${at}" for at, name in enumerate(names, start=1)}
+    return {"label": ", ".join(names), "body": body}
+
+
+def _kind(kind: NodeKind, space: SceneSpace) -> Schema:
+    properties = {field.name: _field(field) for field in kind.fields}
+    if kind.key not in RAW_LEAVES:
+        # Only the goals, requests and messages of ROS have fields that no table knows.
+        scene = {one: value_schemas.value(FieldType.NUMBER) for one in space.names}
+        for field in kind.fields:
+            if field.content is Content.MAP:
+                properties[field.name] = described(mapping(scene, []), field.description)
+    required = [field.name for field in kind.fields if field.required]
+    if kind.open:
+        anything = value_schemas.value(FieldType.ANY)
+        return {"type": "object", "minProperties": 1, "additionalProperties": anything}
+    if kind.children is Children.LIST:
+        child = _case() if kind.key == "choose" else NODE
+        children: Schema = {"type": "array", "minItems": 1, "items": child}
+        return {
+            **children,
+            "title": kind.key,
+            "type": ["array", "object"],
+            "errorMessage": "expected a list of nodes, each starting with '- '; with options, "
+            "the list stands behind 'children:'",
+            "properties": {
+                **properties,
+                "children": described(children, f"The nodes that '{kind.key}' is made of."),
+            },
+            "required": ["children", *required],
+            "additionalProperties": False,
+        }
+    main = next((field for field in kind.fields if field.name == kind.main), None)
+    written = None if main is None else (main.name, _content(main))
+    return _leaf(kind.key, properties, required, written, empty=kind.behaviour is not None)
+
+
+def _case() -> Schema:
+    """Return the schema of a case of ``choose``."""
+    return {"allOf": [NODE, {"required": ["name", "when"]}]}
+
+
+def _skill(skill: SkillSpec) -> Schema:
+    properties = {one.name: _input(one) for one in skill.inputs}
+    required = [one.name for one in skill.inputs if one.required]
+    types = {one.name: one.type for one in skill.inputs}
+    main = None if skill.main is None else (skill.main, value_schemas.value(types[skill.main]))
+    return _leaf(skill.name, properties, required, main, empty=True)
+
+
+def _modifier(modifier: ModifierKind) -> Schema:
+    if modifier.handler:
+        return {"type": "object", "allOf": [NODE]}
+    if not modifier.fields:
+        return value_schemas.boolean()
+    properties = {field.name: _field(field) for field in modifier.fields}
+    required = [field.name for field in modifier.fields if field.required]
+    main = next(field for field in modifier.fields if field.name == modifier.main)
+    return _leaf(modifier.key, properties, required, (main.name, _content(main)))
+
+
+def _beside(key: str) -> Schema:
+    match key:
+        case "name":
+            return value_schemas.text()
+        case "weight":
+            return value_schemas.value(FieldType.NUMBER, 0)
+        case "outputs":
+            return value_schemas.names(value_schemas.text())
+    return {"type": "object"}
+
+
+def _leaf(
+    key: str,
+    properties: dict[str, Schema],
+    required: list[str],
+    main: tuple[str, Schema] | None,
+    *,
+    empty: bool = False,
+) -> Schema:
+    """Return the schema of fields in a mapping, or of the main one as a scalar.
+
+    Both stand in one schema where that is possible, which gives one clear message a slip.
+
+    Args:
+        key: The word that they stand behind.
+        properties: Schemas of the fields.
+        required: Those that are needed.
+        main: The main field, None when there is none.
+        empty: Whether nothing may be written when no field is needed.
+    """
+    types: list[object] = ["object", *(["null"] if empty and not required else [])]
+    fields: Schema = {**mapping(properties, required), "type": types if types[1:] else "object"}
+    if main is None or [name for name in required if name != main[0]]:
+        return fields
+    scalar = main[1]
+    if "enum" in scalar:
+        return {"type": ["string", *types], "anyOf": [scalar, fields]}
+    written = scalar["type"]
+    scalars = written if isinstance(written, list) else [written]
+    snippets = scalar.get("defaultSnippets", [])
+    assert isinstance(snippets, list)
+    if len(properties) > 1:
+        snippets = [*snippets, _snippet(list(properties))]
+    return {
+        **scalar,
+        **fields,
+        "title": key,
+        "type": list(dict.fromkeys([*scalars, *types])),
+        **({"defaultSnippets": snippets} if snippets else {}),
+    }
+
+
+def _field(field: NodeField) -> Schema:
+    """Return the schema of one field of the table of nodes."""
+    return described(_content(field), field.description)
+
+
+def _content(field: NodeField) -> Schema:
+    match field.content:
+        case Content.VALUE:
+            return value_schemas.value(field.type, field.minimum, field.words)
+        case Content.CONDITION:
+            return value_schemas.condition()
+        case Content.ROS_NAME:
+            return value_schemas.ros_name()
+        case Content.ROS_TYPE:
+            return value_schemas.ros_type()
+        case Content.MAP:
+            return {"type": "object"}
+        case Content.OUTPUTS:
+            return value_schemas.names(value_schemas.text())
+        case Content.TIMEOUTS:
+            return timeouts(field.words)
+        case Content.HEARTBEAT:
+            return heartbeat()
+        case Content.NODE:
+            return NODE
+        case Content.COUNT:
+            return {
+                "anyOf": [
+                    {"enum": list(field.words)},
+                    value_schemas.integer(1),
+                    {"type": "array", "items": value_schemas.text()},
+                ]
+            }
+    if field.words:
+        return {"enum": list(field.words)}
+    return _constant(field)
+
+
+def _constant(field: NodeField) -> Schema:
+    match field.type:
+        case FieldType.BOOLEAN:
+            return value_schemas.boolean()
+        case FieldType.INTEGER:
+            return value_schemas.integer(None if field.minimum is None else int(field.minimum))
+        case FieldType.DURATION:
+            return value_schemas.duration()
+        case FieldType.NUMBER:
+            return value_schemas.number(field.minimum)
+    return value_schemas.text()
+
+
+def _input(one: FieldSpec) -> Schema:
+    """Return the schema of one input of a skill."""
+    schema = value_schemas.value(one.type)
+    if not one.required and one.default is not None:
+        schema["default"] = value_schemas.plain(one.default)
+    return described(schema, one.description)

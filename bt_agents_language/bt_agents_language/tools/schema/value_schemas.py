@@ -1,0 +1,167 @@
+# SPDX-License-Identifier: Apache-2.0
+"""JSON Schemas of single values: what the readers accept where a text, number or time stands."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TypeAlias
+
+from bt_agents_language.model.specs import FieldType, Plain
+from bt_agents_language.model.units import ANGLE, LENGTH, TIME
+from bt_agents_language.reference.node_pages import TYPE_WORDS
+
+Schema: TypeAlias = dict[str, object]
+"""A JSON Schema, draft 7, with the annotations that yaml-language-server and VS Code know."""
+
+_NUMBER = r"[-+]?([0-9]+(\.[0-9]*)?|\.[0-9]+)([eE][-+]?[0-9]+)?"
+_INTEGER = r"[-+]?[0-9]+"
+_WITH_NAME = r"\$\{"
+_DIMENSIONS = {FieldType.DURATION: TIME, FieldType.LENGTH: LENGTH, FieldType.ANGLE: ANGLE}
+_SCALAR = ["string", "number", "boolean"]
+_NAME = "^[a-z][a-z0-9_]*$"
+_ROS_NAME = r"^[A-Za-z~/_][A-Za-z0-9_/~]*$"
+_ROS_TYPE = r"^[A-Za-z][A-Za-z0-9_]*/(msg|srv|action)/[A-Za-z][A-Za-z0-9_]*$"
+
+
+def described(schema: Schema, text: str) -> Schema:
+    """Return a schema with what an editor shows about it."""
+    return {"description": text, **schema} if text else schema
+
+
+def text() -> Schema:
+    """Return the schema of a text; a number or ``true`` is taken as it is written."""
+    return {"type": list(_SCALAR)}
+
+
+def name() -> Schema:
+    """Return the schema of a name that a file introduces."""
+    return {
+        "type": "string",
+        "pattern": _NAME,
+        "patternErrorMessage": "a name has small letters a-z, digits and '_', a letter first",
+    }
+
+
+def names(values: Schema) -> Schema:
+    """Return the schema of a mapping from new names to values."""
+    return {"type": "object", "propertyNames": {"pattern": _NAME}, "additionalProperties": values}
+
+
+def condition() -> Schema:
+    """Return the schema of a condition."""
+    return {"type": ["string", "boolean"]}
+
+
+def boolean() -> Schema:
+    """Return the schema of ``true`` or ``false``."""
+    words = ("true", "True", "TRUE", "false", "False", "FALSE")
+    return {
+        "type": ["boolean", "string"],
+        "pattern": f"^({'|'.join(words)})$",
+        "patternErrorMessage": "expected true or false",
+    }
+
+
+def number(minimum: float | None = None, maximum: float | None = None) -> Schema:
+    """Return the schema of a number in a range, without any name in it."""
+    schema = _quantity(f"^\\s*{_NUMBER}\\s*$", "a number")
+    return schema | _limits(minimum, maximum)
+
+
+def integer(minimum: int | None = None) -> Schema:
+    """Return the schema of a whole number, without any name in it."""
+    schema = _quantity(f"^\\s*{_INTEGER}\\s*$", "a whole number")
+    return schema | {"type": ["string", "integer"]} | _limits(minimum, None)
+
+
+def duration() -> Schema:
+    """Return the schema of a time, without any name in it."""
+    return _with_unit(FieldType.DURATION) | _limits(0, None)
+
+
+def length() -> Schema:
+    """Return the schema of a length that is not negative, without any name in it."""
+    return _with_unit(FieldType.LENGTH) | _limits(0, None)
+
+
+def ros_name() -> Schema:
+    """Return the schema of the name of a topic, service or action."""
+    return {
+        "type": "string",
+        "pattern": _ROS_NAME,
+        "patternErrorMessage": "expected words of letters, digits and '_' joined by '/'",
+    }
+
+
+def ros_type() -> Schema:
+    """Return the schema of the name of a ROS type."""
+    return {
+        "type": "string",
+        "pattern": _ROS_TYPE,
+        "patternErrorMessage": "expected package/msg/Name, package/srv/Name or "
+        "package/action/Name",
+    }
+
+
+def value(
+    field_type: FieldType, minimum: float | None = None, words: tuple[str, ...] = ()
+) -> Schema:
+    """Return the schema of a value in which ``${…}`` may stand.
+
+    Args:
+        field_type: Its type.
+        minimum: Smallest number.
+        words: Texts that may stand there besides.
+    """
+    match field_type:
+        case FieldType.ANY:
+            return {"type": [*_SCALAR, "array", "object"]}
+        case FieldType.TEXT:
+            return text()
+        case FieldType.BOOLEAN:
+            schema = boolean()
+        case FieldType.INTEGER:
+            schema = integer()
+        case FieldType.NUMBER:
+            schema = number()
+        case _:
+            schema = _with_unit(field_type)
+    expected = str(schema["patternErrorMessage"])
+    also = "".join(f"|^{word}$" for word in words)
+    schema |= {
+        "pattern": f"{schema['pattern']}|{_WITH_NAME}{also}",
+        "patternErrorMessage": " or ".join([expected, *words, "${…}"]),
+    }
+    if words:
+        schema["defaultSnippets"] = [{"label": word, "body": word} for word in words]
+    return schema | _limits(minimum, None)
+
+
+def plain(written: Plain) -> object:
+    """Return a default as JSON holds it."""
+    if isinstance(written, tuple):
+        return [plain(item) for item in written]
+    if isinstance(written, Mapping):
+        return {key: plain(item) for key, item in written.items()}
+    return written
+
+
+def _quantity(pattern: str, expected: str) -> Schema:
+    return {
+        "type": ["string", "number"],
+        "pattern": pattern,
+        "patternErrorMessage": f"expected {expected}",
+    }
+
+
+def _with_unit(field_type: FieldType) -> Schema:
+    dimension = _DIMENSIONS[field_type]
+    pattern = f"^\\s*{_NUMBER}\\s*({'|'.join(dimension.units)})?\\s*$"
+    word = TYPE_WORDS[field_type]
+    article = "an" if word[0] in "aeiou" else "a"
+    return _quantity(pattern, f"{article} {word} such as {dimension.example}")
+
+
+def _limits(minimum: float | None, maximum: float | None) -> Schema:
+    limits = {"minimum": minimum, "maximum": maximum}
+    return {key: limit for key, limit in limits.items() if limit is not None}

@@ -1,0 +1,156 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The names that the nodes of a tree give values: keys of ``set`` and outputs of leaves."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+
+from bt_agents_language.files.bindings import FEEDBACK
+from bt_agents_language.files.inputs import read_new_name
+from bt_agents_language.model.interfaces import Interfaces, MessageFields
+from bt_agents_language.model.scope import Written
+from bt_agents_language.model.specs import BindingKind, FieldSpec, FieldType, SubtreeSpec
+from bt_agents_language.tree.raw_nodes import Draft
+from bt_agents_language.tree.references import ONE_NAME
+from bt_agents_language.yaml.scalars import scalar_type
+from bt_agents_language.yaml.typed_reader import FileReading
+from bt_agents_language.yaml.yaml_reader import Mapping as MappingNode
+from bt_agents_language.yaml.yaml_reader import Node, Scalar, entries_of
+
+_WITH_OUTPUTS = {
+    "action": (BindingKind.ACTION, "result", "result"),
+    "service": (BindingKind.SERVICE, "response", "result"),
+    "wait_for": (BindingKind.TOPIC, "message", "msg"),
+}
+"""Leaves that name a message → its kind, its section, and the word for it in paths."""
+
+_WRITING = frozenset(("set", "subtree", *_WITH_OUTPUTS))
+"""Kinds of nodes of which some give names values; skills come on top of these."""
+
+
+class WrittenNames:
+    """Knows what each node of a file writes.
+
+    Args:
+        reading: The file, for problems.
+        subtrees: What the trees of the file can call, by name.
+        interfaces: The installed ROS types; None leaves the types of their fields open.
+    """
+
+    def __init__(
+        self,
+        reading: FileReading,
+        subtrees: Mapping[str, SubtreeSpec],
+        interfaces: Interfaces | None = None,
+    ) -> None:
+        self._reading = reading
+        self._interfaces = interfaces
+        self._types: Mapping[str, FieldType] = {}
+        self._subtrees = subtrees
+
+    def of_trees(
+        self,
+        drafts: Iterable[Draft | None],
+        taken: Mapping[str, str],
+        types: Mapping[str, FieldType],
+    ) -> dict[str, Written]:
+        """Return every name that some node of the trees gives a value.
+
+        Args:
+            drafts: The trees.
+            taken: Names that no node may write → what they are; a name that is one of them, or
+                reserved, is reported.
+            types: Type of each name that has a value from the start.
+        """
+        self._types = types
+        written: dict[str, Written] = {}
+        nodes = (node for draft in drafts if draft is not None for node in draft.walk())
+        for node in filter(may_write, nodes):
+            for name, place, field_type in self._written_by(node):
+                own = place.text == name
+                if own and read_new_name(self._reading, place, "a value") is None:
+                    continue
+                if name in taken:
+                    self._reading.error(
+                        "name-taken",
+                        place,
+                        f"'{node.key.text}' gives '{name}' a value, but '{name}' is {taken[name]}",
+                        f"rename the one or the other: {name}_2",
+                    )
+                same = name not in written or written[name].type is field_type
+                first = written.get(name)
+                written[name] = Written(
+                    type=field_type if same else FieldType.ANY,
+                    node=first.node if first else node.key.text,
+                    line=first.line if first else place.position.line,
+                )
+        return written
+
+    def below(self, draft: Draft) -> set[str]:
+        """Return the names that a node and all below it write."""
+        return {
+            name
+            for node in draft.walk()
+            if may_write(node)
+            for name, _, _ in self._written_by(node)
+        }
+
+    def by(self, draft: Draft) -> set[str]:
+        """Return the names that a node writes itself."""
+        return {name for name, _, _ in self._written_by(draft)}
+
+    def _written_by(self, node: Draft) -> Iterator[tuple[str, Scalar, FieldType]]:
+        key = node.word
+        declared = self._declared(node)
+        if declared is not None:
+            entry = node.beside.get("outputs")
+            if entry is None:
+                yield from ((one.name, node.key, one.type) for one in declared)
+                return
+            types = {one.name: one.type for one in declared}
+            for item in entries_of(entry.value):
+                source = item.value.text if isinstance(item.value, Scalar) else ""
+                yield item.key.text, item.key, types.get(source, FieldType.ANY)
+        elif key == "set":
+            for item in entries_of(node.value):
+                yield item.key.text, item.key, self._set_type(item.value)
+        elif key in _WITH_OUTPUTS and isinstance(node.value, MappingNode):
+            yield from self._message_outputs(key, node.value)
+
+    def _set_type(self, node: Node) -> FieldType:
+        match = ONE_NAME.fullmatch(node.text) if isinstance(node, Scalar) else None
+        if match is None:
+            return scalar_type(node)
+        return self._types.get(match[1], FieldType.ANY)
+
+    def _message_outputs(
+        self, key: str, value: MappingNode
+    ) -> Iterator[tuple[str, Scalar, FieldType]]:
+        kind, section, prefix = _WITH_OUTPUTS[key]
+        named = value.get("type")
+        type_name = named.text if isinstance(named, Scalar) else ""
+        message = MessageFields(self._interfaces, kind, type_name, section)
+        feedback = MessageFields(self._interfaces, kind, type_name, FEEDBACK)
+        for item in entries_of(value.get("outputs")):
+            path = item.value.text if isinstance(item.value, Scalar) else ""
+            if kind is BindingKind.ACTION and path.startswith(f"{FEEDBACK}."):
+                field = path.removeprefix(f"{FEEDBACK}.")
+                yield item.key.text, item.key, feedback.type_of(field)
+            else:
+                yield item.key.text, item.key, message.type_of(path.removeprefix(f"{prefix}."))
+
+    def _declared(self, node: Draft) -> tuple[FieldSpec, ...] | None:
+        """Return the outputs of a skill or subtree; None for other nodes."""
+        if node.skill is not None:
+            return node.skill.outputs
+        if node.word != "subtree" or not isinstance(node.value, Scalar):
+            return None
+        called = self._subtrees.get(node.value.text)
+        return called.outputs if called is not None else ()
+
+
+def may_write(node: Draft) -> bool:
+    """Return whether a node may give names values: most give none."""
+    if node.skill is not None:
+        return bool(node.skill.outputs) or "outputs" in node.beside
+    return node.word in _WRITING

@@ -1,0 +1,252 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Nodes that use what is declared elsewhere: skills and subtrees, their inputs and outputs."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from bt_agents_language.model.scope import Names
+from bt_agents_language.model.specs import (
+    NOTHING,
+    FieldSpec,
+    NodeSpec,
+    Position,
+    SkillSpec,
+    SubtreeSpec,
+)
+from bt_agents_language.model.symbols import Vocabulary
+from bt_agents_language.model.values import read_value
+from bt_agents_language.nodes import STANDS_BESIDE
+from bt_agents_language.shortened import shortened
+from bt_agents_language.tree.node_fields import FieldValues
+from bt_agents_language.tree.raw_nodes import Draft
+from bt_agents_language.yaml.diagnostics import did_you_mean, shown
+from bt_agents_language.yaml.typed_reader import FileReading, found, listed
+from bt_agents_language.yaml.yaml_reader import Mapping as MappingNode
+from bt_agents_language.yaml.yaml_reader import Node, Scalar
+
+LABEL_LENGTH = 24
+"""Characters of a value in the label of a node."""
+
+
+class CallReader:
+    """Reads skill nodes and subtree nodes of one file.
+
+    Attributes:
+        calls: Place of each ``subtree`` node → name of the subtree.
+    """
+
+    def __init__(
+        self,
+        reading: FileReading,
+        subtrees: Mapping[str, SubtreeSpec],
+        vocabulary: Vocabulary,
+    ) -> None:
+        """Take the file.
+
+        Args:
+            reading: The file.
+            subtrees: What it can call, by name.
+            vocabulary: Tells whether there are more, in an import that has failed or is missing.
+        """
+        self._vocabulary = vocabulary
+        self.calls: dict[Position, str] = {}
+        self._reading = reading
+        self._subtrees = subtrees
+
+    def skill(self, draft: Draft, path: str, names: Names) -> NodeSpec | None:
+        """Return the node of a skill; None when nothing can be made of it."""
+        skill = draft.skill
+        assert skill is not None
+        nodes = self._skill_fields(draft)
+        if nodes is None:
+            return None
+        outputs: Mapping[str, str] = NOTHING
+        feedback: Mapping[str, str] = NOTHING
+        if skill.outputs or "outputs" in draft.beside:
+            outputs, feedback = self._skill_outputs(draft, skill)
+        return NodeSpec(
+            path=path,
+            position=draft.key.position,
+            kind=skill.name,
+            name=draft.name or _skill_label(draft, nodes),
+            fields=self._inputs(skill.inputs, nodes, names, draft),
+            skill=skill,
+            outputs=outputs,
+            feedback=feedback,
+        )
+
+    def _skill_outputs(
+        self, draft: Draft, skill: SkillSpec
+    ) -> tuple[Mapping[str, str], Mapping[str, str]]:
+        """Return what names get of the result, and what of the feedback."""
+        # Without a binding, what a rehearsal answers has the outputs by their own names.
+        unbound = {output.name: output.name for output in skill.outputs}
+        paths = skill.binding.outputs if skill.binding is not None else unbound
+        feedback = skill.binding.feedback if skill.binding is not None else NOTHING
+        written = self._outputs(draft, skill.outputs, f"skill '{skill.name}'")
+        return (
+            {name: paths[of] for name, of in written.items() if of in paths},
+            {name: feedback[of] for name, of in written.items() if of in feedback} or NOTHING,
+        )
+
+    def subtree(self, draft: Draft, path: str, names: Names) -> NodeSpec | None:
+        """Return the node of a subtree, its body not in place yet."""
+        name_node = draft.value
+        if isinstance(name_node, MappingNode):
+            fields = self._reading.fields(
+                name_node, "'subtree'", ("name",), ("name",), beside=STANDS_BESIDE
+            )
+            written = fields.get("name") if fields is not None else None
+            if written is None or len(name_node.entries) > 1:
+                return None
+            name_node = written
+        called = self._reading.text(name_node, "the name of a subtree")
+        if called is None:
+            return None
+        if called not in self._subtrees:
+            if not self._vocabulary.incomplete:
+                message = f"there is no subtree {shown(called)}"
+                self._reading.error("unknown-subtree", name_node, message, self._missing(called))
+            return None
+        subtree = self._subtrees[called]
+        if not subtree.complete:
+            return None
+        given = self._given(draft, subtree)
+        position = draft.key.position
+        self.calls[position] = called
+        return NodeSpec(
+            path=path,
+            position=position,
+            kind="subtree",
+            name=draft.name or f"subtree {called}",
+            fields=self._inputs(subtree.inputs, given, names),
+            outputs=self._outputs(draft, subtree.outputs, f"subtree '{called}'"),
+        )
+
+    def _missing(self, called: str) -> str:
+        """Return how to get at a subtree that the file does not have."""
+        libraries = self._vocabulary.libraries
+        having = libraries.with_subtree(called) if libraries is not None else []
+        if having:
+            return f"add imports: [{having[0]}], which has it"
+        return (
+            did_you_mean(called, self._subtrees)
+            or "declare it under 'subtrees:', or import a library that has it"
+        )
+
+    def _skill_fields(self, draft: Draft) -> Mapping[str, Node] | None:
+        skill, value = draft.skill, draft.value
+        assert skill is not None
+        required = skill.required
+        if isinstance(value, MappingNode):
+            fields = self._reading.fields(
+                value, f"'{skill.name}'", skill.input_names, required, beside=STANDS_BESIDE
+            )
+            return fields.nodes if fields is not None else None
+        if isinstance(value, Scalar) and value.empty and not required:
+            return {}
+        if not skill.inputs:
+            message = f"'{skill.name}' has no inputs, found {found(value)}"
+            self._reading.error("wrong-type", value, message, "remove it")
+            return None
+        if skill.main is None:
+            words = ", ".join(f"{one.name}: …" for one in skill.inputs)
+            self._reading.wrong_type(value, f"'{skill.name}'", f"its fields {{{words}}}")
+            return None
+        missing = [name for name in required if name != skill.main]
+        if missing:
+            more = ", ".join(f"{name}: …" for name in missing)
+            self._reading.error(
+                "missing-key",
+                value,
+                f"'{skill.name}' needs also {listed(missing)}",
+                f"write {skill.name}: {{{skill.main}: …, {more}}}",
+            )
+        return {skill.main: value}
+
+    def _inputs(
+        self,
+        inputs: tuple[FieldSpec, ...],
+        nodes: Mapping[str, Node],
+        names: Names,
+        draft: Draft | None = None,
+    ) -> FieldValues:
+        fields: FieldValues = {}
+        for one in inputs:
+            node = nodes.get(one.name)
+            if node is None:
+                if not one.required:
+                    fields[one.name] = one.default_value
+                continue
+            short_form = draft is not None and node is draft.value
+            what = draft.word if draft is not None and short_form else one.name
+            value = read_value(self._reading, node, one.type, names, f"'{what}'")
+            if value is not None:
+                fields[one.name] = value
+        return fields
+
+    def _given(self, draft: Draft, subtree: SubtreeSpec) -> Mapping[str, Node]:
+        """Return what is written behind ``with``."""
+        required = [one.name for one in subtree.inputs if one.required]
+        entry = draft.beside.get("with")
+        if entry is None:
+            if required:
+                more = ", ".join(f"{name}: …" for name in required)
+                self._reading.error(
+                    "missing-key",
+                    draft.value,
+                    f"subtree '{subtree.name}' needs the inputs {listed(required)}",
+                    f"add 'with: {{{more}}}' beside 'subtree'",
+                )
+            return {}
+        known = [one.name for one in subtree.inputs]
+        if not known:
+            self._reading.error(
+                "unknown-key",
+                entry.key,
+                f"subtree '{subtree.name}' has no inputs",
+                "remove 'with'",
+            )
+            return {}
+        what = f"'with' of subtree '{subtree.name}'"
+        fields = self._reading.fields(entry.value, what, known, required)
+        return fields.nodes if fields is not None else {}
+
+    def _outputs(self, draft: Draft, declared: tuple[FieldSpec, ...], what: str) -> dict[str, str]:
+        """Return name that is written → output whose value it gets."""
+        entry = draft.beside.get("outputs")
+        known = [one.name for one in declared]
+        if entry is None:
+            return {name: name for name in known}
+        outputs: dict[str, str] = {}
+        for item in self._reading.entries(entry.value, "'outputs'", "names and outputs"):
+            output = self._reading.text(item.value, f"the output behind '{item.key.text[:40]}'")
+            if output is None:
+                continue
+            if output in known:
+                outputs[item.key.text] = output
+                continue
+            self._reading.error(
+                "unknown-name",
+                item.value,
+                f"{what} has no output {shown(output)}",
+                did_you_mean(output, known) or "remove it",
+            )
+        return outputs
+
+
+def short(node: Node | None) -> str:
+    """Return what is written somewhere as part of a label."""
+    if not isinstance(node, Scalar):
+        return "" if node is None else "…"
+    return shortened(" ".join(node.text.split()), LABEL_LENGTH)
+
+
+def _skill_label(draft: Draft, nodes: Mapping[str, Node]) -> str:
+    skill = draft.skill
+    assert skill is not None
+    shortened = short(nodes.get(skill.main or ""))
+    if shortened and skill.main_is_text:
+        shortened = f'"{shortened}"'
+    return f"{skill.name} {shortened}".rstrip()

@@ -1,0 +1,186 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What stands in the fields of a node, read as the table of the language says."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from bt_agents_language.expression.expressions import Expression
+from bt_agents_language.files.bindings import read_output
+from bt_agents_language.model.interfaces import MessageFields, read_ros_name, read_ros_type
+from bt_agents_language.model.node_type import Content, NodeField
+from bt_agents_language.model.scope import Names
+from bt_agents_language.model.specs import BindingKind, FieldType, Literal, MapValue, Value
+from bt_agents_language.model.symbols import Vocabulary
+from bt_agents_language.model.values import read_condition, read_value
+from bt_agents_language.nodes import STANDS_BESIDE
+from bt_agents_language.yaml.diagnostics import did_you_mean, shown
+from bt_agents_language.yaml.typed_reader import FileReading, found
+from bt_agents_language.yaml.yaml_reader import Mapping as MappingNode
+from bt_agents_language.yaml.yaml_reader import Node, Scalar
+
+FieldValues = dict[str, Value | Expression]
+
+
+class FieldReader:
+    """Reads fields of nodes and modifiers.
+
+    Args:
+        reading: The file.
+        vocabulary: What it may speak of.
+    """
+
+    def __init__(self, reading: FileReading, vocabulary: Vocabulary) -> None:
+        self._reading = reading
+        self._space = vocabulary.space
+        self._interfaces = vocabulary.interfaces
+
+    def read_all(
+        self,
+        fields: tuple[NodeField, ...],
+        nodes: Mapping[str, Node],
+        names: Names,
+        main: str | None = None,
+        what: str = "",
+    ) -> FieldValues:
+        """Return the values of fields by name; one that is not written has its default.
+
+        Args:
+            fields: Entries of the table.
+            nodes: What is written, by name of the field.
+            names: What it may name.
+            main: The field that messages call ``what`` instead of by its name.
+            what: The node, for messages.
+        """
+        values: FieldValues = {}
+        for field in fields:
+            node = nodes.get(field.name)
+            if node is None:
+                if field.default_value is not None:
+                    values[field.name] = field.default_value
+                continue
+            label = what if field.name == main else f"'{field.name}'"
+            value = self.read(field, node, names, label, nodes)
+            if value is not None:
+                values[field.name] = value
+        return values
+
+    def read(
+        self,
+        field: NodeField,
+        node: Node,
+        names: Names,
+        what: str,
+        beside: Mapping[str, Node],
+    ) -> Value | Expression | None:
+        """Return what is written in one field; None when it is wrong, which is then reported.
+
+        Args:
+            field: Its entry in the table.
+            node: What is written.
+            names: What it may name.
+            what: The field, for messages.
+            beside: All fields of the node.
+        """
+        reading = self._reading
+        match field.content:
+            case Content.VALUE:
+                if isinstance(node, Scalar) and node.text in field.words:
+                    return Literal(value=node.text)
+                return read_value(reading, node, field.type, names, what, field.minimum)
+            case Content.CONDITION:
+                if field.message:
+                    names = names.and_message(field.message, self._message(beside))
+                return read_condition(reading, node, names, what)
+            case Content.ROS_NAME:
+                return _literal(read_ros_name(reading, node, what))
+            case Content.ROS_TYPE:
+                return _literal(read_ros_type(reading, node, BindingKind.TOPIC, self._interfaces))
+            case Content.MAP:
+                return self._scene_values(node, names, what)
+            case Content.CONSTANT:
+                return self._constant(field, node, what)
+        # What is left are nodes, outputs and counts, which their own readers take.
+        return None
+
+    def outputs(self, node: Node | None, beside: Mapping[str, Node]) -> dict[str, str]:
+        """Return which names get which fields of a message."""
+        if node is None:
+            return {}
+        message = self._message(beside)
+        outputs: dict[str, str] = {}
+        for entry in self._reading.entries(node, "'outputs'", "names and fields"):
+            what = f"output '{entry.key.text[:40]}'"
+            path = read_output(self._reading, entry.value, what, message, "msg")
+            if path is not None:
+                outputs[entry.key.text] = path
+        return outputs
+
+    def _constant(self, field: NodeField, node: Node, what: str) -> Literal | None:
+        if field.words:
+            return _literal(self._reading.choice(node, what, field.words))
+        if field.type is FieldType.INTEGER:
+            return _literal(self._reading.integer(node, what))
+        if field.type is FieldType.TEXT:
+            return _literal(self._reading.text(node, what))
+        return _literal(self._reading.boolean(node, what))
+
+    def _scene_values(self, node: Node, names: Names, what: str) -> MapValue:
+        """Return wanted values of scene parameters."""
+        values: dict[str, Value] = {}
+        for entry in self._reading.entries(node, what, "scene parameters and values"):
+            name = entry.key.text
+            if name not in self._space.names:
+                self._reading.error(
+                    "unknown-name",
+                    entry.key,
+                    f"there is no scene parameter {shown(name)}",
+                    did_you_mean(name, self._space.names),
+                )
+                continue
+            value = read_value(self._reading, entry.value, FieldType.NUMBER, names, f"'{name}'")
+            if value is None:
+                continue
+            values[name] = value
+            if isinstance(value, Literal) and isinstance(value.value, int | float):
+                one = self._space.parameter(name)
+                self._reading.in_range(entry.value, name, value.value, one.minimum, one.maximum)
+        return MapValue(items=values)
+
+    def _message(self, beside: Mapping[str, Node]) -> MessageFields:
+        node = beside.get("type")
+        type_name = node.text if isinstance(node, Scalar) else ""
+        return MessageFields(self._interfaces, BindingKind.TOPIC, type_name, "message")
+
+
+def written_fields(
+    reading: FileReading,
+    node: Node,
+    what: str,
+    fields: tuple[NodeField, ...],
+    main: str | None,
+) -> Mapping[str, Node] | None:
+    """Return what is written for the fields of a node or modifier, a scalar as its main one.
+
+    Returns:
+        None when nothing can be read, which is then reported.
+    """
+    if main is not None and isinstance(node, Scalar) and not node.empty:
+        return {main: node}
+    required = [field.name for field in fields if field.required]
+    if isinstance(node, Scalar) and node.empty and not required:
+        return {}
+    if not fields and not isinstance(node, MappingNode):
+        reading.error(
+            "wrong-type", node, f"{what} has no fields, found {found(node)}", "remove it"
+        )
+        return None
+    if main is not None and not isinstance(node, MappingNode):
+        return {main: node}
+    known = [field.name for field in fields]
+    written = reading.fields(node, what, known, required, beside=STANDS_BESIDE)
+    return None if written is None else written.nodes
+
+
+def _literal(value: bool | int | str | None) -> Literal | None:
+    return None if value is None else Literal(value=value)

@@ -1,0 +1,60 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a tree does, without the places where it is written, so that two can be compared fast."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass, replace
+from hashlib import blake2b
+
+from bt_agents_language.model.specs import NodeSpec, Position
+from bt_agents_language.model.walking import every_node
+
+_NOWHERE = Position(file="", line=1, column=1)
+
+
+@dataclass(frozen=True, kw_only=True)
+class TreePrint:
+    """A fingerprint of each node, parents before children.
+
+    Attributes:
+        nodes: What each node is and does.
+        places: The path of each, and how many children it has.
+    """
+
+    nodes: tuple[bytes, ...]
+    places: tuple[tuple[str, int], ...]
+
+
+def tree_print(tree: NodeSpec | None) -> TreePrint:
+    """Return the fingerprints of a tree; none for no tree."""
+    specs = list(every_node(tree)) if tree is not None else []
+    return TreePrint(
+        nodes=tuple(_print(spec) for spec in specs),
+        places=tuple((spec.path, len(spec.children)) for spec in specs),
+    )
+
+
+def difference(before: TreePrint, after: TreePrint) -> str:
+    """Return in words how a tree has changed; empty when it does the same as before."""
+    if before == after:
+        return ""
+    old, new = Counter(before.nodes), Counter(after.nodes)
+    gone, come = (old - new).total(), (new - old).total()
+    changed = min(gone, come)
+    parts = [
+        f"{number} node{'s' * (number != 1)} {word}"
+        for number, word in (
+            (changed, "changed"),
+            (come - changed, "added"),
+            (gone - changed, "removed"),
+        )
+        if number
+    ]
+    return ", ".join(parts) or "nodes in another order"
+
+
+def _print(spec: NodeSpec) -> bytes:
+    skill = replace(spec.skill, position=_NOWHERE) if spec.skill is not None else None
+    bare = replace(spec, path="", position=_NOWHERE, children=(), skill=skill)
+    return blake2b(repr(bare).encode(), digest_size=16).digest()

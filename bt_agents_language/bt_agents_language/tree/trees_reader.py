@@ -1,0 +1,230 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Reads the trees and subtrees of an agent or library, and puts the subtrees in place."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+from bt_agents_language.files.inputs import read_inputs
+from bt_agents_language.model.scope import Names, Written, mood_names, scene_names
+from bt_agents_language.model.specs import FieldSpec, FieldType, NodeSpec, SubtreeSpec, UnusedInput
+from bt_agents_language.model.symbols import Vocabulary
+from bt_agents_language.tree.assigned_names import WrittenNames
+from bt_agents_language.tree.raw_nodes import Draft, DraftReader
+from bt_agents_language.tree.subtrees import MAX_NODES, Expansion
+from bt_agents_language.tree.tree_reader import TreeReader
+from bt_agents_language.yaml.mapping_reader import Fields
+from bt_agents_language.yaml.typed_reader import FileReading
+from bt_agents_language.yaml.yaml_reader import Entry, Node, entries_of
+
+_KEYS = ("description", "inputs", "outputs", "tree")
+
+
+class TreesReader:
+    """Reads all trees of one file.
+
+    Args:
+        reading: The file.
+        entries: What stands under ``subtrees``.
+        vocabulary: What the trees may speak of, imports included.
+        imported: Subtrees of imported libraries by name.
+        tunables: Type of each tunable; None when their declaration could not be read.
+
+    Attributes:
+        unused_inputs: Inputs of the file's subtrees, as far as these have been read.
+    """
+
+    def __init__(
+        self,
+        reading: FileReading,
+        entries: tuple[Entry, ...],
+        vocabulary: Vocabulary,
+        imported: Mapping[str, SubtreeSpec],
+        tunables: Mapping[str, FieldType] | None,
+    ) -> None:
+        self.unused_inputs: list[UnusedInput] = []
+        self._subtrees: dict[str, SubtreeSpec] = {}
+        self._bodies: dict[str, NodeSpec] = {}
+        self._of_trees: Mapping[str, Written] = {}
+        self._reading = reading
+        self._imported = imported
+        self._tunables = tunables or {}
+        self._lenient = tunables is None
+        self._fields: dict[str, Fields] = {}
+        for entry in entries:
+            self._declare(entry)
+        known = {**imported, **self._subtrees}
+        self._drafts = DraftReader(reading, vocabulary, known)
+        self._reader = TreeReader(reading, vocabulary, known)
+        self._written = WrittenNames(reading, known, vocabulary.interfaces)
+        self._types = {
+            **scene_names(vocabulary.space, ("scene", "live", "profile")),
+            **mood_names(vocabulary.space),
+            **self._tunables,
+        }
+
+    def trees(
+        self, tree: Node | None, on_cancel: Node | None
+    ) -> tuple[NodeSpec | None, NodeSpec | None]:
+        """Return an agent's trees with their subtrees in place; None for one that is wrong.
+
+        Args:
+            tree: What is written behind ``tree``.
+            on_cancel: What is written behind ``on_cancel``.
+        """
+        first, last = self._draft(tree, "the tree"), self._draft(on_cancel, "'on_cancel'")
+        taken = dict.fromkeys(self._tunables, "a tunable")
+        bodies = self._body_drafts()
+        self._of_trees = self._written.of_trees([first, last], taken, self._types)
+        hidden = {
+            name: f"subtree '{subtree}' writes it; add 'outputs: {{{name}: any}}' to that"
+            for subtree, draft in bodies.items()
+            for name in (self._written.below(draft) if draft is not None else ())
+        }
+        names = Names(self._types, self._of_trees, hidden=hidden, lenient=self._lenient)
+        first_spec = self._reader.read(first, "tree", names) if first is not None else None
+        names.give_all()
+        last_spec = self._reader.read(last, "on_cancel", names) if last is not None else None
+        expansion = self._expansion(bodies)
+        if expansion is None:
+            return None, None
+        expanded = expansion.expand(first_spec) if first_spec is not None else None
+        left = MAX_NODES - (expanded[1] if expanded is not None else 0)
+        cleaning = expansion.expand(last_spec, left) if last_spec is not None else None
+        return (
+            expanded[0] if expanded is not None else None,
+            cleaning[0] if cleaning is not None else None,
+        )
+
+    def library(self) -> dict[str, SubtreeSpec]:
+        """Return the file's own subtrees with those that they call in place."""
+        expansion = self._expansion(self._body_drafts())
+        found: dict[str, SubtreeSpec] = {}
+        for name, body in self._bodies.items() if expansion is not None else ():
+            expanded = expansion.expand(body) if expansion is not None else None
+            if expanded is not None:
+                found[name] = replace(self._subtrees[name], body=expanded[0])
+        return found
+
+    def _declare(self, entry: Entry) -> None:
+        name = self._reading.name(entry.key, "the name of a subtree")
+        what = f"subtree '{entry.key.text[:40]}'"
+        fields = self._reading.fields(entry.value, what, _KEYS, ("tree",))
+        if name is None:
+            return
+        if fields is None:
+            self._subtrees[name] = SubtreeSpec(
+                name=name,
+                inputs=(),
+                outputs=(),
+                body=None,
+                position=entry.key.position,
+                complete=False,
+            )
+            return
+        description = fields.text("description")
+        before = len(self._reading.problems)
+        if name in self._imported:
+            self._reading.error(
+                "name-taken",
+                entry.key,
+                f"there is a subtree '{name}' in {self._imported[name].position.file} already, "
+                "which this file imports",
+                "rename this one",
+            )
+        self._fields[name] = fields
+        inputs = self._declared(fields, "inputs", what)
+        outputs = self._declared(fields, "outputs", what)
+        self._subtrees[name] = SubtreeSpec(
+            name=name,
+            inputs=inputs,
+            outputs=outputs,
+            body=None,
+            position=entry.key.position,
+            complete=len(self._reading.problems) == before,
+            description=" ".join(description.split()),
+        )
+
+    def _declared(self, fields: Fields, key: str, what: str) -> tuple[FieldSpec, ...]:
+        node = fields.get(key)
+        if node is None:
+            return ()
+        return read_inputs(self._reading, node, what, key.removesuffix("s"))
+
+    def _draft(self, node: Node | None, where: str) -> Draft | None:
+        return None if node is None else self._drafts.read(node, where)
+
+    def _body(self, name: str, draft: Draft | None) -> NodeSpec | None:
+        subtree, fields = self._subtrees[name], self._fields[name]
+        if draft is None:
+            return None
+        before = len(self._reading.problems)
+        inputs = {one.name: one.type for one in subtree.inputs}
+        self._refuse_shadows(fields)
+        taken = {
+            **dict.fromkeys(self._tunables, "a tunable"),
+            **dict.fromkeys(inputs, "an input of this subtree"),
+        }
+        written = self._written.of_trees([draft], taken, {**self._types, **inputs})
+        hidden = dict.fromkeys(
+            self._of_trees,
+            f"the tree has it; declare it under 'inputs:' of subtree '{name}', and give it with "
+            "'with:' where the subtree is used",
+        )
+        names = Names(
+            {**self._types, **inputs},
+            written,
+            hidden=hidden,
+            lenient=self._lenient or not subtree.complete,
+        )
+        body = self._reader.read(draft, name, names)
+        if len(self._reading.problems) == before:
+            self._note_unused(subtree, fields, names)
+            self._refuse_unwritten(subtree, fields, written)
+        return body
+
+    def _refuse_shadows(self, fields: Fields) -> None:
+        for entry in entries_of(fields.get("inputs")):
+            if entry.key.text in self._tunables:
+                self._reading.error(
+                    "name-taken",
+                    entry.key,
+                    f"there is a tunable '{entry.key.text}' already",
+                    "rename the input",
+                )
+
+    def _note_unused(self, subtree: SubtreeSpec, fields: Fields, names: Names) -> None:
+        keys = {entry.key.text: entry.key for entry in entries_of(fields.get("inputs"))}
+        self.unused_inputs += (
+            UnusedInput(name=one.name, subtree=subtree.name, position=keys[one.name].position)
+            for one in subtree.inputs
+            if one.name not in names.used
+        )
+
+    def _refuse_unwritten(
+        self, subtree: SubtreeSpec, fields: Fields, written: Mapping[str, object]
+    ) -> None:
+        keys = {entry.key.text: entry.key for entry in entries_of(fields.get("outputs"))}
+        for one in subtree.outputs:
+            if one.name not in written:
+                self._reading.error(
+                    "unwritten-output",
+                    keys[one.name],
+                    f"no node of subtree '{subtree.name}' gives its output '{one.name}' a value",
+                    f"give it one, for example with set: {{{one.name}: …}}",
+                )
+
+    def _body_drafts(self) -> dict[str, Draft | None]:
+        return {
+            name: self._draft(fields.get("tree"), f"subtree '{name}'")
+            for name, fields in self._fields.items()
+        }
+
+    def _expansion(self, drafts: Mapping[str, Draft | None]) -> Expansion | None:
+        """Read the bodies; return what puts them in place, None when one contains itself."""
+        read = {name: self._body(name, draft) for name, draft in drafts.items()}
+        self._bodies = {name: body for name, body in read.items() if body is not None}
+        imported = {n: one.body for n, one in self._imported.items() if one.body is not None}
+        expansion = Expansion(self._reading, {**imported, **self._bodies}, self._reader.calls)
+        return None if expansion.refuse_recursion() else expansion

@@ -1,0 +1,162 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Slips in one line of YAML that its author meant as 'key: value' or as a '-' item."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from bt_agents_language.shortened import shortened
+from bt_agents_language.yaml.patched_source import Edit
+
+_LEAD = r"^(?P<lead>\s*(?:-\s+)*)"
+_KEY = r"(?P<key>[^\W\d][\w-]*)"
+_NO_SPACE = re.compile(rf"{_LEAD}{_KEY}:(?=[^\s/])")
+_ONE_WORD = re.compile(rf"{_LEAD}{_KEY}\s*(?:#.*)?$")
+_EQUALS = re.compile(rf"{_LEAD}{_KEY}\s*=(?=\s)")
+_WIDE_COLON = re.compile(rf"{_LEAD}{_KEY}\s*(?P<colon>[：︰﹕∶ː])")  # noqa: RUF001 - meant
+_DASH = re.compile(r"^\s*(?P<dash>[-–—•*])(?=\w)|^\s*(?P<other>[–—•*])\s")
+_NO_COLON = re.compile(rf"{_LEAD}{_KEY}[ ]+(?P<rest>[^\s#].*)$")
+_COLON_LATER = re.compile(r":(\s|$)")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Slip:
+    """What is wrong in a text.
+
+    Attributes:
+        index: Where it begins.
+        width: Number of characters.
+        message: What was found and what is expected.
+        hint: How to mend it.
+        mend: The edit that mends it, where there is no doubt; reading then goes on.
+        code: Of the problem.
+    """
+
+    index: int
+    width: int = 1
+    message: str
+    hint: str
+    mend: Edit | None = None
+    code: str = "syntax"
+
+
+def line_slip(line: str, start: int) -> Slip | None:
+    """Return the slip in a line; None when nothing in it looks like one.
+
+    Args:
+        line: The line without its end.
+        start: Index of its first character in the text.
+    """
+    for find in _FINDERS:
+        slip = find(line, start)
+        if slip is not None:
+            return slip
+    return None
+
+
+def key_slip(line: str, start: int) -> Slip | None:
+    """Return the slip that keeps a line from being ``key: value``; as :func:`line_slip`."""
+    for find in (_wide_colon, _no_space, _one_word, _equals):
+        slip = find(line, start)
+        if slip is not None:
+            return slip
+    return None
+
+
+def _wide_colon(line: str, start: int) -> Slip | None:
+    match = _WIDE_COLON.match(line)
+    if match is None:
+        return None
+    at = start + match.start("colon")
+    return Slip(
+        index=at,
+        message=f"'{match['colon']}' looks like a colon, but is another character",
+        hint=f"write '{shortened(match['key'])}: …'",
+        mend=Edit(start=at, stop=at + 1, text=": "),
+    )
+
+
+def _no_space(line: str, start: int) -> Slip | None:
+    match = _NO_SPACE.match(line)
+    if match is None:
+        return None
+    at = start + match.end()
+    return Slip(
+        index=at - 1,
+        message=f"a space is missing behind '{shortened(match['key'])}:'",
+        hint=f"write '{shortened(match['key'])}: {line[match.end() :].strip()[:30]}'",
+        mend=Edit(start=at, stop=at, text=" "),
+    )
+
+
+def _one_word(line: str, start: int) -> Slip | None:
+    match = _ONE_WORD.match(line)
+    if match is None:
+        return None
+    at = start + match.end("key")
+    return Slip(
+        index=start + match.start("key"),
+        width=len(match["key"]),
+        message=f"a ':' is missing behind '{shortened(match['key'])}'",
+        hint=f"write '{shortened(match['key'])}:'",
+        mend=Edit(start=at, stop=at, text=":"),
+    )
+
+
+def _equals(line: str, start: int) -> Slip | None:
+    match = _EQUALS.match(line)
+    if match is None:
+        return None
+    at = start + match.end() - 1
+    return Slip(
+        index=at,
+        message=f"'=' stands behind '{shortened(match['key'])}', expected ':'",
+        hint=f"write '{shortened(match['key'])}: {line[match.end() :].strip()[:30]}'",
+        mend=Edit(start=at, stop=at + 1, text=":"),
+    )
+
+
+def _dash(line: str, start: int) -> Slip | None:
+    match = _DASH.match(line)
+    if match is None:
+        return None
+    group = "dash" if match["dash"] else "other"
+    at, mark = start + match.start(group), match[group]
+    if mark == "-":
+        return Slip(
+            index=at,
+            message="a space is missing behind '-'",
+            hint=f"write '- {line.strip()[1:31]}'",
+            mend=Edit(start=at + 1, stop=at + 1, text=" "),
+        )
+    return Slip(
+        index=at,
+        message=f"'{mark}' cannot start an item of a list",
+        hint="write '- ', a minus sign and a space",
+        mend=Edit(start=at, stop=at + 1, text="- " if group == "dash" else "-"),
+    )
+
+
+def _words(line: str, start: int) -> Slip | None:
+    match = _NO_COLON.match(line)
+    if match is None or _COLON_LATER.search(line):
+        return None
+    key, rest = shortened(match["key"]), match["rest"].strip()[:30]
+    return Slip(
+        index=start + match.start("key"),
+        width=len(line.rstrip()) - match.start("key"),
+        message="this line is neither 'key: value' nor a '-' item",
+        hint=f"write '{key}: {rest}', or indent the line if it belongs to the text above",
+    )
+
+
+_FINDERS: tuple[Callable[[str, int], Slip | None], ...] = (
+    _dash,
+    _wide_colon,
+    _no_space,
+    _one_word,
+    _equals,
+    _words,
+)

@@ -1,0 +1,225 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Problems of files as people, programs and GitHub want to see them."""
+
+from __future__ import annotations
+
+import json
+import unicodedata
+from collections import Counter
+from collections.abc import Callable, Iterable, Mapping
+from itertools import groupby
+from typing import IO, TYPE_CHECKING
+
+from bt_agents_language.reference.codes.entry import Severity
+
+if TYPE_CHECKING:
+    from bt_agents_language.yaml.diagnostics import Diagnostic
+
+MAX_COLLECTED = 500
+"""After so many errors reading ends: what is being read is no script."""
+
+MAX_SHOWN = 100
+"""So many problems of one file are shown as text; more help nobody."""
+
+_EXCERPT_WIDTH = 96
+_SEVERITY_COLOURS = {Severity.ERROR: "31;1", Severity.WARNING: "33;1"}
+_BOLD, _DIM, _GREEN = "1", "2", "32"
+
+
+def wants_colour(stream: IO[str], environment: Mapping[str, str]) -> bool:
+    """Return whether colours may be written to a stream.
+
+    Args:
+        stream: Where the text goes; only a terminal gets colours.
+        environment: Variables of the environment; a ``NO_COLOR`` that is not empty
+            (https://no-color.org) and ``TERM=dumb`` turn colours off.
+    """
+    if environment.get("NO_COLOR") or environment.get("TERM") == "dumb":
+        return False
+    return stream.isatty()
+
+
+def as_line(diagnostic: Diagnostic, colour: bool = False) -> str:
+    """Return place and message in one line: ``a.yaml:3:5: error[tab]: a tab …``."""
+    severity = diagnostic.severity
+    place = _styled(visible(str(diagnostic.position)) + ":", _BOLD, colour)
+    label = _styled(f"{severity.value}[{diagnostic.code}]:", _SEVERITY_COLOURS[severity], colour)
+    return f"{place} {label} {visible(diagnostic.message)}"
+
+
+def as_block(diagnostic: Diagnostic, colour: bool = False) -> str:
+    """Return a problem as text: place and message, the line with a caret, the hint.
+
+    Example:
+        ::
+
+            a.yaml:3:5: error[unknown-node]: there is no node 'sya'
+                3 |   - sya: Hello.
+                  |     ^^^
+                  hint: did you mean 'say'?
+    """
+    lines = [as_line(diagnostic, colour)]
+    if diagnostic.excerpt.strip():
+        lines += _excerpt(diagnostic, colour)
+    if diagnostic.hint:
+        label = _styled("hint:", _GREEN, colour)
+        lines.append(f"{'':6}{label} {visible(diagnostic.hint)}")
+    return "\n".join(lines)
+
+
+def as_text(diagnostics: Iterable[Diagnostic], colour: bool = False) -> str:
+    """Return problems as text for a terminal, of one file no more than help."""
+    return "\n".join(_limited(diagnostics, as_block, colour))
+
+
+def as_lines(diagnostics: Iterable[Diagnostic]) -> tuple[str, ...]:
+    """Return problems one line each, of one file no more than help."""
+    return tuple(_limited(diagnostics, as_line, False))
+
+
+def as_hinted_lines(diagnostics: Iterable[Diagnostic]) -> tuple[str, ...]:
+    """Return problems as :func:`as_lines`, each with its hint in parentheses."""
+    return tuple(_limited(diagnostics, _as_line_with_hint, False))
+
+
+def _as_line_with_hint(diagnostic: Diagnostic, colour: bool) -> str:
+    hint = f" ({visible(diagnostic.hint)})" if diagnostic.hint else ""
+    return as_line(diagnostic, colour) + hint
+
+
+def as_json(diagnostics: Iterable[Diagnostic], about: Mapping[str, object]) -> str:
+    """Return problems as one JSON object.
+
+    Args:
+        diagnostics: The problems.
+        about: Further keys of the object.
+
+    Returns:
+        ``{"version": 1, …, "errors": 1, "warnings": 0, "truncated": false, "problems": [{"code",
+        "severity", "file", "line", "column", "end_line", "end_column", "message", "hint"}, …]}``.
+        ``truncated`` says that a file has so many problems that not all are listed. Lines and
+        columns count from 1, the end is the character behind the last one, a hint may be empty.
+        Keys may come to be added; one that changes its meaning changes ``version``.
+    """
+    every = list(diagnostics)
+    report = {
+        "version": 1,
+        **about,
+        "errors": count(every, Severity.ERROR),
+        "warnings": count(every, Severity.WARNING),
+        "truncated": _is_cut(every),
+        "problems": [_as_object(diagnostic) for diagnostic in every],
+    }
+    return json.dumps(report, indent=2)
+
+
+def as_annotation(diagnostic: Diagnostic) -> str:
+    """Return a problem as a workflow command, which GitHub shows beside the line.
+
+    Source: https://docs.github.com/actions/reference/workflow-commands-for-github-actions; there
+    the end column is the last marked one.
+    """
+    start = diagnostic.position
+    _, last = _marked(diagnostic)
+    properties = {
+        "file": start.file,
+        "line": str(start.line),
+        "col": str(start.column),
+        "endColumn": str(last),
+        "title": f"{diagnostic.severity.value}[{diagnostic.code}]",
+    }
+    listed = ",".join(f"{key}={_escaped_property(text)}" for key, text in properties.items())
+    hint = f"\nhint: {diagnostic.hint}" if diagnostic.hint else ""
+    message = _escaped_data(diagnostic.message + hint)
+    return f"::{diagnostic.severity.value} {listed}::{message}"
+
+
+def count(diagnostics: Iterable[Diagnostic], severity: Severity) -> int:
+    """Return how many problems are so bad."""
+    return sum(diagnostic.severity is severity for diagnostic in diagnostics)
+
+
+def _is_cut(diagnostics: Iterable[Diagnostic]) -> bool:
+    """Return whether some file has as many problems of one severity as are collected."""
+    found = Counter((one.position.file, one.severity) for one in diagnostics)
+    return max(found.values(), default=0) >= MAX_COLLECTED
+
+
+def columns(text: str) -> int:
+    """Return how many columns of a terminal a text takes."""
+    return sum(
+        0 if unicodedata.combining(c) else 2 if unicodedata.east_asian_width(c) in "WF" else 1
+        for c in text
+    )
+
+
+def visible(text: str) -> str:
+    """Return a text without anything that a terminal would obey instead of showing it."""
+    if text.isprintable():
+        return text
+    return "".join(c if c.isprintable() or c == "\u00a0" else "\ufffd" for c in text)
+
+
+def _limited(
+    diagnostics: Iterable[Diagnostic],
+    render: Callable[[Diagnostic, bool], str],
+    colour: bool,
+) -> Iterable[str]:
+    for file, of_file in groupby(diagnostics, key=lambda one: one.position.file):
+        every = list(of_file)
+        yield from (render(one, colour) for one in every[:MAX_SHOWN])
+        if len(every) > MAX_SHOWN:
+            yield f"{visible(file)}: … and {len(every) - MAX_SHOWN} or more other problems"
+
+
+def _excerpt(diagnostic: Diagnostic, colour: bool) -> list[str]:
+    first, last = _marked(diagnostic)
+    line = visible(diagnostic.excerpt.replace("\t", " "))
+    column, width = first - 1, last - first + 1
+    cut = max(0, column - _EXCERPT_WIDTH // 2) if len(line) > _EXCERPT_WIDTH else 0
+    shown = line[cut : cut + _EXCERPT_WIDTH]
+    before = "…" if cut else ""
+    after = "…" if cut + _EXCERPT_WIDTH < len(line) else ""
+    pad = " " * columns(before + shown[: column - cut])
+    carets = "^" * max(1, columns(shown[column - cut : column - cut + width]))
+    number = _styled(f"{diagnostic.position.line:>5} |", _DIM, colour)
+    margin = _styled(f"{'':5} |", _DIM, colour)
+    marks = _styled(carets, _SEVERITY_COLOURS[diagnostic.severity], colour)
+    return [f"{number} {before}{shown}{after}", f"{margin} {pad}{marks}"]
+
+
+def _marked(diagnostic: Diagnostic) -> tuple[int, int]:
+    """Return the first and the last marked column of the first line, from 1."""
+    first, end = diagnostic.position, diagnostic.end
+    if end is None:
+        return first.column, first.column
+    length = len(diagnostic.excerpt)
+    last = end.column - 1 if end.line == first.line else length
+    return first.column, max(first.column, min(last, length) if length else last)
+
+
+def _as_object(diagnostic: Diagnostic) -> dict[str, object]:
+    start, end = diagnostic.position, diagnostic.end
+    return {
+        "code": diagnostic.code,
+        "severity": diagnostic.severity.value,
+        "file": start.file,
+        "line": start.line,
+        "column": start.column,
+        "end_line": end.line if end is not None else start.line,
+        "end_column": end.column if end is not None else start.column + 1,
+        "message": diagnostic.message,
+        "hint": diagnostic.hint,
+    }
+
+
+def _escaped_data(text: str) -> str:
+    return text.replace("%", "%25").replace("\r", "%0D").replace("\n", "%0A")
+
+
+def _escaped_property(text: str) -> str:
+    return _escaped_data(text).replace(":", "%3A").replace(",", "%2C")
+
+
+def _styled(text: str, style: str, colour: bool) -> str:
+    return f"\x1b[{style}m{text}\x1b[0m" if colour else text

@@ -1,0 +1,145 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The text of one file, opened safely, with the place of every character."""
+
+from __future__ import annotations
+
+import os
+import re
+import stat
+from bisect import bisect_right
+from functools import cached_property
+from pathlib import Path
+
+from bt_agents_language.model.specs import Position
+from bt_agents_language.yaml.diagnostics import Diagnostic, Diagnostics
+
+MAX_BYTES = 1024 * 1024
+"""A larger file is no script that a person wrote."""
+
+_LINE_BREAK = re.compile(r"\r\n|\n|\r")
+_UTF16 = (b"\xff\xfe", b"\xfe\xff")
+
+
+class Source:
+    """A file's name and text; ``text`` has no byte order mark."""
+
+    def __init__(self, file: str, text: str) -> None:
+        self.file = file
+        self.text = text
+
+    @cached_property
+    def _starts(self) -> list[int]:
+        return [0, *[match.end() for match in _LINE_BREAK.finditer(self.text)]]
+
+    def position(self, index: int) -> Position:
+        """Return where the character at ``index`` stands; an index too large is the end."""
+        starts = self._starts
+        if not 0 <= index <= len(self.text):
+            index = min(max(index, 0), len(self.text))
+        line = bisect_right(starts, index)
+        return Position(self.file, line, index - starts[line - 1] + 1)
+
+    def line(self, number: int) -> str:
+        """Return a line, counted from 1, without its end; empty beyond the last."""
+        if not 1 <= number <= len(self._starts):
+            return ""
+        start = self._starts[number - 1]
+        end = self._starts[number] if number < len(self._starts) else len(self.text)
+        return self.text[start:end].rstrip("\r\n")
+
+
+def read_source(path: Path) -> Source:
+    """Return the text of a regular file in UTF-8.
+
+    Raises:
+        ReadError: There is no such file, it is no regular file, too large, or not UTF-8.
+    """
+    file = str(path)
+    data = _read_bytes(path)
+    # Without its mark, too, the first letter takes two bytes there, one of them zero.
+    if data.startswith(_UTF16) or data[:2].count(0) == 1:
+        raise _refusal(
+            file,
+            "not-utf8",
+            "the file is saved as UTF-16",
+            "save it as UTF-8 (in the editor: Save as …, encoding UTF-8)",
+        )
+    try:
+        text = data.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        # It counts in its own bytes, which start behind a byte order mark.
+        before = error.object[: error.start].decode("utf-8", "replace")
+        problems = Diagnostics(Source(file, before))
+        problems.add(
+            "not-utf8",
+            Source(file, before).position(len(before)),
+            f"the byte 0x{error.object[error.start]:02x} is not UTF-8 text",
+            "save the file as UTF-8 (in the editor: Save as …, encoding UTF-8)",
+        )
+        raise problems.error() from None
+    return Source(file, text)
+
+
+def _read_bytes(path: Path) -> bytes:
+    file = str(path)
+    try:
+        # Looked at before it is opened: opening a device or a pipe could already do something.
+        _check_regular(file, os.stat(path).st_mode)
+        descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
+        with os.fdopen(descriptor, "rb") as opened:
+            _check_regular(file, os.fstat(descriptor).st_mode)
+            data = opened.read(MAX_BYTES + 1)
+    except FileNotFoundError:
+        raise _refusal(file, "no-file", "there is no such file", "check the name") from None
+    except (OSError, ValueError) as error:
+        reason = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
+        raise _refusal(
+            file, "no-file", f"the file cannot be read: {reason}", "check its permissions"
+        ) from None
+    if len(data) > MAX_BYTES:
+        raise _refusal(file, "too-large", *TOO_LARGE)
+    return data
+
+
+TOO_LARGE = (
+    "the file is larger than 1 MiB",
+    "split it; a script that a person wrote is a few KiB",
+)
+
+
+def _check_regular(file: str, mode: int) -> None:
+    if stat.S_ISREG(mode):
+        return
+    kind = "a folder" if stat.S_ISDIR(mode) else "a pipe, socket or device"
+    raise _refusal(file, "not-a-file", f"this is {kind}, not a text file", "name a file")
+
+
+def _refusal(file: str, code: str, message: str, hint: str) -> Exception:
+    problems = Diagnostics(None)
+    problems.append(
+        Diagnostic(
+            code=code,
+            position=Position(file=file, line=1, column=1),
+            message=message,
+            hint=hint,
+        )
+    )
+    return problems.error()
+
+
+def aligned(text: str, written: str) -> list[int]:
+    """Return the place of every character of a text, and of its end, in what the file has.
+
+    Folding, indentation and escapes make the two differ; every visible character is there in the
+    same order, though, so looking for one after the other finds them.
+    """
+    whole = written.find(text)
+    if whole >= 0:
+        return [whole + i for i in range(len(text) + 1)]
+    places: list[int] = []
+    at = 0
+    for character in text:
+        place = -1 if character.isspace() else written.find(character, at)
+        places.append(place if place >= 0 else min(at, len(written) - 1))
+        at = place + 1 if place >= 0 else at
+    return [*places, min(at, len(written) - 1)]

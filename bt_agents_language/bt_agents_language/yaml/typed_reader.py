@@ -1,0 +1,380 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Typed pieces read from located nodes; what does not fit becomes a problem with its place."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Collection, Iterable
+from pathlib import Path
+from typing import TypeVar
+
+from bt_agents_language.model import quantities
+from bt_agents_language.model.specs import FieldType, Position
+from bt_agents_language.yaml.diagnostics import Diagnostics, did_you_mean, nearest, shown
+from bt_agents_language.yaml.document import read_document
+from bt_agents_language.yaml.mapping_reader import MESSAGE_DIGITS, Fields
+from bt_agents_language.yaml.scalars import boolean
+from bt_agents_language.yaml.source import Source, aligned, read_source
+from bt_agents_language.yaml.suggestions import left_empty, name_meant, other_file, without_value
+from bt_agents_language.yaml.yaml_reader import Entry, Mapping, Node, Scalar, Sequence
+
+FORMAT = 1
+"""The version of the language that this package reads."""
+
+MAX_NAME = 64
+"""Characters of an agent's, skill's or tunable's name."""
+
+_SPOILING = ("tag", "bad-character")
+"""Problems of a value that leave open what it is."""
+
+_NAME = re.compile(r"[a-z][a-z0-9_]*")
+_A_TIME = quantities.expected(FieldType.DURATION)
+_A_LENGTH = quantities.expected(FieldType.LENGTH)
+_AN_ANGLE = quantities.expected(FieldType.ANGLE)
+
+T = TypeVar("T")
+
+
+class FileReading:
+    """One file while it is read: its source, its document and the problems found so far."""
+
+    def __init__(self, source: Source) -> None:
+        self.problems = Diagnostics(source)
+        self.source, self.root = read_document(source, self.problems)
+        self._spoilt = {d.position for d in self.problems.sorted() if d.code in _SPOILING}
+        self._aligned_span = (-1, -1)
+        self._aligned: list[int] = []
+
+    @classmethod
+    def of(cls, file: Path | Source) -> FileReading:
+        """Open a file.
+
+        Raises:
+            ReadError: It cannot be opened or is no text.
+        """
+        return cls(file if isinstance(file, Source) else read_source(file))
+
+    def error(self, code: str, where: Node | Position, message: str, hint: str = "") -> None:
+        """Add a problem about a whole node, or at one position."""
+        if not isinstance(where, Position) and where.position in self._spoilt:
+            # What the value would be without that, nobody knows.
+            return
+        if isinstance(where, Position):
+            self.problems.add(code, where, message, hint)
+        else:
+            end = self.source.position(where.span[1])
+            self.problems.add(code, where.position, message, hint, end)
+
+    def error_in(
+        self, code: str, scalar: Scalar, offset: int, width: int, message: str, hint: str = ""
+    ) -> None:
+        """Add a problem about ``width`` characters from ``offset`` on in the text of a scalar."""
+        start = self._index(scalar, offset)
+        last = self._index(scalar, offset + width - 1) if width > 1 else start
+        self.problems.add(
+            code, self.source.position(start), message, hint, self.source.position(last + 1)
+        )
+
+    def _index(self, scalar: Scalar, offset: int) -> int:
+        """Return the place in the file of a character of a scalar's text."""
+        if scalar.span != self._aligned_span:
+            self._aligned_span = scalar.span
+            self._aligned = aligned(scalar.text, self.source.text[slice(*scalar.span)])
+        return scalar.span[0] + self._aligned[min(max(offset, 0), len(self._aligned) - 1)]
+
+    def document(
+        self, what: str, known: Collection[str], required: Collection[str] = ()
+    ) -> Fields:
+        """Return the keys of the whole file, ``format`` checked.
+
+        Raises:
+            ReadError: The file is no mapping, so that nothing can be read from it.
+        """
+        if self.root is None:
+            self.problems.raise_if_any()
+        assert self.root is not None
+        other = other_file(self.root, {*known, *required})
+        if other is not None:
+            entry, kind, hint = other
+            message = f"expected {what}, found {kind}: it has the key '{entry.key.text}'"
+            self.error("wrong-type", entry.key, message, hint)
+            raise self.problems.error()
+        fields = self.fields(
+            self.root, what, ("format", *known), ("format", *required), at_start=True
+        )
+        if fields is None:
+            raise self.problems.error()
+        version = fields.integer("format")
+        if version is not None and version != FORMAT:
+            self.error(
+                "wrong-format",
+                fields.nodes["format"],
+                f"the file has format {version}, this program reads format {FORMAT}",
+                "write format: 1",
+            )
+        return fields
+
+    def fields(
+        self,
+        node: Node,
+        what: str,
+        known: Collection[str],
+        required: Collection[str] = (),
+        at_start: bool = False,
+        beside: Collection[str] = (),
+    ) -> Fields | None:
+        """Return the keys of a mapping; unknown and missing ones become problems.
+
+        Args:
+            node: Anything.
+            what: What the mapping is, for messages: ``a tunable``.
+            known: All possible keys.
+            required: Keys that must be there.
+            at_start: Report a missing key at the start instead of the whole mapping.
+            beside: Keys that belong beside what has the mapping, not into it.
+        """
+        if not isinstance(node, Mapping):
+            self.wrong_type(node, what, f"a mapping with the keys {listed(required or known)}")
+            return None
+        nodes: dict[str, Node] = {}
+        keys: dict[str, Scalar] = {}
+        unknown: list[Entry] = []
+        for entry in node.entries:
+            word = entry.key.text
+            keys[word] = entry.key
+            if word in known:
+                nodes[word] = entry.value
+            else:
+                unknown.append(entry)
+        missing = [key for key in required if key not in nodes]
+        if not unknown and not missing:
+            return Fields(self, what, node, nodes, keys)
+        if unknown and not nodes and all(map(without_value, unknown)):
+            self.error(
+                "wrong-type",
+                node,
+                f"{what}: expected a mapping with the keys {listed(required or known)}, found "
+                "words in braces",
+                "put a text in quotes instead of braces",
+            )
+            return None
+        for entry in unknown:
+            word = entry.key.text
+            # A key that is there with a slip in it is not missing, and is read as the one meant.
+            meant = nearest(word, [key for key in known if key not in nodes])
+            above = left_empty(node, entry, nodes)
+            hint = did_you_mean(word, known)
+            if word in beside:
+                hint = f"'{word}' stands beside {what}, not in it"
+            elif meant is not None:
+                missing = [key for key in missing if key != meant]
+                nodes[meant], keys[meant] = entry.value, entry.key
+            elif above is not None:
+                hint = f"indent it, if it belongs to '{above}:'"
+                del nodes[above]
+            elif missing and len(unknown) == 1:
+                hint = f"did you mean {listed(missing)}? That is missing"
+                missing = []
+            self.error("unknown-key", entry.key, f"{what} has no key {shown(word)}", hint)
+        if missing:
+            self.error(
+                "missing-key",
+                node.position if at_start or not node.entries else node.entries[0].key,
+                f"{what} needs the key{'s' * (len(missing) > 1)} {listed(missing)}",
+                adding(missing),
+            )
+        return Fields(self, what, node, nodes, keys)
+
+    def wrong_type(self, node: Node, what: str, expected: str) -> None:
+        """Report that something else than expected stands here."""
+        if isinstance(node, Scalar) and node.empty:
+            self.error(
+                "missing-value", node, f"{what}: nothing is written here, expected {expected}"
+            )
+            return
+        hint = ""
+        if isinstance(node, Mapping) and expected == "a text":
+            hint = "if it is meant as text, put it in quotes"
+        elif isinstance(node, Sequence) and expected.startswith("a mapping"):
+            hint = "write 'key: value' without '- ' or [ ] around it"
+        elif expected.startswith("a list"):
+            hint = "start each item with '- ', or write [ … ] around them"
+        self.error("wrong-type", node, f"{what}: expected {expected}, found {found(node)}", hint)
+
+    def text(self, node: Node, what: str, *, empty: bool = False) -> str | None:
+        """Return a text; a number or ``true`` is taken as it is written."""
+        if not isinstance(node, Scalar):
+            self.wrong_type(node, what, "a text")
+            return None
+        if node.text.strip() and not node.empty:
+            return node.text
+        if node.empty and node.text not in ("", "~") and not empty:
+            self.error(
+                "missing-value", node, f"{shown(node.text)} means nothing", 'quote it: "null"'
+            )
+            return None
+        if not node.text.strip() and not empty:
+            # The usual slip is a colour: light: #ff0000
+            comment = node.plain and self.source.text[node.span[1] :].lstrip(" ")[:1] == "#"
+            hint = "a # starts a comment; put the text in quotes" if comment else "write a text"
+            self.error("missing-value", node, f"{what} is empty", hint)
+            return None
+        return node.text
+
+    def name(self, node: Node, what: str) -> str | None:
+        """Return an identifier: small letters, digits and ``_``, a letter first."""
+        text = self.text(node, what)
+        if text is None:
+            return None
+        if _NAME.fullmatch(text) and len(text) <= MAX_NAME:
+            return text
+        meant = name_meant(text)
+        hint = f"write {meant}" if _NAME.fullmatch(meant) and len(meant) <= MAX_NAME else ""
+        self.error(
+            "bad-name",
+            node,
+            f"{what} is {shown(text)}, expected small letters a-z, digits and '_', "
+            f"a letter first, at most {MAX_NAME} characters",
+            hint,
+        )
+        return None
+
+    def integer(
+        self, node: Node, what: str, minimum: int | None = None, maximum: int | None = None
+    ) -> int | None:
+        """Return a whole number in a range."""
+        value = self._quantity(node, what, "a whole number", quantities.integer, "bad-number")
+        return (
+            value if value is None or self.in_range(node, what, value, minimum, maximum) else None
+        )
+
+    def number(
+        self, node: Node, what: str, minimum: float | None = None, maximum: float | None = None
+    ) -> float | None:
+        """Return a finite number in a range."""
+        value = self._quantity(node, what, "a number", quantities.number, "bad-number")
+        return (
+            value if value is None or self.in_range(node, what, value, minimum, maximum) else None
+        )
+
+    def duration(self, node: Node, what: str) -> float | None:
+        """Return a time [s]."""
+        return self._quantity(node, what, _A_TIME, quantities.duration, "bad-duration")
+
+    def length(self, node: Node, what: str) -> float | None:
+        """Return a length [m]."""
+        return self._quantity(node, what, _A_LENGTH, quantities.length, "bad-length")
+
+    def angle(self, node: Node, what: str) -> float | None:
+        """Return an angle [rad]."""
+        return self._quantity(node, what, _AN_ANGLE, quantities.angle, "bad-angle")
+
+    def _quantity(
+        self, node: Node, what: str, expected: str, convert: Callable[[str], T], code: str
+    ) -> T | None:
+        if not isinstance(node, Scalar) or node.empty:
+            self.wrong_type(node, what, expected)
+            return None
+        try:
+            return convert(node.text)
+        except quantities.QuantityError as error:
+            self.error(code, node, f"{what}: {error.message}", error.hint)
+            return None
+
+    def in_range(
+        self,
+        node: Node,
+        what: str,
+        value: float,
+        minimum: float | None,
+        maximum: float | None,
+        field_type: FieldType = FieldType.NUMBER,
+    ) -> bool:
+        """Return whether a number of a type is in a range; report it when not."""
+        if (minimum is None or value >= minimum) and (maximum is None or value <= maximum):
+            return True
+        low, high = (
+            None if limit is None else quantities.spoken(limit, field_type, MESSAGE_DIGITS)
+            for limit in (minimum, maximum)
+        )
+        expected = f"{low} to {high}" if low and high else low and f"{low} or more"
+        self.error(
+            "out-of-range",
+            node,
+            f"{what} is {quantities.spoken(value, field_type, MESSAGE_DIGITS)}, "
+            f"expected {expected or f'{high} or less'}",
+        )
+        return False
+
+    def boolean(self, node: Node, what: str) -> bool | None:
+        """Return true or false."""
+        if not isinstance(node, Scalar) or node.empty:
+            self.wrong_type(node, what, "true or false")
+            return None
+        value = boolean(node.text)
+        if value is None:
+            meant = {"yes": "true", "on": "true", "no": "false", "off": "false"}
+            word = meant.get(node.text.lower(), "true or false")
+            self.error(
+                "wrong-type",
+                node,
+                f"{what}: expected true or false, found {shown(node.text)}",
+                f"write {word}",
+            )
+        return value
+
+    def choice(self, node: Node, what: str, words: Collection[str]) -> str | None:
+        """Return one of some words."""
+        text = self.text(node, what)
+        if text is None or text in words:
+            return text
+        near = nearest(text, words)
+        self.error(
+            "bad-choice",
+            node,
+            f"{what} is {shown(text)}, expected {any_of(words)}",
+            f"did you mean '{near}'?" if near is not None else "",
+        )
+        return None
+
+    def items(self, node: Node, what: str) -> tuple[Node, ...]:
+        """Return the items of a list, none when it is no list."""
+        if isinstance(node, Sequence):
+            return node.items
+        self.wrong_type(node, what, "a list")
+        return ()
+
+    def entries(self, node: Node, what: str, of: str) -> tuple[Entry, ...]:
+        """Return the entries of a mapping of something, none when it is no mapping."""
+        if isinstance(node, Mapping):
+            return node.entries
+        self.wrong_type(node, what, f"a mapping of {of}")
+        return ()
+
+
+def adding(keys: Iterable[str]) -> str:
+    """Return a hint that names every missing key."""
+    return "add " + " and ".join(f"'{key}: …'" for key in keys)
+
+
+def found(node: Node) -> str:
+    """Return what a node is, in words for a message."""
+    match node:
+        case Sequence():
+            return "a list"
+        case Mapping():
+            return "a mapping"
+        case Scalar():
+            return "nothing" if node.empty else shown(node.text)
+
+
+def listed(words: Iterable[str]) -> str:
+    """Return words in quotes for a message, shortened when there are many."""
+    every = list(words)
+    return ", ".join(f"'{word}'" for word in every[:5]) + (", …" if len(every) > 5 else "")
+
+
+def any_of(words: Iterable[str]) -> str:
+    """Return words as alternatives: ``a, b or c``."""
+    *first, last = words
+    return f"{', '.join(first)} or {last}" if first else last

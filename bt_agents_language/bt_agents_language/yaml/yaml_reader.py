@@ -1,0 +1,415 @@
+# SPDX-License-Identifier: Apache-2.0
+"""YAML text turned into nodes that know their place; what authors do not need is refused."""
+
+from __future__ import annotations
+
+import re
+import string
+import unicodedata
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field
+from typing import Any
+
+import yaml
+from yaml.events import (
+    CollectionStartEvent,
+    MappingEndEvent,
+    MappingStartEvent,
+    ScalarEvent,
+    SequenceEndEvent,
+    SequenceStartEvent,
+)
+
+from bt_agents_language.model.specs import Position
+from bt_agents_language.yaml.diagnostics import Diagnostics, shown
+from bt_agents_language.yaml.line_hints import Slip
+from bt_agents_language.yaml.precheck import BAD_CHARACTER, is_readable
+from bt_agents_language.yaml.source import Source
+from bt_agents_language.yaml.yaml_syntax import report_syntax
+
+MAX_DEPTH = 64
+"""Nesting of lists and mappings."""
+
+MAX_NODES = 50_000
+"""Scalars, lists and mappings of one file."""
+
+MAX_TEXT = 20_000
+"""Characters of one scalar."""
+
+_STRANGE_SPACE = re.compile("[\u00a0\u1680\u2000-\u200b\u202f\u205f\u2060\u3000]")
+_LOST_SPACE = re.compile("-(?=[^\\W\\d_])|[\u2010-\u2015\u2212] ?")
+_STANDARD_TAG = "tag:yaml.org,2002:"
+_NOTHING = frozenset(("", "~", "null", "Null", "NULL"))
+_LETTERS = frozenset(string.ascii_letters)
+
+
+class _Located:
+    """Something that stands in a file; its place is worked out only when somebody asks for it."""
+
+    __slots__ = ()
+    source: Source
+    start: int
+    end: int
+
+    @property
+    def position(self) -> Position:
+        """Its first character, of a quoted text the quotation mark."""
+        return self.source.position(self.start)
+
+    @property
+    def span(self) -> tuple[int, int]:
+        """Index of its first character in the file's text and of the one after its last."""
+        return self.start, self.end
+
+
+# Never changed, but not frozen: most of what is made for a file are these, and freezing them
+# takes three times as long.
+@dataclass(slots=True)
+class Scalar(_Located):
+    """A text, number or word as written.
+
+    Attributes:
+        source: The file.
+        start: Index of its first character in the text of the file.
+        end: Index of the character after its last one.
+        text: Its content, quotes and line folding resolved.
+        style: Empty for a plain scalar, else ``'``, ``"``, ``|`` or ``>``.
+    """
+
+    source: Source = field(compare=False)
+    start: int
+    end: int
+    text: str
+    style: str
+
+    @property
+    def plain(self) -> bool:
+        """True when it stands without quotes."""
+        return not self.style
+
+    @property
+    def empty(self) -> bool:
+        """True when nothing is written, or the word that means nothing."""
+        return self.text in _NOTHING and not self.style
+
+
+@dataclass(slots=True)
+class Sequence(_Located):
+    """A list; as :class:`Scalar`."""
+
+    source: Source = field(compare=False)
+    start: int
+    end: int
+    items: tuple[Node, ...]
+
+
+@dataclass(slots=True)
+class Entry:
+    """One key of a mapping and what stands behind it."""
+
+    key: Scalar
+    value: Node
+
+
+@dataclass(slots=True)
+class Mapping(_Located):
+    """A mapping; its keys are different from each other. As :class:`Scalar`."""
+
+    source: Source = field(compare=False)
+    start: int
+    end: int
+    entries: tuple[Entry, ...]
+
+    def get(self, key: str) -> Node | None:
+        """Return what stands behind a key, None when it is not there."""
+        return next((entry.value for entry in self.entries if entry.key.text == key), None)
+
+
+Node = Scalar | Sequence | Mapping
+
+
+def entries_of(node: Node | None) -> tuple[Entry, ...]:
+    """Return the entries of a mapping, none of anything else."""
+    return node.entries if isinstance(node, Mapping) else ()
+
+
+def read_yaml(source: Source, problems: Diagnostics) -> Node | None:
+    """Return the one document of a file; every problem of its form goes to ``problems``.
+
+    Returns:
+        The document without what was refused in it; None when nothing can be made of it, or it
+        has a syntax error.
+    """
+    if not is_readable(source, problems):
+        return None
+    root, slip = read_once(source, problems)
+    return root if slip is None else None
+
+
+def read_once(source: Source, problems: Diagnostics) -> tuple[Node | None, Slip | None]:
+    """Return the document, and the slip that has kept it from being read."""
+    builder = _Builder(source, problems)
+    try:
+        builder.take(_events(source.text))
+    except yaml.MarkedYAMLError as error:
+        return None, report_syntax(source, problems, error)
+    except yaml.YAMLError as error:
+        problems.add("syntax", source.position(0), f"the file cannot be read: {shown(str(error))}")
+        return None, None
+    if builder.root is None and not problems:
+        problems.add(
+            "empty-file", source.position(0), "nothing is written here", "start with 'format: 1'"
+        )
+    return None if builder.hopeless else builder.root, None
+
+
+def _events(text: str) -> Iterable[yaml.Event]:
+    # The C parser is iterative, so that depth is checked here before anything recursive is built.
+    loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+    next_event: Callable[[], yaml.Event | None] = loader(text).get_event
+    return iter(next_event, None)
+
+
+def _as_written(tag: str) -> str:
+    return tag.replace(_STANDARD_TAG, "!!", 1) if tag.startswith(_STANDARD_TAG) else tag
+
+
+class _Open:
+    """A list or mapping whose end has not come yet."""
+
+    __slots__ = ("entries", "is_list", "items", "key", "start", "value_is_next")
+
+    def __init__(self, start: int, is_list: bool) -> None:
+        self.start = start
+        self.is_list = is_list
+        self.items: list[Node] = []
+        self.entries: dict[str, Entry] = {}
+        self.key: Scalar | None = None
+        # A key that was refused still has a value, which must not be taken for the next key.
+        self.value_is_next = False
+
+
+class _Builder:
+    """Builds nodes from events without recursion."""
+
+    def __init__(self, source: Source, problems: Diagnostics) -> None:
+        self.root: Node | None = None
+        self.hopeless = False
+        self._source = source
+        self._problems = problems
+        self._documents = 0
+
+    def take(self, events: Iterable[Any]) -> None:
+        """Build from all events, or until the file turns out to be hopeless.
+
+        Args:
+            events: Of the parser, each with its marks.
+        """
+        # One loop without calls for what is usual: it sees every word of the file.
+        source = self._source
+        waiting: list[_Open | None] = []
+        parent: _Open | None = None
+        count = 0
+        node: Node
+        for event in events:
+            kind = type(event)
+            if kind is ScalarEvent:
+                text, style = event.value, event.style or ""
+                if event.anchor is not None or event.tag is not None:
+                    self._refuse_extras(event)
+                if style == '"':
+                    self._refuse_escapes(event)
+                if len(text) > MAX_TEXT:
+                    self._refuse_length(event)
+                count += 1
+                if count > MAX_NODES:
+                    self._refuse_count(event)
+                node = Scalar(source, event.start_mark.index, event.end_mark.index, text, style)
+            elif kind is MappingStartEvent or kind is SequenceStartEvent:
+                if event.anchor is not None or event.tag is not None:
+                    self._refuse_extras(event)
+                count += 1
+                if count > MAX_NODES:
+                    self._refuse_count(event)
+                waiting.append(parent)
+                parent = _Open(event.start_mark.index, kind is SequenceStartEvent)
+                if len(waiting) > MAX_DEPTH:
+                    self._refuse_depth(event)
+                if self.hopeless:
+                    return
+                continue
+            elif kind is MappingEndEvent or kind is SequenceEndEvent:
+                assert parent is not None
+                start, end = parent.start, event.end_mark.index
+                if parent.is_list:
+                    node = Sequence(source, start, end, tuple(parent.items))
+                else:
+                    node = Mapping(source, start, end, tuple(parent.entries.values()))
+                parent = waiting.pop()
+            else:
+                self._other(event)
+                if self.hopeless:
+                    return
+                continue
+            if parent is None:
+                self.root = node
+            elif parent.is_list:
+                parent.items.append(node)
+            elif parent.value_is_next:
+                parent.value_is_next = False
+                if parent.key is not None:
+                    parent.entries[parent.key.text] = Entry(parent.key, node)
+            else:
+                parent.value_is_next = True
+                parent.key = self._key(parent.entries, node)
+            if self.hopeless:
+                return
+
+    def _other(self, event: yaml.Event) -> None:
+        """Refuse an alias and a second document; all other events say nothing."""
+        match event:
+            case yaml.AliasEvent():
+                self._give_up(
+                    event,
+                    "anchor",
+                    f"{shown(f'*{event.anchor}')} is an alias, which is not part of this language",
+                    "write the value again, use a tunable or subtree, or quote a text that starts "
+                    "with '*'",
+                )
+            case yaml.DocumentStartEvent():
+                self._documents += 1
+                if self._documents > 1:
+                    self._give_up(
+                        event,
+                        "several-documents",
+                        "a second document starts here",
+                        "put it into a file of its own, or remove the line '---'",
+                    )
+
+    def _refuse_count(self, event: yaml.Event) -> None:
+        self._give_up(
+            event,
+            "too-many-values",
+            f"the file holds more than {MAX_NODES:,} values",
+            "split it over several files",
+        )
+
+    def _refuse_depth(self, event: yaml.Event) -> None:
+        self._give_up(
+            event,
+            "too-deep",
+            f"lists and mappings are nested more than {MAX_DEPTH} deep",
+            "move inner parts to subtrees",
+        )
+
+    def _key(self, entries: dict[str, Entry], node: Node) -> Scalar | None:
+        """Return a key, or None when it is refused and its value is to be left out."""
+        if not isinstance(node, Scalar):
+            template = self._source.text.startswith("{{", node.span[0] - 1)
+            self._problems.add(
+                "bad-key",
+                node.position,
+                "a word is expected before ':', found a list or mapping",
+                'a value is named by "${name}", not by {{ name }}'
+                if template
+                else "quote a text that starts with '{', '[' or '?'",
+            )
+            # Without this key, all else that could be said of its mapping is guesswork.
+            self.hopeless = True
+            return None
+        text = node.text
+        if text[:1] in _LETTERS and text not in entries and text not in _NOTHING:
+            return node
+        if node.empty or not node.text.strip():
+            self._problems.add(
+                "bad-key",
+                node.position,
+                "a word is expected before ':', found nothing",
+                "write one, or quote a text that starts with ':'",
+            )
+            return None
+        strange = _STRANGE_SPACE.match(node.text) if node.plain else None
+        if strange is not None:
+            name = unicodedata.name(strange[0], "strange space")
+            self._problems.add(
+                "bad-character",
+                node.position,
+                f"a {name.lower()} (U+{ord(strange[0]):04X}) indents this line",
+                "delete what is in front of the first word, and type spaces",
+            )
+            self.hopeless = True
+            return None
+        dash = _LOST_SPACE.match(node.text) if node.plain else None
+        if dash is not None:
+            self._problems.add(
+                "syntax",
+                node.position,
+                f"{shown(node.text)} is no '-' item",
+                f"write '- {node.text[dash.end() : dash.end() + 20]}: …', with a plain '-' and a "
+                "space behind it",
+            )
+            self.hopeless = True
+            return None
+        if node.plain and node.text == "<<":
+            self._problems.add(
+                "merge-key",
+                node.position,
+                "'<<' is a merge key, which is not part of this language",
+                "write the keys out, or use a subtree",
+            )
+            return None
+        first = entries.get(node.text)
+        if first is not None:
+            self._problems.add(
+                "duplicate-key",
+                node.position,
+                f"the key {shown(node.text)} stands here a second time "
+                f"(first in line {first.key.position.line})",
+                "remove one of them; a second node starts with a new '-' item",
+                self._source.position(node.span[1]),
+            )
+            return None
+        return node
+
+    def _refuse_extras(self, event: ScalarEvent | CollectionStartEvent) -> None:
+        if event.anchor is not None:
+            self._problems.add(
+                "anchor",
+                self._position(event),
+                f"{shown(f'&{event.anchor}')} is an anchor, which is not part of this language",
+                "remove it, or quote a text that starts with '&'",
+            )
+        if event.tag is not None:
+            self._problems.add(
+                "tag",
+                self._position(event),
+                f"{shown(_as_written(event.tag))} is a tag, which is not part of this language",
+                "remove it, or quote a text that starts with '!'",
+            )
+
+    def _refuse_escapes(self, event: ScalarEvent) -> None:
+        bad = BAD_CHARACTER.search(event.value)
+        if bad is not None:
+            self._problems.add(
+                "bad-character",
+                self._position(event),
+                f"the text holds an invisible character (U+{ord(bad[0]):04X})",
+                "remove the backslash and the code behind it",
+            )
+
+    def _refuse_length(self, event: ScalarEvent) -> None:
+        self._give_up(
+            event,
+            "too-long",
+            f"one text has {len(event.value):,} characters, at most {MAX_TEXT:,} are possible",
+            "split it; close a quotation mark that is still open",
+        )
+
+    def _give_up(self, event: yaml.Event, code: str, message: str, hint: str) -> None:
+        self._problems.add(code, self._position(event), message, hint)
+        self.hopeless = True
+
+    def _position(self, event: yaml.Event) -> Position:
+        mark = event.start_mark
+        assert mark is not None
+        return self._source.position(mark.index)

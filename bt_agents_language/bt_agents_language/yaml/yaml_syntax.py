@@ -1,0 +1,298 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a YAML syntax error most likely means, in words that say how to mend it."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from dataclasses import replace
+
+import yaml
+
+from bt_agents_language.yaml.bracket_hints import (
+    QUOTE_INSIDE,
+    behind_value,
+    in_brackets,
+    open_quote,
+)
+from bt_agents_language.yaml.diagnostics import Diagnostics, shown
+from bt_agents_language.yaml.line_hints import Slip, key_slip, line_slip
+from bt_agents_language.yaml.patched_source import Edit
+from bt_agents_language.yaml.source import Source
+from bt_agents_language.yaml.text_lines import indentation, line_above, line_at, line_start
+
+_NEXT_LINE = re.compile(r"[^\r\n]+")
+_INDENTED_TAB = re.compile(r" *\t")
+_FIT = "indent it like the key behind the '-' above, or start a new '-' item"
+_WRONG_QUOTES = re.compile("(?<=[:,\\-\\[{(] )[\u201c\u201d\u201e\u2018\u2019\u00ab]")
+_CONFLICT = ("<<<<<<<", "=======", ">>>>>>>")
+
+Explain = Callable[[Source, int, int], Slip]
+"""Source, index where the parser stopped, index where the thing began that it was reading."""
+
+
+def report_syntax(source: Source, problems: Diagnostics, error: yaml.MarkedYAMLError) -> Slip:
+    """Add what a parser error means, and return it."""
+    slip = _slip(source, error)
+    end = source.position(slip.index + slip.width)
+    problems.add(slip.code, source.position(slip.index), slip.message, slip.hint, end)
+    return slip
+
+
+def _slip(source: Source, error: yaml.MarkedYAMLError) -> Slip:
+    stopped = error.problem_mark or error.context_mark
+    index = stopped.index if stopped is not None else 0
+    begun = error.context_mark.index if error.context_mark is not None else index
+    position = source.position(index)
+    start = line_start(source, index)
+    tab = _INDENTED_TAB.match(line_at(source, start))
+    if tab is not None and position.column <= tab.end():
+        return Slip(
+            code="tab",
+            index=start + tab.end() - 1,
+            message="a tab indents this line",
+            hint="use spaces (most editors can turn tabs into spaces)",
+        )
+    problem = f"{error.context or ''}: {error.problem or ''}"
+    for part, explain in _EXPLANATIONS.items():
+        if part in problem:
+            return explain(source, index, begun)
+    message = error.problem or "this is not valid YAML"
+    return Slip(index=index, message=message, hint="look at the line above")
+
+
+def _second_colon(source: Source, index: int, begun: int) -> Slip:
+    start = line_start(source, index)
+    line = line_at(source, start)
+    before = source.text[start:index]
+    if re.search(r":(\s|$)", before):
+        wrong = _WRONG_QUOTES.search(before)
+        if wrong is not None:
+            return Slip(
+                index=start + wrong.start(),
+                message=f"'{wrong[0]}' is no quotation mark in this language",
+                hint='use straight ones: "…"',
+            )
+        quoted = _quoted_value(source, start, line)
+        return Slip(
+            index=index,
+            message="a second ':' stands in this line",
+            hint="quote a text with ': ' in it: \"…: …\"",
+            mend=quoted,
+        )
+    above = line_above(source, start)
+    if above is not None:
+        # What looks like a text over two lines is a key above whose colon does not count as one.
+        slip = _of_key(source, above)
+        if slip is not None:
+            return slip
+    own = key_slip(before, start)
+    if own is not None and ":" in before:
+        return own
+    return Slip(
+        index=start + len(before) - len(before.lstrip()),
+        message="this line is indented deeper than the one it follows",
+        hint="write it below the first letter of the line above",
+    )
+
+
+def _quoted_value(source: Source, start: int, line: str) -> Edit | None:
+    """Return the edit that quotes everything behind the first colon of a line."""
+    match = re.match(r"\s*(?:- +)*[\w-]+: +(?=[^\s'\"{\[|>&*!#])", line)
+    text = line[match.end() :].rstrip() if match is not None else ""
+    mark = next((one for one in ('"', "'") if one not in text and "\\" not in text), "")
+    if match is None or not mark or " #" in text:
+        return None
+    at = start + match.end()
+    return Edit(start=at, stop=at + len(text), text=f"{mark}{text}{mark}")
+
+
+def _dash(source: Source, index: int, begun: int) -> Slip:
+    return Slip(
+        index=index,
+        message="a '-' item starts in the middle of a line",
+        hint="start it on a line of its own, or quote a text that starts with '- '",
+    )
+
+
+def _no_colon(source: Source, index: int, begun: int) -> Slip:
+    if source.text.startswith(_CONFLICT, begun):
+        return Slip(
+            index=begun,
+            width=len(_CONFLICT[0]),
+            message="two versions of the file were merged, and this place is not decided yet",
+            hint="keep one of the two versions, and delete the lines <<<<<<<, ======= and >>>>>>>",
+        )
+    slip = _of_line(source, line_start(source, begun))
+    return slip or Slip(
+        index=begun,
+        message="this line is neither 'key: value' nor a '-' item",
+        hint="put a ': ' behind the key, or indent the line if it belongs to the text above",
+    )
+
+
+def _misfit(source: Source, index: int, begun: int) -> Slip:
+    start = line_start(source, index)
+    line = line_at(source, start)
+    before = source.text[start:index]
+    if before.strip(" -"):
+        return behind_value(source, index)
+    if line.lstrip().startswith("- "):
+        return Slip(
+            index=index,
+            message="this '-' item does not line up with the block above",
+            hint="indent it like the others",
+        )
+    return Slip(index=index, message="this line fits no block above it", hint=_FIT)
+
+
+def _no_item(source: Source, index: int, begun: int) -> Slip:
+    start = line_start(source, index)
+    line = line_at(source, start)
+    slip = line_slip(line, start)
+    if slip is not None and "'-'" in slip.message:
+        return slip
+    if source.position(index).column == source.position(
+        begun
+    ).column and not line.lstrip().startswith("-"):
+        return Slip(
+            index=index,
+            width=len(line.strip().partition(":")[0]) or 1,
+            message="this line stands in a list of '-' items, but does not start with '- '",
+            hint="put '- ' in front of it, or indent it if it belongs to the item above",
+        )
+    return _misfit(source, index, begun)
+
+
+def _bad_start(source: Source, index: int, begun: int) -> Slip:
+    character = source.text[index : index + 1]
+    if character == "\t":
+        return Slip(index=index, message="a tab stands here", hint="use spaces")
+    return _unquoted(source, index, character)
+
+
+def _mark_at_start(source: Source, index: int, begun: int) -> Slip:
+    return _unquoted(source, begun, source.text[begun : begun + 1])
+
+
+def _question(source: Source, index: int, begun: int) -> Slip:
+    return _unquoted(source, index, source.text[index : index + 1] + " ")
+
+
+def _unquoted(source: Source, index: int, found: str) -> Slip:
+    start = line_start(source, index)
+    return Slip(
+        index=index,
+        message=f"a text cannot start with {shown(found)}",
+        hint='quote it: "…"',
+        mend=_quoted_rest(source, start, index),
+    )
+
+
+def _quoted_rest(source: Source, start: int, index: int) -> Edit | None:
+    text = line_at(source, start)[index - start :].rstrip()
+    alone = re.fullmatch(r"\s*(?:- +)*(?:[\w-]+: +)?", source.text[start:index]) is not None
+    if not alone or " #" in text or '"' in text or "\\" in text:
+        return None
+    return Edit(start=index, stop=index + len(text), text=f'"{text}"')
+
+
+def _escape(source: Source, index: int, begun: int) -> Slip:
+    backslash = source.text.find("\\", index)
+    while backslash >= 0 and source.text[backslash + 1 : backslash + 2] in _KNOWN_ESCAPES:
+        backslash = source.text.find("\\", backslash + 2)
+    at = backslash if backslash >= 0 else index
+    return Slip(
+        index=at,
+        width=2,
+        message=f"'{source.text[at : at + 2]}' means nothing inside \"…\"",
+        hint="write the backslash twice, or use '…'",
+        mend=Edit(start=at, stop=at, text="\\") if backslash >= 0 else None,
+    )
+
+
+_KNOWN_ESCAPES = set('0abt\tnvfre "/\\N_LPxuU\n\r')
+
+
+def _no_content(source: Source, index: int, begun: int) -> Slip:
+    found = source.text[index : index + 1]
+    return Slip(
+        index=index,
+        message=f"a value is expected here, found '{found}'",
+        hint=QUOTE_INSIDE if found not in ("]", "}", ",") else "remove it, or quote the text",
+    )
+
+
+def _after_the_end(source: Source, index: int, begun: int) -> Slip:
+    return Slip(
+        index=index,
+        message="something stands behind the end of the file's one value",
+        hint="remove a line '...' above; put quotes around a whole text",
+    )
+
+
+def _directive(source: Source, index: int, begun: int) -> Slip:
+    return Slip(
+        index=begun,
+        message="a line cannot start with '%'",
+        hint="remove the line, or quote the text",
+    )
+
+
+def _text_block(source: Source, index: int, begun: int) -> Slip:
+    return Slip(
+        index=index,
+        message="a text block ('|' or '>') starts wrongly",
+        hint="write only '|' or '>' in that line",
+    )
+
+
+_EXPLANATIONS: dict[str, Explain] = {
+    "mapping values are not allowed": _second_colon,
+    "block sequence entries are not allowed": _dash,
+    "mapping keys are not allowed": _question,
+    "could not find expected ':'": _no_colon,
+    "did not find expected ',' or": in_brackets,
+    "did not find expected '-' indicator": _no_item,
+    "did not find expected key": _misfit,
+    "unexpected end of stream": open_quote,
+    "unexpected document indicator": open_quote,
+    "cannot start any token": _bad_start,
+    "while scanning an alias": _mark_at_start,
+    "while scanning an anchor": _mark_at_start,
+    "while scanning a tag": _mark_at_start,
+    "while parsing a tag": _mark_at_start,
+    "unknown escape character": _escape,
+    "did not find expected node content": _no_content,
+    "did not find expected comment or line break": _text_block,
+    "indentation indicator": _text_block,
+    "did not find expected <document start>": _after_the_end,
+    "incompatible YAML document": _directive,
+    "undefined tag handle": _bad_start,
+    "directive": _directive,
+}
+"""Part of the parser's message → what it means."""
+
+
+def _of_key(source: Source, start: int) -> Slip | None:
+    line = line_at(source, start)
+    return _sure(source, start, key_slip(line, start))
+
+
+def _of_line(source: Source, start: int) -> Slip | None:
+    line = line_at(source, start)
+    return _sure(source, start, line_slip(line, start))
+
+
+def _sure(source: Source, start: int, slip: Slip | None) -> Slip | None:
+    """Return a slip without its edit where a lonely word may be part of a text."""
+    if slip is None or slip.mend is None:
+        return slip
+    added = slip.mend.text == ":" and slip.mend.start == slip.mend.stop
+    if not added:
+        return slip
+    line = line_at(source, start)
+    below = _NEXT_LINE.search(source.text, start + len(line))
+    next_line = below[0] if below is not None else ""
+    is_key = indentation(next_line) > indentation(line) or next_line.lstrip().startswith("- ")
+    return slip if is_key else replace(slip, mend=None)

@@ -1,0 +1,241 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the simulated robot does, as acts that begin, take their time and end; without ROS."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from bt_agents_core.errors import Refused
+from bt_agents_robot.speech import Process, Voice, check_rate, check_text, speaking_time
+
+CLIP_S = 5.0
+"""How long a clip lasts when nobody says [s]."""
+
+ANSWER_WAIT_S = 10.0
+"""How long an answer is waited for when nobody says [s]."""
+
+HEARD_SHARE = 0.3
+"""A voice that ends before this share of the expected time has not been heard."""
+
+LONGEST_S = 3600.0
+"""Longest time that a caller may ask for [s]."""
+
+SPEED = 1.0
+"""Speed of driving [m/s]."""
+
+DISTANCES = {"here": 0.0, "information desk": 4.0, "check-in": 6.0, "lift": 8.0, "gate": 12.0}
+"""Way to the places of the simulated hall [m]."""
+
+OTHER_DISTANCE = 3.0
+"""Way to any other place [m]."""
+
+UNREACHABLE = "nowhere"
+"""The place that nobody can drive to, for rehearsing a failure."""
+
+
+class Act:
+    """One act; its times are steady times [s].
+
+    Attributes:
+        line: One line for people, for example ``says: Hello``.
+        uses_mouth: Whether it has to wait until no other act speaks.
+        begun_at: None while it waits.
+    """
+
+    uses_mouth = False
+
+    def __init__(self, line: str, duration_s: float) -> None:
+        self.line = " ".join(line.split())
+        self.duration_s = duration_s
+        self.begun_at: float | None = None
+
+    def begin(self, now: float) -> None:
+        """Start the clock of the act."""
+        self.begun_at = now
+
+    def elapsed(self, now: float) -> float:
+        """Return the time since it began [s]; 0 before."""
+        return 0.0 if self.begun_at is None else now - self.begun_at
+
+    def progress(self, now: float) -> float:
+        """Return how much of it is done, 0..1."""
+        if self.begun_at is None:
+            return 0.0
+        return min(1.0, self.elapsed(now) / self.duration_s) if self.duration_s > 0 else 1.0
+
+    def over(self, now: float) -> bool:
+        """Whether a begun act has come to its end."""
+        return self.elapsed(now) >= self.duration_s
+
+    def speaking(self, _now: float) -> bool:
+        """Whether it holds the mouth."""
+        return False
+
+    def stop(self) -> None:
+        """End it early."""
+
+
+class Say(Act):
+    """Speaks a text.
+
+    Raises:
+        Refused: The text or the rate cannot be used.
+    """
+
+    uses_mouth = True
+
+    def __init__(
+        self, text: str, rate: float, *, pace: float, voice: Voice | None, verb: str = "says"
+    ) -> None:
+        self._text = check_text(text, "text")
+        self._rate, self._pace, self._voice = check_rate(rate), pace, voice
+        self._process: Process | None = None
+        self._spoken = False
+        super().__init__(
+            f"{verb}: {self._text}", speaking_time(self._text, self._rate, self._pace)
+        )
+
+    def begin(self, now: float) -> None:
+        """Start speaking."""
+        super().begin(now)
+        if self._voice is not None:
+            self._process = self._voice.say(self._text, self._rate, self._pace)
+
+    def speaking(self, now: float) -> bool:
+        """Until the voice has ended, at most twice as long as expected; silent as expected."""
+        if self.begun_at is None or self._spoken:
+            return False
+        self._spoken = self._has_spoken(self.elapsed(now))
+        return not self._spoken
+
+    def over(self, now: float) -> bool:
+        """Whether the text is said."""
+        return self.begun_at is not None and not self.speaking(now)
+
+    def stop(self) -> None:
+        """Fall silent."""
+        self._spoken = True
+        if self._process is not None and self._voice is not None:
+            self._voice.stop(self._process)
+        self._process = None
+
+    def _has_spoken(self, elapsed: float) -> bool:
+        if self._process is None:
+            return elapsed >= self.duration_s
+        code = self._process.poll()
+        if code is None:
+            if elapsed < 2 * self.duration_s:
+                return False
+            self.stop()
+            return True
+        self._process = None
+        if code != 0 and self._voice is not None:
+            self._voice.failed(f"exit code {code}")
+        # A program without a sound device may end at once and still report success.
+        return code == 0 and elapsed >= HEARD_SHARE * self.duration_s
+
+
+class Ask(Say):
+    """Asks a question and waits for an answer; who answers early interrupts the question.
+
+    Attributes:
+        question: The words of the question.
+        answer: What the person answered; empty so far.
+
+    Raises:
+        Refused: The question or the waiting time cannot be used.
+    """
+
+    def __init__(
+        self,
+        text: str,
+        choices: Sequence[str],
+        wait_s: float,
+        *,
+        pace: float,
+        voice: Voice | None,
+    ) -> None:
+        super().__init__(text, 1.0, pace=pace, voice=voice, verb="asks")
+        self.question = check_text(text, "question")
+        self.answer = ""
+        self._choices = {choice.strip().casefold(): choice for choice in choices if choice.strip()}
+        if choices and not self._choices:
+            raise Refused("EMPTY", "all choices are empty; leave them out to take any answer")
+        self._wait_s = check_duration(wait_s, "wait_s", ANSWER_WAIT_S) / pace
+        self._asked_at: float | None = None
+
+    def asked(self, now: float) -> bool:
+        """Return True once when the question has been spoken and the waiting begins."""
+        if self._asked_at is None and super().over(now):
+            self._asked_at = now
+            return True
+        return False
+
+    def take(self, answer: str) -> bool:
+        """Take what a person says; return whether it counts as an answer."""
+        words = answer.strip()
+        if self.begun_at is None or self.answer or not words:
+            return False
+        if self._choices and words.casefold() not in self._choices:
+            return False
+        self.answer = self._choices.get(words.casefold(), words)
+        self.stop()
+        return True
+
+    def progress(self, now: float) -> float:
+        """Return how much of speaking and waiting is over, 0..1."""
+        return min(1.0, self.elapsed(now) / (self.duration_s + self._wait_s))
+
+    def over(self, now: float) -> bool:
+        """Whether there is an answer, or none came in time."""
+        waited = self._asked_at is not None and now - self._asked_at >= self._wait_s
+        return bool(self.answer) or waited
+
+
+class Show(Act):
+    """Shows a clip or a text on the display.
+
+    Raises:
+        Refused: There is nothing to show, or the duration cannot be used.
+    """
+
+    def __init__(self, clip: str, text: str, duration_s: float, *, pace: float) -> None:
+        parts = [part for part in (clip.strip(), text.strip()) if part]
+        shown = check_text(": ".join(parts), "what to show (clip and text)")
+        needed = CLIP_S if clip.strip() else speaking_time(shown, 1.0, 1.0)
+        super().__init__(
+            f"shows: {shown}", check_duration(duration_s, "duration_s", needed) / pace
+        )
+
+
+class Drive(Act):
+    """Drives to a place.
+
+    Raises:
+        Refused: There is no place, or no way to it.
+    """
+
+    def __init__(self, destination: str, *, pace: float) -> None:
+        self.destination = check_text(destination, "destination")
+        if self.destination.casefold() == UNREACHABLE:
+            raise Refused("UNREACHABLE", f"there is no way to '{self.destination}'")
+        self.distance = DISTANCES.get(self.destination.casefold(), OTHER_DISTANCE)
+        super().__init__(f"drives to: {self.destination}", self.distance / SPEED / pace)
+
+    def driven(self, now: float) -> float:
+        """Return the distance behind it [m]."""
+        return self.distance * self.progress(now)
+
+
+def check_duration(duration_s: float, what: str, default_s: float) -> float:
+    """Return a duration that a caller asks for; 0 stands for the default.
+
+    Raises:
+        Refused: ``NOT_FINITE`` or ``OUT_OF_RANGE``.
+    """
+    if not math.isfinite(duration_s):
+        raise Refused("NOT_FINITE", f"{what} is {duration_s}, expected seconds, or 0 for usual")
+    if not 0 <= duration_s <= LONGEST_S:
+        raise Refused("OUT_OF_RANGE", f"{what} is {duration_s:g} s, expected 0 to {LONGEST_S:g} s")
+    return duration_s or default_s

@@ -1,0 +1,105 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What sensors read of a simulated visitor, and when the next one may come; without ROS."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+from bt_agents_language.model.scene_specs import SceneSpec, SourceSpec
+from bt_agents_language.model.specs import Visit
+from scene_layer.sources import inverted
+
+PAUSE_S = 2.0
+"""Time between two visits [s]."""
+
+REACTION_S = 1.0
+"""Time that people think before they answer or press a button [s]."""
+
+_MARGIN_S = 0.1
+
+
+def readings(
+    spec: SceneSpec, values: Mapping[str, float], person: bool
+) -> dict[SourceSpec, float | str]:
+    """Return what each source reads when these values hold; NaN where it reads nothing."""
+    found = {
+        source: _reading(source, values[source.parameter])
+        if source.parameter in values
+        else math.nan
+        for source in spec.sources
+    }
+    if spec.person is not None:
+        found[spec.person] = inverted(spec.person, float(person))
+    return found
+
+
+def _reading(source: SourceSpec, value: float) -> float | str:
+    if source.table:
+        return min(source.table, key=lambda row: abs(row[1] - value))[0]
+    return inverted(source, value)
+
+
+def is_read(reading: float | str) -> bool:
+    """Return whether a source reads anything."""
+    return isinstance(reading, str) or not math.isnan(reading)
+
+
+def field_value(example: object, reading: float | str) -> Any:
+    """Return a reading in the type of the field that carries it, known by an example.
+
+    Raises:
+        TypeError: The field cannot carry it.
+    """
+    if isinstance(reading, str) and isinstance(example, str):
+        return reading
+    if isinstance(example, str) and not is_read(reading):
+        return ""
+    if isinstance(reading, str):
+        words = {"true": 1.0, "false": 0.0}
+        try:
+            reading = words[reading] if reading in words else float(reading)
+        except ValueError:
+            raise TypeError(f"a {type(example).__name__}, expected a text") from None
+    if isinstance(example, bool):
+        return reading >= 0.5
+    if isinstance(example, float):
+        return reading
+    if isinstance(example, int):
+        return 0 if math.isnan(reading) else round(reading)
+    raise TypeError(f"a {type(example).__name__}, expected a boolean or a number")
+
+
+def nested(fields: Iterable[tuple[str, Any]]) -> dict[str, Any]:
+    """Return values of dotted paths as nested mappings: ``a.b: 1`` becomes ``{a: {b: 1}}``."""
+    root: dict[str, Any] = {}
+    for path, value in fields:
+        *parents, last = path.split(".")
+        inner = root
+        for parent in parents:
+            inner = inner.setdefault(parent, {})
+        inner[last] = value
+    return root
+
+
+def pause_after(spec: SceneSpec, seen: Iterable[str], coming: Visit | None, pace: float) -> float:
+    """Return how long nobody should come [s].
+
+    Readings of the last visitor must be stale before somebody comes of whom less is known;
+    staleness is in real time, whatever the pace.
+
+    Args:
+        spec: The sources, with the time after which their readings are stale.
+        seen: Parameters that were read of the last visitor.
+        coming: The next visit; None when there is none.
+        pace: Speed of the simulation relative to real time.
+    """
+    known = coming.values if coming is not None else {}
+    lingering = set(seen) - set(known)
+    stale = [
+        source.stale_after_s + _MARGIN_S
+        for source in spec.sources
+        if source.parameter in lingering and math.isfinite(source.stale_after_s)
+    ]
+    return max([PAUSE_S / pace, *stale])

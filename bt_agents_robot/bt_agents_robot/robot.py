@@ -1,0 +1,318 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A simulated robot: it says, asks, shows, drives and lights up behind real ROS interfaces."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+from rclpy.action import ActionServer, CancelResponse
+from rclpy.task import Future
+from std_msgs.msg import Empty, String
+
+from bt_agents_core.errors import Refused
+from bt_agents_interfaces.action import Ask as AskAction
+from bt_agents_interfaces.action import Drive as DriveAction
+from bt_agents_interfaces.action import Say as SayAction
+from bt_agents_interfaces.action import Show as ShowAction
+from bt_agents_interfaces.srv import SetLight
+from bt_agents_robot.acts import Act, Ask, Drive, Say, Show
+from bt_agents_robot.speech import Voice, check_text
+from bt_agents_ros import qos
+from bt_agents_ros.base_node import GuardedNode
+from bt_agents_ros.parameters import declare, describe
+from bt_agents_ros.spinner import run
+from bt_agents_ros.timers import steady_timer
+
+COLOURS = ("off", "white", "green", "yellow", "blue", "red")
+
+MOST_ACTS = 20
+"""Acts under way or waiting, beyond which a goal is not taken."""
+
+MOST_WAITING = 5
+"""Texts waiting for the mouth, beyond which a goal is not taken."""
+
+RESULT_TIMEOUT_S = 5
+"""How long results are kept [s]; the rclpy default of 900 s slows every further goal."""
+
+_HEARTBEAT_S = 0.1
+_SLOWEST_TICK_S, _FASTEST_TICK_S = 0.02, 0.005
+_FEEDBACK_STEP = 0.1
+
+
+@dataclass(eq=False)
+class _Performed:
+    """An act with the goal that asked for it."""
+
+    act: Act
+    goal: Any
+    done: Future
+    told: float = 0.0
+
+
+class RobotNode(GuardedNode):
+    """The simulated robot; its parameters are ``pace`` and ``voice``.
+
+    Args:
+        voice: Says texts aloud; by default the one that the parameter asks for.
+        node_kwargs: For :class:`rclpy.node.Node`.
+    """
+
+    def __init__(self, *, voice: Voice | None = None, **node_kwargs: Any) -> None:
+        super().__init__("robot", **node_kwargs)
+        self._pace = float(declare(self, "pace", 1.0, _pace_descriptor()))
+        wanted = declare(
+            self,
+            "voice",
+            "auto",
+            describe("whether texts are spoken aloud", choices=("auto", "off"), read_only=True),
+        )
+        if wanted not in ("auto", "off"):
+            raise Refused("UNKNOWN_VOICE", f"parameter voice is '{wanted}', expected auto or off")
+        if voice is None and wanted == "auto":
+            voice = Voice(warn=self.get_logger().warning)
+        self._voice = voice
+        self._performed: list[_Performed] = []
+        self._open = 0
+        self._stopping = False
+        self._transcript = self.create_publisher(String, "robot/transcript", qos.EVENTS)
+        self._questions = self.create_publisher(String, "robot/questions", qos.EVENTS)
+        self._heartbeat = self.create_publisher(Empty, "robot/heartbeat", qos.SENSOR)
+        steady_timer(self, _HEARTBEAT_S, lambda: self._heartbeat.publish(Empty()))
+        tick_s = min(max(_SLOWEST_TICK_S / self._pace, _FASTEST_TICK_S), _SLOWEST_TICK_S)
+        self._timer = steady_timer(self, tick_s, self._tick, running=False)
+        self._servers = [
+            self._serve(SayAction, "say", self._say, _say_result),
+            self._serve(AskAction, "ask", self._ask, _ask_result),
+            self._serve(ShowAction, "show", self._show, _show_result),
+            self._serve(DriveAction, "drive", self._drive, _drive_result),
+        ]
+        self.create_service(SetLight, "set_light", self._on_light, qos_profile=qos.SERVICE)
+        self.create_subscription(String, "sound", self._on_sound, qos.EVENTS)
+        self.create_subscription(String, "answers", self._on_answer, qos.EVENTS)
+
+    # Ending
+
+    def request_stop(self) -> None:
+        """Abort everything under way and take no more goals."""
+        self._stopping = True
+        for performed in list(self._performed):
+            self._end(performed, "the robot is being switched off")
+
+    def stopped(self) -> bool:
+        """Return True when every goal has got its result."""
+        return self._open == 0
+
+    def destroy_node(self) -> None:
+        """Fall silent and go."""
+        for performed in self._performed:
+            performed.act.stop()
+        for server in self._servers:
+            server.destroy()
+        super().destroy_node()
+
+    # Goals
+
+    def _serve(
+        self,
+        kind: Any,
+        name: str,
+        make_act: Callable[[Any], Act],
+        make_result: Callable[[Act | None, float, str], Any],
+    ) -> ActionServer:
+        return ActionServer(
+            self,
+            kind,
+            name,
+            partial(self._execute, make_act, make_result),
+            cancel_callback=lambda _goal: CancelResponse.ACCEPT,
+            goal_service_qos_profile=qos.SERVICE,
+            result_service_qos_profile=qos.SERVICE,
+            cancel_service_qos_profile=qos.SERVICE,
+            result_timeout=RESULT_TIMEOUT_S,
+        )
+
+    async def _execute(
+        self,
+        make_act: Callable[[Any], Act],
+        make_result: Callable[[Act | None, float, str], Any],
+        goal: Any,
+    ) -> Any:
+        try:
+            self._check_capacity()
+            act = make_act(goal.request)
+        except Refused as refused:
+            self.get_logger().warning(f"goal refused: {refused}")
+            goal.abort()
+            return make_result(None, 0.0, refused.reason)
+        performed = _Performed(act=act, goal=goal, done=Future(executor=self.executor))
+        self._performed.append(performed)
+        self._open += 1
+        try:
+            self._begin_waiting()
+            self._timer.reset()
+            message: str | None = await performed.done
+        finally:
+            self._open -= 1
+        if goal.is_cancel_requested:
+            goal.canceled()
+        elif message is None:
+            goal.succeed()
+        else:
+            goal.abort()
+        return make_result(act, time.monotonic(), message or "")
+
+    def _check_capacity(self) -> None:
+        if self._stopping:
+            raise Refused("STOPPING", "the robot is being switched off")
+        if len(self._performed) >= MOST_ACTS:
+            raise Refused("BUSY", f"the robot does {MOST_ACTS} things already; cancel some")
+
+    def _say(self, request: Any) -> Act:
+        self._check_mouth()
+        return Say(request.text, request.rate, pace=self._present_pace(), voice=self._voice)
+
+    def _ask(self, request: Any) -> Act:
+        self._check_mouth()
+        return Ask(
+            request.text,
+            request.choices,
+            request.wait_s,
+            pace=self._present_pace(),
+            voice=self._voice,
+        )
+
+    def _show(self, request: Any) -> Act:
+        return Show(request.clip, request.text, request.duration_s, pace=self._present_pace())
+
+    def _drive(self, request: Any) -> Act:
+        for performed in self._performed:
+            if isinstance(performed.act, Drive):
+                raise Refused(
+                    "BUSY",
+                    f"the robot is driving to {performed.act.destination}; cancel that first",
+                )
+        return Drive(request.destination, pace=self._present_pace())
+
+    def _present_pace(self) -> float:
+        return float(self.get_parameter("pace").value)
+
+    def _check_mouth(self) -> None:
+        waiting = [p for p in self._performed if p.act.uses_mouth and p.act.begun_at is None]
+        if len(waiting) >= MOST_WAITING:
+            raise Refused("BUSY", f"{MOST_WAITING} texts are waiting to be said; wait or cancel")
+
+    # Time
+
+    def _tick(self) -> None:
+        now = time.monotonic()
+        for performed in list(self._performed):
+            self._step(performed, now)
+        self._begin_waiting()
+        if not self._performed:
+            self._timer.cancel()
+
+    def _step(self, performed: _Performed, now: float) -> None:
+        act = performed.act
+        if performed.goal.is_cancel_requested:
+            self._end(performed, "cancelled")
+            return
+        if act.begun_at is None:
+            return
+        if isinstance(act, Ask) and act.asked(now):
+            self._questions.publish(String(data=act.question))
+        if act.over(now):
+            self._end(performed, None)
+        elif act.progress(now) - performed.told >= _FEEDBACK_STEP:
+            performed.told = act.progress(now)
+            performed.goal.publish_feedback(_feedback(act, now))
+
+    def _begin_waiting(self) -> None:
+        """Begin what waits: a text as soon as nothing else is being said, the rest at once."""
+        now = time.monotonic()
+        for performed in self._performed:
+            act = performed.act
+            if act.begun_at is not None:
+                continue
+            if act.uses_mouth and any(other.act.speaking(now) for other in self._performed):
+                continue
+            act.begin(now)
+            self._tell(act.line)
+
+    def _end(self, performed: _Performed, message: str | None) -> None:
+        """End an act; a message says why it did not come to its own end."""
+        self._performed.remove(performed)
+        performed.act.stop()
+        performed.done.set_result(message)
+
+    # Small things
+
+    def _tell(self, line: str) -> None:
+        printable = "".join(c if c.isprintable() else "?" for c in line)
+        self.get_logger().info(f"robot {printable}")
+        self._transcript.publish(String(data=printable))
+
+    def _on_light(self, request: Any, response: Any) -> Any:
+        colour = request.colour.strip().lower()
+        if colour not in COLOURS:
+            response.message = (
+                f"'{request.colour[:40]}' is no colour of the light; expected {', '.join(COLOURS)}"
+            )
+            return response
+        response.accepted = True
+        response.message = f"{colour}, blinking" if request.blink else colour
+        self._tell(f"light: {response.message}")
+        return response
+
+    def _on_sound(self, message: Any) -> None:
+        try:
+            self._tell(f"sound: {check_text(message.data, 'sound')}")
+        except Refused as refused:
+            self.get_logger().warning(f"sound refused: {refused}")
+
+    def _on_answer(self, message: Any) -> None:
+        """Give an answer to the question that was asked first and takes it."""
+        for performed in self._performed:
+            if isinstance(performed.act, Ask) and performed.act.take(message.data):
+                return
+
+
+def _pace_descriptor() -> Any:
+    return describe("speed of everything relative to real time", minimum=0.1, maximum=1000.0)
+
+
+def _feedback(act: Act, now: float) -> Any:
+    if isinstance(act, Drive):
+        return DriveAction.Feedback(remaining_m=act.distance - act.driven(now))
+    kinds = {Say: SayAction, Ask: AskAction, Show: ShowAction}
+    return kinds[type(act)].Feedback(progress=act.progress(now))
+
+
+def _say_result(act: Act | None, now: float, message: str) -> Any:
+    return SayAction.Result(duration_s=act.elapsed(now) if act else 0.0, message=message)
+
+
+def _ask_result(act: Act | None, _now: float, message: str) -> Any:
+    answer = act.answer if isinstance(act, Ask) else ""
+    return AskAction.Result(answer=answer, message=message or ("" if answer else "no answer"))
+
+
+def _show_result(_act: Act | None, _now: float, message: str) -> Any:
+    return ShowAction.Result(message=message)
+
+
+def _drive_result(act: Act | None, now: float, message: str) -> Any:
+    driven = act.driven(now) if isinstance(act, Drive) else 0.0
+    return DriveAction.Result(distance_m=driven, message=message)
+
+
+def main(args: Sequence[str] | None = None) -> int:
+    """Run the robot until it is told to stop; return the exit code."""
+    return run(RobotNode, args)
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

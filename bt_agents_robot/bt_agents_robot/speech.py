@@ -1,0 +1,161 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How long a text takes to say, and the voice that says it where a speech program is installed."""
+
+from __future__ import annotations
+
+import math
+import shutil
+import subprocess
+from collections.abc import Callable, Sequence
+from typing import Protocol
+
+from bt_agents_core.errors import Refused
+
+CHARACTERS_PER_S = 15.0
+"""Speed of calm speech: about 150 words a minute."""
+
+PAUSE_S = 0.3
+"""Breath before the first word [s]."""
+
+LONGEST_TEXT = 2000
+"""Most characters of one text; far below what a pipe takes without a reader."""
+
+WORDS_PER_MINUTE = 175
+"""Normal speed of eSpeak; above :data:`FASTEST_WORDS_PER_MINUTE` nobody follows."""
+
+FASTEST_WORDS_PER_MINUTE = 450
+SLOWEST_WORDS_PER_MINUTE = 80
+PROGRAMS = ("espeak-ng", "espeak")
+
+
+def check_text(text: str, what: str) -> str:
+    """Return a text without the white space around it.
+
+    Raises:
+        Refused: ``EMPTY`` or ``TOO_LONG``.
+    """
+    stripped = text.strip()
+    if not stripped:
+        raise Refused("EMPTY", f"{what} is empty; expected words")
+    if len(stripped) > LONGEST_TEXT:
+        raise Refused(
+            "TOO_LONG", f"{what} has {len(stripped)} characters, expected at most {LONGEST_TEXT}"
+        )
+    return stripped
+
+
+def check_rate(rate: float) -> float:
+    """Return the speed of speech relative to normal; 0 stands for 1.
+
+    Raises:
+        Refused: ``NOT_FINITE`` or ``OUT_OF_RANGE``.
+    """
+    if not math.isfinite(rate):
+        raise Refused("NOT_FINITE", f"rate is {rate}, expected 0.5 to 2, or 0 for normal")
+    if rate != 0 and not 0.5 <= rate <= 2:
+        raise Refused("OUT_OF_RANGE", f"rate is {rate:g}, expected 0.5 to 2, or 0 for normal")
+    return rate or 1.0
+
+
+def speaking_time(text: str, rate: float, pace: float) -> float:
+    """Return how long a text takes to say [s].
+
+    Args:
+        text: What is said.
+        rate: Speed of speech relative to normal.
+        pace: Speed of the whole simulation relative to real time.
+    """
+    return (len(text) / CHARACTERS_PER_S + PAUSE_S) / rate / pace
+
+
+def espeak_command(program: str, rate: float, pace: float) -> tuple[str, ...] | None:
+    """Return the command that reads a text from its standard input and says it.
+
+    Returns:
+        None when the pace is beyond what a voice can do; the text is then only shown.
+    """
+    words_per_minute = round(WORDS_PER_MINUTE * rate * pace)
+    if words_per_minute > FASTEST_WORDS_PER_MINUTE:
+        return None
+    return (program, "--stdin", "-s", str(max(words_per_minute, SLOWEST_WORDS_PER_MINUTE)))
+
+
+class Process(Protocol):
+    """What is needed of a :class:`subprocess.Popen`."""
+
+    def poll(self) -> int | None:
+        """Return the exit code; None while it runs."""
+
+    def terminate(self) -> None:
+        """Ask it to end."""
+
+
+def start_process(command: Sequence[str], text: str) -> Process:
+    """Start a speech program and hand it the text; never through a shell or as an argument.
+
+    Raises:
+        OSError: The program cannot be started.
+    """
+    process = subprocess.Popen(
+        command, stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
+    )
+    stdin = process.stdin
+    if stdin is not None:
+        try:
+            stdin.write(text.encode("utf-8", "replace"))
+            stdin.close()
+        except BrokenPipeError:
+            pass  # it has ended already; its exit code says so
+    return process
+
+
+class Voice:
+    """Says texts aloud by a child process; silent where there is no program or it fails.
+
+    Args:
+        find: Finds a program by name, as :func:`shutil.which`.
+        start: Starts it, as :func:`start_process`.
+        warn: Is told once why there is no sound.
+    """
+
+    def __init__(
+        self,
+        *,
+        warn: Callable[[str], None],
+        find: Callable[[str], str | None] = shutil.which,
+        start: Callable[[Sequence[str], str], Process] = start_process,
+    ) -> None:
+        self._start = start
+        self._warn = warn
+        self._program = next(filter(None, map(find, PROGRAMS)), None)
+        self._stopped: list[Process] = []
+
+    @property
+    def audible(self) -> bool:
+        """Whether there is a program that has not failed."""
+        return self._program is not None
+
+    def say(self, text: str, rate: float, pace: float) -> Process | None:
+        """Start saying a text; None when it stays silent."""
+        self._stopped = [process for process in self._stopped if process.poll() is None]
+        command = espeak_command(self._program, rate, pace) if self._program else None
+        if command is None:
+            return None
+        try:
+            return self._start(command, text)
+        except OSError as error:
+            self.failed(str(error))
+            return None
+
+    def stop(self, process: Process) -> None:
+        """End a text that is being said."""
+        if process.poll() is None:
+            process.terminate()
+            # Asked again for its exit code at the next text, so that no zombie stays.
+            self._stopped.append(process)
+
+    def failed(self, reason: str) -> None:
+        """Stay silent from now on."""
+        if self._program is not None:
+            self._warn(f"no sound, texts are only shown: {self._program} failed ({reason})")
+        self._program = None

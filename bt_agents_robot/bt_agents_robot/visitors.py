@@ -1,0 +1,347 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Simulated visitors: they feed the sensors' topics, answer the robot, press buttons and leave."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from rclpy.node import Node
+from rclpy.publisher import Publisher
+from std_msgs.msg import Bool, Empty, String
+
+from bt_agents_core.errors import Refused
+from bt_agents_core.trees_folder import find_trees
+from bt_agents_interfaces.msg import MarketStatus, Run
+from bt_agents_interfaces.msg import Scene as SceneMsg
+from bt_agents_interfaces.srv import Analyze
+from bt_agents_language.files.scene_reader import read_scene
+from bt_agents_language.files.script_reader import read_script
+from bt_agents_language.model.scene_specs import SceneSpec, SourceSpec, path_of
+from bt_agents_language.model.specs import BindingKind, Change, Script, Visit
+from bt_agents_robot.people import (
+    REACTION_S,
+    field_value,
+    is_read,
+    nested,
+    pause_after,
+    readings,
+)
+from bt_agents_ros import qos
+from bt_agents_ros.base_node import GuardedNode
+from bt_agents_ros.calls import Calls
+from bt_agents_ros.parameters import declare, describe
+from bt_agents_ros.spinner import run
+from bt_agents_ros.startup import TREES, StartParameter, make_from_parameters
+from bt_agents_ros.timers import steady_timer
+from bt_agents_ros.types import fill, load_type, read_field
+from scene_layer.script import Market, Performance, answer
+
+SENSOR_PERIOD_S = 0.2
+"""Time between two readings of one sensor [s]."""
+
+SETTLE_S = 0.1
+"""Time for the first readings of a visitor to arrive before the scene is asked for [s]."""
+
+COMPLAIN_S = 5.0
+"""Time between two complaints that nobody listens [s]."""
+
+_TICK_S = 0.02
+
+
+class _Sensor:
+    """One topic that visitors are seen on, with all sources that read it."""
+
+    def __init__(self, node: Node, topic: str, sources: list[SourceSpec]) -> None:
+        self.sources = sources
+        self._type = load_type(sources[0].type, BindingKind.TOPIC)
+        self._examples = {source: self._example(source) for source in sources}
+        # Reliable, so that both kinds of subscription match.
+        self.publisher: Publisher = node.create_publisher(self._type, topic, qos.EVENTS)
+
+    def publish(self, values: dict[SourceSpec, float | str]) -> None:
+        """Publish one message with the readings of all sources, unless there are none."""
+        if any(is_read(values[source]) for source in self.sources):
+            self.publisher.publish(self._message(values))
+
+    def _message(self, values: dict[SourceSpec, float | str]) -> Any:
+        message = self._type()
+        fields: dict[str, Any] = {}
+        for source in self.sources:
+            reading = values[source]
+            fields[source.path or ""] = field_value(self._examples[source], reading)
+            sure = path_of(source.confidence) if source.confidence is not None else None
+            if sure is not None:
+                fields[sure] = max(fields.get(sure, 0.0), float(is_read(reading)))
+        fill(message, nested(fields.items()))
+        return message
+
+    def _example(self, source: SourceSpec) -> Any:
+        try:
+            if source.path is None or source.per_person:
+                raise TypeError("expected a field of a topic that is the same for everybody")
+            example = read_field(self._type(), source.path)
+            written = field_value(example, source.table[0][0] if source.table else 0.0)
+            fill(self._type(), nested([(source.path, written)]))
+        except (Refused, TypeError) as error:
+            raise Refused(
+                "UNKNOWN_FIELD",
+                f"{source.position}: visitors cannot write {source.field.text} of {source.type}: "
+                f"{error}",
+            ) from None
+        return example
+
+
+class VisitorsNode(GuardedNode):
+    """Plays a script as people who come, are sensed, react and leave.
+
+    Args:
+        spec: The scene parameters and the sources that read them.
+        script: The visits.
+        node_kwargs: For :class:`rclpy.node.Node`.
+
+    Raises:
+        Refused: A source has a type or field that cannot be written, or persons are told apart.
+    """
+
+    def __init__(self, spec: SceneSpec, script: Script, **node_kwargs: Any) -> None:
+        if spec.persons is not None:
+            raise Refused(
+                "PERSONS_TOLD_APART",
+                f"{spec.persons.tracked.position}: visitors come one at a time and without ids; "
+                "expected a scene.yaml without 'persons'",
+            )
+        super().__init__("visitors", **node_kwargs)
+        self._spec = spec
+        self._script = script
+        self._declare()
+        self._performance = Performance(
+            script, wait_for_agents=self._wait_for_agents, pace=self._pace
+        )
+        self._values: dict[str, float] = {}
+        self._person = False
+        self._seen: set[str] = set()
+        self._trigger_at = math.inf
+        self._next_at = 0.0
+        self._complain_at = math.inf
+        self._awaiting_scene = False
+        self._sensing_pending = False
+        self._reactions: list[tuple[float, Publisher, Any]] = []
+        self._publish_and_subscribe()
+        steady_timer(self, SENSOR_PERIOD_S, self._sense)
+        self._timer = steady_timer(self, _TICK_S, self._tick)
+
+    def _declare(self) -> None:
+        pace = describe(
+            "speed of the visits relative to real time",
+            minimum=0.1,
+            maximum=1000.0,
+            read_only=True,
+        )
+        agents = describe(
+            "visitors come when the market has so many agents",
+            minimum=0,
+            maximum=1_000_000,
+            integer=True,
+            read_only=True,
+        )
+        self._pace = float(declare(self, "pace", 1.0, pace))
+        self._wait_for_agents = int(declare(self, "wait_for_agents", 1, agents))
+
+    def _publish_and_subscribe(self) -> None:
+        person = (self._spec.person,) if self._spec.person else ()
+        topics: dict[str, list[SourceSpec]] = {}
+        for source in (*self._spec.sources, *person):
+            topics.setdefault(source.topic, []).append(source)
+        self._sensors = [_Sensor(self, topic, sources) for topic, sources in topics.items()]
+        buttons = {topic for visit in self._script.visits for topic in visit.buttons}
+        self._buttons = {t: self.create_publisher(Bool, t, qos.EVENTS) for t in sorted(buttons)}
+        self._trigger = self.create_publisher(Empty, "scene_layer/trigger", qos.EVENTS)
+        self._analyze = self.create_client(Analyze, "scene_layer/analyze", qos_profile=qos.SERVICE)
+        self._calls = Calls(self)
+        self._answers = self.create_publisher(String, "answers", qos.EVENTS)
+        self._current = self.create_publisher(String, "visitors/current", qos.FACT)
+        self._done = self.create_publisher(Bool, "visitors/done", qos.FACT)
+        self.create_subscription(MarketStatus, "market", self._on_market, qos.FACT)
+        self.create_subscription(SceneMsg, "scene", self._on_scene, qos.EVENTS)
+        self.create_subscription(Run, "runs", self._on_run, qos.EVENTS)
+        self.create_subscription(String, "robot/questions", self._on_question, qos.EVENTS)
+        self.create_subscription(String, "robot/transcript", self._on_act, qos.EVENTS)
+
+    # What arrives
+
+    def _on_market(self, message: Any) -> None:
+        market = Market(
+            epoch=message.epoch,
+            idle=message.state == MarketStatus.IDLE,
+            agents=message.agents,
+            finished_scene_id=message.finished_scene_id,
+        )
+        self._performance.market(market, time.monotonic())
+
+    def _on_scene(self, message: Any) -> None:
+        if self._awaiting_scene:
+            self._awaiting_scene = False
+            self._performance.announced(message.scene_id)
+
+    def _on_run(self, message: Any) -> None:
+        if message.event == Run.STARTED:
+            self._performance.started(message.scene.scene_id, time.monotonic())
+
+    def _on_question(self, message: Any) -> None:
+        visit = self._performance.visit
+        text = answer(visit, message.data) if visit is not None else ""
+        if text:
+            self._react_soon(self._answers, String(data=text))
+
+    def _on_act(self, message: Any) -> None:
+        visit = self._performance.visit
+        for topic, words in (visit.buttons if visit is not None else {}).items():
+            if words.casefold() in message.data.casefold():
+                self._react_soon(self._buttons[topic], Bool(data=True))
+
+    def _react_soon(self, publisher: Publisher, message: Any) -> None:
+        self._reactions.append((time.monotonic() + REACTION_S / self._pace, publisher, message))
+
+    # What is done
+
+    def _sense(self) -> None:
+        values = readings(self._spec, self._values, self._person)
+        for sensor in self._sensors:
+            sensor.publish(values)
+
+    def _tick(self) -> None:
+        now = time.monotonic()
+        if self._performance.over():
+            self._leave(now)
+        elif self._performance.not_taken(now):
+            self.get_logger().warning("nobody took the scene of the visit; it is begun again")
+            self._leave(now)
+        if self._performance.done:
+            self._finish()
+            return
+        if now >= self._next_at:
+            visit = self._performance.next(now)
+            if visit is not None:
+                self._arrive(visit, now)
+        self._trigger_when_sensed(now)
+        self._react(now)
+
+    def _arrive(self, visit: Visit, now: float) -> None:
+        self.get_logger().info(f"visit {self._performance.number}: {visit.label}")
+        self._current.publish(String(data=visit.label))
+        self._values, self._person = dict(visit.values), visit.person
+        self._seen = set(visit.values)
+        self._awaiting_scene = False
+        self._trigger_at = math.inf
+        self._complain_at = now + COMPLAIN_S
+        self._sensing_pending = True
+
+    def _trigger_when_sensed(self, now: float) -> None:
+        """Ask for the scene once every sensor in use has a reader and has been read."""
+        if self._sensing_pending:
+            silent = [p.topic_name for p in self._listened() if p.get_subscription_count() == 0]
+            if silent:
+                self._complain(silent, now)
+                return
+            self._sensing_pending = False
+            self._sense()
+            self._trigger_at = now + SETTLE_S
+        elif now >= self._trigger_at:
+            self._trigger_at = math.inf
+            self._awaiting_scene = True
+            visit = self._performance.visit
+            if visit is not None and visit.urgent:
+                self._ask_urgently()
+            else:
+                self._trigger.publish(Empty())
+
+    def _ask_urgently(self) -> None:
+        """Ask for the scene by the service, as a trigger cannot say how urgent it is."""
+        self._calls.call(
+            self._analyze,
+            Analyze.Request(urgent=True, announce=True),
+            deadline_s=COMPLAIN_S,
+            on_answer=lambda _: None,
+            on_failure=lambda reason: self.get_logger().warning(
+                f"the scene is not there: {reason}"
+            ),
+        )
+
+    def _listened(self) -> list[Publisher]:
+        values = readings(self._spec, self._values, self._person)
+        used = [
+            sensor.publisher
+            for sensor in self._sensors
+            if any(is_read(values[source]) for source in sensor.sources)
+        ]
+        return [self._trigger, *used]
+
+    def _complain(self, silent: list[str], now: float) -> None:
+        if now >= self._complain_at:
+            self._complain_at = now + COMPLAIN_S
+            self.get_logger().warning(
+                f"nobody listens to {', '.join(silent)}; "
+                "does the scene layer run, without a script of its own?"
+            )
+
+    def _react(self, now: float) -> None:
+        for change in self._performance.due(now):
+            self._change(change)
+        for reaction in list(self._reactions):
+            at, publisher, message = reaction
+            if now >= at:
+                self._reactions.remove(reaction)
+                publisher.publish(message)
+
+    def _change(self, change: Change) -> None:
+        self._values.update(change.values)
+        self._seen.update(change.values)
+        if change.person is not None:
+            self._person = change.person
+        self._sense()
+
+    def _leave(self, now: float) -> None:
+        visits = self._script.visits
+        index = self._performance.number - 1
+        coming = visits[index] if index < len(visits) else None
+        self._next_at = now + pause_after(self._spec, self._seen, coming, self._pace)
+        self._values, self._person, self._reactions = {}, False, []
+        self._sensing_pending = self._awaiting_scene = False
+        self._trigger_at = math.inf
+        self._current.publish(String(data=""))
+        self._sense()
+
+    def _finish(self) -> None:
+        self._timer.cancel()
+        self._done.publish(Bool(data=True))
+        self.get_logger().info("all visits are over")
+
+
+def make_node() -> VisitorsNode:
+    """Create the node as the parameters of its process ask for.
+
+    Raises:
+        BtAgentsError: The trees folder, ``scene.yaml`` or the script cannot be used.
+    """
+
+    def make(values: Mapping[str, str]) -> VisitorsNode:
+        spec = read_scene(find_trees(values["trees"]) / "scene.yaml")
+        if not values["script"]:
+            raise Refused("EMPTY", "parameter script is empty; name a file of visits")
+        return VisitorsNode(spec, read_script(Path(values["script"]), spec.space))
+
+    script = StartParameter(name="script", description="script with the visits")
+    return make_from_parameters("visitors", (TREES, script), make)
+
+
+def main(args: Sequence[str] | None = None) -> int:
+    """Run the visitors until they are told to stop; return the exit code."""
+    return run(make_node, args)
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

@@ -1,0 +1,40 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The base class of every node of the system."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from rcl_interfaces.msg import SetParametersResult
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+
+from bt_agents_ros.workarounds.parameter_services import ParameterServices
+from bt_agents_ros.workarounds.quick_logger import LogLines
+
+
+class GuardedNode(Node):
+    """A node whose parameters are finite numbers, and which survives every request about them.
+
+    Args:
+        name: Name of the node.
+        node_kwargs: For :class:`rclpy.node.Node`.
+    """
+
+    def __init__(self, name: str, **node_kwargs: Any) -> None:
+        super().__init__(name, start_parameter_services=False, **node_kwargs)
+        self._logger = LogLines(self.get_logger().name)
+        self.add_on_set_parameters_callback(_check_finite)
+        self._parameter_services = ParameterServices(self)
+
+
+def _check_finite(parameters: list[Parameter[Any]]) -> SetParametersResult:
+    for parameter in parameters:
+        if isinstance(parameter.value, float) and not math.isfinite(parameter.value):
+            return SetParametersResult(
+                successful=False,
+                reason=f"NOT_FINITE: parameter '{parameter.name}' is {parameter.value}, "
+                "expected a finite number",
+            )
+    return SetParametersResult(successful=True)

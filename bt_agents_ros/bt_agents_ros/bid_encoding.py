@@ -1,0 +1,86 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Answers to calls for bids as bytes, of which all but the round is mostly as it was before."""
+
+from __future__ import annotations
+
+import sys
+from functools import lru_cache
+
+from rclpy.serialization import serialize_message
+
+from bt_agents.host.agent_registry import Answer
+from bt_agents_interfaces.msg import Bids
+
+_HEADER_BYTES = 4
+"""How a message says by which rules, and in which order of bytes, it is written."""
+
+_NUMBER_BYTES = 4
+_MARKS = (0x01020304, 0xF1F2F3F4)
+
+
+class Saying:
+    """Makes the answers of a host; what is the same as in its last one is not made again.
+
+    Args:
+        host: Fully qualified name of the host.
+        instance: This start of it.
+    """
+
+    def __init__(self, host: str, instance: str) -> None:
+        self._host = host
+        self._instance = instance
+        self._said: tuple[str, Answer] | None = None
+        self._rest = b""
+
+    def message(self, epoch: str, number: int, answer: Answer) -> bytes:
+        """Return the serialized message of an answer in a round of a market."""
+        if self._said != (epoch, answer):
+            message = serialize_message(
+                Bids(
+                    epoch=epoch,
+                    host=self._host,
+                    host_instance=self._instance,
+                    agents=answer.bidders.names,
+                    agent_ids=answer.bidders.ids,
+                    vectors=answer.bidders.vectors,
+                    weights=answer.bidders.weights,
+                    declined=list(answer.declined),
+                    decline_reasons=list(answer.declined.values()),
+                )
+            )
+            self._rest = message[len(_before(epoch)) + _NUMBER_BYTES :]
+            self._said = (epoch, answer)
+        return _before(epoch) + number.to_bytes(_NUMBER_BYTES, sys.byteorder) + self._rest
+
+
+def number_of(message: bytes, like: bytes, epoch: str) -> int | None:
+    """Return the number of the round of a message; None when more than it is unlike another one.
+
+    None too when it is written by other rules than messages of this process.
+
+    Args:
+        message: Serialized.
+        like: Another one.
+        epoch: The market that the other one is for.
+    """
+    start = len(_before(epoch))
+    end = start + _NUMBER_BYTES
+    same = (
+        len(message) == len(like)
+        and message.startswith(_before(epoch)[:_HEADER_BYTES])
+        and message.startswith(like[:start])
+        and message.endswith(memoryview(like)[end:])
+    )
+    return int.from_bytes(message[start:end], sys.byteorder) if same else None
+
+
+@lru_cache(maxsize=4)
+def _before(epoch: str) -> bytes:
+    """Return how every message for a market begins, up to the number of the round."""
+    # Bytes between two fields are left as they were, and so differ from message to message.
+    one, other = (serialize_message(Bids(epoch=epoch, round=mark)) for mark in _MARKS)
+    mine, its = (mark.to_bytes(_NUMBER_BYTES, sys.byteorder) for mark in _MARKS)
+    place = next(
+        i for i in range(len(one)) if one.startswith(mine, i) and other.startswith(its, i)
+    )
+    return bytes(one[:place])

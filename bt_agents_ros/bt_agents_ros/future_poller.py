@@ -1,0 +1,55 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Jobs of other threads whose end the executor's thread is told of."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from concurrent.futures import Future as Job
+from typing import Any
+
+from rclpy.node import Node
+
+from bt_agents_ros.timers import steady_timer
+
+LIMIT_S = 5.0
+"""How long a job is waited for [s]; it goes on after that."""
+
+_LOOK_S = 0.01
+
+
+class Jobs:
+    """Looks at jobs while there are some: their threads must not call into rclpy.
+
+    Args:
+        node: Whose executor calls back; call from its thread only.
+    """
+
+    def __init__(self, node: Node) -> None:
+        self._followed: list[tuple[Job[Any], float, Callable[[str], None]]] = []
+        self._timer = steady_timer(node, _LOOK_S, self._look, running=False)
+
+    def follow(self, job: Job[Any], done: Callable[[str], None]) -> None:
+        """Call back once, when a job has ended or :data:`LIMIT_S` has passed.
+
+        Args:
+            job: Of another thread.
+            done: Takes what went wrong in words; nothing when the job has succeeded.
+        """
+        self._followed.append((job, time.monotonic() + LIMIT_S, done))
+        if self._timer.is_canceled():
+            self._timer.reset()
+
+    def _look(self) -> None:
+        now = time.monotonic()
+        ended = [one for one in self._followed if one[0].done() or now >= one[1]]
+        self._followed = [one for one in self._followed if one not in ended]
+        if not self._followed:
+            self._timer.cancel()
+        for job, _, done in ended:
+            if not job.done():
+                done(f"not done within {LIMIT_S:g} s, but it goes on")
+            elif job.cancelled():
+                done("given up")
+            else:
+                done(str(job.exception() or ""))

@@ -1,0 +1,78 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the tree language asks about the ROS types of this machine, answered from their classes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from rosidl_parser import definition as idl
+
+from bt_agents_core.errors import Refused
+from bt_agents_language.model.specs import BindingKind, FieldType, Plain
+from bt_agents_ros.types import SECTIONS, fill, load_type, slot_at, types_of
+
+
+class InstalledInterfaces:
+    """The installed ROS types; see :class:`bt_agents_language.model.interfaces.Interfaces`."""
+
+    def has_package(self, package: str) -> bool:
+        """Return whether a ROS package is installed."""
+        return bool(types_of(package))
+
+    def type_problem(self, kind: BindingKind, type_name: str) -> str | None:
+        """Return why a type cannot be used for an interface of this kind; None when it can."""
+        try:
+            load_type(type_name, kind)
+        except Refused as refused:
+            return refused.reason
+        return None
+
+    def field_problem(
+        self, kind: BindingKind, type_name: str, section: str, path: str
+    ) -> str | None:
+        """Return why a type has no such field; None when it has."""
+        try:
+            slot_at(_section(kind, type_name, section), path)
+        except Refused as refused:
+            return refused.reason
+        return None
+
+    def field_type(self, kind: BindingKind, type_name: str, section: str, path: str) -> FieldType:
+        """Return the type of a field's value; ANY for lists, messages and what is not there."""
+        try:
+            slot = slot_at(_section(kind, type_name, section), path)
+        except Refused:
+            return FieldType.ANY
+        if isinstance(slot, idl.AbstractGenericString):
+            return FieldType.TEXT
+        if not isinstance(slot, idl.BasicType):
+            return FieldType.ANY
+        if slot.typename == idl.BOOLEAN_TYPE:
+            return FieldType.BOOLEAN
+        floating = slot.typename in idl.FLOATING_POINT_TYPES
+        return FieldType.NUMBER if floating else FieldType.INTEGER
+
+    def value_problem(
+        self, kind: BindingKind, type_name: str, section: str, values: Mapping[str, Plain]
+    ) -> str | None:
+        """Return why values do not fit the fields of a type; None when they do."""
+        try:
+            fill(_section(kind, type_name, section)(), values)
+        except Refused as refused:
+            return refused.reason
+        return None
+
+
+def _section(kind: BindingKind, type_name: str, section: str) -> Any:
+    """Return the class of a section of a type.
+
+    Raises:
+        Refused: There is no such type or section.
+    """
+    found = load_type(type_name, kind)
+    if section != "message":
+        found = getattr(found, SECTIONS.get(section, ""), None)
+    if not hasattr(found, "SLOT_TYPES"):
+        raise Refused("UNKNOWN_FIELD", f"{type_name} has no {section}")
+    return found

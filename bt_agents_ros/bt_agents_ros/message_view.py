@@ -1,0 +1,39 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A ROS message as plain data, of which only what is looked at is converted."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from bt_agents_language.model.specs import Plain
+from bt_agents_ros.types import read_field
+
+
+class MessageView(Mapping[str, Plain]):
+    """The fields of a message by name; an image that nobody looks at costs nothing.
+
+    Args:
+        message: Instance of a ROS message, which must not change any more.
+    """
+
+    def __init__(self, message: Any) -> None:
+        self._message = message
+        self._names = message.get_fields_and_field_types()
+        self._converted: dict[str, Plain] = {}
+
+    def __getitem__(self, name: str) -> Plain:
+        if name not in self._names:
+            raise KeyError(name)
+        if name not in self._converted:
+            self._converted[name] = read_field(self._message, name)
+        return self._converted[name]
+
+    def __contains__(self, name: object) -> bool:
+        return name in self._names
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._names)
+
+    def __len__(self) -> int:
+        return len(self._names)

@@ -1,0 +1,30 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Starts a node by the name of its module: ``python -m bt_agents_ros.node_main MODULE …``."""
+
+from __future__ import annotations
+
+import importlib
+import sys
+
+from bt_agents_ros.signals import end_silently
+
+SUPERVISED = "BT_AGENTS_SUPERVISED"
+"""Environment variable with the pid of the parent to whose life a node's process is tied."""
+
+READY = "BT_AGENTS_READY"
+"""Environment variable with the file descriptor on which a node's process says that it is up."""
+
+
+def start(module: str) -> int:
+    """Import a node's module, which takes long, and run its ``main``; return the exit code."""
+    end_silently()
+    return int(importlib.import_module(module).main())
+
+
+def agents() -> int:
+    """Run a host; return the exit code."""
+    return start("bt_agents.host.node")
+
+
+if __name__ == "__main__":
+    raise SystemExit(start(sys.argv.pop(1)))

@@ -1,0 +1,140 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The one way a node is run: guarded against exceptions, stopped cleanly by SIGINT and SIGTERM."""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import signal
+import sys
+import time
+import traceback
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from typing import Protocol, TypeVar
+
+import rclpy
+from rclpy.executors import ExternalShutdownException
+from rclpy.node import Node
+from rclpy.signals import SignalHandlerOptions
+
+from bt_agents_ros.node_main import READY, SUPERVISED
+from bt_agents_ros.signals import Interrupt, Interrupted
+from bt_agents_ros.workarounds.cached_executor import LeanExecutor
+
+_POLL_S = 0.1
+STOP_LIMIT_S = 1.0
+"""How long a node that is stopped has to end what it has under way [s]."""
+
+_LAST_RESULTS_S = 0.05
+_PR_SET_PDEATHSIG = 1
+
+
+class Stopping(Protocol):
+    """A node that needs some turns of the executor to end what it has under way."""
+
+    def request_stop(self) -> None:
+        """Start ending; called once."""
+
+    def stopped(self) -> bool:
+        """Return True when nothing is under way any more."""
+
+
+NodeT = TypeVar("NodeT", bound=Node)
+
+
+class Turner:
+    """Turns a node; an exception in a callback is reported and survived."""
+
+    def __init__(self, node: Node) -> None:
+        self.node = node
+        self.executor = LeanExecutor()
+        self.executor.add_node(node)
+
+    def turn(self, timeout_s: float = _POLL_S) -> None:
+        """Wait up to ``timeout_s`` seconds for work and do one piece of it."""
+        try:
+            self.executor.spin_once(timeout_sec=timeout_s)
+        except ExternalShutdownException:
+            raise
+        except Exception:
+            if not self.node.context.ok():
+                raise ExternalShutdownException from None
+            self.node.get_logger().error(
+                "a callback failed and was skipped:\n" + traceback.format_exc()
+            )
+
+    def turn_until(self, done: Callable[[], bool], limit_s: float) -> bool:
+        """Turn until ``done()`` is true or ``limit_s`` seconds have passed; return ``done()``."""
+        end = time.monotonic() + limit_s
+        while not done():
+            left = end - time.monotonic()
+            if left <= 0:
+                return False
+            self.turn(min(left, _POLL_S))
+        return True
+
+    def close(self) -> None:
+        """Stop the executor and destroy the node, in the order that Fast DDS survives."""
+        self.executor.shutdown(timeout_sec=0.5)
+        self.node.destroy_node()
+
+
+def run(make_node: Callable[[], NodeT], args: Sequence[str] | None = None) -> int:
+    """Create a node and turn it until SIGINT, SIGTERM or a shutdown of its context.
+
+    A node with the methods of :class:`Stopping` gets up to a second to end what it has under way.
+
+    Args:
+        make_node: Called after ``rclpy.init``; may raise, which ends the process with one line.
+        args: Command line as ROS expects it; None takes that of the process.
+
+    Returns:
+        Exit code: 0 after a clean stop, 1 when the node could not be created.
+    """
+    interrupt = Interrupt()
+    _die_with_parent()
+    rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
+    try:
+        try:
+            with interrupt.cutting_short():
+                node = make_node()
+        except Interrupted:
+            return 0
+        except Exception as error:
+            print(f"error: {error}", file=sys.stderr)
+            return 1
+        turner = Turner(node)
+        try:
+            _say_ready()
+            while not interrupt and rclpy.ok():
+                turner.turn()
+            if hasattr(node, "request_stop") and rclpy.ok():
+                node.request_stop()
+                turner.turn_until(node.stopped, STOP_LIMIT_S)
+                # The executor still has to send the results of what has just ended.
+                turner.turn_until(lambda: False, _LAST_RESULTS_S)
+        except ExternalShutdownException:
+            pass
+        finally:
+            turner.close()
+        return 0
+    finally:
+        rclpy.try_shutdown()
+
+
+def _say_ready() -> None:
+    descriptor = os.environ.pop(READY, "")
+    if descriptor.isdecimal():
+        # The parent may have ended.
+        with suppress(OSError), os.fdopen(int(descriptor), "wb") as parent:
+            parent.write(b"up")
+
+
+def _die_with_parent() -> None:
+    parent = os.environ.get(SUPERVISED)
+    if parent and sys.platform == "linux":
+        ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)
+        if os.getppid() != int(parent):
+            # It has died before it could be watched.
+            os.kill(os.getpid(), signal.SIGTERM)

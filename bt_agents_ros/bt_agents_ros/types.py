@@ -1,0 +1,399 @@
+# SPDX-License-Identifier: Apache-2.0
+"""ROS types found by their names and messages filled from plain data, both strictly checked."""
+
+from __future__ import annotations
+
+import difflib
+import importlib
+import math
+import os
+import re
+import sys
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import rclpy
+from rosidl_parser import definition as idl
+
+from bt_agents_core.errors import Refused
+from bt_agents_language.model.interfaces import FOLDERS
+from bt_agents_language.model.specs import BindingKind
+
+SECTIONS = {
+    "goal": "Goal",
+    "result": "Result",
+    "feedback": "Feedback",
+    "request": "Request",
+    "response": "Response",
+}
+
+_TYPE_NAME = re.compile(r"[a-z][a-z0-9_]*/(msg|srv|action)/[A-Z][A-Za-z0-9]*")
+_SHORT_NAME = re.compile(r"([a-z][a-z0-9_]*)/([A-Z][A-Za-z0-9]*)")
+_LARGEST_FLOAT32 = 3.4028234663852886e38
+_SECONDS = {
+    ("builtin_interfaces", "msg", "Time"): (0, 2**31),
+    ("builtin_interfaces", "msg", "Duration"): (-(2**31), 2**31),
+}
+"""Types that may be written as seconds, with the seconds that fit: from, below."""
+
+
+def load_type(name: str, kind: BindingKind | None = None) -> Any:
+    """Return the class of a ROS type; nothing is imported unless an installed package lists it.
+
+    Args:
+        name: Full name, for example ``std_msgs/msg/Bool``.
+        kind: What the type is needed for; None takes any kind.
+
+    Raises:
+        Refused: ``UNKNOWN_TYPE``, ``WRONG_KIND`` or ``TYPE_NOT_LOADABLE``.
+    """
+    if not isinstance(name, str) or not _TYPE_NAME.fullmatch(name):
+        raise Refused("UNKNOWN_TYPE", _name_problem(name, kind))
+    package, folder, short = name.split("/")
+    if kind is not None and folder != FOLDERS[kind]:
+        raise Refused(
+            "WRONG_KIND",
+            f"'{name}' is not the type of a ROS {kind.value}; expected a name like "
+            f"{package}/{FOLDERS[kind]}/{short}",
+        )
+    known = types_of(package)
+    if not known:
+        raise Refused("UNKNOWN_TYPE", f"no ROS type '{name}': {_package_problem(name)}")
+    if f"{folder}/{short}" not in known:
+        alike = _did_you_mean(name, [f"{package}/{type_name}" for type_name in known])
+        raise Refused("UNKNOWN_TYPE", f"no ROS type '{name}' in package {package}{alike}")
+    try:
+        return getattr(importlib.import_module(f"{package}.{folder}"), short)
+    except (ImportError, AttributeError) as error:
+        raise Refused(
+            "TYPE_NOT_LOADABLE",
+            f"the package {package} lists '{name}' but has no Python code for it ({error}); "
+            "build or install it again",
+        ) from None
+
+
+def fill(message: Any, values: Mapping[str, Any]) -> None:
+    """Set fields of a message from plain nested data; on an error nothing is set.
+
+    A whole number is taken for a float, NaN too; a boolean is no number and a number no text.
+    ``builtin_interfaces`` Time and Duration may be written as seconds.
+
+    Args:
+        message: Instance of a ROS message; fields that ``values`` does not name stay.
+        values: Mappings, sequences and scalars in the shape of the message.
+
+    Raises:
+        Refused: ``UNKNOWN_FIELD``, ``WRONG_TYPE``, ``WRONG_LENGTH``, ``OUT_OF_RANGE`` or
+            ``NOT_FINITE``, with the path of the field.
+    """
+    for owner, name, value in _assignments(message, values, ""):
+        setattr(owner, name, value)
+
+
+def to_plain(message: Any) -> dict[str, Any]:
+    """Return a message as nested mappings, lists and scalars; a byte becomes an integer."""
+    return {name: _plain(getattr(message, name)) for name in message.get_fields_and_field_types()}
+
+
+def read_field(message: Any, path: str) -> Any:
+    """Return one field of a message as plain data.
+
+    Args:
+        message: Instance of a ROS message.
+        path: Field names joined by dots; a number picks an item: ``faces.0.mood``.
+
+    Raises:
+        Refused: ``UNKNOWN_FIELD``, or ``NO_SUCH_ITEM`` where a list is too short.
+    """
+    value = message
+    done: list[str] = []
+    for part in path.split("."):
+        if hasattr(value, "get_fields_and_field_types"):
+            fields = value.get_fields_and_field_types()
+            if part not in fields:
+                raise Refused("UNKNOWN_FIELD", _field_words(part, done, fields))
+            value = getattr(value, part)
+        elif part.isascii() and part.isdigit() and _is_list(value):
+            if int(part) >= len(value):
+                raise Refused(
+                    "NO_SUCH_ITEM",
+                    f"'{'.'.join(done)}' has {len(value)} items, no number {part} (from 0)",
+                )
+            value = value[int(part)]
+        else:
+            raise Refused("UNKNOWN_FIELD", _leaf_words(part, done, _is_list(value)))
+        done.append(part)
+    return _plain(value)
+
+
+def types_of(package: str) -> list[str]:
+    """Return the types of an installed package as ``msg/Bool``; empty when it has none.
+
+    The ament index names them in ``share/ament_index/resource_index/rosidl_interfaces/<package>``.
+    """
+    for prefix in prefixes():
+        entry = prefix / "share/ament_index/resource_index/rosidl_interfaces" / package
+        try:
+            lines = entry.read_text(encoding="utf-8").split()
+        except (OSError, UnicodeDecodeError):
+            continue
+        return sorted({line.rpartition(".")[0] for line in lines if _is_interface(line)})
+    return []
+
+
+def _is_interface(line: str) -> bool:
+    return line.startswith(("msg/", "srv/", "action/")) and line.count("/") == 1
+
+
+def prefixes() -> list[Path]:
+    """Return the folders in which ROS packages are installed, first choice first."""
+    # The wheels of PyPI register in the environment's prefix and set no AMENT_PREFIX_PATH.
+    sourced = [
+        Path(part) for part in os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep) if part
+    ]
+    return [*sourced, Path(rclpy.__file__).parents[4], Path(sys.prefix)]
+
+
+def _packages() -> list[str]:
+    found: set[str] = set()
+    for prefix in prefixes():
+        folder = prefix / "share/ament_index/resource_index/rosidl_interfaces"
+        if folder.is_dir():
+            found.update(entry.name for entry in folder.iterdir())
+    return sorted(found)
+
+
+def _name_problem(name: object, kind: BindingKind | None) -> str:
+    folder = FOLDERS[kind] if kind is not None else "msg"
+    short = _SHORT_NAME.fullmatch(name) if isinstance(name, str) else None
+    if short:
+        return f"no ROS type '{name}': write the full name, {short[1]}/{folder}/{short[2]}"
+    return (
+        f"{_shown(name)} is not the name of a ROS type; "
+        f"expected package/{folder}/Name, for example std_msgs/msg/Bool"
+    )
+
+
+def _package_problem(name: str) -> str:
+    package, folder, short = name.split("/")
+    for other in difflib.get_close_matches(package, _packages(), n=3, cutoff=0.8):
+        # Close names of real packages differ (nav_msgs, nav2_msgs): the type must be there too.
+        if f"{folder}/{short}" in types_of(other):
+            return f"there is no package {package}; did you mean {other}/{folder}/{short}?"
+    return (
+        f"package {package} is not installed "
+        f"(apt install ros-jazzy-{package.replace('_', '-')}, or source its workspace)"
+    )
+
+
+def _did_you_mean(word: str, known: Collection[str]) -> str:
+    alike = difflib.get_close_matches(word, list(known), n=1, cutoff=0.6)
+    return f"; did you mean {alike[0]}?" if alike else f"; there are {', '.join(known)}"
+
+
+def _slots(message_type: Any) -> dict[str, Any]:
+    """Return the fields of a message type with their rosidl types."""
+    return dict(
+        zip(message_type.get_fields_and_field_types(), message_type.SLOT_TYPES, strict=True)
+    )
+
+
+def slot_at(message_type: Any, path: str) -> Any:
+    """Return the rosidl type of a field, or the class of a nested message.
+
+    Args:
+        message_type: Class of a message.
+        path: Field names joined by dots; a number picks an item of a list.
+
+    Raises:
+        Refused: ``UNKNOWN_FIELD``.
+    """
+    current: Any = message_type
+    done: list[str] = []
+    for part in path.split("."):
+        if hasattr(current, "SLOT_TYPES"):
+            slots = _slots(current)
+            if part not in slots:
+                raise Refused("UNKNOWN_FIELD", _field_words(part, done, slots))
+            current = _resolved(slots[part])
+        elif isinstance(current, idl.AbstractNestedType) and part.isascii() and part.isdigit():
+            size = getattr(current, "size", getattr(current, "maximum_size", math.inf))
+            if int(part) >= size:
+                raise Refused(
+                    "UNKNOWN_FIELD",
+                    f"'{'.'.join(done)}' has at most {size} items, no number {part} (from 0)",
+                )
+            current = _resolved(current.value_type)
+        else:
+            is_list = isinstance(current, idl.AbstractNestedType)
+            raise Refused("UNKNOWN_FIELD", _leaf_words(part, done, is_list))
+        done.append(part)
+    return current
+
+
+def _resolved(slot: Any) -> Any:
+    """Return the class of a nested message type; any other rosidl type as it is."""
+    if not isinstance(slot, idl.NamespacedType):
+        return slot
+    return getattr(importlib.import_module(".".join(slot.namespaces)), slot.name)
+
+
+def _field_words(part: str, done: Sequence[str], fields: Collection[str]) -> str:
+    where = f" in '{'.'.join(done)}'" if done else ""
+    if not fields:
+        return f"no field '{part}'{where}; the message has no fields"
+    return f"no field '{part}'{where}{_did_you_mean(part, fields)}"
+
+
+def _leaf_words(part: str, done: Sequence[str], is_list: bool) -> str:
+    if is_list:
+        return f"'{'.'.join(done)}' is a list; pick an item by its number instead of '{part}'"
+    return f"no field '{part}': '{'.'.join(done)}' is a single value"
+
+
+def _is_list(value: object) -> bool:
+    """Whether a field's value is a list, an ``array.array`` or a numpy array."""
+    return hasattr(value, "__getitem__") and not isinstance(value, str | bytes)
+
+
+def _plain(value: Any) -> Any:
+    if hasattr(value, "get_fields_and_field_types"):
+        return to_plain(value)
+    if isinstance(value, bytes):
+        return value[0] if len(value) == 1 else list(value)
+    if hasattr(value, "tolist"):
+        return value.tolist()
+    if isinstance(value, Sequence) and not isinstance(value, str):
+        return [_plain(item) for item in value]
+    return value
+
+
+def _assignments(message: Any, values: Any, path: str) -> Iterable[tuple[Any, str, Any]]:
+    """Check all values of one message and return what to set: owner, field, value."""
+    seconds = _as_seconds(type(message), values, path)
+    if seconds is not None:
+        values = seconds
+    if not isinstance(values, Mapping):
+        raise _wrong_type(path, "a mapping of fields", values)
+    slots = _slots(type(message))
+    found: list[tuple[Any, str, Any]] = []
+    for name, value in values.items():
+        if name not in slots:
+            done = path.split(".") if path else []
+            raise Refused("UNKNOWN_FIELD", _field_words(str(name), done, slots))
+        here = f"{path}.{name}" if path else name
+        if isinstance(slots[name], idl.NamespacedType):
+            found.extend(_assignments(getattr(message, name), value, here))
+        else:
+            found.append((message, name, _converted(slots[name], value, here)))
+    return found
+
+
+def _converted(slot: Any, value: Any, path: str) -> Any:
+    if isinstance(slot, idl.NamespacedType):
+        message = _resolved(slot)()
+        for owner, name, part in _assignments(message, value, path):
+            setattr(owner, name, part)
+        return message
+    if isinstance(slot, idl.AbstractNestedType):
+        return _list(slot, value, path)
+    if isinstance(slot, idl.AbstractGenericString):
+        return _text(slot, value, path)
+    if slot.typename == idl.BOOLEAN_TYPE:
+        if not isinstance(value, bool):
+            raise _wrong_type(path, "true or false", value)
+        return value
+    if slot.typename in idl.FLOATING_POINT_TYPES:
+        return _float(slot, value, path)
+    return _integer(slot, value, path)
+
+
+def _list(slot: Any, value: Any, path: str) -> list[Any]:
+    if not isinstance(value, Iterable) or isinstance(value, str | bytes | Mapping):
+        raise _wrong_type(path, "a list", value)
+    items = list(value)
+    if isinstance(slot, idl.Array) and len(items) != slot.size:
+        raise Refused("WRONG_LENGTH", f"'{path}' has {len(items)} items, expected {slot.size}")
+    if isinstance(slot, idl.BoundedSequence) and len(items) > slot.maximum_size:
+        raise Refused(
+            "WRONG_LENGTH",
+            f"'{path}' has {len(items)} items, expected at most {slot.maximum_size}",
+        )
+    return [_converted(slot.value_type, item, f"{path}.{i}") for i, item in enumerate(items)]
+
+
+def _text(slot: Any, value: Any, path: str) -> str:
+    if not isinstance(value, str):
+        raise _wrong_type(path, "text", value)
+    # The C code behind a message would cut the text at a zero and fail at half a character.
+    if "\0" in value or any("\ud800" <= character <= "\udfff" for character in value):
+        raise Refused(
+            "WRONG_TYPE", f"'{path}' holds a character that ROS cannot send; expected plain text"
+        )
+    limit = getattr(slot, "maximum_size", math.inf)
+    if len(value) > limit:
+        raise Refused(
+            "WRONG_LENGTH", f"'{path}' has {len(value)} characters, expected at most {limit}"
+        )
+    return value
+
+
+def _float(slot: Any, value: Any, path: str) -> float:
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise _wrong_type(path, "a number", value)
+    largest = _LARGEST_FLOAT32 if slot.typename == "float" else sys.float_info.max
+    endless = isinstance(value, float) and math.isinf(value)
+    if abs(value) > largest and not endless:
+        raise Refused("OUT_OF_RANGE", f"'{path}' is too large, expected at most {largest:g}")
+    return float(value)
+
+
+def _integer(slot: Any, value: Any, path: str) -> int | bytes:
+    if isinstance(value, bool) or not isinstance(value, int):
+        raise _wrong_type(path, "a whole number", value)
+    octet = slot.typename == idl.OCTET_TYPE
+    low, high = _integer_range("uint8" if octet else slot.typename)
+    if not low <= value < high:
+        raise Refused("OUT_OF_RANGE", f"'{path}' does not fit, expected {low} to {high - 1}")
+    return bytes([value]) if octet else value
+
+
+def _integer_range(typename: str) -> tuple[int, int]:
+    """Return the smallest value and the one after the largest of ``int8`` to ``uint64``."""
+    if typename not in idl.EXPLICIT_INTEGER_TYPES:
+        raise Refused("WRONG_TYPE", f"a field of the IDL type {typename} cannot be written")
+    bits = int(typename.rpartition("int")[2])
+    return (0, 2**bits) if typename.startswith("u") else (-(2 ** (bits - 1)), 2 ** (bits - 1))
+
+
+def _as_seconds(message_type: Any, value: Any, path: str) -> dict[str, int] | None:
+    """Return the fields of a Time or Duration written as seconds; None for anything else."""
+    module = message_type.__module__.split(".")
+    limits = _SECONDS.get((module[0], module[1] if len(module) > 1 else "", message_type.__name__))
+    if limits is None or isinstance(value, bool) or not isinstance(value, int | float):
+        return None
+    if not math.isfinite(value):
+        raise Refused("NOT_FINITE", f"'{path}' is {value}, expected seconds")
+    low, high = limits
+    if not low <= value < high - 1:
+        raise Refused("OUT_OF_RANGE", f"'{path}' is {value:g} s, expected {low} to {high - 2} s")
+    whole, nanoseconds = divmod(round(value * 1e9), 1_000_000_000)
+    return {"sec": whole, "nanosec": nanoseconds}
+
+
+def _wrong_type(path: str, expected: str, found: Any) -> Refused:
+    where = f"'{path}'" if path else "the message"
+    return Refused("WRONG_TYPE", f"{where} is {_shown(found)}, expected {expected}")
+
+
+def _shown(value: Any) -> str:
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if value is None:
+        return "empty"
+    if isinstance(value, str):
+        return f"'{value[:60]}'" if len(value) <= 60 else f"'{value[:60]}…'"
+    if isinstance(value, int | float):
+        return f"{value:g}" if isinstance(value, float) else str(value)[:60]
+    return "a mapping" if isinstance(value, Mapping) else f"a {type(value).__name__}"

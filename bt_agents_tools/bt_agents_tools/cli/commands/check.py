@@ -1,0 +1,181 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`bt-agents check`: every problem of a trees folder, without a robot and even without ROS."""
+
+from __future__ import annotations
+
+import os
+import sys
+import time
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from pathlib import Path
+
+import click
+
+from bt_agents_core.errors import BtAgentsError
+from bt_agents_core.file_watch import changes, look_at
+from bt_agents_core.trees_folder import find_trees, folder_around
+from bt_agents_language.files.folder_reader import SUFFIXES
+from bt_agents_language.model.interfaces import Interfaces
+from bt_agents_language.reference.codes.entry import Severity
+from bt_agents_language.tools.folder_check import Checked, check_folder
+from bt_agents_language.yaml.renderers import as_annotation, as_json, as_text, count, wants_colour
+from bt_agents_tools.cli.constants import counted
+
+
+@click.command()
+@click.argument("paths", nargs=-1, metavar="[PATH]...")
+@click.option(
+    "--format",
+    "form",
+    type=click.Choice(["text", "json", "github"]),
+    default="text",
+    show_default=True,
+    help="text for people, json for programs, github for annotations in a workflow.",
+)
+@click.option("--strict", is_flag=True, help="Warnings count as errors for the exit code.")
+@click.option("--watch", is_flag=True, help="Check again whenever a file changes, until Ctrl-C.")
+def check(paths: tuple[str, ...], form: str, strict: bool, watch: bool) -> None:
+    """List every problem of a trees folder, or of some files in it.
+
+    A PATH is a trees folder, or an agent, test, skills, library or script in one; without it, it
+    is this folder, or the folder 'trees' here. Exit code 1 when there is an error; warnings alone
+    are none. 'bt-agents explain CODE' tells more about a problem. ROS types are looked up where
+    ROS is installed.
+    """
+    show = _SHOW[form]
+    if not watch:
+        checked = check_paths(paths, _installed())
+        show(checked)
+        sys.exit(1 if _fails(checked, strict) else 0)
+    try:
+        for _ in watched(paths, show, time.sleep):
+            click.echo(time.strftime("— checked again at %H:%M:%S"), err=True)
+    except KeyboardInterrupt:
+        return
+
+
+def check_paths(paths: Iterable[str], interfaces: Interfaces | None) -> Checked:
+    """Return the problems of folders and files.
+
+    Raises:
+        BtAgentsError: A path is neither a trees folder nor a file that belongs into one.
+    """
+    wanted: dict[Path, list[Path] | None] = {}
+    for path in map(Path, paths):
+        folder, part = _located(path)
+        # A whole folder includes its parts.
+        if part is None or wanted.get(folder, []) is None:
+            wanted[folder] = None
+        else:
+            wanted[folder] = [*(wanted.get(folder) or []), part]
+    if not wanted:
+        wanted[find_trees()] = None
+    found = []
+    for folder, only in wanted.items():
+        checked = check_folder(folder, interfaces, only)
+        if only and not checked.files and not checked.unchecked:
+            raise BtAgentsError(
+                f"'{only[0]}' is no file that the robot reads: in '{folder}' these are scene.yaml "
+                "and the .yaml files of agents, skills, libraries and scripts"
+            )
+        found.append(checked)
+    return Checked(
+        problems=tuple(problem for one in found for problem in one.problems),
+        agents=tuple(agent for one in found for agent in one.agents),
+        files=sum(one.files for one in found),
+        unchecked=tuple(file for one in found for file in one.unchecked),
+    )
+
+
+def watched(
+    paths: tuple[str, ...], show: Callable[[Checked], None], sleep: Callable[[float], None]
+) -> Iterator[tuple[str, ...]]:
+    """Check and show, and again after each change; yield the files that have changed before.
+
+    Args:
+        paths: As for :func:`check_paths`.
+        show: Shows what was found.
+        sleep: Waits so many seconds; raises ``KeyboardInterrupt`` to end.
+    """
+    interfaces = _installed()
+    folders = {_located(Path(path))[0] for path in paths} or {find_trees()}
+    # Looked at before it is checked: a change during the check must not be missed.
+    seen = changes(lambda: look_at(folders, SUFFIXES), sleep)
+    show(check_paths(paths, interfaces))
+    for changed in seen:
+        yield changed
+        try:
+            show(check_paths(paths, interfaces))
+        except BtAgentsError as error:
+            click.echo(f"error: {error}", err=True)
+
+
+def summary(checked: Checked) -> str:
+    """Return what was found in one line: ``4 agents are fine, 1 warning``."""
+    parts = []
+    agents, fine = len(checked.agents), not count(checked.problems, Severity.ERROR)
+    if agents:
+        parts.append(f"{counted(agents, 'agent')} {'is' if agents == 1 else 'are'} fine")
+    elif fine:
+        files = checked.files
+        parts.append(f"{counted(files, 'file')} {'is' if files == 1 else 'are'} fine")
+    for severity in Severity:
+        number = count(checked.problems, severity)
+        if number:
+            parts.append(counted(number, severity.value))
+    if checked.unchecked:
+        parts.append(
+            f"{counted(len(checked.unchecked), 'file')} not checked: mend the scene and the "
+            "skills first, which they need"
+        )
+    return ", ".join(parts)
+
+
+def _located(path: Path) -> tuple[Path, Path | None]:
+    """Return the trees folder that a path is about, and the part of it that is meant."""
+    if (path / "scene.yaml").is_file():
+        return path, None
+    if (path / "trees" / "scene.yaml").is_file():
+        return path / "trees", None
+    # A link that leads nowhere is there, and a problem.
+    if not os.path.lexists(path):
+        raise BtAgentsError(f"there is no file or folder '{path}'; check the name")
+    return folder_around(path), path
+
+
+def _fails(checked: Checked, strict: bool) -> bool:
+    return bool(count(checked.problems, Severity.ERROR)) or (strict and bool(checked.problems))
+
+
+def _show_text(checked: Checked) -> None:
+    colour = wants_colour(sys.stdout, os.environ)
+    if checked.problems:
+        click.echo(as_text(checked.problems, colour), color=colour)
+    click.echo(summary(checked))
+
+
+def _show_json(checked: Checked) -> None:
+    about = {"agents": checked.agents, "files": checked.files, "unchecked": checked.unchecked}
+    click.echo(as_json(checked.problems, about))
+
+
+def _show_annotations(checked: Checked) -> None:
+    for problem in checked.problems:
+        click.echo(as_annotation(problem))
+    click.echo(summary(checked))
+
+
+_SHOW: Mapping[str, Callable[[Checked], None]] = {
+    "text": _show_text,
+    "json": _show_json,
+    "github": _show_annotations,
+}
+
+
+def _installed() -> Interfaces | None:
+    """Return the installed ROS types; None without ROS, where types stay unchecked."""
+    try:
+        from bt_agents_ros.installed import InstalledInterfaces
+    except ImportError:
+        return None
+    return InstalledInterfaces()

@@ -1,0 +1,226 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`bt-agents explain`: the page of the reference about one word or one code, in the terminal."""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Iterable, Iterator
+from contextlib import suppress
+
+import click
+from rich.console import Console
+from rich.padding import Padding
+from rich.segment import Segment, Segments
+from rich.syntax import Syntax
+from rich.table import Table
+from rich.text import Text
+
+from bt_agents_core.errors import BtAgentsError
+from bt_agents_core.scene import SceneSpace
+from bt_agents_core.trees_folder import find_trees
+from bt_agents_language.model.plugins import installed_plugins
+from bt_agents_language.model.specs import SubtreeSpec
+from bt_agents_language.model.symbols import ImportProblem, Vocabulary
+from bt_agents_language.reference.codes.entry import Code
+from bt_agents_language.reference.codes.table import CODES
+from bt_agents_language.reference.node_pages import (
+    FieldEntry,
+    Group,
+    NodePage,
+    node_page,
+    node_pages,
+    subtree_page,
+)
+from bt_agents_language.reference.topics import TOPICS, Topic, topic
+from bt_agents_language.tools.schema.folder import folder_vocabulary
+from bt_agents_language.yaml.diagnostics import nearest, shown
+
+_WORDS_WIDTH = 34
+"""Columns for what may be written, so that what it means has room beside it."""
+
+Part = Text | Table | Padding
+"""A part of a page; a text that must not be wrapped has ``no_wrap``."""
+
+
+@click.command()
+@click.argument("word", metavar="[WORD|CODE]", required=False, default="")
+@click.option("--dir", "directory", default="", help="The trees folder whose words count.")
+def explain(word: str, directory: str) -> None:
+    """Explain a word of the language or a code of an error; without one, list them all.
+
+    WORD is a node, a skill, a modifier, a subtree of a library, or one of units, expressions and
+    names. CODE stands in brackets in a report of 'bt-agents check': error[unknown-node].
+    """
+    console = Console(highlight=False)
+    vocabulary = _vocabulary(directory)
+    print_page(console, explanation(word, vocabulary) if word else [_overview(vocabulary)])
+
+
+def print_page(console: Console, parts: Iterable[Part]) -> None:
+    """Print parts of a page without blanks at the ends of lines, and what is copied whole."""
+    for part in parts:
+        if isinstance(part, Text) and part.no_wrap:
+            console.print(part, soft_wrap=True)
+            continue
+        lines = map(_trimmed, console.render_lines(part, pad=False))
+        segments = (segment for line in lines for segment in (*line, Segment.line()))
+        console.print(Segments(segments), end="")
+
+
+def _trimmed(line: list[Segment]) -> list[Segment]:
+    while line and not line[-1].text.strip():
+        line = line[:-1]
+    return [*line[:-1], Segment(line[-1].text.rstrip(), line[-1].style)] if line else []
+
+
+def explanation(word: str, vocabulary: Vocabulary) -> Iterable[Part]:
+    """Return the page of a word, part by part.
+
+    Args:
+        word: Any word of the language or code, as written or as a report shows it.
+        vocabulary: The words that there are.
+
+    Raises:
+        BtAgentsError: There is no such word.
+    """
+    plain = word.strip().rstrip(":")
+    if plain.endswith("]"):
+        plain = plain[:-1].rpartition("[")[2]
+    if plain in CODES:
+        return _code(CODES[plain])
+    page = node_page(plain, vocabulary)
+    if page is not None:
+        return _node(page)
+    about = topic(plain, vocabulary.space)
+    if about is not None:
+        return _topic(about)
+    subtrees = list(_subtrees(vocabulary))
+    pages = [subtree_page(library, one) for library, one in subtrees if one.name == plain]
+    if pages:
+        return (part for one in pages for part in _node(one))
+    # A word that could be either is rather a node that somebody has typed than a code.
+    words = [one.key for one in node_pages(vocabulary)] + [*TOPICS]
+    near = nearest(plain, [*words, *(one.name for _, one in subtrees)]) or nearest(plain, CODES)
+    hint = f"did you mean '{near}'?" if near else "'bt-agents explain' lists all"
+    raise BtAgentsError(f"there is no word or code {shown(plain)}; {hint}")
+
+
+def _subtrees(vocabulary: Vocabulary) -> Iterator[tuple[str, SubtreeSpec]]:
+    """Return the path of each library with each of its subtrees; a broken one has none."""
+    libraries = vocabulary.libraries
+    for path in libraries.paths() if libraries is not None else ():
+        with suppress(ImportProblem):
+            assert libraries is not None
+            for subtree in libraries.load(path).subtrees.values():
+                yield path, subtree
+
+
+def _vocabulary(directory: str) -> Vocabulary:
+    """Return the words of a trees folder, without one those of the language itself.
+
+    Raises:
+        BtAgentsError: A folder is named and cannot be used.
+    """
+    try:
+        return folder_vocabulary(find_trees(directory))
+    except BtAgentsError as error:
+        if directory:
+            raise
+        click.echo(f"without the skills of a trees folder: {_first_line(error)}", err=True)
+    space = SceneSpace(parameters=(), mood=None)
+    return Vocabulary(space=space, skills={}, plugins=installed_plugins().kinds)
+
+
+def _first_line(error: Exception) -> str:
+    return str(error).partition("\n")[0]
+
+
+def _code(code: Code) -> Iterable[Part]:
+    style = "bold red" if code.severity.value == "error" else "bold yellow"
+    yield Text.assemble((f"{code.severity.value}[{code.code}]", style), f"  {code.kind.value}")
+    yield Text(f"\n{code.meaning}\n")
+    language = code.kind.language
+    yield Text("Wrong:", style="red")
+    yield _example(code.wrong, language)
+    yield Text("\nRight:", style="green")
+    yield _example(code.right, language)
+
+
+def _node(page: NodePage) -> Iterable[Part]:
+    yield Text.assemble((page.key, "bold"), f"  {page.group.value}")
+    yield Text(f"\n{page.description}\n" if page.description else "")
+    for form in page.forms:
+        yield Text(f"  {form}", style="cyan")
+    if page.fields:
+        yield Text()
+        yield _fields(page.fields)
+    if page.outputs:
+        yield Text("\nLater nodes can use:\n")
+        for one in page.outputs:
+            yield Text(f"  ${{{one.name}}} ({one.expected})  {one.description}")
+    if page.note:
+        yield Text(f"\n{page.note}")
+    yield Text("\nExample:")
+    yield _example(page.example, "yaml")
+
+
+def _topic(page: Topic) -> Iterable[Part]:
+    yield Text.assemble((page.key, "bold"), "  values and conditions")
+    yield Text(f"\n{page.description}\n")
+    for heading, rows in page.tables.items():
+        if heading:
+            yield Text(f"{heading}:\n")
+        table = Table(box=None, pad_edge=False, show_header=False, padding=(0, 2, 0, 0))
+        if any(means for _, means in rows):
+            table.add_column(style="cyan", max_width=_WORDS_WIDTH)
+        for words, means in rows:
+            table.add_row(*map(Text, filter(None, (words, means))))
+        yield Padding(table, (0, 0, 1, 2))
+    yield Text(page.note)
+    yield Text("\nExample:")
+    yield _example(page.example, "yaml")
+
+
+def _fields(fields: Iterable[FieldEntry]) -> Table:
+    table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0), header_style="dim")
+    for heading in ("  field", "value", "left out", ""):
+        table.add_column(heading, overflow="fold")
+    for field in fields:
+        left_out = "needed" if field.required else field.default
+        table.add_row(
+            Text(f"  {field.name}", style="bold" if field.main else ""),
+            Text(field.expected),
+            Text(left_out),
+            Text(field.description),
+        )
+    return table
+
+
+def _example(text: str, language: str) -> Text:
+    # The terminal's own colours, so that it can be read on light and on dark ground.
+    syntax = Syntax("", language, theme="ansi_dark", background_color="default")
+    highlighted = syntax.highlight(textwrap.indent(text.rstrip(), "  "))
+    highlighted.rstrip()
+    highlighted.no_wrap = True
+    return highlighted
+
+
+def _overview(vocabulary: Vocabulary) -> Table:
+    table = Table(box=None, pad_edge=False, show_header=False, padding=(0, 2, 1, 0))
+    table.add_column(style="bold", no_wrap=True)
+    table.add_column(overflow="fold")
+    pages = node_pages(vocabulary)
+    for group in Group:
+        keys = [page.key for page in pages if page.group is group]
+        if keys:
+            table.add_row(group.value, Text("  ".join(keys)))
+    libraries: dict[str, list[str]] = {}
+    for path, subtree in _subtrees(vocabulary):
+        libraries.setdefault(path, []).append(subtree.name)
+    for path, names in libraries.items():
+        table.add_row("subtree", Text(f"{'  '.join(names)}\nin {path}"))
+    table.add_row("about values", Text("  ".join(TOPICS)))
+    table.add_row("code", Text("  ".join(CODES)))
+    for problem in installed_plugins().without(vocabulary.skills).problems:
+        table.add_row("left out", Text(problem, style="yellow"))
+    return table

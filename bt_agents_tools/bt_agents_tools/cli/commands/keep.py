@@ -1,0 +1,139 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`bt-agents keep`: tuned values become the defaults of the agents' files."""
+
+from __future__ import annotations
+
+import difflib
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from bt_agents.host.tuning.tunable import Knob, KnobKind, shown_value
+from bt_agents_core.atomic_file import write_atomically
+from bt_agents_core.errors import BtAgentsError
+from bt_agents_language.files.agent_reader import read_agent_text
+from bt_agents_language.files.folder_reader import Trees, read_trees
+from bt_agents_language.model.specs import AgentSpec
+from bt_agents_language.yaml.source import Source, read_source
+from bt_agents_tools.cli.connection import host_of, hosts, running_system
+from bt_agents_tools.client.write_back import Tuned, default_text
+from bt_agents_tools.client.write_back import keep as kept_text
+
+if TYPE_CHECKING:
+    from bt_agents_tools.client.observer import Observer
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Edit:
+    """A file, its old and its new text, and what differs in words."""
+
+    path: Path
+    before: str
+    after: str
+    words: tuple[str, ...]
+
+
+@click.command()
+@click.argument("agents", nargs=-1, metavar="[AGENT]...")
+@click.option("--profile", is_flag=True, help="Keep the profiles too, with what was learned.")
+@click.option("--dry-run", is_flag=True, help="Show what would be changed, change nothing.")
+def keep(agents: tuple[str, ...], profile: bool, dry_run: bool) -> None:
+    """Write tuned values of AGENTs, or of all, into their files as the new defaults.
+
+    Only those values change in the files; comments, order and quotes stay. tick_rate belongs to
+    no agent and is not kept.
+    """
+    with running_system() as observer:
+        edits = [
+            edit
+            for host in sorted({host_of(observer, a) for a in agents} or hosts(observer))
+            for edit in _edits(observer, host, agents, profile)
+        ]
+    if not edits:
+        click.echo("nothing to keep: everything stands as the files say")
+    for edit in edits:
+        if dry_run:
+            click.echo(_diff(edit), nl=False)
+            continue
+        try:
+            write_atomically(edit.path, edit.after)
+        except OSError as error:
+            raise BtAgentsError(
+                f"{edit.path} cannot be written: {error.strerror or error}"
+            ) from error
+        for words in edit.words:
+            click.echo(f"{words}  in {edit.path}")
+
+
+def _edits(observer: Observer, host: str, agents: Sequence[str], profile: bool) -> list[_Edit]:
+    """Return the edits of the files of one host, each checked."""
+    from bt_agents_tools.client import tuning
+
+    tuned: dict[str, list[Tuned]] = {}
+    for state in tuning.knobs(observer, host, agents):
+        kept = state.knob.kind in (KnobKind.TUNABLE, KnobKind.LEARNING_RATE)
+        kept = kept or (profile and state.knob.kind is KnobKind.PROFILE)
+        if kept and state.value != state.knob.default:
+            one = Tuned(knob=state.knob, value=state.value)
+            tuned.setdefault(state.knob.agent, []).append(one)
+    if not tuned:
+        return []
+    folder = Path(observer.cards[host].trees)
+    if not (folder / "scene.yaml").is_file():
+        raise BtAgentsError(
+            f"the trees folder '{folder}' of {host} is not on this machine; run this where it is"
+        )
+    trees = read_trees(folder)
+    return [_edit(trees, agent, tuned[agent]) for agent in sorted(tuned)]
+
+
+def _edit(trees: Trees, agent: str, tuned: Sequence[Tuned]) -> _Edit:
+    spec = next((one for one in trees.agents if one.name == agent), None)
+    if spec is None:
+        for broken in trees.broken:
+            if re.search(rf"^agent:\s*{re.escape(agent)}\s*(#|$)", _text(broken.file), re.M):
+                raise broken.error
+        raise BtAgentsError(f"no file in '{trees.folder}' has the agent '{agent}' any more")
+    source = read_source(Path(spec.file))
+
+    def read(text: str) -> AgentSpec:
+        return read_agent_text(text, source.file, trees.vocabulary)
+
+    after = kept_text(source, tuned, trees.vocabulary.space, read)
+    written = Source(source.file, after)
+    return _Edit(
+        path=Path(spec.file),
+        before=source.text,
+        after=after,
+        words=tuple(
+            f"{one.knob.name}: {_default(source, one.knob)} → {_default(written, one.knob)}"
+            for one in tuned
+        ),
+    )
+
+
+def _default(source: Source, knob: Knob) -> str:
+    """Return the default of a knob as a file writes it, or as it counts without a line."""
+    return default_text(source, knob) or shown_value(knob, knob.default)
+
+
+def _text(path: Path) -> str:
+    try:
+        return path.read_text(encoding="utf-8", errors="replace")
+    except OSError:
+        return ""
+
+
+def _diff(edit: _Edit) -> str:
+    name = str(edit.path)
+    lines = difflib.unified_diff(
+        edit.before.splitlines(keepends=True),
+        edit.after.splitlines(keepends=True),
+        name,
+        name,
+    )
+    return "".join(lines)

@@ -1,0 +1,102 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`bt-agents moods`: how the mood of the person went while each node of a tree was running."""
+
+from __future__ import annotations
+
+import math
+import time
+from typing import TYPE_CHECKING, Any
+
+import click
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
+
+from bt_agents_core.errors import BtAgentsError
+from bt_agents_tools.cli.connection import FIND_LIMIT_S, running_system
+
+if TYPE_CHECKING:
+    from bt_agents_tools.client.observer import Observer
+
+_SETTLE_S = 0.3
+
+
+@click.command()
+@click.argument("agent", required=False, default="")
+@click.option("--round", "round_number", type=int, default=0, help="Of this round.")
+def moods(agent: str, round_number: int) -> None:
+    """Show how the mood went in the last run of an AGENT, node by node.
+
+    Without an AGENT it is the last run of all.
+    """
+    with running_system() as observer:
+        from bt_agents_tools.client import system
+
+        traces = system.mood_traces(observer)
+        trees = system.trees(observer)
+
+        def found() -> list[Any]:
+            return [
+                trace
+                for trace in traces
+                if agent in ("", trace.agent) and round_number in (0, trace.round)
+            ]
+
+        observer.turn_until(lambda: bool(found()), FIND_LIMIT_S)
+        observer.turn_until(lambda: False, _SETTLE_S)
+        if not found():
+            raise BtAgentsError(_nothing(agent, round_number, traces))
+        trace = found()[-1]
+        names = _names(observer, trees, trace.agent)
+        when = time.strftime("%H:%M:%S", time.localtime(trace.stamp.sec))
+        who = f" with {trace.person_id}" if trace.person_id else ""
+        click.echo(f"{trace.agent}, round {trace.round}, ended {when}{who}")
+        Console().print(mood_table(trace, names))
+
+
+def _nothing(agent: str, round_number: int, traces: list[Any]) -> str:
+    whose = f" of {agent}" if agent else ""
+    where = f" in round {round_number}" if round_number else ""
+    kept = ", ".join(f"{trace.agent} (round {trace.round})" for trace in traces)
+    hint = f"kept are those of {kept}" if kept else "a run has to end first"
+    return f"no run{whose}{where} is known; {hint}"
+
+
+def _names(observer: Observer, trees: dict[tuple[str, str], str], agent: str) -> dict[str, str]:
+    observer.turn_until(lambda: any(of == agent for of, _ in trees), FIND_LIMIT_S)
+    return {path: name for (of, path), name in trees.items() if of == agent}
+
+
+def mood_table(trace: Any, names: dict[str, str]) -> Table:
+    """Return the table of a ``MoodTrace``.
+
+    Args:
+        trace: The message.
+        names: Path of a node → its name; one without a name has its path only.
+    """
+    table = Table(box=None, pad_edge=False, header_style="dim")
+    table.add_column("node", overflow="fold")
+    for heading in ("time", "mood", "change"):
+        table.add_column(heading, justify="right")
+    table.add_column("path", style="dim", overflow="fold")
+    for leaf, seconds, mean, change in zip(
+        trace.leaves, trace.seconds, trace.mean, trace.change, strict=True
+    ):
+        table.add_row(
+            Text(names.get(leaf, "?")),
+            f"{seconds:.1f} s",
+            _number(mean),
+            _change(change),
+            Text(leaf),
+        )
+    return table
+
+
+def _number(value: float) -> str:
+    return "–" if math.isnan(value) else f"{value:.3g}"
+
+
+def _change(value: float) -> Text:
+    if math.isnan(value) or value == 0.0:
+        return Text(_number(value))
+    return Text(f"{value:+.3g}", style="green" if value > 0 else "red")

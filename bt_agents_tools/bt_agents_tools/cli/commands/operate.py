@@ -1,0 +1,134 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The commands of people who have a say: pin, unpin, veto, allow, award, and preview."""
+
+from __future__ import annotations
+
+import uuid
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from bt_agents_core.errors import BtAgentsError
+from bt_agents_language.yaml.diagnostics import did_you_mean
+from bt_agents_tools.cli.assignments import Assignments, assignments
+from bt_agents_tools.cli.connection import FIND_LIMIT_S, accepted, running_system
+from bt_agents_tools.cli.decisions import heard_decisions, names_of_scenes, show_decision
+
+if TYPE_CHECKING:
+    from bt_agents_tools.client.observer import Observer
+
+_reason = click.option("--reason", default="", help="Why, in words.")
+_person = click.option(
+    "--person/--no-person", default=None, help="Whether somebody is there; default: as before."
+)
+
+
+@click.command()
+@click.argument("agent")
+@_reason
+def pin(agent: str, reason: str) -> None:
+    """Let only AGENT bid, until it is unpinned."""
+    _operate("pin", agent, reason)
+
+
+@click.command()
+@_reason
+def unpin(reason: str) -> None:
+    """Let all agents bid again."""
+    _operate("unpin", "", reason)
+
+
+@click.command()
+@click.argument("agent")
+@_reason
+def veto(agent: str, reason: str) -> None:
+    """Let AGENT bid no more, and stop it when it runs."""
+    _operate("veto", agent, reason)
+
+
+@click.command()
+@click.argument("agent")
+@_reason
+def allow(agent: str, reason: str) -> None:
+    """Let AGENT bid again after a veto."""
+    _operate("allow", agent, reason)
+
+
+@click.command()
+@click.argument("agent")
+@click.argument("values", nargs=-1, callback=assignments)
+@click.option("--label", default="", help="Words for people.")
+@_person
+@_reason
+def award(agent: str, values: Assignments, label: str, person: bool | None, reason: str) -> None:
+    """Give AGENT the run for a scene, whoever else is nearer.
+
+    Without values it is the last scene. With values, what is not named is as in the last scene,
+    or missing.
+    """
+    with running_system() as observer:
+        from bt_agents_tools.client import market
+
+        scene, names = None, names_of_scenes(heard_decisions(observer))
+        if values or label or person is not None:
+            scene = _scene(observer, values, f"award-{uuid.uuid4().hex[:8]}", person, label)
+            names.take(scene)
+        answer = market.operate(observer, "award", agent=agent, reason=reason, scene=scene)
+        click.echo(names.in_words(accepted(answer, "the marketplace").message))
+
+
+@click.command()
+@click.argument("values", nargs=-1, callback=assignments)
+@click.option("--strategy", default="", help="Another strategy than the one in force.")
+@_person
+def preview(values: Assignments, strategy: str, person: bool | None) -> None:
+    """Say who would win, without giving anybody a run.
+
+    For example: bt-agents preview age=4 mood=2 --strategy ucb. What is not named is as in the last
+    scene, or missing.
+    """
+    with running_system() as observer:
+        from bt_agents_tools.client import market
+
+        scene = None
+        if values or person is not None:
+            scene = _scene(observer, values, "preview", person, "")
+        answer = market.preview(observer, strategy, scene)
+        show_decision(accepted(answer, "the marketplace").auction)
+
+
+def _operate(act: str, agent: str, reason: str) -> None:
+    with running_system() as observer:
+        from bt_agents_tools.client import market
+
+        answer = market.operate(observer, act, agent=agent, reason=reason)
+        click.echo(accepted(answer, "the marketplace").message)
+
+
+def _scene(
+    observer: Observer, values: Assignments, scene_id: str, person: bool | None, label: str
+) -> Any:
+    """Return the last scene with some values changed.
+
+    Raises:
+        BtAgentsError: There is no such parameter, or nobody says which there are.
+    """
+    from bt_agents_tools.client import market
+
+    auctions = heard_decisions(observer)
+    observer.turn_until(lambda: observer.profiles is not None, FIND_LIMIT_S)
+    like = auctions[-1].scene if auctions else None
+    names = _parameters(observer, like)
+    unknown = next((name for name, _ in values if name not in names), None)
+    if unknown is not None:
+        hint = did_you_mean(unknown, names) or "no node says which there are"
+        raise BtAgentsError(f"no scene parameter '{unknown}'; {hint}")
+    return market.scene_of(
+        observer, names, dict(values), scene_id=scene_id, like=like, person=person, label=label
+    )
+
+
+def _parameters(observer: Observer, like: Any) -> list[str]:
+    if like is not None:
+        return [value.name for value in like.values]
+    return list(observer.profiles.parameters) if observer.profiles is not None else []

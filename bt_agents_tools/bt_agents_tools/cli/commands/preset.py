@@ -1,0 +1,101 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`bt-agents preset`: values that are applied together under a name."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from bt_agents_core.errors import BtAgentsError
+from bt_agents_tools.cli.commands.tune import ask_host, user
+from bt_agents_tools.cli.connection import host_of, hosts, running_system
+from bt_agents_tools.cli.constants import counted
+
+if TYPE_CHECKING:
+    from bt_agents_tools.client.observer import Observer
+
+
+@click.group(invoke_without_command=True)
+@click.pass_context
+def preset(context: click.Context) -> None:
+    """Keep values under a name, such as "morning", and apply them together.
+
+    Without a command it lists the presets.
+    """
+    if context.invoked_subcommand is None:
+        with running_system() as observer:
+            found = list(_presets(observer))
+            if not found:
+                click.echo("no preset yet; 'bt-agents preset save NAME' makes one")
+            for one in found:
+                agents = {name.partition(".")[0] for name in one.names}
+                values = counted(len(one.names), "value")
+                click.echo(f"{one.name:<24} {values}, {counted(len(agents), 'agent')}")
+
+
+@preset.command()
+@click.argument("name")
+@click.argument("agents", nargs=-1, metavar="[AGENT]...")
+def save(name: str, agents: tuple[str, ...]) -> None:
+    """Keep the tunables and learning rates of AGENTs, or of all, under a NAME."""
+    with running_system() as observer:
+        by_host: dict[str, list[str]] = {}
+        for agent in agents:
+            by_host.setdefault(host_of(observer, agent), []).append(agent)
+        for host, named in (by_host or {host: [] for host in hosts(observer)}).items():
+            ask_host(observer, host, "save", preset=name, agents=named)
+
+
+@preset.command()
+@click.argument("name")
+@click.option("--reason", default="", help="Why, in words.")
+@click.option("--author", default=user, show_default="you", help="Who makes the change.")
+def apply(name: str, reason: str, author: str) -> None:
+    """Give the values of the preset NAME, all or none."""
+    with running_system() as observer:
+        for host in _hosts_with(observer, name):
+            ask_host(observer, host, "apply", preset=name, reason=reason, author=author)
+
+
+@preset.command()
+@click.argument("name")
+def forget(name: str) -> None:
+    """Remove the preset NAME."""
+    with running_system() as observer:
+        for host in _hosts_with(observer, name):
+            ask_host(observer, host, "forget", preset=name)
+
+
+@preset.command()
+@click.argument("name")
+def show(name: str) -> None:
+    """Show the values of the preset NAME."""
+    with running_system() as observer:
+        found = [one for one in _presets(observer) if one.name == name]
+        if not found:
+            raise BtAgentsError(f"no preset '{name}'; 'bt-agents preset' lists them")
+        for one in found:
+            for key, value in zip(one.names, one.values, strict=True):
+                click.echo(f"{key:<40} {value}")
+
+
+def _presets(observer: Observer) -> Iterable[Any]:
+    from bt_agents_tools.client import tuning
+
+    return [one for host in hosts(observer) for one in tuning.tunings(observer, host).presets]
+
+
+def _hosts_with(observer: Observer, name: str) -> list[str]:
+    """Return the hosts that have a preset; all of them when none has, so that they say so."""
+    from bt_agents_tools.client import tuning
+
+    every = hosts(observer)
+    found = [
+        host
+        for host in every
+        if len(every) > 1
+        and any(one.name == name for one in tuning.tunings(observer, host).presets)
+    ]
+    return found or every

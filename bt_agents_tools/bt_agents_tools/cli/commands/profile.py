@@ -1,0 +1,358 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`bt-agents profile`: what was learned, taken back, taken out, and taken in."""
+
+from __future__ import annotations
+
+import importlib
+import json
+import re
+import sys
+import time
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+
+from bt_agents_core.errors import BtAgentsError, Refused
+from bt_agents_language.model.quantities import QuantityError, duration
+from bt_agents_tools.cli.commands.tune import user
+from bt_agents_tools.cli.connection import FIND_LIMIT_S, accepted, running_system
+from bt_agents_tools.cli.constants import KINDS, counted
+
+if TYPE_CHECKING:
+    from bt_agents_tools.client.observer import Observer
+
+_WIDE = 10_000
+_FOLDED = ("agent", "for", "what", "from", "change", "why")
+_DAYS = re.compile(r"(\d+(?:\.\d+)?)\s*(d|days?|w|weeks?)")
+_BARE = re.compile(r"[\d.]+")
+_DAY_S = 86_400.0
+_SCENE_LAYER_S = 1.0
+
+_layer = click.option(
+    "--layer",
+    default="",
+    help="Of a person or a place: person/anna; default: everybody's.",
+)
+_author = click.option("--author", default=user, show_default="you", help="Who asks.")
+_reason = click.option("--reason", default="", help="Why, in words.")
+
+
+class _ProfileGroup(click.Group):
+    """A group whose first argument may be the name of an agent instead of a command."""
+
+    def resolve_command(
+        self, ctx: click.Context, args: list[str]
+    ) -> tuple[str | None, click.Command | None, list[str]]:
+        """Find the command of some arguments; ``show`` for an agent."""
+        if args[0] not in self.commands:
+            args = ["show", *args]
+        return super().resolve_command(ctx, args)
+
+
+@click.group(cls=_ProfileGroup, invoke_without_command=True)
+@click.pass_context
+def profile(ctx: click.Context) -> None:
+    """Show what the agents have learned, or change it.
+
+    For example: bt-agents profile, or bt-agents profile attentive_guide.
+    """
+    if ctx.invoked_subcommand is None:
+        _show("")
+
+
+@profile.command()
+@click.argument("agent", required=False, default="")
+def show(agent: str) -> None:
+    """Show the profiles of an AGENT, or of all: everybody's, and those of persons and places."""
+    _show(agent)
+
+
+@profile.command()
+@click.argument("agent")
+@_layer
+@click.option("--json", "as_json", is_flag=True, help="As JSON, with everything that is known.")
+def history(agent: str, layer: str, as_json: bool) -> None:
+    """List the revisions of an AGENT's profile, the oldest first, and why there is each."""
+    with running_system() as observer:
+        answer = _manage(observer, "HISTORY", agent=agent, layer=layer)
+    if as_json:
+        click.echo(answer.document)
+        return
+    table = _table("revision", "when", "what", "from", "change", "why")
+    before: Mapping[str, float] = {}
+    for one in json.loads(answer.document)["revisions"]:
+        told = (one.get("source", ""), _moves(before, one["values"]), one.get("reason", ""))
+        row = (str(one["revision"]), _when(one["stamp"]), _cause(one), *told)
+        table.add_row(*map(_plain, row))
+        before = one["values"]
+    _print(table)
+
+
+@profile.command()
+@click.argument("agent")
+@_layer
+@_author
+@_reason
+def undo(agent: str, layer: str, author: str, reason: str) -> None:
+    """Bring back the profile that an AGENT had before the last change.
+
+    Again and again it goes further back. It is a new revision; nothing is lost.
+    """
+    _do("UNDO", agent=agent, layer=layer, author=author, reason=reason)
+
+
+@profile.command()
+@click.argument("agent")
+@_layer
+@_author
+@_reason
+def reset(agent: str, layer: str, author: str, reason: str) -> None:
+    """Bring back the profile of an AGENT's file, as a new revision."""
+    _do("RESET", agent=agent, layer=layer, author=author, reason=reason)
+
+
+@profile.command()
+@click.argument("file", type=click.Path(dir_okay=False, path_type=Path))
+@click.option("--agent", default="", help="Of one agent only.")
+@click.option("--layer", default="", help="Of one person or place only, such as person/anna.")
+def export(file: Path, agent: str, layer: str) -> None:
+    """Write what was learned into a FILE, as JSON."""
+    with running_system() as observer:
+        answer = _manage(observer, "EXPORT", agent=agent, layer=layer)
+    try:
+        with file.open("x", encoding="utf-8") as opened:
+            opened.write(answer.document + "\n")
+    except OSError as error:
+        raise BtAgentsError(f"{file}: {error.strerror}; choose another name") from None
+    click.echo(f"{answer.message} written to {file}")
+
+
+@profile.command("import")
+@click.argument("file", type=click.Path(exists=True, dir_okay=False, path_type=Path))
+@_author
+@_reason
+def import_(file: Path, author: str, reason: str) -> None:
+    """Take in profiles from a FILE that was exported, as new revisions.
+
+    The same file is taken in once; all of it, or nothing.
+    """
+    try:
+        document = file.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise BtAgentsError(f"{file}: it cannot be read: {error}") from None
+    _do("IMPORT", document=document, author=author, reason=reason)
+
+
+@profile.command()
+@click.option("--older", required=True, help="Without a change for so long, such as 90d.")
+@click.option("--agent", default="", help="Of one agent only.")
+@click.option("--kind", type=click.Choice(["person", "place"]), help="Persons or places only.")
+@click.option("--yes", is_flag=True, help="Do not ask.")
+@_author
+def expire(older: str, agent: str, kind: str | None, yes: bool, author: str) -> None:
+    """Forget the profiles for persons and places that have not changed for long.
+
+    It cannot be undone, so it shows which they are and asks first.
+    """
+    age = _age(older)
+    with running_system() as observer:
+        if not yes:
+            known = json.loads(_manage(observer, "HISTORY").document)["profiles"]
+            old = [one for one in known if _is_old(one, age, agent, kind or "")]
+            if not old:
+                click.echo("nothing to forget")
+                return
+            table = _table("agent", "for", "changed")
+            for one in old:
+                table.add_row(_plain(one["agent"]), _plain(one["layer"]), _when(one["stamp"]))
+            _print(table)
+            click.confirm(f"forget {counted(len(old), 'profile')}, for ever?", abort=True)
+        answer = _manage(
+            observer, "EXPIRE", agent=agent, layer=kind or "", older_s=age, author=author
+        )
+        click.echo(answer.message)
+
+
+def _is_old(one: Mapping[str, Any], age_s: float, agent: str, kind: str) -> bool:
+    """Return True for a profile that an order to expire is about."""
+    asked = one["layer"].startswith(kind) and agent in ("", one["agent"])
+    return bool(one["layer"]) and asked and one["stamp"] < time.time() - age_s
+
+
+@profile.command()
+@click.argument("layer")
+@click.option("--agent", default="", help="Of one agent only.")
+@click.option("--yes", is_flag=True, help="Do not ask.")
+@_author
+def forget(layer: str, agent: str, yes: bool, author: str) -> None:
+    """Take all that was learned for a person or a place out of the ledger.
+
+    For example: bt-agents profile forget person/anna. It cannot be undone. The scene layer
+    forgets them as well.
+    """
+    if not yes:
+        whose = agent or "all agents"
+        click.confirm(f"forget what {whose} learned for {layer}, for ever?", abort=True)
+    with running_system() as observer:
+        from bt_agents_tools.client import system
+
+        learned = system.manage_profiles(
+            observer, "FORGET", agent=agent, layer=layer, author=author
+        )
+        seen = None
+        if not agent:
+            seen = system.manage_profiles(
+                observer,
+                "FORGET",
+                node="scene_layer",
+                find_s=_SCENE_LAYER_S,
+                layer=layer,
+                author=author,
+            )
+    if seen is not None:
+        click.echo(f"scene layer: {seen.message}")
+    if seen is not None and seen.accepted and learned is not None and not learned.accepted:
+        click.echo(f"ledger: {learned.message}")
+        sys.exit(0 if learned.code == "UNKNOWN_LAYER" else 1)
+    click.echo(accepted(learned, "the feedback node").message)
+
+
+@profile.command()
+@click.argument("file", type=click.Path(path_type=Path))
+def check(file: Path) -> None:
+    """Check a ledger FILE: every revision, and that none is missing.
+
+    A feedback node may have it open. The exit code is 1 when something is wrong.
+    """
+    verdict = _recovery().inspect(file)
+    kept = f"{verdict.good} revisions are as they were written"
+    if verdict.forgotten:
+        kept += f", {verdict.forgotten} of them without their content, which was forgotten"
+    click.echo(f"{file}: {kept}")
+    if verdict.code:
+        click.echo(f"{verdict.code}: {verdict.problem}", err=True)
+        click.echo(
+            f"'bt-agents profile recover {file} NEW' copies the good ones into a new file",
+            err=True,
+        )
+        sys.exit(1)
+
+
+@profile.command()
+@click.argument("file", type=click.Path(path_type=Path))
+@click.argument("new", type=click.Path(path_type=Path))
+def recover(file: Path, new: Path) -> None:
+    """Copy the good revisions of a damaged ledger FILE into a NEW one.
+
+    FILE is not changed. Move it away, with its -wal, -shm and -head, and put NEW, with its -head,
+    in its place; or give the feedback node NEW as its parameter 'ledger'.
+    """
+    count = _recovery().recover(file, new)
+    click.echo(f"{count} revisions copied to {new}")
+
+
+def _show(agent: str) -> None:
+    with running_system() as observer:
+        answer = _manage(observer, "EXPORT" if agent else "HISTORY", agent=agent)
+    profiles = json.loads(answer.document)["profiles"]
+    if not profiles:
+        click.echo("no agent is known to the feedback node yet")
+        return
+    names = list(dict.fromkeys(name for one in profiles for name in one["values"]))
+    table = _table("agent", "for", "revision", "feedbacks", "changed", "seem wrong", *names)
+    last = ""
+    for one in profiles:
+        wrong = "" if one["false_rate"] is None else f"{one['false_rate']:.0%}"
+        values = [format(one["values"][n], ".4g") if n in one["values"] else "" for n in names]
+        table.add_row(
+            _plain(one["agent"]) if one["agent"] != last else "",
+            _plain(one["layer"]) or "everybody",
+            str(one["revision"]),
+            str(one["changes"]),
+            _when(one["stamp"], "%m-%d %H:%M"),
+            wrong,
+            *values,
+        )
+        last = one["agent"]
+    _print(table)
+
+
+def _manage(observer: Observer, action: str, **fields: Any) -> Any:
+    from bt_agents_tools.client import system
+
+    answer = system.manage_profiles(observer, action, find_s=FIND_LIMIT_S, **fields)
+    return accepted(answer, "the feedback node")
+
+
+def _do(action: str, **fields: Any) -> None:
+    with running_system() as observer:
+        click.echo(_manage(observer, action, **fields).message)
+
+
+def _recovery() -> Any:
+    """Return the module that reads ledgers; it belongs to the feedback node."""
+    return importlib.import_module("feedback_node.ledger.recovery")
+
+
+def _age(text: str) -> float:
+    """Return an age in seconds.
+
+    Raises:
+        Refused: ``BAD_AGE``.
+    """
+    bad = f"--older {text}: "
+    if text.strip().startswith("-"):
+        raise Refused("BAD_AGE", f"{bad}expected more than 0, for example 90d or 12 h")
+    if _BARE.fullmatch(text.strip()):
+        raise Refused("BAD_AGE", f"{bad}a number without a unit; write 90d, 2w or 12 h")
+    days = _DAYS.fullmatch(text.strip())
+    if days:
+        return float(days[1]) * _DAY_S * (7 if days[2].startswith("w") else 1)
+    try:
+        return duration(text)
+    except QuantityError as error:
+        raise Refused("BAD_AGE", f"{bad}{error}; for example 90d or 12 h") from None
+
+
+def _plain(text: str) -> str:
+    """Return a text for a table, with what a terminal would obey written out."""
+    told = "".join(c if c.isprintable() else ascii(c)[1:-1] for c in text)
+    return escape(told)
+
+
+def _table(*columns: str) -> Table:
+    table = Table(box=None, pad_edge=False, header_style="bold")
+    for column in columns:
+        table.add_column(column, overflow="fold", no_wrap=column not in _FOLDED)
+    return table
+
+
+def _print(table: Table) -> None:
+    console = Console()
+    if not console.is_terminal:
+        console = Console(width=_WIDE)
+    console.print(table, highlight=False)
+
+
+def _when(stamp: float, form: str = "%Y-%m-%d %H:%M:%S") -> str:
+    return time.strftime(form, time.localtime(stamp))
+
+
+def _cause(one: Mapping[str, Any]) -> str:
+    if one["cause"] != "feedback":
+        return str(one["cause"])
+    return KINDS[int(one.get("kind", 0))].lower()
+
+
+def _moves(before: Mapping[str, float], after: Mapping[str, float]) -> str:
+    moves = [
+        f"{name} {before[name]:.4g} → {value:.4g}" if name in before else f"{name} {value:.4g}"
+        for name, value in after.items()
+        if before.get(name) != value
+    ]
+    return ", ".join(moves) or "no value has changed"

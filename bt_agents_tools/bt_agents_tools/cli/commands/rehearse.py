@@ -1,0 +1,215 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`bt-agents rehearse`: an agent's tree in the terminal, on a virtual clock."""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Callable, Iterable
+from dataclasses import replace
+from pathlib import Path
+
+import click
+from rich.console import Console
+from rich.text import Text
+
+from bt_agents.engine.run import Outcome
+from bt_agents.host.agent_registry import unmet
+from bt_agents_core.errors import BtAgentsError, ReadError
+from bt_agents_core.scene import SceneSpace
+from bt_agents_core.trees_folder import find_trees
+from bt_agents_language.files.folder_reader import TEST_SUFFIXES, Trees, read_trees
+from bt_agents_language.files.testing.scenarios import Case, Scenario
+from bt_agents_language.files.testing.test_reader import read_scenario_text, read_test
+from bt_agents_language.model.specs import AgentSpec
+from bt_agents_tools.cli.named_agent import named_agent
+from bt_agents_tools.cli.prompts import Typist
+from bt_agents_tools.cli.scenario_options import scenario_words
+from bt_agents_tools.rehearsal.assertions import findings
+from bt_agents_tools.rehearsal.events import Event, Rehearsed
+from bt_agents_tools.rehearsal.rehearsal import rehearse as play
+from bt_agents_tools.rehearsal.rehearsal_scenes import awarded
+from bt_agents_tools.rehearsal.suite import TreesFolders
+from bt_agents_tools.rehearsal.transcript import WIDTH, ending, lines, table, tuned_text
+
+_OPTIONS = "the options"
+_EXAMPLES = """\b
+Examples:
+  bt-agents rehearse attentive_guide --scene age=4 familiarity=1
+  bt-agents rehearse attentive_guide --scene mood=4 --at "3s mood=1.5"
+  bt-agents rehearse attentive_guide --answer ask=no --tune patience=3s
+  bt-agents rehearse trees/agents/attentive_guide.test.yaml
+"""
+
+
+@click.command(epilog=_EXAMPLES)
+@click.argument("words", nargs=-1, metavar="AGENT")
+@click.option("--dir", "directory", default="", help="The trees folder in which AGENT is.")
+@click.option("--scene", multiple=True, metavar="NAME=VALUE ...", help="The scene: age=4 mood=3.")
+@click.option("--script", metavar="FILE[:CASE]", default="", help="A case of a test file.")
+@click.option("--answer", multiple=True, metavar="SKILL=ANSWER", help="ask=yes, drive={fails: x}.")
+@click.option("--at", multiple=True, metavar="'TIME WHAT'", help="'2s mood=1.5', '5s cancel' …")
+@click.option("--tune", multiple=True, metavar="NAME=VALUE", help="A tunable from the start.")
+@click.option("--seed", type=click.IntRange(min=0), help="Seed of everything random.")
+@click.option("-i", "--interactive", is_flag=True, help="Type the answers yourself.")
+@click.option("--ticks", is_flag=True, help="Show every change of every node.")
+@click.option("--realtime", is_flag=True, help="Let the time pass as it would.")
+def rehearse(
+    words: tuple[str, ...],
+    directory: str,
+    scene: tuple[str, ...],
+    script: str,
+    answer: tuple[str, ...],
+    at: tuple[str, ...],
+    tune: tuple[str, ...],
+    seed: int | None,
+    interactive: bool,
+    ticks: bool,
+    realtime: bool,
+) -> None:
+    """Rehearse an AGENT, by its name or file, without a robot.
+
+    The time is virtual. What is not said is answered as is likely; -i asks you instead. Exit code
+    1 when the run fails or does not end.
+    """
+    agents = [word for word in words if "=" not in word]
+    if len(agents) > 1 or not (agents or script):
+        raise click.UsageError("name one agent, or a test file")
+    agent = agents[0] if agents else ""
+    if agent.partition(":")[0].endswith(TEST_SUFFIXES):
+        agent, script = "", agent
+    trees, spec, case = _material(agent, script, directory)
+    space = trees.scene.space
+    said_words = scenario_words(
+        spec,
+        # More values than the first of --scene come in as words of their own.
+        scene=(*scene, *(word for word in words if "=" in word)),
+        tunables=tune,
+        answers=answer,
+        happenings=at,
+        seed=seed,
+    )
+    try:
+        said = read_scenario_text(said_words.text, _OPTIONS, spec, trees.vocabulary)
+    except ReadError as error:
+        explained = said_words.explained(error)
+        raise BtAgentsError(f"an option cannot be understood\n{explained}") from None
+    scenario = _joined(case.scenario if case is not None else None, said, seed)
+    console = Console(highlight=False)
+    width = min(max(console.width, WIDTH), 120)
+    typist = Typist(console, spec, trees.vocabulary) if interactive else None
+    console.print(_heading(spec, scenario, space, case), soft_wrap=True)
+    rehearsed = play(
+        spec,
+        space,
+        scenario,
+        tell=_teller(console, width, ticks, realtime),
+        typist=typist,
+        prompt=typist.happening if typist is not None else None,
+        against_its_bid=True,
+    )
+    sys.exit(_close(console, rehearsed, case))
+
+
+def _material(agent: str, script: str, directory: str) -> tuple[Trees, AgentSpec, Case | None]:
+    """Return the trees, the agent and the case that are meant."""
+    case: Case | None = None
+    trees: Trees | None = None
+    spec: AgentSpec | None = None
+    if script:
+        file, _, name = script.partition(":")
+        path = Path(file)
+        trees = read_trees(find_trees(directory)) if directory else TreesFolders().trees_of(path)
+        test = read_test(path, trees.agents, trees.vocabulary)
+        spec = test.agent
+        case = _chosen(test.cases, name, file)
+    if agent:
+        trees, named = named_agent(agent, directory, trees)
+        if spec is not None and named.name != spec.name:
+            raise BtAgentsError(f"{script} is a test of {spec.name}, not of {named.name}")
+        spec = named
+    assert trees is not None
+    assert spec is not None
+    return trees, spec, case
+
+
+def _chosen(cases: Iterable[Case], name: str, file: str) -> Case:
+    every = list(cases)
+    if not name:
+        return every[0]
+    found = [case for case in every if name.casefold() in case.name.casefold()]
+    if len(found) == 1 or (found and found[0].name == name):
+        return found[0]
+    known = "\n".join(f"  {case.name}" for case in every)
+    which = "several cases have" if found else "no case has"
+    raise BtAgentsError(f"{which} '{name}' in their names in {file}; there are\n{known}")
+
+
+def _joined(first: Scenario | None, said: Scenario, seed: int | None) -> Scenario:
+    """Return a case's scenario with what the options say instead or on top."""
+    if first is None:
+        return said
+    return replace(
+        first,
+        scene={**first.scene, **said.scene},
+        person=first.person and said.person,
+        tunables={**first.tunables, **said.tunables},
+        seed=first.seed if seed is None else seed,
+        answers=(*said.answers, *first.answers),
+        during=(*first.during, *said.during),
+    )
+
+
+def _heading(spec: AgentSpec, scenario: Scenario, space: SceneSpace, case: Case | None) -> Text:
+    words = []
+    for parameter in space.parameters:
+        value = scenario.scene.get(parameter.name)
+        if value is None:
+            words.append(f"{parameter.name} missing")
+        else:
+            label = parameter.labels.get(value, "")
+            words.append(f"{parameter.name} {value:g}" + (f" ({label})" if label else ""))
+    about_person = spec.requires is not None and "scene.person" in spec.requires.names
+    if about_person or not scenario.person:
+        words.append("a person is there" if scenario.person else "nobody is there")
+    words += [
+        tuned_text(one, scenario.tunables[one.name])
+        for one in spec.tunables
+        if one.name in scenario.tunables
+    ]
+    heading = Text(spec.title, style="bold")
+    if case is not None:
+        heading.append(f" · {case.name}")
+    heading.append(f"\n{', '.join(words)}\n", style="not bold dim")
+    tunables = {one.name: one.default for one in spec.tunables} | {**scenario.tunables}
+    declined = unmet(spec, space, awarded(space, scenario), spec.profile, tunables)
+    if declined:
+        note = f"The market would not call it: it does not bid, it {declined}.\n"
+        heading.append(note, style="not bold yellow")
+    return heading
+
+
+def _teller(console: Console, width: int, ticks: bool, realtime: bool) -> Callable[[Event], None]:
+    start = time.monotonic()
+
+    def tell(event: Event) -> None:
+        for line in lines(event, ticks, width):
+            if realtime:
+                time.sleep(max(0.0, start + event.at_s - time.monotonic()))
+            console.print(Text(line.text, style=line.style), soft_wrap=True)
+
+    return tell
+
+
+def _close(console: Console, rehearsed: Rehearsed, case: Case | None) -> int:
+    console.print(Text(f"\n{ending(rehearsed)}", style="dim"))
+    wrong = findings(case, rehearsed) if case is not None else ()
+    for finding in wrong:
+        place = f"{finding.position.file}:{finding.position.line}"
+        console.print(Text(f"✘ {place}: {finding.message}", style="red"), soft_wrap=True)
+        for row in table(finding.rows) if finding.rows else ():
+            console.print(Text(row), soft_wrap=True)
+    if case is not None and not wrong:
+        console.print(Text("✔ as the test expects", style="green"))
+        return 0
+    return int(bool(wrong) or rehearsed.outcome in (Outcome.FAILED, None))

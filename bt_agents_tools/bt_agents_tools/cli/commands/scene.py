@@ -1,0 +1,236 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`bt-agents scene`: what is known of the present scene, how surely, and who is there."""
+
+from __future__ import annotations
+
+import json
+import math
+import time
+from collections.abc import Iterator
+from contextlib import suppress
+from typing import TYPE_CHECKING, Any
+
+import click
+from rich.console import Console, Group, RenderableType
+from rich.live import Live
+from rich.table import Table
+from rich.text import Text
+
+from bt_agents_core.errors import BtAgentsError
+from bt_agents_core.scene import Origin, SceneParameter
+from bt_agents_core.trees_folder import find_trees
+from bt_agents_language.files.scene_reader import read_scene
+from bt_agents_tools.cli.connection import accepted, running_system
+
+if TYPE_CHECKING:
+    from bt_agents_tools.client.observer import Observer
+
+_SETTLE_S = 0.3
+_PERIOD_S = 0.5
+
+_STYLES = {
+    Origin.MEASURED: "green",
+    Origin.GIVEN: "cyan",
+    Origin.ESTIMATED: "yellow",
+    Origin.DEFAULT: "yellow",
+    Origin.MISSING: "red",
+}
+
+Labels = dict[str, SceneParameter]
+
+
+@click.command()
+@click.option("--watch", is_flag=True, help="Go on until Ctrl-C.")
+@click.option("--json", "as_json", is_flag=True, help="As JSON; each look on a line of its own.")
+@click.option("--dir", "directory", default="", help="The trees folder with the words for values.")
+def scene(watch: bool, as_json: bool, directory: str) -> None:
+    """Show the present scene: each value, where it is from, and how sure it is.
+
+    During a run it is the live scene, else what a trigger would put on the market.
+    """
+    labels = _labels(directory)
+    with running_system() as observer:
+        looks = _looks(observer)
+        if not watch:
+            _print(*next(looks), labels, as_json)
+            return
+        # Ctrl-C is how it ends.
+        with suppress(KeyboardInterrupt):
+            if as_json or not Console().is_terminal:
+                for message, persons in looks:
+                    _print(message, persons, labels, as_json)
+            with Live(auto_refresh=False) as live:
+                for message, persons in looks:
+                    live.update(page(message, persons, labels), refresh=True)
+
+
+def _print(message: Any, persons: Any, labels: Labels, as_json: bool) -> None:
+    if as_json:
+        click.echo(json.dumps(as_document(message, persons), ensure_ascii=False))
+    else:
+        Console().print(page(message, persons, labels))
+
+
+def _labels(directory: str) -> Labels:
+    """Return the parameters with their words; nothing where no trees folder is at hand."""
+    try:
+        space = read_scene(find_trees(directory) / "scene.yaml").space
+    except BtAgentsError:
+        if directory:
+            raise
+        return {}
+    return {parameter.name: parameter for parameter in space.parameters}
+
+
+def _looks(observer: Observer) -> Iterator[tuple[Any, Any]]:
+    """Yield the present scene and the persons, None where nobody tells them apart."""
+    from bt_agents_tools.client import system
+
+    heard = system.persons(observer)
+    while True:
+        answer = system.analyze(observer, [], [], announce=False)
+        message = accepted(answer, "the scene layer").scene
+        observer.turn_until(lambda: bool(heard), _SETTLE_S)
+        yield message, heard[-1] if heard else None
+        del heard[:-1]
+        observer.turn_until(lambda: False, _PERIOD_S)
+
+
+def page(message: Any, persons: Any, labels: Labels) -> RenderableType:
+    """Return what is shown of a scene.
+
+    Args:
+        message: The ``Scene``.
+        persons: The ``Persons``; None where nobody tells them apart.
+        labels: The parameters, for the words of their values.
+    """
+    parts: list[RenderableType] = [Text(_head(message))]
+    if message.values:
+        parts.append(_values(message, labels))
+    if persons is not None:
+        parts.append(Text(_whom(persons)))
+        if persons.scenes:
+            parts.append(_persons(persons))
+    return Group(*parts)
+
+
+def _head(message: Any) -> str:
+    who = message.person_id or "somebody"
+    there = f"{who} is there" if message.person else "nobody is there"
+    if message.person_id and not message.person:
+        there = f"{who} is not there any more"
+    words = [message.label, there, message.place and f"in {message.place}"]
+    when = time.strftime("%H:%M:%S", time.localtime(message.stamp.sec))
+    return f"{', '.join(word for word in words if word)} ({when})"
+
+
+def _values(message: Any, labels: Labels) -> Table:
+    table = Table(box=None, pad_edge=False, header_style="dim")
+    table.add_column("parameter", no_wrap=True)
+    table.add_column("value", overflow="fold")
+    table.add_column("is")
+    for heading in ("age", "sure"):
+        table.add_column(heading, justify="right", no_wrap=True)
+    table.add_column("from", overflow="fold")
+    for value in message.values:
+        origin = Origin(value.origin)
+        known = origin is not Origin.MISSING
+        age = _age(value.age_s) if origin in (Origin.MEASURED, Origin.ESTIMATED) else ""
+        table.add_row(
+            Text(value.name),
+            Text(_value(value, labels) if known else "–"),
+            Text(origin.name.lower(), style=_STYLES[origin]),
+            age,
+            f"{value.confidence:.0%}" if known else "",
+            Text(value.source),
+        )
+    return table
+
+
+def _value(value: Any, labels: Labels) -> str:
+    words = f"{value.value:.3g}"
+    if value.std > 0.0:
+        words += f" ± {value.std:.2g}"
+    parameter = labels.get(value.name)
+    if parameter is None or not parameter.labels:
+        return words
+    nearest = min(parameter.labels, key=lambda number: (abs(number - value.value), number))
+    return f"{words} ({parameter.labels[nearest]})"
+
+
+def _age(seconds: float) -> str:
+    for unit, size in (("d", 86400.0), ("h", 3600.0), ("min", 60.0)):
+        if seconds >= 2 * size:
+            return f"{seconds / size:.0f} {unit}"
+    return f"{seconds:.1f} s"
+
+
+def _whom(persons: Any) -> str:
+    if not persons.scenes:
+        return "persons: none"
+    if not persons.addressee:
+        return f"persons: {len(persons.scenes)}, nobody is addressed: {persons.reason}"
+    return (
+        f"persons: {len(persons.scenes)}, addressed is {persons.addressee} "
+        f"(rule: {persons.rule}; {persons.reason})"
+    )
+
+
+def _persons(persons: Any) -> Table:
+    table = Table(box=None, pad_edge=False, header_style="dim")
+    table.add_column("person", overflow="fold")
+    for value in persons.scenes[0].values:
+        table.add_column(Text(value.name), justify="right")
+    for one in persons.scenes:
+        mark = "* " if one.person_id == persons.addressee else "  "
+        numbers = (
+            Text(
+                "–" if math.isnan(value.value) else f"{value.value:.3g}",
+                style=_STYLES[Origin(value.origin)],
+            )
+            for value in one.values
+        )
+        table.add_row(Text(mark + one.person_id), *numbers)
+    return table
+
+
+def as_document(message: Any, persons: Any) -> dict[str, Any]:
+    """Return a scene and the persons as plain data for JSON; what is not known is null."""
+    return {
+        "scene": _plain(message),
+        "persons": None
+        if persons is None
+        else {
+            "rule": persons.rule,
+            "addressee": persons.addressee,
+            "reason": persons.reason,
+            "scenes": [_plain(one) for one in persons.scenes],
+        },
+    }
+
+
+def _plain(message: Any) -> dict[str, Any]:
+    return {
+        "stamp": message.stamp.sec + message.stamp.nanosec * 1e-9,
+        "scene_id": message.scene_id,
+        "label": message.label,
+        "person": message.person,
+        "person_id": message.person_id,
+        "place": message.place,
+        "persons": message.persons,
+        "values": {
+            value.name: {
+                "value": _finite(value.value),
+                "origin": Origin(value.origin).name.lower(),
+                "std": _finite(value.std),
+                "age_s": _finite(value.age_s),
+                "confidence": value.confidence,
+                "source": value.source,
+            }
+            for value in message.values
+        },
+    }
+
+
+def _finite(value: float) -> float | None:
+    return value if math.isfinite(value) else None

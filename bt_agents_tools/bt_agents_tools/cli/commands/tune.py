@@ -1,0 +1,166 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`bt-agents tune`: values of agents that change while the robot is at work."""
+
+from __future__ import annotations
+
+import getpass
+import shutil
+import sys
+import time
+from collections.abc import Iterable, Sequence
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from bt_agents.host.tuning.tunable import TICK_RATE
+from bt_agents_core.errors import BtAgentsError
+from bt_agents_tools.cli.connection import accepted, host_of, hosts, running_system
+from bt_agents_tools.cli.tune_table import table
+
+if TYPE_CHECKING:
+    from bt_agents_tools.client.observer import Observer
+
+_NO_TERMINAL = 10_000
+
+
+def user() -> str:
+    """Return who sits at the keyboard, as far as that is known."""
+    try:
+        return getpass.getuser()[:60]
+    except (OSError, KeyError):
+        return ""
+
+
+def ask_host(observer: Observer, host: str, action: str, **fields: Any) -> None:
+    """Have a host tune, and show what it says.
+
+    Raises:
+        BtAgentsError: It does not answer, or refuses.
+    """
+    from bt_agents_tools.client import tuning
+
+    answer = tuning.tune(observer, host, action, **fields)
+    click.echo(accepted(answer, f"the host {host}").message)
+
+
+@click.command()
+@click.argument("words", metavar="[AGENT] [NAME=VALUE]...", nargs=-1)
+@click.option("--undo", is_flag=True, help="Take the last change back.")
+@click.option("--redo", is_flag=True, help="Make what was taken back again.")
+@click.option("--history", is_flag=True, help="Show the last changes, and who made them.")
+@click.option("--reason", default="", help="Why, in words.")
+@click.option("--author", default=user, show_default="you", help="Who makes the change.")
+def tune(
+    words: tuple[str, ...], undo: bool, redo: bool, history: bool, reason: str, author: str
+) -> None:
+    """Change values of an AGENT while it runs, or show them.
+
+    For example: bt-agents tune attentive_guide patience=12 voice_rate=0.9.
+
+    Times may have units: patience=12s, patience="2 min". Beside the tunables of its file each
+    agent has learning_rate and the values of its profile, such as profile.age; the whole host has
+    tick_rate: bt-agents tune tick_rate=30. Values of several agents change together when they are
+    named in full: bt-agents tune quick.patience=5 slow.patience=12.
+
+    Without values it shows where everything stands. 'bt-agents keep' writes changed values into
+    the agents' files.
+    """
+    agent, values = _split(words)
+    asked = [name for name, on in (("undo", undo), ("redo", redo), ("history", history)) if on]
+    if len(asked) > 1:
+        raise click.UsageError(f"--{asked[0]} and --{asked[1]} do not go together")
+    if asked and values:
+        raise click.UsageError(f"--{asked[0]} goes with an AGENT, not with values")
+    if asked and agent == TICK_RATE.name:
+        raise click.UsageError(
+            f"tick_rate belongs to no agent; --{asked[0]} alone is for the whole host"
+        )
+    with running_system() as observer:
+        if history:
+            for host in _hosts(observer, agent):
+                _show_history(observer, host, agent)
+        elif asked:
+            host = _one_host(observer, agent)
+            agents = [agent] if agent else []
+            ask_host(observer, host, asked[0], agents=agents, author=author, reason=reason)
+        elif values:
+            for host, named in _by_host(observer, agent, values):
+                names, texts = [name for name, _ in named], [text for _, text in named]
+                ask_host(
+                    observer, host, "set", names=names, values=texts, author=author, reason=reason
+                )
+        else:
+            for host in _hosts(observer, agent):
+                _show(observer, host, agent)
+
+
+def _split(words: Sequence[str]) -> tuple[str, list[tuple[str, str]]]:
+    """Return the agent, empty for none, and the names and values behind it."""
+    agent = words[0] if words and "=" not in words[0] else ""
+    values = []
+    for word in words[bool(agent) :]:
+        name, equals, text = word.partition("=")
+        if not equals or not name.strip():
+            raise click.UsageError(
+                f"'{word}' is not of the form name=value, for example patience=12"
+            )
+        values.append((name.strip(), text))
+    return agent, values
+
+
+def _hosts(observer: Observer, agent: str) -> list[str]:
+    return [host_of(observer, agent)] if agent else hosts(observer)
+
+
+def _one_host(observer: Observer, agent: str) -> str:
+    found = _hosts(observer, agent)
+    if len(found) > 1:
+        raise BtAgentsError(f"there are several hosts: {', '.join(found)}; name an agent")
+    return found[0]
+
+
+def _by_host(
+    observer: Observer, agent: str, values: Iterable[tuple[str, str]]
+) -> list[tuple[str, list[tuple[str, str]]]]:
+    """Return the values with their full names, by host; those of a host stand for each of them."""
+    if agent:
+        return [(host_of(observer, agent), [(f"{agent}.{name}", text) for name, text in values])]
+    listed = list(values)
+    whose = {name.partition(".")[0] for name, _ in listed if "." in name}
+    found = sorted({host_of(observer, one) for one in whose}) or hosts(observer)
+    if whose and len(found) > 1:
+        raise BtAgentsError(
+            f"these agents are on different hosts, {', '.join(found)}, which cannot change "
+            "together; tune one after the other"
+        )
+    return [(host, listed) for host in found]
+
+
+def _show(observer: Observer, host: str, agent: str) -> None:
+    from bt_agents_tools.client import tuning
+
+    states = tuning.knobs(observer, host, [agent] if agent else ())
+    for line in table(states, _width()):
+        click.echo(line)
+
+
+def _width() -> int:
+    """Return the columns of the terminal; what goes into a file or pipe is not wrapped."""
+    return shutil.get_terminal_size().columns if sys.stdout.isatty() else _NO_TERMINAL
+
+
+def _show_history(observer: Observer, host: str, agent: str) -> None:
+    from bt_agents_tools.client import tuning
+
+    tunings = tuning.tunings(observer, host)
+    for one in tunings.tunings:
+        if agent and not one.name.startswith(f"{agent}."):
+            continue
+        when = time.strftime("%Y-%m-%d %H:%M:%S", time.localtime(one.stamp.sec))
+        reason = f": {one.reason}" if one.reason else ""
+        click.echo(
+            f"{one.revision:>5}  {when}  {one.name}: {one.before} → {one.after}  "
+            f"({one.author}{reason})"
+        )
+    click.echo(f"undo would be: {tunings.undo or 'nothing'}")
+    click.echo(f"redo would be: {tunings.redo or 'nothing'}")

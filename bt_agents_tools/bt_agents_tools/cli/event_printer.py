@@ -1,0 +1,298 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What happens on the robot, told line by line for a terminal."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from rich.console import Console
+from rich.markup import escape
+from rich.text import Text
+
+from bt_agents_core.feedback import TUNING
+from bt_agents_core.scene import SceneSpace
+from bt_agents_tools.cli.constants import KINDS, OUTCOMES, code_words, word
+from bt_agents_tools.cli.scene_names import SceneNames
+from bt_agents_tools.cli.wrap import print_line
+
+_STATUS = {"running": "[yellow]▶", "success": "[green]✔", "failure": "[red]✘"}
+_OUTCOME_STYLE = {"succeeded": "green", "cancelled": "yellow"}
+_MOOD_STEP = 0.25
+_TOLD_BY_THE_RUN = ("SUCCEEDED", "FAILED", "CANCELLED", "PREEMPTED", "NO_BIDS")
+
+
+class Story:
+    """Prints events as they come and counts them for the summary.
+
+    Args:
+        console: Where to print.
+        space: The scene parameters, for their labels.
+    """
+
+    def __init__(self, console: Console, space: SceneSpace) -> None:
+        self._console = console
+        self._space = space
+        self._mood: float | None = None
+        self._start: dict[str, Sequence[float]] = {}
+        self._now: dict[str, Sequence[float]] = {}
+        self._scene_id = ""
+        self._names = SceneNames()
+        self._queued = 0
+        self._under_way = ""
+        self._stopping = False
+        self._started = ("", 0)
+        self._tuned: dict[str, int] = {}
+        self.runs: list[tuple[str, str]] = []
+        self.rounds = 0
+        self.unanswered = 0
+        self.feedbacks: list[tuple[str, str]] = []
+        self.takeovers = 0
+        self.preemptions = 0
+
+    def profiles(self, profiles: Mapping[str, Sequence[float]]) -> None:
+        """Note the profiles as they were before anything happened."""
+        for agent, profile in profiles.items():
+            self._start.setdefault(agent, profile)
+            self._now.setdefault(agent, profile)
+
+    def visitor(self, label: str) -> None:
+        """Open a chapter; nobody there is none."""
+        if not label:
+            return
+        self._console.print()
+        self._console.rule(f"[bold]{escape(label)}", align="left", style="cyan")
+
+    def scene(self, message: Any) -> None:
+        """Say what the scene is."""
+        self._scene_id = message.scene_id
+        self._names.take(message)
+        self._line("scene", self._describe(message))
+
+    def market(self, message: Any) -> None:
+        """Say when a scene has to wait."""
+        if message.queued > self._queued:
+            busy = f"{message.agent} has the robot" if message.agent else "another is under way"
+            count = f" as the last of {message.queued}" if message.queued > 1 else ""
+            self._line("scene", f"[dim]waits in line{count}: {escape(busy)}[/]")
+        self._queued = message.queued
+
+    def live(self, message: Any) -> None:
+        """Say when the mood has changed."""
+        if self._space.mood is None:
+            return
+        mood = next((v.value for v in message.values if v.name == self._space.mood), math.nan)
+        if math.isnan(mood) or self._mood is None or abs(mood - self._mood) < _MOOD_STEP:
+            return
+        style = "red" if mood < self._mood else "green"
+        word = "falls" if mood < self._mood else "rises"
+        self._line("mood", f"[{style}]{word} from {self._mood:g} to {mood:g}[/]")
+        self._mood = mood
+
+    def auction(self, message: Any) -> None:
+        """Show every bid and the reason of the decision."""
+        self.rounds += 1
+        if message.follows or message.scene.scene_id != self._scene_id:
+            self.scene(message.scene)
+        for bid in message.ranking:
+            style = "bold" if bid.agent == message.winner else "dim"
+            self._line(
+                f"bid {message.round}",
+                f"[{style}]{bid.agent:<22} {bid.distance:5.2f}[/] "
+                f"[dim]= {escape(_sum_only(bid.calculation))}[/]",
+            )
+        for bid in message.refused:
+            self._line(
+                f"bid {message.round}", f"[dim]{bid.agent:<22}   –   {escape(bid.reason)}[/]"
+            )
+        if message.outcome in (message.PREEMPTS, message.WAITS):
+            stops = message.outcome == message.PREEMPTS
+            title = "[bold yellow]the run is stopped[/]" if stops else "[dim]the run goes on[/]"
+            self._line("challenge", f"{title}  {self._words(message.reason)}")
+            self.preemptions += stops
+            return
+        self.takeovers += bool(message.follows and message.winner)
+        style = "bold green" if message.winner else "bold yellow"
+        title = f"{message.winner} wins" if message.winner else "nobody"
+        self._line("award", f"[{style}]{title}[/]  {self._words(message.reason)}")
+        self.unanswered += not message.winner
+
+    def run(self, message: Any) -> None:
+        """Show start, cancel and end of a run."""
+        if message.event == message.STARTED:
+            moods = (v.value for v in message.scene.values if v.name == self._space.mood)
+            self._mood = next((mood for mood in moods if not math.isnan(mood)), None)
+            self._starts(message)
+        elif message.event == message.CANCELLING:
+            self._stopping = True
+            words = self._words(message.message)
+            self._line("run", f"[yellow]stopping {message.agent}:[/] {words}")
+        elif message.event == message.REFUSED:
+            self._line("run", f"[yellow]{message.agent}: {self._words(message.message)}[/]")
+        else:
+            self._mood = None
+            self._under_way = ""
+            outcome = word(message, message.outcome, OUTCOMES)
+            self.runs.append((message.agent, outcome))
+            style = _OUTCOME_STYLE.get(outcome, "red")
+            # Of a host that is gone nobody knows the last count.
+            ticks = f", {message.ticks} ticks" if message.ticks else ""
+            self._line(
+                "run",
+                f"[{style}]{message.agent} {outcome}[/] after "
+                f"{message.duration_s:.1f} s{ticks}: {self._words(message.message)}"
+                + (f" [red]orphans: {', '.join(message.orphans)}[/]" if message.orphans else ""),
+            )
+
+    def _starts(self, message: Any) -> None:
+        """Say once that a run starts: its first tick may be heard before the market's word."""
+        if self._started != (message.epoch, message.round):
+            self._started = (message.epoch, message.round)
+            self._under_way, self._stopping = message.agent, False
+            self._line("run", f"{message.agent} starts")
+
+    def end(self, message: Any) -> None:
+        """Say how a scene ended, unless its run or its round has said so."""
+        if message.code not in _TOLD_BY_THE_RUN:
+            title = f"[yellow]{escape(code_words(message.code))}:[/]"
+            self._line("scene", f"{title} {self._words(message.message)}")
+
+    def tree(self, message: Any) -> None:
+        """Show the nodes that changed in a tick, and modifiers that made something fail.
+
+        First what ended, in the order of ending, then what began, parents before children.
+        """
+        ended = [change for change in message.changes if change.status != change.RUNNING]
+        begun = [change for change in message.changes if change.status == change.RUNNING]
+        if message.tick == 1:
+            self._starts(message)
+        if self._under_way == message.agent and not self._stopping and _cleans_up(message):
+            self._stopping = True
+            self._line("run", f"[yellow]stopping {message.agent}:[/] its host hears no market")
+        for change in [*ended, *sorted(begun, key=lambda change: _place(change.path))]:
+            modifier = "@" in change.path.rpartition("/")[2]
+            if change.status == change.INVALID or (modifier and change.status != change.FAILURE):
+                continue
+            depth = change.path.count("/")
+            words = f" [dim]{escape(change.message)}[/]" if change.message else ""
+            self._line(
+                "tree",
+                f"[dim]{message.tick:>4}[/] {'  ' * depth}{_status(change)}[/] "
+                f"{escape(change.name)}{words}",
+            )
+
+    def act(self, words: str) -> None:
+        """Show what the robot does."""
+        self._line("robot", f"[bold magenta]{escape(words)}[/]")
+
+    def feedback(self, message: Any) -> None:
+        """Show the feedback and the profile before and after."""
+        kind = word(message, message.kind, KINDS)
+        self.feedbacks.append((message.agent, kind))
+        who = message.agent
+        if message.layer:
+            who += f" for {escape(message.layer)}"
+        else:
+            self._start.setdefault(message.agent, list(message.before))
+            self._now[message.agent] = list(message.after)
+        style = {"positive": "green", "negative": "red"}.get(kind, "blue")
+        if message.source != TUNING:
+            self._line(
+                "feedback",
+                f"[{style}]{kind}[/] for {message.agent} by {escape(message.source)}"
+                + (f": {escape(message.reason)}" if message.reason else ""),
+            )
+        self._line(
+            "profile",
+            f"{who} {_vector(message.before)} → [bold]{_vector(message.after)}[/] "
+            f"[dim](revision {message.revision})[/]",
+        )
+
+    def tunings(self, message: Any) -> None:
+        """Say what was tuned since the last message of its host; its first one is no news."""
+        last = self._tuned.get(message.host, message.revision)
+        self._tuned[message.host] = message.revision
+        for one in message.tunings:
+            if one.revision > last:
+                reason = f": {one.reason}" if one.reason else ""
+                self._line(
+                    "tuned",
+                    f"[bold]{escape(f'{one.name}: {one.before} → {one.after}')}[/] "
+                    f"[dim]({escape(one.author + reason)}, revision {one.revision})[/]",
+                )
+
+    def news(self, words: str, bad: bool) -> None:
+        """Say what is new with the agents themselves."""
+        self._line("agents", f"[{'red' if bad else 'bold'}]{escape(words)}[/]")
+
+    def summary(self) -> None:
+        """Print what happened in all, and every profile before and after."""
+        self._console.print()
+        self._console.rule("[bold]summary", align="left", style="cyan")
+        self._row("agent", "runs", "feedback", f"profile ({', '.join(self._space.names)})")
+        for agent in sorted(self._start):
+            runs = [outcome for name, outcome in self.runs if name == agent]
+            words = ", ".join(runs) or "–"
+            given = [kind for name, kind in self.feedbacks if name == agent]
+            before, after = self._start[agent], self._now[agent]
+            moved = _vector(before) + ("" if before == after else f" → {_vector(after)}")
+            self._row(agent, words, ", ".join(given) or "–", moved)
+        self._console.print(
+            f"{self.rounds} rounds, {len(self.runs)} runs, {self.takeovers} taken over by another "
+            f"agent, {len(self.feedbacks)} times feedback, {self.unanswered} scenes without a bid"
+            + (f", {self.preemptions} runs stopped for another scene" if self.preemptions else ""),
+            soft_wrap=True,
+        )
+
+    def _words(self, text: str) -> str:
+        return escape(self._names.in_words(text))
+
+    def _describe(self, message: Any) -> str:
+        urgent = "[bold]urgent[/] " if message.urgent else ""
+        label = f"[bold]{escape(message.label)}[/]: " if message.label else ""
+        return urgent + label + self._values(message)
+
+    def _values(self, message: Any) -> str:
+        if not message.person and all(math.isnan(v.value) for v in message.values):
+            return "no person, nothing else is known"
+        words = []
+        for value in message.values:
+            parameter = next((p for p in self._space.parameters if p.name == value.name), None)
+            if math.isnan(value.value):
+                words.append(f"{value.name} [yellow]missing[/]")
+            else:
+                label = parameter.labels.get(value.value, "") if parameter else ""
+                words.append(
+                    f"{value.name} {value.value:g}" + (f" ({escape(label)})" if label else "")
+                )
+        return ", ".join(words) + ("" if message.person else ", no person")
+
+    def _row(self, agent: str, runs: str, feedback: str, profile: str) -> None:
+        row = f"{agent:<22} {runs:<21} {feedback:<19} {profile}"
+        self._console.print(row, markup=False, highlight=False, soft_wrap=True)
+
+    def _line(self, what: str, words: str) -> None:
+        print_line(self._console, f"[cyan]{what:>9}[/]  ", Text.from_markup(words))
+
+
+def _cleans_up(message: Any) -> bool:
+    return any(change.path.startswith("on_cancel") for change in message.changes)
+
+
+def _place(path: str) -> list[int]:
+    """Return where a node stands in the tree, so that parents sort before children."""
+    numbers = (part.partition(".")[0] for part in path.split("/"))
+    return [int(number) if number.isdecimal() else 0 for number in numbers]
+
+
+def _status(change: Any) -> str:
+    return _STATUS[word(change, change.status, ("RUNNING", "SUCCESS", "FAILURE"))]
+
+
+def _vector(values: Sequence[float]) -> str:
+    return "[" + ", ".join(f"{value:.4g}" for value in values) + "]"
+
+
+def _sum_only(calculation: str) -> str:
+    return calculation.partition("= ")[2] or calculation

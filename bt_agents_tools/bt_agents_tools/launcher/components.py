@@ -1,0 +1,107 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Which processes make up a system, and where its logs and its ledger lie."""
+
+from __future__ import annotations
+
+import os
+import time
+from pathlib import Path
+
+from bt_agents_tools.launcher.supervisor import Component
+
+
+def state_folder() -> Path:
+    """Return the folder for logs and learned profiles, by the XDG rules."""
+    base = os.environ.get("XDG_STATE_HOME") or str(Path.home() / ".local" / "state")
+    return Path(base) / "bt-agents"
+
+
+def new_log_folder() -> Path:
+    """Return the name of a log folder for this start."""
+    return state_folder() / "logs" / f"{time.strftime('%Y-%m-%d-%H%M%S')}-{os.getpid()}"
+
+
+def market(trees: Path, on_new_scene: str = "", strategy: str = "", orders: str = "") -> Component:
+    """Return the marketplace; what is empty is left at its own."""
+    set_here = {"on_new_scene": on_new_scene, "strategy": strategy, "orders": orders}
+    parameters = {"trees": str(trees)} | {name: text for name, text in set_here.items() if text}
+    return Component(name="marketplace", module="marketplace_node.node", parameters=parameters)
+
+
+def scene_layer(
+    trees: Path, script: Path | None = None, agents: int = 1, memory: str = ""
+) -> Component:
+    """Return the scene layer, which plays a script when one is given."""
+    parameters: dict[str, str | float | bool | int] = {"trees": str(trees)}
+    if memory:
+        parameters["memory"] = memory
+    if script is not None:
+        parameters |= {"script": str(script), "wait_for_agents": agents}
+    return Component(name="scene_layer", module="scene_layer.node", parameters=parameters)
+
+
+def selector(trees: Path, base_url: str, model: str, key_variable: str = "") -> Component:
+    """Return the selector, which asks a language model how to rank bids."""
+    return Component(
+        name="selector",
+        module="marketplace_node.node.selector",
+        parameters={
+            "trees": str(trees),
+            "base_url": base_url,
+            "model": model,
+            "key_variable": key_variable,
+        },
+    )
+
+
+def host(trees: Path, tags: str = "", bindings: str = "", tunings: str = "") -> Component:
+    """Return the host of all agents of a folder; it ends first, while the robot still listens."""
+    return Component(
+        name="agents",
+        module="bt_agents.host.node",
+        parameters={"trees": str(trees), "tags": tags, "robot": bindings, "tunings": tunings},
+        first=True,
+    )
+
+
+def feedback(trees: Path, ledger: str, simulated: Path | None = None) -> Component:
+    """Return the feedback node."""
+    parameters: dict[str, str | float | bool | int] = {"trees": str(trees), "ledger": ledger}
+    if simulated is not None:
+        parameters["simulated_feedback"] = str(simulated)
+    return Component(name="feedback", module="feedback_node.node", parameters=parameters)
+
+
+def journal_folder() -> Path:
+    """Return the folder in which a journal is kept when no other is named."""
+    return state_folder() / "journal"
+
+
+def journal(folder: Path) -> Component:
+    """Return the journal of everything that is said."""
+    return Component(
+        name="journal", module="bt_agents_lab.node", parameters={"folder": str(folder)}
+    )
+
+
+def robot(pace: float, voice: str) -> Component:
+    """Return the simulated robot."""
+    return Component(
+        name="robot",
+        module="bt_agents_robot.robot",
+        parameters={"pace": pace, "voice": voice},
+    )
+
+
+def visitors(trees: Path, script: Path, pace: float) -> Component:
+    """Return the scripted visitors, who would begin anew."""
+    return Component(
+        name="visitors",
+        lasting=False,
+        module="bt_agents_robot.visitors",
+        parameters={
+            "trees": str(trees),
+            "script": str(script),
+            "pace": pace,
+        },
+    )

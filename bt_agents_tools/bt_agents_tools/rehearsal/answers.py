@@ -1,0 +1,154 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How the world of a rehearsal answers a skill: as typed, as scripted, or as is likely."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import Protocol
+
+from bt_agents.engine.environment import GoalState
+from bt_agents.engine.scope import MessageNames, holds, not_so
+from bt_agents.engine.scripted_environment import Answer
+from bt_agents_language.expression.expressions import EvaluationError, MissingValue
+from bt_agents_language.files.testing.path_patterns import is_path, matches
+from bt_agents_language.files.testing.scenarios import (
+    AnswerRule,
+    GoalEnd,
+    Happening,
+    ScriptedAnswer,
+)
+from bt_agents_language.model.specs import NodeSpec, Plain
+from bt_agents_tools.rehearsal import default_answers
+from bt_agents_tools.rehearsal.events import Use
+
+
+class Typist(Protocol):
+    """A person who answers skills in place of the script."""
+
+    def asks(self, use: Use) -> bool:
+        """Return whether the person wants to answer a use of a skill."""
+
+    def answer(self, use: Use) -> ScriptedAnswer | Happening | None:
+        """Return how a use of a skill goes, or what happens first; None leaves it as it is."""
+
+
+_STATES = {
+    GoalEnd.SUCCEEDS: GoalState.SUCCEEDED,
+    GoalEnd.FAILS: GoalState.ABORTED,
+    GoalEnd.REJECTED: GoalState.REJECTED,
+    GoalEnd.UNREACHABLE: GoalState.UNREACHABLE,
+    GoalEnd.NEVER: GoalState.SUCCEEDED,
+}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Performance:
+    """How one use of a skill goes: for the leaf, and its outputs by name for people."""
+
+    answer: Answer
+    outputs: Mapping[str, Plain]
+
+
+class Answers:
+    """Gives the answers of a script in turn."""
+
+    def __init__(self, rules: Iterable[AnswerRule]) -> None:
+        self._rules = sorted(rules, key=lambda rule: not is_path(rule.key))
+        self._turns = dict.fromkeys(range(len(self._rules)), 0)
+
+    def perform(self, use: Use, typed: ScriptedAnswer | None = None) -> Performance:
+        """Return how a use of a skill goes: as was typed, as is scripted, or as is likely."""
+        scripted = typed or self._scripted(use.node) or ScriptedAnswer()
+        outputs = {**default_answers.outputs(use.node, use.inputs), **scripted.outputs}
+        result, feedback = _messages(use.node, outputs)
+        state, reason = _STATES[scripted.end], scripted.reason
+        if scripted.end is GoalEnd.SUCCEEDS:
+            objection = _objection(use, outputs, result)
+            state, reason = (GoalState.ABORTED, objection) if objection else (state, reason)
+        fails = state is not GoalState.SUCCEEDED
+        after_s = scripted.after_s
+        if scripted.end is GoalEnd.NEVER:
+            after_s = math.inf
+        elif after_s is None and scripted.end in (GoalEnd.REJECTED, GoalEnd.UNREACHABLE):
+            after_s = 0.0
+        elif after_s is None:
+            after_s = default_answers.duration_s(use.node, use.inputs, fails=fails)
+        answer = Answer(
+            state=state,
+            result=result,
+            message=reason,
+            after_s=after_s,
+            feedback=((0.0, feedback),) if feedback else (),
+        )
+        return Performance(answer=answer, outputs={} if fails else outputs)
+
+    def _scripted(self, node: NodeSpec) -> ScriptedAnswer | None:
+        for number, rule in enumerate(self._rules):
+            if rule.key == node.kind or (is_path(rule.key) and matches(rule.key, node.path)):
+                turn = self._turns[number]
+                self._turns[number] += 1
+                return rule.answers[min(turn, len(rule.answers) - 1)]
+        return None
+
+
+def _messages(
+    node: NodeSpec, outputs: Mapping[str, Plain]
+) -> tuple[dict[str, Plain], dict[str, Plain]]:
+    """Return outputs as the messages that they are read from: result and feedback."""
+    binding = node.skill.binding if node.skill is not None else None
+    paths = {**node.outputs, **(binding.outputs if binding is not None else {})}
+    told = {**node.feedback, **(binding.feedback if binding is not None else {})}
+    result: dict[str, Plain] = {}
+    feedback: dict[str, Plain] = {}
+    for name, value in outputs.items():
+        if name in told:
+            _put(feedback, told[name], value)
+        else:
+            _put(result, paths.get(name, name), value)
+    return result, feedback
+
+
+def _put(message: dict[str, Plain], path: str, value: Plain) -> None:
+    *groups, last = path.split(".")
+    inner = message
+    for group in groups:
+        below = inner.setdefault(group, {})
+        if not isinstance(below, dict):
+            break
+        inner = below
+    inner[last] = value
+
+
+def _objection(use: Use, outputs: Mapping[str, Plain], result: Mapping[str, Plain]) -> str:
+    """Return why an answer does not count, empty when it does.
+
+    It counts when it is one of the ``choices`` that the skill was given, and what the skill makes
+    a condition of success; fields that the script does not give are as they should be.
+    """
+    choices = use.inputs.get("choices")
+    texts = [value for value in outputs.values() if isinstance(value, str)]
+    if isinstance(choices, tuple | list) and choices and texts:
+        possible = {str(choice).casefold() for choice in choices}
+        if texts[0].strip().casefold() not in possible:
+            return f"'{texts[0]}' is none of the choices"
+    binding = use.node.skill.binding if use.node.skill is not None else None
+    if binding is None or binding.succeed_when is None:
+        return ""
+
+    names = MessageNames(prefix="result", message=result, around=_NoNames())
+    try:
+        if holds(binding.succeed_when, names):
+            return ""
+    except (MissingValue, EvaluationError):
+        return ""
+    return not_so(binding.succeed_when, names)
+
+
+class _NoNames:
+    """Names of which none has a value."""
+
+    def lookup(self, name: str) -> Plain:
+        """Find nothing."""
+        raise MissingValue(name)

@@ -1,0 +1,257 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Compares how a rehearsal went with what a test expects, for somebody who has to mend it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from typing import TypeVar
+
+from bt_agents.engine.run import Outcome
+from bt_agents_language.files.testing.path_patterns import matches
+from bt_agents_language.files.testing.scenarios import (
+    Because,
+    Bids,
+    CancelledBy,
+    Case,
+    Does,
+    DoesNot,
+    Ends,
+    Expectation,
+    Says,
+    SkillUse,
+    Teaches,
+    Visits,
+    Within,
+)
+from bt_agents_language.model.specs import Position
+from bt_agents_tools.rehearsal.coverage import Mark
+from bt_agents_tools.rehearsal.events import Rehearsed, Use
+from bt_agents_tools.rehearsal.transcript import phrase, time_text, value_text
+
+Row = tuple[str, str, bool]
+"""Expected, found, and whether they are the same."""
+
+E = TypeVar("E")
+F = TypeVar("F")
+
+_NOTHING = "–"
+_TOLERANCE_S = 1e-6
+
+
+@dataclass(frozen=True, kw_only=True)
+class Finding:
+    """An expectation that was not fulfilled.
+
+    Attributes:
+        position: Where it stands in the test file.
+        message: What was expected and what was found.
+        rows: The same side by side, for lists.
+    """
+
+    position: Position
+    message: str
+    rows: tuple[Row, ...] = ()
+
+
+def findings(case: Case, rehearsed: Rehearsed) -> tuple[Finding, ...]:
+    """Return the expectations of a case that were not fulfilled."""
+    wanted = {type(one) for one in case.expectations}
+    found: list[Finding] = []
+    if rehearsed.declined and Bids not in wanted:
+        message = (
+            f"the agent does not bid for this scene, it {rehearsed.declined}; change the scene, "
+            "or expect 'bids: false'"
+        )
+        return (Finding(position=case.position, message=message),)
+    if rehearsed.outcome is None and not rehearsed.declined and Ends not in wanted:
+        message = f"the run did not end: {rehearsed.message}"
+        found.append(Finding(position=case.position, message=message))
+    for one in case.expectations:
+        finding = _check(one, rehearsed)
+        if finding is not None:
+            found.append(finding)
+    return tuple(found)
+
+
+def _check(wanted: Expectation, rehearsed: Rehearsed) -> Finding | None:
+    match wanted:
+        case Bids():
+            if wanted.wanted == (not rehearsed.declined):
+                return None
+            if wanted.wanted:
+                return _finding(wanted, f"bids: expected a bid, but it {rehearsed.declined}")
+            return _finding(wanted, "bids: expected no bid, but nothing speaks against one")
+        case Says():
+            said = [use for use in rehearsed.uses if use.spoken]
+            return _says(wanted, said)
+        case Does():
+            return _does(wanted, rehearsed.uses)
+        case DoesNot():
+            return _does_not(wanted, rehearsed.uses)
+        case Visits():
+            return _visits(wanted, rehearsed)
+        case Ends():
+            outcome = rehearsed.outcome.value if rehearsed.outcome is not None else "no end"
+            if outcome == wanted.outcome:
+                return None
+            message = f"ends: expected {wanted.outcome}, found {outcome}"
+            if rehearsed.outcome is not Outcome.SUCCEEDED:
+                message += f" ({rehearsed.message})"
+            return _finding(wanted, message)
+        case Because():
+            if wanted.words.casefold() in rehearsed.message.casefold():
+                return None
+            found = f"found '{rehearsed.message}'"
+            if rehearsed.outcome is Outcome.SUCCEEDED:
+                found = "but the tree succeeded"
+            return _finding(wanted, f"because: expected a reason with '{wanted.words}', {found}")
+        case Within():
+            if rehearsed.duration_s <= wanted.seconds + _TOLERANCE_S:
+                return None
+            took, limit = time_text(rehearsed.duration_s), time_text(wanted.seconds)
+            return _finding(wanted, f"within: expected at most {limit}, found {took}")
+        case Teaches():
+            if wanted.kinds == rehearsed.feedback:
+                return None
+            expected, found = (
+                ", ".join(kind.name.lower() for kind in kinds) or "none"
+                for kinds in (wanted.kinds, rehearsed.feedback)
+            )
+            return _finding(wanted, f"feedback: expected {expected}, found {found}")
+        case CancelledBy():
+            if wanted.cause == rehearsed.cancelled_by:
+                return None
+            found_cause = rehearsed.cancelled_by or "nothing"
+            return _finding(
+                wanted, f"cancelled_by: expected '{wanted.cause}', found {found_cause}"
+            )
+
+
+def _finding(wanted: Expectation, message: str, rows: Sequence[Row] = ()) -> Finding:
+    return Finding(position=wanted.position, message=message, rows=tuple(rows))
+
+
+def _visits(wanted: Visits, rehearsed: Rehearsed) -> Finding | None:
+    ticked = sorted(
+        path
+        for path, marks in rehearsed.marks.items()
+        if Mark.TICKED in marks and matches(wanted.pattern, path)
+    )
+    if bool(ticked) == wanted.wanted:
+        return None
+    if wanted.wanted:
+        return _finding(wanted, f"visited: {wanted.pattern} was never ticked")
+    return _finding(wanted, f"not_visited: {ticked[0]} was ticked")
+
+
+def _says(wanted: Says, said: Sequence[Use]) -> Finding | None:
+    texts = [value_text(use.main) for use in said]
+
+    def same(expected: str, found: str) -> bool:
+        return expected.split() == found.split()
+
+    rows = [
+        (expected or _NOTHING, found or _NOTHING, expected is not None and found is not None)
+        for expected, found in aligned(wanted.texts, texts, same, exact=wanted.exact)
+    ]
+    return _compared(wanted, "says", rows, wanted.exact)
+
+
+def _does(wanted: Does, uses: Sequence[Use]) -> Finding | None:
+    rows = [
+        (
+            _NOTHING if expected is None else _use_text(expected),
+            _NOTHING if found is None else phrase(found.node, found.inputs),
+            expected is not None and found is not None,
+        )
+        for expected, found in aligned(wanted.uses, uses, _fits, exact=wanted.exact)
+    ]
+    return _compared(wanted, "does", rows, wanted.exact)
+
+
+def _does_not(wanted: DoesNot, uses: Sequence[Use]) -> Finding | None:
+    for one in wanted.uses:
+        found = next((use for use in uses if _fits(one, use)), None)
+        if found is not None:
+            did = phrase(found.node, found.inputs)
+            return _finding(wanted, f"does_not: expected no {_use_text(one)}, found {did}")
+    return None
+
+
+def _compared(wanted: Expectation, key: str, rows: list[Row], exact: bool) -> Finding | None:
+    rows = _side_by_side(rows)
+    different = [row for row in rows if not row[2]]
+    if not different:
+        return None
+    missing = sum(row[0] != _NOTHING for row in different)
+    extra = sum(row[1] != _NOTHING for row in different)
+    words = [f"{missing} missing"] * bool(missing) + [f"{extra} not expected"] * bool(extra)
+    order = "in this order, these and no others" if exact else "in this order, among others"
+    return _finding(wanted, f"{key}: {', '.join(words)} ({order})", rows)
+
+
+def _side_by_side(rows: Iterable[Row]) -> list[Row]:
+    """Return the rows with what is missing and what stands in its place in one of them."""
+    joined: list[Row] = []
+    pending: list[int] = []
+    for expected, found, same in rows:
+        if same:
+            pending = []
+        elif pending and expected == _NOTHING:
+            place = pending.pop(0)
+            joined[place] = (joined[place][0], found, False)
+            continue
+        elif expected != _NOTHING:
+            pending.append(len(joined))
+        joined.append((expected, found, same))
+    return joined
+
+
+def aligned(
+    expected: Sequence[E], found: Sequence[F], same: Callable[[E, F], bool], *, exact: bool
+) -> list[tuple[E | None, F | None]]:
+    """Return what is expected and what was found in pairs, as many of them as possible alike.
+
+    The longest common subsequence; what is not expected is left out unless ``exact``.
+    """
+    rows, columns = len(expected), len(found)
+    longest = [[0] * (columns + 1) for _ in range(rows + 1)]
+    for i in reversed(range(rows)):
+        for j in reversed(range(columns)):
+            longest[i][j] = (
+                1 + longest[i + 1][j + 1]
+                if same(expected[i], found[j])
+                else max(longest[i + 1][j], longest[i][j + 1])
+            )
+    pairs: list[tuple[E | None, F | None]] = []
+    i = j = 0
+    while i < rows or j < columns:
+        if i < rows and j < columns and same(expected[i], found[j]):
+            pairs.append((expected[i], found[j]))
+            i, j = i + 1, j + 1
+        elif j == columns or (i < rows and longest[i + 1][j] >= longest[i][j + 1]):
+            pairs.append((expected[i], None))
+            i += 1
+        else:
+            if exact:
+                pairs.append((None, found[j]))
+            j += 1
+    return pairs
+
+
+def _fits(wanted: SkillUse, use: Use) -> bool:
+    return wanted.skill == use.skill and all(
+        name in use.inputs and value_text(use.inputs[name]) == value_text(value)
+        for name, value in wanted.inputs.items()
+    )
+
+
+def _use_text(use: SkillUse) -> str:
+    """Return what is expected in the words in which what happened is shown."""
+    main = use.inputs.get(use.main) if use.main is not None else None
+    first = f'"{value_text(main)}"' if use.main == "text" and main else value_text(main)
+    others = (
+        f"{name} {value_text(value)}" for name, value in use.inputs.items() if name != use.main
+    )
+    return f"{use.skill} {', '.join(filter(None, (first, *others)))}".rstrip()

@@ -1,0 +1,97 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a skill likely does when nobody says otherwise: how long it takes, what it gives."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from bt_agents_language.model.specs import (
+    BindingKind,
+    FieldSpec,
+    FieldType,
+    NodeSpec,
+    Plain,
+    SkillSpec,
+)
+
+BREATH_S = 0.4
+"""Before the first word of a text [s]."""
+
+CHARACTER_S = 0.06
+"""A character of a text at normal speed, about 170 words a minute [s]."""
+
+THINKING_S = 2.0
+"""What a person takes to answer once the question is asked [s]."""
+
+ACTION_S = 1.0
+"""Any other action [s]."""
+
+_TEXT = "yes"
+_VALUES: Mapping[FieldType, Plain] = {
+    FieldType.BOOLEAN: True,
+    FieldType.INTEGER: 1,
+    FieldType.NUMBER: 1.0,
+    FieldType.DURATION: 1.0,
+    FieldType.LENGTH: 1.0,
+    FieldType.ANGLE: 0.0,
+}
+
+
+def duration_s(node: NodeSpec, inputs: Mapping[str, Plain], *, fails: bool) -> float:
+    """Return how long a use of a skill takes [s].
+
+    Services and messages take no time. An action takes its input ``duration`` when that is more
+    than nothing; one with a text as main input takes as long as the text, at the speed of its
+    input ``rate``, and the time to think when it gives an answer back. When it fails although it
+    would wait for an answer, it takes as long as it would wait.
+    """
+    skill = node.skill
+    if skill is None:
+        return 0.0
+    if skill.binding is not None and skill.binding.kind is not BindingKind.ACTION:
+        return 0.0
+    set_s = _number(inputs.get("duration"))
+    if set_s > 0.0:
+        return set_s
+    if not _speaks(skill):
+        return ACTION_S
+    text = inputs.get(skill.main or "")
+    rate = _number(inputs.get("rate")) or 1.0
+    spoken_s = (BREATH_S + CHARACTER_S * len(str(text or ""))) / rate
+    if not returned(node):
+        return spoken_s
+    return spoken_s + (_number(inputs.get("wait")) if fails else THINKING_S)
+
+
+def outputs(node: NodeSpec, inputs: Mapping[str, Plain]) -> dict[str, Plain]:
+    """Return what a use of a skill gives back: the first of its choices, else a plain value.
+
+    Of what comes while it goes on nothing is likely.
+    """
+    if node.skill is None:
+        return {}
+    types = {one.name: one.type for one in returned(node)}
+    types = types or dict.fromkeys(node.outputs, FieldType.ANY)
+    choices = inputs.get("choices")
+    text = choices[0] if isinstance(choices, tuple | list) and choices else _TEXT
+    return {name: _VALUES.get(field_type, text) for name, field_type in types.items()}
+
+
+def returned(node: NodeSpec) -> tuple[FieldSpec, ...]:
+    """Return the outputs of a skill that come with its result."""
+    if node.skill is None:
+        return ()
+    binding = node.skill.binding
+    told = binding.feedback if binding is not None else {}
+    return tuple(one for one in node.skill.outputs if one.name not in told)
+
+
+def _speaks(skill: SkillSpec) -> bool:
+    return any(
+        one.name == skill.main and one.name == "text" and one.type is FieldType.TEXT
+        for one in skill.inputs
+    )
+
+
+def _number(value: Plain) -> float:
+    return float(value) if isinstance(value, int | float) and not isinstance(value, bool) else 0.0

@@ -1,0 +1,93 @@
+# SPDX-License-Identifier: Apache-2.0
+"""In which order a tick is told: events as they happened, the nodes of a branch from the top."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+
+from py_trees.common import Status
+
+from bt_agents.engine.run import StatusChange
+from bt_agents_language.model.specs import NodeSpec
+from bt_agents_tools.rehearsal.events import Event, EventKind
+
+_LIMITS = ("timeout", "while", "retry")
+
+
+class Teller:
+    """Turns the ticks of one rehearsal into events.
+
+    Args:
+        nodes: All nodes by path, parents before children.
+    """
+
+    def __init__(self, nodes: Mapping[str, NodeSpec]) -> None:
+        self._nodes = nodes
+        self._places = {path: place for place, path in enumerate(nodes)}
+        self._running: set[str] = set()
+
+    def told(
+        self, at_s: float, changes: Sequence[StatusChange], held: Iterable[tuple[int, Event]]
+    ) -> list[Event]:
+        """Return a tick in the order in which it is to be read.
+
+        Args:
+            at_s: The time [s].
+            changes: What changed.
+            held: What happened meanwhile, each with the number of changes before it.
+
+        Returns:
+            What happened, in time; a change of a node comes after what happened to the node
+            itself, and after the changes of all nodes above it.
+        """
+        happened = [*held]
+        waits: list[Event] = []
+        ticks: list[Event] = []
+        for number, change in enumerate(changes):
+            if self._is_news(change):
+                ticks.append(Event(at_s=at_s, kind=EventKind.TICK, change=change))
+            node = self._nodes.get(change.path)
+            if node is None:
+                continue
+            if change.status is Status.FAILURE and _gives_up(node, change):
+                words = change.message
+                event = Event(at_s=at_s, kind=EventKind.GIVES_UP, node=node, words=words)
+                happened.append((number, event))
+            elif change.status is Status.RUNNING and node.kind in ("wait", "wait_for"):
+                words = change.message
+                waits.append(Event(at_s=at_s, kind=EventKind.WAITS, node=node, words=words))
+        # A change comes after what had happened when it was made: the sort keeps that order.
+        happened.sort(key=lambda pair: pair[0])
+        return self._merged([*(event for _, event in happened), *waits], ticks)
+
+    def _is_news(self, change: StatusChange) -> bool:
+        """Return whether a change is to be shown; one that only forgets an earlier end is not."""
+        was_running = change.path in self._running
+        if change.status is Status.RUNNING:
+            self._running.add(change.path)
+        else:
+            self._running.discard(change.path)
+        return change.status is not Status.INVALID or was_running
+
+    def _merged(self, happened: list[Event], ticks: list[Event]) -> list[Event]:
+        merged: list[Event] = []
+        told = 0
+        for tick in sorted(ticks, key=self._place):
+            path = tick.change.path if tick.change is not None else ""
+            own = [
+                number
+                for number, event in enumerate(happened[told:], start=told + 1)
+                if event.node is not None and event.node.path == path
+            ]
+            until = max(own, default=told)
+            merged += [*happened[told:until], tick]
+            told = until
+        return merged + happened[told:]
+
+    def _place(self, tick: Event) -> int:
+        return self._places.get(tick.change.path, 0) if tick.change is not None else 0
+
+
+def _gives_up(node: NodeSpec, change: StatusChange) -> bool:
+    """Return whether a failure is worth a word: a limit, or an error of a leaf."""
+    return f"({node.path}, " in change.message and (node.kind in _LIMITS or not node.children)

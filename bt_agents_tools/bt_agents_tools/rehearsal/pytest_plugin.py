@@ -1,0 +1,113 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Runs the test files of agents under pytest: one item a case; needs neither a robot nor ROS."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable
+from contextlib import suppress
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import pytest
+
+from bt_agents_core.errors import BtAgentsError
+from bt_agents_core.trees_folder import folder_around
+
+# The rest is imported when there is a case: pytest loads this module in every project.
+if TYPE_CHECKING:
+    from _pytest._code.code import TerminalRepr, TracebackStyle
+
+    from bt_agents_core.scene import SceneSpace
+    from bt_agents_language.files.testing.scenarios import Case
+    from bt_agents_language.model.specs import AgentSpec
+    from bt_agents_tools.rehearsal.suite import TreesFolders
+
+_SUFFIXES = (".test.yaml", ".test.yml")
+_OURS = (re.compile(r"^test:", re.MULTILINE), re.compile(r"^cases:", re.MULTILINE))
+_FOLDERS: pytest.StashKey[TreesFolders] = pytest.StashKey()
+_LONGEST_LOOK = 1024 * 1024
+
+
+def pytest_collect_file(file_path: Path, parent: pytest.Collector) -> pytest.Collector | None:
+    """Collect ``*.test.yaml`` of a trees folder, or with cases for an agent.
+
+    Files of other programs are left alone. One of a trees folder is never one of them: a slip in
+    its first words must not take its cases away in silence.
+    """
+    if file_path.name.endswith(_SUFFIXES) and _is_ours(file_path):
+        file: AgentTestFile = AgentTestFile.from_parent(parent, path=file_path)
+        return file
+    return None
+
+
+def _is_ours(path: Path) -> bool:
+    with suppress(BtAgentsError):
+        if (folder_around(path) / "agents").is_dir():
+            return True
+    try:
+        with path.open("rb") as file:
+            text = file.read(_LONGEST_LOOK).decode("utf-8", "replace")
+    except OSError:
+        return False
+    return all(key.search(text) for key in _OURS)
+
+
+class CaseFailed(Exception):
+    """A case went otherwise than expected; says how."""
+
+
+class AgentTestFile(pytest.File):
+    """A test file."""
+
+    def collect(self) -> Iterable[pytest.Item]:
+        """Return one item a case.
+
+        Raises:
+            CollectError: The file, or what it is about, has errors.
+        """
+        from bt_agents_tools.rehearsal.suite import TreesFolders
+
+        folders = self.config.stash.setdefault(_FOLDERS, TreesFolders())
+        try:
+            test, space = folders.read_test(self.path)
+        except BtAgentsError as error:
+            raise self.CollectError(str(error)) from None
+        for case in test.cases:
+            yield AgentCase.from_parent(
+                self, name=case.name, agent=test.agent, space=space, case=case
+            )
+
+
+class AgentCase(pytest.Item):
+    """One case."""
+
+    def __init__(self, *, agent: AgentSpec, space: SceneSpace, case: Case, **more: object) -> None:
+        super().__init__(**more)  # type: ignore[arg-type]
+        self._agent = agent
+        self._space = space
+        self._case = case
+
+    def runtest(self) -> None:
+        """Rehearse it.
+
+        Raises:
+            CaseFailed: It went otherwise than expected.
+        """
+        from bt_agents_tools.rehearsal.suite import failure, run_case
+
+        result = run_case(self._agent, self._space, self._case)
+        if not result.passed:
+            raise CaseFailed(failure(result))
+
+    def repr_failure(
+        self, excinfo: pytest.ExceptionInfo[BaseException], style: TracebackStyle | None = None
+    ) -> str | TerminalRepr:
+        """Return what went otherwise, without a traceback, which would help no author."""
+        if isinstance(excinfo.value, CaseFailed):
+            return str(excinfo.value)
+        return super().repr_failure(excinfo)
+
+    def reportinfo(self) -> tuple[Path, int, str]:
+        """Return where the case stands."""
+        return self.path, self._case.position.line - 1, f"{self._agent.name}: {self.name}"

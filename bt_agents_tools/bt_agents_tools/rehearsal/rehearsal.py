@@ -1,0 +1,396 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A rehearsal: the real tree on a virtual clock that jumps to whatever happens next."""
+
+from __future__ import annotations
+
+import heapq
+import itertools
+import math
+import re
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from random import Random
+
+from py_trees.behaviour import Behaviour
+from py_trees.common import Status
+
+from bt_agents.engine.run import Outcome, Run, RunResult, StatusChange
+from bt_agents.host.agent_registry import unmet
+from bt_agents_core.feedback import Kind
+from bt_agents_core.live_scene_view import LEASE_S
+from bt_agents_core.scene import SceneSpace
+from bt_agents_language.files.testing.path_patterns import matches, nodes_of
+from bt_agents_language.files.testing.scenarios import Happening, Scenario, ScriptedAnswer
+from bt_agents_language.model.specs import AgentSpec, NodeSpec, Plain
+from bt_agents_tools.rehearsal.answers import Answers, Typist
+from bt_agents_tools.rehearsal.coverage import Mark
+from bt_agents_tools.rehearsal.event_order import Teller
+from bt_agents_tools.rehearsal.events import Event, EventKind, Rehearsed, Use
+from bt_agents_tools.rehearsal.instrument import replaced, with_open_bindings, with_replacements
+from bt_agents_tools.rehearsal.rehearsal_environment import RehearsalWorld
+from bt_agents_tools.rehearsal.rehearsal_scenes import RehearsedLive, awarded, change_text, watched
+from bt_agents_tools.rehearsal.tick_analysis import at_rest, limit_of, mark, running_leaves
+from bt_agents_tools.rehearsal.transcript import time_text, tuned_text
+from feedback_node.rules import Watch
+
+TICK_S = 0.1
+"""Time between ticks as long as each of them does something, as on the robot [s]."""
+
+LIVE_S = LEASE_S / 2
+"""Time between live scenes while a mood rule waits [s]."""
+
+_PLACED = re.compile(r"\((?:tree|on_cancel)\S*, \S.*:\d+:\d+\)$")
+"""Words that end with a node and its place in a file."""
+
+_NUDGE_S = 1e-6
+"""Time is moved on by so little when a sum of times falls short by a rounding error [s]."""
+
+Prompt = Callable[[str, Sequence[NodeSpec]], Happening | None]
+"""Is asked what happens while a tree only waits: why, in words, and the nodes that do.
+
+None is for nothing: then a time limit runs out, or, where there is none, the rehearsal ends.
+"""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Limits:
+    """Where a rehearsal that does not end is ended.
+
+    Attributes:
+        duration_s: Virtual time [s].
+        ticks: Ticks.
+    """
+
+    duration_s: float = 24 * 3600.0
+    ticks: int = 100_000
+
+
+def rehearse(
+    agent: AgentSpec,
+    space: SceneSpace,
+    scenario: Scenario,
+    *,
+    tell: Callable[[Event], None] | None = None,
+    typist: Typist | None = None,
+    prompt: Prompt | None = None,
+    limits: Limits | None = None,
+    against_its_bid: bool = False,
+) -> Rehearsed:
+    """Return how an interaction goes.
+
+    Args:
+        agent: Who acts.
+        space: The scene parameters.
+        scenario: Where and how.
+        tell: Is told every event at once.
+        typist: Answers skills in place of the script.
+        prompt: Is asked what happens when the tree waits for something that nobody has announced.
+        limits: Where a run that does not end is ended.
+        against_its_bid: Run the tree even when the agent does not bid for the scene.
+    """
+    rehearsal = _Rehearsal(agent, space, scenario, tell, typist, prompt, limits or Limits())
+    return rehearsal.run(against_its_bid)
+
+
+class _Rehearsal:
+    """One rehearsal."""
+
+    def __init__(
+        self,
+        agent: AgentSpec,
+        space: SceneSpace,
+        scenario: Scenario,
+        tell: Callable[[Event], None] | None,
+        typist: Typist | None,
+        prompt: Prompt | None,
+        limits: Limits,
+    ) -> None:
+        agent = with_replacements(agent, scenario.replace)
+        self._agent = agent
+        self._nodes = {node.path: node for node in nodes_of(agent)}
+        self._replacements = scenario.replace
+        self._listener = tell
+        self._typist = typist
+        self._prompt = prompt
+        self._left_alone: set[str] = set()
+        self._limits = limits
+        self._events: list[Event] = []
+        # What happens in a tick is held until the tick is told as a whole, each event with the
+        # number of changes before it.
+        self._held: list[tuple[int, Event]] | None = None
+        self._noted = 0
+        self._teller = Teller(self._nodes)
+        # Nodes of the last tick in the order in which they answered, and how.
+        self._ticked: list[tuple[Behaviour, Status]] = []
+        self._marks: dict[str, set[Mark]] = {}
+        self._given: list[Kind] = []
+        self._cancelled_by = ""
+        self._order = itertools.count()
+        self._agenda: list[tuple[float, int, Happening]] = []
+        self._awaited = [one for one in scenario.during if one.at]
+        self._world = RehearsalWorld(
+            self._nodes,
+            Answers(scenario.answers),
+            ask=self._question,
+            tell=self._tell,
+            feedback=self._feedback,
+        )
+        self._clock = self._world.clock
+        self._scene = awarded(space, scenario)
+        self._live = RehearsedLive(self._scene, self._clock)
+        self._tunables: dict[str, Plain] = {one.name: one.default for one in agent.tunables}
+        self._tunables |= scenario.tunables
+        self._run = Run(
+            with_open_bindings(agent),
+            space=space,
+            scene=self._scene,
+            profile=agent.profile,
+            live=self._live.now,
+            tunables=self._tunables,
+            world=self._world,
+            steady=self._clock,
+            random=Random(scenario.seed),
+            visit=lambda node, status: self._ticked.append((node, status)),
+        )
+        rules = tuple(map(watched, agent.rules))
+        self._watch = Watch(rules, self._scene, space, self._clock)
+        self._declined = unmet(agent, space, self._scene, agent.profile, self._tunables)
+        for one in scenario.during:
+            if not one.at:
+                self._plan(one, one.after_s)
+
+    def run(self, against_its_bid: bool) -> Rehearsed:
+        """Run to the end."""
+        if self._declined and not against_its_bid:
+            return self._rehearsed(None, f"the agent does not bid, it {self._declined}")
+        message = ""
+        while not message:
+            self._happen()
+            self._tick()
+            if self._run.result is not None:
+                result = self._run.result
+                return self._rehearsed(result.outcome, self._reason(result))
+            message = self._move_on()
+        return self._rehearsed(None, message)
+
+    def _reason(self, result: RunResult) -> str:
+        """Return why the run ended, and where it failed."""
+        words = result.message
+        tip = self._nodes.get(result.tip)
+        if result.outcome is Outcome.FAILED and tip is not None and not _PLACED.search(words):
+            words += f" ({tip.path}, {tip.position})"
+        if result.orphans:
+            words += f" (still under way: {', '.join(result.orphans)})"
+        return words
+
+    def _tick(self) -> None:
+        self._world.active = False
+        self._world.report_ended()
+        self._held = []
+        self._noted = 0
+        self._ticked.clear()
+        changes = self._run.tick()
+        self._world.report_ended()
+        mark(self._ticked, self._marks)
+        self._note(changes)
+        self._held = None
+        self._rests = (
+            not changes and not self._world.active and at_rest(self._ticked, self._run.wakes)
+        )
+
+    def _move_on(self) -> str:
+        """Let the time pass until something can happen; return why nothing ever will."""
+        now = self._clock.now
+        if now > self._limits.duration_s or self._run.ticks > self._limits.ticks:
+            return (
+                f"it still runs after {time_text(now)} and {self._run.ticks:,} ticks; give it an "
+                "end, or cancel it under 'during'"
+            )
+        while True:
+            moments = [self._world.next_change, self._run.deadline]
+            moments += [max(at, now + _NUDGE_S) for at in self._run.wakes.values()]
+            moments += [self._agenda[0][0]] if self._agenda else []
+            if not self._rests:
+                moments.append(round(now + TICK_S, 6))
+            then = min(moments)
+            asked = self._asked_while_waiting(then)
+            if asked is not None:
+                self._plan(asked, now + asked.after_s)
+                continue
+            due = min(self._watch.due, self._seen_at + LIVE_S)
+            if self._watch.due < math.inf and due < then:
+                # Only a mood rule is waiting: nothing that would change the tree.
+                now = self._clock.now = max(due, now + _NUDGE_S)
+                if self._see():
+                    return ""
+                continue
+            if then < math.inf:
+                self._clock.now = max(then, now)
+                return ""
+            return self._endless()
+
+    def _endless(self) -> str:
+        leaves = running_leaves(self._ticked)
+        waiting = "; ".join(f"{one.path}, {one.position}" for one in leaves)
+        return f"it waits for ever: nothing more will happen ({waiting})"
+
+    def _asked_while_waiting(self, until: float) -> Happening | None:
+        """Return what the person who types lets happen while the tree waits for something.
+
+        Args:
+            until: When something happens by itself [s]; infinite for never.
+        """
+        announced = bool(self._agenda) or min(self._watch.due, self._run.deadline) < math.inf
+        if self._prompt is None or not self._rests or announced:
+            return None
+        leaves = running_leaves(self._ticked)
+        waits = [one for one in leaves if one.kind == "wait_for"]
+        if until == math.inf:
+            reason = self._endless()
+        elif all(one.path in self._left_alone for one in waits):
+            return None
+        else:
+            limit = min(limit_of(one, self._run.wakes) for one in waits)
+            reason = f"it waits: {', '.join(one.name for one in waits)}"
+            if limit < math.inf:
+                reason += f", {time_text(limit - self._clock.now)} at most"
+        happening = self._prompt(reason, waits)
+        if happening is None:
+            self._left_alone |= {one.path for one in waits}
+        return happening
+
+    def _plan(self, happening: Happening, at: float) -> None:
+        heapq.heappush(self._agenda, (at, next(self._order), happening))
+
+    def _happen(self) -> None:
+        """Let happen what is due, then look at the person."""
+        while self._agenda and self._agenda[0][0] <= self._clock.now:
+            _, _, one = heapq.heappop(self._agenda)
+            if one.values or one.person is not None or one.silent is not None:
+                self._live.change(one)
+                if one.silent:
+                    # The tree notices when the lease ends, even one that only waits.
+                    self._plan(Happening(after_s=0.0), self._clock.now + LEASE_S + _NUDGE_S)
+                self._event(EventKind.SCENE, change_text(one))
+            if one.tunables:
+                self._tunables |= one.tunables
+                words = ", ".join(
+                    tuned_text(tunable, one.tunables[tunable.name])
+                    for tunable in self._agent.tunables
+                    if tunable.name in one.tunables
+                )
+                self._event(EventKind.TUNES, words)
+            if one.topic:
+                self._world.arrive(one.topic, one.message)
+                self._event(EventKind.ARRIVES, one.topic, inputs=one.message)
+            if one.cancel:
+                self._cancel(one.cancel, one.cancel)
+        self._see()
+
+    def _see(self) -> bool:
+        """Show the live scene to the mood rules; return whether one has fired."""
+        self._seen_at = self._clock.now
+        if self._cancelled_by or self._watch.over:
+            return False
+        live = self._live
+        fired = self._watch.tick() if live.silent else self._watch.see(live.now())
+        for one in fired:
+            self._feedback(one.rule.kind, one.reason)
+        last = next((one for one in fired if one.rule.cancel), None)
+        if last is not None:
+            self._cancel(last.reason, last.rule.text)
+        return bool(fired)
+
+    def _cancel(self, reason: str, cause: str) -> None:
+        if self._cancelled_by:
+            return
+        self._cancelled_by = cause
+        self._event(EventKind.CANCELS, reason)
+        self._noted = 0
+        self._note(self._run.cancel(reason))
+        self._held = None
+
+    def _feedback(self, kind: Kind, words: str) -> None:
+        self._given.append(kind)
+        self._event(EventKind.FEEDBACK, f"{kind.name.lower()}: {words}")
+
+    def _note(self, changes: Sequence[StatusChange]) -> None:
+        """Tell what of a tick was not told yet."""
+        new = changes[self._noted :]
+        held = [(number - self._noted, event) for number, event in self._held or ()]
+        self._noted, self._held = len(changes), None
+        for event in self._teller.told(self._clock.now, new, held):
+            self._tell(event)
+        for change in new:
+            if change.status is not Status.INVALID:
+                self._left_alone.discard(change.path)
+                self._start_counting(change.path)
+        self._held = []
+
+    def _start_counting(self, path: str) -> None:
+        for one in [one for one in self._awaited if matches(one.at, path)]:
+            self._awaited.remove(one)
+            self._plan(one, self._clock.now + one.after_s)
+
+    def _question(self, use: Use) -> Callable[[], ScriptedAnswer | None] | None:
+        """Return what asks the person who types about a use of a skill, None for nobody."""
+        typist = self._typist
+        if typist is None or not typist.asks(use):
+            return None
+
+        def ask() -> ScriptedAnswer | None:
+            self._note(self._run.changes)
+            while isinstance(typed := typist.answer(use), Happening):
+                self._plan(typed, self._clock.now + typed.after_s)
+            return typed
+
+        return ask
+
+    def _rehearsed(self, outcome: Outcome | None, message: str) -> Rehearsed:
+        self._tell(
+            Event(at_s=self._clock.now, kind=EventKind.ENDS, words=message, outcome=outcome)
+        )
+        return Rehearsed(
+            outcome=outcome,
+            message=message,
+            duration_s=self._clock.now,
+            ticks=self._run.ticks,
+            events=tuple(self._events),
+            uses=tuple(self._world.uses),
+            feedback=tuple(self._given),
+            cancelled_by=self._cancelled_by,
+            declined=self._declined,
+            marks={
+                path: frozenset(found)
+                for path, found in self._marks.items()
+                if replaced(path, self._replacements) is None
+            },
+        )
+
+    def _event(
+        self,
+        kind: EventKind,
+        words: str,
+        *,
+        node: NodeSpec | None = None,
+        inputs: Mapping[str, Plain] | None = None,
+        change: StatusChange | None = None,
+    ) -> None:
+        self._tell(
+            Event(
+                at_s=self._clock.now,
+                kind=kind,
+                words=words,
+                node=node,
+                inputs=inputs or {},
+                change=change,
+            )
+        )
+
+    def _tell(self, event: Event) -> None:
+        if self._held is not None:
+            self._held.append((len(self._run.changes), event))
+            return
+        self._events.append(event)
+        if self._listener is not None:
+            self._listener(event)

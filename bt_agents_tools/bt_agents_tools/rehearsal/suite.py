@@ -1,0 +1,157 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Finds test files, runs their cases and says what failed, where and how."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+
+from bt_agents_core.errors import BtAgentsError, ReadError
+from bt_agents_core.scene import SceneSpace
+from bt_agents_core.trees_folder import folder_around
+from bt_agents_language.files.folder_reader import TEST_SUFFIXES, Trees, read_trees
+from bt_agents_language.files.testing.scenarios import AgentTest, Case
+from bt_agents_language.files.testing.test_reader import read_test
+from bt_agents_language.model.specs import AgentSpec
+from bt_agents_tools.rehearsal.assertions import Finding, findings
+from bt_agents_tools.rehearsal.coverage import Coverage, coverage
+from bt_agents_tools.rehearsal.events import Rehearsed
+from bt_agents_tools.rehearsal.rehearsal import rehearse
+from bt_agents_tools.rehearsal.transcript import ending, table, transcript
+
+
+@dataclass(frozen=True, kw_only=True)
+class CaseResult:
+    """How one case went.
+
+    Attributes:
+        elapsed_s: Real time that it took [s].
+    """
+
+    case: Case
+    rehearsed: Rehearsed
+    findings: tuple[Finding, ...]
+    elapsed_s: float
+
+    @property
+    def passed(self) -> bool:
+        """Whether everything was as expected."""
+        return not self.findings
+
+
+@dataclass(frozen=True, kw_only=True)
+class FileResult:
+    """How the cases of one file went; ``error`` is set when it could not be read."""
+
+    file: Path
+    agent: AgentSpec | None = None
+    cases: tuple[CaseResult, ...] = ()
+    error: ReadError | None = None
+
+
+class TreesFolders:
+    """The trees folders that tests belong to, each read once."""
+
+    def __init__(self) -> None:
+        self._trees: dict[Path, Trees] = {}
+
+    def trees_of(self, path: Path) -> Trees:
+        """Return the trees folder around a file.
+
+        Raises:
+            BtAgentsError: It lies in none.
+            ReadError: The scene or the skills of the folder are broken.
+        """
+        folder = folder_around(path)
+        if folder not in self._trees:
+            self._trees[folder] = read_trees(folder)
+        return self._trees[folder]
+
+    def read_test(self, path: Path) -> tuple[AgentTest, SceneSpace]:
+        """Return a test file and the scene parameters that it is about.
+
+        Raises:
+            BtAgentsError: As :meth:`trees_of`.
+            ReadError: There is a problem; it lists all of them.
+        """
+        trees = self.trees_of(path)
+        return read_test(path, trees.agents, trees.vocabulary), trees.scene.space
+
+
+def find_tests(paths: Iterable[Path]) -> list[Path]:
+    """Return test files: those named, and those anywhere below the folders named.
+
+    Raises:
+        BtAgentsError: A path does not exist, or is a file of another kind.
+    """
+    found: dict[Path, None] = {}
+    for path in paths:
+        if path.is_dir():
+            inside = (one for suffix in TEST_SUFFIXES for one in path.rglob(f"*{suffix}"))
+            shown = (one for one in inside if not any(p.startswith(".") for p in one.parts[1:]))
+            found |= dict.fromkeys(sorted(shown))
+        elif not path.exists():
+            raise BtAgentsError(f"there is no file or folder '{path}'")
+        elif not path.name.endswith(TEST_SUFFIXES):
+            raise BtAgentsError(f"'{path}' is no test file; its name must end with .test.yaml")
+        else:
+            found[path] = None
+    return list(found)
+
+
+def run_case(agent: AgentSpec, space: SceneSpace, case: Case) -> CaseResult:
+    """Return how a case goes."""
+    start = time.perf_counter()
+    rehearsed = rehearse(agent, space, case.scenario)
+    return CaseResult(
+        case=case,
+        rehearsed=rehearsed,
+        findings=findings(case, rehearsed),
+        elapsed_s=time.perf_counter() - start,
+    )
+
+
+def run_file(path: Path, folders: TreesFolders, word: str = "") -> FileResult:
+    """Return how the cases of a file go, of those whose names have ``word`` in them.
+
+    Raises:
+        BtAgentsError: The file lies in no trees folder.
+    """
+    try:
+        test, space = folders.read_test(path)
+    except ReadError as error:
+        return FileResult(file=path, error=error)
+    chosen = [case for case in test.cases if word.casefold() in case.name.casefold()]
+    return FileResult(
+        file=path,
+        agent=test.agent,
+        cases=tuple(run_case(test.agent, space, case) for case in chosen),
+    )
+
+
+def coverages(results: Iterable[FileResult]) -> list[Coverage]:
+    """Return how much of each agent has been tested, by name."""
+    by_agent: dict[str, tuple[AgentSpec, list[CaseResult]]] = {}
+    for result in results:
+        if result.agent is not None:
+            by_agent.setdefault(result.agent.file, (result.agent, []))[1].extend(result.cases)
+    return [
+        coverage(agent, (one.rehearsed.marks for one in cases))
+        for agent, cases in sorted(by_agent.values(), key=lambda pair: pair[0].name)
+    ]
+
+
+def failure(result: CaseResult) -> str:
+    """Return what is wrong with a case: each expectation side by side, then what happened."""
+    blocks: list[str] = []
+    for finding in result.findings:
+        blocks.append(f"{finding.position.file}:{finding.position.line}: {finding.message}")
+        if finding.rows:
+            blocks += table(finding.rows)
+    if blocks and not result.rehearsed.ticks:
+        return "\n".join(blocks)
+    blocks += ["", f"what happened ({ending(result.rehearsed)}):"]
+    blocks.append(transcript(result.rehearsed.events))
+    return "\n".join(blocks)

@@ -1,0 +1,255 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The events of a rehearsal as lines that read like a script of the scene."""
+
+from __future__ import annotations
+
+import math
+import re
+import textwrap
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+
+from py_trees.common import Status
+
+from bt_agents.engine.run import TREE_SUCCEEDED, Outcome, StatusChange
+from bt_agents.engine.scope import spoken
+from bt_agents_language.model.specs import BindingKind, FieldType, NodeSpec, Plain, Tunable
+from bt_agents_language.yaml.renderers import columns
+from bt_agents_tools.rehearsal.events import Event, EventKind, Rehearsed
+
+WIDTH = 80
+
+_TIME_WIDTH = 9
+_NOT_IN_PATH = re.compile(r"[^\w-]+")
+_PATH = re.compile(r"\(((?:tree|on_cancel)[/@]\S*), ")
+_SYMBOLS = {
+    EventKind.BEGINS: "▶",
+    EventKind.SUCCEEDS: "✔",
+    EventKind.FAILS: "✘",
+    EventKind.STOPS: "■",
+    EventKind.SENDS: "▶",
+    EventKind.LOGS: "≡",
+    EventKind.WAITS: "…",
+    EventKind.GIVES_UP: "✘",
+    EventKind.SCENE: "◆",
+    EventKind.TUNES: "◆",
+    EventKind.ARRIVES: "◆",
+    EventKind.FEEDBACK: "★",
+    EventKind.CANCELS: "■",
+    EventKind.TICK: " ",
+    EventKind.ENDS: "●",
+}
+_STYLES = {
+    EventKind.SUCCEEDS: "green",
+    EventKind.FAILS: "red",
+    EventKind.STOPS: "yellow",
+    EventKind.LOGS: "dim",
+    EventKind.WAITS: "dim",
+    EventKind.GIVES_UP: "red",
+    EventKind.SCENE: "cyan",
+    EventKind.TUNES: "cyan",
+    EventKind.ARRIVES: "cyan",
+    EventKind.FEEDBACK: "magenta",
+    EventKind.CANCELS: "yellow",
+    EventKind.TICK: "dim",
+}
+_OUTCOMES = {
+    Outcome.SUCCEEDED: "bold green",
+    Outcome.FAILED: "bold red",
+    Outcome.CANCELLED: "bold yellow",
+    None: "bold red",
+}
+_UNITS = {FieldType.DURATION: " s", FieldType.LENGTH: " m", FieldType.ANGLE: " rad"}
+_STATUS = {Status.INVALID: "■", Status.RUNNING: "▷", Status.SUCCESS: "✔", Status.FAILURE: "✘"}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Line:
+    """One line for a terminal, with a style of rich."""
+
+    text: str
+    style: str
+
+
+def transcript(events: Iterable[Event], *, ticks: bool = False, width: int = WIDTH) -> str:
+    """Return all events as text without colour."""
+    return "\n".join(line.text for event in events for line in lines(event, ticks, width))
+
+
+def lines(event: Event, ticks: bool, width: int = WIDTH) -> list[Line]:
+    """Return how an event is shown; one that says nothing new is not shown.
+
+    Args:
+        event: What happened.
+        ticks: Whether every change of every node is shown, too.
+        width: Columns of the terminal.
+    """
+    words = _words(event, ticks)
+    if words is None:
+        return []
+    head = f"{time_text(event.at_s):>{_TIME_WIDTH}}  {_SYMBOLS[event.kind]} "
+    aside = _aside(event)
+    room = max(20, width - len(head) - (len(aside) + 2 if aside else 0))
+    folded = _folded(words, room)
+    ends = event.kind is EventKind.ENDS
+    style = _OUTCOMES[event.outcome] if ends else _STYLES.get(event.kind, "")
+    shown = [f"{head}{folded[0]}", *(f"{'':{len(head)}}{one}" for one in folded[1:])]
+    if aside:
+        shown[0] += " " * max(2, width - columns(shown[0]) - len(aside)) + aside
+    return [Line(text=one, style=style) for one in shown]
+
+
+def _folded(words: str, room: int) -> list[str]:
+    """Return words in lines; a place in a file is never cut, and so can be copied.
+
+    A path of a node that is longer than a line is left out, as the place in the file follows it.
+    """
+    words = _PATH.sub(lambda found: "(" if len(found[1]) + 2 > room else found[0], words)
+    cut = not any("/" in word for word in words.split() if len(word) > room)
+    return textwrap.wrap(words, room, break_long_words=cut, break_on_hyphens=False) or [""]
+
+
+def time_text(seconds: float) -> str:
+    """Return a time as it stands on the left: ``3.2 s``, ``1:03.2``, ``1:01:03``."""
+    if seconds < 59.95:
+        return f"{seconds:.1f} s"
+    minutes, rest = divmod(round(seconds, 1), 60)
+    if minutes < 60:
+        return f"{minutes:.0f}:{rest:04.1f}"
+    hours, minutes = divmod(minutes, 60)
+    return f"{hours:.0f}:{minutes:02.0f}:{rest:02.0f}"
+
+
+def phrase(node: NodeSpec, inputs: Mapping[str, Plain]) -> str:
+    """Return what a skill is asked to do: ``say "Hello."``, ``drive gate 12``."""
+    skill = node.skill
+    if skill is None or skill.main is None or skill.main not in inputs:
+        given = ", ".join(f"{name} {value_text(value)}" for name, value in inputs.items())
+        named = node.name if skill is not None and not skill.inputs else node.kind
+        return f"{named} {given}".rstrip()
+    main = value_text(inputs[skill.main])
+    if skill.main == "text" and main:
+        return f'{node.kind} "{main}"'
+    others = (
+        f"{one.name} {value_text(inputs[one.name])}{_UNITS.get(one.type, '')}"
+        for one in skill.inputs
+        if one.name in inputs and one.name != skill.main and inputs[one.name] != one.default
+    )
+    given = ", ".join(filter(None, (main, *others)))
+    return f"{node.kind} {given}".rstrip()
+
+
+def _label(node: NodeSpec) -> str:
+    """Return what people know a node by: its author's name, else its key."""
+    last = node.path.rpartition("/")[2].partition("@")[0]
+    segment = last.partition(".")[2] or last
+    inner = node
+    while "@" in inner.path.rpartition("/")[2] and inner.children:
+        inner = inner.children[0]
+    named = _NOT_IN_PATH.sub("_", inner.name).strip("_") == segment
+    return inner.name if named else segment
+
+
+def _wait_text(event: Event) -> str:
+    """Return what a node waits for: ``wait 4 s``, ``wait_for live.person``."""
+    assert event.node is not None
+    name = event.node.name
+    if event.node.kind != "wait" or not event.words:
+        return name
+    return f"wait {event.words}" if "${" in name else f"{name}, {event.words}"
+
+
+def tuned_text(tunable: Tunable, value: Plain) -> str:
+    """Return a tunable and its value in words."""
+    return f"{tunable.name} {value_text(value)}{_UNITS.get(tunable.type, '')}"
+
+
+def value_text(value: Plain) -> str:
+    """Return a value in words."""
+    match value:
+        case Mapping():
+            return ", ".join(f"{name} {value_text(one)}" for name, one in value.items())
+        case tuple() | list():
+            return ", ".join(map(value_text, value))
+        case bool():
+            return "true" if value else "false"
+    return spoken(value, FieldType.ANY)
+
+
+def ending(rehearsed: Rehearsed) -> str:
+    """Return how a rehearsal ended, in a few words."""
+    if not rehearsed.ticks:
+        return "does not bid"
+    outcome = rehearsed.outcome.value if rehearsed.outcome is not None else "did not end"
+    return f"{outcome} after {time_text(rehearsed.duration_s)}, {rehearsed.ticks} ticks"
+
+
+def _aside(event: Event) -> str:
+    if event.kind is not EventKind.BEGINS or event.takes_s == 0.0:
+        return ""
+    return "for ever" if math.isinf(event.takes_s) else f"{event.takes_s:.1f} s"
+
+
+def _words(event: Event, ticks: bool) -> str | None:
+    """Return what is said about an event; None when it says nothing new."""
+    match event.kind:
+        case EventKind.BEGINS | EventKind.SENDS:
+            return _phrase(event)
+        case EventKind.SUCCEEDS:
+            return _success(event)
+        case EventKind.FAILS:
+            return f"{_phrase(event)} – {event.words}"
+        case EventKind.STOPS:
+            return f"{_phrase(event)} – stopped"
+        case EventKind.WAITS:
+            return f"waits: {_wait_text(event)}" if event.node is not None else "waits"
+        case EventKind.GIVES_UP:
+            return f"{_label(event.node)}: {event.words}" if event.node else event.words
+        case EventKind.ARRIVES:
+            return f"message on {event.words}: {value_text(event.inputs) or 'empty'}"
+        case EventKind.TUNES:
+            return f"tuned: {event.words}"
+        case EventKind.FEEDBACK:
+            return f"feedback {event.words}"
+        case EventKind.CANCELS:
+            return f"cancelled: {event.words}"
+        case EventKind.TICK:
+            return _tick(event.change) if ticks and event.change is not None else None
+        case EventKind.ENDS:
+            outcome = event.outcome.value if event.outcome is not None else "did not end"
+            return outcome + (f": {event.words}" if event.words != TREE_SUCCEEDED else "")
+    return event.words
+
+
+def _phrase(event: Event) -> str:
+    return phrase(event.node, event.inputs) if event.node is not None else event.words
+
+
+def _success(event: Event) -> str | None:
+    skill = event.node.skill if event.node is not None else None
+    if event.outputs:
+        return ", ".join(f"{name}: {value_text(one)}" for name, one in event.outputs.items())
+    if skill is None or skill.main == "text":
+        return None
+    lasts = skill.binding is None or skill.binding.kind is BindingKind.ACTION
+    return _phrase(event) if lasts else None
+
+
+def _tick(change: StatusChange) -> str:
+    depth = change.path.count("/")
+    words = f"  {change.message}" if change.message else ""
+    return f"{'· ' * depth}{_STATUS[change.status]} {change.name}{words}"
+
+
+def table(rows: Iterable[tuple[str, str, bool]], width: int = WIDTH) -> Iterator[str]:
+    """Return two columns, expected and found, with a mark where they differ."""
+    room = (width - 7) // 2
+    yield f"    {'expected':<{room}} │ found"
+    for expected, found, same in rows:
+        left = textwrap.wrap(expected, room) or [""]
+        right = textwrap.wrap(found, room) or [""]
+        for number in range(max(len(left), len(right))):
+            one = left[number] if number < len(left) else ""
+            other = right[number] if number < len(right) else ""
+            mark = "✘" if not same and not number else " "
+            yield f"  {mark} {one}{' ' * max(0, room - columns(one))} │ {other}".rstrip()

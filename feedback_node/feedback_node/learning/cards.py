@@ -1,0 +1,259 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a host says of its agents, checked before anything is learned for them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from types import MappingProxyType
+
+from bt_agents_core.errors import Refused
+from bt_agents_core.feedback import LearningRule, Update
+from bt_agents_core.scene import MAX_WEIGHT, SceneSpace, Vector
+from bt_agents_language.files.learning_reader import LAYERS, MAX_ANNEAL, MAX_WINDOW
+from feedback_node.learning.learning_step import PLAIN, checked_rate
+from feedback_node.rules import Rule, read_rule
+
+
+@dataclass(frozen=True, kw_only=True)
+class RuleEntry:
+    """One mood rule as a card has it; see ``MoodRule.msg``."""
+
+    when: str
+    hold_s: float
+    give: int
+    cancel: bool
+    baseline_s: float = 0.0
+    release: str = ""
+    cooldown_s: float = 0.0
+    confidence: float = 0.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class LearningEntry:
+    """How an agent learns as a card has it, in the order of its parameters; see ``Learning.msg``.
+
+    An empty ``update`` says nothing: the agent learns by the paper's formula.
+    """
+
+    update: str = ""
+    rates: tuple[float, ...] = ()
+    width: tuple[float, ...] = ()
+    window: int = 0
+    anneal: float = 0.0
+    drift: tuple[float, ...] = ()
+    sources: tuple[str, ...] = ()
+    weights: tuple[float, ...] = ()
+    layers: tuple[str, ...] = ()
+    general: float = 1.0
+
+    def says(self, other: LearningEntry) -> bool:
+        """Return whether another one says the same; two NaN do, which stand for nothing."""
+        return repr(self) == repr(other)
+
+
+@dataclass(frozen=True, kw_only=True)
+class AgentEntry:
+    """One agent as a card has it, unchecked; see ``AgentCard.msg``."""
+
+    name: str
+    profile: tuple[float, ...]
+    revision: int
+    learning_rate: float
+    learning: LearningEntry = LearningEntry()
+    rules: tuple[RuleEntry, ...] = ()
+
+
+@dataclass(frozen=True, kw_only=True)
+class Card:
+    """One host's card as received, unchecked; see ``HostCard.msg``."""
+
+    host: str
+    instance: str
+    parameters: tuple[str, ...]
+    agents: tuple[AgentEntry, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Agent:
+    """A checked agent of a card.
+
+    Attributes:
+        name: Unique name.
+        host: Fully qualified name of its host.
+        authored: Profile of its file.
+        held: Ledger revision that its host bids with.
+        rate: Learning rate, 0..1.
+        learning: How feedback moves its profile.
+        rules: Mood rules that could be read.
+        entry: What it was read from.
+    """
+
+    name: str
+    host: str
+    authored: Vector
+    held: int
+    rate: float
+    learning: LearningRule = PLAIN
+    rules: tuple[Rule, ...] = ()
+    entry: AgentEntry | None = None
+
+    def says(self, entry: AgentEntry, host: str) -> bool:
+        """Return whether an entry makes the same of it, but for its revision."""
+        known = self.entry
+        return (
+            known is not None
+            and host == self.host
+            and len(self.rules) == len(known.rules)
+            and entry.profile == known.profile
+            and entry.learning_rate == known.learning_rate
+            and entry.learning.says(known.learning)
+            and entry.rules == known.rules
+        )
+
+
+def read_card(
+    card: Card, space: SceneSpace, known: Mapping[str, Agent] = MappingProxyType({})
+) -> tuple[tuple[Agent, ...], tuple[str, ...]]:
+    """Check a card; one bad agent or rule does not spoil the others.
+
+    Args:
+        card: The card.
+        space: The scene parameters.
+        known: Agents of earlier cards by name; those that have not changed are not read anew.
+
+    Returns:
+        The agents that can learn, and the problems of the others in words.
+
+    Raises:
+        Refused: ``BAD_NAME`` without a host's full name, ``FOREIGN_PARAMETERS`` when its profiles
+            are made of other parameters than ours.
+    """
+    if not card.host.startswith("/"):
+        raise Refused(
+            "BAD_NAME",
+            f"card of '{card.host}': expected the fully qualified name of the host, like /agents",
+        )
+    if card.parameters != space.names:
+        raise Refused(
+            "FOREIGN_PARAMETERS",
+            f"card of {card.host}: its profiles are made of {_list(card.parameters)}, here they "
+            f"are {_list(space.names)}; start both from the same scene.yaml",
+        )
+    agents: dict[str, Agent] = {}
+    problems: list[str] = []
+    for entry in card.agents:
+        what = f"card of {card.host}: agent '{entry.name}'"
+        try:
+            if not entry.name or entry.name in agents:
+                raise Refused(
+                    "BAD_NAME", f"{what}: expected a name that no other agent of the host has"
+                )
+            if entry.name in known and known[entry.name].says(entry, card.host):
+                agents[entry.name] = replace(known[entry.name], held=entry.revision)
+                continue
+            agents[entry.name] = Agent(
+                name=entry.name,
+                host=card.host,
+                authored=space.vector(entry.profile, what=what),
+                held=entry.revision,
+                rate=checked_rate(entry.learning_rate, what=what),
+                learning=read_learning(entry.learning, space, what=what),
+                rules=_rules(entry, what, space, problems),
+                entry=entry,
+            )
+        except Refused as refusal:
+            problems.append(str(refusal))
+    return tuple(agents.values()), tuple(problems)
+
+
+def read_learning(entry: LearningEntry, space: SceneSpace, *, what: str) -> LearningRule:
+    """Check how an agent learns.
+
+    Args:
+        entry: As a card has it.
+        space: The parameters of the card.
+        what: Whose it is, for messages.
+
+    Raises:
+        Refused: ``BAD_LEARNING``.
+    """
+    if not entry.update:
+        return PLAIN
+    if entry.update not in {*Update}:
+        raise _bad_learning(what, f"update '{entry.update}', expected {', '.join(Update)}")
+    ranges = {p.name: p.maximum - p.minimum for p in space.parameters}
+    if len(entry.sources) != len(entry.weights):
+        raise _bad_learning(
+            what,
+            f"{len(entry.sources)} sources and {len(entry.weights)} weights, expected as many",
+        )
+    if entry.update == Update.MEDIAN and not 1 <= entry.window <= MAX_WINDOW:
+        raise _bad_learning(what, f"window {entry.window}, expected 1 to {MAX_WINDOW}")
+    if not set(entry.layers) <= set(LAYERS):
+        raise _bad_learning(what, f"layers {_list(entry.layers)}, expected {' or '.join(LAYERS)}")
+    for weight in entry.weights:
+        _within(weight, 0.0, MAX_WEIGHT, "weight", what)
+    return LearningRule(
+        rates=_by_name(entry.rates, dict.fromkeys(ranges, 1.0), "learning rate", what),
+        update=Update(entry.update),
+        width=_by_name(entry.width, ranges, "width", what),
+        window=entry.window or PLAIN.window,
+        anneal=_within(entry.anneal, 0.0, MAX_ANNEAL, "anneal", what),
+        drift=_by_name(entry.drift, ranges, "drift", what),
+        weights=dict(zip(entry.sources, entry.weights, strict=True)),
+        layers=entry.layers,
+        general=_within(entry.general, 0.0, 1.0, "general", what),
+    )
+
+
+def _by_name(
+    values: Sequence[float], limits: Mapping[str, float], of: str, what: str
+) -> dict[str, float]:
+    """Return values, each from 0 to its limit, by name; NaN says nothing."""
+    if len(values) not in (0, len(limits)):
+        raise _bad_learning(what, f"{len(values)} times a {of}, expected {len(limits)} or none")
+    return {
+        name: _within(value, 0.0, limits[name], f"{of} of {name}", what)
+        for name, value in zip(limits, values, strict=False)
+        if not math.isnan(value)
+    }
+
+
+def _within(value: float, low: float, high: float, of: str, what: str) -> float:
+    if not low <= value <= high:
+        raise _bad_learning(what, f"{of} {value:g}, expected {low:g} to {high:g}")
+    return value
+
+
+def _bad_learning(what: str, words: str) -> Refused:
+    return Refused("BAD_LEARNING", f"{what}: {words}")
+
+
+def _rules(
+    entry: AgentEntry, what: str, space: SceneSpace, problems: list[str]
+) -> tuple[Rule, ...]:
+    rules = []
+    for rule in entry.rules:
+        try:
+            rules.append(
+                read_rule(
+                    rule.when,
+                    rule.hold_s,
+                    rule.give,
+                    rule.cancel,
+                    space,
+                    baseline_s=rule.baseline_s,
+                    release=rule.release,
+                    cooldown_s=rule.cooldown_s,
+                    confidence=rule.confidence,
+                )
+            )
+        except Refused as refusal:
+            problems.append(f"{refusal.code}: {what}: {refusal.reason}; the rule is skipped")
+    return tuple(rules)
+
+
+def _list(names: tuple[str, ...]) -> str:
+    return f"[{', '.join(names)}]"

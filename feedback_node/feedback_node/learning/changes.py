@@ -1,0 +1,111 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What has become of a profile, and who is to be told."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+from bt_agents_core.scene import SceneSpace, Vector
+from feedback_node.ledger.ledger_rows import Revision
+
+
+@dataclass(frozen=True, kw_only=True)
+class Change:
+    """A change that is recorded; vectors in the order of the space, NaN for what was not there.
+
+    Attributes:
+        revision: Row of the ledger, with agent, layer, cause and time.
+        before: Profile before.
+        after: Profile after.
+        target: Vector moved towards or away from; NaN for no opinion.
+        rates: What each parameter has moved by, of the distance; empty when all by the learning
+            rate.
+        false_rate: 0..1, how much of what the profile was taught seems to be wrong; NaN when too
+            little is known.
+        fresh: False when the same feedback had been recorded earlier and was not applied again.
+        words: The change in words and numbers.
+        others: What the same feedback has changed in other layers.
+    """
+
+    revision: Revision
+    before: Vector
+    after: Vector
+    target: Vector
+    rates: Vector = ()
+    false_rate: float = math.nan
+    fresh: bool
+    words: str
+    others: tuple[Change, ...] = ()
+
+    @property
+    def all(self) -> tuple[Change, ...]:
+        """This one and the others."""
+        return (self, *self.others)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Delivery:
+    """A profile that a host is to bid with from now on.
+
+    Attributes:
+        host: Who is told.
+        agent: Whose profile; empty when the host is to forget all layers that it has.
+        layer: Empty for everybody's.
+        remove: True when the host is to forget it.
+        values: The profile; empty when it is removed.
+        revision: Of the profile.
+    """
+
+    host: str
+    agent: str
+    layer: str = ""
+    remove: bool = False
+    values: Vector = ()
+    revision: int = 0
+
+
+Table = tuple[tuple[str, str, int, Vector], ...]
+"""Name, layer, revision and profile of every known agent and layer, by name and layer."""
+
+
+def changed(
+    revision: Revision,
+    before: Revision,
+    space: SceneSpace,
+    *,
+    fresh: bool,
+    words: str,
+    false_rate: float = math.nan,
+) -> Change:
+    """Return a recorded change as vectors; see :class:`Change`."""
+    rates = revision.cause.rates
+    return Change(
+        revision=revision,
+        before=space.ordered(before.profile),
+        after=space.ordered(revision.profile),
+        target=space.ordered(revision.cause.target),
+        rates=space.ordered(rates) if rates else (),
+        false_rate=false_rate,
+        fresh=fresh,
+        words=words,
+    )
+
+
+def moved(before: Revision, after: Revision) -> str:
+    """Return the difference of two revisions in words and numbers."""
+    moves = [
+        f"{name} {before.profile.get(name, math.nan):.4g} → {value:.4g}"
+        for name, value in after.profile.items()
+        if before.profile.get(name) != value
+    ]
+    return ", ".join(moves) or "the profile stays as it is"
+
+
+def together(changes: Sequence[Change]) -> Change:
+    """Return the changes of one feedback as one, the words of all in it."""
+    first, *others = changes
+    more = [one.words if one.revision.layer else f"for everybody {one.words}" for one in others]
+    words = "; ".join([first.words, *more])
+    return replace(first, words=words, others=tuple(others))

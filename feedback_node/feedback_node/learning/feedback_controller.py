@@ -1,0 +1,404 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Where feedback comes from: mood rules of the run, people and programs, a simulated list."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from bt_agents_core.errors import STORAGE_FULL, Refused
+from bt_agents_core.feedback import MOOD_RULE, Kind
+from bt_agents_core.live_scene_view import LEASE_S
+from bt_agents_core.scene import Scene, Vector
+from feedback_node.learning.cards import Card
+from feedback_node.learning.changes import Change, Delivery
+from feedback_node.learning.profiles import Profiles
+from feedback_node.learning.runs import Run, Runs
+from feedback_node.ledger.ledger_file import LedgerError
+from feedback_node.ledger.ledger_rows import FORGOTTEN
+from feedback_node.mood_trace import MoodTrace, Told
+from feedback_node.rules import Fired, Watch
+from feedback_node.simulated_feedback import SimulatedFeedback
+
+SETTLE_S = 0.5
+"""How long the rules of a run wait that was replayed from history: its end may follow."""
+
+MOST_UNRECORDED = 100
+"""What rules have taught while the disk was full; more push the oldest out."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Given:
+    """Feedback from outside, unchecked; see ``GiveFeedback.srv``."""
+
+    feedback_id: str = ""
+    agent: str = ""
+    kind: int
+    values: tuple[float, ...] = ()
+    source: str = ""
+    reason: str = ""
+    leaf: str = ""
+    scene: Scene | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Stop:
+    """The market is to stop a run and to ask again for the scene as it is now."""
+
+    run: Run
+    reason: str
+    live: Scene
+
+
+@dataclass(frozen=True, kw_only=True)
+class Lesson:
+    """What follows from a rule that fired.
+
+    Attributes:
+        change: The recorded change; None when it was refused.
+        problem: Why it was refused, in words.
+        stop: Set when the rule also stops the run, whether or not the profile could move.
+    """
+
+    change: Change | None = None
+    problem: str = ""
+    stop: Stop | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Unrecorded:
+    """What a rule teaches, until it is recorded."""
+
+    run: Run
+    fired: Fired
+    leaf: str
+
+
+class Teaching:
+    """Turns what happens around a run into changes of profiles."""
+
+    def __init__(
+        self,
+        profiles: Profiles,
+        *,
+        clock: Callable[[], float],
+        new_id: Callable[[], str],
+        simulated: SimulatedFeedback | None = None,
+        lease_s: float = LEASE_S,
+    ) -> None:
+        """Start without any run.
+
+        Args:
+            profiles: The profiles to change.
+            clock: Steady time [s].
+            new_id: Returns a unique id for feedback that has none.
+            simulated: Feedback of an experiment.
+            lease_s: A live scene counts for so long after it has come [s].
+        """
+        self.profiles = profiles
+        self._lease_s = lease_s
+        self._clock = clock
+        self._new_id = new_id
+        self._simulated = simulated
+        self._resumed = False
+        self._runs = Runs()
+        self._watch: Watch | None = None
+        self._trace: MoodTrace | None = None
+        self._tip: tuple[tuple[str, int, str], str] | None = None
+        self._settle_s = 0.0
+        self._card_awaited = False
+        self._unrecorded: deque[_Unrecorded] = deque(maxlen=MOST_UNRECORDED)
+
+    def set_lease(self, seconds: float) -> None:
+        """Let a live scene count for so long after it has come [s], from now on."""
+        self._lease_s = seconds
+        if self._watch is not None:
+            self._watch.lease_s = seconds
+        if self._trace is not None:
+            self._trace.lease_s = seconds
+
+    def runs(self, run: Run) -> bool:
+        """Return True while a run goes on."""
+        return self._runs.current is not None and self._runs.current.key == run.key
+
+    @property
+    def watching(self) -> bool:
+        """True while a rule may fire because time passes."""
+        return self._watch is not None and not self._watch.over
+
+    @property
+    def due(self) -> float:
+        """When a rule does something though nothing comes, in steady time [s]; infinite: never."""
+        return math.inf if self._watch is None else self._watch.due
+
+    @property
+    def following(self) -> bool:
+        """True while the mood of a run is followed."""
+        return self._trace is not None
+
+    def follows(self, scene_id: str) -> bool:
+        """Return True while live scenes of this id count."""
+        run = self._runs.current
+        return self.following and run is not None and run.scene.scene_id == scene_id
+
+    def introduce(self, card: Card) -> tuple[tuple[Delivery, ...], tuple[str, ...]]:
+        """Take a host's card; see :meth:`Profiles.introduce`."""
+        result = self.profiles.introduce(card)
+        self._begin()
+        return result
+
+    def started(self, run: Run, *, replayed: bool = False) -> None:
+        """Watch a run; one that is known to be over is not watched.
+
+        Args:
+            run: The run.
+            replayed: True when the event is older than this node.
+        """
+        if self._runs.started(run):
+            self._watch = None
+            self._settle_s = SETTLE_S if replayed else 0.0
+            self._trace = MoodTrace(run.scene, self.profiles.space, self._clock, self._lease_s)
+            self._follow_tip()
+            self._card_awaited = True
+            self._begin()
+
+    def cancelling(self, run: Run) -> None:
+        """Watch a run no more: what the person does while it is being stopped teaches nothing."""
+        if self.runs(run):
+            self._stop_watching()
+
+    def ended(self, run: Run) -> Told | None:
+        """Note the end of a run, including one that never started for this node.
+
+        Returns:
+            How the mood went in it; None when it was not followed, or no node of it was heard of.
+        """
+        if not self._runs.ended(run):
+            return None
+        self._stop_watching()
+        trace, self._trace = self._trace, None
+        leaves = trace.so_far() if trace is not None else ()
+        return Told(run=run, leaves=leaves) if leaves else None
+
+    def ticked(self, key: tuple[str, int, str], leaf: str) -> None:
+        """Take the path of the node that is at work in a run; see :attr:`Run.key`.
+
+        It may be heard before the start of the run, which somebody else tells.
+        """
+        self._tip = (key, leaf)
+        self._follow_tip()
+
+    def see(self, live: Scene) -> tuple[Lesson, ...]:
+        """Take a live scene; one of another scene than the run's is ignored."""
+        run = self._runs.current
+        if run is None or live.scene_id != run.scene.scene_id:
+            return ()
+        if self._trace is not None:
+            self._trace.see(live)
+        return () if self._watch is None else self._lessons(run, self._watch.see(live))
+
+    def tick(self) -> tuple[Lesson, ...]:
+        """Let time pass."""
+        run = self._runs.current
+        if run is None or self._watch is None:
+            return ()
+        return self._lessons(run, self._watch.tick())
+
+    def again(self) -> tuple[Lesson, ...]:
+        """Try once more to record what rules have taught while the disk was full."""
+        lessons = []
+        while self._unrecorded:
+            one = self._unrecorded[0]
+            try:
+                lessons.append(Lesson(change=self._learn(one)))
+            except Refused as refusal:
+                if refusal.code == STORAGE_FULL:
+                    break
+                lessons.append(Lesson(problem=f"{one.run.agent}: {one.fired.reason}: {refusal}"))
+            self._unrecorded.popleft()
+        return tuple(lessons)
+
+    def give(self, given: Given) -> Change:
+        """Apply feedback from a person, a button or a program.
+
+        Feedback may come late, so it counts for the scene that it names; without one for that of
+        the agent's last run.
+
+        Raises:
+            Refused: ``NO_AGENT``, ``UNKNOWN_AGENT``, ``UNKNOWN_KIND``, ``NO_SCENE``,
+                ``WRONG_LENGTH``, ``FEEDBACK_ID_TAKEN``, or as in :meth:`Profiles.apply`; nothing
+                has changed.
+        """
+        if given.feedback_id and (known := self.profiles.recorded(given.feedback_id)) is not None:
+            return _same(given, known)
+        agent = given.agent or self._agent()
+        self.profiles.agent(agent)
+        try:
+            kind = Kind(given.kind)
+        except ValueError:
+            raise Refused(
+                "UNKNOWN_KIND",
+                f"feedback: kind {given.kind}, expected 0 (direct), 1 (positive), 2 (negative) "
+                f"or 3 (set)",
+            ) from None
+        run = self._runs.last(agent)
+        if given.scene is not None and (run is None or run.scene.scene_id != given.scene.scene_id):
+            run = Run(epoch="", round=0, agent=agent, scene=given.scene)
+        return self.profiles.apply(
+            agent,
+            kind,
+            given.values if kind in (Kind.DIRECT, Kind.SET) else _scene(given, agent, run),
+            feedback_id=given.feedback_id or self._new_id(),
+            source=given.source,
+            reason=given.reason,
+            run=run,
+            leaf=given.leaf or self._leaf(run),
+        )
+
+    def collect(self, run: Run) -> Change | None:
+        """Apply the simulated feedback for a run that has ended; None when there is none.
+
+        Raises:
+            Refused: ``NO_RUN``, or as in :meth:`Profiles.apply`; nothing has changed.
+        """
+        if not run.epoch or not run.round:
+            raise Refused(
+                "NO_RUN",
+                f"feedback: epoch '{run.epoch}' and round {run.round} name no run; "
+                f"both come from the award",
+            )
+        self.profiles.agent(run.agent)
+        of_market = f"simulated/{run.epoch}/"
+        feedback_id = f"{of_market}{run.round}/{run.agent}"
+        if (known := self.profiles.recorded(feedback_id)) is not None:
+            return known
+        if self._simulated is None:
+            return None
+        if not self._resumed:
+            self._resumed = True
+            self._simulated.resume(self.profiles.recorded_of(of_market))
+        wanted = self._simulated.next(run.agent)
+        if wanted is None:
+            return None
+        try:
+            return self.profiles.apply(
+                run.agent,
+                Kind.DIRECT,
+                wanted,
+                feedback_id=feedback_id,
+                source="simulated",
+                reason=f"prepared feedback for round {run.round}",
+                run=run,
+            )
+        except LedgerError:
+            # What was not recorded is not used up.
+            self._resumed = False
+            raise
+
+    def _follow_tip(self) -> None:
+        run = self._runs.current
+        if self._trace is not None and run is not None and self._tip is not None:
+            key, leaf = self._tip
+            if key == run.key:
+                self._trace.tip(leaf)
+
+    def _begin(self) -> None:
+        run = self._runs.current
+        if run is not None and self._card_awaited and self.profiles.knows(run.agent):
+            self._card_awaited = False
+            self._watch = Watch(
+                self.profiles.agent(run.agent).rules,
+                run.scene,
+                self.profiles.space,
+                self._clock,
+                self._settle_s,
+                self._lease_s,
+            )
+
+    def _stop_watching(self) -> None:
+        self._watch = None
+        self._card_awaited = False
+
+    def _lessons(self, run: Run, fired: tuple[Fired, ...]) -> tuple[Lesson, ...]:
+        return tuple(self._lesson(run, one) for one in fired)
+
+    def _lesson(self, run: Run, fired: Fired) -> Lesson:
+        stop = Stop(run=run, reason=fired.reason, live=fired.live) if fired.rule.cancel else None
+        leaf = self._trace.leaf_at(fired.since) if self._trace is not None else ""
+        unrecorded = _Unrecorded(run=run, fired=fired, leaf=leaf)
+        try:
+            return Lesson(change=self._learn(unrecorded), stop=stop)
+        except Refused as refusal:
+            problem = f"{run.agent}: {fired.reason}, but {refusal}"
+            if refusal.code == STORAGE_FULL:
+                problem += "; it is tried again until there is room"
+                if len(self._unrecorded) == MOST_UNRECORDED:
+                    lost = self._unrecorded[0]
+                    problem += f"; lost is that of {lost.run.agent} in round {lost.run.round}"
+                self._unrecorded.append(unrecorded)
+            return Lesson(problem=problem, stop=stop)
+
+    def _learn(self, one: _Unrecorded) -> Change:
+        rule = one.fired.rule
+        return self.profiles.apply(
+            one.run.agent,
+            rule.kind,
+            one.run.scene.observed,
+            feedback_id=_rule_id(one.run, one.fired),
+            source=MOOD_RULE,
+            reason=one.fired.reason,
+            run=one.run,
+            cancels=rule.cancel,
+            leaf=one.leaf,
+        )
+
+    def _leaf(self, run: Run | None) -> str:
+        """Return which node of a run is at work now; empty when it does not go on."""
+        if run is None or self._trace is None or not self.runs(run):
+            return ""
+        return self._trace.leaf_at(self._clock())
+
+    def _agent(self) -> str:
+        run = self._runs.last()
+        if run is None:
+            raise Refused(
+                "NO_AGENT", "feedback: no agent is named and none has run yet; name the agent"
+            )
+        return run.agent
+
+
+def _scene(given: Given, agent: str, run: Run | None) -> Vector:
+    if given.values:
+        raise Refused(
+            "WRONG_LENGTH",
+            f"feedback: {len(given.values)} values, expected none: positive and negative feedback "
+            f"take those of the scene; use DIRECT or SET to name a profile",
+        )
+    if run is None:
+        raise Refused(
+            "NO_SCENE",
+            f"feedback: '{agent}' has not run yet, so there is no scene to move towards or away "
+            f"from; give DIRECT feedback",
+        )
+    return run.scene.observed
+
+
+def _rule_id(run: Run, fired: Fired) -> str:
+    """Return the id of what a rule teaches: the same after a restart of this node."""
+    again = f"/{fired.count}" if fired.count else ""
+    return f"rule/{run.epoch}/{run.round}/{run.agent}/{fired.index}{again}"
+
+
+def _same(given: Given, known: Change) -> Change:
+    agent, kind = known.revision.agent, known.revision.cause.kind
+    # What has been forgotten does not say any more which kind it was.
+    other_kind = known.revision.cause.cause != FORGOTTEN and given.kind != kind
+    if (given.agent and given.agent != agent) or other_kind:
+        raise Refused(
+            "FEEDBACK_ID_TAKEN",
+            f"feedback: the id '{given.feedback_id}' belongs to other feedback (kind {kind} for "
+            f"{agent}); every feedback needs its own id, or none",
+        )
+    return known

@@ -1,0 +1,165 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Which layers one feedback teaches, how much, and what an agent has been taught before."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+from bt_agents_core.feedback import Kind, LearningRule
+from bt_agents_core.profile_layers import EVERYBODY, checked_layer, layers_of
+from bt_agents_core.scene import Scene, SceneSpace, Vector
+from feedback_node.learning import learning_step
+from feedback_node.learning.cards import Agent
+from feedback_node.ledger.ledger import Ledger
+from feedback_node.ledger.ledger_rows import Cause, Revision, hidden
+
+_RECENT = 30
+"""Feedbacks from which the share of wrong ones is estimated."""
+
+_REMEMBERED = 1000
+"""Layers of which it is remembered what they were taught."""
+
+_IN_PART = "taught by somebody, or at a place, that has a profile of its own"
+
+
+@dataclass(frozen=True, kw_only=True)
+class LayerStep:
+    """What a feedback does to one layer.
+
+    Attributes:
+        cause: For the ledger.
+        step: The move.
+        false_rate: 0..1, how much of what the layer was taught, this included, seems to be
+            wrong; NaN when too little is known.
+        recent: What the layer was taught last, this included; see :func:`taught`.
+    """
+
+    cause: Cause
+    step: learning_step.Step
+    false_rate: float
+    recent: tuple[Vector, ...]
+
+
+def shares(rule: LearningRule, kind: Kind, scene: Scene | None) -> tuple[tuple[str, float], ...]:
+    """Return the layers that a feedback teaches, each with how much of it, 0..1.
+
+    Without the layer of a person or a place that is the profile for everybody, alone and in full;
+    else it comes last, unless it learns nothing of it. What is set is set for everybody.
+
+    Raises:
+        Refused: ``BAD_LAYER`` for a person or a place whose name is none of a layer.
+    """
+    of_scene = {} if scene is None or kind is Kind.SET else layers_of(scene)
+    own = tuple(
+        (checked_layer(layer), 1.0) for one, layer in of_scene.items() if one in rule.layers
+    )
+    if not own:
+        return ((EVERYBODY, 1.0),)
+    return (*own, (EVERYBODY, rule.general)) if rule.general > 0.0 else own
+
+
+def anonymous(cause: Cause) -> Cause:
+    """Return a cause without what leads back to the person whose layer was taught as well."""
+    assert cause.feedback_id is not None
+    feedback_id = hidden(cause.feedback_id)
+    return replace(cause, reason=_IN_PART, scene_id="", leaf="", feedback_id=feedback_id)
+
+
+def layer_step(
+    kind: Kind,
+    profile: Vector,
+    target: Vector,
+    *,
+    agent: Agent,
+    share: float,
+    cause: Cause,
+    changes: int,
+    recent: tuple[Vector, ...],
+    space: SceneSpace,
+) -> LayerStep:
+    """Return what a feedback does to one layer of an agent.
+
+    Args:
+        kind: Which way.
+        profile: Of the layer.
+        target: Wanted profile or scene, NaN for no opinion.
+        agent: Whose.
+        share: How much of the feedback the layer learns, 0..1.
+        cause: Without what the step says.
+        changes: How many feedbacks have led to the profile.
+        recent: What they have asked for; see :func:`taught`.
+        space: The parameters and their ranges.
+
+    Raises:
+        Refused: As in :func:`learning_step.step`.
+    """
+    rule = agent.learning
+    step = learning_step.step(
+        kind,
+        profile,
+        target,
+        rate=agent.rate,
+        space=space,
+        rule=rule,
+        weight=rule.weight(cause.source) * share,
+        evidence=learning_step.Evidence(
+            recent=recent[-rule.window :], changes=changes, authored=agent.authored
+        ),
+    )
+    asked = () if kind is Kind.SET else (learning_step.asked(kind, step.before, step.target),)
+    of_rate = all(rate == step.rate for rate in step.rates)
+    return LayerStep(
+        cause=replace(
+            cause,
+            rate=step.rate,
+            weight=step.weight,
+            rates={} if of_rate else space.named(step.rates),
+            target=space.named(step.target),
+            changes=changes + (kind is not Kind.SET),
+        ),
+        step=step,
+        false_rate=learning_step.false_rate((*recent[-_RECENT:], *asked), space),
+        recent=(*recent, *asked)[-max(rule.window, _RECENT) :],
+    )
+
+
+def taught(
+    ledger: Ledger, agent: str, layer: str, space: SceneSpace, window: int
+) -> tuple[Vector, ...]:
+    """Return what the last feedbacks have asked for, newest last; enough for ``window`` of them.
+
+    Raises:
+        LedgerError: ``LEDGER_CORRUPT`` or ``LEDGER_UNREADABLE``.
+    """
+    found = []
+    for row in ledger.taught(agent, layer, newest=max(window, _RECENT)):
+        target = space.ordered(row.cause.target)
+        if row.cause.kind == Kind.NEGATIVE:
+            before = ledger.before(row)
+            target = learning_step.asked(Kind.NEGATIVE, space.ordered(before.profile), target)
+        found.append(target)
+    return tuple(found)
+
+
+class Lessons:
+    """Remembers what was taught last, so that a feedback need not read the rows before it."""
+
+    def __init__(self) -> None:
+        self._known: dict[tuple[str, str], tuple[int, int, tuple[Vector, ...]]] = {}
+
+    def known(self, current: Revision, window: int) -> tuple[Vector, ...] | None:
+        """Return what has led to a revision, as of :func:`taught`; None when it is not known."""
+        number, reach, recent = self._known.get((current.agent, current.layer), (-1, 0, ()))
+        return recent if (number, reach) == (current.revision, window) else None
+
+    def keep(self, revision: Revision, window: int, recent: tuple[Vector, ...]) -> None:
+        """Take what has led to a revision that was just recorded."""
+        key = (revision.agent, revision.layer)
+        self._known.pop(key, None)
+        self._known[key] = (revision.revision, window, recent)
+        if len(self._known) > _REMEMBERED:
+            del self._known[next(iter(self._known))]
+
+    def forget(self, agent: str, layer: str) -> None:
+        """Remember nothing of a layer; one of the same name counts its revisions anew."""
+        self._known.pop((agent, layer), None)

@@ -1,0 +1,258 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How feedback moves a profile: to or towards a wanted vector, towards a scene or away from it.
+
+Sources: direct feedback is the update of section 2.3.4 of the paper, "the positive or negative
+distance of the user feedback from the corresponding parameter [...] multiplied with a factor for
+the learning rate". Positive and negative feedback are its section 4.2, "shift all parameters of
+the agent in the direction of the recognized scene [...] or away from the actual scene".
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from statistics import median
+
+import numpy as np
+
+from bt_agents_core.errors import Refused
+from bt_agents_core.feedback import Kind, LearningRule, Update
+from bt_agents_core.scene import SceneSpace, Vector
+from feedback_node.learning import updates
+
+FEWEST_SAMPLES = 8
+"""With fewer feedbacks nothing is said about how many of them are wrong."""
+
+OUTLIER_DEVIATIONS = 3.5
+"""So many deviations from the median make an outlier."""
+
+_MAD_TO_DEVIATION = 1.4826
+_LEAST_DEVIATION_SHARE = 1 / 40
+
+PLAIN = LearningRule()
+"""The paper's formula."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Evidence:
+    """What an agent has been taught before this feedback; vectors in the order of the space.
+
+    Attributes:
+        recent: What the last feedbacks asked for, as of :func:`asked`, newest last; as many as
+            the rule's ``window`` are enough. Without ``SET``.
+        changes: How many feedbacks have moved the profile, without ``SET``.
+        authored: Profile of the agent's file; empty when nothing is bounded by it.
+    """
+
+    recent: tuple[Vector, ...] = ()
+    changes: int = 0
+    authored: Vector = ()
+
+
+UNTAUGHT = Evidence()
+"""Of an agent that has not been taught yet."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Step:
+    """One move of a profile; all vectors in the order of the space.
+
+    Attributes:
+        kind: What was asked for.
+        before: Profile before.
+        target: Vector moved towards or away from; NaN for no opinion.
+        rate: Learning rate η of the agent, 0..1.
+        weight: Of the source of the feedback.
+        rates: What each parameter was moved by: by its own rate, weight and annealing, 0..1.
+        after: Profile after, inside the ranges.
+        words: The move in words and numbers; says why when nothing has moved.
+    """
+
+    kind: Kind
+    before: Vector
+    target: Vector
+    rate: float
+    weight: float
+    rates: Vector
+    after: Vector
+    words: str
+
+
+def step(
+    kind: Kind,
+    profile: Vector,
+    target: Vector,
+    *,
+    rate: float,
+    space: SceneSpace,
+    rule: LearningRule = PLAIN,
+    weight: float = 1.0,
+    evidence: Evidence = UNTAUGHT,
+) -> Step:
+    """Move a profile by one feedback; see :func:`updates.moved` for the formulas.
+
+    Args:
+        kind: Which way. ``SET`` is ``p ← f`` at once, whatever rates, weight and drift.
+        profile: Profile p.
+        target: Wanted profile, or the scene that it moves towards or away from; NaN leaves its
+            parameter alone.
+        rate: Learning rate η of the agent.
+        space: The parameters and their ranges.
+        rule: How the agent learns.
+        weight: Of the source, 0 or more.
+        evidence: What the agent has been taught before.
+
+    Raises:
+        Refused: ``NO_OPINION`` or ``NO_SCENE`` when all of ``target`` is NaN, ``BAD_RATE``,
+            ``BAD_WEIGHT``, or as in :meth:`SceneSpace.vector`.
+    """
+    before = space.vector(profile, what="profile")
+    wanted = _target(kind, target, space)
+    checked_rate(rate)
+    checked_weight(weight)
+    of_rule = updates.arrays(rule, space)
+    at_once = kind is Kind.SET
+    rates = (
+        np.ones(len(space)) if at_once else updates.rates(of_rule, rate, weight, evidence.changes)
+    )
+    after = updates.moved(
+        kind,
+        np.array(before),
+        np.array(wanted),
+        rates,
+        of_rule,
+        np.array(evidence.recent).reshape(-1, len(space)),
+        np.array(evidence.authored or before),
+        np.array([p.minimum for p in space.parameters]),
+        np.array([p.maximum for p in space.parameters]),
+    )
+    moves = [
+        f"{name} {old:.4g} → {new:.4g}"
+        for name, old, new in zip(space.names, before, _vector(after), strict=True)
+        if old != new
+    ]
+    why_not = _why_not(kind, before, wanted, _vector(rates), of_rule, evidence)
+    return Step(
+        kind=kind,
+        before=before,
+        target=wanted,
+        rate=1.0 if at_once else rate,
+        weight=1.0 if at_once else weight,
+        rates=_vector(rates),
+        after=_vector(after),
+        words=", ".join(moves) or f"the profile stays: {why_not}",
+    )
+
+
+def asked(kind: Kind, profile: Vector, target: Vector) -> Vector:
+    """Return the profile that a feedback asked for, which is the ``recent`` of later ones.
+
+    Args:
+        kind: Which way; not ``SET``.
+        profile: Profile before it.
+        target: Its target; NaN for no opinion.
+    """
+    return _vector(updates.asked(kind, np.array(profile), np.array(target)))
+
+
+def false_rate(recent: Sequence[Vector], space: SceneSpace) -> float:
+    """Estimate the share of feedbacks that are wrong: those that lie far from the others.
+
+    A feedback is an outlier when one of its values is farther from the median than
+    :data:`OUTLIER_DEVIATIONS` robust standard deviations, ``1.4826 · MAD`` (Iglewicz and Hoaglin,
+    "How to Detect and Handle Outliers", 1993), where a deviation is at least 1/40 of the range. Up
+    to half of the feedbacks can be found to be wrong.
+
+    Args:
+        recent: What the last feedbacks asked for, as of :func:`asked`; NaN for no opinion.
+        space: The parameters and their ranges.
+
+    Returns:
+        0..1; NaN for less than :data:`FEWEST_SAMPLES` feedbacks.
+    """
+    if len(recent) < FEWEST_SAMPLES:
+        return math.nan
+    far = [False] * len(recent)
+    for parameter, values in zip(space.parameters, zip(*recent, strict=True), strict=True):
+        known = [value for value in values if not math.isnan(value)]
+        if not known:
+            continue
+        middle = median(known)
+        least = (parameter.maximum - parameter.minimum) * _LEAST_DEVIATION_SHARE
+        deviation = _MAD_TO_DEVIATION * median([abs(value - middle) for value in known])
+        limit = OUTLIER_DEVIATIONS * max(deviation, least)
+        far = [was or abs(value - middle) > limit for was, value in zip(far, values, strict=True)]
+    return sum(far) / len(far)
+
+
+def checked_rate(rate: float, *, what: str = "feedback") -> float:
+    """Return a learning rate that is finite and in 0..1.
+
+    Raises:
+        Refused: ``BAD_RATE``.
+    """
+    if not 0.0 <= rate <= 1.0:
+        raise Refused("BAD_RATE", f"{what}: learning rate {rate:g}, expected a number from 0 to 1")
+    return rate
+
+
+def checked_weight(weight: float) -> float:
+    """Return the weight of a source that is finite and not negative.
+
+    Raises:
+        Refused: ``BAD_WEIGHT``.
+    """
+    if not 0.0 <= weight < math.inf:
+        raise Refused(
+            "BAD_WEIGHT", f"feedback: weight {weight:g} of its source, expected a number from 0"
+        )
+    return weight
+
+
+def _target(kind: Kind, target: Vector, space: SceneSpace) -> Vector:
+    of_scene = kind in (Kind.POSITIVE, Kind.NEGATIVE)
+    vector = space.vector(target, missing=True, what="scene" if of_scene else "feedback")
+    if not all(math.isnan(value) for value in vector):
+        return vector
+    if of_scene:
+        raise Refused(
+            "NO_SCENE",
+            "scene: nothing of it was measured or given, so there is nothing to move towards or "
+            "away from; give DIRECT feedback or wait until the scene layer measures something",
+        )
+    raise Refused(
+        "NO_OPINION",
+        f"feedback: every value is NaN; give a number for at least one of "
+        f"{', '.join(space.names)}",
+    )
+
+
+def _why_not(
+    kind: Kind,
+    before: Vector,
+    target: Vector,
+    rates: Vector,
+    rule: updates.RuleArrays,
+    evidence: Evidence,
+) -> str:
+    opinions = [i for i, value in enumerate(target) if not math.isnan(value)]
+    if all(rates[i] == 0.0 for i in opinions):
+        return "the learning rate is 0"
+    if all(target[i] == before[i] for i in opinions):
+        if kind is Kind.NEGATIVE:
+            return "it lies exactly on the scene, so no direction leads away"
+        return "it is there already"
+    if rule.update is Update.MEDIAN:
+        return "it is where most of the last feedbacks want it"
+    if evidence.authored and any(
+        abs(before[i] - evidence.authored[i]) >= rule.drift[i] for i in opinions
+    ):
+        return "it may not get farther from its file"
+    if kind is Kind.NEGATIVE:
+        return "it is at the edge of the ranges"
+    return "the step is too small"
+
+
+def _vector(values: updates.Array) -> Vector:
+    return tuple(float(value) for value in values)

@@ -1,0 +1,401 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The current profiles of all known agents, and the one place where feedback changes them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Iterable, Mapping
+from contextlib import suppress
+from dataclasses import replace
+
+from bt_agents_core.errors import Refused
+from bt_agents_core.feedback import Kind
+from bt_agents_core.profile_layers import MOST_LAYERS
+from bt_agents_core.scene import SceneSpace, Vector
+from feedback_node.learning import learning_step
+from feedback_node.learning.cards import Agent, Card, read_card
+from feedback_node.learning.changes import Change, Delivery, Table, changed, moved, together
+from feedback_node.learning.layers import LayerStep, Lessons, anonymous, layer_step, shares, taught
+from feedback_node.learning.runs import Run
+from feedback_node.learning.texts import check_texts, one_line
+from feedback_node.ledger.ledger import Entry, Ledger
+from feedback_node.ledger.ledger_file import LedgerError
+from feedback_node.ledger.ledger_rows import FORGOTTEN, LAYER, Cause, Revision
+
+MOST_HOSTS = 100
+"""Hosts whose agents are known at once."""
+
+_BEGINS = "begins as the profile for everybody"
+
+
+class Profiles:
+    """Knows the agents of all hosts' cards and keeps their profiles in the ledger."""
+
+    def __init__(self, space: SceneSpace, ledger: Ledger) -> None:
+        self.space = space
+        self._ledger = ledger
+        self._agents: dict[str, Agent] = {}
+        self._starts: dict[str, str] = {}
+        self._current: dict[tuple[str, str], Revision] = {}
+        self._false_rates: dict[tuple[str, str], tuple[int, float]] = {}
+        self._lessons = Lessons()
+
+    def introduce(self, card: Card) -> tuple[tuple[Delivery, ...], tuple[str, ...]]:
+        """Take a host's card.
+
+        One without agents is of a start that the market does not have: it takes nothing away from
+        another start of the same name.
+
+        Returns:
+            What the host has yet to learn, and the problems of its agents in words.
+
+        Raises:
+            Refused: The card as a whole is not taken: ``TOO_MANY_HOSTS``, or see
+                :func:`read_card` and :meth:`Ledger.enter`.
+        """
+        agents, problems = read_card(card, self.space, self._agents)
+        hosts = self.hosts
+        if not card.agents and self._starts.get(card.host, card.instance) != card.instance:
+            return (), ()
+        if card.host not in hosts and len(hosts) >= MOST_HOSTS:
+            raise Refused(
+                "TOO_MANY_HOSTS",
+                f"card of {card.host}: agents of {len(hosts)} hosts are known, expected "
+                f"{MOST_HOSTS} at most; restart the feedback node when most of them are gone",
+            )
+        entered = self._enter(agents)
+        listed = {agent.name for agent in agents}
+        for name, known in list(self._agents.items()):
+            if known.host == card.host and name not in listed:
+                self._drop(name)
+        fresh = self._starts.get(card.host) != card.instance
+        self._starts = {host: start for host, start in self._starts.items() if host in hosts}
+        self._starts[card.host] = card.instance
+        deliveries, more = [], []
+        if fresh and agents and self._ledger.has_layers():
+            # Its answer is followed by the layers; it may hold some that are forgotten by now.
+            deliveries.append(self.clearing(card.host))
+        for agent in agents:
+            known = self._agents.get(agent.name, agent)
+            if known.host != agent.host:
+                more.append(
+                    f"TWO_HOSTS: '{agent.name}' was at {known.host}, now it is at {agent.host}; "
+                    f"what it learns goes there"
+                )
+            self._agents[agent.name] = agent
+            revision = self._current[agent.name, ""].revision
+            if agent.held < revision:
+                deliveries.append(self.delivery(agent.name))
+            elif agent.held > revision:
+                more.append(
+                    f"STALE_LEDGER: {agent.host} holds revision {agent.held} of '{agent.name}', "
+                    f"the ledger ends at {revision}; restart the host, or put its ledger back"
+                )
+        if not fresh:
+            deliveries += [d for d in self.layers_at(card.host) if d.agent in entered]
+        return tuple(deliveries), (*problems, *more)
+
+    def agent(self, name: str) -> Agent:
+        """Return a known agent.
+
+        Raises:
+            Refused: ``UNKNOWN_AGENT``.
+        """
+        if name not in self._agents:
+            known = ", ".join(sorted(self._agents)) or "none yet"
+            raise Refused("UNKNOWN_AGENT", f"no agent '{name}'; known are: {known}")
+        return self._agents[name]
+
+    @property
+    def hosts(self) -> frozenset[str]:
+        """The hosts at which agents are known."""
+        return frozenset(agent.host for agent in self._agents.values())
+
+    def knows(self, name: str) -> bool:
+        """Return True when a card has introduced the agent."""
+        return name in self._agents
+
+    def profile(self, name: str, layer: str = "") -> Vector:
+        """Return the current profile of a known agent; everybody's where a layer is not there."""
+        current = self._current.get((name, layer), self._current[name, ""])
+        values, authored = current.profile, self._agents[name].authored
+        return self.space.clamp(
+            [values.get(key, own) for key, own in zip(self.space.names, authored, strict=True)]
+        )
+
+    def delivery(self, name: str, layer: str = "") -> Delivery:
+        """Return what the host of a known agent is to be told, as it is now."""
+        host = self._agents[name].host
+        current = self._current.get((name, layer))
+        if current is None:
+            return Delivery(host=host, agent=name, layer=layer, remove=True)
+        return Delivery(
+            host=host,
+            agent=name,
+            layer=layer,
+            values=self.profile(name, layer),
+            revision=current.revision,
+        )
+
+    def clearing(self, host: str) -> Delivery:
+        """Return what makes a host forget all layers; those that there are follow its answer."""
+        return Delivery(host=host, agent="", remove=True)
+
+    def layers_at(self, host: str) -> tuple[Delivery, ...]:
+        """Return what a host is to be told of layers."""
+        return tuple(
+            self.delivery(name, layer)
+            for name, layer in sorted(self._current)
+            if layer and self._agents[name].host == host
+        )
+
+    def deliveries(self, changes: Iterable[Change]) -> tuple[Delivery, ...]:
+        """Return what the hosts of those agents that are known are to be told of changes."""
+        return tuple(
+            self.delivery(change.revision.agent, change.revision.layer)
+            for change in changes
+            if self.knows(change.revision.agent)
+        )
+
+    def table(self) -> Table:
+        """Return every known agent and layer."""
+        return tuple(
+            (name, layer, self._current[name, layer].revision, self.profile(name, layer))
+            for name, layer in sorted(self._current)
+        )
+
+    def recorded_of(self, prefix: str) -> Mapping[str, int]:
+        """Return agent → how many of its changes have a feedback id that begins so."""
+        return self._ledger.count(prefix)
+
+    def recorded(self, feedback_id: str) -> Change | None:
+        """Return the change that a feedback led to; None for a new id."""
+        found = self._ledger.found(feedback_id)
+        if not found:
+            return None
+        changes = []
+        for revision in found:
+            gone = revision.cause.cause == FORGOTTEN
+            words = f"recorded before as revision {revision.revision}, not applied again"
+            if gone:
+                words = "recorded before, and forgotten since; not applied again"
+            before = revision if gone else self._ledger.before(revision)
+            changes.append(changed(revision, before, self.space, fresh=False, words=words))
+        return replace(changes[0], others=tuple(changes[1:]))
+
+    def apply(
+        self,
+        name: str,
+        kind: Kind,
+        target: Vector,
+        *,
+        feedback_id: str,
+        source: str,
+        reason: str,
+        run: Run | None,
+        cancels: bool = False,
+        leaf: str = "",
+    ) -> Change:
+        """Move an agent's profile and record it; the same id is applied once.
+
+        Where the agent learns apart for the person or the place of the run's scene, their layers
+        move, and the profile for everybody in part; ``SET`` sets that for everybody.
+
+        Args:
+            name: Whose profile.
+            kind: Which way.
+            target: Wanted profile or scene, NaN for no opinion.
+            feedback_id: Unique.
+            source: Who gave it.
+            reason: Why, in words.
+            run: The run that it belongs to, if any.
+            cancels: True when the run is stopped because of it.
+            leaf: Path of the node that it is about; may be empty.
+
+        Raises:
+            Refused: ``UNKNOWN_AGENT``, ``TOO_LONG``, ``BAD_TEXT``, ``RESERVED_ID``,
+                ``BAD_LAYER``, ``TOO_MANY_LAYERS`` when nothing else learns, or as in
+                :func:`learning_step.step` and :meth:`Ledger.record`; nothing has changed.
+        """
+        if (known := self.recorded(feedback_id)) is not None:
+            return known
+        agent = self.agent(name)
+        reason = one_line(reason)
+        check_texts(feedback_id=feedback_id, source=source, reason=reason, leaf=leaf)
+        cause = Cause(
+            kind=kind,
+            source=source,
+            reason=reason,
+            feedback_id=feedback_id,
+            epoch=run.epoch if run else "",
+            round=run.round if run else 0,
+            scene_id=run.scene.scene_id if run else "",
+            leaf=leaf,
+            cancels=cancels,
+        )
+        entries: list[Entry] = []
+        steps: dict[str, LayerStep] = {}
+        crowded: list[Refused] = []
+        scene = run.scene if run else None
+        window = agent.learning.window
+        for place, (layer, share) in enumerate(shares(agent.learning, kind, scene)):
+            known_layer = self._current.get((name, layer))
+            if known_layer is None:
+                try:
+                    entries.append(self.beginning(name, layer))
+                except LedgerError:
+                    raise
+                except Refused as refusal:
+                    crowded.append(refusal)
+                    continue
+            one = layer_step(
+                kind,
+                self.profile(name, layer),
+                target,
+                agent=agent,
+                share=share,
+                cause=anonymous(cause) if place else cause,
+                changes=known_layer.cause.changes if known_layer else 0,
+                recent=self._taught(name, layer, window),
+                space=self.space,
+            )
+            steps[layer] = one
+            after = self.space.named(one.step.after)
+            entries.append(Entry(agent=name, layer=layer, profile=after, cause=one.cause))
+        if crowded and not steps:
+            raise crowded[0]
+        try:
+            recorded = self._ledger.record(entries)
+        except LedgerError:
+            # It may be recorded and not acknowledged.
+            self.reload()
+            raise
+        for revision in recorded:
+            if (step := steps.get(revision.layer)) and revision.cause is step.cause:
+                self._lessons.keep(revision, window, step.recent)
+        change = self.taken(recorded, steps)
+        if crowded:
+            change = replace(change, words=f"{change.words}; {crowded[0].reason}")
+        return change
+
+    def taken(
+        self, revisions: Iterable[Revision], steps: Mapping[str, LayerStep] | None = None
+    ) -> Change:
+        """Take over what the ledger has recorded for agents, known or not.
+
+        Args:
+            revisions: One or more; beginnings of layers belong to what follows them.
+            steps: By layer, when they come from feedback.
+
+        Raises:
+            LedgerError: ``LEDGER_CORRUPT`` or ``LEDGER_UNREADABLE``.
+        """
+        changes = []
+        for revision in revisions:
+            name, layer = revision.agent, revision.layer
+            before = self._current.get((name, layer))
+            if self.knows(name):
+                self._current[name, layer] = revision
+            if revision.cause.cause == LAYER:
+                continue
+            one = steps.get(layer) if steps else None
+            if before is None or before.revision != revision.revision - 1:
+                before = self._ledger.before(revision)
+            words = one.step.words if one else moved(before, revision)
+            changes.append(
+                changed(
+                    revision,
+                    before,
+                    self.space,
+                    fresh=True,
+                    words=f"for {layer} {words}" if layer else words,
+                    false_rate=self._false_rate_of(revision, one),
+                )
+            )
+        return together(changes)
+
+    def gone(self, profiles: Iterable[tuple[str, str]]) -> tuple[Delivery, ...]:
+        """Take over that layers are forgotten; return what hosts are to be told."""
+        told = []
+        for name, layer in profiles:
+            self._current.pop((name, layer), None)
+            self._false_rates.pop((name, layer), None)
+            self._lessons.forget(name, layer)
+            if self.knows(name):
+                told.append(self.delivery(name, layer))
+        return tuple(told)
+
+    def false_rate(self, name: str, layer: str = "") -> float:
+        """Return how much of what a profile was taught seems to be wrong; see :class:`Change`.
+
+        Raises:
+            LedgerError: ``LEDGER_CORRUPT`` or ``LEDGER_UNREADABLE``.
+        """
+        current = self._ledger.current(name, layer)
+        return math.nan if current is None else self._false_rate_of(current, None)
+
+    def _taught(self, name: str, layer: str, window: int) -> tuple[Vector, ...]:
+        current = self._current.get((name, layer))
+        known = self._lessons.known(current, window) if current is not None else None
+        return taught(self._ledger, name, layer, self.space, window) if known is None else known
+
+    def _false_rate_of(self, revision: Revision, step: LayerStep | None) -> float:
+        """Return it for the current revision of a profile; estimated once for each."""
+        key = (revision.agent, revision.layer)
+        number, rate = self._false_rates.get(key, (-1, math.nan))
+        if step is not None:
+            rate = step.false_rate
+        elif number != revision.revision:
+            rate = learning_step.false_rate(taught(self._ledger, *key, self.space, 0), self.space)
+        self._false_rates[key] = (revision.revision, rate)
+        return rate
+
+    def beginning(self, name: str, layer: str) -> Entry:
+        """Return how a layer of an agent that the ledger knows begins.
+
+        Raises:
+            Refused: ``TOO_MANY_LAYERS``.
+            LedgerError: ``LEDGER_CORRUPT`` or ``LEDGER_UNREADABLE``.
+        """
+        count = self._ledger.count_layers(name)
+        if count >= MOST_LAYERS:
+            raise Refused(
+                "TOO_MANY_LAYERS",
+                f"{name} has profiles of its own for {count} persons and places, expected "
+                f"{MOST_LAYERS} at most; 'bt-agents profile expire' forgets those that have not "
+                "changed for long",
+            )
+        cause = Cause(cause=LAYER, source="feedback", reason=_BEGINS)
+        everybody = self._ledger.current(name)
+        profile = everybody.profile if everybody is not None else {}
+        return Entry(agent=name, layer=layer, profile=profile, cause=cause)
+
+    def reload(self) -> None:
+        """Take over what the ledger has, after it could not say whether something is recorded."""
+        with suppress(LedgerError):
+            for name in self._agents:
+                for row in (self._ledger.current(name), *self._ledger.layers(name)):
+                    if row is not None:
+                        self._current[name, row.layer] = row
+
+    def _enter(self, agents: Iterable[Agent]) -> Collection[str]:
+        """Have the ledger know what files say that are new; return the names of their agents."""
+        news = [
+            agent
+            for agent in agents
+            if agent.name not in self._agents
+            or self._agents[agent.name].authored != agent.authored
+        ]
+        if not news:
+            return ()
+        entered = self._ledger.enter({a.name: self.space.named(a.authored) for a in news})
+        for name, revision in entered.items():
+            self._current[name, ""] = revision
+            for row in self._ledger.layers(name):
+                self._current[name, row.layer] = row
+        return entered.keys()
+
+    def _drop(self, name: str) -> None:
+        del self._agents[name]
+        for key in [key for key in self._current if key[0] == name]:
+            del self._current[key]

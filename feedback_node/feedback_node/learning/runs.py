@@ -1,0 +1,79 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Which agent runs, which ran last and for which scene: what feedback without a name refers to."""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass
+
+from bt_agents_core.scene import Scene
+
+_REMEMBERED_ENDS = 256
+_REMEMBERED_AGENTS = 10_000
+
+
+@dataclass(frozen=True, kw_only=True)
+class Run:
+    """One run of one agent.
+
+    Attributes:
+        epoch: Market that awarded it.
+        round: Its round.
+        agent: Who runs.
+        scene: As awarded.
+    """
+
+    epoch: str
+    round: int
+    agent: str
+    scene: Scene
+
+    @property
+    def key(self) -> tuple[str, int, str]:
+        """What no other run has; in a round the next best agent may follow a lost one."""
+        return self.epoch, self.round, self.agent
+
+
+class Runs:
+    """Follows the events of runs; exactly one runs at a time.
+
+    Events may be replayed from the history of their topic, so a start can arrive for a run that is
+    known to be over.
+    """
+
+    def __init__(self) -> None:
+        self.current: Run | None = None
+        self._last: Run | None = None
+        self._of_agent: dict[str, Run] = {}
+        self._ended: deque[tuple[str, int, str]] = deque(maxlen=_REMEMBERED_ENDS)
+
+    def started(self, run: Run) -> bool:
+        """Note a start; return True when this run is now the current one and was not before."""
+        if run.key in self._ended or (self.current is not None and self.current.key == run.key):
+            return False
+        self.current = run
+        self._remember(run)
+        return True
+
+    def ended(self, run: Run) -> bool:
+        """Note an end; return True when it was the current run."""
+        news = run.key not in self._ended
+        if news:
+            self._ended.append(run.key)
+        if self.current is not None and self.current.key == run.key:
+            self.current = None
+            return True
+        if news and self.current is None:
+            self._remember(run)
+        return False
+
+    def last(self, agent: str = "") -> Run | None:
+        """Return the current or last run, of ``agent`` or of anybody; None when there was none."""
+        return self._of_agent.get(agent) if agent else self._last
+
+    def _remember(self, run: Run) -> None:
+        self._last = run
+        self._of_agent.pop(run.agent, None)
+        self._of_agent[run.agent] = run
+        if len(self._of_agent) > _REMEMBERED_AGENTS:
+            del self._of_agent[next(iter(self._of_agent))]

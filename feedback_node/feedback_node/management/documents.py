@@ -1,0 +1,136 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the ledger holds as JSON: for people, for another robot, and back."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any, TypeGuard
+
+from bt_agents_core.errors import Refused
+from bt_agents_core.profile_layers import checked_layer
+from bt_agents_core.scene import SceneSpace, Vector
+from feedback_node.ledger.ledger_rows import Revision
+
+FORMAT = 1
+LONGEST = 4_000_000
+"""Characters of a document that is taken in."""
+
+_MOST = 100_000
+_LONGEST_NAME = 200
+
+
+@dataclass(frozen=True, kw_only=True)
+class Imported:
+    """One profile of a document."""
+
+    agent: str
+    layer: str
+    values: Vector
+    changes: int = 0
+
+
+def to_document(
+    profiles: Iterable[Mapping[str, Any]], revisions: Iterable[Revision], *, document_id: str
+) -> str:
+    """Return a document.
+
+    Args:
+        profiles: Of each profile, what is told of it.
+        revisions: History that goes with it.
+        document_id: Unique; the same document is taken in once.
+    """
+    return json.dumps(
+        {
+            "format": FORMAT,
+            "id": document_id,
+            "profiles": list(profiles),
+            "revisions": [_revision(one) for one in revisions],
+        },
+        allow_nan=False,
+    )
+
+
+def from_document(text: str, space: SceneSpace) -> tuple[str, tuple[Imported, ...]]:
+    """Read a document from outside; return its id and its profiles.
+
+    Raises:
+        Refused: ``TOO_LONG``, ``BAD_DOCUMENT``, ``BAD_LAYER``, ``UNKNOWN_PARAMETER``, or as in
+            :meth:`SceneSpace.vector`.
+    """
+    if len(text) > LONGEST:
+        raise Refused("TOO_LONG", f"document: {len(text)} characters, expected {LONGEST} at most")
+    try:
+        told = json.loads(text, parse_constant=_no_constant)
+    except (ValueError, RecursionError) as error:
+        raise _bad(f"it is no JSON ({error})") from None
+    if not isinstance(told, dict) or told.get("format") != FORMAT:
+        raise _bad(f"expected what 'bt-agents profile export' writes, with format {FORMAT}")
+    document_id, profiles = told.get("id"), told.get("profiles")
+    if not _is_name(document_id):
+        raise _bad(f"its id is no printable text of 1 to {_LONGEST_NAME} characters")
+    if not isinstance(profiles, list) or not 1 <= len(profiles) <= _MOST:
+        raise _bad(f"expected 1 to {_MOST} profiles")
+    found: dict[tuple[str, str], Imported] = {}
+    for index, one in enumerate(profiles):
+        imported = _imported(one, f"profiles[{index}]", space)
+        if (imported.agent, imported.layer) in found:
+            raise _bad(f"profiles[{index}]: {imported.agent} {imported.layer} stands twice")
+        found[imported.agent, imported.layer] = imported
+    return document_id, tuple(found.values())
+
+
+def number(value: float) -> float | None:
+    """Return a number as JSON has it, None for NaN."""
+    return None if math.isnan(value) else value
+
+
+def _imported(told: Any, what: str, space: SceneSpace) -> Imported:
+    if not isinstance(told, dict):
+        raise _bad(f"{what}: expected a mapping")
+    agent, layer, values = told.get("agent"), told.get("layer", ""), told.get("values")
+    if not _is_name(agent):
+        raise _bad(f"{what}: its agent is no name")
+    changes = told.get("changes", 0)
+    if isinstance(changes, bool) or not isinstance(changes, int) or not 0 <= changes < 2**63:
+        raise _bad(f"{what}: its changes are no count")
+    if not isinstance(layer, str) or not isinstance(values, dict):
+        raise _bad(f"{what}: expected a layer, which may be empty, and values by parameter")
+    if any(isinstance(v, bool) or not isinstance(v, int | float) for v in values.values()):
+        raise _bad(f"{what}: a value is no number")
+    return Imported(
+        agent=agent,
+        layer=checked_layer(layer) if layer else "",
+        values=space.from_mapping(values, what=f"document: {what}"),
+        changes=changes,
+    )
+
+
+def _is_name(told: Any) -> TypeGuard[str]:
+    return isinstance(told, str) and 1 <= len(told) <= _LONGEST_NAME and told.isprintable()
+
+
+def _revision(revision: Revision) -> dict[str, Any]:
+    cause = revision.cause
+    told = {name: value for name, value in vars(cause).items() if value or name == "cause"}
+    for name in ("rates", "target"):
+        if name in told:
+            told[name] = dict(told[name])
+    return {
+        "agent": revision.agent,
+        "layer": revision.layer,
+        "revision": revision.revision,
+        "stamp": revision.stamp,
+        "values": dict(revision.profile),
+        **told,
+    }
+
+
+def _no_constant(name: str) -> float:
+    raise ValueError(f"{name} is no number")
+
+
+def _bad(found: str) -> Refused:
+    return Refused("BAD_DOCUMENT", f"document: {found}; nothing was taken in")

@@ -1,0 +1,301 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Looks at what was learned, takes it back, takes it out, and takes it in."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from enum import IntEnum
+from typing import Any
+
+from bt_agents_core.errors import Refused
+from bt_agents_core.feedback import Kind
+from bt_agents_core.profile_layers import MOST_LAYERS, PERSON, PLACE, checked_layer
+from feedback_node.learning.changes import Change, Delivery
+from feedback_node.learning.profiles import Profiles
+from feedback_node.learning.texts import check_texts
+from feedback_node.ledger.ledger import Entry, Ledger
+from feedback_node.ledger.ledger_file import LedgerError
+from feedback_node.ledger.ledger_rows import IMPORT, Cause, Revision
+from feedback_node.management.documents import Imported, from_document, number, to_document
+
+MOST_REVISIONS = 5000
+"""Newest revisions that one document tells."""
+
+_TOLD = 3
+
+
+class Action(IntEnum):
+    """What is to be done; the numbers are those of ``ManageProfiles.srv``."""
+
+    HISTORY = 0
+    UNDO = 1
+    RESET = 2
+    EXPORT = 3
+    IMPORT = 4
+    EXPIRE = 5
+    FORGET = 6
+
+
+@dataclass(frozen=True, kw_only=True)
+class Order:
+    """A request as received, unchecked; see ``ManageProfiles.srv``."""
+
+    action: int
+    agent: str = ""
+    layer: str = ""
+    author: str = ""
+    reason: str = ""
+    older_s: float = 0.0
+    document: str = ""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Done:
+    """What was done.
+
+    Attributes:
+        message: In words.
+        document: JSON, of those actions that return one.
+        changes: What has changed.
+        deliveries: What hosts are to be told, beside the changes.
+        forgets: True when somebody was forgotten.
+    """
+
+    message: str
+    document: str = ""
+    changes: tuple[Change, ...] = ()
+    deliveries: tuple[Delivery, ...] = ()
+    forgets: bool = False
+
+
+class Management:
+    """Does what somebody orders; each order happens as a whole or not at all.
+
+    Args:
+        profiles: The profiles.
+        ledger: Their ledger.
+        wall: Wall time [s].
+        new_id: Returns a unique id.
+    """
+
+    def __init__(
+        self,
+        profiles: Profiles,
+        ledger: Ledger,
+        *,
+        wall: Callable[[], float],
+        new_id: Callable[[], str],
+    ) -> None:
+        self._profiles = profiles
+        self._ledger = ledger
+        self._wall = wall
+        self._new_id = new_id
+
+    def do(self, order: Order) -> Done:
+        """Do what is ordered.
+
+        Raises:
+            Refused: ``UNKNOWN_ACTION``, ``TOO_LONG``, ``BAD_LAYER``, ``UNKNOWN_AGENT``,
+                ``UNKNOWN_LAYER``, ``NOTHING_TO_UNDO``, ``BAD_AGE``, ``TOO_MANY_LAYERS``, or as in
+                :func:`from_document` and :meth:`Ledger.enter`; nothing has changed.
+        """
+        try:
+            action = Action(order.action)
+        except ValueError:
+            raise Refused(
+                "UNKNOWN_ACTION", f"action {order.action}, expected 0 to {max(Action)}"
+            ) from None
+        check_texts(agent=order.agent, author=order.author, reason=order.reason)
+        if order.layer and action is not Action.EXPIRE:
+            checked_layer(order.layer)
+        act = {
+            Action.HISTORY: self._history,
+            Action.UNDO: self._undo,
+            Action.RESET: self._reset,
+            Action.EXPORT: self._export,
+            Action.IMPORT: self._import,
+            Action.EXPIRE: self._expire,
+            Action.FORGET: self._forget,
+        }[action]
+        try:
+            return act(order)
+        except LedgerError:
+            # It may be recorded and not acknowledged.
+            self._profiles.reload()
+            raise
+
+    def _history(self, order: Order) -> Done:
+        if not order.agent:
+            return self._told(self._selected(order), ())
+        one = self._known(order.agent, order.layer)
+        revisions = self._ledger.history(order.agent, order.layer, newest=MOST_REVISIONS)
+        return self._told([one], revisions)
+
+    def _export(self, order: Order) -> Done:
+        selected = self._selected(order)
+        if not selected:
+            raise self._unknown(order.agent, order.layer)
+        revisions: list[Revision] = []
+        for one in selected:
+            room = MOST_REVISIONS - len(revisions)
+            revisions += self._ledger.history(one.agent, one.layer, newest=room)
+        return self._told(selected, revisions)
+
+    def _told(self, selected: Sequence[Revision], revisions: Iterable[Revision]) -> Done:
+        profiles = [self._summary(one) for one in selected]
+        document = to_document(profiles, revisions, document_id=self._new_id())
+        count = len(profiles)
+        return Done(message=f"{count} profile{'s' if count != 1 else ''}", document=document)
+
+    def _summary(self, one: Revision) -> dict[str, Any]:
+        return {
+            "agent": one.agent,
+            "layer": one.layer,
+            "revision": one.revision,
+            "changes": one.cause.changes,
+            "stamp": one.stamp,
+            "false_rate": number(self._profiles.false_rate(one.agent, one.layer)),
+            "values": dict(one.profile),
+        }
+
+    def _undo(self, order: Order) -> Done:
+        self._known(order.agent, order.layer)
+        revision = self._ledger.undo(
+            order.agent, order.layer, source=order.author, reason=order.reason
+        )
+        return self._changed((revision,))
+
+    def _reset(self, order: Order) -> Done:
+        self._known(order.agent, order.layer)
+        revision = self._ledger.reset(
+            order.agent, order.layer, source=order.author, reason=order.reason
+        )
+        return self._changed((revision,))
+
+    def _import(self, order: Order) -> Done:
+        document_id, found = from_document(order.document, self._profiles.space)
+        unknown = sorted({one.agent for one in found} - set(self._ledger.agents()))
+        if unknown:
+            raise Refused(
+                "UNKNOWN_AGENT",
+                f"document: no agent {', '.join(unknown)} here; nothing was taken in. Let the "
+                "host introduce its agents first, or take them out of the document",
+            )
+        self._check_room(found)
+        known = {(one.agent, one.layer) for one in self._layers_of("")}
+        begun = (one for one in found if one.layer and (one.agent, one.layer) not in known)
+        entries = [self._profiles.beginning(one.agent, one.layer) for one in begun]
+        entries += [
+            Entry(
+                agent=one.agent,
+                layer=one.layer,
+                profile=self._profiles.space.named(one.values),
+                cause=Cause(
+                    cause=IMPORT,
+                    kind=Kind.SET,
+                    source=order.author,
+                    reason=order.reason or "taken in from a document",
+                    feedback_id=f"import/{document_id}/{one.agent}/{one.layer}",
+                    target=self._profiles.space.named(one.values),
+                    changes=one.changes,
+                ),
+            )
+            for one in found
+        ]
+        ids = [entry.cause.feedback_id for entry in entries]
+        if any(self._ledger.find(one) for one in ids if one is not None):
+            return Done(message="this document was taken in before; nothing has changed")
+        recorded = self._ledger.record(entries)
+        return self._changed([one for one in recorded if one.cause.cause == IMPORT])
+
+    def _check_room(self, found: Iterable[Imported]) -> None:
+        layers: dict[str, set[str]] = {}
+        for one in found:
+            if one.layer:
+                layers.setdefault(one.agent, set()).add(one.layer)
+        for agent, new in layers.items():
+            count = len(new | {row.layer for row in self._ledger.layers(agent)})
+            if count > MOST_LAYERS:
+                raise Refused(
+                    "TOO_MANY_LAYERS",
+                    f"document: {agent} would have {count} layers, expected {MOST_LAYERS} at most",
+                )
+
+    def _expire(self, order: Order) -> Done:
+        if not order.older_s > 0.0:
+            raise Refused("BAD_AGE", f"older than {order.older_s:g} s, expected more than 0")
+        if order.layer not in ("", PERSON, PLACE):
+            raise Refused("BAD_LAYER", f"'{order.layer[:80]}', expected person, place or nothing")
+        before = self._wall() - order.older_s
+        old = [
+            one
+            for one in self._layers_of(order.agent)
+            if one.stamp < before and one.layer.startswith(order.layer)
+        ]
+        return self._gone(old, order.author)
+
+    def _forget(self, order: Order) -> Done:
+        if not order.layer:
+            raise Refused(
+                "BAD_LAYER",
+                "name the person or the place, such as person/anna; the profile for everybody is "
+                "not forgotten, 'bt-agents profile reset' brings back that of the file",
+            )
+        found = [one for one in self._layers_of(order.agent) if one.layer == order.layer]
+        if not found:
+            raise self._unknown(order.agent, order.layer)
+        return self._gone(found, order.author)
+
+    def _gone(self, found: Sequence[Revision], author: str) -> Done:
+        if not found:
+            return Done(message="nothing to forget")
+        keys = [(one.agent, one.layer) for one in found]
+        trouble = self._ledger.forget(keys, source=author)
+        message = f"{len(keys)} profile{'s' if len(keys) != 1 else ''} forgotten"
+        if trouble:
+            message += (
+                f"; traces stay in free parts of the file until it can be rewritten, which is "
+                f"tried again and again: {trouble}"
+            )
+        return Done(message=message, deliveries=self._profiles.gone(keys), forgets=True)
+
+    def _changed(self, revisions: Sequence[Revision]) -> Done:
+        changes = tuple(self._profiles.taken([one]) for one in revisions)
+        message = "; ".join(
+            f"{one.revision.agent}: {one.words} (revision {one.revision.revision})"
+            for one in changes[:_TOLD]
+        )
+        if len(changes) > _TOLD:
+            message += f"; and {len(changes) - _TOLD} more"
+        return Done(message=message, changes=changes)
+
+    def _selected(self, order: Order) -> list[Revision]:
+        """Return the current revisions that an order is about."""
+        names = [order.agent] if order.agent else self._ledger.agents()
+        own = (self._ledger.current(name) for name in names) if not order.layer else ()
+        found = [one for one in own if one is not None]
+        for one in self._layers_of(order.agent):
+            if order.layer in ("", one.layer):
+                found.append(one)
+        return sorted(found, key=lambda one: (one.agent, one.layer))
+
+    def _layers_of(self, agent: str) -> list[Revision]:
+        names = [agent] if agent else self._ledger.agents()
+        return [one for name in names for one in self._ledger.layers(name)]
+
+    def _known(self, agent: str, layer: str) -> Revision:
+        if not agent:
+            raise Refused("UNKNOWN_AGENT", "no agent is named; name one")
+        current = self._ledger.current(agent, layer)
+        if current is None:
+            raise self._unknown(agent, layer)
+        return current
+
+    def _unknown(self, agent: str, layer: str) -> Refused:
+        agents = self._ledger.agents()
+        if agent and agent not in agents:
+            known = ", ".join(agents) or "none yet"
+            return Refused("UNKNOWN_AGENT", f"no agent '{agent}'; known are: {known}")
+        known = ", ".join(sorted({one.layer for one in self._layers_of(agent)})) or "none"
+        return Refused("UNKNOWN_LAYER", f"no layer '{layer}'; there are: {known}")

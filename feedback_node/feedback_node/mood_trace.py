@@ -1,0 +1,146 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How the mood of the person went while each node of a tree was running: credit to leaves."""
+
+from __future__ import annotations
+
+import math
+from bisect import bisect_right
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from bt_agents_core.mood import Addressee, mood_of
+from bt_agents_core.scene import MISSING, Scene, SceneSpace
+from feedback_node.learning.runs import Run
+
+MOST_LEAVES = 1000
+"""Nodes of one run that are told apart; what others do is counted for nobody."""
+
+MOST_CHANGES = 4096
+"""So many of the last changes from node to node are remembered."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class LeafMood:
+    """The mood while one node was running, in all of its turns together.
+
+    Attributes:
+        leaf: Path of the node.
+        seconds: How long it ran [s].
+        mean: Mean mood over the time in which one was known; NaN when none was.
+        change: Sum over its turns of the last known mood minus the first; NaN when none was.
+    """
+
+    leaf: str
+    seconds: float
+    mean: float
+    change: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class Told:
+    """How the mood went in a run that has ended."""
+
+    run: Run
+    leaves: tuple[LeafMood, ...]
+
+
+@dataclass(kw_only=True)
+class _Account:
+    """What has been counted for one node so far."""
+
+    seconds: float = 0.0
+    known_s: float = 0.0
+    sum: float = 0.0
+    change: float = MISSING
+
+
+class MoodTrace:
+    """Follows which node of a run is at work, and the mood meanwhile.
+
+    The node at work is the tip of the tree: the deepest one that decides its status. A live scene
+    counts until the next one, or until the lease is over; as for rules, only what was measured of
+    the person whom the run is about.
+
+    Attributes:
+        lease_s: A live scene counts for so long after it has come [s].
+    """
+
+    def __init__(
+        self, awarded: Scene, space: SceneSpace, clock: Callable[[], float], lease_s: float
+    ) -> None:
+        """Start before the first node.
+
+        Args:
+            awarded: Scene as awarded.
+            space: Says which parameter is the mood.
+            clock: Steady time [s].
+            lease_s: A live scene counts for so long after it has come [s].
+        """
+        self.lease_s = lease_s
+        self._space = space
+        self._clock = clock
+        self._addressee = Addressee(awarded)
+        self._mood = mood_of(awarded, space)
+        self._known_until = clock() + lease_s
+        self._entry = self._mood
+        self._leaf = ""
+        self._at = clock()
+        self._accounts: dict[str, _Account] = {}
+        self._changes: deque[tuple[float, str]] = deque(maxlen=MOST_CHANGES)
+
+    def tip(self, leaf: str) -> None:
+        """Take the path of the node that is at work from now on."""
+        if leaf == self._leaf:
+            return
+        self._count()
+        self._leaf = leaf
+        self._entry = self._mood
+        self._changes.append((self._at, leaf))
+        if leaf not in self._accounts and len(self._accounts) < MOST_LEAVES:
+            self._accounts[leaf] = _Account()
+
+    def see(self, live: Scene) -> None:
+        """Take a live scene."""
+        self._count()
+        self._mood = mood_of(self._addressee.seen(live), self._space)
+        self._known_until = self._at + self.lease_s
+        if math.isnan(self._entry):
+            self._entry = self._mood
+        account = self._accounts.get(self._leaf)
+        if account is not None and not math.isnan(self._mood):
+            before = 0.0 if math.isnan(account.change) else account.change
+            account.change = before + self._mood - self._entry
+            self._entry = self._mood
+
+    def leaf_at(self, moment: float) -> str:
+        """Return the path of the node that was at work at a moment [s]; empty when not known."""
+        index = bisect_right(self._changes, moment, key=lambda change: change[0])
+        return self._changes[index - 1][1] if index else ""
+
+    def so_far(self) -> tuple[LeafMood, ...]:
+        """Return the nodes in the order in which they began, up to now."""
+        self._count()
+        return tuple(
+            LeafMood(
+                leaf=leaf,
+                seconds=account.seconds,
+                mean=account.sum / account.known_s if account.known_s else MISSING,
+                change=0.0 if account.known_s and math.isnan(account.change) else account.change,
+            )
+            for leaf, account in self._accounts.items()
+        )
+
+    def _count(self) -> None:
+        """Count the time since the last look for the node at work."""
+        now = self._clock()
+        account = self._accounts.get(self._leaf)
+        if account is not None:
+            account.seconds += now - self._at
+            if not math.isnan(self._mood):
+                known_s = max(min(now, self._known_until) - self._at, 0.0)
+                account.known_s += known_s
+                account.sum += self._mood * known_s
+        if now > self._known_until:
+            self._mood = MISSING
+        self._at = now

@@ -1,0 +1,69 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Asks the market to stop runs that a mood rule stops, until it has answered."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from rclpy.node import Node
+
+from bt_agents_interfaces.srv import CancelRun
+from bt_agents_ros import qos
+from bt_agents_ros.calls import Calls
+from bt_agents_ros.messages import scene_to_msg
+from feedback_node.learning.feedback_controller import Stop
+from feedback_node.learning.runs import Run
+
+_LIMIT_S = 1.0
+
+
+class Stops:
+    """Sends the requests; one without an answer is sent again as long as its run goes on.
+
+    Args:
+        node: The feedback node.
+        calls: Its bounded calls.
+        runs: Returns whether a run goes on.
+    """
+
+    def __init__(self, node: Node, calls: Calls, runs: Callable[[Run], bool]) -> None:
+        self._node = node
+        self._calls = calls
+        self._runs = runs
+        self._unanswered: list[Stop] = []
+        self._client = node.create_client(CancelRun, "marketplace/cancel", qos_profile=qos.SERVICE)
+
+    def again(self) -> None:
+        """Ask again for what the market has not answered."""
+        stops, self._unanswered = self._unanswered, []
+        for stop in stops:
+            if self._runs(stop.run):
+                self.ask(stop)
+
+    def ask(self, stop: Stop) -> None:
+        """Have a run stopped, and its scene asked for again as it is now."""
+        what = f"{stop.run.agent} in round {stop.run.round} was to be stopped ({stop.reason})"
+
+        def unanswered(problem: str) -> None:
+            self._unanswered.append(stop)
+            self._node.get_logger().warning(
+                f"{what}: {problem}; asked again until its run ends", throttle_duration_sec=10.0
+            )
+
+        def answered(response: CancelRun.Response) -> None:
+            if not response.accepted:
+                self._node.get_logger().error(f"{what}: {response.message}")
+
+        self._calls.call(
+            self._client,
+            CancelRun.Request(
+                epoch=stop.run.epoch,
+                round=stop.run.round,
+                reason=stop.reason,
+                again=True,
+                scene=scene_to_msg(stop.live),
+            ),
+            deadline_s=_LIMIT_S,
+            on_answer=answered,
+            on_failure=unanswered,
+        )

@@ -1,0 +1,52 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The service by which people manage what was learned."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from rclpy.node import Node
+
+from bt_agents_core.errors import Refused
+from bt_agents_interfaces.srv import ManageProfiles
+from bt_agents_ros import qos
+from feedback_node.management.management import Done, Management, Order
+
+
+class ManagementService:
+    """Offers ``~/manage``.
+
+    Args:
+        node: The feedback node.
+        management: Does what is asked.
+        done: Called with what was done, before the answer goes out.
+    """
+
+    def __init__(self, node: Node, management: Management, done: Callable[[Done], None]) -> None:
+        self._management = management
+        self._done = done
+        node.create_service(ManageProfiles, "~/manage", self._answer, qos_profile=qos.SERVICE)
+
+    def _answer(
+        self, request: ManageProfiles.Request, response: ManageProfiles.Response
+    ) -> ManageProfiles.Response:
+        order = Order(
+            action=request.action,
+            agent=request.agent,
+            layer=request.layer,
+            author=request.author,
+            reason=request.reason,
+            older_s=request.older_s,
+            document=request.document,
+        )
+        try:
+            done = self._management.do(order)
+        except Refused as refusal:
+            # What a document quotes may hold characters that no message can carry.
+            response.code = refusal.code
+            response.message = refusal.reason.encode(errors="replace").decode()
+            return response
+        self._done(done)
+        response.accepted = True
+        response.message, response.document = done.message, done.document
+        return response

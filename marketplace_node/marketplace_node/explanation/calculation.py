@@ -1,0 +1,76 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A distance as a sum that people can check."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+from bt_agents_core.scene import Scene
+from marketplace_node.explanation.formatting import FEW, distance, listed, number
+from marketplace_node.round.decision import RankedBid
+
+_TERMS_SHOWN = 12
+
+
+def calculation(bid: RankedBid, scene: Scene, by: str) -> str:
+    """Return the distance of a bid as a sum, and what exploration takes off it.
+
+    Args:
+        bid: The bid.
+        scene: What it is for.
+        by: Name of the strategy that ranked it.
+
+    Example:
+        ``1.5 = |4−5| + |1.5−1|; mood is missing and left out``
+    """
+    known: list[int] = []
+    missing: list[int] = []
+    for index, value in enumerate(scene.values):
+        (missing if math.isnan(value.value) else known).append(index)
+    if not known:
+        return f"{distance(bid.distance)}, as every value of the scene is missing"
+    term = _TERMS.get(by, _difference)
+    terms = [term(bid, index, scene) for index in known[:_TERMS_SHOWN]]
+    if len(known) > _TERMS_SHOWN:
+        terms.append(f"{len(known) - _TERMS_SHOWN} more")
+    text = " + ".join(terms)
+    if by == "euclidean":
+        text = f"√({text})"
+    text = f"{distance(bid.distance)} = {text}"
+    if bid.bonus:
+        sign = "less" if bid.bonus > 0.0 else "plus"
+        text += f", {sign} {number(abs(bid.bonus), FEW)} is {distance(bid.score, FEW)}"
+    if missing:
+        names = listed(scene.values[index].name for index in missing)
+        text += f"; {names} {'is' if len(missing) == 1 else 'are'} missing and left out"
+    return text
+
+
+def _difference(bid: RankedBid, index: int, scene: Scene) -> str:
+    wanted = scene.vector[index]
+    shown = f"({number(wanted)})" if wanted < 0 else number(wanted)
+    return f"|{number(bid.vector[index])}−{shown}|"
+
+
+def _weighted(bid: RankedBid, index: int, scene: Scene) -> str:
+    weight = bid.weights[index] if bid.weights else 1.0
+    factor = "" if weight == 1.0 else f"{number(weight)}·"
+    return factor + _difference(bid, index, scene)
+
+
+def _squared(bid: RankedBid, index: int, scene: Scene) -> str:
+    return f"{_difference(bid, index, scene)}²"
+
+
+def _expected(bid: RankedBid, index: int, scene: Scene) -> str:
+    if not scene.std[index] > 0.0:
+        return _difference(bid, index, scene)
+    return number(bid.contributions[index], FEW)
+
+
+_TERMS: dict[str, Callable[[RankedBid, int, Scene], str]] = {
+    "weighted_manhattan": _weighted,
+    "euclidean": _squared,
+    "expected_manhattan": _expected,
+}

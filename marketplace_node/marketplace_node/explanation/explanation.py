@@ -1,0 +1,286 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Says in plain sentences, one a line, why a round of the marketplace ended as it did."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+
+from bt_agents_core.scene import Origin, SceneParameter, SceneSpace, SceneValue
+from marketplace_node.explanation.formatting import FEW, distance, joined, listed, number, percent
+from marketplace_node.explanation.reason import declined, nobody, tie_rule
+from marketplace_node.round.decision import ClosedBy, Decision, Kind, Outcome, RankedBid
+from marketplace_node.settings import RULES
+from marketplace_node.strategies import STRATEGIES
+
+_PARAMETERS_SHOWN = 6
+_REFUSED_SHOWN = 3
+_LABEL_REACH = 0.05  # of the range
+
+
+def explanation(decision: Decision, space: SceneSpace) -> str:
+    """Return the decision in words for authors and for those who stand around the robot.
+
+    Who won and why in the words of the scene, where each value of the scene comes from, what each
+    parameter contributed, who came next and what would have made it win, who may not bid, and what
+    the shadow strategy thinks.
+
+    Args:
+        decision: Of any outcome.
+        space: The scene parameters, with the labels of their values.
+    """
+    return "\n".join(_lines(decision, space))
+
+
+def _lines(decision: Decision, space: SceneSpace) -> Iterator[str]:
+    winner = decision.winner
+    yield _head(decision)
+    if decision.terms.intervention:
+        yield _sentence(decision.terms.intervention)
+    yield from _scene(decision, space)
+    if winner is not None:
+        yield from _why(decision, winner, space)
+        yield from _next(decision, winner, space)
+    yield from _others(decision)
+    if decision.shadow_winner and winner is not None:
+        same = decision.shadow_winner == winner.agent
+        chosen = f"{winner.agent}, too" if same else decision.shadow_winner
+        yield f"The strategy {decision.terms.shadow}, which only looks on, would choose {chosen}."
+    if decision.ranked.shadow_failure:
+        yield f"{decision.terms.shadow} only looks on: {decision.ranked.shadow_failure}."
+
+
+def _head(decision: Decision) -> str:
+    terms, winner = decision.terms, decision.winner
+    label, scene_id = terms.scene.label, terms.scene.scene_id
+    which = f"'{label}'" if label else f"the scene '{scene_id}'"
+    which += f" (round {terms.round})"
+    if terms.follows:
+        which += f", which goes on after round {terms.follows}"
+    if terms.preview and winner is None:
+        return f"Nobody would get the run. {_sentence('; '.join(nobody(decision)))}"
+    if decision.closed_by is ClosedBy.STOPPED:
+        return f"Nobody gets {which}: the round was stopped. {_sentence(decision.stopped)}"
+    if winner is None:
+        return f"Nobody gets {which}. {_sentence('; '.join(nobody(decision)))}"
+    if terms.preview:
+        return f"{winner.agent} would get the run."
+    if decision.outcome is Outcome.PREEMPTS:
+        return f"{winner.agent} suits {which} best, so the run under way is stopped."
+    if decision.outcome is Outcome.WAITS:
+        return f"{winner.agent} suits {which} best, but the run under way goes on."
+    return f"{winner.agent} gets {which}."
+
+
+def _scene(decision: Decision, space: SceneSpace) -> Iterator[str]:
+    scene = decision.terms.scene
+    who = "" if scene.person else "nobody is there"
+    if scene.person_id and scene.person:
+        who = f"the person is {scene.person_id}"
+    where = f"the place is {scene.place}" if scene.place else ""
+    if who or where:
+        yield _sentence("; ".join(filter(None, (who, where))))
+    pairs = zip(space.parameters, scene.values, strict=True)
+    known = [(p, value) for p, value in pairs if value.origin is not Origin.MISSING]
+    missing = [value.name for value in scene.values if value.origin is Origin.MISSING]
+    shown = [_value(parameter, value) for parameter, value in known[:_PARAMETERS_SHOWN]]
+    if len(known) > _PARAMETERS_SHOWN:
+        shown.append(f"and {len(known) - _PARAMETERS_SHOWN} more")
+    if shown:
+        yield f"The scene: {'; '.join(shown)}."
+    if missing:
+        verb = "is" if len(missing) == 1 else "are"
+        yield _sentence(f"{listed(missing)} {verb} not known and left out")
+
+
+def _value(parameter: SceneParameter, value: SceneValue) -> str:
+    reach = _LABEL_REACH * (parameter.maximum - parameter.minimum)
+    near = [
+        (abs(at - value.value), label)
+        for at, label in parameter.labels.items()
+        if abs(at - value.value) <= reach
+    ]
+    label = f" ({min(near)[1]})" if near else ""
+    text = f"{value.name} {_with_std(value.value, value.std)}{label}, {_origin(value)}"
+    if value.confidence < 1.0:
+        text += f", confidence {percent(value.confidence)}"
+    return text
+
+
+def _with_std(value: float, std: float) -> str:
+    return number(value, FEW) + (f" ± {number(std, 2)}" if std > 0.0 else "")
+
+
+def _origin(value: SceneValue) -> str:
+    by = f" by {value.source}" if value.source else ""
+    if value.origin is Origin.MEASURED:
+        return f"measured{by} {value.age_s:.1f} s ago"
+    if value.origin is Origin.ESTIMATED:
+        return f"estimated from {value.source or 'earlier visits'}"
+    if value.origin is Origin.DEFAULT:
+        return "the default, as nothing better is known"
+    return "as it was told"
+
+
+def _why(decision: Decision, winner: RankedBid, space: SceneSpace) -> Iterator[str]:
+    ranked = decision.ranked
+    if ranked.fallback:
+        yield _sentence(f"{ranked.fallback}; so {ranked.by} ranks")
+    if ranked.placed:
+        said = ranked.precedence or "it gave no reason"
+        names = joined([bid.agent for bid in decision.ranking[: ranked.placed]])
+        if ranked.by == RULES:
+            yield f"What holds is {said}; it names {names} before all nearer ones."
+        else:
+            yield f"The program outside puts {names} first: {said}."
+    elif ranked.by == RULES:
+        yield "No rule holds for anybody who bids, so the nearest bid comes first."
+    yield _parts(winner, decision, space)
+    yield from _chance(decision, winner)
+
+
+def _parts(bid: RankedBid, decision: Decision, space: SceneSpace) -> str:
+    scene, by = decision.terms.scene, decision.ranked.by
+    known = [i for i in range(len(space)) if not math.isnan(scene.vector[i])]
+    if not known:
+        return f"As nothing is known about the scene, {bid.agent} is as near as anybody."
+    adding = sorted(
+        (i for i in known if bid.contributions[i] > 0.0), key=lambda i: -bid.contributions[i]
+    )
+    fitting = [space.names[i] for i in known if bid.contributions[i] == 0.0]
+    said = []
+    for index in adding[:_PARAMETERS_SHOWN]:
+        std = scene.std[index] if by == "expected_manhattan" else 0.0
+        against = f"its {number(bid.vector[index], FEW)} against "
+        against += _with_std(scene.vector[index], std)
+        if by == "weighted_manhattan" and bid.weights:
+            against += f", weight {number(bid.weights[index], FEW)}"
+        adds = number(bid.contributions[index], FEW)
+        said.append(f"{space.names[index]} adds {adds} ({against})")
+    if len(adding) > _PARAMETERS_SHOWN:
+        said.append(f"{len(adding) - _PARAMETERS_SHOWN} more parameters the rest")
+    if fitting:
+        said.append(f"{listed(fitting)} {'fits' if len(fitting) == 1 else 'fit'} exactly")
+    measure = " by the straight line" if by == "euclidean" else ""
+    away = f"{bid.agent} is {distance(bid.distance, FEW)} away{measure}"
+    return f"{away}: {', '.join(said)}."
+
+
+def _chance(decision: Decision, winner: RankedBid) -> Iterator[str]:
+    """Yield what exploration has to do with it."""
+    ranked = decision.ranked
+    spec = STRATEGIES.get(ranked.by)
+    options = spec.values(decision.terms.options) if spec is not None else {}
+    score = distance(winner.score, FEW)
+    if ranked.by == "softmax":
+        share = softmax_share(decision.ranking, options["temperature"])
+        yield (
+            f"The order was drawn with temperature {number(options['temperature'])}; "
+            f"{winner.agent} had a chance of {percent(share)}."
+        )
+    elif ranked.by == "epsilon_greedy":
+        often = percent(options["epsilon"])
+        left = "This was" if any(bid.bonus for bid in decision.ranking) else "This was not"
+        yield f"{left} one of the {often} of rounds that are left to chance alone."
+    elif ranked.by == "thompson":
+        yield (
+            f"Profiles count as uncertain (sigma {number(options['sigma'])}); the one drawn for "
+            f"{winner.agent} is {score} away."
+        )
+    elif ranked.by == "ucb" and winner.bonus:
+        rounds = decision.terms.rounds_run
+        ran = f"It {_ran(winner.runs)} in {rounds} {'run' if rounds == 1 else 'runs'}"
+        forgiven = number(winner.bonus, FEW)
+        yield f"{ran}, for which {forgiven} is taken off its distance: {score}."
+    elif winner.bonus and not ranked.placed:
+        yield f"The strategy {ranked.by} takes {number(winner.bonus, FEW)} off: {score}."
+
+
+def softmax_share(ranking: Sequence[RankedBid], temperature: float) -> float:
+    """Return how likely softmax puts the first bid of a ranking first, 0..1."""
+    least = min(bid.distance for bid in ranking)
+    shares = [math.exp((least - bid.distance) / temperature) for bid in ranking]
+    return shares[0] / math.fsum(shares)
+
+
+def _next(decision: Decision, winner: RankedBid, space: SceneSpace) -> Iterator[str]:
+    others = decision.ranking[1:]
+    if not others:
+        yield "No other agent bids."
+        return
+    second = others[0]
+    away = f"{distance(second.distance, FEW)} away"
+    tied = [bid for bid in others if bid.score == winner.score]
+    if tied:
+        names = joined([bid.agent for bid in tied])
+        verb = "is" if len(tied) == 1 else "are"
+        yield f"{names} {verb} as good, but {tie_rule(decision, winner, tied)}."
+    elif decision.ranked.placed:
+        yield f"Next comes {second.agent}, {away}."
+    elif winner.bonus or second.bonus:
+        behind = distance(decision.margin, FEW)
+        score = distance(second.score, FEW)
+        yield f"Next comes {second.agent}, {away}, ranked as {score}: behind by {behind}."
+    else:
+        behind = distance(decision.margin, FEW)
+        yield f"Next comes {second.agent}, {away}: further by {behind}."
+    rest = others[max(1, len(tied)) :]
+    if rest:
+        yield f"Then {listed(f'{b.agent} {distance(b.distance, FEW)}' for b in rest)}."
+    yield from _change(decision, second, space)
+
+
+def _change(decision: Decision, second: RankedBid, space: SceneSpace) -> Iterator[str]:
+    change = decision.change
+    if change is None:
+        return
+    if not change.names:
+        yield f"What would have made {second.agent} win cannot be said: {change.obstacle}."
+        return
+    now = dict(zip(space.names, decision.terms.scene.vector, strict=True))
+    said = [
+        f"{name} {'had been ' if index == 0 else ''}{number(value)} instead of "
+        f"{number(now[name], FEW)}"
+        for index, (name, value) in enumerate(zip(change.names, change.shown, strict=True))
+    ]
+    yield f"If {joined(said)}, {second.agent} would have won."
+
+
+def _others(decision: Decision) -> Iterator[str]:
+    """Yield who has no say in it, unless that is all there is to tell."""
+    if decision.winner is None:
+        return
+    for why, agents in declined(decision).items():
+        yield f"{listed(agents)} {'does' if len(agents) == 1 else 'do'} not bid: {why}."
+    barred: dict[str, list[str]] = {}
+    for bid in decision.terms.barred:
+        barred.setdefault(bid.reason, []).append(bid.agent)
+    for why, agents in barred.items():
+        yield f"{listed(agents)} may not bid: {why}."
+    people = {bid.agent for bid in decision.terms.barred}
+    no_news = {*decision.terms.excluded, *people}
+    refused = [
+        f"Refused: {bid.reason}."
+        for bid in decision.refused
+        if bid.kind is Kind.REFUSED and bid.agent not in no_news
+    ]
+    yield from refused[:_REFUSED_SHOWN]
+    if len(refused) > _REFUSED_SHOWN:
+        yield f"{len(refused) - _REFUSED_SHOWN} more are refused."
+    for agent, why in decision.terms.excluded.items():
+        if agent not in people:
+            yield f"{agent} may not bid again: {why}."
+    for host, why in decision.terms.unasked.items():
+        yield f"{host} is not asked: {why}."
+    if decision.silent_hosts:
+        yield f"No answer came in time from {listed(decision.silent_hosts)}."
+
+
+def _ran(count: int) -> str:
+    return {0: "never ran", 1: "ran once"}.get(count, f"ran {count} times")
+
+
+def _sentence(words: str) -> str:
+    """Return words with a capital letter and a full stop."""
+    start = words[:1] if words.partition(" ")[0].count("_") else words[:1].upper()
+    return f"{start}{words[1:]}{'' if words.endswith(('.', '!', '?')) else '.'}"

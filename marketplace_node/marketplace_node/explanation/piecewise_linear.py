@@ -1,0 +1,110 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Where along one parameter a bid is behind others, for scores made of straight lines."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from marketplace_node.strategies import Lines
+from marketplace_node.strategies.arrays import Floats, Integers
+
+_STRICTLY = 1e-9
+"""By so much a score has to be less, where an equal one loses."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Intervals:
+    """Stretches of one parameter; ``low[k] <= high[k]``."""
+
+    low: Floats
+    high: Floats
+
+    def beyond(self, start: float, direction: float) -> float:
+        """Return the first value from ``start`` on that lies in no stretch, perhaps infinite.
+
+        Args:
+            start: Where to begin.
+            direction: 1 goes up, -1 goes down.
+        """
+        low, high = self.low, self.high
+        if direction < 0:
+            low, high = -high, -low
+        at = direction * start
+        while not math.isinf(at):
+            covering = (low <= at) & (at < high)
+            if not covering.any():
+                break
+            at = float(high[covering].max())
+        return direction * at
+
+
+def gaps_between(lines: Lines, scene: Floats, one: int, others: Integers) -> Floats:
+    """Return the score of one bid minus those of others, [K]; missing values do not count."""
+    known = ~np.isnan(scene)
+    rows = np.append(others, one)
+    weights = np.broadcast_to(lines.weights, lines.profiles.shape)[rows][:, known]
+    parts = weights * np.abs(lines.profiles[rows][:, known] - scene[known])
+    scores = lines.offsets[rows] + parts.sum(axis=-1)
+    gap: Floats = scores[-1] - scores[:-1]
+    return gap
+
+
+def losing(
+    lines: Lines,
+    scene: Floats,
+    parameter: int,
+    limits: tuple[float, float],
+    one: int,
+    others: Integers,
+    loses_ties: Floats,
+) -> Intervals:
+    """Return where along a parameter one bid is behind one of the others.
+
+    The score of one bid minus that of another is linear between the limits and the two profiles,
+    so each of the three pieces holds at most one such stretch.
+
+    Args:
+        lines: The scores.
+        scene: Values of the other parameters, [n].
+        parameter: Index of the one that moves.
+        limits: Its smallest and largest value; beyond them all is lost.
+        one: Index of the bid.
+        others: Indices of the others, [K].
+        loses_ties: Whether the bid loses with an equal score, [K].
+    """
+    weights = np.broadcast_to(lines.weights, lines.profiles.shape)
+    own_weight, own = weights[one, parameter], lines.profiles[one, parameter]
+    weight, profile = weights[others, parameter], lines.profiles[others, parameter]
+
+    def moved(at: Floats) -> Floats:
+        part: Floats = own_weight * np.abs(own - at) - weight[:, None] * np.abs(
+            profile[:, None] - at
+        )
+        return part
+
+    here = moved(np.full((len(others), 1), scene[parameter]))
+    base = gaps_between(lines, scene, one, others)[:, None] - here
+    bends = np.clip(np.stack([np.full_like(profile, own), profile], axis=1), *limits)
+    bends.sort(axis=1)
+    ends = np.full((len(others), 1), 1.0)
+    at = np.concatenate([limits[0] * ends, bends, limits[1] * ends], axis=1)
+    behind = base + moved(at) + np.where(loses_ties, _STRICTLY, 0.0)[:, None]
+    left, right = at[:, :-1], at[:, 1:]
+    at_left, at_right = behind[:, :-1], behind[:, 1:]
+    rise = np.where(at_right == at_left, 1.0, at_right - at_left)
+    root = np.clip(left - at_left * (right - left) / rise, left, right)
+    lost_left, lost_right = at_left > 0.0, at_right > 0.0
+    low = np.where(lost_left, left, root)
+    high = np.where(lost_right, right, root)
+    lost = lost_left | lost_right
+    low[:, 0] = np.where(lost_left[:, 0], -math.inf, low[:, 0])
+    high[:, -1] = np.where(lost_right[:, -1], math.inf, high[:, -1])
+    outside_low = [-math.inf, math.nextafter(limits[1], math.inf)]
+    outside_high = [math.nextafter(limits[0], -math.inf), math.inf]
+    return Intervals(
+        low=np.concatenate([low[lost], outside_low]),
+        high=np.concatenate([high[lost], outside_high]),
+    )

@@ -1,0 +1,165 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Says on one line why a round of the marketplace ended as it did."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from marketplace_node.explanation.calculation import calculation
+from marketplace_node.explanation.formatting import ALL_DIGITS, FEW, distance, listed
+from marketplace_node.round.decision import ClosedBy, Decision, Kind, Outcome, RankedBid
+from marketplace_node.settings import RULES
+
+
+def reason(decision: Decision) -> str:
+    """Return the whole decision as one line for a terminal.
+
+    Example:
+        ``attentive_guide 1.5 = |4−5| + |1.5−1| + |3−3|; next: professional_express 4.0
+        (margin 2.5)``
+    """
+    if decision.closed_by is ClosedBy.STOPPED:
+        parts = [f"stopped before the round closed: {decision.stopped}"]
+    elif decision.winner is not None:
+        parts = _award(decision, decision.winner)
+    else:
+        parts = nobody(decision)
+    if decision.terms.intervention:
+        parts.insert(0, decision.terms.intervention)
+    return _follows(decision) + "; ".join(parts)
+
+
+def challenge(
+    decision: Decision, running: str, margin: float, *, obstacle: str = "", line: str = ""
+) -> str:
+    """Return the decision about a scene that came during a run as one line for a terminal.
+
+    Args:
+        decision: Of the challenge; its outcome says whether the run is stopped.
+        running: The agent that runs.
+        margin: By how much another agent has to be nearer to the scene.
+        obstacle: Why a run is not stopped even for a better bid; empty when nothing is in the way.
+        line: Why the scene cannot wait; empty when it can.
+
+    Example:
+        ``mira 0.5 for the new scene, leo who runs has 2.5: better by 2.0, margin 1.0: leo is
+        stopped``
+    """
+    if decision.closed_by is ClosedBy.STOPPED:
+        return f"stopped before the round closed: {decision.stopped}"
+    goes_on = f"{running} goes on, " + (f"but {line}" if line else "the scene waits")
+    if decision.winner is None:
+        return "; ".join([*nobody(decision), goes_on])
+    verdict = f"{running} is stopped" if decision.outcome is Outcome.PREEMPTS else goes_on
+    parts = [_comparison(decision, running, margin), obstacle, verdict]
+    return "; ".join([": ".join(part for part in parts if part), *_not_taken(decision)])
+
+
+def tie_rule(decision: Decision, winner: RankedBid, tied: Sequence[RankedBid]) -> str:
+    """Return why the winner comes before bids that are as good, in words."""
+    if decision.terms.tie_break == "name":
+        return f"{winner.agent} is first by name"
+    if any(bid.last_run == winner.last_run for bid in tied):
+        return f"{winner.agent} is first by name among those that have not run yet"
+    if winner.last_run == 0:
+        return f"{winner.agent} has not run yet"
+    return f"{winner.agent} has not run for the longest time"
+
+
+def nobody(decision: Decision) -> list[str]:
+    """Return why nobody bids, in parts of a line."""
+    parts = []
+    for why, agents in declined(decision).items():
+        names = listed(agents)
+        if why.startswith("needs "):
+            verb = "needs" if len(agents) == 1 else "need"
+            parts.append(f"{names} {verb} {why.removeprefix('needs ')}")
+        else:
+            parts.append(f"{names}: {why}")
+    parts += _not_taken(decision)
+    parts += [f"{host} is not asked: {why}" for host, why in decision.terms.unasked.items()]
+    if not parts:
+        other = "other " if decision.terms.follows else ""
+        return [f"no {other}agents are registered"]
+    parts[0] = f"nobody bids: {parts[0]}"
+    return parts
+
+
+def declined(decision: Decision) -> dict[str, list[str]]:
+    """Return who does not want the scene, by the reason."""
+    groups: dict[str, list[str]] = {}
+    for bid in decision.refused:
+        if bid.kind is Kind.DECLINED and bid.agent not in decision.terms.excluded:
+            groups.setdefault(bid.reason, []).append(bid.agent)
+    return groups
+
+
+def _comparison(decision: Decision, running: str, margin: float) -> str:
+    winner = decision.ranking[0]
+    urgent = "urgent: " if decision.terms.scene.urgent else ""
+    best = f"{winner.agent} {distance(winner.distance)} for the new scene"
+    if winner.agent == running:
+        return f"{urgent}{best}, it is the one that runs"
+    own = next((bid for bid in decision.ranking if bid.agent == running), None)
+    if own is None:
+        return f"{urgent}{best}, {running} who runs {_silence(decision, running)}"
+    compared = f"{urgent}{best}, {running} who runs has {distance(own.distance)}"
+    if urgent:
+        return compared
+    better = distance(own.distance - winner.distance)
+    return f"{compared}: better by {better}, margin {distance(margin)}"
+
+
+def _silence(decision: Decision, agent: str) -> str:
+    for bid in decision.refused:
+        if bid.agent == agent:
+            verb = "declines" if bid.kind is Kind.DECLINED else "is refused"
+            return f"{verb} ({bid.reason})"
+    return "does not bid"
+
+
+def _follows(decision: Decision) -> str:
+    terms = decision.terms
+    if not terms.follows:
+        return ""
+    without = listed(f"{agent} ({why})" for agent, why in terms.excluded.items())
+    return f"continues round {terms.follows}, without {without}: "
+
+
+def _award(decision: Decision, winner: RankedBid) -> list[str]:
+    ranked, others = decision.ranked, decision.ranking[1:]
+    parts = [f"{ranked.fallback}, so {ranked.by} ranks"] if ranked.fallback else []
+    if ranked.placed:
+        outside = f"ranked outside: {ranked.precedence or 'no reason given'}"
+        parts.append(ranked.precedence if ranked.by == RULES else outside)
+    sum_of_it = calculation(winner, decision.terms.scene, ranked.by)
+    if ranked.placed:
+        sum_of_it = distance(winner.distance)
+    parts.append(f"{winner.agent} {sum_of_it}")
+    if not others:
+        parts.append("no other bid")
+    elif ranked.placed:
+        parts.append(f"next: {others[0].agent} {distance(others[0].distance)}")
+    elif others[0].score > winner.score:
+        digits = FEW if others[0].bonus or winner.bonus else ALL_DIGITS
+        behind = f"{others[0].agent} {distance(others[0].score, digits)}"
+        parts.append(f"next: {behind} (margin {distance(decision.margin, digits)})")
+    else:
+        tied = [bid for bid in others if bid.score == winner.score]
+        names = listed(bid.agent for bid in tied)
+        parts.append(f"tied with {names}: {tie_rule(decision, winner, tied)}")
+    return parts + _not_taken(decision)
+
+
+def _not_taken(decision: Decision) -> list[str]:
+    """Return what is worth knowing beside the ranking: refused bids and silent hosts."""
+    people = {bid.agent for bid in decision.terms.barred}
+    refused = [
+        f"{bid.agent or bid.host} ({bid.code}: {bid.reason})"
+        for bid in decision.refused
+        if bid.kind is Kind.REFUSED and bid.agent not in people
+    ]
+    parts = [f"refused: {listed(refused)}"] if refused else []
+    if decision.silent_hosts:
+        parts.append(f"no answer in time from {listed(decision.silent_hosts)}")
+    return parts

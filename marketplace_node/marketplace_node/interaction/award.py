@@ -1,0 +1,110 @@
+# SPDX-License-Identifier: Apache-2.0
+"""An award and what becomes of it: taken or not, running, told to stop, ended."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from bt_agents_core.scene import Scene
+from marketplace_node.effects import AnnounceRun, Goal, RunEventKind, RunOutcome
+
+STOPPED = "STOPPED"
+SHUTTING_DOWN = "SHUTTING_DOWN"
+PREEMPTED = "PREEMPTED"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Stop:
+    """Why a run is told to stop, and whether to ask again afterwards.
+
+    Attributes:
+        reason: Why, in words.
+        again: True: ask the market again, without the stopped agent.
+        scene: What to ask for then; None means the scene as awarded.
+        code: ``STOPPED``, ``SHUTTING_DOWN``, ``PREEMPTED`` or ``VETOED``; for the end of
+            the scene.
+    """
+
+    reason: str
+    again: bool = False
+    scene: Scene | None = None
+    code: str = STOPPED
+
+    @property
+    def hurries(self) -> bool:
+        """True when what comes next does not wait for the feedback on the stopped run."""
+        return self.code in (PREEMPTED, SHUTTING_DOWN)
+
+
+@dataclass(frozen=True, kw_only=True)
+class RunEnd:
+    """How a run ended; ``outcome`` is as in ``RunAgent.action`` and may be anything."""
+
+    outcome: int
+    message: str
+    orphans: tuple[str, ...] = ()
+    ticks: int = 0
+    overruns: int = 0
+
+
+@dataclass(eq=False, kw_only=True)
+class Award:
+    """A goal for the winner of a round.
+
+    Attributes:
+        goal: What the host is to run.
+        scene: For which scene.
+        held: Why the goal is not sent yet; empty once it is.
+        accepted: True once the host has taken the goal.
+        started: When it was taken, steady time [s]; None for one that was stopped before.
+        stop: Why it has to stop; None while it has not.
+        unheard_since: Since when the host's heartbeat names another run or none.
+    """
+
+    goal: Goal
+    scene: Scene
+    held: str = ""
+    accepted: bool = False
+    started: float | None = None
+    stop: Stop | None = None
+    unheard_since: float | None = None
+
+    @property
+    def unfinished(self) -> str:
+        """Why its host is not free, in words."""
+        return f"its run of round {self.goal.round} has not ended"
+
+    def end_code(self, outcome: RunOutcome) -> str:
+        """Return the code for the end of the scene when this was the last run for it."""
+        if self.stop is not None and self.started is None:
+            return self.stop.code
+        if self.stop is not None and (outcome, self.stop.code) == (
+            RunOutcome.CANCELLED,
+            PREEMPTED,
+        ):
+            return PREEMPTED
+        return outcome.name
+
+    def event(self, kind: RunEventKind, message: str) -> AnnounceRun:
+        """Return the announcement of an event before the end."""
+        return AnnounceRun(
+            event=kind,
+            outcome=RunOutcome.NONE,
+            goal=self.goal,
+            scene=self.scene,
+            message=message,
+        )
+
+    def end(self, outcome: RunOutcome, end: RunEnd, now: float) -> AnnounceRun:
+        """Return the announcement of the end."""
+        return AnnounceRun(
+            event=RunEventKind.ENDED,
+            outcome=outcome,
+            goal=self.goal,
+            scene=self.scene,
+            message=end.message,
+            orphans=end.orphans,
+            ticks=end.ticks,
+            overruns=end.overruns,
+            duration_s=0.0 if self.started is None else now - self.started,
+        )

@@ -1,0 +1,390 @@
+# SPDX-License-Identifier: Apache-2.0
+"""One interaction: a scene, its bids and awards, follow-up rounds, the end of the last run."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from functools import partial
+
+from bt_agents_core.scene import Scene
+from bt_agents_core.stop_words import AS_TOLD
+from marketplace_node.effects import (
+    CancelGoal,
+    Collect,
+    Goal,
+    RunEventKind,
+    RunOutcome,
+    SceneEnded,
+    SendGoal,
+    State,
+)
+from marketplace_node.explanation import reason as explain
+from marketplace_node.interaction.award import Award, RunEnd, Stop
+from marketplace_node.interaction.scene_queue import Waiting
+from marketplace_node.market_state import Floor
+from marketplace_node.operators.operator_overrides import VETOED
+from marketplace_node.round.decision import ClosedBy, Decision, Outcome
+from marketplace_node.round.open_round import OpenRound
+
+NO_BIDS = "NO_BIDS"
+NOT_TAKEN = "NOT_TAKEN"
+
+_REPORTED = (RunOutcome.SUCCEEDED, RunOutcome.FAILED, RunOutcome.CANCELLED)
+_STOPPABLE = (RunOutcome.CANCELLED, RunOutcome.LOST)
+
+
+class Interaction:
+    """Conducts one interaction; whoever drives it calls nothing more once ``over`` is set.
+
+    Each agent runs at most once in an interaction, so it comes to an end.
+
+    Attributes:
+        origin: The scene that started it.
+        state: What is going on.
+        round: Number of its round, the last one once that is closed.
+        open_round: The round that is open; None between rounds.
+        over: The end of the scene; None before.
+    """
+
+    def __init__(self, floor: Floor, waiting: Waiting, now: float) -> None:
+        self.origin = waiting.scene
+        self.state = State.BIDDING
+        self.round = 0
+        self.open_round: OpenRound | None = None
+        self.over: SceneEnded | None = None
+        self._floor = floor
+        self._deadline: float | None = None
+        self._decision: Decision | None = None
+        self._next_rank = 0
+        self._not_taken_by: list[str] = []
+        self._award: Award | None = None
+        self._excluded = dict(waiting.excluded)
+        self._follow_ups = 0
+        self._again: Scene | None = None
+        self._last_run: tuple[str, str] | None = None
+        self._last_words = ""
+        self._hurries = False
+        self._open(self.origin, now, follows=0, drawn=waiting.drawn)
+
+    @property
+    def goal(self) -> Goal | None:
+        """The award of the moment."""
+        return self._award.goal if self._award else None
+
+    @property
+    def due(self) -> float:
+        """When its deadline passes, that of the open round aside, steady time [s]."""
+        return math.inf if self._deadline is None else self._deadline
+
+    def words(self) -> str:
+        """Return the state in words."""
+        agent = self.goal.agent if self.goal else ""
+        match self.state:
+            case State.AWARDING:
+                held = self._award.held if self._award else ""
+                return f"{agent} gets the run" + (f", but {held}" if held else "")
+            case State.RUNNING:
+                return f"{agent} is running"
+            case State.CANCELLING:
+                return f"{agent} is told to stop"
+            case State.COLLECTING:
+                return f"{self._last_words}; collecting feedback"
+            case _:
+                return self.open_round.words() if self.open_round else "asking for bids"
+
+    def close_when_due(self, now: float) -> None:
+        """Close the open round when everybody has answered or its time is over."""
+        by = self.open_round.closing(now) if self.open_round else None
+        if by is not None:
+            self._close(by, now)
+
+    def accepted(self, goal: Goal, now: float) -> None:
+        """The host has taken the goal; one that nobody waits for any more is cancelled."""
+        award = self._waiting(goal)
+        if award is None:
+            late = f"it took the run of round {goal.round} too late"
+            self._floor.give_up(goal, late, now, runs=True)
+        elif not award.accepted:
+            award.accepted = True
+            assert self._decision is not None, "an award follows a decision"
+            self._floor.count_run(goal.agent, self._decision)
+            if award.stop is None:
+                award.started = now
+                self._enter(State.RUNNING)
+                self._floor.effects.append(
+                    award.event(RunEventKind.STARTED, "the host took the run")
+                )
+            else:
+                self._cancel(award, now)
+
+    def refused(self, goal: Goal, reason: str, now: float) -> None:
+        """The host does not take the goal, or it could not be sent."""
+        award = self._waiting(goal)
+        if award is not None and not award.accepted:
+            self._not_taken(award, reason, now)
+
+    def ended(self, goal: Goal, end: RunEnd, now: float) -> None:
+        """The host reports the end of a run."""
+        award = self._waiting(goal)
+        if award is None or not award.accepted:
+            self._floor.ended(goal)
+        elif end.outcome in _REPORTED:
+            if award.stop is not None and end.outcome == RunOutcome.CANCELLED:
+                more = "" if end.message == AS_TOLD else f" ({end.message})"
+                end = replace(end, message=f"{award.stop.reason}{more}")
+            self._end(award, RunOutcome(end.outcome), end, now)
+        else:
+            message = f"the host reported the unknown outcome {end.outcome}; {end.message}"
+            self._end(award, RunOutcome.FAILED, replace(end, message=message), now)
+
+    def heard(self, host: str, epoch: str, round_number: int, now: float) -> None:
+        """Note whether the host's heartbeat still names the run."""
+        award = self._award
+        if award is None or not award.accepted or award.goal.host != host:
+            return
+        if epoch == self._floor.epoch and round_number == award.goal.round:
+            award.unheard_since = None
+        elif award.unheard_since is None:
+            award.unheard_since = now
+
+    def excuse(self, lasted_s: float) -> None:
+        """Move all deadlines, as nobody has listened for so long [s]."""
+        if self.open_round is not None:
+            self.open_round.excuse(lasted_s)
+        if self._deadline is not None:
+            self._deadline += lasted_s
+        if self._award is not None and self._award.unheard_since is not None:
+            self._award.unheard_since += lasted_s
+
+    def collected(self, message: str) -> None:
+        """The feedback service has answered, or will not answer; ``message`` says which."""
+        if self.state is State.COLLECTING:
+            self._last_words += f"; {message}"
+            self._proceed()
+
+    def kept(self) -> None:
+        """The feedback service is away, and its answer is not waited for."""
+        self.collected("feedback is kept until the feedback node is back")
+
+    def stop(self, stop: Stop, now: float) -> tuple[bool, str]:
+        """Stop what is going on; return whether it will, and the answer in words."""
+        award = self._award
+        self._hurries = self._hurries or stop.hurries
+        if award is None:
+            self._close(ClosedBy.STOPPED, now, stop=stop)
+            return True, f"round {self.round} is stopped before an award"
+        if self.state is State.COLLECTING:
+            return self._stop_collecting(stop)
+        if award.stop is not None:
+            # Whoever wants an end wins over whoever wants another agent.
+            award.stop = replace(award.stop, again=award.stop.again and stop.again)
+            return True, f"{award.goal.agent} is being stopped already"
+        # Without a run there is nothing to ask again about, unless somebody else is wanted.
+        keeps = award.accepted or stop.code == VETOED
+        award.stop = stop if keeps else replace(stop, again=False)
+        self._enter(State.CANCELLING, self._deadline)
+        self._floor.effects.append(award.event(RunEventKind.CANCELLING, stop.reason))
+        if award.held:
+            self._not_taken(award, award.held, now)
+            return True, f"{award.goal.agent} does not begin"
+        self._cancel(award, now)
+        return True, f"{award.goal.agent} is told to stop"
+
+    def go_on(self, now: float) -> None:
+        """Send the goal or open the round that is due, once all else is done."""
+        if self._award is not None and self._award.held:
+            self._send(self._award, now)
+        if self.state is State.BIDDING and self._again is not None:
+            self._open(self._again, now, follows=self.round)
+
+    def tick(self, now: float) -> None:
+        """Act on a host that is gone and on a deadline that has passed."""
+        self.check_host(now)
+        if self.over is not None:
+            return
+        self.close_when_due(now)
+        if self.over is None and self._deadline is not None and now >= self._deadline:
+            self._deadline = None
+            self._overdue(now)
+
+    def check_host(self, now: float) -> None:
+        """Give up a run whose host is gone or no longer knows of it."""
+        award = self._award
+        if award is None or self.state is State.COLLECTING:
+            return
+        host = award.goal.host
+        if not self._floor.registry.is_live(host, award.goal.instance, now):
+            if not award.held:
+                self._floor.give_up(award.goal, award.unfinished, now, runs=award.accepted)
+            gone = f"{host} is gone: no heartbeat"
+            if award.accepted:
+                self._lose(award, gone, now)
+            else:
+                self._not_taken(award, gone, now)
+        elif (
+            award.unheard_since is not None
+            and now - award.unheard_since >= self._floor.settings.host_lease_s
+        ):
+            self._lose(award, f"{host} runs it no more and has not said how it ended", now)
+
+    def _overdue(self, now: float) -> None:
+        settings = self._floor.settings
+        award = self._award
+        assert award is not None, "outside of a round only an award has a deadline"
+        if self.state is State.COLLECTING:
+            self.kept()
+        elif award.accepted:
+            self._floor.give_up(award.goal, award.unfinished, now, runs=True)
+            limit = settings.cancel_deadline_s
+            self._lose(award, f"it did not end within {limit:g} s after it was told to stop", now)
+        else:
+            silent = "it has not said whether it takes a run"
+            self._floor.give_up(award.goal, silent, now, runs=False)
+            limit = settings.goal_deadline_s
+            self._not_taken(award, f"{award.goal.host} did not answer within {limit:g} s", now)
+
+    def _open(self, scene: Scene, now: float, *, follows: int, drawn: int = 0) -> None:
+        self._again = None
+        self.open_round = OpenRound(
+            self._floor, scene, now, follows=follows, excluded=self._excluded, drawn=drawn
+        )
+        self.round = self.open_round.number
+        self.close_when_due(now)
+
+    def _close(self, by: ClosedBy, now: float, *, stop: Stop | None = None) -> None:
+        assert self.open_round is not None, "only an open round can be closed"
+        decision = self.open_round.close(by, now, stopped=stop.reason if stop else "")
+        say = partial(explain.reason, decision)
+        self.open_round = None
+        if decision.outcome is Outcome.AWARDED:
+            self._decision, self._next_rank, self._not_taken_by = decision, 0, []
+            self._award_next(decision, now)
+        else:
+            self._finish(stop.code if stop else NO_BIDS, say())
+        # Last, as the winner must not wait for words.
+        self._floor.publish(decision, say)
+
+    def _award_next(self, decision: Decision, now: float) -> None:
+        while self._next_rank < len(decision.ranking):
+            bid = decision.ranking[self._next_rank]
+            self._next_rank += 1
+            goal = Goal(
+                round=decision.terms.round,
+                agent=bid.agent,
+                agent_id=bid.agent_id,
+                host=bid.host,
+                instance=bid.instance,
+            )
+            self._award = Award(goal=goal, scene=decision.terms.scene)
+            obstacle = self._floor.obstacle(goal, now)
+            if obstacle:
+                self._decline(self._award, obstacle)
+                continue
+            self._send(self._award, now)
+            return
+        self._finish(NOT_TAKEN, f"nobody took the run: {'; '.join(self._not_taken_by)}")
+
+    def _send(self, award: Award, now: float) -> None:
+        """Send the goal, unless another host still has the robot."""
+        obstacle = self._floor.obstacle(award.goal, now)
+        if obstacle:
+            self._not_taken(award, obstacle, now)
+            return
+        award.held = self._floor.in_the_way(award.goal.host, now)
+        if award.held:
+            self._enter(State.AWARDING)
+            return
+        self._enter(State.AWARDING, now + self._floor.settings.goal_deadline_s)
+        self._floor.effects.append(SendGoal(goal=award.goal, scene=award.scene))
+
+    def _decline(self, award: Award, reason: str) -> None:
+        self._not_taken_by.append(f"{award.goal.agent} ({reason})")
+        self._floor.effects.append(award.event(RunEventKind.REFUSED, reason))
+
+    def _not_taken(self, award: Award, reason: str, now: float) -> None:
+        if award.stop is not None:
+            message = f"stopped before it began: {award.stop.reason}"
+            self._end(award, RunOutcome.CANCELLED, RunEnd(outcome=0, message=message), now)
+            return
+        assert self._decision is not None, "an award follows a decision"
+        self._decline(award, reason)
+        self._award_next(self._decision, now)
+
+    def _cancel(self, award: Award, now: float) -> None:
+        if award.accepted:
+            self._deadline = now + self._floor.settings.cancel_deadline_s
+        self._floor.effects.append(CancelGoal(goal=award.goal))
+
+    def _lose(self, award: Award, message: str, now: float) -> None:
+        self._end(award, RunOutcome.LOST, RunEnd(outcome=0, message=message), now)
+
+    def _end(self, award: Award, outcome: RunOutcome, end: RunEnd, now: float) -> None:
+        goal = award.goal
+        self._floor.effects.append(award.end(outcome, end, now))
+        self._last_words = f"{goal.agent} {outcome.name.lower()}: {end.message}"
+        if award.started is not None or self._last_run is None:
+            ran = "" if award.started is None else goal.agent
+            self._last_run = (award.end_code(outcome), ran)
+        self._plan_follow_up(award, outcome, end.message)
+        if outcome is RunOutcome.LOST or award.started is None:
+            self._proceed()
+            return
+        limit = self._floor.settings.collect_deadline_s
+        self._enter(State.COLLECTING, now + limit)
+        self._floor.effects.append(
+            Collect(goal=goal, outcome=outcome, scene=award.scene, deadline_s=limit)
+        )
+        if self._hurries:
+            self._proceed()
+
+    def _plan_follow_up(self, award: Award, outcome: RunOutcome, message: str) -> None:
+        agent = award.goal.agent
+        if award.stop is None and outcome is RunOutcome.LOST:
+            self._excluded[agent] = f"lost: {message}"
+            self._again = award.scene
+        elif award.stop is not None and award.stop.again and outcome in _STOPPABLE:
+            self._excluded[agent] = f"stopped: {award.stop.reason}"
+            self._follow_ups += 1
+            # The live scene bears the id of its scene; each round is for a scene of its own.
+            scene_id = f"{self.origin.scene_id}+{self._follow_ups}"
+            self._again = (award.stop.scene or award.scene).with_id(scene_id)
+
+    def _stop_collecting(self, stop: Stop) -> tuple[bool, str]:
+        may_follow = self._again is not None and not stop.again
+        if may_follow:
+            self._again = None
+        if stop.hurries:
+            self._proceed()
+        if may_follow:
+            return True, "no other agent is asked"
+        return False, f"the run of round {self.round} has ended already"
+
+    def _proceed(self) -> None:
+        if self._again is None:
+            self._finish("", self._last_words)
+        else:
+            self._award = None
+            self._enter(State.BIDDING)
+
+    def _finish(self, code: str, message: str) -> None:
+        """End the scene; when a tree has run for it, as the last one did."""
+        agent = ""
+        if self._last_run is not None:
+            code, agent = self._last_run
+        self.over = SceneEnded(
+            scene_id=self.origin.scene_id,
+            code=code,
+            message=message,
+            round=self.round,
+            agent=agent,
+        )
+
+    def _waiting(self, goal: Goal) -> Award | None:
+        award = self._award
+        over = award is None or award.goal != goal or self.state is State.COLLECTING
+        return None if over else award
+
+    def _enter(self, state: State, deadline: float | None = None) -> None:
+        self.state = state
+        self._deadline = deadline

@@ -1,0 +1,103 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A scene that comes during a run: whether it is worth to stop the running agent for it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from functools import partial
+
+from marketplace_node.explanation import reason as explain
+from marketplace_node.interaction.scene_queue import Waiting
+from marketplace_node.market_state import Floor
+from marketplace_node.round.decision import ClosedBy, Decision, Outcome
+from marketplace_node.round.open_round import OpenRound
+from marketplace_node.settings import EXTERNAL, Settings
+
+
+class Challenge:
+    """Calls for bids on a scene that waits, while another agent runs.
+
+    Args:
+        floor: Shared by all rounds.
+        waiting: The scene, which keeps its place in the line.
+        running: The agent that runs.
+        now: Steady time [s].
+
+    Attributes:
+        waiting: The scene.
+        open_round: Its call for bids.
+    """
+
+    def __init__(self, floor: Floor, waiting: Waiting, running: str, now: float) -> None:
+        self.waiting = waiting
+        # For an urgent scene the run is stopped whoever is best, so nobody is waited for.
+        self.open_round = OpenRound(
+            floor, waiting.scene, now, asks_outside=not waiting.scene.urgent
+        )
+        self._floor = floor
+        self._running = running
+        waiting.asked = True
+        waiting.round = self.open_round.number
+
+    def judge(
+        self, by: ClosedBy, now: float, *, cooldown_left_s: float, line: str
+    ) -> tuple[bool, str]:
+        """Close the round and publish its decision; return whether the run is stopped, and why.
+
+        Args:
+            by: What closes the round.
+            now: Steady time [s].
+            cooldown_left_s: For so long no scene that is not urgent may stop a run [s].
+            line: Why the scene cannot wait; empty when it can.
+        """
+        settings = self._floor.settings
+        decision = self.open_round.close(by, now)
+        worth = worth_a_stop(decision, self._running, settings)
+        obstacle = ""
+        if worth and cooldown_left_s > 0 and not decision.terms.scene.urgent:
+            obstacle = f"the next stop may come in {cooldown_left_s:.1f} s at the earliest"
+        stops = worth and not obstacle
+        if stops:
+            self.waiting.drawn = self.open_round.number
+            self.waiting.excluded = self._no_more(decision)
+        decision = replace(decision, outcome=Outcome.PREEMPTS if stops else Outcome.WAITS)
+        reason = explain.challenge(
+            decision, self._running, settings.preempt_margin, obstacle=obstacle, line=line
+        )
+        self._floor.publish(decision, lambda: reason)
+        return stops, reason
+
+    def _no_more(self, decision: Decision) -> dict[str, str]:
+        """Return whom the round after the stop is not for, so that nobody is stopped for itself.
+
+        With the same bids the same chance finds the same winner. So it is enough to leave out a
+        stopped agent that may bid now and did not; a program outside may say anything, though.
+        """
+        silent = all(bid.agent != self._running for bid in decision.ranking)
+        if decision.terms.scene.urgent or not (silent or decision.terms.strategy == EXTERNAL):
+            return {}
+        return {self._running: f"its run was stopped for scene '{decision.terms.scene.scene_id}'"}
+
+    def give_up(self, reason: str, now: float) -> None:
+        """Close the round without a decision, as the run is ending anyway."""
+        decision = self.open_round.close(ClosedBy.STOPPED, now, stopped=reason)
+        decision = replace(decision, outcome=Outcome.WAITS)
+        self._floor.publish(decision, partial(explain.challenge, decision, self._running, 0.0))
+
+
+def worth_a_stop(decision: Decision, running: str, settings: Settings) -> bool:
+    """Return True when the bids for a scene are reason enough to stop the running agent.
+
+    An urgent scene is worth it once anybody bids. Any other needs another agent that is nearer by
+    the margin; a running agent without a bid counts as infinitely far.
+    """
+    winner = decision.winner
+    if winner is None:
+        return False
+    if decision.terms.scene.urgent:
+        return True
+    if winner.agent == running:
+        return False
+    own = next((bid.distance for bid in decision.ranking if bid.agent == running), math.inf)
+    return own - winner.distance >= settings.preempt_margin

@@ -1,0 +1,180 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Scenes from their coming to their turn: refused, waiting, or asked about during a run."""
+
+from __future__ import annotations
+
+from collections import deque
+
+from bt_agents_core.errors import Refused
+from bt_agents_core.scene import Scene
+from marketplace_node.effects import SceneEnded, State
+from marketplace_node.interaction.award import PREEMPTED, SHUTTING_DOWN, STOPPED, Stop
+from marketplace_node.interaction.interaction import Interaction
+from marketplace_node.interaction.preemption import Challenge
+from marketplace_node.interaction.scene_queue import Line, Waiting
+from marketplace_node.market_state import Floor
+from marketplace_node.round.open_round import OpenRound
+from marketplace_node.settings import MAX_QUEUE
+
+_REMEMBERED_SCENES = 4 * MAX_QUEUE
+
+
+class Arrivals:
+    """Lets scenes wait in line; where new scenes preempt, asks for each whether it is worth it.
+
+    One challenge is open at a time, and only while a tree runs: scenes that come earlier, or
+    during another challenge, are asked about when it is their turn.
+
+    Args:
+        floor: Shared by all rounds.
+
+    Attributes:
+        shut: Why no more scenes are taken; empty while they are.
+    """
+
+    def __init__(self, floor: Floor) -> None:
+        self.shut = ""
+        self._floor = floor
+        self._line = Line()
+        self._known: deque[str] = deque(maxlen=_REMEMBERED_SCENES)
+        self._challenge: Challenge | None = None
+        self._preempted_at: float | None = None
+
+    def __len__(self) -> int:
+        return len(self._line)
+
+    @property
+    def open_round(self) -> OpenRound | None:
+        """The call for bids of the challenge under way."""
+        return self._challenge.open_round if self._challenge else None
+
+    def take(self, scene: Scene, interaction: Interaction | None) -> None:
+        """Put a scene in line, or end it at once."""
+        try:
+            self.join(scene, interaction)
+        except Refused as refused:
+            self.refuse(scene.scene_id, refused.code, refused.reason)
+
+    def join(self, scene: Scene, interaction: Interaction | None) -> None:
+        """Put a scene in line.
+
+        Raises:
+            Refused: ``SHUTTING_DOWN``, ``DUPLICATE``, ``BUSY`` or ``QUEUE_FULL``.
+        """
+        self._check(scene, interaction)
+        self._known.append(scene.scene_id)
+        self._floor.last_scene = scene
+        self._line.join(scene, urgent_first=self._preempts)
+
+    def refuse(self, scene_id: str, code: str, message: str, round_number: int = 0) -> None:
+        """End a scene for which nothing has run."""
+        self._floor.effects.append(
+            SceneEnded(scene_id=scene_id, code=code, message=message, round=round_number)
+        )
+
+    def next(self) -> Waiting | None:
+        """Take the scene whose turn it is; None when none waits."""
+        return self._line.next() if len(self._line) else None
+
+    def take_no_more(self, reason: str, now: float) -> None:
+        """End all scenes that wait, and from now on each one that comes."""
+        self.shut = reason
+        self._give_up_challenge(reason, now)
+        while (waiting := self.next()) is not None:
+            self.refuse(waiting.scene.scene_id, SHUTTING_DOWN, reason)
+
+    def forget(self, reason: str, now: float) -> str:
+        """End all scenes that wait, as somebody wants an end; return it in words."""
+        self._give_up_challenge(reason, now)
+        count = len(self._line)
+        while (waiting := self.next()) is not None:
+            self.refuse(waiting.scene.scene_id, STOPPED, f"stopped while it waited: {reason}")
+        noun = "scene that waited is" if count == 1 else "scenes that waited are"
+        return f"; {count} {noun} forgotten" if count else ""
+
+    def mind(self, interaction: Interaction | None, now: float) -> None:
+        """Decide the challenge that is due, and open those that are allowed now."""
+        if not _running(interaction) and self._challenge is not None:
+            ends = interaction is not None and interaction.state is State.CANCELLING
+            self._give_up_challenge("the run is being stopped" if ends else "the run ended", now)
+        if self._challenge is not None and not self._preempts:
+            mode = self._floor.settings.on_new_scene
+            self._give_up_challenge(f"on_new_scene is '{mode}' now", now)
+        while interaction is not None and _running(interaction):
+            if self._challenge is None:
+                waiting = self._line.unasked() if self._preempts else None
+                if waiting is None or interaction.goal is None:
+                    return
+                self._challenge = Challenge(self._floor, waiting, interaction.goal.agent, now)
+            if not self._judge(self._challenge, interaction, now):
+                return
+
+    @property
+    def _preempts(self) -> bool:
+        return self._floor.settings.on_new_scene == "preempt"
+
+    def _check(self, scene: Scene, interaction: Interaction | None) -> None:
+        if self.shut:
+            raise Refused(SHUTTING_DOWN, self.shut)
+        if scene.scene_id in self._known:
+            raise Refused(
+                "DUPLICATE",
+                f"scene '{scene.scene_id}' was taken before; give every scene an id of its own",
+            )
+        if interaction is None:
+            return
+        busy = f"scene '{interaction.origin.scene_id}' is under way"
+        if self._floor.settings.on_new_scene == "reject":
+            raise Refused("BUSY", f"{busy} and on_new_scene is 'reject'")
+        if self._preempts and _running(interaction) and self._challenge is None:
+            return  # it is asked about at once, and waits only when that does not stop the run
+        waiting = len(self._line) - (self._challenge is not None)
+        limit = self._floor.settings.queue_limit
+        if waiting >= limit + self._finds_room(scene):
+            raise Refused("QUEUE_FULL", f"{busy} and {waiting} wait, at most {limit} may")
+
+    def _finds_room(self, scene: Scene) -> bool:
+        """Whether a scene is urgent enough to wait for its challenge in a full line."""
+        others = (waiting for waiting in self._line if not waiting.asked)
+        return self._preempts and scene.urgent and not any(w.scene.urgent for w in others)
+
+    def _judge(self, challenge: Challenge, interaction: Interaction, now: float) -> bool:
+        by = challenge.open_round.closing(now)
+        if by is None:
+            return False
+        self._challenge = None
+        waiting, line = challenge.waiting, self._full()
+        stops, reason = challenge.judge(
+            by, now, cooldown_left_s=self._cooldown_left(now), line=line
+        )
+        if stops:
+            self._preempted_at = now
+            self._line.put_first(waiting)
+            words = f"preempted by scene '{waiting.scene.scene_id}': {reason}"
+            interaction.stop(Stop(reason=words, code=PREEMPTED), now)
+        elif line:
+            self._line.leave(waiting)
+            self.refuse(waiting.scene.scene_id, "QUEUE_FULL", reason, waiting.round)
+        return True
+
+    def _full(self) -> str:
+        """Return why the scene of the challenge cannot wait; empty when it can."""
+        others, limit = len(self._line) - 1, self._floor.settings.queue_limit
+        return f"{others} wait already and at most {limit} may" if others >= limit else ""
+
+    def _cooldown_left(self, now: float) -> float:
+        if self._preempted_at is None:
+            return 0.0
+        return self._preempted_at + self._floor.settings.preempt_cooldown_s - now
+
+    def _give_up_challenge(self, reason: str, now: float) -> None:
+        if self._challenge is not None:
+            self._challenge.give_up(reason, now)
+            self._challenge.waiting.asked = False
+            self._challenge = None
+
+
+def _running(interaction: Interaction | None) -> bool:
+    return (
+        interaction is not None and interaction.over is None and interaction.state is State.RUNNING
+    )

@@ -1,0 +1,348 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What all interactions of a market share: settings, hosts, counters and the effects due."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Collection, Mapping
+from dataclasses import dataclass
+from functools import partial
+
+from bt_agents_core.errors import Refused
+from bt_agents_core.scene import Scene, SceneSpace
+from bt_agents_language.files.market_reader import MarketRule
+from marketplace_node.effects import (
+    Alarm,
+    CancelAll,
+    CancelGoal,
+    Disconnect,
+    Effect,
+    Goal,
+    KeepOrders,
+    PublishAuction,
+)
+from marketplace_node.explanation.explanation import explanation
+from marketplace_node.operators.operator_overrides import Say
+from marketplace_node.operators.run_counts import Tally, counts
+from marketplace_node.operators.statistics import Record
+from marketplace_node.registry import HostEntry, Registry
+from marketplace_node.round.decision import Decision, Terms
+from marketplace_node.settings import Settings
+
+PREVIEWS = 2**31
+"""Numbers of rounds that only foretell begin after this one, so that no other is counted."""
+
+_CANCEL_AGAIN_S = 1.0
+_SURE_S = 0.3  # a heartbeat of a run may come after its end
+_OF_ANOTHER = "it still runs a tree for another market"
+
+
+@dataclass(eq=False, kw_only=True)
+class _Stray:
+    """A tree that nobody waits for.
+
+    Attributes:
+        instance: The start of its host.
+        reason: What is known of it, in words.
+        goal: Its goal, as far as it is known.
+        blocks: True when its host is not to be asked, as it surely is not free.
+        heard_at: Since when the host says that it runs, steady time [s]; None when it does not.
+        cancelled_at: When it was last told to stop, steady time [s]; None before.
+    """
+
+    instance: str
+    reason: str
+    goal: Goal | None = None
+    blocks: bool = True
+    heard_at: float | None = None
+    cancelled_at: float | None = None
+
+
+class Floor:
+    """The trading floor: who is there, who is free, and what has happened so far.
+
+    Attributes:
+        space: The scene parameters.
+        epoch: Name of this instance of the market.
+        settings: The settings in force.
+        registry: The hosts and agents.
+        say: What people have ordered.
+        record: What the decisions so far tell together.
+        effects: What is to be done, in order.
+        rounds: How many rounds there have been; the number of the last one.
+        previews: How many rounds there have been that only foretold.
+        last_scene: The scene that was taken last; None before the first.
+    """
+
+    def __init__(
+        self,
+        space: SceneSpace,
+        epoch: str,
+        settings: Settings,
+        rules: tuple[MarketRule, ...] = (),
+    ) -> None:
+        self.space = space
+        self.epoch = epoch
+        self.settings = settings
+        self.registry = Registry(space.names, settings.host_lease_s)
+        self.say = Say()
+        self.effects: list[Effect] = []
+        self.record = Record()
+        self.rounds = 0
+        self.previews = 0
+        self.last_scene: Scene | None = None
+        self._rules = rules
+        self._tally = Tally()
+        self._strays: dict[str, _Stray] = {}
+        self._starved: tuple[tuple[str, ...], Collection[str], tuple[str, ...]] | None = None
+
+    def terms(
+        self,
+        scene: Scene,
+        now: float,
+        *,
+        follows: int,
+        excluded: Mapping[str, str],
+        preview: str | None = None,
+        drawn: int = 0,
+    ) -> Terms:
+        """Count a new round and return what is fixed in it.
+
+        Args:
+            scene: What the bids are for.
+            now: Steady time [s].
+            follows: The round this one continues, 0 for none.
+            excluded: Agents that may not bid, with the reason.
+            preview: Strategy of a round that only foretells the next one, and so draws the same
+                chance; None for a real round.
+            drawn: Number of the round whose chance it draws; 0 for the chance of its own.
+        """
+        if preview is None:
+            self.rounds += 1
+            number = self.rounds
+            drawn = drawn or number
+        else:
+            self.previews += 1
+            number, drawn = PREVIEWS + self.previews, self.rounds + 1
+        settings = self.settings
+        strategy = settings.strategy if preview is None else preview
+        # An award is for the first run; when that is lost, anybody may take over.
+        awarded = "" if follows else scene.scene_id
+        return Terms(
+            epoch=self.epoch,
+            round=number,
+            follows=follows,
+            scene=scene,
+            strategy=strategy,
+            options=settings.options_of(strategy),
+            shadow=settings.shadow_strategy,
+            shadow_options=settings.options_of(settings.shadow_strategy),
+            seed=f"{self.epoch}/{drawn}",
+            tie_break=settings.tie_break,
+            rules=self._rules,
+            excluded=dict(excluded),
+            barred=self.say.barred(self.registry.live(now), awarded),
+            intervention=self.say.words(awarded),
+            unasked=self._unasked(now),
+            last_run=self._tally.last_run,
+            runs=self._tally.runs,
+            rounds_run=self._tally.total,
+            earlier_runs=self._tally.earlier,
+            preview=preview is not None,
+        )
+
+    def outcome(self, decision: Decision, say: Callable[[], str]) -> PublishAuction:
+        """Return a decision as it is published, with what the record says at this moment."""
+        return PublishAuction(
+            decision=decision,
+            say=say,
+            explain=partial(explanation, decision, self.space),
+            shadow_rounds=self.record.shadow_rounds,
+            shadow_disagreements=self.record.shadow_disagreements,
+        )
+
+    def publish(self, decision: Decision, say: Callable[[], str]) -> None:
+        """Count a decision and have it published, on one line as ``say`` says it."""
+        self.record.take(decision)
+        self.effects.append(self.outcome(decision, say))
+
+    def starved(self) -> tuple[str, ...]:
+        """Return the registered agents that bid again and again and never run."""
+        starved = self.record.starvation.starved(self.settings.starvation_rounds)
+        if not starved:
+            return ()
+        agents, known = self.registry.agents, self._starved
+        if known is None or known[0] != starved or known[1] is not agents:
+            known = (starved, agents, tuple(agent for agent in starved if agent in agents))
+            self._starved = known
+        return known[2]
+
+    def count_run(self, agent: str, decision: Decision) -> None:
+        """Note that an agent runs; ties go to whoever has not run for longest.
+
+        Args:
+            agent: Who took the run; not the winner when its host did not.
+            decision: Of the round.
+        """
+        self._tally.count(agent)
+        starvation = self.record.starvation
+        starvation.ran(agent, decision.ranked.bidders)
+        news = starvation.news(self.settings.starvation_rounds)
+        self.effects += [Alarm(message=one) for one in news]
+        self.keep()
+
+    def keep(self) -> None:
+        """Have everything kept that outlives this start of the market."""
+        kept = {
+            **self.say.as_kept(),
+            "runs": self._tally.runs,
+            "last_run": self._tally.last_run,
+            "in_vain": dict(self.record.starvation.in_vain),
+        }
+        self.effects.append(KeepOrders(text=json.dumps(kept, ensure_ascii=False)))
+
+    def restore(self, text: str) -> None:
+        """Take over what an earlier start of the market has kept.
+
+        Raises:
+            Refused: ``MALFORMED``; nothing is changed.
+        """
+        try:
+            kept = json.loads(text)
+            found = [counts(kept.get(name, {})) for name in ("runs", "last_run", "in_vain")]
+            self.say.restore(kept)
+        except (ValueError, TypeError, KeyError, AttributeError, RecursionError):
+            raise Refused(
+                "MALFORMED",
+                "the kept pins, vetoes and counts cannot be read, so none counts; set pins and "
+                "vetoes again",
+            ) from None
+        self._tally.restore(found[0], found[1])
+        self.record.starvation.restore(found[2])
+
+    def asked(self, barred: Collection[str], now: float) -> list[HostEntry]:
+        """Return the hosts to ask: those that are free and have an agent that may bid."""
+        unasked, names = self._unasked(now), set(barred)
+        return [
+            entry
+            for entry in self.registry.entries()
+            if entry.host not in unasked and not entry.agents.keys() <= names
+        ]
+
+    def _unasked(self, now: float) -> dict[str, str]:
+        """Return the hosts that cannot be asked, with the reason."""
+        unasked = {}
+        for entry in self.registry.entries():
+            if not self.registry.is_live(entry.host, entry.instance, now):
+                unasked[entry.host] = "it has no heartbeat"
+            elif reason := self._blocked(entry.host):
+                unasked[entry.host] = reason
+        return unasked
+
+    def obstacle(self, goal: Goal, now: float) -> str:
+        """Return why a goal cannot be sent; empty when it can."""
+        if not self.registry.is_live(goal.host, goal.instance, now):
+            return f"{goal.host} is gone"
+        if veto := self.say.veto_of(goal.agent):
+            return veto
+        reason = self._blocked(goal.host)
+        return f"{goal.host} is not free: {reason}" if reason else ""
+
+    def in_the_way(self, host: str, now: float) -> str:
+        """Return why nothing may begin at a host yet, as another one still has the robot.
+
+        That is no obstacle for ever: a tree that does not stop is waited for as long as for a
+        run that was told to stop, and a host without a heartbeat is not waited for.
+        """
+        for other, stray in self._strays.items():
+            if (
+                other != host
+                and stray.heard_at is not None
+                and now - stray.heard_at < self.settings.cancel_deadline_s
+                and self.registry.is_live(other, stray.instance, now)
+            ):
+                return f"{other} has not stopped: {stray.reason}"
+        return ""
+
+    def give_up(self, goal: Goal, reason: str, now: float, *, runs: bool) -> None:
+        """Cancel a goal that nobody waits for, and keep off its host until the tree has ended.
+
+        Args:
+            goal: The goal.
+            reason: Why its host is not free, in words.
+            now: Steady time [s].
+            runs: True when the host has taken it.
+        """
+        entry = self.registry.get(goal.host)
+        if entry is not None and entry.instance == goal.instance:
+            self._strays[goal.host] = _Stray(
+                instance=goal.instance,
+                reason=reason,
+                goal=goal,
+                heard_at=now if runs else None,
+                cancelled_at=now,
+            )
+        self.effects.append(CancelGoal(goal=goal))
+
+    def ended(self, goal: Goal) -> None:
+        """Free the host of a goal that was given up and has ended after all."""
+        stray = self._strays.get(goal.host)
+        if stray is not None and stray.goal == goal:
+            del self._strays[goal.host]
+
+    def free(self, host: str) -> None:
+        """Free a host, as it was started anew."""
+        self._strays.pop(host, None)
+
+    def forget(self, host: str) -> None:
+        """Forget a host, and reach it no more."""
+        self.registry.remove(host)
+        self.free(host)
+        self.effects.append(Disconnect(host=host))
+
+    def excuse(self, since: float, now: float) -> None:
+        """Renew leases and move deadlines, as nobody has listened since ``since``."""
+        self.registry.excuse(since, now)
+        for stray in self._strays.values():
+            if stray.heard_at is not None:
+                stray.heard_at += now - since
+
+    def heartbeat(
+        self, host: str, epoch: str, round_number: int, award: Goal | None, now: float
+    ) -> None:
+        """Compare what a host is busy with to what it should be; round 0 means nothing."""
+        of_this = epoch == self.epoch
+        awarded = award is not None and (award.host, award.round) == (host, round_number)
+        if round_number == 0 or (of_this and awarded):
+            self.free(host)
+            return
+        stray = self._strays.get(host)
+        if stray is None:
+            stray = self._strays[host] = self._suspect(host, round_number)
+        if stray.heard_at is None:
+            stray.heard_at = now
+        if not of_this:
+            # Its host stops it, as it misses the heartbeat of that market.
+            stray.reason, stray.goal, stray.blocks = _OF_ANOTHER, None, True
+        elif _is_due(stray, now):
+            stray.blocks, stray.cancelled_at = True, now
+            self.effects.append(CancelAll(host=host))
+
+    def _suspect(self, host: str, round_number: int) -> _Stray:
+        entry = self.registry.get(host)
+        return _Stray(
+            instance=entry.instance if entry is not None else "",
+            reason=f"it runs a tree of round {round_number} that nobody waits for",
+            blocks=False,
+        )
+
+    def _blocked(self, host: str) -> str:
+        stray = self._strays.get(host)
+        return stray.reason if stray is not None and stray.blocks else ""
+
+
+def _is_due(stray: _Stray, now: float) -> bool:
+    """Whether a tree is to be told to stop: once that is sure, and then again and again."""
+    if stray.cancelled_at is not None:
+        return now - stray.cancelled_at >= _CANCEL_AGAIN_S
+    return stray.heard_at is not None and now - stray.heard_at >= _SURE_S

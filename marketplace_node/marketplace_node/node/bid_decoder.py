@@ -1,0 +1,51 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Reads the answers of hosts; one that says what its host said before is not read again."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+from rclpy.serialization import deserialize_message
+
+from bt_agents_core.errors import Refused
+from bt_agents_interfaces.msg import Bids as BidsMsg
+from bt_agents_ros import bid_encoding
+from marketplace_node.node.messages import bids_from_msg
+from marketplace_node.round.decision import Bids
+
+
+class Hearing:
+    """Remembers the last answer of each host.
+
+    Args:
+        epoch: The market.
+        is_known: Returns whether a host is registered; only of those answers are remembered.
+    """
+
+    def __init__(self, epoch: str, is_known: Callable[[str], bool]) -> None:
+        self._epoch = epoch
+        self._is_known = is_known
+        self._last: dict[str, tuple[bytes, Bids]] = {}
+
+    def read(self, message: bytes) -> Bids:
+        """Return the answer that a serialized message says; the auction checks it.
+
+        Raises:
+            Refused: ``MALFORMED``.
+        """
+        for last, bids in self._last.values():
+            number = bid_encoding.number_of(message, last, self._epoch)
+            if number is not None:
+                return replace(bids, round=number)
+        try:
+            bids = bids_from_msg(deserialize_message(message, BidsMsg))
+        except Exception as error:
+            raise Refused("MALFORMED", f"bids that are no message: {error}") from None
+        if bids.epoch == self._epoch and self._is_known(bids.host):
+            self._last[bids.host] = (message, bids)
+        return bids
+
+    def forget(self, host: str) -> None:
+        """Remember nothing of a host."""
+        self._last.pop(host, None)

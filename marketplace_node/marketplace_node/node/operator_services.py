@@ -1,0 +1,93 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The services of operators: their say, and previews, which are answered once bids are in."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+
+from rclpy.callback_groups import ReentrantCallbackGroup
+from rclpy.node import Node
+from rclpy.task import Future
+
+from bt_agents_core.errors import Refused
+from bt_agents_core.scene import SceneSpace
+from bt_agents_interfaces.srv import OperateMarket, PreviewAuction
+from bt_agents_ros import qos
+from marketplace_node.effects import Effect, PreviewEnded
+from marketplace_node.market import Market
+from marketplace_node.node.messages import auction_to_msg, order_from_msg, scene_or_last
+
+
+class Operators:
+    """Answers operators; who waits for a preview holds nothing up.
+
+    Args:
+        node: The marketplace node.
+        market: Who is asked.
+        space: The scene parameters.
+        carry_out: Carries out the effects that the market answers with.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        market: Market,
+        space: SceneSpace,
+        carry_out: Callable[[list[Effect]], None],
+    ) -> None:
+        self._node = node
+        self._market = market
+        self._space = space
+        self._carry_out = carry_out
+        self._waiting: dict[int, Future] = {}
+        node.create_service(OperateMarket, "~/operate", self._operate, qos_profile=qos.SERVICE)
+        node.create_service(
+            PreviewAuction,
+            "~/preview",
+            self._preview,
+            qos_profile=qos.SERVICE,
+            # While one waits, the callbacks of a group that excludes each other would wait too.
+            callback_group=ReentrantCallbackGroup(),
+        )
+
+    def end(self, effect: PreviewEnded) -> None:
+        """Have the request answered that a preview was for."""
+        waiting = self._waiting.pop(effect.number, None)
+        if waiting is not None:
+            waiting.set_result(effect)
+
+    def _operate(
+        self, request: OperateMarket.Request, response: OperateMarket.Response
+    ) -> OperateMarket.Response:
+        try:
+            order = order_from_msg(request, self._space)
+            response.message, effects = self._market.operate(order, time.monotonic())
+        except Refused as refused:
+            response.code, response.message = refused.code, refused.reason
+            return response
+        response.accepted = True
+        words = f"{order.who}, {order.act.name.lower()}: {response.message}"
+        self._node.get_logger().info(words)
+        self._carry_out(effects)
+        return response
+
+    async def _preview(
+        self, request: PreviewAuction.Request, response: PreviewAuction.Response
+    ) -> PreviewAuction.Response:
+        """Open a preview and answer with what becomes of it."""
+        try:
+            scene = scene_or_last(request.scene, self._space)
+            number, effects = self._market.preview(scene, request.strategy, time.monotonic())
+            ended = self._waiting[number] = Future()
+            self._carry_out(effects)
+            outcome = (await ended).outcome
+            if isinstance(outcome, Refused):
+                raise outcome
+        except Refused as refused:
+            response.code, response.message = refused.code, refused.reason
+            return response
+        response.accepted = True
+        response.auction = auction_to_msg(outcome, self._node.get_clock().now().to_msg())
+        response.message = outcome.reason
+        return response

@@ -1,0 +1,209 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The operator's say: which agent is pinned, which are vetoed, and whom a scene is given to."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from enum import IntEnum
+from typing import Any
+
+from bt_agents_core.errors import Refused
+from bt_agents_core.scene import Scene
+from marketplace_node.registry import HostEntry
+from marketplace_node.round.decision import Kind, RefusedBid
+
+VETOED = "VETOED"
+NOT_PINNED = "NOT_PINNED"
+NOT_AWARDED = "NOT_AWARDED"
+
+
+class Act(IntEnum):
+    """What an operator wants; the numbers are those of ``OperateMarket.srv``."""
+
+    PIN = 0
+    UNPIN = 1
+    VETO = 2
+    ALLOW = 3
+    AWARD = 4
+
+
+@dataclass(frozen=True, kw_only=True)
+class Order:
+    """What an operator asks for; fields as in ``OperateMarket.srv``.
+
+    Attributes:
+        act: What.
+        agent: Whom it is about; not read by ``UNPIN``.
+        author: Who asks; may be empty.
+        reason: Why; may be empty.
+        scene: Of ``AWARD``; None means the last scene.
+    """
+
+    act: Act
+    agent: str = ""
+    author: str = ""
+    reason: str = ""
+    scene: Scene | None = None
+
+    @property
+    def who(self) -> str:
+        """Who asks, in words."""
+        return self.author or "the operator"
+
+    @property
+    def because(self) -> str:
+        """The reason as the end of a sentence; empty without one."""
+        return f": {self.reason}" if self.reason else ""
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Standing:
+    """An order in force: whom it is about, and its words."""
+
+    agent: str
+    words: str
+
+
+class Say:
+    """Keeps what people have ordered, for the life of the market."""
+
+    def __init__(self) -> None:
+        self._pin: _Standing | None = None
+        self._vetoes: dict[str, str] = {}
+        self._awards: dict[str, _Standing] = {}
+
+    @property
+    def pinned(self) -> str:
+        """The one agent that may bid; empty for all."""
+        return self._pin.agent if self._pin else ""
+
+    @property
+    def vetoed(self) -> tuple[str, ...]:
+        """The agents that may not bid, by name."""
+        return tuple(sorted(self._vetoes))
+
+    def as_kept(self) -> dict[str, Any]:
+        """Return pins and vetoes for :meth:`restore`; awards end with their scenes."""
+        pin = {"agent": self._pin.agent, "words": self._pin.words} if self._pin else None
+        return {"pinned": pin, "vetoed": dict(self._vetoes)}
+
+    def restore(self, kept: Mapping[str, Any]) -> None:
+        """Take pins and vetoes of an earlier market over, instead of those in force.
+
+        Raises:
+            KeyError, TypeError, AttributeError: It is not what :meth:`as_kept` gives; nothing is
+                changed.
+        """
+        pin, vetoes = kept["pinned"], kept["vetoed"]
+        standing = None
+        if pin is not None:
+            standing = _Standing(agent=_word(pin["agent"]), words=_word(pin["words"]))
+        words = {_word(agent): _word(said) for agent, said in vetoes.items()}
+        self._pin, self._vetoes = standing, words
+
+    def veto_of(self, agent: str) -> str:
+        """Return who has vetoed an agent and why; empty when nobody has."""
+        return self._vetoes.get(agent, "")
+
+    def pin(self, order: Order) -> str:
+        """Let only one agent bid; return it in words.
+
+        Raises:
+            Refused: ``VETOED``.
+        """
+        self._check_not_vetoed(order.agent)
+        self._pin = _Standing(
+            agent=order.agent, words=f"{order.who} pins {order.agent}{order.because}"
+        )
+        return f"only {order.agent} may bid from the next round on, until it is unpinned"
+
+    def unpin(self) -> str:
+        """Let all agents bid again; return it in words.
+
+        Raises:
+            Refused: ``NOT_PINNED``.
+        """
+        if self._pin is None:
+            raise Refused(NOT_PINNED, "no agent is pinned; all may bid")
+        agent, self._pin = self._pin.agent, None
+        return f"{agent} is not pinned any more: all agents may bid from the next round on"
+
+    def veto(self, order: Order) -> str:
+        """Let an agent bid no more; return it in words."""
+        self._vetoes[order.agent] = f"{order.who} vetoes {order.agent}{order.because}"
+        also = f"; it is pinned, too, so nobody may bid: unpin {order.agent}"
+        return f"{order.agent} may not bid" + (also if order.agent == self.pinned else "")
+
+    def allow(self, order: Order) -> str:
+        """Let an agent bid again; return it in words.
+
+        Raises:
+            Refused: ``NOT_VETOED``.
+        """
+        if order.agent not in self._vetoes:
+            vetoed = f"vetoed: {', '.join(self.vetoed)}" if self._vetoes else "nobody is"
+            raise Refused("NOT_VETOED", f"'{order.agent}' is not vetoed; {vetoed}")
+        del self._vetoes[order.agent]
+        return f"{order.agent} may bid again from the next round on"
+
+    def check_award(self, order: Order) -> None:
+        """Check that the run for a scene may be given to an agent.
+
+        Raises:
+            Refused: ``VETOED``, or ``NOT_PINNED`` while another agent is pinned.
+        """
+        self._check_not_vetoed(order.agent)
+        if self.pinned not in ("", order.agent):
+            raise Refused(
+                NOT_PINNED,
+                f"only {self.pinned} may bid, as it is pinned; unpin it before another agent is "
+                "given a run",
+            )
+
+    def award(self, order: Order, scene_id: str) -> None:
+        """Give the run for a scene that waits to one agent."""
+        self._awards[scene_id] = _Standing(
+            agent=order.agent,
+            words=f"{order.who} gives the run to {order.agent}{order.because}",
+        )
+
+    def forget(self, scene_id: str) -> None:
+        """Forget the award of a scene that is over."""
+        self._awards.pop(scene_id, None)
+
+    def words(self, scene_id: str) -> str:
+        """Return what people have ordered that counts for a round, in words; may be empty."""
+        award = self._awards.get(scene_id)
+        standing = [one.words for one in (award, self._pin) if one is not None]
+        return "; ".join([*standing, *(self._vetoes[agent] for agent in self.vetoed)])
+
+    def barred(self, hosts: Iterable[HostEntry], scene_id: str) -> tuple[RefusedBid, ...]:
+        """Return the agents of some hosts that may not bid in a round, with the reason."""
+        award = self._awards.get(scene_id)
+        if award is None and self._pin is None and not self._vetoes:
+            return ()
+        return tuple(
+            RefusedBid(agent=agent, host=entry.host, kind=Kind.REFUSED, code=code, reason=reason)
+            for entry in hosts
+            for agent in entry.agents
+            for code, reason in self._bars(agent, award)
+        )
+
+    def _bars(self, agent: str, award: _Standing | None) -> Iterator[tuple[str, str]]:
+        if agent in self._vetoes:
+            yield VETOED, self._vetoes[agent]
+        elif award is not None and award.agent != agent:
+            yield NOT_AWARDED, award.words
+        elif self._pin is not None and self._pin.agent != agent:
+            yield NOT_PINNED, self._pin.words
+
+    def _check_not_vetoed(self, agent: str) -> None:
+        if agent in self._vetoes:
+            raise Refused(VETOED, f"'{agent}' may not bid ({self._vetoes[agent]}); allow it first")
+
+
+def _word(value: object) -> str:
+    if not isinstance(value, str):
+        raise TypeError("not a text")
+    return value

@@ -1,0 +1,77 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Rounds that only foretell who would win: nobody gets a run, and nothing is counted."""
+
+from __future__ import annotations
+
+from functools import partial
+
+from bt_agents_core.errors import Refused
+from bt_agents_core.scene import Scene
+from marketplace_node.effects import PreviewEnded
+from marketplace_node.explanation import reason as explain
+from marketplace_node.market_state import Floor
+from marketplace_node.round.decision import ClosedBy
+from marketplace_node.round.open_round import OpenRound
+from marketplace_node.settings import check_strategy
+
+MOST = 8
+"""As many previews may be under way at once."""
+
+
+class Previews:
+    """Opens previews beside whatever else goes on, and ends each of them once.
+
+    Args:
+        floor: Shared by all rounds.
+    """
+
+    def __init__(self, floor: Floor) -> None:
+        self._floor = floor
+        self._open: list[OpenRound] = []
+
+    @property
+    def open_rounds(self) -> list[OpenRound]:
+        """Their calls for bids."""
+        return list(self._open)
+
+    def ask(self, scene: Scene, strategy: str, now: float) -> int:
+        """Open a preview and return its number; ``strategy`` is empty for the one in force.
+
+        Raises:
+            Refused: ``UNKNOWN_STRATEGY`` or ``BUSY``.
+        """
+        strategy = strategy or self._floor.settings.strategy
+        check_strategy(strategy)
+        if len(self._open) >= MOST:
+            raise Refused(
+                "BUSY", f"{MOST} previews are under way, and more may not be; ask again later"
+            )
+        preview = OpenRound(self._floor, scene, now, preview=strategy)
+        self._open.append(preview)
+        return preview.number
+
+    def excuse(self, lasted_s: float) -> None:
+        """Move all deadlines, as nobody has listened for so long [s]."""
+        for preview in self._open:
+            preview.excuse(lasted_s)
+
+    def mind(self, now: float) -> None:
+        """End the previews that are due."""
+        for preview in self.open_rounds:
+            by = preview.closing(now)
+            if by is not None:
+                self._open.remove(preview)
+                self._end(preview, by, now)
+
+    def give_up(self, code: str, reason: str) -> None:
+        """End all previews without an outcome."""
+        for preview in self._open:
+            self._floor.effects.append(
+                PreviewEnded(number=preview.number, outcome=Refused(code, reason))
+            )
+        self._open = []
+
+    def _end(self, preview: OpenRound, by: ClosedBy, now: float) -> None:
+        decision = preview.close(by, now)
+        outcome = self._floor.outcome(decision, partial(explain.reason, decision))
+        self._floor.effects.append(PreviewEnded(number=preview.number, outcome=outcome))

@@ -1,0 +1,267 @@
+# SPDX-License-Identifier: Apache-2.0
+"""One round of the marketplace: bids from whoever was asked, then exactly one outcome."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from bt_agents_core.errors import Refused
+from bt_agents_core.scene import SceneSpace
+from marketplace_node.external_ranking.external_ranking_check import shown
+from marketplace_node.registry import HostEntry
+from marketplace_node.round.bid_rows import BidRows
+from marketplace_node.round.bid_table import BidColumns
+from marketplace_node.round.decision import (
+    Bids,
+    ClosedBy,
+    Decision,
+    External,
+    Kind,
+    Outcome,
+    Ranked,
+    RankedBid,
+    RefusedBid,
+    Terms,
+)
+from marketplace_node.round.ranking import decide, nearest
+
+
+class Auction:
+    """An open round.
+
+    Args:
+        space: The scene parameters; the one validator of every vector.
+        terms: What the round is about.
+        asked: The hosts that are asked.
+    """
+
+    def __init__(self, space: SceneSpace, terms: Terms, asked: Iterable[HostEntry]) -> None:
+        self.terms = terms
+        self._space = space
+        self._asked = {entry.host: entry for entry in asked}
+        self._answered: set[str] = set()
+        self._accepted = BidColumns(space)
+        self._barred = frozenset(refused.agent for refused in terms.barred)
+        self._may_be_silent = self._barred | terms.excluded.keys()
+        self._refused = list(terms.barred)
+
+    @property
+    def complete(self) -> bool:
+        """True when every host that was asked has answered."""
+        return len(self._answered) == len(self._asked)
+
+    @property
+    def accepted(self) -> tuple[RankedBid, ...]:
+        """The bids accepted so far, by Manhattan distance."""
+        table = self._accepted.table()
+        return nearest(self._space, self.terms, table) if len(table) else ()
+
+    def take(self, bids: Bids) -> None:
+        """Take one message; whatever is wrong with it is recorded, never raised."""
+        try:
+            entry = self._sender(bids)
+        except Refused as refused:
+            self._refuse(bids, _only_agent(bids), refused)
+            return
+        self._answered.add(entry.host)
+        try:
+            self._check_lengths(bids)
+        except Refused as refused:
+            self._refuse(bids, _only_agent(bids), refused)
+            return
+        rows = BidRows(self._space, bids)
+        if rows.all_fine and self._is_everybody(bids, entry):
+            self._take_all(bids, entry, rows)
+            return
+        named = set(bids.agents)
+        if rows.all_fine and self._may_all_bid(bids, entry, named):
+            self._take_all(bids, entry, rows)
+        else:
+            named = self._take_each(bids, entry, rows)
+        for agent, reason in zip(bids.declined, bids.decline_reasons, strict=True):
+            if agent in self._barred:
+                continue
+            try:
+                self._check_agent(agent, entry, named)
+                self._record(bids, agent, Kind.DECLINED, "DECLINED", reason or "gives no reason")
+            except Refused as refused:
+                self._refuse(bids, agent, refused)
+            named.add(agent)
+        if not entry.agents.keys() <= named:
+            self._record_silent(bids, entry, named)
+
+    def close(
+        self,
+        by: ClosedBy,
+        duration_s: float,
+        *,
+        stopped: str = "",
+        external: External | None = None,
+    ) -> Decision:
+        """Rank what was accepted and return the outcome.
+
+        Args:
+            by: What closes the round.
+            duration_s: From the call to now [s].
+            stopped: Why the round is stopped; only with ``ClosedBy.STOPPED``.
+            external: What a program outside answered; None when it was not asked.
+        """
+        try:
+            ranked = decide(self._space, self.terms, self._accepted.table(), external=external)
+        except Exception as error:
+            # Whatever a strategy of somebody else does, no round stays open for ever.
+            words = shown(str(error))
+            stopped = f"the bids could not be ranked: {type(error).__name__}: {words}"
+            ranked, by = Ranked(), ClosedBy.STOPPED
+        awarded = bool(ranked.bids) and by is not ClosedBy.STOPPED
+        return Decision(
+            terms=self.terms,
+            outcome=Outcome.AWARDED if awarded else Outcome.NO_BIDS,
+            closed_by=by,
+            duration_s=duration_s,
+            ranked=ranked,
+            refused=tuple(self._refused),
+            silent_hosts=tuple(h for h in self._asked if h not in self._answered),
+            stopped=stopped,
+        )
+
+    def _sender(self, bids: Bids) -> HostEntry:
+        check_round(bids, self.terms.epoch, self.terms.round)
+        entry = self._asked.get(bids.host)
+        if entry is None:
+            raise Refused(
+                "UNREGISTERED",
+                f"'{bids.host}' was not asked in round {self.terms.round}; a host registers first",
+            )
+        if bids.instance != entry.instance:
+            raise Refused(
+                "WRONG_INSTANCE",
+                f"{bids.host} answers as instance '{bids.instance}', "
+                f"'{entry.instance}' was asked; register after every start",
+            )
+        if bids.host in self._answered:
+            raise Refused(
+                "DUPLICATE", f"{bids.host} has answered already; the first answer counts"
+            )
+        return entry
+
+    def _check_lengths(self, bids: Bids) -> None:
+        agents, width = len(bids.agents), len(self._space)
+        if len(bids.agent_ids) != agents or len(bids.vectors) != agents * width:
+            raise Refused(
+                "WRONG_LENGTH",
+                f"{agents} agents with {len(bids.agent_ids)} ids and {len(bids.vectors)} values, "
+                f"expected {agents} ids and {agents * width} values: "
+                f"{', '.join(self._space.names)} of each agent",
+            )
+        if len(bids.weights) not in (0, agents * width):
+            raise Refused(
+                "WRONG_LENGTH",
+                f"{agents} agents with {len(bids.weights)} weights, expected none or "
+                f"{agents * width}: one of each parameter for each agent",
+            )
+        if len(bids.declined) != len(bids.decline_reasons):
+            raise Refused(
+                "WRONG_LENGTH",
+                f"{len(bids.declined)} agents decline with {len(bids.decline_reasons)} reasons, "
+                "expected one reason each",
+            )
+
+    def _is_everybody(self, bids: Bids, entry: HostEntry) -> bool:
+        """Return whether all agents of a host bid, in the order in which they are registered."""
+        return (
+            bids.agents == tuple(entry.agents)
+            and bids.agent_ids == tuple(entry.agents.values())
+            and not (self._may_be_silent or bids.declined)
+        )
+
+    def _may_all_bid(self, bids: Bids, entry: HostEntry, named: set[str]) -> bool:
+        """Return whether there is nothing wrong with who bids, the vectors aside."""
+        return (
+            len(named) == len(bids.agents)
+            and named <= entry.agents.keys()
+            and named.isdisjoint(self._may_be_silent)
+            and bids.agent_ids == tuple([entry.agents[agent] for agent in bids.agents])
+        )
+
+    def _take_all(self, bids: Bids, entry: HostEntry, rows: BidRows) -> None:
+        self._accepted.add(
+            bids.agents, bids.agent_ids, entry.host, entry.instance, rows.vectors, rows.weights
+        )
+
+    def _take_each(self, bids: Bids, entry: HostEntry, rows: BidRows) -> set[str]:
+        """Take the bids that are in order and refuse the others; return who has bid."""
+        named: set[str] = set()
+        taken: list[int] = []
+        for row, (agent, agent_id) in enumerate(zip(bids.agents, bids.agent_ids, strict=True)):
+            if agent in self._barred:
+                continue
+            try:
+                self._check_agent(agent, entry, named)
+                self._check_bid(agent, agent_id, entry)
+                rows.check(row, agent)
+                taken.append(row)
+            except Refused as refused:
+                self._refuse(bids, agent, refused)
+            named.add(agent)
+        self._accepted.add(
+            [bids.agents[row] for row in taken],
+            [bids.agent_ids[row] for row in taken],
+            entry.host,
+            entry.instance,
+            rows.vectors[taken],
+            None if rows.weights is None else rows.weights[taken],
+        )
+        return named
+
+    def _check_agent(self, agent: str, entry: HostEntry, named: set[str]) -> None:
+        if agent not in entry.agents:
+            raise Refused(
+                "UNKNOWN_AGENT",
+                f"{entry.host} has no registered agent '{agent}'; register after every change",
+            )
+        if agent in named:
+            raise Refused("DUPLICATE", f"'{agent}' is named twice; the first one counts")
+
+    def _check_bid(self, agent: str, agent_id: int, entry: HostEntry) -> None:
+        if agent in self.terms.excluded:
+            raise Refused("EXCLUDED", f"'{agent}' may not bid: {self.terms.excluded[agent]}")
+        if agent_id != entry.agents[agent]:
+            raise Refused(
+                "WRONG_ID", f"'{agent}' bids with id {agent_id}, expected {entry.agents[agent]}"
+            )
+
+    def _record_silent(self, bids: Bids, entry: HostEntry, named: set[str]) -> None:
+        for agent in entry.agents:
+            if agent not in named and agent not in self._may_be_silent:
+                self._record(
+                    bids, agent, Kind.REFUSED, "NO_ANSWER", f"{entry.host} says nothing about it"
+                )
+
+    def _refuse(self, bids: Bids, agent: str, refused: Refused) -> None:
+        self._record(bids, agent, Kind.REFUSED, refused.code, refused.reason)
+
+    def _record(self, bids: Bids, agent: str, kind: Kind, code: str, reason: str) -> None:
+        self._refused.append(
+            RefusedBid(agent=agent, host=bids.host, kind=kind, code=code, reason=reason)
+        )
+
+
+def check_round(bids: Bids, epoch: str, current: int) -> None:
+    """Check that bids belong to the current round of this market.
+
+    Raises:
+        Refused: ``FOREIGN_EPOCH`` or ``FOREIGN_ROUND``.
+    """
+    if bids.epoch != epoch:
+        raise Refused(
+            "FOREIGN_EPOCH", f"bids for the market '{bids.epoch}', this one is '{epoch}'"
+        )
+    if bids.round != current:
+        raise Refused(
+            "FOREIGN_ROUND", f"bids for round {bids.round}, the current one is {current}"
+        )
+
+
+def _only_agent(bids: Bids) -> str:
+    return bids.agents[0] if len(bids.agents) == 1 else ""

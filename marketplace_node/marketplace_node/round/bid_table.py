@@ -1,0 +1,148 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The accepted bids of a round as arrays."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TypeVar
+
+import numpy as np
+
+from bt_agents_core.scene import SceneSpace, Vector
+from marketplace_node.round.decision import AcceptedBid, Terms
+from marketplace_node.strategies import Field
+from marketplace_node.strategies.arrays import Floats
+
+T = TypeVar("T")
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class BidTable:
+    """Accepted bids column by column, in the order of their names.
+
+    Attributes:
+        agents: Names; N of them.
+        agent_ids: Their ids.
+        hosts: Their hosts.
+        instances: The starts of the hosts.
+        vectors: [N, n], stored parameter by parameter, as they are added up.
+        weights: [N, n], stored alike; None when no agent states any.
+    """
+
+    agents: tuple[str, ...]
+    agent_ids: tuple[int, ...]
+    hosts: tuple[str, ...]
+    instances: tuple[str, ...]
+    vectors: Floats
+    weights: Floats | None = None
+
+    @classmethod
+    def of(cls, bids: Sequence[AcceptedBid], space: SceneSpace) -> BidTable:
+        """Return the table of bids that come in any order."""
+        ordered = sorted(bids, key=lambda bid: bid.agent)
+        common = weights_of(space)
+        stated = any(bid.weights for bid in ordered)
+        return cls(
+            agents=tuple(bid.agent for bid in ordered),
+            agent_ids=tuple(bid.agent_id for bid in ordered),
+            hosts=tuple(bid.host for bid in ordered),
+            instances=tuple(bid.instance for bid in ordered),
+            vectors=_rows([bid.vector for bid in ordered], space),
+            weights=_rows([bid.weights or common for bid in ordered], space) if stated else None,
+        )
+
+    def __len__(self) -> int:
+        return len(self.agents)
+
+    def column(self, of_agents: Mapping[str, int]) -> Floats:
+        """Return a number for each bidder, 0 for those that are not in the mapping; [N]."""
+        if not of_agents:
+            return np.zeros(len(self))
+        return np.array([of_agents.get(agent, 0) for agent in self.agents], dtype=np.float64)
+
+    def field(self, space: SceneSpace, terms: Terms) -> Field:
+        """Return what a strategy is given; nothing in it can be written to."""
+        field = Field(
+            scene=np.array(terms.scene.vector),
+            std=np.nan_to_num(np.array(terms.scene.std), nan=0.0),
+            bids=self.vectors.view(),
+            weights=np.array(weights_of(space)) if self.weights is None else self.weights.view(),
+            widths=np.array([p.maximum - p.minimum for p in space.parameters]),
+            runs=self.column(terms.runs),
+            rounds=np.array(float(terms.rounds_run)),
+            idle=terms.rounds_run - self.column(terms.last_run),
+        )
+        for values in vars(field).values():
+            values.flags.writeable = False
+        return field
+
+
+def _rows(rows: Sequence[Vector], space: SceneSpace) -> Floats:
+    return np.array(rows, dtype=np.float64, order="F").reshape((len(rows), len(space)), order="F")
+
+
+def weights_of(space: SceneSpace) -> tuple[float, ...]:
+    """Return the weights that ``scene.yaml`` gives the parameters."""
+    return tuple(parameter.weight for parameter in space.parameters)
+
+
+class BidColumns:
+    """Collects accepted bids, many of one host at a time.
+
+    Args:
+        space: The scene parameters.
+    """
+
+    def __init__(self, space: SceneSpace) -> None:
+        self._weights = np.array(weights_of(space))
+        self._agents: list[str] = []
+        self._agent_ids: list[int] = []
+        self._hosts: list[str] = []
+        self._instances: list[str] = []
+        self._vectors: list[Floats] = [np.empty((0, len(space)))]
+        self._stated: list[Floats] = [np.empty((0, len(space)))]
+        self._any_stated = False
+
+    def add(
+        self,
+        agents: Sequence[str],
+        agent_ids: Sequence[int],
+        host: str,
+        instance: str,
+        vectors: Floats,
+        weights: Floats | None,
+    ) -> None:
+        """Add bids of one host: k names and ids, vectors [k, n] and weights [k, n] or None."""
+        self._agents += agents
+        self._agent_ids += agent_ids
+        self._hosts += [host] * len(agents)
+        self._instances += [instance] * len(agents)
+        self._vectors.append(vectors)
+        self._stated.append(
+            np.broadcast_to(self._weights, vectors.shape) if weights is None else weights
+        )
+        self._any_stated |= weights is not None
+
+    def table(self) -> BidTable:
+        """Return all bids, in the order of their names."""
+        places = None
+        if sorted(self._agents) != self._agents:
+            places = sorted(range(len(self._agents)), key=self._agents.__getitem__)
+        return BidTable(
+            agents=_in_order(self._agents, places),
+            agent_ids=_in_order(self._agent_ids, places),
+            hosts=_in_order(self._hosts, places),
+            instances=_in_order(self._instances, places),
+            vectors=_by_parameter(self._vectors, places),
+            weights=_by_parameter(self._stated, places) if self._any_stated else None,
+        )
+
+
+def _in_order(values: list[T], places: list[int] | None) -> tuple[T, ...]:
+    return tuple(values if places is None else [values[place] for place in places])
+
+
+def _by_parameter(blocks: Sequence[Floats], places: list[int] | None) -> Floats:
+    rows = np.concatenate(blocks)
+    return np.asfortranarray(rows if places is None else rows[places])

@@ -1,0 +1,292 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a round of the marketplace is about, what it takes in and how it ends."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from enum import IntEnum
+from functools import cached_property
+from typing import NamedTuple
+
+from bt_agents_core.scene import Scene, Vector
+from bt_agents_language.files.market_reader import MarketRule
+
+SHADOW = "shadow."
+"""Stands before the options of the shadow strategy in messages, as in ``shadow.temperature``."""
+
+EARLIER_RUNS = "market.earlier_runs"
+"""Stands with the options when counts of runs were taken over from an earlier start."""
+
+
+class Outcome(IntEnum):
+    """How a round ends; the numbers are those of ``Auction.msg``."""
+
+    AWARDED = 1
+    NO_BIDS = 2
+    PREEMPTS = 3
+    WAITS = 4
+
+
+class ClosedBy(IntEnum):
+    """What closes a round; the numbers are those of ``Auction.msg``."""
+
+    ALL_ANSWERED = 1
+    DEADLINE = 2
+    STOPPED = 3
+
+
+class Kind(IntEnum):
+    """Who does not want a bid; the numbers are those of ``RefusedBid.msg``."""
+
+    DECLINED = 0
+    REFUSED = 1
+
+
+@dataclass(frozen=True, kw_only=True)
+class Bids:
+    """One host's answer, as it came in and before any check; fields as in ``Bids.msg``."""
+
+    epoch: str
+    round: int
+    host: str
+    instance: str
+    agents: tuple[str, ...]
+    agent_ids: tuple[int, ...]
+    vectors: Sequence[float]
+    weights: Sequence[float] = ()
+    declined: tuple[str, ...] = ()
+    decline_reasons: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, kw_only=True)
+class AcceptedBid:
+    """A bid that passed every check; ``weights`` is empty when the agent states none."""
+
+    agent: str
+    agent_id: int
+    host: str
+    instance: str
+    vector: Vector
+    weights: Vector = ()
+
+
+class RankedBid(NamedTuple):
+    """An accepted bid as the strategy ranked it.
+
+    Attributes:
+        agent: Who bids.
+        agent_id: Its id.
+        host: Its host.
+        instance: The start of the host.
+        vector: The bid, in the order of the space.
+        distance: To the scene, as the strategy measures it; less is better.
+        contributions: What each parameter adds to the distance; 0 where the scene has no value.
+        weights: How much each parameter counts for it; empty when all count 1.
+        bonus: What exploration takes off the distance.
+        score: By which it is ranked; less is better.
+        runs: How often it has run.
+        last_run: Number of its last run among all of the market, 0 when it never ran.
+    """
+
+    agent: str
+    agent_id: int
+    host: str
+    instance: str
+    vector: Vector
+    distance: float
+    contributions: Vector
+    weights: Vector
+    bonus: float
+    score: float
+    runs: int
+    last_run: int
+
+
+@dataclass(frozen=True, kw_only=True)
+class RefusedBid:
+    """A bid outside the ranking; ``agent`` is empty when a whole message is refused."""
+
+    agent: str
+    host: str
+    kind: Kind
+    code: str
+    reason: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class External:
+    """What a program outside answered to the question how to rank the bids.
+
+    Attributes:
+        ranking: Names of bidders, best first; those not named come after these by distance.
+        message: How it came to that, in words.
+        failure: Why there is no usable answer, in words; then it is ranked by Manhattan distance.
+    """
+
+    ranking: tuple[str, ...] = ()
+    message: str = ""
+    failure: str = ""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Terms:
+    """What is fixed when a round opens.
+
+    Attributes:
+        epoch: The instance of the market.
+        round: Number of the round, from 1.
+        follows: The round this one continues, 0 for none.
+        scene: What the bids are for.
+        strategy: Name of the ranking function.
+        tie_break: Which of equally good bids wins.
+        excluded: Agents that may not bid, as they were stopped earlier in the interaction, with
+            the reason.
+        barred: Agents that may not bid, as people have said, each as the refusal that is recorded.
+        unasked: Registered hosts that are not asked, with the reason.
+        last_run: Number of the last run of each agent that ever ran.
+        runs: How often each agent has run.
+        rounds_run: How many runs there were in all.
+        earlier_runs: How many of these were before this start of the market.
+        options: What is set about the strategy; what is not, has its default.
+        seed: Where the strategy draws chance from.
+        shadow: Name of a strategy that only scores; empty for none.
+        shadow_options: What is set about it.
+        rules: Of ``trees/market.yaml``, for the strategy ``rules``.
+        intervention: Why people had a say, in words; empty when they had none.
+        preview: True when the round is only asked for and nobody gets a run.
+    """
+
+    epoch: str
+    round: int
+    follows: int
+    scene: Scene
+    strategy: str
+    tie_break: str
+    excluded: Mapping[str, str] = field(default_factory=dict)
+    barred: tuple[RefusedBid, ...] = ()
+    unasked: Mapping[str, str] = field(default_factory=dict)
+    last_run: Mapping[str, int] = field(default_factory=dict)
+    runs: Mapping[str, int] = field(default_factory=dict)
+    rounds_run: int = 0
+    earlier_runs: int = 0
+    options: Mapping[str, float] = field(default_factory=dict)
+    seed: str = ""
+    shadow: str = ""
+    shadow_options: Mapping[str, float] = field(default_factory=dict)
+    rules: tuple[MarketRule, ...] = ()
+    intervention: str = ""
+    preview: bool = False
+
+
+@dataclass(frozen=True, kw_only=True)
+class Change:
+    """The smallest change of the scene by which the runner-up would have won.
+
+    Attributes:
+        names: The parameters that change; empty when no change was found.
+        values: Their values then.
+        shown: The same, rounded for people so that the runner-up still wins.
+        obstacle: Why there is none, in words; empty when there is one.
+    """
+
+    names: tuple[str, ...] = ()
+    values: tuple[float, ...] = ()
+    shown: tuple[float, ...] = ()
+    obstacle: str = ""
+
+
+def _no_change() -> Change | None:
+    return None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Ranked:
+    """Accepted bids in order, and why they are.
+
+    Attributes:
+        bids: Best first; what comes after the first may be put in order only when it is looked at.
+        bidders: The names of all, in alphabetical order.
+        by: Name of the strategy that ranked; ``manhattan`` where that of the terms could not.
+        fallback: Why the strategy could not rank and ``manhattan`` did, in words; empty when it
+            could.
+        precedence: Why some bids come before nearer ones, in words: the rule that holds, or what
+            the program outside said; empty when distances alone decide.
+        placed: How many bids, from the first, are there by ``precedence``.
+        shadow_winner: Who would have won by the shadow strategy; empty without one.
+        shadow_failure: Why the shadow strategy could not rank, in words; empty when it could.
+        find_change: Searches for ``change``.
+    """
+
+    bids: Sequence[RankedBid] = ()
+    bidders: Sequence[str] = ()
+    by: str = ""
+    fallback: str = ""
+    precedence: str = ""
+    placed: int = 0
+    shadow_winner: str = ""
+    shadow_failure: str = ""
+    find_change: Callable[[], Change | None] = field(default=_no_change, compare=False, repr=False)
+
+    @cached_property
+    def change(self) -> Change | None:
+        """By which the runner-up would have won; None without a runner-up.
+
+        It is searched for when it is first asked for, so that no award waits for it.
+        """
+        return self.find_change()
+
+
+@dataclass(frozen=True, kw_only=True)
+class Decision:
+    """The outcome of a round.
+
+    Attributes:
+        terms: What was fixed at the opening.
+        outcome: ``NO_BIDS`` also when the round was stopped; of a challenge ``PREEMPTS`` or
+            ``WAITS``.
+        closed_by: What closed it.
+        duration_s: From the call to the close [s].
+        ranked: Accepted bids in order, and why they are.
+        refused: Declined and refused bids, in the order they came.
+        silent_hosts: Hosts that were asked and did not answer.
+        stopped: Why the round was stopped; empty when it was not.
+    """
+
+    terms: Terms
+    outcome: Outcome
+    closed_by: ClosedBy
+    duration_s: float
+    ranked: Ranked
+    refused: tuple[RefusedBid, ...]
+    silent_hosts: tuple[str, ...]
+    stopped: str = ""
+
+    @property
+    def ranking(self) -> Sequence[RankedBid]:
+        """Accepted bids, best first."""
+        return self.ranked.bids
+
+    @property
+    def shadow_winner(self) -> str:
+        """Who would have won by the shadow strategy; empty without one."""
+        return self.ranked.shadow_winner
+
+    @property
+    def change(self) -> Change | None:
+        """By which the runner-up would have won; None without a runner-up."""
+        return self.ranked.change
+
+    @property
+    def winner(self) -> RankedBid | None:
+        """The best bid; None without a bid and when the round was stopped."""
+        stopped = self.closed_by is ClosedBy.STOPPED
+        return self.ranking[0] if self.ranking and not stopped else None
+
+    @property
+    def margin(self) -> float:
+        """Score of the runner-up minus that of the winner; NaN without a runner-up."""
+        if self.winner is None or len(self.ranking) < 2:
+            return math.nan
+        return self.ranking[1].score - self.ranking[0].score

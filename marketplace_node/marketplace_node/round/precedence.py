@@ -1,0 +1,73 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Bids that come before nearer ones: by a rule of ``market.yaml`` or a ranking from outside."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+
+import numpy as np
+
+from bt_agents_language.expression.expressions import EvaluationError, MissingValue
+from bt_agents_language.files.market_reader import MarketRule
+from marketplace_node.strategies import Scores
+
+
+def first_rule(
+    rules: Sequence[MarketRule],
+    values: Mapping[str, float],
+    person: bool,
+    agents: Sequence[str],
+) -> tuple[int, MarketRule] | None:
+    """Return the first rule that holds and names somebody who bids, with its number from 1.
+
+    A condition on a missing value does not hold, nor does one that cannot be worked out.
+
+    Args:
+        rules: In their order.
+        values: Value of each scene parameter, NaN when missing.
+        person: Whether a person is there.
+        agents: Who bids.
+    """
+
+    def lookup(name: str) -> object:
+        parameter = name.partition(".")[2]
+        if parameter == "person":
+            return person
+        value = values[parameter]
+        if math.isnan(value):
+            raise MissingValue(name)
+        return value
+
+    bidders = set(agents)
+    for number, rule in enumerate(rules, 1):
+        if not bidders.isdisjoint(rule.agents) and _holds(rule, lookup):
+            return number, rule
+    return None
+
+
+def placed(scores: Scores, places: Sequence[int]) -> Scores:
+    """Put bids before all others; what is left is ranked by its distance.
+
+    The score of the k-th of m such bids is k - m, below every distance. That is a place and no
+    exploration, so there is no bonus.
+
+    Args:
+        scores: Of one round, as ``manhattan`` gives them.
+        places: Indices of the bids that come first, in their order.
+    """
+    score = scores.distance.copy()
+    score[list(places)] = np.arange(len(places)) - float(len(places))
+    return Scores(
+        distance=scores.distance,
+        bonus=np.zeros_like(score),
+        score=score,
+        contributions=scores.contributions,
+    )
+
+
+def _holds(rule: MarketRule, lookup: Callable[[str], object]) -> bool:
+    try:
+        return rule.condition.evaluate(lookup) is True
+    except (MissingValue, EvaluationError):
+        return False

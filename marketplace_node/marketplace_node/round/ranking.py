@@ -1,0 +1,250 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Ranks the accepted bids of a round: a pure function of the terms and the bids."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import cache, partial
+
+import numpy as np
+
+from bt_agents_core.errors import Refused
+from bt_agents_core.scene import SceneSpace
+from marketplace_node.explanation.counterfactual import smallest_change
+from marketplace_node.round.bid_table import BidTable, weights_of
+from marketplace_node.round.decision import AcceptedBid, Change, External, Ranked, RankedBid, Terms
+from marketplace_node.round.lazy_ranking import Standings
+from marketplace_node.round.round_model import Contest, Measured
+from marketplace_node.strategies import STRATEGIES, StrategySpec
+from marketplace_node.strategies.arrays import Integers, Sum
+from marketplace_node.strategies.nearest import MANHATTAN, measure
+from marketplace_node.strategies.nearest import nearest as nearest_rows
+
+FALLBACK = "manhattan"
+"""What ranks when the strategy cannot."""
+
+FEW = 60
+"""Up to so many numbers, bids are ranked one by one, which is faster than arrays."""
+
+_MODEST = 1e100
+
+
+def decide(
+    space: SceneSpace,
+    terms: Terms,
+    bids: Sequence[AcceptedBid] | BidTable,
+    *,
+    external: External | None = None,
+) -> Ranked:
+    """Rank bids; equal arguments give the equal ranking, on every start and in every order.
+
+    Args:
+        space: The scene parameters.
+        terms: What was fixed at the opening of the round.
+        bids: The accepted bids, one an agent.
+        external: What a program outside answered, for the strategy ``external``; None when it was
+            not asked.
+
+    Raises:
+        Refused: ``UNKNOWN_STRATEGY``: no strategy, or shadow, of that name is installed.
+    """
+    table = bids if isinstance(bids, BidTable) else BidTable.of(bids, space)
+    if not len(table):
+        return Ranked()
+    spec = _spec(terms.strategy)
+    if spec.sum is not None and external is None and _is_modest(space):
+        return _led(space, terms, table, spec, spec.sum)
+    contest = _contest(space, terms, table, external)
+    fallback = external.failure if external is not None else ""
+    try:
+        measured = contest.measure()
+    except Refused as refused:
+        fallback = refused.reason
+        contest = replace(contest, spec=STRATEGIES[FALLBACK])
+        measured = contest.measure()
+    places = contest.order(measured.scores.score)
+    shadow_winner, shadow_failure = _shadow(contest)
+    return Ranked(
+        bids=Standings(
+            _ranked(space, terms, table, measured, places[:1])[0],
+            len(table),
+            partial(_ranked, space, terms, table, measured, places),
+        ),
+        bidders=table.agents,
+        by=FALLBACK if fallback else contest.spec.name,
+        fallback=fallback,
+        precedence=measured.precedence,
+        placed=measured.placed,
+        shadow_winner=shadow_winner,
+        shadow_failure=shadow_failure,
+        find_change=lambda: smallest_change(contest, places, space),
+    )
+
+
+def nearest(space: SceneSpace, terms: Terms, table: BidTable) -> tuple[RankedBid, ...]:
+    """Return the bids ranked by their Manhattan distance, whatever the strategy of the round."""
+    contest = _contest(space, replace(terms, strategy=FALLBACK), table, None)
+    measured = contest.measure()
+    return _ranked(space, terms, table, measured, contest.order(measured.scores.score))
+
+
+def _led(
+    space: SceneSpace, terms: Terms, table: BidTable, spec: StrategySpec, distance: Sum
+) -> Ranked:
+    """Find the winner alone; the others when somebody looks at them."""
+
+    @cache
+    def rest() -> tuple[Contest, Measured, Integers]:
+        contest = _contest(space, terms, table, None)
+        measured = contest.measure()
+        return contest, measured, contest.order(measured.scores.score)
+
+    def change() -> Change | None:
+        contest, _, places = rest()
+        return smallest_change(contest, places, space)
+
+    def ranked() -> tuple[RankedBid, ...]:
+        if table.vectors.size > FEW:
+            return _ranked(space, terms, table, *rest()[1:])
+        bids = [_bid(space, terms, table, distance, row) for row in range(len(table))]
+        by_run = terms.tie_break == "least_recently_run"
+        return tuple(sorted(bids, key=lambda bid: (bid.score, bid.last_run if by_run else 0)))
+
+    best = winning_row(space, terms, table, distance)
+    shadow_winner, shadow_failure = "", ""
+    if terms.shadow:
+        shadow_winner, shadow_failure = _shadow(_contest(space, terms, table, None))
+    return Ranked(
+        bids=Standings(_bid(space, terms, table, distance, best), len(table), ranked),
+        bidders=table.agents,
+        by=spec.name,
+        shadow_winner=shadow_winner,
+        shadow_failure=shadow_failure,
+        find_change=change,
+    )
+
+
+def _is_modest(space: SceneSpace) -> bool:
+    """Return whether any distance within the ranges is a finite number."""
+    return all(max(-one.minimum, one.maximum) < _MODEST for one in space.parameters)
+
+
+def winning_row(
+    space: SceneSpace, terms: Terms, table: BidTable, distance: Sum = MANHATTAN
+) -> int:
+    """Return the row of the bid that wins: the nearest one, of equals as the terms say."""
+    weights = weights_of(space) if table.weights is None else table.weights
+    rows = nearest_rows(table.vectors, np.array(terms.scene.vector), distance, weights)
+    if len(rows) == 1 or terms.tie_break != "least_recently_run":
+        return rows[0]
+    return min(rows, key=lambda row: terms.last_run.get(table.agents[row], 0))
+
+
+def _bid(space: SceneSpace, terms: Terms, table: BidTable, distance: Sum, row: int) -> RankedBid:
+    vector = tuple(table.vectors[row].tolist())
+    stated = weights_of(space) if table.weights is None else tuple(table.weights[row].tolist())
+    measured, parts = measure(vector, terms.scene.vector, distance, stated)
+    agent = table.agents[row]
+    return RankedBid(
+        agent=agent,
+        agent_id=table.agent_ids[row],
+        host=table.hosts[row],
+        instance=table.instances[row],
+        vector=vector,
+        distance=measured,
+        contributions=parts,
+        weights=() if set(stated) == {1.0} else stated,
+        bonus=0.0,
+        score=measured,
+        runs=terms.runs.get(agent, 0),
+        last_run=terms.last_run.get(agent, 0),
+    )
+
+
+def _spec(name: str) -> StrategySpec:
+    spec = STRATEGIES.get(name)
+    if spec is None:
+        raise Refused(
+            "UNKNOWN_STRATEGY",
+            f"no strategy '{name}' is installed; there are {', '.join(STRATEGIES)}",
+        )
+    return spec
+
+
+def _contest(
+    space: SceneSpace, terms: Terms, table: BidTable, external: External | None
+) -> Contest:
+    return Contest(
+        terms=terms,
+        table=table,
+        field=table.field(space, terms),
+        spec=_spec(terms.strategy),
+        options=terms.options,
+        seed=terms.seed,
+        external=external,
+    )
+
+
+def _ranked(
+    space: SceneSpace, terms: Terms, table: BidTable, measured: Measured, places: Integers
+) -> tuple[RankedBid, ...]:
+    scores = measured.scores
+    columns = zip(
+        places.tolist(),
+        table.vectors[places].tolist(),
+        scores.contributions[places].tolist(),
+        _weights(space, table, places),
+        scores.distance[places].tolist(),
+        scores.bonus[places].tolist(),
+        scores.score[places].tolist(),
+        strict=True,
+    )
+    return tuple(
+        RankedBid(
+            agent=table.agents[index],
+            agent_id=table.agent_ids[index],
+            host=table.hosts[index],
+            instance=table.instances[index],
+            vector=tuple(vector),
+            distance=distance,
+            contributions=tuple(contributions),
+            weights=weights,
+            bonus=bonus,
+            score=score,
+            runs=terms.runs.get(table.agents[index], 0),
+            last_run=terms.last_run.get(table.agents[index], 0),
+        )
+        for index, vector, contributions, weights, distance, bonus, score in columns
+    )
+
+
+def _weights(space: SceneSpace, table: BidTable, places: Integers) -> list[tuple[float, ...]]:
+    """Return the weights of each bid, empty where all are 1."""
+    if table.weights is None:
+        common = weights_of(space)
+        return [() if set(common) == {1.0} else common] * len(places)
+    rows = table.weights[places]
+    return [
+        () if alike else tuple(row)
+        for row, alike in zip(rows.tolist(), (rows == 1.0).all(axis=1).tolist(), strict=True)
+    ]
+
+
+def _shadow(contest: Contest) -> tuple[str, str]:
+    """Return who would have won by the shadow strategy, and why nobody, in words."""
+    terms = contest.terms
+    if not terms.shadow:
+        return "", ""
+    shadow = replace(
+        contest,
+        spec=_spec(terms.shadow),
+        options=terms.shadow_options,
+        seed=f"{terms.seed}/shadow",
+        external=None,
+    )
+    try:
+        scores = shadow.measure().scores
+    except Refused as refused:
+        return "", refused.reason
+    return contest.table.agents[int(shadow.order(scores.score)[0])], ""

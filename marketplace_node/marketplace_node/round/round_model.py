@@ -1,0 +1,217 @@
+# SPDX-License-Identifier: Apache-2.0
+"""One round with everything fixed but the scene, so that other scenes can be tried."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from bt_agents_core.errors import Refused
+from marketplace_node.external_ranking.external_ranking_check import shown
+from marketplace_node.round.bid_table import BidTable
+from marketplace_node.round.decision import External, Terms
+from marketplace_node.round.precedence import first_rule, placed
+from marketplace_node.settings import EXTERNAL, RULES
+from marketplace_node.strategies import Chance, Field, Lines, Scores, StrategySpec, chance, order
+from marketplace_node.strategies.arrays import Floats, Integers
+
+_UNUSED = chance("")
+"""For strategies that surely draw nothing, as to seed one takes longer than to rank a few."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Measured:
+    """Scores of one round, and why some bids come before nearer ones.
+
+    Attributes:
+        scores: Of all bids.
+        precedence: As in ``Ranked``.
+        placed: As in ``Ranked``.
+    """
+
+    scores: Scores
+    precedence: str = ""
+    placed: int = 0
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Contest:
+    """Bids, and what ranks them.
+
+    Attributes:
+        terms: What is fixed in the round.
+        table: The bids; at least one.
+        field: The same as arrays.
+        spec: The strategy.
+        options: What is set about it.
+        seed: Where it draws chance from.
+        external: What a program outside said.
+    """
+
+    terms: Terms
+    table: BidTable
+    field: Field
+    spec: StrategySpec
+    options: Mapping[str, float]
+    seed: str
+    external: External | None = None
+
+    def measure(self) -> Measured:
+        """Return the scores for the scene of the round.
+
+        Raises:
+            Refused: ``STRATEGY_FAILED``; see :func:`measured`.
+        """
+        scores = measured(self.spec, self.field, self.options, self._chance())
+        agents, why = self._first(self.field.scene)
+        places = [self.table.agents.index(agent) for agent in agents]
+        if not places:
+            return Measured(scores=scores)
+        return Measured(scores=placed(scores, places), precedence=why, placed=len(places))
+
+    def order(self, scores: Floats) -> Integers:
+        """Return indices of the bids, best first; [..., N] to [..., N]."""
+        last_run = self.field.rounds - self.field.idle
+        return order(scores, last_run, None, self.terms.tie_break)
+
+    def winners(self, scenes: Floats) -> Integers:
+        """Return who would win in other scenes with the same chance; [G, n] to [G].
+
+        Raises:
+            Refused: ``STRATEGY_FAILED``.
+        """
+        field = replace(self.field, scene=scenes)
+        same = _SameForAll(self._chance())
+        scores = measured(self.spec, field, self.options, same).score
+        winners = self.order(scores)[:, 0].copy()
+        if self.spec.name == RULES:
+            for row, values in enumerate(scenes):
+                agents, _ = self._first(values)
+                if agents:
+                    winners[row] = self.table.agents.index(agents[0])
+        return winners
+
+    def lines(self) -> Lines | None:
+        """Return the scores as a function of the scene; None where they are no straight lines.
+
+        Raises:
+            Refused: ``STRATEGY_FAILED``, as in :func:`measured`.
+        """
+        if self.spec.lines is None:
+            return None
+        count, width = self.field.bids.shape
+        with _guarded(self.spec):
+            lines = self.spec.lines(self.field, self.spec.values(self.options), self._chance())
+            weights = np.asarray(lines.weights, dtype=np.float64)
+            by_bid = (width,) if weights.ndim == 1 else (count, width)
+            return Lines(
+                profiles=_checked("profiles of lines", lines.profiles, (count, width)),
+                weights=_checked("weights of lines", weights, by_bid),
+                offsets=_checked("offsets of lines", lines.offsets, (count,)),
+            )
+
+    def among(self, rows: Sequence[int]) -> Contest:
+        """Return the contest of some of the bids, which come in their order by name.
+
+        Not for a strategy that draws chance: fewer bids draw another one.
+        """
+        table, field = self.table, self.field
+        index = sorted(rows)
+        weights = field.weights if field.weights.ndim == 1 else field.weights[index]
+        return replace(
+            self,
+            table=BidTable(
+                agents=tuple(table.agents[row] for row in index),
+                agent_ids=tuple(table.agent_ids[row] for row in index),
+                hosts=tuple(table.hosts[row] for row in index),
+                instances=tuple(table.instances[row] for row in index),
+                vectors=table.vectors[index],
+            ),
+            field=replace(
+                field,
+                bids=np.asfortranarray(field.bids[index]),
+                weights=weights,
+                runs=field.runs[index],
+                idle=field.idle[index],
+            ),
+        )
+
+    def _chance(self) -> np.random.Generator:
+        """Return what the strategy draws from."""
+        return _UNUSED if self.spec.sum is not None else chance(self.seed)
+
+    def _first(self, values: Floats) -> tuple[list[str], str]:
+        """Return the bidders that come before nearer ones in a scene, and why."""
+        external, scene, bidders = self.external, self.terms.scene, self.table.agents
+        if self.spec.name == RULES:
+            names = (value.name for value in scene.values)
+            named = dict(zip(names, values.tolist(), strict=True))
+            found = first_rule(self.terms.rules, named, scene.person, bidders)
+            if found is not None:
+                number, rule = found
+                ours = [agent for agent in rule.agents if agent in bidders]
+                return ours, f"rule {number}: {rule.text}"
+        elif self.spec.name == EXTERNAL and external is not None and not external.failure:
+            return list(external.ranking), external.message
+        return [], ""
+
+
+def measured(
+    spec: StrategySpec, field: Field, options: Mapping[str, float], random: Chance
+) -> Scores:
+    """Return the scores of a strategy, which may be anybody's, checked.
+
+    Raises:
+        Refused: ``STRATEGY_FAILED``: it raised, or its scores are not finite numbers, one a bid.
+    """
+    with _guarded(spec):
+        scores = spec.score(field, spec.values(options), random)
+        parts = (*field.shape, field.bids.shape[-1])
+        return Scores(
+            distance=_checked("distance", scores.distance, field.shape),
+            bonus=_checked("bonus", scores.bonus, field.shape),
+            score=_checked("score", scores.score, field.shape),
+            contributions=_checked("contributions", scores.contributions, parts),
+        )
+
+
+@contextmanager
+def _guarded(spec: StrategySpec) -> Iterator[None]:
+    """Name the strategy when what it does goes wrong."""
+    try:
+        yield
+    except Refused as refused:
+        raise Refused("STRATEGY_FAILED", f"strategy {spec.name}: {refused.reason}") from None
+    except (Exception, SystemExit) as error:
+        raise Refused(
+            "STRATEGY_FAILED",
+            f"strategy {spec.name} raised {type(error).__name__}: {shown(str(error))}",
+        ) from error
+
+
+def _checked(what: str, found: object, shape: tuple[int, ...]) -> Floats:
+    array = np.asarray(found, dtype=np.float64)
+    if array.shape != shape:
+        raise Refused(
+            "STRATEGY_FAILED",
+            f"its {what} has the shape {list(array.shape)}, expected {list(shape)}",
+        )
+    if not np.isfinite(array).all():
+        raise Refused("STRATEGY_FAILED", f"its {what} is not a finite number for every bid")
+    return array
+
+
+class _SameForAll:
+    """Gives each of many scenes the chance that the one of the round has had."""
+
+    def __init__(self, source: np.random.Generator) -> None:
+        self._source = source
+
+    def random(self, size: tuple[int, ...], /) -> Floats:
+        return np.broadcast_to(self._source.random(size[1:]), size)
+
+    def standard_normal(self, size: tuple[int, ...], /) -> Floats:
+        return np.broadcast_to(self._source.standard_normal(size[1:]), size)

@@ -1,0 +1,162 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Keeps what is known of persons and places in a file, and forgets it when told to."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from concurrent.futures import Future as Job
+from pathlib import Path
+from typing import Any
+
+from rclpy.callback_groups import ReentrantCallbackGroup
+from rclpy.node import Node
+from rclpy.task import Future
+
+from bt_agents_core.errors import STORAGE_FULL, BtAgentsError
+from bt_agents_core.profile_layers import PERSON, PLACE
+from bt_agents_core.scene import SceneSpace
+from bt_agents_core.worker_thread import WorkerThread
+from bt_agents_interfaces.srv import ManageProfiles
+from bt_agents_ros import qos
+from bt_agents_ros.future_poller import Jobs
+from bt_agents_ros.timers import steady_timer
+from scene_layer import memory_file
+from scene_layer.memory import Memory
+
+SAVE_S = 10.0
+"""Time between two savings of what has changed [s]; it is also saved at the end."""
+
+_SHOWN = 100
+
+
+class Remembering:
+    """Reads the memory at the start, saves it now and then, and serves ``~/manage``.
+
+    Args:
+        node: The scene layer's node.
+        memory: Filled with what the file says.
+        space: The scene parameters.
+        path: Of the file; None keeps nothing over the end of the node.
+        known: Names those of the present persons who may be kept.
+
+    Raises:
+        BtAgentsError: The file is none of ours, or cannot be read or set aside.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        memory: Memory,
+        space: SceneSpace,
+        path: Path | None,
+        known: Callable[[], frozenset[str]],
+    ) -> None:
+        self._node = node
+        self._memory = memory
+        self._space = space
+        self._path = path
+        self._known = known
+        if path is not None:
+            self._read(path)
+        self._disk = WorkerThread("memory")
+        self._jobs = Jobs(node)
+        self._saved = memory.changes
+        self._saving: Job[None] | None = None
+        if path is not None:
+            steady_timer(node, SAVE_S, self._save_changes)
+        # One that waits for the disk holds up no other.
+        group = ReentrantCallbackGroup()
+        node.create_service(
+            ManageProfiles,
+            "~/manage",
+            self._manage,
+            qos_profile=qos.SERVICE,
+            callback_group=group,
+        )
+
+    def request_stop(self) -> None:
+        """Save what has changed, in the thread of the disk, after what it is at."""
+        if self._memory.changes != self._saved:
+            self._save()
+
+    def stopped(self) -> bool:
+        """Return True when it is saved."""
+        return self._saving is None or self._saving.done()
+
+    def close(self) -> None:
+        """End the thread of the disk."""
+        self._disk.shutdown()
+
+    def _read(self, path: Path) -> None:
+        try:
+            self._memory.remember(*memory_file.read(path, self._space, time.time()))
+        except memory_file.DamagedMemoryError as error:
+            try:
+                kept = memory_file.set_aside(path)
+            except OSError as problem:
+                words = problem.strerror or problem
+                raise BtAgentsError(f"{error}; it cannot be set aside: {words}") from None
+            self._node.get_logger().error(
+                f"nobody is remembered: {error}; it is kept as {kept}, the memory begins empty"
+            )
+
+    def _save_changes(self) -> None:
+        if self._memory.changes != self._saved and self.stopped():
+            self._save()
+
+    def _save(self) -> Job[None] | None:
+        if self._path is None:
+            return None
+        self._saved = self._memory.changes
+        kept = self._memory.kept(self._known())
+        self._saving = self._disk.submit(memory_file.save, self._path, *kept)
+        self._jobs.follow(self._saving, self._told)
+        return self._saving
+
+    def _told(self, trouble: str) -> None:
+        if trouble:
+            self._saved = -1
+            self._node.get_logger().error(
+                f"the memory is not saved, it is tried again: {trouble}",
+                throttle_duration_sec=60.0,
+            )
+
+    async def _manage(self, request: Any, response: Any) -> Any:
+        if request.action != ManageProfiles.Request.FORGET:
+            response.code = "UNKNOWN_ACTION"
+            response.message = (
+                f"action {request.action}, expected {ManageProfiles.Request.FORGET} (forget): the "
+                "scene layer has no profiles, it remembers what was measured"
+            )
+            return response
+        layer = request.layer
+        kind, _, name = layer.partition("/")
+        if kind == PERSON and name:
+            found = self._memory.forget(person=name)
+        elif kind == PLACE and name:
+            found = self._memory.forget(place=name)
+        else:
+            response.code = "UNKNOWN_LAYER"
+            response.message = (
+                f"no layer '{layer[:_SHOWN]}', expected person/NAME or place/NAME, for example "
+                "person/anna"
+            )
+            return response
+        trouble = await self._ended(self._save())
+        response.accepted = not trouble
+        response.code = STORAGE_FULL if trouble else ""
+        response.message = (
+            f"{layer[:_SHOWN]} is forgotten" if found else f"nothing was known of {layer[:_SHOWN]}"
+        ) + (f", but its file still has it, which is tried again: {trouble}" if trouble else "")
+        self._node.get_logger().info(response.message)
+        return response
+
+    async def _ended(self, job: Job[None] | None) -> str:
+        """Wait for a job; return what went wrong in words."""
+        if job is None:
+            return ""
+        ended = Future(executor=self._node.executor)
+        self._jobs.follow(job, ended.set_result)
+        trouble: str = await ended
+        return trouble

@@ -1,0 +1,107 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Plays a script in the stead of sensors."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping
+from typing import Any, Protocol
+
+from rclpy.node import Node
+
+from bt_agents_core.scene import Scene
+from bt_agents_interfaces.msg import MarketStatus
+from bt_agents_language.model.specs import Script, Visit
+from bt_agents_ros.parameters import declare, describe
+from bt_agents_ros.timers import steady_timer
+from scene_layer.script import Market, Performance
+
+_PERIOD_S = 0.02
+
+
+class Announce(Protocol):
+    """Announces a scene with given values; returns it."""
+
+    def __call__(
+        self, label: str, values: Mapping[str, float], person: bool | None, *, urgent: bool
+    ) -> Scene:
+        """Do so."""
+
+
+class Playing:
+    """Announces the visits of a script and gives their changes.
+
+    Args:
+        node: The scene layer's node.
+        script: The visits.
+        announce: Announces the scene of a visit.
+        give: Gives values to the interaction that runs.
+        listened: Says whether a market takes scenes.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        script: Script,
+        announce: Announce,
+        give: Callable[[Mapping[str, float], bool | None], object],
+        listened: Callable[[], bool],
+    ) -> None:
+        self._node = node
+        self._announce = announce
+        self._give = give
+        self._listened = listened
+        wait_for_agents = declare(
+            node,
+            "wait_for_agents",
+            1,
+            describe(
+                "the script begins when the market has so many agents",
+                minimum=0,
+                maximum=1_000_000,
+                integer=True,
+                read_only=True,
+            ),
+        )
+        self._performance = Performance(script, wait_for_agents=int(wait_for_agents))
+        self._timer = steady_timer(node, _PERIOD_S, self.play)
+
+    def started(self, scene_id: str) -> None:
+        """Take the start of a run."""
+        self._performance.started(scene_id, time.monotonic())
+        self.play()
+
+    def market(self, message: Any) -> None:
+        """Take the state of the market."""
+        market = Market(
+            epoch=message.epoch,
+            idle=message.state == MarketStatus.IDLE,
+            agents=message.agents,
+            finished_scene_id=message.finished_scene_id,
+        )
+        self._performance.market(market, time.monotonic())
+        self.play()
+
+    def play(self) -> None:
+        """Do what the script wants done now; called at every event and by a timer."""
+        performance = self._performance
+        if performance.done:
+            return
+        now = time.monotonic()
+        if performance.over() and performance.done:
+            self._timer.cancel()
+            self._node.get_logger().info("the script is played to its end")
+            return
+        if performance.not_taken(now):
+            self._node.get_logger().warning("the market did not take the scene; sending it again")
+        if performance.visit is None and self._listened():
+            visit = performance.next(now)
+            if visit is not None:
+                self._begin(visit)
+        for change in performance.due(now):
+            self._give(change.values, change.person)
+
+    def _begin(self, visit: Visit) -> None:
+        scene = self._announce(visit.label, visit.values, visit.person, urgent=visit.urgent)
+        self._performance.announced(scene.scene_id)
+        self._node.get_logger().info(f"visit {self._performance.number}: {visit.label}")

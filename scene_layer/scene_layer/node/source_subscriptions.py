@@ -1,0 +1,242 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The subscriptions that sources need: some always, some as long as a person is tracked."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterable
+from contextlib import suppress
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+from rclpy._rclpy_pybind11 import RCLError
+from rclpy.exceptions import InvalidTopicNameException
+from rclpy.node import Node
+
+from bt_agents_core.errors import Refused
+from bt_agents_language.model.scene_specs import MESSAGE, SceneSpec, SourceSpec, TrackedSpec
+from bt_agents_language.model.specs import BindingKind
+from bt_agents_ros import qos
+from bt_agents_ros.installed import InstalledInterfaces
+from bt_agents_ros.types import load_type, read_field
+from scene_layer.encounters import Encounters
+from scene_layer.persons import check_id
+from scene_layer.sources import Sources
+
+_LONGEST = 300
+_SHOWN = 100
+_MOST_UNNAMED = 1000
+
+
+@dataclass(frozen=True)
+class _Key:
+    """What one subscription is made for; several sources of one person may share it."""
+
+    topic: str
+    type: str
+    latched: bool
+    person: str = ""
+
+
+class Listening:
+    """Hands the messages of all sources to their readings.
+
+    Args:
+        node: The scene layer's node.
+        spec: The sources.
+        sources: Takes the readings.
+        encounters: Takes who is tracked.
+        changed: Called when a reading has changed something.
+
+    Raises:
+        Refused: A source names a type or field that is not installed, or a topic that cannot be
+            heard.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        spec: SceneSpec,
+        sources: Sources,
+        encounters: Encounters,
+        changed: Callable[[], None],
+    ) -> None:
+        self._node = node
+        self._spec = spec
+        self._sources = sources
+        self._encounters = encounters
+        self._changed = changed
+        self._dynamic: dict[_Key, tuple[Any, frozenset[SourceSpec]]] = {}
+        self._unnamed: dict[str, None] = {}
+        self._of_item = [source for source in spec.every_source if source.of_item]
+        for source in spec.every_source:
+            self._check(source.type, source.position, self._paths(source))
+        fixed: dict[_Key, list[SourceSpec]] = {}
+        for source in spec.every_source:
+            if not source.per_person:
+                fixed.setdefault(_Key(source.topic, source.type, source.latched), []).append(
+                    source
+                )
+        for key, read in fixed.items():
+            self._subscribe(key, read)
+        if spec.persons is not None:
+            self._track(spec.persons.tracked)
+
+    def follow(self) -> None:
+        """Listen to what there is about everybody who is tracked now, and to nobody else."""
+        if self._spec.persons is None:
+            return
+        people = self._encounters.tracked
+        topics = self._sources.topics(people, time.monotonic())
+        found: dict[_Key, set[SourceSpec]] = {}
+        for (source, person), topic in topics.items():
+            key = _Key(topic, source.type, source.latched, person)
+            found.setdefault(key, set()).add(source)
+        needed = {key: frozenset(read) for key, read in found.items()}
+        for key, (subscription, read) in list(self._dynamic.items()):
+            if needed.get(key) != read:
+                self._node.destroy_subscription(subscription)
+                del self._dynamic[key]
+        for key, new in needed.items():
+            if key not in self._dynamic and key.topic not in self._unnamed:
+                self._follow(key, new)
+
+    def _follow(self, key: _Key, read: frozenset[SourceSpec]) -> None:
+        try:
+            subscription = self._subscribe(key, sorted(read, key=lambda s: str(s.position)))
+        except Refused as refused:
+            # An id made it; without this it would be tried again at each look.
+            self._unnamed[key.topic] = None
+            if len(self._unnamed) > _MOST_UNNAMED:
+                del self._unnamed[next(iter(self._unnamed))]
+            self._node.get_logger().warning(
+                f"nothing is heard of {key.person[:_SHOWN]!r}: {refused.reason}"
+            )
+        else:
+            self._dynamic[key] = subscription, read
+
+    def _subscribe(self, key: _Key, read: Iterable[SourceSpec]) -> Any:
+        take = partial(self._on_reading, tuple(read), key.person)
+        profile = qos.FACT if key.latched else qos.SENSOR
+        return self._listen(key.topic, key.type, take, profile)
+
+    def _listen(
+        self, topic: str, type_name: str, take: Callable[[Any], None], profile: Any
+    ) -> Any:
+        """Subscribe to a topic.
+
+        Raises:
+            Refused: ``UNUSABLE_TOPIC``: its name is none, or this process uses it with another
+                type.
+        """
+        kind = load_type(type_name, BindingKind.TOPIC)
+        try:
+            return self._node.create_subscription(kind, topic, take, profile)
+        except InvalidTopicNameException as error:
+            raise Refused(
+                "UNUSABLE_TOPIC", f"no topic can be called {topic[:_SHOWN]}: {str(error)[:_SHOWN]}"
+            ) from None
+        except RCLError:
+            # What it says is about memory, where the reason is the other type.
+            raise Refused(
+                "UNUSABLE_TOPIC",
+                f"the topic {topic[:_SHOWN]} cannot be heard with the type {type_name}, expected "
+                "the same type wherever it stands in scene.yaml",
+            ) from None
+
+    def _paths(self, source: SourceSpec) -> list[str]:
+        """Return the paths of all fields that a source reads."""
+        read = [e for e in (source.field, source.confidence, source.std) if e is not None]
+        paths = sorted({name.removeprefix(f"{MESSAGE}.") for one in read for name in one.names})
+        if source.of_item and self._spec.persons is not None:
+            return [f"{self._spec.persons.tracked.field}.0.{path}" for path in paths]
+        return paths
+
+    def _check(self, type_name: str, position: object, paths: Iterable[str]) -> None:
+        load_type(type_name, BindingKind.TOPIC)
+        for path in paths:
+            problem = InstalledInterfaces().field_problem(
+                BindingKind.TOPIC, type_name, "message", path
+            )
+            if problem:
+                raise Refused("UNKNOWN_FIELD", f"{position}: {type_name}: {problem}")
+
+    # Readings
+
+    def _on_reading(self, read: tuple[SourceSpec, ...], person: str, message: Any) -> None:
+        changed = [self._read(one, partial(read_field, message), person) for one in read]
+        if any(changed):
+            self._changed()
+
+    def _read(self, source: SourceSpec, message: Callable[[str], object], person: str) -> bool:
+        try:
+            return self._sources.read(source, message, time.monotonic(), person)
+        except Refused as refused:
+            self._complain(refused, self._sources.refusals[source.topic, refused.code])
+            return False
+
+    def _complain(self, refused: Refused, count: int) -> None:
+        if count & (count - 1) == 0:
+            words = str(refused)
+            words = words if len(words) <= _LONGEST else f"{words[:_LONGEST]}…"
+            self._node.get_logger().warning(f"{words} ({count} refused so far)")
+
+    # Who is tracked
+
+    def _track(self, tracked: TrackedSpec) -> None:
+        assert self._spec.persons is not None
+        item = [f"{tracked.field}.0.{tracked.id}"] if tracked.id else []
+        self._check(tracked.type, tracked.position, [tracked.field, *item])
+        take = self._on_items if tracked.id else self._on_ids
+        profile = qos.FACT if tracked.latched else qos.SENSOR
+        self._listen(tracked.topic, tracked.type, take, profile)
+
+    def _on_ids(self, message: Any) -> None:
+        assert self._spec.persons is not None
+        self._listed(_raw(message, self._spec.persons.tracked.field, ()))
+
+    def _on_items(self, message: Any) -> None:
+        """Take a list with an item for each person, of which only those tracked are read."""
+        assert self._spec.persons is not None
+        tracked = self._spec.persons.tracked
+        items: dict[str, Any] = {}
+        ids = []
+        for item in _raw(message, tracked.field, ()):
+            person = _raw(item, tracked.id, "")
+            ids.append(person)
+            # Bad ones are refused, and counted, as those of a list of ids.
+            with suppress(Refused):
+                items.setdefault(check_id(person), item)
+        self._listed(ids)
+        for person in self._encounters.candidates:
+            if person in items:
+                self._on_item(items[person], person)
+        self._changed()
+
+    def _on_item(self, item: Any, person: str) -> None:
+        for source in self._of_item:
+            self._read(source, partial(read_field, item), person)
+
+    def _listed(self, ids: Iterable[object]) -> None:
+        left_out = self._encounters.listed(ids, time.monotonic())
+        if left_out is not None:
+            self._complain(*left_out)
+
+
+def _raw(message: Any, path: str, nothing: Any) -> Any:
+    """Return a field as it is; :func:`read_field` would turn a long list into plain data.
+
+    Args:
+        message: A message of a type that has such a field.
+        path: As for :func:`read_field`.
+        nothing: What stands for an item of a list that is too short.
+    """
+    for part in path.split("."):
+        if not part.isdigit():
+            message = getattr(message, part)
+        elif int(part) < len(message):
+            message = message[int(part)]
+        else:
+            return nothing
+    return message

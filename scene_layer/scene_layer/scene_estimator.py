@@ -1,0 +1,321 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A scene put together from readings, given values and what is known; never zero for unknown."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+from bt_agents_core.errors import Refused
+from bt_agents_core.scene import Origin, Scene, SceneSpace, SceneValue, check_value
+from bt_agents_language.model.scene_specs import MissingRule, SceneSpec
+from scene_layer.encounters import THRESHOLD, Encounters, somebody_is_measured
+from scene_layer.memory import Memory, ignorance
+from scene_layer.persons import NOBODY
+from scene_layer.sources import Sources
+
+KEPT = 1000
+"""Interactions whose given values are remembered: more than scenes may wait in a market."""
+
+
+def check_given(
+    space: SceneSpace, names: Sequence[str], values: Sequence[float]
+) -> dict[str, float]:
+    """Check values that a caller gives for some parameters.
+
+    Raises:
+        Refused: ``WRONG_LENGTH``, ``UNKNOWN_PARAMETER``, ``DUPLICATE_PARAMETER``, ``NOT_FINITE``
+            or ``OUT_OF_RANGE``.
+    """
+    if len(names) != len(values):
+        raise Refused(
+            "WRONG_LENGTH",
+            f"given values: {len(names)} names and {len(values)} values; expected as many",
+        )
+    given: dict[str, float] = {}
+    for name, value in zip(names, values, strict=True):
+        parameter = space.parameter(name, what="given values")
+        if name in given:
+            raise Refused("DUPLICATE_PARAMETER", f"given values: '{name}' stands twice")
+        given[name] = check_value(parameter, value, what="given values")
+    return given
+
+
+@dataclass(frozen=True, kw_only=True)
+class Given:
+    """A value that somebody gave, and when, in steady time [s]."""
+
+    value: float
+    at: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class Interaction:
+    """What was given for one interaction, from its scene to the end of its runs.
+
+    Attributes:
+        scene_id: Of its scene.
+        label: Words for people.
+        values: Given values by parameter.
+        person: 1 where somebody was said to be there, 0 for nobody; None as measured.
+        urgent: Whether it may stop a running tree.
+        person_id: Whom it is about; empty as long as nobody is.
+        met: True once somebody was there.
+    """
+
+    scene_id: str
+    label: str = ""
+    values: Mapping[str, Given] = field(default_factory=dict)
+    person: Given | None = None
+    urgent: bool = False
+    person_id: str = NOBODY
+    met: bool = False
+
+    def with_given(
+        self, values: Mapping[str, float], person: bool | None, now: float
+    ) -> Interaction:
+        """Return the interaction with more values given; a person of None stays as it was."""
+        given = {name: Given(value=value, at=now) for name, value in values.items()}
+        present = self.person if person is None else Given(value=float(person), at=now)
+        return replace(self, values={**self.values, **given}, person=present)
+
+
+class Estimate:
+    """What is known of the present interaction and of those that wait in the market.
+
+    A given value holds for its interaction until a source brings a newer reading. It never
+    reaches another interaction: a scene that waits does not change the one that runs. An
+    interaction stays with the person whom it began with; one that began with nobody takes the
+    first addressee there is.
+
+    Args:
+        spec: The scene parameters and their sources.
+        sources: The latest readings.
+        memory: What is known from before.
+    """
+
+    def __init__(self, spec: SceneSpec, sources: Sources, memory: Memory) -> None:
+        self._spec = spec
+        self._sources = sources
+        self._memory = memory
+        self._interactions: dict[str, Interaction] = {}
+        self.encounters = Encounters(spec, sources, memory)
+
+    def begin(
+        self,
+        scene_id: str,
+        label: str,
+        values: Mapping[str, float],
+        person: bool | None,
+        now: float,
+        *,
+        urgent: bool = False,
+        person_id: str | None = None,
+    ) -> Interaction:
+        """Open an interaction.
+
+        Args:
+            scene_id: Of its scene.
+            label: Words for people.
+            values: Checked values that are given for it.
+            person: Whether somebody is there; None as measured.
+            now: Steady time [s].
+            urgent: Whether it may stop a running tree.
+            person_id: Whom it is about; None takes the addressee.
+        """
+        empty = Interaction(scene_id=scene_id, label=label, urgent=urgent)
+        begun = empty.with_given(values, person, now)
+        if person_id is not None:
+            begun = replace(begun, person_id=person_id, met=bool(person_id))
+        return self._keep(begun)
+
+    def give(
+        self, scene_id: str, values: Mapping[str, float], person: bool | None, now: float
+    ) -> Interaction:
+        """Add checked given values to an interaction, known or not."""
+        return self._keep(self._known(scene_id).with_given(values, person, now))
+
+    def adopt(self, scene: Scene, now: float) -> Interaction:
+        """Return the interaction of an awarded scene; for a foreign scene, its given values."""
+        known = self._interactions.get(scene.scene_id)
+        if known is not None:
+            return known
+        given = {v.name: v.value for v in scene.values if v.origin is Origin.GIVEN}
+        measured = self._spec.person is not None or self.encounters.told_apart
+        return self.begin(
+            scene.scene_id,
+            scene.label,
+            given,
+            None if measured else scene.person,
+            now,
+            urgent=scene.urgent,
+            person_id=scene.person_id if self.encounters.told_apart else None,
+        )
+
+    def look(self, now: float, wall: float, running: str | None) -> bool:
+        """Find out who is here; return whether that has changed.
+
+        Args:
+            now: Steady time [s].
+            wall: Unix time [s].
+            running: Scene id of the run under way; None between runs.
+        """
+        person = None if running is None else self._bound(running).person_id
+        self.encounters.keep(person)
+        return self.encounters.look(now, wall)
+
+    def scene(self, scene_id: str, *, now: float, wall: float, stamp: float) -> Scene:
+        """Put the scene of an interaction together.
+
+        Args:
+            scene_id: Id of the interaction; an unknown one has no given values.
+            now: Steady time [s].
+            wall: Unix time [s].
+            stamp: Time for the message [s].
+        """
+        known = self._bound(scene_id)
+        values = [self._value(name, known, now) for name in self._spec.space.names]
+        present = self._present(known, values, now)
+        if present and not known.met:
+            known = self._update(replace(known, met=True))
+        return self._complete(known, values, present, now, wall, stamp)
+
+    def scene_of(self, person_id: str, *, now: float, wall: float, stamp: float) -> Scene:
+        """Return the scene of a person with nothing given; times as in :meth:`scene`."""
+        one = Interaction(scene_id=f"person/{person_id}", person_id=person_id, met=True)
+        values = [self._value(name, one, now) for name in self._spec.space.names]
+        present = person_id in self.encounters.tracked
+        return self._complete(one, values, present, now, wall, stamp)
+
+    def _complete(
+        self,
+        interaction: Interaction,
+        values: Sequence[SceneValue],
+        present: bool,
+        now: float,
+        wall: float,
+        stamp: float,
+    ) -> Scene:
+        place = self._sources.place(now)
+        return Scene(
+            scene_id=interaction.scene_id,
+            label=interaction.label,
+            person=present,
+            urgent=interaction.urgent,
+            person_id=interaction.person_id,
+            place=place,
+            persons=len(self.encounters.tracked),
+            values=tuple(
+                self._expected(value.name, interaction, place, wall)
+                if value.origin is Origin.MISSING
+                else value
+                for value in values
+            ),
+            stamp=stamp,
+        )
+
+    def _known(self, scene_id: str) -> Interaction:
+        return self._interactions.get(scene_id, Interaction(scene_id=scene_id))
+
+    def _keep(self, interaction: Interaction) -> Interaction:
+        self._interactions.pop(interaction.scene_id, None)
+        self._interactions[interaction.scene_id] = interaction
+        while len(self._interactions) > KEPT:
+            del self._interactions[next(iter(self._interactions))]
+        return interaction
+
+    def _bound(self, scene_id: str) -> Interaction:
+        """Return an interaction with its person: the addressee, unless there is one already.
+
+        One about nobody stays so. The one that nobody has announced follows the addressee.
+        """
+        known = self._known(scene_id)
+        absent = known.person is not None and not known.person.value
+        if absent or (known.person_id and scene_id):
+            return known
+        met = known.met and bool(scene_id)
+        return self._update(replace(known, person_id=self.encounters.addressee, met=met))
+
+    def _update(self, interaction: Interaction) -> Interaction:
+        """Keep an interaction at its place in line, where it is known."""
+        if interaction.scene_id in self._interactions:
+            self._interactions[interaction.scene_id] = interaction
+        return interaction
+
+    def _value(self, name: str, interaction: Interaction, now: float) -> SceneValue:
+        """Return a value as given or measured, else missing."""
+        given = interaction.values.get(name)
+        person = interaction.person_id
+        lost = bool(person) and person not in self.encounters.tracked
+        read = self._sources.latest(name, now, person, alone=lost)
+        if given is not None and (read is None or read.at <= given.at):
+            return SceneValue(name=name, value=given.value, origin=Origin.GIVEN, source="given")
+        if read is None or now > read.stale_at:
+            return SceneValue.missing(name)
+        return SceneValue(
+            name=name,
+            value=read.value,
+            origin=Origin.MEASURED,
+            age_s=max(0.0, now - read.at),
+            std=read.std,
+            confidence=read.confidence,
+            source=read.source,
+        )
+
+    def _expected(
+        self, name: str, interaction: Interaction, place: str, wall: float
+    ) -> SceneValue:
+        """Return what stands for a value that nobody measures."""
+        rule = self._spec.missing_rule(name)
+        if not interaction.met:
+            if name in self._spec.no_person:
+                return SceneValue(
+                    name=name,
+                    value=self._spec.no_person[name],
+                    origin=Origin.DEFAULT,
+                    source="nobody is there",
+                )
+            return SceneValue.missing(name)
+        if rule is MissingRule.LEAVE_OUT:
+            return SceneValue.missing(name)
+        parameter = self._spec.space.parameter(name)
+        unknown = ignorance(parameter)
+        found = self._memory.estimate(interaction.person_id, place, name, wall)
+        if found is not None:
+            return SceneValue(
+                name=name,
+                value=found.value,
+                origin=Origin.ESTIMATED,
+                age_s=found.age_s,
+                std=found.std,
+                confidence=max(0.0, 1.0 - (found.std / unknown) ** 2),
+                source=found.source,
+            )
+        if rule is MissingRule.ESTIMATE:
+            return SceneValue.missing(name)
+        return SceneValue(
+            name=name,
+            value=parameter.default,
+            origin=Origin.DEFAULT,
+            std=unknown,
+            confidence=0.0,
+            source="default",
+        )
+
+    def _present(self, interaction: Interaction, values: Sequence[SceneValue], now: float) -> bool:
+        """Whether the person of an interaction is there: as given or read, whichever is newer.
+
+        Where persons are told apart, an interaction about nobody stays one, and whoever is not
+        tracked any more is gone.
+        """
+        given = interaction.person
+        if self.encounters.told_apart:
+            if given is not None and (not given.value or self.encounters.heard_at <= given.at):
+                return given.value >= THRESHOLD
+            return interaction.person_id in self.encounters.tracked
+        if self._spec.person is None and given is None:
+            return any(value.origin is not Origin.MISSING for value in values)
+        read = self._sources.latest_person()
+        if given is not None and (read is None or read.at <= given.at):
+            return given.value >= THRESHOLD
+        return somebody_is_measured(self._spec, self._sources, now)
