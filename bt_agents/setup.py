@@ -6,12 +6,12 @@ from setuptools import find_packages, setup
 setup(
     name="bt_agents",
     version="0.1.0",
-    description="The tree language, the engine and the host of behaviour-tree agents.",
+    description="The runtime: ticks behaviour trees and hosts agents as a ROS node.",
     license="Apache-2.0",
     maintainer="bt-agents maintainers",
     maintainer_email="maintainers@bt-agents.invalid",
     packages=find_packages(include=["bt_agents", "bt_agents.*"]),
-    package_data={"bt_agents": ["py.typed", "ros/*.xml"]},
+    package_data={"bt_agents": ["py.typed"]},
     data_files=[
         ("share/ament_index/resource_index/packages", ["resource/bt_agents"]),
         ("share/bt_agents", ["package.xml"]),
@@ -20,9 +20,7 @@ setup(
     zip_safe=True,
     entry_points={
         "console_scripts": [
-            "agents = bt_agents_ros.node_main:agents",
-            "bt-agents = bt_agents_tools.cli:main",
+            "agents = bt_agents:main",
         ],
-        "pytest11": ["bt_agents = bt_agents_tools.rehearsal.pytest_plugin"],
     },
 )

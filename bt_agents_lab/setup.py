@@ -11,11 +11,22 @@ setup(
     maintainer="bt-agents maintainers",
     maintainer_email="maintainers@bt-agents.invalid",
     packages=find_packages(include=["bt_agents_lab", "bt_agents_lab.*"]),
+    package_data={"bt_agents_lab": ["py.typed"]},
     data_files=[
         ("share/ament_index/resource_index/packages", ["resource/bt_agents_lab"]),
         ("share/bt_agents_lab", ["package.xml"]),
     ],
     install_requires=["setuptools"],
     zip_safe=True,
-    entry_points={"console_scripts": ["journal = bt_agents_lab:run_journal"]},
+    entry_points={
+        "bt_agents.commands": [
+            "experiment = bt_agents_lab.cli.experiment:experiment",
+            "journal = bt_agents_lab.cli.journal:journal",
+            "replay = bt_agents_lab.cli.replay:replay",
+            "what-if = bt_agents_lab.cli.what_if:what_if",
+        ],
+        "console_scripts": [
+            "journal = bt_agents_lab:run_journal",
+        ],
+    },
 )

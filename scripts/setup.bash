@@ -26,7 +26,7 @@ set_up() {
   if [[ -n ${ROS_DISTRO-}${AMENT_PREFIX_PATH-} ]]; then
     fail "ROS 2 is sourced in this shell, so use colcon instead: cd '$root' &&\
  rosdep install --from-paths . --ignore-src -y && colcon build && source install/setup.bash &&\
- ros2 run bt_agents bt-agents demo"
+ ros2 run bt_agents_tools bt-agents demo"
   fi
   export PIP_DISABLE_PIP_VERSION_CHECK=1
   (
@@ -59,8 +59,8 @@ install_bt_agents() {
   # Editable: the Python modules stay in the checkout, only the interfaces are compiled.
   step "Installing ROS 2 and bt-agents" "$venv/bin/python" -m pip install --editable "$root"
   local folder
-  for folder in bringup experiments trees; do
-    ln -sfn "../../$folder" "$venv/share/bt_agents_$folder"
+  for folder in bt_agents_bringup experiments trees; do
+    ln -sfn "../../$folder" "$venv/share/bt_agents_${folder#bt_agents_}"
   done
   printf '%s\n' "$made_from" >"$stamp"
 }

@@ -58,7 +58,7 @@ class RosPackage:
 
     def executables(self) -> dict[str, str]:
         """Return the names of the executables and the functions they call."""
-        lines = self.setup()["entry_points"]["console_scripts"]
+        lines = self.setup().get("entry_points", {}).get("console_scripts", [])
         return dict(line.split(" = ") for line in lines)
 
 

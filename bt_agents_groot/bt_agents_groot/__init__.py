@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Trees of BehaviorTree.CPP v4 (Groot2) read into our language, and ours written for Groot2."""
+"""Trees from and to BehaviorTree.CPP and Groot2."""

@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Interaction scripts as text: read, checked and explained with positions, without ROS."""
+"""The authors' files as checked specifications, and every tool that works on them."""

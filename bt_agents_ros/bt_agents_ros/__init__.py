@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The agent host and what all ROS nodes of the project share."""
+"""What the nodes of the system share: base node, executor, QoS, calls and parameters."""

@@ -21,10 +21,5 @@ def start(module: str) -> int:
     return int(importlib.import_module(module).main())
 
 
-def agents() -> int:
-    """Run a host; return the exit code."""
-    return start("bt_agents.host.node")
-
-
 if __name__ == "__main__":
     raise SystemExit(start(sys.argv.pop(1)))

@@ -27,8 +27,8 @@ from scene_layer.memory import ignorance
 Message = Callable[[str], object]
 """Returns the field of a message by its dotted path, as plain data.
 
-Raises :class:`~bt_agents_core.errors.Refused` for what is not there: ``NO_SUCH_ITEM`` where a list is
-too short, which means that nothing was measured.
+Raises :class:`~bt_agents_core.errors.Refused` for what is not there: ``NO_SUCH_ITEM`` where a list
+is too short, which means that nothing was measured.
 """
 
 LONGEST_TEXT = 100

@@ -27,7 +27,7 @@ def test_every_executable_is_where_ros_looks_for_it(install_space: Path):
 def test_the_programs_of_the_workspace_play_an_experiment_together(
     sourced: Any, install_space: Path, pyproject: dict[str, Any]
 ):
-    command = str(install_space / "bt_agents" / "lib" / "bt_agents" / "bt-agents")
+    command = str(install_space / "bt_agents_tools" / "lib" / "bt_agents_tools" / "bt-agents")
     assert pyproject["project"]["version"] in sourced.run(command, "--version")
     sourced.run(command, "check")
     assert "Experiment 1" in sourced.run(command, "experiment", "run", "1", "--ros")

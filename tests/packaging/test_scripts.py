@@ -135,7 +135,9 @@ def test_everything_missing_is_one_command(machine: Machine):
 def test_where_ros_is_sourced_it_gives_the_commands_of_colcon(machine: Machine, sourced: str):
     line = refusal(machine, **{sourced: "jazzy"})
     assert f"cd '{machine.checkout}' && rosdep install" in line
-    assert "colcon build && source install/setup.bash && ros2 run bt_agents bt-agents" in line
+    assert (
+        "colcon build && source install/setup.bash && ros2 run bt_agents_tools bt-agents" in line
+    )
 
 
 def test_the_first_run_installs_and_the_second_only_plays(machine: Machine):

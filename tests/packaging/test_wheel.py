@@ -21,7 +21,7 @@ def test_the_project_builds_into_one_wheel_with_every_module(
     held = {Path(name) for name in zipfile.ZipFile(wheel).namelist()}
     for package in PYTHON_PACKAGES:
         assert package.modules <= held
-    assert {Path("bt_agents/py.typed"), Path("bt_agents/ros/loopback.xml")} <= held
+    assert {Path("bt_agents/py.typed"), Path("bt_agents_tools/launcher/loopback.xml")} <= held
 
 
 def test_the_installed_command_says_its_version(installed: Any, pyproject: dict[str, Any]):

@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Behaviour trees built from specs and ticked on an injected clock and world, without ROS."""
+"""The engine: trees of behaviours, built from specifications, ticked on an injected clock."""

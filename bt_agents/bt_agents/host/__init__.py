@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Host."""
+"""The ROS node that hosts agents: bids, runs, tunables, reloading."""

@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Plugins."""
+"""Behaviours of other packages as leaves."""

@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Recording."""
+"""Recording of what reaches a run from outside, and its replay."""

@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Commands of `bt-agents` for the journal and for experiments."""
+"""Commands of the lab."""

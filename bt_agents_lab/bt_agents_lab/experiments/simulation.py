@@ -227,8 +227,8 @@ def _fired(person: Person, moods: Floats) -> tuple[Integers, Integers]:
 def _held(holds: Bools, hold_s: int) -> Integers:
     """Return the second, from 1, at which a condition [seconds, rows] has held so long.
 
-    As for :class:`feedback_node.rules.Watch`, a look counts until the next one: one that is due fires
-    on what was seen before.
+    As for :class:`feedback_node.rules.Watch`, a value counts until the next one: a rule that is
+    due fires on what was seen before.
     """
     starts = len(holds) - hold_s
     if starts < 1:

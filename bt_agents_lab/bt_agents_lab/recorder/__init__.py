@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The journal: everything that a system said, in one MCAP file a day."""
+"""The journal: every message of a system, recorded to MCAP files."""

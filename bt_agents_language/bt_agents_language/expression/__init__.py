@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Expressions: their words, kinds, dimensions, operators and functions."""
+"""Expressions of the language: tokens, parser, operators and functions."""

@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Files."""
+"""Readers, one for each kind of file."""

@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Model."""
+"""Specifications: what a checked file says, as frozen data."""

@@ -9,8 +9,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from functools import cache
 from importlib.metadata import EntryPoint, entry_points
-
-from py_trees.behaviour import Behaviour
+from typing import TypeGuard
 
 from bt_agents_core.errors import BtAgentsError
 from bt_agents_language.model.node_type import Content, NodeField, NodeKind
@@ -107,7 +106,7 @@ def _kind(point: EntryPoint) -> NodeKind:
         raise PluginProblem(
             f"{whose} cannot be loaded: {type(error).__name__}: {error}"
         ) from error
-    if not (isinstance(behaviour, type) and issubclass(behaviour, Behaviour)):
+    if not _is_behaviour(behaviour):
         raise PluginProblem(f"{whose} is no py_trees.behaviour.Behaviour class")
     fields = getattr(behaviour, "fields", ())
     if not isinstance(fields, tuple) or not all(_is_field(field) for field in fields):
@@ -127,6 +126,14 @@ def _kind(point: EntryPoint) -> NodeKind:
         fields=fields,
         description=" ".join(summary.split()),
         behaviour=behaviour,
+    )
+
+
+def _is_behaviour(loaded: object) -> TypeGuard[type]:
+    """Return whether an object is a behaviour class, without an import of py_trees."""
+    return isinstance(loaded, type) and any(
+        (base.__module__, base.__qualname__) == ("py_trees.behaviour", "Behaviour")
+        for base in loaded.__mro__
     )
 
 

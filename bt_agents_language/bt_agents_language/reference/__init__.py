@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What there is to say about each word of the language."""
+"""Reference pages of node types, topics and diagnostic codes."""

@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Tools."""
+"""Authors' tools on checked files: check, lint, format, draw, schema, templates."""

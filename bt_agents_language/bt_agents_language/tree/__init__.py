@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Trees: from keys and values to checked nodes with their subtrees in place."""
+"""From raw nodes to checked trees: fields, names, subtrees and calls."""

@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Workarounds."""
+"""Replacements for parts of rclpy, each until upstream has mended what it names."""

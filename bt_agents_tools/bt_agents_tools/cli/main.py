@@ -4,25 +4,26 @@
 from __future__ import annotations
 
 import difflib
-import importlib
 import signal
 import sys
-from types import ModuleType
+from collections.abc import Mapping
+from functools import cache
+from importlib.metadata import EntryPoint, entry_points
 
 import click
 
 from bt_agents_core.errors import BtAgentsError
 from bt_agents_ros.signals import end_silently, loading
 
-COMMANDS = {
-    "demo": "live",
-    "up": "live",
-    "trigger": "ask",
-    "sense": "ask",
-    "cancel": "ask",
+COMMANDS: Mapping[str, str] = {
+    "demo": "run_system",
+    "up": "run_system",
+    "trigger": "requests",
+    "sense": "requests",
+    "cancel": "requests",
     "scene": "scene",
-    "status": "ask",
-    "why": "ask",
+    "status": "requests",
+    "why": "requests",
     "pin": "operate",
     "unpin": "operate",
     "veto": "operate",
@@ -30,13 +31,9 @@ COMMANDS = {
     "award": "operate",
     "preview": "operate",
     "strategy": "strategy",
-    "feedback": "ask",
+    "feedback": "requests",
     "profile": "profile",
     "moods": "moods",
-    "experiment": "bt_agents_lab.cli.experiment",
-    "journal": "bt_agents_lab.cli.journal",
-    "replay": "bt_agents_lab.cli.replay",
-    "what-if": "bt_agents_lab.cli.what_if",
     "check": "check",
     "explain": "explain",
     "new": "new",
@@ -45,8 +42,6 @@ COMMANDS = {
     "rehearse": "rehearse",
     "test": "test",
     "schema": "schema",
-    "import": "groot",
-    "export": "groot",
     "tune": "tune",
     "preset": "preset",
     "keep": "keep",
@@ -54,12 +49,25 @@ COMMANDS = {
     "versions": "reload",
     "roll-back": "reload",
 }
-"""Command to the module that has it; one without a dot is in ``bt_agents_tools.cli``.
+"""Command → the module of ``bt_agents_tools.cli.commands`` that has it.
 
-Its function has the name of the command, with ``_`` for ``-``, and one behind a word of Python.
+Its function has the name of the command, with ``_`` for ``-``.
 """
 
-_PYTHONS = ("import",)
+GROUP = "bt_agents.commands"
+"""Entry points of other packages: command → its function."""
+
+
+@cache
+def all_commands() -> Mapping[str, EntryPoint]:
+    """Return every command by its name, those of other packages included."""
+    own = {
+        name: EntryPoint(
+            name, f"bt_agents_tools.cli.commands.{module}:{name.replace('-', '_')}", GROUP
+        )
+        for name, module in COMMANDS.items()
+    }
+    return {**{entry.name: entry for entry in entry_points(group=GROUP)}, **own}
 
 
 class LazyGroup(click.Group):
@@ -67,17 +75,15 @@ class LazyGroup(click.Group):
 
     def list_commands(self, ctx: click.Context) -> list[str]:
         """Return the names of all commands."""
-        return sorted(COMMANDS)
+        return sorted(all_commands())
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
         """Import a command; None when there is no such command."""
-        module = COMMANDS.get(cmd_name)
-        if module is None:
+        entry = all_commands().get(cmd_name)
+        if entry is None:
             return None
-        path = module if "." in module else f"bt_agents_tools.cli.{module}"
-        function = cmd_name.replace("-", "_") + ("_" if cmd_name in _PYTHONS else "")
         with loading():
-            command = getattr(_imported(path), function)
+            command = _load(entry)
         assert isinstance(command, click.Command)
         return command
 
@@ -85,22 +91,22 @@ class LazyGroup(click.Group):
         self, ctx: click.Context, args: list[str]
     ) -> tuple[str | None, click.Command | None, list[str]]:
         """Find the command of some arguments; a misspelt one is refused with the nearest."""
-        near = difflib.get_close_matches(args[0], COMMANDS, n=1, cutoff=0.75)
-        if args[0] not in COMMANDS and near:
+        near = difflib.get_close_matches(args[0], all_commands(), n=1, cutoff=0.75)
+        if args[0] not in all_commands() and near:
             ctx.fail(f"no command '{args[0]}'; did you mean '{near[0]}'?")
         return super().resolve_command(ctx, args)
 
 
-def _imported(path: str) -> ModuleType:
-    """Return a module.
+def _load(entry: EntryPoint) -> object:
+    """Return the function of a command.
 
     Raises:
         BtAgentsError: It needs a package that not every installation has.
     """
     try:
-        return importlib.import_module(path)
+        return entry.load()
     except ModuleNotFoundError as error:
-        if not path.startswith("bt_agents_lab."):
+        if entry.name in COMMANDS:
             raise
         raise BtAgentsError(
             f"this command needs the package {error.name}; install it with "

@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Client."""
+"""Typed requests to a running system."""

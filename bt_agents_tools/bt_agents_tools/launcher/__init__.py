@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Launcher."""
+"""The processes of a running system: how they are started, restarted and ended."""

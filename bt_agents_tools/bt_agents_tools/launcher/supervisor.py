@@ -13,14 +13,13 @@ from collections.abc import Callable, Mapping, MutableMapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-import bt_agents
 from bt_agents_core.errors import BtAgentsError
 from bt_agents_ros.node_main import READY, SUPERVISED
 from bt_agents_ros.signals import hold_back
 from bt_agents_tools.launcher.backoff import Backoff
 from bt_agents_tools.launcher.log_file import LogFile
 
-LOOPBACK_PROFILE = Path(bt_agents.__file__).parent / "ros" / "loopback.xml"
+LOOPBACK_PROFILE = Path(__file__).with_name("loopback.xml")
 
 _PROFILE = "FASTRTPS_DEFAULT_PROFILES_FILE"
 _FAST_DDS = ("", "rmw_fastrtps_cpp", "rmw_fastrtps_dynamic_cpp")

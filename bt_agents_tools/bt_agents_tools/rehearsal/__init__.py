@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Trees rehearsed and tested on a virtual clock, without a robot and without ROS."""
+"""Rehearsals: trees played without a robot, and their tests."""

@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Ledger."""
+"""The ledger: every revision of every profile, durable before it is acknowledged."""

@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Management."""
+"""Management of learned profiles: show, undo, reset, export, forget."""

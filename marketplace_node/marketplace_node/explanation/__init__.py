@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Explanation."""
+"""Reasons for decisions, in words and numbers."""

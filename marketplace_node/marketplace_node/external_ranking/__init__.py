@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""External ranking."""
+"""Ranking by an external service over HTTP."""

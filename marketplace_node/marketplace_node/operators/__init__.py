@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Operators."""
+"""Operators' means: pins, vetoes, awards, previews, statistics."""

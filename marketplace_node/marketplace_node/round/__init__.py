@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Round."""
+"""One round of the auction: bids, ranking, decision."""

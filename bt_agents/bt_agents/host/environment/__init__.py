@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Environment."""
+"""The environment of a tree over ROS: goals, inboxes, clock."""

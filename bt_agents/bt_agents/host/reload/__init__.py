@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Agents whose files change while they are at work: what is read again, and what it replaces."""
+"""Reloading of changed files into a running host, with versions to go back to."""

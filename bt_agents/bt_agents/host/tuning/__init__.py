@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Values that change while agents are at work: what they may be, what they were, what stays."""
+"""Tunables: values of trees that change while they run, with history and presets."""

@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Test files: scenes to rehearse, and what is expected of them."""
+"""Readers of agents' tests and of the scenarios they play."""

@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Files written in one canonical style, or changed in one place only."""
+"""The formatter of YAML files and edits of single values in place."""

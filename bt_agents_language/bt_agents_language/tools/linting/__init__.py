@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Warnings about what is legal but rarely meant."""
+"""Warnings about trees that can be read but will not do what they say."""

@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""JSON Schemas of every kind of file, for completion and hover in an author's editor."""
+"""JSON Schemas of all kinds of files."""

@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Commands."""
+"""The commands of `bt-agents`."""
