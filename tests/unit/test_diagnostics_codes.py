@@ -12,7 +12,6 @@ from pathlib import Path
 
 import pytest
 
-import bt_agents
 from bt_agents_core.errors import ReadError
 from bt_agents_groot.document import read_document
 from bt_agents_language.files import folder_reader
@@ -43,7 +42,7 @@ HEAD = {
     "tree": "tree: {{wait: 1 s}}",
 }
 FILE = re.compile(r"^# (\S+\.yaml)(/?)$", re.MULTILINE)
-PACKAGE = Path(bt_agents.__file__).parent
+ROOT = Path(__file__).parents[2]
 
 
 class StandardTypes(FakeInterfaces):
@@ -215,8 +214,8 @@ def reported(tree: ast.AST) -> Iterator[str]:
 def sources() -> list[ast.AST]:
     files = [
         path
-        for package in ("language", "groot", "rehearsal")
-        for path in (PACKAGE / package).rglob("*.py")
+        for package in ("bt_agents_language", "bt_agents_groot", "bt_agents_tools")
+        for path in (ROOT / package).rglob("*.py")
         if path.parent.name != "codes"
     ]
     return [ast.parse(path.read_text(encoding="utf-8")) for path in files]

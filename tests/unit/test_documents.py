@@ -243,7 +243,7 @@ def test_links_between_documents_lead_somewhere() -> None:
             assert (path.parent / target).exists(), f"{path.name}: {target}"
 
 
-@pytest.mark.parametrize("path", sorted((ROOT / "bringup" / "launch").glob("*.yaml")))
+@pytest.mark.parametrize("path", sorted((ROOT / "bt_agents_bringup" / "launch").glob("*.yaml")))
 def test_every_node_of_a_launch_file_is_an_executable_of_its_package(path: Path) -> None:
     folders = {
         re.search(r"<name>(.*)</name>", xml.read_text())[1]: xml.parent  # type: ignore[index]
@@ -260,7 +260,8 @@ def test_every_node_of_a_launch_file_is_an_executable_of_its_package(path: Path)
 
 @pytest.mark.parametrize("folder", ["", "/data/day"])
 def test_a_launched_system_keeps_a_journal_only_where_it_is_told_to(folder: str) -> None:
-    entries = yaml.safe_load((ROOT / "bringup" / "launch" / "system.launch.yaml").read_text())
+    launch = ROOT / "bt_agents_bringup" / "launch" / "system.launch.yaml"
+    entries = yaml.safe_load(launch.read_text())
     arguments = {e["arg"]["name"]: e["arg"] for e in entries["launch"] if "arg" in e}
     assert arguments["journal"]["default"] == ""
     [node] = [

@@ -10,7 +10,15 @@ import pytest
 
 from programs import ROOT
 
-PACKAGES = ("bt_agents", "marketplace_node", "scene_layer", "feedback_node", "robot")
+PACKAGES = (
+    "bt_agents_ros",
+    "bt_agents",
+    "marketplace_node",
+    "scene_layer",
+    "feedback_node",
+    "bt_agents_tools",
+    "bt_agents_robot",
+)
 RUNNER = "bt_agents_ros/bt_agents_ros/spinner.py"
 QOS = "bt_agents_ros/bt_agents_ros/qos.py"
 BASE = "bt_agents_ros/bt_agents_ros/base_node.py"
@@ -24,7 +32,7 @@ SOURCES = {
     str(path.relative_to(ROOT)): ast.parse(path.read_text())
     for package in PACKAGES
     for path in sorted((ROOT / package).rglob("*.py"))
-    if "rclpy" in path.read_text() or "/ros/" in str(path)
+    if "rclpy" in path.read_text() or path.is_relative_to(ROOT / "bt_agents_ros")
 }
 """All sources that have to do with ROS."""
 
@@ -197,14 +205,15 @@ def test_every_executable_is_run_by_the_one_runner(path: str) -> None:
 def test_every_executable_of_the_packages_is_loaded_silently() -> None:
     for package in PACKAGES:
         setup = (ROOT / package / "setup.py").read_text()
-        [scripts] = [
-            ast.literal_eval(node.values[0])
+        scripts = [
+            script
             for node in ast.walk(ast.parse(setup))
             if isinstance(node, ast.Dict)
-            and any(
-                isinstance(k, ast.Constant) and k.value == "console_scripts" for k in node.keys
-            )
+            for key, value in zip(node.keys, node.values, strict=True)
+            if isinstance(key, ast.Constant) and key.value == "console_scripts"
+            for script in ast.literal_eval(value)
         ]
+        assert scripts or package == "bt_agents_ros"
         for script in scripts:
             module, _, function = script.partition("=")[2].strip().partition(":")
             assert "rclpy" not in imports_of(module), f"{script} imports rclpy before it is silent"

@@ -183,7 +183,8 @@ def test_every_strategy_says_what_it_does_and_what_can_be_set() -> None:
 
 
 def test_the_market_takes_the_recommended_parameters() -> None:
-    text = (Path(__file__).parents[2] / "bringup" / "params" / "recommended.yaml").read_text()
+    folder = Path(__file__).parents[2] / "bt_agents_bringup" / "params"
+    text = (folder / "recommended.yaml").read_text()
     given = yaml.safe_load(text)["/**/marketplace"]["ros__parameters"]
     options = {name: value for name, value in given.items() if "." in name}
     rest = {name: value for name, value in given.items() if "." not in name}
