@@ -11,7 +11,7 @@ import rclpy
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
-from bt_agents_ros.workarounds.cached_executor import LeanExecutor
+from bt_agents_ros.workarounds.cached_executor import CachedExecutor
 
 EVENTS = QoSProfile(depth=1000, reliability=ReliabilityPolicy.RELIABLE)
 """As all topics and services of events of the system have it."""
@@ -33,7 +33,7 @@ LATCHED = QoSProfile(
 
 def executor(context: Any = None) -> Any:
     """Return the executor that both sides of every benchmark use."""
-    return LeanExecutor(context=context)
+    return CachedExecutor(context=context)
 
 
 def spin(*nodes: Node, turner: Any = None) -> None:

@@ -16,11 +16,11 @@ from std_msgs.msg import Empty, String
 from std_srvs.srv import Trigger
 
 from bare import EVENTS, spin
-from bt_agents_ros.workarounds.cached_executor import LeanExecutor
+from bt_agents_ros.workarounds.cached_executor import CachedExecutor
 
 KINDS: dict[str, Callable[..., Any]] = {
     "single": SingleThreadedExecutor,
-    "lean": LeanExecutor,
+    "lean": CachedExecutor,
     "events": EventsExecutor,
 }
 """Those of rclpy and ours."""

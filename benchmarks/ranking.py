@@ -15,8 +15,8 @@ from marketplace_node.round.auction import Auction
 from marketplace_node.round.bid_table import BidColumns, BidTable
 from marketplace_node.round.decision import Bids, ClosedBy, Terms
 from marketplace_node.round.ranking import decide, winning_row
-from marketplace_node.round.round_model import Contest
-from marketplace_node.strategies import STRATEGIES, chance
+from marketplace_node.round.round_model import RoundModel
+from marketplace_node.strategies import STRATEGIES, round_rng
 from marketplace_node.strategies.arrays import Floats, Integers
 from marketplace_node.strategies.nearest import nearest
 from measuring import Effort, Row, in_turn, timed
@@ -76,7 +76,7 @@ def measure(effort: Effort) -> Iterator[Row]:
 
 def case(agents: int, parameters: int) -> Case:
     """Return so many agents with so many parameters; every tenth bid is like the one before."""
-    random = chance(f"{agents} agents, {parameters} parameters")
+    random = round_rng(f"{agents} agents, {parameters} parameters")
     vectors = HIGHEST * random.random((agents, parameters))
     vectors[10::10] = vectors[9:-1:10]
     space = SceneSpace(
@@ -239,7 +239,7 @@ def _number(numbers: int, effort: Effort) -> int:
 
 def _ranked(of: Case) -> tuple[Floats, Integers]:
     """Return distances and order, as the market finds them for its record."""
-    contest = Contest(
+    contest = RoundModel(
         terms=of.terms,
         table=of.table,
         field=of.table.field(of.space, of.terms),

@@ -20,7 +20,7 @@ from py_trees.behaviour import Behaviour
 from bt_agents.engine.builder import build
 from bt_agents.engine.context import RunContext
 from bt_agents.engine.scope import RunScope
-from bt_agents.engine.scripted_environment import ScriptedWorld
+from bt_agents.engine.scripted_environment import ScriptedEnvironment
 from bt_agents_core.errors import ReadError
 from bt_agents_core.scene import Scene, SceneValue
 from bt_agents_language.files.agent_reader import read_agent_text
@@ -28,7 +28,7 @@ from bt_agents_language.files.folder_reader import read_trees, read_vocabulary, 
 from bt_agents_language.files.scene_reader import read_scene
 from bt_agents_language.model import scope as names
 from bt_agents_language.model.specs import AgentSpec
-from bt_agents_language.model.symbols import Vocabulary
+from bt_agents_language.model.symbols import SymbolTable
 from bt_agents_language.tools.linting.comment_truncation import cut_texts
 from bt_agents_language.tools.linting.lint import lint
 from bt_agents_language.yaml.source import Source
@@ -210,7 +210,7 @@ def _compared(
     text: str,
     nodes: int,
     goal: float | None,
-    vocabulary: Vocabulary,
+    vocabulary: SymbolTable,
     effort: Effort,
     note: str = "",
 ) -> Iterator[Row]:
@@ -238,7 +238,7 @@ def _compared(
     yield Row(case=case, side=OURS, values=values[OURS], floor=EVENTS, floor_values=values[EVENTS])
 
 
-def _whole(text: str, vocabulary: Vocabulary) -> Behaviour:
+def _whole(text: str, vocabulary: SymbolTable) -> Behaviour:
     """Read and check a file as ``bt-agents check`` does, and build its tree as a run does."""
     agent = _read(text, vocabulary)
     lint(agent)
@@ -252,10 +252,10 @@ def _whole(text: str, vocabulary: Vocabulary) -> Behaviour:
         profile=agent.profile,
         tunables={one.name: one.default for one in agent.tunables},
     )
-    return build(agent.tree, RunContext(ScriptedWorld(), scope, random.Random(1)))
+    return build(agent.tree, RunContext(ScriptedEnvironment(), scope, random.Random(1)))
 
 
-def _read(text: str, vocabulary: Vocabulary) -> AgentSpec:
+def _read(text: str, vocabulary: SymbolTable) -> AgentSpec:
     _forget()
     return read_agent_text(text, "benchmark.yaml", vocabulary)
 
@@ -291,7 +291,7 @@ def _folder(effort: Effort) -> Row:
     )
 
 
-def _refused(name: str, text: str, vocabulary: Vocabulary, effort: Effort) -> Row:
+def _refused(name: str, text: str, vocabulary: SymbolTable, effort: Effort) -> Row:
     good = _padded(mixture(len(text) // 43), len(text))
     _read(good, vocabulary)
     values = in_turn(
@@ -311,7 +311,7 @@ def _refused(name: str, text: str, vocabulary: Vocabulary, effort: Effort) -> Ro
     )
 
 
-def _refuse(text: str, vocabulary: Vocabulary) -> None:
+def _refuse(text: str, vocabulary: SymbolTable) -> None:
     try:
         _read(text, vocabulary)
     except ReadError:

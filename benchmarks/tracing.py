@@ -16,7 +16,7 @@ from py_trees.trees import BehaviourTree
 from py_trees.visitors import SnapshotVisitor
 
 from bt_agents.engine.run import Run, StatusChange
-from bt_agents.engine.scripted_environment import ScriptedWorld
+from bt_agents.engine.scripted_environment import ScriptedEnvironment
 from bt_agents.engine.ticking import Ticker
 from bt_agents.recording.recording_run import RecordingRun
 from bt_agents_core.scene import Origin, Scene, SceneSpace, SceneValue
@@ -184,7 +184,7 @@ def _agent(tree: str) -> tuple[SceneSpace, AgentSpec]:
     return scene.space, read_agent_text(HEAD + tree, "benchmark.yaml", vocabulary)
 
 
-class _World(ScriptedWorld):
+class _World(ScriptedEnvironment):
     """A world in which time goes by."""
 
     def __init__(self) -> None:

@@ -9,7 +9,7 @@ from functools import cache, partial
 from pathlib import Path
 
 from bt_agents_groot.page import with_table
-from bt_agents_language.model.symbols import Vocabulary
+from bt_agents_language.model.symbols import SymbolTable
 from bt_agents_language.reference.codes.codes_page import codes_page
 from bt_agents_language.reference.reference_page import reference_page
 from bt_agents_language.tools.schema.folder import (
@@ -23,7 +23,7 @@ ROOT = Path(__file__).parents[1]
 
 
 @cache
-def shipped() -> Vocabulary:
+def shipped() -> SymbolTable:
     """Return the words of the trees folder of this repository, without installed plug-ins."""
     return folder_vocabulary(ROOT / "trees", plugins={})
 

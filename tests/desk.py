@@ -7,13 +7,13 @@ import json
 import math
 from typing import Any
 
-from bt_agents_core.feedback import Kind
+from bt_agents_core.feedback import FeedbackKind
 from bt_agents_core.scene import SceneParameter, SceneSpace
-from feedback_node.learning.cards import AgentEntry, Card
+from feedback_node.learning.cards import AgentEntry, LearningCard
 from feedback_node.learning.profiles import Profiles
 from feedback_node.ledger.ledger import Ledger
-from feedback_node.ledger.ledger_rows import LAYER, Cause
-from feedback_node.management.management import Done, Management, Order
+from feedback_node.ledger.ledger_rows import LAYER, RevisionCause
+from feedback_node.management.management import Done, Management, ManagementCommand
 
 SPACE = SceneSpace(
     parameters=tuple(
@@ -35,7 +35,7 @@ class Desk:
             AgentEntry(name=name, profile=(3.0, 3.0), revision=0, learning_rate=0.5)
             for name in ("guide", "express")
         )
-        card = Card(host="/agents", instance="i", parameters=SPACE.names, agents=agents)
+        card = LearningCard(host="/agents", instance="i", parameters=SPACE.names, agents=agents)
         self.profiles.introduce(card)
         self._management = Management(
             self.profiles, self.ledger, wall=lambda: self.now, new_id=self._new_id
@@ -46,22 +46,22 @@ class Desk:
         return f"document-{self.documents}"
 
     def do(self, action: int, **fields: Any) -> Done:
-        return self._management.do(Order(action=action, **fields))
+        return self._management.do(ManagementCommand(action=action, **fields))
 
     def told(self, action: int, **fields: Any) -> Any:
         return json.loads(self.do(action, **fields).document)
 
     def layer(self, layer: str, agent: str = "guide", age: float = 4.5) -> None:
         if self.ledger.current(agent, layer) is None:
-            begins = Cause(cause=LAYER)
+            begins = RevisionCause(cause=LAYER)
             self.ledger.append(agent, {"age": 3.0, "mood": 3.0}, begins, layer=layer)
-        row = self.ledger.append(agent, {"age": age, "mood": 3.0}, Cause(), layer=layer)
+        row = self.ledger.append(agent, {"age": age, "mood": 3.0}, RevisionCause(), layer=layer)
         self.profiles.taken([row])
 
     def teach(self, feedback_id: str, agent: str = "guide") -> None:
         self.profiles.apply(
             agent,
-            Kind.DIRECT,
+            FeedbackKind.DIRECT,
             (5.0, math.nan),
             feedback_id=feedback_id,
             source="t",

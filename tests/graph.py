@@ -14,14 +14,14 @@ import rclpy
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
-from bt_agents_ros.workarounds.cached_executor import LeanExecutor
+from bt_agents_ros.workarounds.cached_executor import CachedExecutor
 
 
 class Ros:
     """The nodes of one test and the executor that turns them."""
 
     def __init__(self) -> None:
-        self.executor = LeanExecutor()
+        self.executor = CachedExecutor()
         self.nodes: list[Node] = []
         self.node = self.add(rclpy.create_node("probe"))
 

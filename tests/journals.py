@@ -15,12 +15,12 @@ from typing import Any
 from mcap.records import Message
 from rclpy.serialization import serialize_message
 
-from bt_agents.engine.scripted_environment import Answer, ScriptedWorld
+from bt_agents.engine.scripted_environment import ScriptedEnvironment, ScriptedReply
 from bt_agents.host.reload.source_bundle import texts
 from bt_agents.host.reload.versions import AgentVersions
 from bt_agents.host.run_messages import tree_status
 from bt_agents.recording.recording_run import RecordingRun
-from bt_agents_core.feedback import Kind
+from bt_agents_core.feedback import FeedbackKind
 from bt_agents_core.scene import Scene
 from bt_agents_interfaces.msg import (
     AgentCard,
@@ -32,12 +32,12 @@ from bt_agents_interfaces.msg import (
     RunRecord,
     TreeStatus,
 )
-from bt_agents_lab.recorder.daily_recorder import Said, Topic
+from bt_agents_lab.recorder.daily_recorder import RecordedMessage, RecordedTopic
 from bt_agents_lab.recorder.definition_texts import definition_text
 from bt_agents_lab.recorder.definitions import definition
 from bt_agents_lab.recorder.file import JournalFile
 from bt_agents_lab.recorder.reading import JournalReader
-from bt_agents_lab.replay.recording_index import Story, tell
+from bt_agents_lab.replay.recording_index import RecordingIndex, tell
 from bt_agents_language.files.folder_reader import read_trees
 from bt_agents_ros.messages import scene_to_msg, to_time
 from feedback_node.learning.learning_step import PLAIN, Evidence, step
@@ -45,7 +45,7 @@ from marketplace_node.effects import PublishAuction
 from marketplace_node.explanation.explanation import explanation
 from marketplace_node.explanation.reason import reason
 from marketplace_node.node.messages import auction_to_msg
-from marketplace_node.round.decision import AcceptedBid, ClosedBy, Decision, Outcome, Terms
+from marketplace_node.round.decision import AcceptedBid, AuctionOutcome, ClosedBy, Decision, Terms
 from marketplace_node.round.ranking import decide
 from stage import SPACE, TREES, scene
 
@@ -164,7 +164,7 @@ class Town:
         best = ranked.bids[0]
         decision = Decision(
             terms=terms,
-            outcome=Outcome.AWARDED,
+            outcome=AuctionOutcome.AWARDED,
             closed_by=ClosedBy.ALL_ANSWERED,
             duration_s=0.1,
             ranked=ranked,
@@ -198,8 +198,8 @@ class Town:
 
     def run(self, agent: str, person: Scene, mood: float = 3.0) -> str:
         """Tick the tree of the last winner to its end; return how it ended."""
-        world = ScriptedWorld(
-            {"say": [Answer(after_s=1.0, result={"message": "", "answer": "kind"})]}
+        world = ScriptedEnvironment(
+            {"say": [ScriptedReply(after_s=1.0, result={"message": "", "answer": "kind"})]}
         )
         spec = next(one for one in self._trees.agents if one.name == agent)
         where = {"epoch": EPOCH, "round": self._number, "agent": agent}
@@ -238,7 +238,7 @@ class Town:
             world.clock.advance(0.4)
         return run.result.outcome.value
 
-    def teach(self, agent: str, kind: Kind, target: tuple[float, ...]) -> None:
+    def teach(self, agent: str, kind: FeedbackKind, target: tuple[float, ...]) -> None:
         """Give feedback about the last run."""
         before = self.profiles[agent]
         evidence = Evidence(changes=self._asked[agent], authored=before)
@@ -333,23 +333,25 @@ def morning(folder: Path, **how: Any) -> Town:
         person = scene(f"s{number}", age=age, familiarity=2.0, mood=mood)
         agent = town.round(person)
         town.run(agent, person, mood)
-        kind = Kind.POSITIVE if number % 2 else Kind.DIRECT
+        kind = FeedbackKind.POSITIVE if number % 2 else FeedbackKind.DIRECT
         town.teach(agent, kind, (age, 2.0, NAN))
     return town
 
 
-def topic_of(kind: Any, name: str) -> Topic:
+def topic_of(kind: Any, name: str) -> RecordedTopic:
     """Return a topic with the definition of its type."""
     type_name = f"bt_agents_interfaces/msg/{kind.__name__}"
-    return Topic(name=name, type=type_name, definition=definition(type_name, definition_text))
+    return RecordedTopic(
+        name=name, type=type_name, definition=definition(type_name, definition_text)
+    )
 
 
-def said(number: int, *, topic: str = "/agents/status", size: int = 0) -> Said:
+def said(number: int, *, topic: str = "/agents/status", size: int = 0) -> RecordedMessage:
     """Return a small message that is told from others by its number."""
     message = TreeStatus(tick=number, tip="x" * size)
     data = serialize_message(message)
     ns = 1_000_000_000 * (number + 1)
-    return Said(topic=topic_of(TreeStatus, topic), data=data, sent_ns=ns, heard_ns=ns)
+    return RecordedMessage(topic=topic_of(TreeStatus, topic), data=data, sent_ns=ns, heard_ns=ns)
 
 
 def ticks(path: Path) -> list[int]:
@@ -357,6 +359,6 @@ def ticks(path: Path) -> list[int]:
     return [entry.decode().tick for entry in JournalReader([path]).entries()]
 
 
-def story_of(path: Path) -> Story:
+def story_of(path: Path) -> RecordingIndex:
     """Return what a journal holds."""
     return tell(JournalReader([path]).entries())

@@ -10,20 +10,20 @@ from bt_agents_core.errors import Refused
 from bt_agents_core.scene import Origin, Scene, SceneParameter, SceneSpace, SceneValue
 from marketplace_node.effects import (
     AnnounceRun,
-    AskOutside,
     Effect,
-    Goal,
     OpenCall,
     PreviewEnded,
     PublishAuction,
+    RequestRanking,
+    RunGoal,
     SceneEnded,
     SendGoal,
     StatusChanged,
 )
-from marketplace_node.interaction.award import RunEnd, Stop
+from marketplace_node.interaction.award import RunEnd, StopRequest
 from marketplace_node.market import Market
-from marketplace_node.operators.operator_overrides import Act, Order
-from marketplace_node.registry import Answer, Registration
+from marketplace_node.operators.operator_overrides import OperatorAction, OperatorCommand
+from marketplace_node.registry import Registration, RegistrationAnswer
 from marketplace_node.round.decision import Bids, External
 from marketplace_node.settings import Settings
 
@@ -90,7 +90,7 @@ class Driver:
                 self.do(self.market.called(effect.round, self.now))
         return effects
 
-    def register(self, host: str = "/agents", *agents: str, **changes: Any) -> Answer:
+    def register(self, host: str = "/agents", *agents: str, **changes: Any) -> RegistrationAnswer:
         """Register a host that has a heartbeat from now on."""
         request = registration(host, agents or (GUIDE, EXPRESS), **changes)
         answer, effects = self.market.register(request, self.now)
@@ -132,15 +132,15 @@ class Driver:
         }
         self.do(self.market.bids(Bids(**(values | changes)), self.now))
 
-    def accept(self, goal: Goal | None = None) -> None:
+    def accept(self, goal: RunGoal | None = None) -> None:
         goal = goal or self.goal
         self.busy[goal.host] = goal.round
         self.do(self.market.goal_accepted(goal, self.now))
 
-    def refuse(self, goal: Goal | None = None, reason: str = "busy") -> None:
+    def refuse(self, goal: RunGoal | None = None, reason: str = "busy") -> None:
         self.do(self.market.goal_refused(goal or self.goal, reason, self.now))
 
-    def end(self, outcome: int = 1, message: str = "done", goal: Goal | None = None) -> None:
+    def end(self, outcome: int = 1, message: str = "done", goal: RunGoal | None = None) -> None:
         goal = goal or self.goal
         self.busy[goal.host] = 0
         end = RunEnd(outcome=outcome, message=message, orphans=("tree/0.say",), ticks=7)
@@ -157,14 +157,14 @@ class Driver:
         epoch: str = "",
         round_number: int = 0,
     ) -> tuple[bool, str]:
-        stop = Stop(reason=reason, again=again, scene=scene)
+        stop = StopRequest(reason=reason, again=again, scene=scene)
         accepted, message, effects = self.market.cancel(epoch, round_number, stop, self.now)
         self.do(effects)
         return accepted, message
 
-    def operate(self, act: Act, agent: str = "", **fields: Any) -> str:
+    def operate(self, act: OperatorAction, agent: str = "", **fields: Any) -> str:
         """Have a say; return the answer, or the code of the refusal."""
-        order = Order(act=act, agent=agent, **fields)
+        order = OperatorCommand(act=act, agent=agent, **fields)
         try:
             message, effects = self.market.operate(order, self.now)
         except Refused as refused:
@@ -202,7 +202,7 @@ class Driver:
         """Let a host fall silent."""
         self.busy.pop(host)
 
-    def run(self, scene_id: str = "s1") -> Goal:
+    def run(self, scene_id: str = "s1") -> RunGoal:
         """Bring the guide to run."""
         if not self.ids:
             self.register()
@@ -219,7 +219,7 @@ class Driver:
         return self.all(StatusChanged)[-1]
 
     @property
-    def goal(self) -> Goal:
+    def goal(self) -> RunGoal:
         return self.all(SendGoal)[-1].goal
 
     @property
@@ -227,8 +227,8 @@ class Driver:
         return self.all(PublishAuction)[-1]
 
     @property
-    def questions(self) -> list[AskOutside]:
-        return self.all(AskOutside)
+    def questions(self) -> list[RequestRanking]:
+        return self.all(RequestRanking)
 
     @property
     def previews(self) -> list[PreviewEnded]:

@@ -5,10 +5,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from bt_agents_core.feedback import MOOD_RULE, Kind
+from bt_agents_core.feedback import MOOD_RULE, FeedbackKind
 from bt_agents_core.scene import Origin, Scene, SceneSpace, SceneValue, Vector
-from bt_agents_lab.experiments.random_streams import Luck, seed_of
-from bt_agents_lab.experiments.simulated_world import Arm, Person, World
+from bt_agents_lab.experiments.random_streams import RandomStreams, seed_of
+from bt_agents_lab.experiments.simulated_world import Arm, Person, SimulatedWorld
 from feedback_node.learning import learning_step
 from feedback_node.learning.learning_step import Evidence
 from feedback_node.rules import Rule, Watch, read_rule
@@ -25,7 +25,9 @@ class Lived:
     profiles: list[tuple[Vector, ...]] = field(default_factory=list)
 
 
-def live(world: World, arm: Arm, luck: Luck, row: int, wrong_share: float) -> Lived:
+def live(
+    world: SimulatedWorld, arm: Arm, luck: RandomStreams, row: int, wrong_share: float
+) -> Lived:
     """Play one of the runs of ``luck``."""
     space = world.space
     profiles: dict[str, Vector] = dict(
@@ -38,7 +40,7 @@ def live(world: World, arm: Arm, luck: Luck, row: int, wrong_share: float) -> Li
     last_run: dict[str, int] = {}
     lived = Lived()
 
-    def learn(agent: str, kind: Kind, target: Vector, weight: float) -> None:
+    def learn(agent: str, kind: FeedbackKind, target: Vector, weight: float) -> None:
         step = learning_step.step(
             kind,
             profiles[agent],
@@ -93,7 +95,7 @@ def live(world: World, arm: Arm, luck: Luck, row: int, wrong_share: float) -> Li
             wrong = luck.doubt[row, index, attempt] < wrong_share
             if world.person is None:
                 told = luck.said[row, index] if wrong else world.best[chosen]
-                learn(winner, Kind.DIRECT, tuple(told.tolist()), 1.0)
+                learn(winner, FeedbackKind.DIRECT, tuple(told.tolist()), 1.0)
                 break
             fit = 1.0 - float(world.misfit[place, chosen]) / world.person.tolerance
             fit = min(max(fit, -1.0), 1.0)
@@ -103,7 +105,7 @@ def live(world: World, arm: Arm, luck: Luck, row: int, wrong_share: float) -> Li
             fired, mood = react(world.person, space, vector, fit, noise)
             for kind in fired:
                 learn(winner, kind, vector, arm.rule.weight(MOOD_RULE))
-            if Kind.NEGATIVE not in fired:
+            if FeedbackKind.NEGATIVE not in fired:
                 break
             cancelled += 1
             assert space.mood is not None
@@ -116,7 +118,7 @@ def live(world: World, arm: Arm, luck: Luck, row: int, wrong_share: float) -> Li
 
 def react(
     person: Person, space: SceneSpace, vector: Vector, fit: float, noise: list[float]
-) -> tuple[list[Kind], float]:
+) -> tuple[list[FeedbackKind], float]:
     """Let the mood rules watch a person; return what they give and the last mood seen."""
     now = 0.0
     watch = Watch(rules(person, space), seen(vector, space), space, lambda: now)
@@ -140,8 +142,8 @@ def rules(person: Person, space: SceneSpace) -> list[Rule]:
     """Return the mood rules of every agent."""
     better, worse = f"mood.change >= {person.better}", f"mood.change <= -{person.worse}"
     return [
-        read_rule(better, person.hold_s, Kind.POSITIVE, False, space),
-        read_rule(worse, person.hold_s, Kind.NEGATIVE, True, space),
+        read_rule(better, person.hold_s, FeedbackKind.POSITIVE, False, space),
+        read_rule(worse, person.hold_s, FeedbackKind.NEGATIVE, True, space),
     ]
 
 

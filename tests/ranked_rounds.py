@@ -10,7 +10,7 @@ from typing import Any
 
 from bt_agents_core.scene import Scene, Vector
 from market_driver import SPACE, scene
-from marketplace_node.round.decision import AcceptedBid, ClosedBy, Decision, Outcome, Terms
+from marketplace_node.round.decision import AcceptedBid, AuctionOutcome, ClosedBy, Decision, Terms
 from marketplace_node.round.ranking import decide
 
 
@@ -58,7 +58,7 @@ def decided(of: Terms, accepted: Sequence[AcceptedBid], **changes: Any) -> Decis
     ranked = decide(changes.pop("space", SPACE), of, accepted, external=external)
     values: dict[str, Any] = {
         "terms": of,
-        "outcome": Outcome.AWARDED if ranked.bids else Outcome.NO_BIDS,
+        "outcome": AuctionOutcome.AWARDED if ranked.bids else AuctionOutcome.NO_BIDS,
         "closed_by": ClosedBy.ALL_ANSWERED,
         "duration_s": 0.01,
         "ranked": ranked,

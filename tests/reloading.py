@@ -6,7 +6,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from bt_agents.host.reload.folder_watch import FolderWatch
-from bt_agents.host.reload.reload_actions import Effect
+from bt_agents.host.reload.reload_actions import ReloadEffect
 from bt_agents.host.reload.versions import AgentVersions
 from bt_agents_language.files.folder_reader import Trees, read_trees
 
@@ -82,7 +82,7 @@ class Watched:
         effect = self.versions.ended(name)
         return [self.apply(effect)] if effect is not None else []
 
-    def apply(self, effect: Effect) -> str:
+    def apply(self, effect: ReloadEffect) -> str:
         """Do as a host does; return the words."""
         match effect.act.value:
             case "add":

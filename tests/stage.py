@@ -13,17 +13,17 @@ from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
 from bt_agents.engine.run import Run, RunLimits, StatusChange
-from bt_agents.engine.scripted_environment import Answer, ScriptedWorld
+from bt_agents.engine.scripted_environment import ScriptedEnvironment, ScriptedReply
 from bt_agents_core.scene import Origin, Scene, SceneSpace, SceneValue
 from bt_agents_language.files.agent_reader import read_agent_text
 from bt_agents_language.files.folder_reader import read_vocabulary
 from bt_agents_language.files.scene_reader import read_scene
 from bt_agents_language.model.specs import AgentSpec, NodeSpec, Plain
-from bt_agents_language.model.symbols import Vocabulary
+from bt_agents_language.model.symbols import SymbolTable
 
 TREES = Path(__file__).parents[1] / "trees"
 SPACE: SceneSpace = read_scene(TREES / "scene.yaml").space
-VOCABULARY: Vocabulary = read_vocabulary(TREES, read_scene(TREES / "scene.yaml"))
+VOCABULARY: SymbolTable = read_vocabulary(TREES, read_scene(TREES / "scene.yaml"))
 
 
 def scene(scene_id: str = "s1", person: bool = True, **values: float) -> Scene:
@@ -59,7 +59,7 @@ class Stage:
     Args:
         tree: As an author writes it, or what the reader would make of it.
         head: More top-level keys of the agent's file.
-        answers: See :class:`ScriptedWorld`.
+        answers: See :class:`ScriptedEnvironment`.
         awarded: The scene; None takes one without anything special.
         limits: See :class:`Run`.
         random: See :class:`Run`.
@@ -70,7 +70,7 @@ class Stage:
         tree: str | NodeSpec,
         *,
         head: str = "",
-        answers: Mapping[str, Sequence[Answer]] | None = None,
+        answers: Mapping[str, Sequence[ScriptedReply]] | None = None,
         awarded: Scene | None = None,
         limits: RunLimits | None = None,
         random: Random | None = None,
@@ -79,7 +79,7 @@ class Stage:
             self.spec = replace(agent("wait: 0 s", head), tree=tree)
         else:
             self.spec = agent(tree, head)
-        self.world = ScriptedWorld(
+        self.world = ScriptedEnvironment(
             answers, result={"message": "", "answer": "yes", "accepted": True}
         )
         self.scene = awarded or scene(age=3, familiarity=3, mood=3)

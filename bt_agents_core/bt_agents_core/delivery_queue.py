@@ -10,7 +10,7 @@ from typing import Generic, TypeVar
 ContentT = TypeVar("ContentT")
 
 
-class Letters(Generic[ContentT]):
+class DeliveryQueue(Generic[ContentT]):
     """Says which letter is to be sent now; the oldest first, the next one after its answer."""
 
     def __init__(self, clock: Callable[[], float], *, most: int, answer_s: float) -> None:

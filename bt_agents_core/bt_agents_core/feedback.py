@@ -20,7 +20,7 @@ WEIGHTS: Mapping[str, float] = {BUTTON: 1.0, MOOD_RULE: 0.5}
 """How much the sources count that an agent's file does not weigh; all others count 1."""
 
 
-class Kind(IntEnum):
+class FeedbackKind(IntEnum):
     """What feedback asks for; the numbers are those of ``Feedback.msg``."""
 
     DIRECT = 0

@@ -20,7 +20,7 @@ _DEEPEST = 8
 """Folders in folders that are looked at; links may lead in circles."""
 
 
-def look_at(paths: Iterable[Path], suffixes: tuple[str, ...]) -> dict[str, Stamp]:
+def poll(paths: Iterable[Path], suffixes: tuple[str, ...]) -> dict[str, Stamp]:
     """Return the stamp of each file; in folders, of those with a suffix and no hidden ones."""
     seen: dict[str, Stamp] = {}
     for path in paths:

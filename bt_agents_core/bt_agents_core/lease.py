@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 
-def excused(heard: float, lease_s: float, since: float, now: float) -> float:
+def extended_after_stall(heard: float, lease_s: float, since: float, now: float) -> float:
     """Return when somebody counts as heard, as nobody has listened after ``since``.
 
     A lease that was valid then lasts for half its length from now at least.
@@ -55,7 +55,7 @@ class MarketLease:
 
     def excuse(self, since: float, now: float) -> None:
         """Renew the lease valid at ``since``, as nobody has listened to heartbeats after it."""
-        self._last = excused(self._last, self.lease_s, since, now)
+        self._last = extended_after_stall(self._last, self.lease_s, since, now)
 
     def silence(self, now: float) -> float:
         """Return how long the market has been silent if that is too long, else 0 [s]."""

@@ -12,7 +12,7 @@ LEASE_S = 1.0
 """A live scene says nothing any more after this silence; at least twice their distance [s]."""
 
 
-class LiveView:
+class LiveSceneView:
     """The live scene of one run; the scene as awarded is its first one.
 
     Args:

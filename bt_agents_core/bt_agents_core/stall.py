@@ -11,7 +11,7 @@ LIMIT_S = 0.5
 _LOOK_AGAIN_S = 0.1
 
 
-class HeldUp:
+class StallDetector:
     """Compares the times at which it is looked at; all are on the steady clock [s].
 
     Args:
@@ -43,7 +43,7 @@ class HeldUp:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Award:
+class RunKey:
     """Who has the robot, in words of a market: its name, the round and the agent; or nobody."""
 
     epoch: str
@@ -51,7 +51,7 @@ class Award:
     agent: str = ""
 
 
-class LastWord:
+class AwardMonitor:
     """What the market has said last of who has the robot, and whether that still counts.
 
     Args:
@@ -62,10 +62,10 @@ class LastWord:
     """
 
     def __init__(self, now: float) -> None:
-        self.held_up = HeldUp(now)
-        self._award: Award | None = None
+        self.held_up = StallDetector(now)
+        self._award: RunKey | None = None
 
-    def hear(self, award: Award, run: Award | None, now: float) -> bool:
+    def hear(self, award: RunKey, run: RunKey | None, now: float) -> bool:
         """Take what a market says; return True when the run under way was given away.
 
         Args:
@@ -84,12 +84,12 @@ class LastWord:
         # Twice, as the first may be from before the award.
         return before is not None and before.epoch == run.epoch and before != run
 
-    def is_over(self, run: Award) -> bool:
+    def is_over(self, run: RunKey) -> bool:
         """Return whether the market is at a later round already."""
         said = self._award
         return said is not None and said.epoch == run.epoch and said.round > run.round
 
-    def wait_s(self, run: Award, now: float) -> float:
+    def wait_s(self, run: RunKey, now: float) -> float:
         """Return how long to wait before a run goes on [s].
 
         A market that has never said who has the robot will not do so now.

@@ -21,7 +21,7 @@ def find_trees(explicit: str = "") -> Path:
     return _find("trees", explicit, "bt_agents_trees", "scene.yaml")
 
 
-def folder_around(path: Path) -> Path:
+def enclosing_folder(path: Path) -> Path:
     """Return the trees folder that a file or folder lies in, short when it is below this one.
 
     Raises:

@@ -11,13 +11,13 @@ import click
 from bt_agents_core.errors import BtAgentsError, ReadError
 from bt_agents_core.trees_folder import find_trees
 from bt_agents_groot.exporting import export_agent
-from bt_agents_groot.importing import Imported, import_agent
-from bt_agents_groot.remarks import Remark, Weight
+from bt_agents_groot.importing import ImportedAgent, import_agent
+from bt_agents_groot.remarks import Remark, RemarkLevel
 from bt_agents_groot.words import snake
 from bt_agents_language.files.agent_reader import read_agent_text
 from bt_agents_language.files.folder_reader import read_trees, read_vocabulary
 from bt_agents_language.files.scene_reader import read_scene
-from bt_agents_language.model.symbols import Vocabulary
+from bt_agents_language.model.symbols import SymbolTable
 from bt_agents_language.yaml.diagnostics import did_you_mean
 from bt_agents_language.yaml.source import read_source
 
@@ -77,7 +77,7 @@ def export_groot(agent: str, out: str, directory: str) -> None:
     _list(exported.remarks)
 
 
-def _find(agent: str, directory: str) -> tuple[Path, Vocabulary]:
+def _find(agent: str, directory: str) -> tuple[Path, SymbolTable]:
     """Return the file of an agent, and what it may speak of."""
     path = Path(agent)
     if agent.endswith((".yaml", ".yml")) or "/" in agent:
@@ -113,12 +113,12 @@ def _list(remarks: Iterable[Remark]) -> None:
     listed = list(remarks)
     for remark in listed:
         click.echo(str(remark), err=True)
-    lost = sum(remark.weight is Weight.LOST for remark in listed)
+    lost = sum(remark.weight is RemarkLevel.LOST for remark in listed)
     if lost:
         click.echo(f"{lost} not translated; the file says where", err=True)
 
 
-def _check(imported: Imported, out: str, vocabulary: Vocabulary) -> None:
+def _check(imported: ImportedAgent, out: str, vocabulary: SymbolTable) -> None:
     """Say what is still wrong in a file that was made."""
     try:
         read_agent_text(imported.text, out or "(the agent)", vocabulary)

@@ -11,9 +11,9 @@ from bt_agents_groot.catalogue import BUILTINS, CONDITIONS
 from bt_agents_groot.document import node_id
 from bt_agents_groot.formulas import Binary, Constant, Formula, Name, Untranslatable, negated
 from bt_agents_groot.ports import from_port, names_in, names_of_expression, pointed_at
-from bt_agents_groot.remarks import Weight
+from bt_agents_groot.remarks import RemarkLevel
 from bt_agents_groot.translation import Translation
-from bt_agents_groot.written import Data, Raw, Written, may_be_left_out, outside, sequence
+from bt_agents_groot.written import Data, Raw, YamlNode, may_be_left_out, outside, sequence
 from bt_agents_groot.xml_reader import Attribute, Element
 from bt_agents_language.model.specs import FieldType
 
@@ -22,23 +22,23 @@ ON_FAILURE = "on_failure"
 
 _NUMBER = re.compile(r"-?[0-9]{1,15}(\.[0-9]{1,15})?")
 
-Compose = Callable[[Translation, Element], Written]
+Compose = Callable[[Translation, Element], YamlNode]
 
 
 def _composite(key: str, *, memory: bool = True) -> Compose:
-    def translate(tree: Translation, element: Element) -> Written:
+    def translate(tree: Translation, element: Element) -> YamlNode:
         fallback = key == "selector"
         children = tuple(tree.node(c, below_fallback=fallback) for c in element.children)
         if not memory:
             _note_slow(tree, element.children[:-1])
         if all(map(may_be_left_out, children)):
             tree.remark(
-                Weight.NOTE,
+                RemarkLevel.NOTE,
                 element,
                 "when all its children are left out, Groot's is left out too; ours has "
                 f"{'failed' if fallback else 'succeeded'}",
             )
-        return Written(key=key, value={} if memory else {"memory": False}, children=children)
+        return YamlNode(key=key, value={} if memory else {"memory": False}, children=children)
 
     return translate
 
@@ -48,14 +48,14 @@ def _note_slow(tree: Translation, children: tuple[Element, ...]) -> None:
     for child in children:
         if node_id(child) not in BUILTINS and child.tag != "SubTree" and not child.children:
             tree.remark(
-                Weight.NOTE,
+                RemarkLevel.NOTE,
                 child,
                 f"<{node_id(child)}> is asked again and again; while a skill takes time, what "
                 "stands behind it is stopped",
             )
 
 
-def _fallback(tree: Translation, element: Element) -> Written:
+def _fallback(tree: Translation, element: Element) -> YamlNode:
     plain = _composite("selector")
     if element.get("name") != ON_FAILURE or len(element.children) != 2:
         return plain(tree, element)
@@ -65,50 +65,50 @@ def _fallback(tree: Translation, element: Element) -> Written:
     return outside(node, ON_FAILURE, tree.node(element.children[1]))
 
 
-def is_handler(element: Element, node: Written) -> bool:
+def is_handler(element: Element, node: YamlNode) -> bool:
     """Return whether an element has become our modifier, so that its name says no more."""
     return element.get("name") == ON_FAILURE and ON_FAILURE in node.modifiers
 
 
-def _with_memory(tree: Translation, element: Element) -> Written:
-    tree.remark(Weight.NOTE, element, BUILTINS["SequenceWithMemory"].note)
+def _with_memory(tree: Translation, element: Element) -> YamlNode:
+    tree.remark(RemarkLevel.NOTE, element, BUILTINS["SequenceWithMemory"].note)
     return _composite("sequence")(tree, element)
 
 
-def _parallel(tree: Translation, element: Element) -> Written:
+def _parallel(tree: Translation, element: Element) -> YamlNode:
     children = tuple(tree.node(child) for child in element.children)
     total = len(children)
     success = _threshold(tree, element, "success_count", -1, total)
     failure = _threshold(tree, element, "failure_count", 1, total)
     if success >= total:
-        return Written(key="parallel", children=children)
+        return YamlNode(key="parallel", children=children)
     if failure != total - success + 1:
         tree.remark(
-            Weight.NOTE,
+            RemarkLevel.NOTE,
             element,
             f"it fails after {failure} failure{'s' * (failure > 1)}; ours fails when "
             f"{f'fewer than {success}' if success > 1 else 'none'} can still succeed",
         )
     wanted: Data = Raw("one") if success == 1 else success
-    return Written(key="parallel", value={"succeed_on": wanted}, children=children)
+    return YamlNode(key="parallel", value={"succeed_on": wanted}, children=children)
 
 
 def _threshold(tree: Translation, element: Element, port: str, default: int, total: int) -> int:
     text = element.get(port, str(default)).strip()
     if pointed_at(text) is not None:
-        tree.remark(Weight.LOST, element, f"'{port}' is {text}; {default} is assumed")
+        tree.remark(RemarkLevel.LOST, element, f"'{port}' is {text}; {default} is assumed")
         text = str(default)
     number = int(text)
     return max(number + total + 1, 1) if number < 0 else number
 
 
-def _parallel_all(tree: Translation, element: Element) -> Written:
-    tree.remark(Weight.NOTE, element, BUILTINS["ParallelAll"].note)
-    return Written(key="parallel", children=tuple(map(tree.node, element.children)))
+def _parallel_all(tree: Translation, element: Element) -> YamlNode:
+    tree.remark(RemarkLevel.NOTE, element, BUILTINS["ParallelAll"].note)
+    return YamlNode(key="parallel", children=tuple(map(tree.node, element.children)))
 
 
-def _if_then_else(tree: Translation, element: Element) -> Written:
-    cases: list[Written] = []
+def _if_then_else(tree: Translation, element: Element) -> YamlNode:
+    cases: list[YamlNode] = []
     options: dict[str, Data] = {}
     current: Element | None = element
     while current is not None:
@@ -122,32 +122,34 @@ def _if_then_else(tree: Translation, element: Element) -> Written:
             current = rest if _text(tree, rest.children[0]) is not None else None
         if rest is not None and current is None:
             options["otherwise"] = _branch(tree, rest)
-    return Written(key="choose", value=options, children=tuple(cases))
+    return YamlNode(key="choose", value=options, children=tuple(cases))
 
 
-def _by_result(tree: Translation, element: Element) -> Written:
+def _by_result(tree: Translation, element: Element) -> YamlNode:
     """Return what chooses by how a node ends, not by a condition."""
     asked, *branches = element.children
     if len(branches) == 1:
         return sequence(tree.node(asked), tree.node(branches[0]))
     name, *steps = _asked(tree, asked)
     first = _case(tree, branches[0], Raw(name), 1)
-    choose = Written(
+    choose = YamlNode(
         key="choose", value={"otherwise": _branch(tree, branches[1])}, children=(first,)
     )
     return sequence(*steps, choose)
 
 
-def _branch(tree: Translation, element: Element) -> Written:
+def _branch(tree: Translation, element: Element) -> YamlNode:
     node = tree.node(element)
     if may_be_left_out(node):
         tree.remark(
-            Weight.NOTE, element, "when it is left out, ours has succeeded; Groot's is left out"
+            RemarkLevel.NOTE,
+            element,
+            "when it is left out, ours has succeeded; Groot's is left out",
         )
     return node
 
 
-def _case(tree: Translation, element: Element, condition: Raw, number: int) -> Written:
+def _case(tree: Translation, element: Element, condition: Raw, number: int) -> YamlNode:
     case = outside(_branch(tree, element), "when", condition)
     return replace(case, name=case.name or f"case_{number}")
 
@@ -173,7 +175,7 @@ def _formula(tree: Translation, element: Element) -> Formula | None:
     return condition
 
 
-def _while_do_else(tree: Translation, element: Element) -> Written:
+def _while_do_else(tree: Translation, element: Element) -> YamlNode:
     asked, *branches = element.children
     condition = _formula(tree, asked)
     if condition is not None:
@@ -186,7 +188,7 @@ def _while_do_else(tree: Translation, element: Element) -> Written:
     return _reactive("sequence", *steps, _while(tree, branches, Raw(name), Raw(f"not {name}")))
 
 
-def _while(tree: Translation, branches: list[Element], text: Raw, opposite: Raw) -> Written:
+def _while(tree: Translation, branches: list[Element], text: Raw, opposite: Raw) -> YamlNode:
     """Return what does the first branch while a condition is true, the second while it is not."""
     first = _held(tree, branches[0], text)
     if len(branches) == 1:
@@ -194,31 +196,31 @@ def _while(tree: Translation, branches: list[Element], text: Raw, opposite: Raw)
     return _reactive("selector", first, _held(tree, branches[1], opposite))
 
 
-def _held(tree: Translation, element: Element, condition: Raw) -> Written:
+def _held(tree: Translation, element: Element, condition: Raw) -> YamlNode:
     return tree.around(element, tree.node(element), "while", condition)
 
 
-def _asked(tree: Translation, asked: Element) -> tuple[str, Written, Written]:
+def _asked(tree: Translation, asked: Element) -> tuple[str, YamlNode, YamlNode]:
     """Return a name that tells how a node has ended, and what gives it that value."""
     name = tree.names.fresh("fits")
-    fits = sequence(tree.node(asked), Written(key="set", value={name: True}))
-    return name, Written(key="set", value={name: False}), outside(fits, "succeed", True)
+    fits = sequence(tree.node(asked), YamlNode(key="set", value={name: True}))
+    return name, YamlNode(key="set", value={name: False}), outside(fits, "succeed", True)
 
 
-def _reactive(key: str, *children: Written) -> Written:
-    return Written(key=key, value={"memory": False}, children=children)
+def _reactive(key: str, *children: YamlNode) -> YamlNode:
+    return YamlNode(key=key, value={"memory": False}, children=children)
 
 
-def _switch(tree: Translation, element: Element) -> Written:
-    tree.remark(Weight.NOTE, element, BUILTINS["Switch2"].note)
+def _switch(tree: Translation, element: Element) -> YamlNode:
+    tree.remark(RemarkLevel.NOTE, element, BUILTINS["Switch2"].note)
     variable = _operand(tree, element.attributes["variable"])
     *branches, default = element.children
-    cases: list[Written] = []
+    cases: list[YamlNode] = []
     for number, branch in enumerate(branches, start=1):
         key = _operand(tree, element.attributes[f"case_{number}"])
         text = tree.text(Binary("==", variable, key))
         cases.append(_case(tree, branch, text, number))
-    return Written(
+    return YamlNode(
         key="choose", value={"otherwise": _branch(tree, default)}, children=tuple(cases)
     )
 
@@ -233,10 +235,10 @@ def _operand(tree: Translation, attribute: Attribute) -> Formula:
     return Constant(text == "true") if text in ("true", "false") else Constant(text)
 
 
-def _try_catch(tree: Translation, element: Element) -> Written:
+def _try_catch(tree: Translation, element: Element) -> YamlNode:
     if element.get("catch_on_halt", "false").lower() in ("true", "1"):
         tree.remark(
-            Weight.LOST,
+            RemarkLevel.LOST,
             element.attributes["catch_on_halt"],
             "what is to be done when the node is stopped; of a whole agent, 'on_cancel' does it",
         )
@@ -245,13 +247,13 @@ def _try_catch(tree: Translation, element: Element) -> Written:
     return outside(sequence(*map(tree.node, tried)), ON_FAILURE, handler)
 
 
-def own_control(tree: Translation, element: Element) -> Written | None:
+def own_control(tree: Translation, element: Element) -> YamlNode | None:
     """Return the node for our ``random``, or ``parallel`` with names; None for anything else."""
     ports = set(element.attributes) - {"ID", "name", *CONDITIONS}
     if node_id(element) == "parallel" and ports == {"succeed_on"}:
         wanted = from_port(element.get("succeed_on"), FieldType.ANY, tree.names.rename)
         children = tuple(map(tree.node, element.children))
-        return Written(key="parallel", value={"succeed_on": wanted}, children=children)
+        return YamlNode(key="parallel", value={"succeed_on": wanted}, children=children)
     if node_id(element) != "random" or not ports <= {"seed", "weights"}:
         return None
     weights = from_port(element.get("weights", "json:[]"), FieldType.ANY, tree.names.rename)
@@ -265,7 +267,7 @@ def own_control(tree: Translation, element: Element) -> Written | None:
             chosen[number] = replace(chosen[number], beside=beside)
     seed = element.get("seed")
     options: dict[str, Data] = {"seed": Raw(seed)} if seed else {}
-    return Written(key="random", value=options, children=tuple(chosen))
+    return YamlNode(key="random", value=options, children=tuple(chosen))
 
 
 def _weight(weight: Data) -> Data:

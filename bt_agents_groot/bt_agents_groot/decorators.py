@@ -9,12 +9,12 @@ from bt_agents_groot.document import node_id
 from bt_agents_groot.formulas import Formula, Untranslatable, negated
 from bt_agents_groot.leaves import check, count, duration, shown_element
 from bt_agents_groot.own_words import own_fields
-from bt_agents_groot.remarks import Weight
+from bt_agents_groot.remarks import RemarkLevel
 from bt_agents_groot.translation import Translation
 from bt_agents_groot.written import (
     Data,
     Raw,
-    Written,
+    YamlNode,
     may_be_left_out,
     outside,
     selector,
@@ -23,18 +23,18 @@ from bt_agents_groot.written import (
 from bt_agents_groot.xml_reader import Element
 from bt_agents_language.nodes import FOREVER, MODIFIERS
 
-Decorate = Callable[[Translation, Element], Written]
+Decorate = Callable[[Translation, Element], YamlNode]
 
 
 def _switch(key: str) -> Decorate:
-    def translate(tree: Translation, element: Element) -> Written:
+    def translate(tree: Translation, element: Element) -> YamlNode:
         return outside(tree.node(element.children[0]), key, True)
 
     return translate
 
 
 def _again(key: str, port: str) -> Decorate:
-    def translate(tree: Translation, element: Element) -> Written:
+    def translate(tree: Translation, element: Element) -> YamlNode:
         times = count(tree, element, port) if port else Raw(FOREVER)
         child = tree.node(element.children[0])
         return tree.around(element, child, key, times)
@@ -42,37 +42,41 @@ def _again(key: str, port: str) -> Decorate:
     return translate
 
 
-def _timeout(tree: Translation, element: Element) -> Written:
+def _timeout(tree: Translation, element: Element) -> YamlNode:
     limit = duration(tree, element, "msec")
     child = tree.node(element.children[0])
     # No milliseconds mean no limit there.
     return child if limit == Raw("0 s") else outside(child, "timeout", limit)
 
 
-def _delay(tree: Translation, element: Element) -> Written:
-    wait = Written(key="wait", value=duration(tree, element, "delay_msec"))
+def _delay(tree: Translation, element: Element) -> YamlNode:
+    wait = YamlNode(key="wait", value=duration(tree, element, "delay_msec"))
     return sequence(wait, tree.node(element.children[0]))
 
 
-def _run_once(tree: Translation, element: Element) -> Written:
+def _run_once(tree: Translation, element: Element) -> YamlNode:
     if element.get("then_skip", "true").lower() not in ("true", "1"):
         tree.remark(
-            Weight.NOTE, element, "the second time it ends as it did the first; ours is left out"
+            RemarkLevel.NOTE,
+            element,
+            "the second time it ends as it did the first; ours is left out",
         )
     return outside(tree.node(element.children[0]), "once", True)
 
 
-def _precondition(tree: Translation, element: Element) -> Written:
+def _precondition(tree: Translation, element: Element) -> YamlNode:
     status = element.get("else", "FAILURE").strip()
     if status.startswith("{"):
-        tree.remark(Weight.LOST, element, f"'else' is {status}; FAILURE is assumed")
+        tree.remark(RemarkLevel.LOST, element, f"'else' is {status}; FAILURE is assumed")
         status = "FAILURE"
     try:
         condition: Formula = tree.condition(element.attributes["if"])
         text = tree.text(condition)
         opposite = tree.text(negated(condition))
     except Untranslatable as error:
-        tree.remark(Weight.LOST, element.attributes["if"], f"the condition is left out: {error}")
+        tree.remark(
+            RemarkLevel.LOST, element.attributes["if"], f"the condition is left out: {error}"
+        )
         return tree.node(element.children[0])
     child = tree.node(element.children[0])
     match status:
@@ -80,22 +84,26 @@ def _precondition(tree: Translation, element: Element) -> Written:
             return outside(child, "when", text)
         case "SUCCESS":
             if may_be_left_out(child):
-                tree.remark(Weight.NOTE, element, "when its child is left out, ours has failed")
+                tree.remark(
+                    RemarkLevel.NOTE, element, "when its child is left out, ours has failed"
+                )
             return selector(check(opposite), child)
         case "RUNNING":
-            wait = Written(key="wait_for", value=text)
+            wait = YamlNode(key="wait_for", value=text)
             return wait if child == check(Raw("true")) else sequence(wait, child)
     return sequence(check(text), child)
 
 
-def _kept_child(tree: Translation, element: Element) -> Written:
+def _kept_child(tree: Translation, element: Element) -> YamlNode:
     tree.remark(
-        Weight.LOST, element, f"{shown_element(element)} has no equivalent; its child stands alone"
+        RemarkLevel.LOST,
+        element,
+        f"{shown_element(element)} has no equivalent; its child stands alone",
     )
     return tree.node(element.children[0])
 
 
-def own_decorator(tree: Translation, element: Element) -> Written | None:
+def own_decorator(tree: Translation, element: Element) -> YamlNode | None:
     """Return the node for a modifier of our language; None when it is none."""
     kind = MODIFIERS.get(node_id(element))
     if kind is None or len(element.children) != 1 or not kind.fields:
@@ -107,12 +115,12 @@ def own_decorator(tree: Translation, element: Element) -> Written | None:
     return outside(tree.node(element.children[0]), kind.key, value)
 
 
-def unknown_parent(tree: Translation, element: Element) -> Written:
+def unknown_parent(tree: Translation, element: Element) -> YamlNode:
     """Return what stands for a custom element with children: the children alone."""
     if len(element.children) == 1:
         return _kept_child(tree, element)
     tree.remark(
-        Weight.LOST,
+        RemarkLevel.LOST,
         element,
         f"{shown_element(element)} has no equivalent; its children stand in a sequence",
     )

@@ -20,7 +20,7 @@ from bt_agents_groot.ports import only_name
 from bt_agents_language.model.quantities import QuantityError, duration
 from bt_agents_language.nodes import FOREVER
 from bt_agents_language.yaml.scalars import plain_value
-from bt_agents_language.yaml.yaml_reader import Entry, Node, Scalar
+from bt_agents_language.yaml.yaml_reader import MappingEntry, Node, Scalar
 
 _LONGEST_MS = 999_999_999
 _PIECE = re.compile(r"\$\$\{|\$\{([^{}$]*)\}")
@@ -37,7 +37,7 @@ def condition_script(node: Node, *, negative: bool = False) -> str:
     return as_script(negated(formula) if negative else formula)
 
 
-def set_script(entries: tuple[Entry, ...]) -> str:
+def set_script(entries: tuple[MappingEntry, ...]) -> str:
     """Return the script that gives names their values.
 
     Raises:

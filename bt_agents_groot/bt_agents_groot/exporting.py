@@ -7,18 +7,18 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from bt_agents_groot.models import Models
-from bt_agents_groot.remarks import Remark, Remarks, Weight
+from bt_agents_groot.remarks import Remark, RemarkLevel, Remarks
 from bt_agents_groot.tree_export import TreeExport
 from bt_agents_groot.xml_writer import Xml, xml_text
 from bt_agents_language.files.agent_reader import read_agent_text
 from bt_agents_language.files.imports import read_imports
 from bt_agents_language.files.inputs import read_inputs
 from bt_agents_language.model.specs import SubtreeSpec, Tunable
-from bt_agents_language.model.symbols import Vocabulary
-from bt_agents_language.tree.raw_nodes import DraftReader
-from bt_agents_language.yaml.mapping_reader import Fields
+from bt_agents_language.model.symbols import SymbolTable
+from bt_agents_language.tree.raw_nodes import RawNodeReader
+from bt_agents_language.yaml.mapping_reader import MappingReader
 from bt_agents_language.yaml.source import Source, read_source
-from bt_agents_language.yaml.typed_reader import FileReading
+from bt_agents_language.yaml.typed_reader import TypedReader
 from bt_agents_language.yaml.yaml_reader import Mapping, Node
 
 _NOT_IN_TREES = (
@@ -27,14 +27,14 @@ _NOT_IN_TREES = (
 
 
 @dataclass(frozen=True, kw_only=True)
-class Exported:
+class ExportedAgent:
     """A file of BehaviorTree.CPP that was made, and what differs in it."""
 
     text: str
     remarks: tuple[Remark, ...]
 
 
-def export_agent(source: Source, vocabulary: Vocabulary) -> Exported:
+def export_agent(source: Source, vocabulary: SymbolTable) -> ExportedAgent:
     """Return the file of BehaviorTree.CPP for an agent file.
 
     Args:
@@ -52,15 +52,15 @@ def export_agent(source: Source, vocabulary: Vocabulary) -> Exported:
 class _TreeFile:
     """An agent file or library whose trees are translated."""
 
-    fields: Fields
-    vocabulary: Vocabulary
-    drafts: DraftReader
+    fields: MappingReader
+    vocabulary: SymbolTable
+    drafts: RawNodeReader
     file: str
     subtrees: dict[str, SubtreeSpec] = field(default_factory=dict)
 
 
 class _Export:
-    def __init__(self, vocabulary: Vocabulary) -> None:
+    def __init__(self, vocabulary: SymbolTable) -> None:
         self._vocabulary = vocabulary
         self._models = Models()
         self._remarks = Remarks()
@@ -69,7 +69,7 @@ class _Export:
         self._waiting: dict[tuple[str, str], None] = {}
         self._done: set[tuple[str, str]] = set()
 
-    def run(self, source: Source, agent: str, tunables: tuple[Tunable, ...]) -> Exported:
+    def run(self, source: Source, agent: str, tunables: tuple[Tunable, ...]) -> ExportedAgent:
         """Translate an agent's trees and all subtrees that they use."""
         main = self._open(source)
         # The agent's own tree gets the ID that its name asks for; others make way.
@@ -93,15 +93,15 @@ class _Export:
             attributes={"BTCPP_format": "4", "main_tree_to_execute": main_id},
             children=(*trees, self._models.xml()),
         )
-        return Exported(text=xml_text(root), remarks=tuple(self._remarks))
+        return ExportedAgent(text=xml_text(root), remarks=tuple(self._remarks))
 
     def _open(self, source: Source) -> _TreeFile:
-        reading = FileReading(source)
+        reading = TypedReader(source)
         root = reading.root
         assert isinstance(root, Mapping)
         keys = {entry.key.text: entry.key for entry in root.entries}
         nodes = {entry.key.text: entry.value for entry in root.entries}
-        fields = Fields(reading, "the file", root, nodes, keys)
+        fields = MappingReader(reading, "the file", root, nodes, keys)
         vocabulary, imported = read_imports(reading, fields, self._vocabulary)
         own = {
             entry.key.text: _interface(reading, entry.key.text, entry.value, source.file)
@@ -110,7 +110,7 @@ class _Export:
         opened = _TreeFile(
             fields=fields,
             vocabulary=vocabulary,
-            drafts=DraftReader(reading, vocabulary),
+            drafts=RawNodeReader(reading, vocabulary),
             file=source.file,
             subtrees={**imported, **own},
         )
@@ -145,14 +145,14 @@ class _Export:
         present = [key for key in _NOT_IN_TREES if key in main.fields.keys]
         if present:
             self._remarks.add(
-                Weight.NOTE,
+                RemarkLevel.NOTE,
                 main.fields.keys[present[0]].position,
                 f"a tree of BehaviorTree.CPP has no place for {', '.join(present)}; tunables are "
                 "ports of the main tree, and a program would give scene.age as scene__age",
             )
 
 
-def _interface(reading: FileReading, name: str, node: Node, file: str) -> SubtreeSpec:
+def _interface(reading: TypedReader, name: str, node: Node, file: str) -> SubtreeSpec:
     assert isinstance(node, Mapping)
     inputs, outputs = node.get("inputs"), node.get("outputs")
     what = f"subtree '{name}'"

@@ -12,7 +12,7 @@ from bt_agents_groot.catalogue import BUILTINS, CONDITIONS, PortKind
 from bt_agents_groot.document import Document, Model, ModelPort, node_id, read_document
 from bt_agents_groot.port_types import read_type
 from bt_agents_groot.ports import from_port, pointed_at
-from bt_agents_groot.remarks import Remark, Remarks, Weight
+from bt_agents_groot.remarks import Remark, RemarkLevel, Remarks
 from bt_agents_groot.scopes import Interface, TreeNames
 from bt_agents_groot.skill_nodes import MissingSkill, SkillNodes
 from bt_agents_groot.subtree_calls import Callee, SubtreeCalls, ports_of_call, remaps_all
@@ -21,14 +21,14 @@ from bt_agents_groot.words import Renaming, port, snake
 from bt_agents_groot.written import (
     Data,
     Raw,
-    Written,
+    YamlNode,
     comment_lines,
     sequence,
     with_comments,
     yaml_lines,
 )
 from bt_agents_groot.xml_reader import Element
-from bt_agents_language.model.symbols import Vocabulary
+from bt_agents_language.model.symbols import SymbolTable
 from bt_agents_language.tools.formatting.formatter import format_source
 from bt_agents_language.yaml.source import Source
 from bt_agents_language.yaml.typed_reader import FORMAT
@@ -41,7 +41,7 @@ _FROM_OUTSIDE = "What a program gave in BehaviorTree.CPP; write what fits, or ma
 
 
 @dataclass(frozen=True, kw_only=True)
-class Imported:
+class ImportedAgent:
     """An agent file that was made.
 
     Attributes:
@@ -60,7 +60,7 @@ class Imported:
         return skills_file(self.missing)
 
 
-def import_agent(source: Source, agent: str, vocabulary: Vocabulary) -> Imported:
+def import_agent(source: Source, agent: str, vocabulary: SymbolTable) -> ImportedAgent:
     """Return the agent file for a file of BehaviorTree.CPP.
 
     Args:
@@ -75,7 +75,7 @@ def import_agent(source: Source, agent: str, vocabulary: Vocabulary) -> Imported
 
 
 class _Import:
-    def __init__(self, document: Document, agent: str, vocabulary: Vocabulary) -> None:
+    def __init__(self, document: Document, agent: str, vocabulary: SymbolTable) -> None:
         self._document = document
         self._agent = agent
         self._space = vocabulary.space
@@ -84,7 +84,7 @@ class _Import:
         self._remarks = Remarks()
         self._subtree_name = Renaming()
 
-    def run(self) -> Imported:
+    def run(self) -> ImportedAgent:
         """Translate all trees."""
         document = self._document
         main = document.main
@@ -122,7 +122,7 @@ class _Import:
             entries["subtrees"] = dict(named)
         return self._file(entries)
 
-    def _file(self, entries: dict[str, Data]) -> Imported:
+    def _file(self, entries: dict[str, Data]) -> ImportedAgent:
         remarks = tuple(self._remarks)
         missing = tuple(self._skills.missing[name] for name in sorted(self._skills.missing))
         lines = [*self._head(remarks)]
@@ -140,7 +140,7 @@ class _Import:
                 *comment_lines(skeleton.rstrip("\n")),
             ]
         text = format_source(Source(f"{self._agent}.yaml", "\n".join(lines) + "\n"))
-        return Imported(text=text, remarks=remarks, missing=missing)
+        return ImportedAgent(text=text, remarks=remarks, missing=missing)
 
     def _head(self, remarks: tuple[Remark, ...]) -> Iterator[str]:
         file = self._document.reading.source.file.rpartition("/")[2]
@@ -148,7 +148,7 @@ class _Import:
             f"Made from {file} by 'bt-agents import groot'. Write the profile of the scenes that "
             "the\nagent suits; these values are those of an ordinary scene."
         )
-        lost = [remark for remark in remarks if remark.weight is Weight.LOST]
+        lost = [remark for remark in remarks if remark.weight is RemarkLevel.LOST]
         if lost:
             yield from comment_lines(
                 f"Not everything could be translated; {len(lost)} "
@@ -161,13 +161,13 @@ class _Import:
         if element.tag == "include":
             path = element.get("path")
             self._remarks.add(
-                Weight.LOST,
+                RemarkLevel.LOST,
                 element.position,
                 f'<include path="{path[:120]}"> is not followed; import that file too',
             )
         else:
             self._remarks.add(
-                Weight.NOTE, element.position, f"<{element.tag[:40]}> is not read here"
+                RemarkLevel.NOTE, element.position, f"<{element.tag[:40]}> is not read here"
             )
 
     def _callees_first(self) -> list[str]:
@@ -195,13 +195,13 @@ class _Import:
             return Counter()
         return Counter(_mentioned(self._document.trees[tree_id]))
 
-    def _tree(self, tree_id: str, names: TreeNames) -> Written:
+    def _tree(self, tree_id: str, names: TreeNames) -> YamlNode:
         element = self._document.trees[tree_id]
         translation = TreeImport(names, self._skills, self._calls, self._remarks)
         tree = translation.node(element.children[0])
         for entry in sorted(names.shared):
             remark = self._remarks.add(
-                Weight.LOST,
+                RemarkLevel.LOST,
                 element.position,
                 f"the entry '{entry}' of all trees together; here every tree has its own, so pass "
                 "it behind 'with' and 'outputs'",
@@ -272,13 +272,13 @@ def _declaration(declared: ModelPort, names: TreeNames) -> Data:
     return {"type": Raw(field_type.value), "default": default}
 
 
-def _prepared(tree: Written, values: Mapping[str, Data], why: str = _FROM_OUTSIDE) -> Written:
+def _prepared(tree: YamlNode, values: Mapping[str, Data], why: str = _FROM_OUTSIDE) -> YamlNode:
     """Return a tree that first gives names the values which came from outside of it."""
     if not values:
         return tree
-    first = Written(key="set", value=dict(values), comments=(why,) if why else ())
+    first = YamlNode(key="set", value=dict(values), comments=(why,) if why else ())
     plain = replace(tree, children=(), comments=())
-    if plain == Written(key="sequence"):
+    if plain == YamlNode(key="sequence"):
         return replace(tree, children=(first, *tree.children))
     return sequence(first, tree)
 

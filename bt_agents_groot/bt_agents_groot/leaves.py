@@ -9,10 +9,10 @@ from dataclasses import replace
 from bt_agents_groot.document import node_id
 from bt_agents_groot.formulas import Untranslatable
 from bt_agents_groot.ports import from_port, names_in, pointed_at
-from bt_agents_groot.remarks import Weight
+from bt_agents_groot.remarks import RemarkLevel
 from bt_agents_groot.script_nodes import as_node
 from bt_agents_groot.translation import Translation
-from bt_agents_groot.written import Data, Raw, Written
+from bt_agents_groot.written import Data, Raw, YamlNode
 from bt_agents_groot.xml_reader import Element
 from bt_agents_language.model.specs import FieldType
 from bt_agents_language.nodes import FOREVER
@@ -49,41 +49,41 @@ def milliseconds(amount: int) -> Raw:
     return Raw(f"{amount / 1000} s" if amount > 1000 else f"{amount} ms")
 
 
-def check(condition: Raw) -> Written:
+def check(condition: Raw) -> YamlNode:
     """Return a leaf that succeeds when a condition is true."""
-    return Written(key="check", value=condition)
+    return YamlNode(key="check", value=condition)
 
 
-def _sleep(tree: Translation, element: Element) -> Written:
-    return Written(key="wait", value=duration(tree, element, "msec"))
+def _sleep(tree: Translation, element: Element) -> YamlNode:
+    return YamlNode(key="wait", value=duration(tree, element, "msec"))
 
 
-def _script(tree: Translation, element: Element) -> Written:
+def _script(tree: Translation, element: Element) -> YamlNode:
     try:
         return as_node(tree.statements(element.attributes["code"]), tree.names)
     except Untranslatable as error:
         return lost(tree, element, str(error))
 
 
-def _always(result: str) -> Callable[[Translation, Element], Written]:
+def _always(result: str) -> Callable[[Translation, Element], YamlNode]:
     return lambda tree, element: check(Raw(result))
 
 
-def _set_blackboard(tree: Translation, element: Element) -> Written:
+def _set_blackboard(tree: Translation, element: Element) -> YamlNode:
     key = element.get("output_key")
     value = from_port(element.get("value"), FieldType.ANY, tree.names.rename)
     tree.names.read(names_in(value))
     name = tree.names.rename(pointed_at(key) or key)
     tree.names.write(name)
-    return Written(key="set", value={name: value})
+    return YamlNode(key="set", value={name: value})
 
 
-def lost(tree: Translation, element: Element, reason: str = "") -> Written:
+def lost(tree: Translation, element: Element, reason: str = "") -> YamlNode:
     """Return what stands where a leaf cannot be translated: it says so, and fails."""
     because = f": {reason}" if reason else ""
-    tree.remark(Weight.LOST, element, f"{shown_element(element)} has no equivalent{because}")
+    tree.remark(RemarkLevel.LOST, element, f"{shown_element(element)} has no equivalent{because}")
     message = f"not translated: {shown_element(element)}".replace("${", "$ {")
-    node = Written(key="log", value={"message": message, "level": "error"})
+    node = YamlNode(key="log", value={"message": message, "level": "error"})
     return replace(node, modifiers={"fail": True})
 
 
@@ -94,7 +94,7 @@ def shown_element(element: Element) -> str:
     return f"<{' '.join(shown.split())[:160]}>"
 
 
-LEAVES: Mapping[str, Callable[[Translation, Element], Written]] = {
+LEAVES: Mapping[str, Callable[[Translation, Element], YamlNode]] = {
     "Sleep": _sleep,
     "Script": _script,
     "ScriptCondition": _script,

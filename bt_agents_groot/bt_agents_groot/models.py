@@ -10,7 +10,7 @@ from bt_agents_groot.port_types import written_type
 from bt_agents_groot.ports import plain_port
 from bt_agents_groot.words import pascal, port
 from bt_agents_groot.xml_writer import Xml
-from bt_agents_language.model.node_type import NodeField, NodeKind
+from bt_agents_language.model.node_type import NodeField, NodeType
 from bt_agents_language.model.specs import FieldSpec, FieldType, SkillSpec, SubtreeSpec, Tunable
 from bt_agents_language.nodes import KINDS, MODIFIERS
 
@@ -59,7 +59,7 @@ class Models:
         self._declare("Action", own, ports)
         return own
 
-    def plugin(self, kind: NodeKind) -> str:
+    def plugin(self, kind: NodeType) -> str:
         """Return the ID of a plug-in's node and declare it."""
         own = self._id("leaf", kind.key)
         self._declare("Action", own, tuple(map(_port, kind.fields)))

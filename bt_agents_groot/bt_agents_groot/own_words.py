@@ -8,20 +8,20 @@ from collections.abc import Callable
 from bt_agents_groot.catalogue import CONDITIONS, OTHER_ATTRIBUTES
 from bt_agents_groot.document import node_id
 from bt_agents_groot.ports import PortError, from_port, names_in, names_of_expression
-from bt_agents_groot.remarks import Weight
+from bt_agents_groot.remarks import RemarkLevel
 from bt_agents_groot.scopes import TreeNames
 from bt_agents_groot.words import port
-from bt_agents_groot.written import Data, Raw, Written
+from bt_agents_groot.written import Data, Raw, YamlNode
 from bt_agents_groot.xml_reader import Attribute, Element
 from bt_agents_language.model.node_type import Children, Content, NodeField
 from bt_agents_language.model.specs import FieldType
 from bt_agents_language.nodes import KINDS
 
-Remarking = Callable[[Weight, Element | Attribute, str], None]
+Remarking = Callable[[RemarkLevel, Element | Attribute, str], None]
 """Takes a remark about an element or attribute."""
 
 
-def own_leaf(element: Element, names: TreeNames, remark: Remarking) -> Written | None:
+def own_leaf(element: Element, names: TreeNames, remark: Remarking) -> YamlNode | None:
     """Return the node for a leaf of our own language; None when an element is none."""
     kind = KINDS.get(node_id(element))
     if kind is None or kind.children is not Children.NONE:
@@ -35,17 +35,17 @@ def own_leaf(element: Element, names: TreeNames, remark: Remarking) -> Written |
     for name in outputs if isinstance(outputs, dict) else ():
         names.write(name)
     only_main = kind.main is not None and list(fields) == [kind.main]
-    return Written(key=kind.key, value=fields[kind.main or ""] if only_main else fields)
+    return YamlNode(key=kind.key, value=fields[kind.main or ""] if only_main else fields)
 
 
-def _own_set(element: Element, names: TreeNames, remark: Remarking) -> Written | None:
+def _own_set(element: Element, names: TreeNames, remark: Remarking) -> YamlNode | None:
     values = element.attributes.get("values")
     data = port_value(values, FieldType.ANY, names, remark) if values is not None else None
     if not isinstance(data, dict):
         return None
     for key in data:
         names.write(key)
-    return Written(key="set", value=data)
+    return YamlNode(key="set", value=data)
 
 
 def own_fields(
@@ -76,10 +76,10 @@ def port_value(
     try:
         data = from_port(attribute.value, field_type, names.rename)
     except PortError as error:
-        remark(Weight.LOST, attribute, str(error))
+        remark(RemarkLevel.LOST, attribute, str(error))
         return attribute.value
     if isinstance(data, str) and "${" in data.replace("$${", ""):
-        remark(Weight.NOTE, attribute, "the ${…} in it is taken as a name of our language")
+        remark(RemarkLevel.NOTE, attribute, "the ${…} in it is taken as a name of our language")
     names.read(names_in(data), field_type)
     return data
 

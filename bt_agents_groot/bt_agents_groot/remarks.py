@@ -10,7 +10,7 @@ from enum import Enum
 from bt_agents_language.model.specs import Position
 
 
-class Weight(Enum):
+class RemarkLevel(Enum):
     """How much a remark matters; the value is the word before it."""
 
     LOST = "not translated"
@@ -21,7 +21,7 @@ class Weight(Enum):
 class Remark:
     """One remark about a place in the file that was translated."""
 
-    weight: Weight
+    weight: RemarkLevel
     position: Position
     message: str
 
@@ -43,7 +43,7 @@ class Remarks:
     def __iter__(self) -> Iterator[Remark]:
         return iter(sorted(self._remarks, key=lambda r: (r.position.line, r.position.column)))
 
-    def add(self, weight: Weight, position: Position, message: str) -> Remark:
+    def add(self, weight: RemarkLevel, position: Position, message: str) -> Remark:
         """Add a remark and return it."""
         remark = Remark(weight=weight, position=position, message=message)
         self._remarks.setdefault(remark)

@@ -19,7 +19,7 @@ from bt_agents_groot.formulas import (
 )
 from bt_agents_groot.scopes import TreeNames
 from bt_agents_groot.scripts import Assignment, Statement
-from bt_agents_groot.written import Data, Raw, Written, outside, sequence
+from bt_agents_groot.written import Data, Raw, YamlNode, outside, sequence
 from bt_agents_language.model.specs import FieldType
 
 
@@ -50,7 +50,7 @@ def condition_text(formula: Formula, names: TreeNames) -> Raw:
     return Raw(text)
 
 
-def as_node(statements: list[Statement], names: TreeNames) -> Written:
+def as_node(statements: list[Statement], names: TreeNames) -> YamlNode:
     """Return the node that does what a script does: ``set``, ``check``, or several of them.
 
     Raises:
@@ -60,26 +60,26 @@ def as_node(statements: list[Statement], names: TreeNames) -> Written:
     return nodes[0] if len(nodes) == 1 else sequence(*nodes)
 
 
-def _nodes(statements: list[Statement], names: TreeNames) -> Iterator[Written]:
+def _nodes(statements: list[Statement], names: TreeNames) -> Iterator[YamlNode]:
     values: dict[str, Data] = {}
     for statement in statements:
         if isinstance(statement, Assignment) and not isinstance(statement.value, Choice):
             # The values of one 'set' do not see each other.
             if {statement.name, *mentioned(statement.value)} & set(values):
-                yield Written(key="set", value=values)
+                yield YamlNode(key="set", value=values)
                 values = {}
             values[statement.name] = _assigned(statement, names)
             continue
         if values:
-            yield Written(key="set", value=values)
+            yield YamlNode(key="set", value=values)
             values = {}
         if isinstance(statement, Assignment):
             yield _chosen(statement, names)
         else:
             formula = as_condition([statement])
-            yield Written(key="check", value=condition_text(formula, names))
+            yield YamlNode(key="check", value=condition_text(formula, names))
     if values:
-        yield Written(key="set", value=values)
+        yield YamlNode(key="set", value=values)
 
 
 def _assigned(statement: Assignment, names: TreeNames) -> Data:
@@ -91,7 +91,7 @@ def _assigned(statement: Assignment, names: TreeNames) -> Data:
     return value
 
 
-def _chosen(statement: Assignment, names: TreeNames) -> Written:
+def _chosen(statement: Assignment, names: TreeNames) -> YamlNode:
     """Return ``name := condition ? yes : no`` as two cases."""
     choice = statement.value
     assert isinstance(choice, Choice)
@@ -100,7 +100,7 @@ def _chosen(statement: Assignment, names: TreeNames) -> Written:
     no = as_node([Assignment(statement.name, choice.no)], names)
     case = outside(yes, "when", condition)
     named = replace(case, name=case.name or "then")
-    return Written(key="choose", value={"otherwise": no}, children=(named,))
+    return YamlNode(key="choose", value={"otherwise": no}, children=(named,))
 
 
 def _value(formula: Formula) -> Data:

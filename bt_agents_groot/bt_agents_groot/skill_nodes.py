@@ -10,12 +10,12 @@ from bt_agents_groot.document import Document, Model, ModelPort, node_id
 from bt_agents_groot.own_words import Remarking, own_leaf, port_value, written_ports
 from bt_agents_groot.port_types import read_type
 from bt_agents_groot.ports import pointed_at
-from bt_agents_groot.remarks import Weight
+from bt_agents_groot.remarks import RemarkLevel
 from bt_agents_groot.scopes import TreeNames
 from bt_agents_groot.words import field_of, snake
-from bt_agents_groot.written import Data, Raw, Written
+from bt_agents_groot.written import Data, Raw, YamlNode
 from bt_agents_groot.xml_reader import Attribute, Element
-from bt_agents_language.model.node_type import NodeKind
+from bt_agents_language.model.node_type import NodeType
 from bt_agents_language.model.specs import FieldType, SkillSpec
 from bt_agents_language.nodes import BESIDE, KINDS, MODIFIERS
 
@@ -59,7 +59,7 @@ class SkillNodes:
         self,
         document: Document,
         skills: Mapping[str, SkillSpec],
-        plugins: Mapping[str, NodeKind],
+        plugins: Mapping[str, NodeType],
     ) -> None:
         """Take the file and the known words."""
         self.missing: dict[str, MissingSkill] = {}
@@ -69,7 +69,7 @@ class SkillNodes:
             **{key: _of_plugin(kind) for key, kind in plugins.items()},
         }
 
-    def leaf(self, element: Element, names: TreeNames, remark: Remarking) -> Written:
+    def leaf(self, element: Element, names: TreeNames, remark: Remarking) -> YamlNode:
         """Return the node for a custom element without children."""
         own = own_leaf(element, names, remark)
         if own is not None:
@@ -107,7 +107,7 @@ class SkillNodes:
         if entry is None or not names.is_new(entry):
             return "in"
         remark(
-            Weight.NOTE,
+            RemarkLevel.NOTE,
             attribute,
             f"'{attribute.name}' is taken as an output, because nothing before it fills "
             f"{{{entry}}}",
@@ -126,7 +126,9 @@ class SkillNodes:
         field_type = read_type(declared.type)
         if use.word is not None:
             if name not in use.word.fields:
-                remark(Weight.LOST, attribute, f"our skill '{use.name}' has no field '{name}'")
+                remark(
+                    RemarkLevel.LOST, attribute, f"our skill '{use.name}' has no field '{name}'"
+                )
                 return
             field_type = use.word.fields[name]
         use.fields[name] = port_value(attribute, field_type, names, remark)
@@ -146,11 +148,11 @@ class SkillNodes:
         if use.word is None:
             _note(self.missing[use.name].outputs, name, read_type(declared.type))
         elif name not in use.word.outputs:
-            remark(Weight.LOST, attribute, f"our skill '{use.name}' has no output '{name}'")
+            remark(RemarkLevel.LOST, attribute, f"our skill '{use.name}' has no output '{name}'")
             return
         if entry is None:
             remark(
-                Weight.NOTE,
+                RemarkLevel.NOTE,
                 attribute,
                 f"the output '{attribute.name}' is lost: '{attribute.value[:40]}' names no entry",
             )
@@ -163,7 +165,7 @@ def _skill_name(element: Element, remark: Remarking) -> str:
     if name not in KINDS and name not in MODIFIERS and name not in (*BESIDE, "children"):
         return name
     remark(
-        Weight.NOTE,
+        RemarkLevel.NOTE,
         element,
         f"'{name}' is a word of our language, so the skill is called '{name}_skill'",
     )
@@ -186,7 +188,7 @@ def _ports(element: Element, model: Model) -> list[Attribute]:
     ]
 
 
-def _written(use: _Use, names: TreeNames) -> Written:
+def _written(use: _Use, names: TreeNames) -> YamlNode:
     word, outputs = use.word, use.outputs
     usual = {name: name for name in word.outputs} if word is not None else {}
     for name in outputs or usual:
@@ -196,7 +198,7 @@ def _written(use: _Use, names: TreeNames) -> Written:
         only = use.fields[word.main]
         value = use.fields if isinstance(only, dict) else only
     beside: dict[str, Data] = {"outputs": outputs} if outputs and outputs != usual else {}
-    return Written(key=use.name, value=value, beside=beside)
+    return YamlNode(key=use.name, value=value, beside=beside)
 
 
 def _note(types: dict[str, FieldType], name: str, seen: FieldType) -> None:
@@ -211,7 +213,7 @@ def _of_skill(skill: SkillSpec) -> _Word:
     )
 
 
-def _of_plugin(kind: NodeKind) -> _Word:
+def _of_plugin(kind: NodeType) -> _Word:
     return _Word(fields={one.name: one.type for one in kind.fields}, main=kind.main)
 
 

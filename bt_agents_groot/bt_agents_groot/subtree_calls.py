@@ -9,10 +9,10 @@ from dataclasses import dataclass
 from bt_agents_groot.catalogue import CONDITIONS, OTHER_ATTRIBUTES
 from bt_agents_groot.own_words import Remarking
 from bt_agents_groot.ports import from_port, names_in, pointed_at
-from bt_agents_groot.remarks import Weight
+from bt_agents_groot.remarks import RemarkLevel
 from bt_agents_groot.scopes import Interface, TreeNames
 from bt_agents_groot.words import entry_of, snake
-from bt_agents_groot.written import Data, Raw, Written
+from bt_agents_groot.written import Data, Raw, YamlNode
 from bt_agents_groot.xml_reader import Element
 from bt_agents_language.model.specs import FieldType
 
@@ -50,14 +50,14 @@ class SubtreeCalls:
     def __init__(self) -> None:
         self.callees: dict[str, Callee] = {}
 
-    def call(self, element: Element, names: TreeNames, remark: Remarking) -> Written:
+    def call(self, element: Element, names: TreeNames, remark: Remarking) -> YamlNode:
         """Return the node that does a subtree."""
         tree_id = element.get("ID")
         ports = ports_of_call(element)
         callee = self.callees.get(tree_id)
         if callee is None:
             remark(
-                Weight.LOST,
+                RemarkLevel.LOST,
                 element,
                 f"tree '{tree_id}' stands in an included file; import that one too, and put its "
                 "subtree below 'subtrees:'",
@@ -78,7 +78,7 @@ class SubtreeCalls:
         used = {*callee.interface.inputs.values(), *callee.interface.outputs}
         for name in entries:
             if name not in used:
-                remark(Weight.NOTE, element, f"'{name}' is not passed on: '{callee.name}' never "
+                remark(RemarkLevel.NOTE, element, f"'{name}' is not passed on: '{callee.name}' never "
                        "uses it")  # fmt: skip
         return _subtree(callee.name, given, outputs)
 
@@ -99,7 +99,7 @@ class SubtreeCalls:
                 continue
             if text is None:
                 remark(
-                    Weight.LOST,
+                    RemarkLevel.LOST,
                     element,
                     f"nothing says what '{inside}' is for '{callee.name}'; write it behind 'with'",
                 )
@@ -115,10 +115,10 @@ def _passed(text: str, names: TreeNames) -> Data:
     return data
 
 
-def _subtree(name: str, given: dict[str, Data], outputs: dict[str, Data]) -> Written:
+def _subtree(name: str, given: dict[str, Data], outputs: dict[str, Data]) -> YamlNode:
     beside: dict[str, Data] = {}
     if given:
         beside["with"] = given
     if outputs:
         beside["outputs"] = outputs
-    return Written(key="subtree", value=Raw(name), beside=beside)
+    return YamlNode(key="subtree", value=Raw(name), beside=beside)

@@ -6,10 +6,10 @@ from __future__ import annotations
 from typing import Protocol
 
 from bt_agents_groot.formulas import Formula
-from bt_agents_groot.remarks import Weight
+from bt_agents_groot.remarks import RemarkLevel
 from bt_agents_groot.scopes import TreeNames
 from bt_agents_groot.scripts import Statement
-from bt_agents_groot.written import Data, Raw, Written
+from bt_agents_groot.written import Data, Raw, YamlNode
 from bt_agents_groot.xml_reader import Attribute, Element
 
 
@@ -22,13 +22,13 @@ class Translation(Protocol):
 
     names: TreeNames
 
-    def node(self, element: Element, *, below_fallback: bool = False) -> Written:
+    def node(self, element: Element, *, below_fallback: bool = False) -> YamlNode:
         """Return the node for an element and all below it."""
 
-    def around(self, element: Element, node: Written, key: str, value: Data) -> Written:
+    def around(self, element: Element, node: YamlNode, key: str, value: Data) -> YamlNode:
         """Return a node with a modifier around it; note what differs when the node is left out."""
 
-    def remark(self, weight: Weight, where: Element | Attribute, message: str) -> None:
+    def remark(self, weight: RemarkLevel, where: Element | Attribute, message: str) -> None:
         """Add a remark, which also becomes a comment above the node being translated."""
 
     def statements(self, attribute: Attribute) -> list[Statement]:

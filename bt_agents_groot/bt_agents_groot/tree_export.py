@@ -13,16 +13,16 @@ from bt_agents_groot.export_values import condition_script, milliseconds, number
 from bt_agents_groot.formulas import Untranslatable
 from bt_agents_groot.models import Models
 from bt_agents_groot.ports import JSON, as_port
-from bt_agents_groot.remarks import Remarks, Weight
+from bt_agents_groot.remarks import RemarkLevel, Remarks
 from bt_agents_groot.words import port
 from bt_agents_groot.xml_writer import Xml
 from bt_agents_language.model.node_type import Content, NodeField
 from bt_agents_language.model.specs import FieldSpec, FieldType, Plain, SubtreeSpec
 from bt_agents_language.nodes import KINDS, MODIFIERS
-from bt_agents_language.tree.raw_nodes import Draft
+from bt_agents_language.tree.raw_nodes import RawNode
 from bt_agents_language.yaml.scalars import boolean, plain_value
-from bt_agents_language.yaml.yaml_reader import Entry, Node, Scalar
 from bt_agents_language.yaml.yaml_reader import Mapping as MappingNode
+from bt_agents_language.yaml.yaml_reader import MappingEntry, Node, Scalar
 from bt_agents_language.yaml.yaml_reader import Sequence as SequenceNode
 
 Subtrees = Callable[[str], tuple[str, SubtreeSpec]]
@@ -48,7 +48,7 @@ class TreeExport:
         self._subtrees = subtrees
         self._remarks = remarks
 
-    def node(self, draft: Draft, *, is_case: bool = False) -> Xml:
+    def node(self, draft: RawNode, *, is_case: bool = False) -> Xml:
         """Return the element for a node and all below it.
 
         Args:
@@ -62,13 +62,13 @@ class TreeExport:
                 xml = self._modified(draft, key, entry, xml)
         return xml
 
-    def _named(self, draft: Draft, xml: Xml) -> Xml:
+    def _named(self, draft: RawNode, xml: Xml) -> Xml:
         if not draft.name:
             return xml
         first = {key: value for key, value in xml.attributes.items() if key == "ID"}
         return replace(xml, attributes={**first, "name": draft.name, **xml.attributes})
 
-    def _bare(self, draft: Draft) -> Xml:
+    def _bare(self, draft: RawNode) -> Xml:
         if draft.skill is not None:
             skill = draft.skill
             fields = {one.name: one.type for one in skill.inputs}
@@ -81,7 +81,7 @@ class TreeExport:
             return translate(self, draft)
         return self.own_leaf(draft)
 
-    def own_leaf(self, draft: Draft) -> Xml:
+    def own_leaf(self, draft: RawNode) -> Xml:
         """Return a leaf that BehaviorTree.CPP does not bring along."""
         kind = draft.kind
         assert kind is not None
@@ -95,14 +95,14 @@ class TreeExport:
 
     def _word(self, where: Node | Scalar, kind: str, key: str, fields: Sequence[NodeField]) -> str:
         self._remarks.add(
-            Weight.NOTE,
+            RemarkLevel.NOTE,
             where.position,
             f"BehaviorTree.CPP has no node for '{key}' as it stands here; Groot2 shows it as "
             f"<{key}>",
         )
         return self._models.word(kind, key, fields)
 
-    def _fields(self, draft: Draft, main: str | None) -> dict[str, Node]:
+    def _fields(self, draft: RawNode, main: str | None) -> dict[str, Node]:
         value = draft.value
         if isinstance(value, MappingNode):
             return {entry.key.text: entry.value for entry in value.entries}
@@ -124,13 +124,13 @@ class TreeExport:
             ports[port(name)] = as_port(node, types.get(name, FieldType.ANY))
             if "${" in ports[port(name)].replace("$${", ""):
                 self._remarks.add(
-                    Weight.NOTE,
+                    RemarkLevel.NOTE,
                     node.position,
                     "BehaviorTree.CPP does not fill in the ${…} inside of a text",
                 )
         return ports
 
-    def _outputs(self, draft: Draft, declared: tuple[FieldSpec, ...]) -> dict[str, str]:
+    def _outputs(self, draft: RawNode, declared: tuple[FieldSpec, ...]) -> dict[str, str]:
         entry = draft.beside.get("outputs")
         if entry is None or not isinstance(entry.value, MappingNode):
             return {port(one.name): f"{{{one.name}}}" for one in declared}
@@ -140,10 +140,10 @@ class TreeExport:
             if isinstance(item.value, Scalar)
         }
 
-    def _children(self, draft: Draft) -> tuple[Xml, ...]:
+    def _children(self, draft: RawNode) -> tuple[Xml, ...]:
         return tuple(map(self.node, draft.children))
 
-    def sequence(self, draft: Draft) -> Xml:
+    def sequence(self, draft: RawNode) -> Xml:
         """Return the element for ``sequence`` or ``selector``."""
         assert draft.kind is not None
         name = "Sequence" if draft.kind.key == "sequence" else "Fallback"
@@ -152,7 +152,7 @@ class TreeExport:
         tag = f"Reactive{name}" if reactive else name
         return Xml(tag=tag, children=self._children(draft))
 
-    def parallel(self, draft: Draft) -> Xml:
+    def parallel(self, draft: RawNode) -> Xml:
         """Return the element for ``parallel``."""
         children = self._children(draft)
         entry = draft.options.get("succeed_on")
@@ -173,7 +173,7 @@ class TreeExport:
             children=children,
         )
 
-    def choose(self, draft: Draft) -> Xml:
+    def choose(self, draft: RawNode) -> Xml:
         """Return the elements for ``choose``: one ``IfThenElse`` inside of the other."""
         otherwise = draft.nodes.get("otherwise")
         rest: tuple[Xml, ...] = (self.node(otherwise),) if otherwise is not None else ()
@@ -193,7 +193,7 @@ class TreeExport:
             tag = self._word(node, "Condition", "check", fields)
             return Xml(tag=tag, attributes={fields[0].name: node.text})
 
-    def random(self, draft: Draft) -> Xml:
+    def random(self, draft: RawNode) -> Xml:
         """Return the element for ``random``."""
         seed = _option(draft, "seed")
         weights = [child.beside.get("weight") for child in draft.children]
@@ -204,7 +204,7 @@ class TreeExport:
         tag = self._word(draft.key, "Control", "random", (*KINDS["random"].fields, _WEIGHTS))
         return Xml(tag=tag, attributes=attributes, children=self._children(draft))
 
-    def check(self, draft: Draft) -> Xml:
+    def check(self, draft: RawNode) -> Xml:
         """Return the leaf for ``check``."""
         node = self._fields(draft, "condition")["condition"]
         constant = boolean(node.text) if isinstance(node, Scalar) else None
@@ -212,7 +212,7 @@ class TreeExport:
             return Xml(tag="AlwaysSuccess" if constant else "AlwaysFailure")
         return self._condition(node)
 
-    def set(self, draft: Draft) -> Xml:
+    def set(self, draft: RawNode) -> Xml:
         """Return the leaf for ``set``."""
         assert isinstance(draft.value, MappingNode)
         try:
@@ -222,14 +222,14 @@ class TreeExport:
             tag = self._word(draft.key, "Action", "set", (_VALUES,))
             return Xml(tag=tag, attributes={"values": values})
 
-    def wait(self, draft: Draft) -> Xml:
+    def wait(self, draft: RawNode) -> Xml:
         """Return the leaf for ``wait``."""
         time = milliseconds(self._fields(draft, "duration")["duration"])
         if time is None:
             return self.own_leaf(draft)
         return Xml(tag="Sleep", attributes={"msec": time})
 
-    def wait_for(self, draft: Draft) -> Xml:
+    def wait_for(self, draft: RawNode) -> Xml:
         """Return the leaf for ``wait_for``."""
         fields = self._fields(draft, "condition")
         if set(fields) != {"condition"}:
@@ -244,7 +244,7 @@ class TreeExport:
             children=(Xml(tag="AlwaysSuccess"),),
         )
 
-    def subtree(self, draft: Draft) -> Xml:
+    def subtree(self, draft: RawNode) -> Xml:
         """Return the element for ``subtree``."""
         node = self._fields(draft, "name")["name"]
         assert isinstance(node, Scalar)
@@ -255,7 +255,7 @@ class TreeExport:
         outputs = self._outputs(draft, subtree.outputs)
         return Xml(tag="SubTree", attributes={"ID": tree_id, **ports, **outputs})
 
-    def _modified(self, draft: Draft, key: str, entry: Entry, xml: Xml) -> Xml:
+    def _modified(self, draft: RawNode, key: str, entry: MappingEntry, xml: Xml) -> Xml:
         """Return an element with a modifier around it."""
         if key in _SWITCHES:
             on = isinstance(entry.value, Scalar) and boolean(entry.value.text)
@@ -298,7 +298,7 @@ class TreeExport:
         return None if text is None else Xml(tag=tag, attributes={name: text}, children=(xml,))
 
 
-def _option(draft: Draft, name: str) -> str | None:
+def _option(draft: RawNode, name: str) -> str | None:
     entry = draft.options.get(name)
     return entry.value.text if entry is not None and isinstance(entry.value, Scalar) else None
 
@@ -314,14 +314,14 @@ def _weight(node: Node) -> Plain:
     return node.text if "${" in node.text else plain_value(node)
 
 
-_COMPOSITES: Mapping[str, Callable[[TreeExport, Draft], Xml]] = {
+_COMPOSITES: Mapping[str, Callable[[TreeExport, RawNode], Xml]] = {
     "sequence": TreeExport.sequence,
     "selector": TreeExport.sequence,
     "parallel": TreeExport.parallel,
     "choose": TreeExport.choose,
     "random": TreeExport.random,
 }
-_LEAVES: Mapping[str, Callable[[TreeExport, Draft], Xml]] = {
+_LEAVES: Mapping[str, Callable[[TreeExport, RawNode], Xml]] = {
     "check": TreeExport.check,
     "set": TreeExport.set,
     "wait": TreeExport.wait,

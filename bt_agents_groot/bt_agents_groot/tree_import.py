@@ -25,7 +25,7 @@ from bt_agents_groot.expressions import parse_formula
 from bt_agents_groot.formulas import Binary, Formula, Untranslatable, negated
 from bt_agents_groot.leaves import LEAVES, check
 from bt_agents_groot.ports import pointed_at
-from bt_agents_groot.remarks import Remarks, Weight
+from bt_agents_groot.remarks import RemarkLevel, Remarks
 from bt_agents_groot.scopes import TreeNames
 from bt_agents_groot.script_nodes import as_condition, as_node, condition_text
 from bt_agents_groot.scripts import Statement, parse_script
@@ -34,7 +34,7 @@ from bt_agents_groot.subtree_calls import SubtreeCalls
 from bt_agents_groot.written import (
     Data,
     Raw,
-    Written,
+    YamlNode,
     may_be_left_out,
     outside,
     selector,
@@ -71,7 +71,7 @@ class TreeImport:
         # Comments of the elements that are being translated, the innermost last.
         self._comments: list[list[str]] = []
 
-    def node(self, element: Element, *, below_fallback: bool = False) -> Written:
+    def node(self, element: Element, *, below_fallback: bool = False) -> YamlNode:
         """Return the node for an element and all below it."""
         self._comments.append([])
         description = element.get("_description")
@@ -83,19 +83,19 @@ class TreeImport:
         self._note_others(element)
         return with_comments(node, self._comments.pop())
 
-    def around(self, element: Element, node: Written, key: str, value: Data) -> Written:
+    def around(self, element: Element, node: YamlNode, key: str, value: Data) -> YamlNode:
         """Return a node with a modifier around it; note what differs when the node is left out."""
         whole = outside(node, key, value)
         if whole.key == "sequence" and whole.children == (node,) and may_be_left_out(node):
             self.remark(
-                Weight.NOTE,
+                RemarkLevel.NOTE,
                 element,
                 f"when its child is left out, it has succeeded for our '{key}'; Groot's is left "
                 "out itself",
             )
         return whole
 
-    def remark(self, weight: Weight, where: Element | Attribute, message: str) -> None:
+    def remark(self, weight: RemarkLevel, where: Element | Attribute, message: str) -> None:
         """Add a remark, which also becomes a comment above the node being translated."""
         remark = self._remarks.add(weight, where.position, message)
         if self._comments and remark.comment not in self._comments[-1]:
@@ -115,7 +115,7 @@ class TreeImport:
         """Return a condition as it stands in a file, its names remembered."""
         return condition_text(condition, self.names)
 
-    def _unguarded(self, element: Element) -> Written:
+    def _unguarded(self, element: Element) -> YamlNode:
         name = node_id(element)
         if element.tag == "SubTree":
             return self._calls.call(element, self.names, self.remark)
@@ -129,17 +129,19 @@ class TreeImport:
             or unknown_parent(self, element)
         )
 
-    def _named(self, element: Element, node: Written) -> Written:
+    def _named(self, element: Element, node: YamlNode) -> YamlNode:
         label = " ".join(element.get("name").replace("${", "$ {").split())
         if not label or label == node_id(element) or is_handler(element, node):
             return node
         if len(label) > _MAX_LABEL:
-            self.remark(Weight.NOTE, element, f"the name is shortened to {_MAX_LABEL} characters")
+            self.remark(
+                RemarkLevel.NOTE, element, f"the name is shortened to {_MAX_LABEL} characters"
+            )
             label = f"{label[: _MAX_LABEL - 1]}…"
         if not node.name:
             return replace(node, name=label)
         self.remark(
-            Weight.NOTE,
+            RemarkLevel.NOTE,
             element,
             f"the name '{label}' of <{node_id(element)}> is left out; in our language "
             f"'{node.name}' is the name of the same node",
@@ -162,19 +164,21 @@ class TreeImport:
             self.text(condition)
         except Untranslatable as error:
             self.remark(
-                Weight.LOST, attribute, f'{name}="{attribute.value[:80]}" is left out: {error}'
+                RemarkLevel.LOST,
+                attribute,
+                f'{name}="{attribute.value[:80]}" is left out: {error}',
             )
             return None
         return condition
 
     def _guarded(
-        self, element: Element, node: Written, guards: _Guards, below_fallback: bool
-    ) -> Written:
+        self, element: Element, node: YamlNode, guards: _Guards, below_fallback: bool
+    ) -> YamlNode:
         node, inner = self._opened(element, node, guards)
         if guards.hold is not None:
             node = self.around(element, node, "while", self.text(guards.hold))
             if not below_fallback:
-                self.remark(Weight.NOTE, element.attributes[WHILE], CONDITIONS[WHILE][1])
+                self.remark(RemarkLevel.NOTE, element.attributes[WHILE], CONDITIONS[WHILE][1])
         if guards.success is not None:
             node = selector(check(self.text(guards.success)), node)
         if guards.failure is not None:
@@ -194,8 +198,8 @@ class TreeImport:
         return outside(node, "when", self.text(whole))
 
     def _opened(
-        self, element: Element, node: Written, guards: _Guards
-    ) -> tuple[Written, Formula | None]:
+        self, element: Element, node: YamlNode, guards: _Guards
+    ) -> tuple[YamlNode, Formula | None]:
         """Return a node that gets something around it, without its ``when``, and that condition.
 
         What is left out has not ended and is not looked at, so that the condition goes outside.
@@ -208,7 +212,7 @@ class TreeImport:
         rest = {key: value for key, value in node.modifiers.items() if key != "when"}
         return replace(node, modifiers=rest), parse_formula(condition.text)
 
-    def _followed(self, element: Element, node: Written) -> Written:
+    def _followed(self, element: Element, node: YamlNode) -> YamlNode:
         """Return a node with the scripts that are run when it has ended."""
         after_success = [*self._scripts(element, ON_SUCCESS), *self._scripts(element, POST)]
         after_failure = [*self._scripts(element, ON_FAILURE), *self._scripts(element, POST)]
@@ -217,10 +221,10 @@ class TreeImport:
             whole = after_failure[0] if len(after_failure) == 1 else sequence(*after_failure)
             node = outside(node, "on_failure", outside(whole, "fail", True))
         if after_success and may_be_left_out(node):
-            self.remark(Weight.NOTE, element, "its scripts are run even when it is left out")
+            self.remark(RemarkLevel.NOTE, element, "its scripts are run even when it is left out")
         return sequence(node, *after_success) if after_success else node
 
-    def _scripts(self, element: Element, name: str, *, lost: bool = False) -> list[Written]:
+    def _scripts(self, element: Element, name: str, *, lost: bool = False) -> list[YamlNode]:
         attribute = element.attributes.get(name)
         if attribute is None:
             return []
@@ -230,7 +234,9 @@ class TreeImport:
             return [as_node(self.statements(attribute), self.names)]
         except Untranslatable as error:
             self.remark(
-                Weight.LOST, attribute, f'{name}="{attribute.value[:80]}" is left out: {error}'
+                RemarkLevel.LOST,
+                attribute,
+                f'{name}="{attribute.value[:80]}" is left out: {error}',
             )
             return []
 
@@ -238,6 +244,8 @@ class TreeImport:
         known = (*CONDITIONS, *OTHER_ATTRIBUTES)
         for name, attribute in element.attributes.items():
             if name.startswith("_") and name not in known:
-                self.remark(Weight.NOTE, attribute, f"the attribute '{name}' is not read")
+                self.remark(RemarkLevel.NOTE, attribute, f"the attribute '{name}' is not read")
         if element.text:
-            self.remark(Weight.NOTE, element, f"the text inside of <{element.tag}> is not read")
+            self.remark(
+                RemarkLevel.NOTE, element, f"the text inside of <{element.tag}> is not read"
+            )

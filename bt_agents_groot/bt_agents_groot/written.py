@@ -30,7 +30,7 @@ _LEFT_OUT_THROUGH = ("once", "succeed", "fail", "timeout", "invert")
 
 
 @dataclass(frozen=True, kw_only=True)
-class Written:
+class YamlNode:
     """One node.
 
     Attributes:
@@ -45,7 +45,7 @@ class Written:
 
     key: str
     value: Data = field(default_factory=dict)
-    children: tuple[Written, ...] = ()
+    children: tuple[YamlNode, ...] = ()
     name: str = ""
     modifiers: Mapping[str, Data] = field(default_factory=dict)
     beside: Mapping[str, Data] = field(default_factory=dict)
@@ -76,21 +76,21 @@ class Written:
         return {**options, "children": children, **last}
 
 
-Data = Raw | str | bool | int | float | list["Data"] | dict[str, "Data"] | Written
+Data = Raw | str | bool | int | float | list["Data"] | dict[str, "Data"] | YamlNode
 """Something to be written; a ``str`` is a text and never anything else."""
 
 
-def sequence(*children: Written) -> Written:
+def sequence(*children: YamlNode) -> YamlNode:
     """Return a sequence with memory."""
-    return Written(key="sequence", children=children)
+    return YamlNode(key="sequence", children=children)
 
 
-def selector(*children: Written) -> Written:
+def selector(*children: YamlNode) -> YamlNode:
     """Return a selector with memory."""
-    return Written(key="selector", children=children)
+    return YamlNode(key="selector", children=children)
 
 
-def outside(node: Written, key: str, value: Data) -> Written:
+def outside(node: YamlNode, key: str, value: Data) -> YamlNode:
     """Return a node with one more modifier around all that it has.
 
     Where the order of modifiers would put the new one inside of another, or where two of them
@@ -107,12 +107,12 @@ def outside(node: Written, key: str, value: Data) -> Written:
     return replace(node, modifiers={**outer, **inner, key: value})
 
 
-def may_be_left_out(node: Written) -> bool:
+def may_be_left_out(node: YamlNode) -> bool:
     """Return whether a node says itself that it is left out sometimes."""
     return any(key in node.modifiers for key in _LEAVES_OUT)
 
 
-def with_comments(node: Written, comments: Iterable[str]) -> Written:
+def with_comments(node: YamlNode, comments: Iterable[str]) -> YamlNode:
     """Return a node with more lines above it."""
     return replace(node, comments=(*comments, *node.comments))
 
@@ -129,7 +129,7 @@ def yaml_lines(data: Mapping[str, Data], indent: int = 0) -> list[str]:
     for key, value in data.items():
         head = f"{pad}{scalar(key)}:"
         match value:
-            case Written():
+            case YamlNode():
                 lines += [head, *_comments(value, indent + 2)]
                 lines += yaml_lines(value.entries(), indent + 2)
             case dict() if value:
@@ -145,7 +145,7 @@ def _list_lines(items: list[Data], indent: int) -> list[str]:
     lines: list[str] = []
     for item in items:
         match item:
-            case Written():
+            case YamlNode():
                 lines += _comments(item, indent)
                 block = yaml_lines(item.entries(), indent + 2)
             case dict() if item:
@@ -158,7 +158,7 @@ def _list_lines(items: list[Data], indent: int) -> list[str]:
     return lines
 
 
-def _comments(node: Written, indent: int) -> list[str]:
+def _comments(node: YamlNode, indent: int) -> list[str]:
     return [" " * indent + line for text in node.comments for line in comment_lines(text)]
 
 

@@ -34,11 +34,11 @@ from bt_agents_interfaces.msg import (
     TreeStatus,
     Tunings,
 )
-from bt_agents_lab.recorder.daily_recorder import Journal, Said, Topic
+from bt_agents_lab.recorder.daily_recorder import DailyRecorder, RecordedMessage, RecordedTopic
 from bt_agents_lab.recorder.definition_texts import definition_text
 from bt_agents_lab.recorder.definitions import definition
 from bt_agents_ros import qos
-from bt_agents_ros.base_node import GuardedNode
+from bt_agents_ros.base_node import BaseNode
 from bt_agents_ros.parameters import declare, describe
 from bt_agents_ros.spinner import run
 from bt_agents_ros.startup import StartParameter, make_from_parameters
@@ -88,7 +88,7 @@ _OF_A_HOST = (
 )
 
 
-class JournalNode(GuardedNode):
+class JournalNode(BaseNode):
     """Writes what the nodes of a system say into one file a day.
 
     Args:
@@ -112,7 +112,7 @@ class JournalNode(GuardedNode):
         self._definitions: dict[str, str] = {}
         self._hosts: set[str] = set()
         try:
-            self.journal = Journal(folder, days=days, today=today, tell=self._tell)
+            self.journal = DailyRecorder(folder, days=days, today=today, tell=self._tell)
         except OSError as error:
             self.destroy_node()
             raise BtAgentsError(
@@ -160,11 +160,11 @@ class JournalNode(GuardedNode):
         topic = self._topic_of_cards
         self.journal.take(_said(topic, data, info), fact=f"{topic.name} {host}")
 
-    def _topic(self, kind: Any, name: str) -> Topic:
+    def _topic(self, kind: Any, name: str) -> RecordedTopic:
         type_name = f"{_PACKAGE}/msg/{kind.__name__}"
         if type_name not in self._definitions:
             self._definitions[type_name] = definition(type_name, definition_text)
-        return Topic(
+        return RecordedTopic(
             name=self.resolve_topic_name(name),
             type=type_name,
             definition=self._definitions[type_name],
@@ -177,9 +177,11 @@ class JournalNode(GuardedNode):
             self.get_logger().info(words)
 
 
-def _said(topic: Topic, data: bytes, info: Mapping[str, Any]) -> Said:
+def _said(topic: RecordedTopic, data: bytes, info: Mapping[str, Any]) -> RecordedMessage:
     heard = time.time_ns()
-    return Said(topic=topic, data=data, sent_ns=int(info["source_timestamp"]), heard_ns=heard)
+    return RecordedMessage(
+        topic=topic, data=data, sent_ns=int(info["source_timestamp"]), heard_ns=heard
+    )
 
 
 FOLDER = StartParameter(

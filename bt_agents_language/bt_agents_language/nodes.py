@@ -6,12 +6,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from bt_agents_language.model.node_type import (
-    BesideKey,
     Children,
     Content,
-    ModifierKind,
+    DecoratorType,
     NodeField,
-    NodeKind,
+    NodeType,
+    SiblingKey,
 )
 from bt_agents_language.model.specs import FieldType
 from bt_agents_language.ros_nodes import ROS_KINDS
@@ -33,22 +33,22 @@ _PAUSE = NodeField(
     required=False,
     description="how long to wait in between",
 )
-KINDS: Mapping[str, NodeKind] = {
+KINDS: Mapping[str, NodeType] = {
     kind.key: kind
     for kind in (
-        NodeKind(
+        NodeType(
             key="sequence",
             fields=(_MEMORY,),
             children=Children.LIST,
             description="Does its children one after the other, until one fails.",
         ),
-        NodeKind(
+        NodeType(
             key="selector",
             fields=(_MEMORY,),
             children=Children.LIST,
             description="Tries its children one after the other, until one succeeds.",
         ),
-        NodeKind(
+        NodeType(
             key="parallel",
             fields=(
                 NodeField(
@@ -64,7 +64,7 @@ KINDS: Mapping[str, NodeKind] = {
             children=Children.LIST,
             description="Does its children at the same time.",
         ),
-        NodeKind(
+        NodeType(
             key="choose",
             fields=(
                 NodeField(
@@ -77,7 +77,7 @@ KINDS: Mapping[str, NodeKind] = {
             children=Children.LIST,
             description="Does the first of its named cases whose 'when' is true, and no other.",
         ),
-        NodeKind(
+        NodeType(
             key="random",
             fields=(
                 NodeField(
@@ -91,7 +91,7 @@ KINDS: Mapping[str, NodeKind] = {
             children=Children.LIST,
             description="Does one of its children, the more often the larger its 'weight'.",
         ),
-        NodeKind(
+        NodeType(
             key="check",
             main="condition",
             fields=(
@@ -101,14 +101,14 @@ KINDS: Mapping[str, NodeKind] = {
             ),
             description="Succeeds when a condition is true, else fails.",
         ),
-        NodeKind(key="set", open=True, description="Gives names values that later nodes can use."),
-        NodeKind(
+        NodeType(key="set", open=True, description="Gives names values that later nodes can use."),
+        NodeType(
             key="wait",
             main="duration",
             fields=(NodeField(name="duration", type=FieldType.DURATION, description="how long"),),
             description="Waits for a time.",
         ),
-        NodeKind(
+        NodeType(
             key="wait_for",
             main="condition",
             fields=(
@@ -162,7 +162,7 @@ KINDS: Mapping[str, NodeKind] = {
             description="Waits until a condition is true, or for a message on a topic.",
         ),
         *ROS_KINDS,
-        NodeKind(
+        NodeType(
             key="log",
             main="message",
             fields=(
@@ -179,7 +179,7 @@ KINDS: Mapping[str, NodeKind] = {
             ),
             description="Writes a line into the log of the robot; nobody hears it.",
         ),
-        NodeKind(
+        NodeType(
             key="give_feedback",
             main="kind",
             fields=(
@@ -205,7 +205,7 @@ KINDS: Mapping[str, NodeKind] = {
             ),
             description="Moves the agent's profile, as a person's feedback does.",
         ),
-        NodeKind(
+        NodeType(
             key="subtree",
             main="name",
             fields=(
@@ -223,10 +223,10 @@ KINDS: Mapping[str, NodeKind] = {
 }
 """Kinds of nodes by key; skills and plug-ins come on top of these."""
 
-MODIFIERS: Mapping[str, ModifierKind] = {
+MODIFIERS: Mapping[str, DecoratorType] = {
     modifier.key: modifier
     for modifier in (
-        ModifierKind(
+        DecoratorType(
             key="when",
             main="condition",
             fields=(
@@ -238,24 +238,24 @@ MODIFIERS: Mapping[str, ModifierKind] = {
             ),
             description="Leaves the node out unless a condition is true when it would start.",
         ),
-        ModifierKind(
+        DecoratorType(
             key="once",
             description="Leaves the node out after it has ended once in this run.",
         ),
-        ModifierKind(
+        DecoratorType(
             key="cooldown",
             main="duration",
             fields=(NodeField(name="duration", type=FieldType.DURATION, description="how long"),),
             description="Leaves the node out for a time after it has ended.",
         ),
-        ModifierKind(key="succeed", description="However the node ends, it counts as success."),
-        ModifierKind(key="fail", description="However the node ends, it counts as failure."),
-        ModifierKind(
+        DecoratorType(key="succeed", description="However the node ends, it counts as success."),
+        DecoratorType(key="fail", description="However the node ends, it counts as failure."),
+        DecoratorType(
             key="on_failure",
             handler=True,
             description="A node that is done instead when the node has failed.",
         ),
-        ModifierKind(
+        DecoratorType(
             key="while",
             main="condition",
             fields=(
@@ -268,7 +268,7 @@ MODIFIERS: Mapping[str, ModifierKind] = {
             description="Looks at a condition at each tick; once it is not true, the node is "
             "stopped and has failed.",
         ),
-        ModifierKind(
+        DecoratorType(
             key="retry",
             main="attempts",
             fields=(
@@ -283,7 +283,7 @@ MODIFIERS: Mapping[str, ModifierKind] = {
             ),
             description="Tries the node again after a failure, so often in all.",
         ),
-        ModifierKind(
+        DecoratorType(
             key="repeat",
             main="times",
             fields=(
@@ -305,32 +305,32 @@ MODIFIERS: Mapping[str, ModifierKind] = {
             ),
             description="Does the node again after a success, so often in all.",
         ),
-        ModifierKind(
+        DecoratorType(
             key="timeout",
             main="limit",
             fields=(NodeField(name="limit", type=FieldType.DURATION, description="how long"),),
             description="How long the node may take; then it is stopped and has failed.",
         ),
-        ModifierKind(
+        DecoratorType(
             key="invert", description="Success counts as failure and failure as success."
         ),
     )
 }
 """Modifiers by key, in the order in which they wrap a node: the first one is the outermost."""
 
-BESIDE: Mapping[str, BesideKey] = {
+BESIDE: Mapping[str, SiblingKey] = {
     beside.key: beside
     for beside in (
-        BesideKey(key="name", where="any node", description="A name for people."),
-        BesideKey(
+        SiblingKey(key="name", where="any node", description="A name for people."),
+        SiblingKey(
             key="with", where="a subtree", description="The inputs of a subtree by their names."
         ),
-        BesideKey(
+        SiblingKey(
             key="outputs",
             where="a subtree or a skill",
             description="Names for later nodes, each with the output whose value it gets.",
         ),
-        BesideKey(
+        SiblingKey(
             key="weight",
             where="a child of 'random'",
             description="How often this child is chosen, relative to the others; 1 if not given.",

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from bt_agents_language.model.node_type import Content, NodeField, NodeKind
+from bt_agents_language.model.node_type import Content, NodeField, NodeType
 from bt_agents_language.model.server_timeouts import timeout_keys
 from bt_agents_language.model.specs import BindingKind
 
@@ -27,7 +27,7 @@ _HEARTBEAT = NodeField(
 )
 
 ROS_KINDS = (
-    NodeKind(
+    NodeType(
         key="action",
         fields=(
             NodeField(name="name", content=Content.ROS_NAME, description="name of the action"),
@@ -58,7 +58,7 @@ ROS_KINDS = (
         ),
         description="Uses a ROS action.",
     ),
-    NodeKind(
+    NodeType(
         key="service",
         fields=(
             NodeField(name="name", content=Content.ROS_NAME, description="name of the service"),
@@ -87,7 +87,7 @@ ROS_KINDS = (
         ),
         description="Calls a ROS service.",
     ),
-    NodeKind(
+    NodeType(
         key="publish",
         fields=(
             NodeField(name="topic", content=Content.ROS_NAME, description="name of the topic"),

@@ -22,7 +22,7 @@ from bt_agents_interfaces.srv import SetLight
 from bt_agents_robot.acts import Act, Ask, Drive, Say, Show
 from bt_agents_robot.speech import Voice, check_text
 from bt_agents_ros import qos
-from bt_agents_ros.base_node import GuardedNode
+from bt_agents_ros.base_node import BaseNode
 from bt_agents_ros.parameters import declare, describe
 from bt_agents_ros.spinner import run
 from bt_agents_ros.timers import steady_timer
@@ -53,7 +53,7 @@ class _Performed:
     told: float = 0.0
 
 
-class RobotNode(GuardedNode):
+class RobotNode(BaseNode):
     """The simulated robot; its parameters are ``pace`` and ``voice``.
 
     Args:

@@ -21,7 +21,7 @@ from bt_agents_interfaces.srv import Analyze
 from bt_agents_language.files.scene_reader import read_scene
 from bt_agents_language.files.script_reader import read_script
 from bt_agents_language.model.scene_specs import SceneSpec, SourceSpec, path_of
-from bt_agents_language.model.specs import BindingKind, Change, Script, Visit
+from bt_agents_language.model.specs import BindingKind, SceneChange, Script, Visit
 from bt_agents_robot.people import (
     REACTION_S,
     field_value,
@@ -31,14 +31,14 @@ from bt_agents_robot.people import (
     readings,
 )
 from bt_agents_ros import qos
-from bt_agents_ros.base_node import GuardedNode
+from bt_agents_ros.base_node import BaseNode
 from bt_agents_ros.calls import Calls
 from bt_agents_ros.parameters import declare, describe
 from bt_agents_ros.spinner import run
 from bt_agents_ros.startup import TREES, StartParameter, make_from_parameters
 from bt_agents_ros.timers import steady_timer
 from bt_agents_ros.types import fill, load_type, read_field
-from scene_layer.script import Market, Performance, answer
+from scene_layer.script import MarketView, ScriptPerformance, answer
 
 SENSOR_PERIOD_S = 0.2
 """Time between two readings of one sensor [s]."""
@@ -95,7 +95,7 @@ class _Sensor:
         return example
 
 
-class VisitorsNode(GuardedNode):
+class VisitorsNode(BaseNode):
     """Plays a script as people who come, are sensed, react and leave.
 
     Args:
@@ -118,7 +118,7 @@ class VisitorsNode(GuardedNode):
         self._spec = spec
         self._script = script
         self._declare()
-        self._performance = Performance(
+        self._performance = ScriptPerformance(
             script, wait_for_agents=self._wait_for_agents, pace=self._pace
         )
         self._values: dict[str, float] = {}
@@ -174,7 +174,7 @@ class VisitorsNode(GuardedNode):
     # What arrives
 
     def _on_market(self, message: Any) -> None:
-        market = Market(
+        market = MarketView(
             epoch=message.epoch,
             idle=message.state == MarketStatus.IDLE,
             agents=message.agents,
@@ -297,7 +297,7 @@ class VisitorsNode(GuardedNode):
                 self._reactions.remove(reaction)
                 publisher.publish(message)
 
-    def _change(self, change: Change) -> None:
+    def _change(self, change: SceneChange) -> None:
         self._values.update(change.values)
         self._seen.update(change.values)
         if change.person is not None:

@@ -11,10 +11,10 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from bt_agents_ros.workarounds.parameter_services import ParameterServices
-from bt_agents_ros.workarounds.quick_logger import LogLines
+from bt_agents_ros.workarounds.quick_logger import QuickLogger
 
 
-class GuardedNode(Node):
+class BaseNode(Node):
     """A node whose parameters are finite numbers, and which survives every request about them.
 
     Args:
@@ -24,7 +24,7 @@ class GuardedNode(Node):
 
     def __init__(self, name: str, **node_kwargs: Any) -> None:
         super().__init__(name, start_parameter_services=False, **node_kwargs)
-        self._logger = LogLines(self.get_logger().name)
+        self._logger = QuickLogger(self.get_logger().name)
         self.add_on_set_parameters_callback(_check_finite)
         self._parameter_services = ParameterServices(self)
 

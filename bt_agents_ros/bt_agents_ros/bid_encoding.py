@@ -8,7 +8,7 @@ from functools import lru_cache
 
 from rclpy.serialization import serialize_message
 
-from bt_agents.host.agent_registry import Answer
+from bt_agents.host.agent_registry import HostBids
 from bt_agents_interfaces.msg import Bids
 
 _HEADER_BYTES = 4
@@ -18,7 +18,7 @@ _NUMBER_BYTES = 4
 _MARKS = (0x01020304, 0xF1F2F3F4)
 
 
-class Saying:
+class BidEncoder:
     """Makes the answers of a host; what is the same as in its last one is not made again.
 
     Args:
@@ -29,10 +29,10 @@ class Saying:
     def __init__(self, host: str, instance: str) -> None:
         self._host = host
         self._instance = instance
-        self._said: tuple[str, Answer] | None = None
+        self._said: tuple[str, HostBids] | None = None
         self._rest = b""
 
-    def message(self, epoch: str, number: int, answer: Answer) -> bytes:
+    def message(self, epoch: str, number: int, answer: HostBids) -> bytes:
         """Return the serialized message of an answer in a round of a market."""
         if self._said != (epoch, answer):
             message = serialize_message(
@@ -53,7 +53,7 @@ class Saying:
         return _before(epoch) + number.to_bytes(_NUMBER_BYTES, sys.byteorder) + self._rest
 
 
-def number_of(message: bytes, like: bytes, epoch: str) -> int | None:
+def round_of(message: bytes, like: bytes, epoch: str) -> int | None:
     """Return the number of the round of a message; None when more than it is unlike another one.
 
     None too when it is written by other rules than messages of this process.

@@ -13,9 +13,7 @@ _PROCESS = 12
 """Leading bytes of an endpoint's id that are those of its process."""
 
 
-def hear_each_other(
-    node: Node, said: Publisher[Any], heard: Subscription[Any], partner: str
-) -> bool:
+def is_matched(node: Node, said: Publisher[Any], heard: Subscription[Any], partner: str) -> bool:
     """Return whether a publisher and a subscription are matched with all that the graph shows.
 
     Args:

@@ -18,7 +18,7 @@ LIMIT_S = 5.0
 _LOOK_S = 0.01
 
 
-class Jobs:
+class FuturePoller:
     """Looks at jobs while there are some: their threads must not call into rclpy.
 
     Args:

@@ -12,7 +12,7 @@ from typing import Any
 from rclpy.client import Client
 from rclpy.node import Node
 
-from bt_agents_core.delivery_queue import Letters
+from bt_agents_core.delivery_queue import DeliveryQueue
 from bt_agents_core.errors import STORAGE_FULL
 from bt_agents_ros.timers import steady_timer
 
@@ -52,7 +52,9 @@ class Outbox:
     ) -> None:
         self._node = node
         self._client = client
-        self._letters: Letters[_Letter] = Letters(time.monotonic, most=most, answer_s=answer_s)
+        self._letters: DeliveryQueue[_Letter] = DeliveryQueue(
+            time.monotonic, most=most, answer_s=answer_s
+        )
         self._sendings: deque[Any] = deque()
         self._late = False
         self._timer = steady_timer(node, _LOOK_S, self._send, running=False)

@@ -57,7 +57,7 @@ def declare(node: Node, name: str, default: Value, descriptor: ParameterDescript
     return value
 
 
-def follow(
+def declare_and_watch(
     node: Node,
     name: str,
     default: Value,

@@ -20,7 +20,7 @@ from rclpy.signals import SignalHandlerOptions
 
 from bt_agents_ros.node_main import READY, SUPERVISED
 from bt_agents_ros.signals import Interrupt, Interrupted
-from bt_agents_ros.workarounds.cached_executor import LeanExecutor
+from bt_agents_ros.workarounds.cached_executor import CachedExecutor
 
 _POLL_S = 0.1
 STOP_LIMIT_S = 1.0
@@ -43,12 +43,12 @@ class Stopping(Protocol):
 NodeT = TypeVar("NodeT", bound=Node)
 
 
-class Turner:
+class Spinner:
     """Turns a node; an exception in a callback is reported and survived."""
 
     def __init__(self, node: Node) -> None:
         self.node = node
-        self.executor = LeanExecutor()
+        self.executor = CachedExecutor()
         self.executor.add_node(node)
 
     def turn(self, timeout_s: float = _POLL_S) -> None:
@@ -104,7 +104,7 @@ def run(make_node: Callable[[], NodeT], args: Sequence[str] | None = None) -> in
         except Exception as error:
             print(f"error: {error}", file=sys.stderr)
             return 1
-        turner = Turner(node)
+        turner = Spinner(node)
         try:
             _say_ready()
             while not interrupt and rclpy.ok():

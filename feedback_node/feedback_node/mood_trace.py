@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 from bt_agents_core.mood import Addressee, mood_of
 from bt_agents_core.scene import MISSING, Scene, SceneSpace
-from feedback_node.learning.runs import Run
+from feedback_node.learning.runs import AnnouncedRun
 
 MOST_LEAVES = 1000
 """Nodes of one run that are told apart; what others do is counted for nobody."""
@@ -38,10 +38,10 @@ class LeafMood:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Told:
+class ReportedMood:
     """How the mood went in a run that has ended."""
 
-    run: Run
+    run: AnnouncedRun
     leaves: tuple[LeafMood, ...]
 
 

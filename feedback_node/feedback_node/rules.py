@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
 from bt_agents_core.errors import Refused
-from bt_agents_core.feedback import Kind
+from bt_agents_core.feedback import FeedbackKind
 from bt_agents_core.live_scene_view import LEASE_S
 from bt_agents_core.mood import Addressee, Mood
 from bt_agents_core.scene import Scene, SceneSpace
@@ -44,7 +44,7 @@ class Rule:
     text: str
     condition: Expression
     hold_s: float
-    kind: Kind
+    kind: FeedbackKind
     cancel: bool
     baseline_s: float = 0.0
     release: Expression | None = None
@@ -115,13 +115,13 @@ def read_rule(
             raise Refused("BAD_RULE", f"rule '{text}': {words} {seconds} s, expected 0 s or more")
     if not 0.0 <= confidence <= 1.0:
         raise Refused("BAD_RULE", f"rule '{text}': confidence {confidence}, expected 0 to 1")
-    if give not in (Kind.POSITIVE, Kind.NEGATIVE):
+    if give not in (FeedbackKind.POSITIVE, FeedbackKind.NEGATIVE):
         raise Refused("BAD_RULE", f"rule '{text}': gives {give}, expected 1 or 2")
     return Rule(
         text=text,
         condition=_condition(text, text, space),
         hold_s=hold_s,
-        kind=Kind(give),
+        kind=FeedbackKind(give),
         cancel=cancel,
         baseline_s=baseline_s,
         release=_condition(release, text, space) if release else None,

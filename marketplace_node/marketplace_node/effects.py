@@ -45,7 +45,7 @@ class RunOutcome(IntEnum):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Goal:
+class RunGoal:
     """Identity of an award: an agent gets at most one goal a round."""
 
     round: int
@@ -81,7 +81,7 @@ class OpenCall:
 
 
 @dataclass(frozen=True, kw_only=True)
-class AskOutside:
+class RequestRanking:
     """Ask a program outside to rank bids, and report ``ranked`` within ``limit_s`` seconds.
 
     Attributes:
@@ -142,7 +142,7 @@ class PreviewEnded:
 class SendGoal:
     """Send the goal to the winner's host."""
 
-    goal: Goal
+    goal: RunGoal
     scene: Scene
 
 
@@ -150,7 +150,7 @@ class SendGoal:
 class CancelGoal:
     """Cancel a goal, or drop it when it has not been sent yet."""
 
-    goal: Goal
+    goal: RunGoal
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -166,7 +166,7 @@ class AnnounceRun:
 
     event: RunEventKind
     outcome: RunOutcome
-    goal: Goal
+    goal: RunGoal
     scene: Scene
     message: str
     orphans: tuple[str, ...] = ()
@@ -185,7 +185,7 @@ class EarlierRun:
     """
 
     epoch: str
-    goal: Goal
+    goal: RunGoal
     outcome: RunOutcome
     scene: Scene
     message: str
@@ -208,7 +208,7 @@ class AnnounceEarlierRun:
 class Collect:
     """Ask the feedback service for feedback on a run, within ``deadline_s`` seconds."""
 
-    goal: Goal
+    goal: RunGoal
     outcome: RunOutcome
     scene: Scene
     deadline_s: float
@@ -247,7 +247,7 @@ class SceneEnded:
 
 
 @dataclass(frozen=True, kw_only=True)
-class KeepOrders:
+class StoreOverrides:
     """Keep pins, vetoes and counts for a market that is started again: :meth:`Floor.restore`."""
 
     text: str
@@ -271,7 +271,7 @@ Effect = (
     Connect
     | Disconnect
     | OpenCall
-    | AskOutside
+    | RequestRanking
     | PublishAuction
     | PreviewEnded
     | SendGoal
@@ -282,7 +282,7 @@ Effect = (
     | Collect
     | StatusChanged
     | SceneEnded
-    | KeepOrders
+    | StoreOverrides
     | Note
     | Alarm
 )

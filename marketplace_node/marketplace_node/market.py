@@ -14,21 +14,21 @@ from marketplace_node.effects import (
     Connect,
     EarlierRun,
     Effect,
-    Goal,
     Note,
+    RunGoal,
     SceneEnded,
     State,
     StatusChanged,
 )
-from marketplace_node.interaction.award import SHUTTING_DOWN, RunEnd, Stop
+from marketplace_node.interaction.award import SHUTTING_DOWN, RunEnd, StopRequest
 from marketplace_node.interaction.interaction import Interaction
-from marketplace_node.interaction.market_failover import EarlierRuns
-from marketplace_node.interaction.scene_admission import Arrivals
-from marketplace_node.market_state import PREVIEWS, Floor
-from marketplace_node.operators.operator_commands import Operating
-from marketplace_node.operators.operator_overrides import Act, Order
+from marketplace_node.interaction.market_failover import InheritedRuns
+from marketplace_node.interaction.scene_admission import SceneAdmission
+from marketplace_node.market_state import PREVIEWS, MarketState
+from marketplace_node.operators.operator_commands import OperatorCommands
+from marketplace_node.operators.operator_overrides import OperatorAction, OperatorCommand
 from marketplace_node.operators.previews import Previews
-from marketplace_node.registry import Answer, Registration
+from marketplace_node.registry import Registration, RegistrationAnswer
 from marketplace_node.round.auction import check_round
 from marketplace_node.round.decision import Bids, External
 from marketplace_node.round.open_round import OpenRound
@@ -60,12 +60,12 @@ class Market:
     ) -> None:
         self.epoch = epoch
         self.late_bids = 0
-        self._floor = Floor(space, epoch, settings or Settings(), rules)
+        self._floor = MarketState(space, epoch, settings or Settings(), rules)
         self._interaction: Interaction | None = None
-        self._arrivals = Arrivals(self._floor)
-        self._operating = Operating(self._floor, self._arrivals)
+        self._arrivals = SceneAdmission(self._floor)
+        self._operating = OperatorCommands(self._floor, self._arrivals)
         self._previews = Previews(self._floor)
-        self._earlier = EarlierRuns(self._floor)
+        self._earlier = InheritedRuns(self._floor)
         self._finished_scene_id = ""
         self._last_round = 0
         self._last_words = "waiting for a scene"
@@ -82,7 +82,7 @@ class Market:
         return self._interaction.state if self._interaction else State.IDLE
 
     @property
-    def goal(self) -> Goal | None:
+    def goal(self) -> RunGoal | None:
         """The award of the moment."""
         return self._interaction.goal if self._interaction else None
 
@@ -104,7 +104,7 @@ class Market:
         self._previews.give_up(SHUTTING_DOWN, reason)
         self._ask_again(math.inf)
         if self._interaction is not None:
-            self._interaction.stop(Stop(reason=reason, code=SHUTTING_DOWN), now)
+            self._interaction.stop(StopRequest(reason=reason, code=SHUTTING_DOWN), now)
         return self._settle(now)
 
     def scene(self, scene: Scene, now: float) -> list[Effect]:
@@ -122,7 +122,9 @@ class Market:
         self._earlier.take(host, runs, now, obstacle=self._arrivals.shut)
         return self._settle(now)
 
-    def register(self, registration: Registration, now: float) -> tuple[Answer, list[Effect]]:
+    def register(
+        self, registration: Registration, now: float
+    ) -> tuple[RegistrationAnswer, list[Effect]]:
         """Enter a host; ``Connect`` follows when it has to be reached anew."""
         registry = self._floor.registry
         before = registry.get(registration.host)
@@ -202,7 +204,7 @@ class Market:
             self._interaction.close_when_due(now)
         return self._settle(now)
 
-    def operate(self, order: Order, now: float) -> tuple[str, list[Effect]]:
+    def operate(self, order: OperatorCommand, now: float) -> tuple[str, list[Effect]]:
         """Do what an operator asks for.
 
         Returns:
@@ -213,7 +215,7 @@ class Market:
                 come in; nothing is changed then.
         """
         message = self._operating.take(order, self._interaction, now)
-        if order.act is not Act.AWARD:
+        if order.act is not OperatorAction.AWARD:
             self._floor.keep()
         return message, self._settle(now)
 
@@ -247,7 +249,7 @@ class Market:
         number = self._previews.ask(self._operating.scene(scene), strategy, now)
         return number, self._settle(now)
 
-    def goal_accepted(self, goal: Goal, now: float) -> list[Effect]:
+    def goal_accepted(self, goal: RunGoal, now: float) -> list[Effect]:
         """The host has taken the goal; one that nobody waits for any more is cancelled."""
         if self._interaction is not None:
             self._interaction.accepted(goal, now)
@@ -256,13 +258,13 @@ class Market:
             self._floor.give_up(goal, late, now, runs=True)
         return self._settle(now)
 
-    def goal_refused(self, goal: Goal, reason: str, now: float) -> list[Effect]:
+    def goal_refused(self, goal: RunGoal, reason: str, now: float) -> list[Effect]:
         """The host does not take the goal, or it could not be sent."""
         if self._interaction is not None:
             self._interaction.refused(goal, reason, now)
         return self._settle(now)
 
-    def run_ended(self, goal: Goal, end: RunEnd, now: float) -> list[Effect]:
+    def run_ended(self, goal: RunGoal, end: RunEnd, now: float) -> list[Effect]:
         """The host reports the end of a run."""
         if self._interaction is not None:
             self._interaction.ended(goal, end, now)
@@ -283,7 +285,7 @@ class Market:
         return self._settle(now)
 
     def cancel(
-        self, epoch: str, round_number: int, stop: Stop, now: float
+        self, epoch: str, round_number: int, stop: StopRequest, now: float
     ) -> tuple[bool, str, list[Effect]]:
         """Stop the interaction under way.
 
@@ -318,7 +320,7 @@ class Market:
         return self._settle(now)
 
     @property
-    def _under_way(self) -> Goal | None:
+    def _under_way(self) -> RunGoal | None:
         """The award whose run has not ended."""
         return None if self.state is State.COLLECTING else self.goal
 

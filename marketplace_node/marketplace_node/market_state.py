@@ -17,14 +17,14 @@ from marketplace_node.effects import (
     CancelGoal,
     Disconnect,
     Effect,
-    Goal,
-    KeepOrders,
     PublishAuction,
+    RunGoal,
+    StoreOverrides,
 )
 from marketplace_node.explanation.explanation import explanation
-from marketplace_node.operators.operator_overrides import Say
-from marketplace_node.operators.run_counts import Tally, counts
-from marketplace_node.operators.statistics import Record
+from marketplace_node.operators.operator_overrides import OperatorOverrides
+from marketplace_node.operators.run_counts import RunCounts, counts
+from marketplace_node.operators.statistics import MarketStatistics
 from marketplace_node.registry import HostEntry, Registry
 from marketplace_node.round.decision import Decision, Terms
 from marketplace_node.settings import Settings
@@ -38,7 +38,7 @@ _OF_ANOTHER = "it still runs a tree for another market"
 
 
 @dataclass(eq=False, kw_only=True)
-class _Stray:
+class _OrphanRun:
     """A tree that nobody waits for.
 
     Attributes:
@@ -52,13 +52,13 @@ class _Stray:
 
     instance: str
     reason: str
-    goal: Goal | None = None
+    goal: RunGoal | None = None
     blocks: bool = True
     heard_at: float | None = None
     cancelled_at: float | None = None
 
 
-class Floor:
+class MarketState:
     """The trading floor: who is there, who is free, and what has happened so far.
 
     Attributes:
@@ -85,15 +85,15 @@ class Floor:
         self.epoch = epoch
         self.settings = settings
         self.registry = Registry(space.names, settings.host_lease_s)
-        self.say = Say()
+        self.say = OperatorOverrides()
         self.effects: list[Effect] = []
-        self.record = Record()
+        self.record = MarketStatistics()
         self.rounds = 0
         self.previews = 0
         self.last_scene: Scene | None = None
         self._rules = rules
-        self._tally = Tally()
-        self._strays: dict[str, _Stray] = {}
+        self._tally = RunCounts()
+        self._strays: dict[str, _OrphanRun] = {}
         self._starved: tuple[tuple[str, ...], Collection[str], tuple[str, ...]] | None = None
 
     def terms(
@@ -199,7 +199,7 @@ class Floor:
             "last_run": self._tally.last_run,
             "in_vain": dict(self.record.starvation.in_vain),
         }
-        self.effects.append(KeepOrders(text=json.dumps(kept, ensure_ascii=False)))
+        self.effects.append(StoreOverrides(text=json.dumps(kept, ensure_ascii=False)))
 
     def restore(self, text: str) -> None:
         """Take over what an earlier start of the market has kept.
@@ -239,7 +239,7 @@ class Floor:
                 unasked[entry.host] = reason
         return unasked
 
-    def obstacle(self, goal: Goal, now: float) -> str:
+    def obstacle(self, goal: RunGoal, now: float) -> str:
         """Return why a goal cannot be sent; empty when it can."""
         if not self.registry.is_live(goal.host, goal.instance, now):
             return f"{goal.host} is gone"
@@ -264,7 +264,7 @@ class Floor:
                 return f"{other} has not stopped: {stray.reason}"
         return ""
 
-    def give_up(self, goal: Goal, reason: str, now: float, *, runs: bool) -> None:
+    def give_up(self, goal: RunGoal, reason: str, now: float, *, runs: bool) -> None:
         """Cancel a goal that nobody waits for, and keep off its host until the tree has ended.
 
         Args:
@@ -275,7 +275,7 @@ class Floor:
         """
         entry = self.registry.get(goal.host)
         if entry is not None and entry.instance == goal.instance:
-            self._strays[goal.host] = _Stray(
+            self._strays[goal.host] = _OrphanRun(
                 instance=goal.instance,
                 reason=reason,
                 goal=goal,
@@ -284,7 +284,7 @@ class Floor:
             )
         self.effects.append(CancelGoal(goal=goal))
 
-    def ended(self, goal: Goal) -> None:
+    def ended(self, goal: RunGoal) -> None:
         """Free the host of a goal that was given up and has ended after all."""
         stray = self._strays.get(goal.host)
         if stray is not None and stray.goal == goal:
@@ -308,7 +308,7 @@ class Floor:
                 stray.heard_at += now - since
 
     def heartbeat(
-        self, host: str, epoch: str, round_number: int, award: Goal | None, now: float
+        self, host: str, epoch: str, round_number: int, award: RunGoal | None, now: float
     ) -> None:
         """Compare what a host is busy with to what it should be; round 0 means nothing."""
         of_this = epoch == self.epoch
@@ -328,9 +328,9 @@ class Floor:
             stray.blocks, stray.cancelled_at = True, now
             self.effects.append(CancelAll(host=host))
 
-    def _suspect(self, host: str, round_number: int) -> _Stray:
+    def _suspect(self, host: str, round_number: int) -> _OrphanRun:
         entry = self.registry.get(host)
-        return _Stray(
+        return _OrphanRun(
             instance=entry.instance if entry is not None else "",
             reason=f"it runs a tree of round {round_number} that nobody waits for",
             blocks=False,
@@ -341,7 +341,7 @@ class Floor:
         return stray.reason if stray is not None and stray.blocks else ""
 
 
-def _is_due(stray: _Stray, now: float) -> bool:
+def _is_due(stray: _OrphanRun, now: float) -> bool:
     """Whether a tree is to be told to stop: once that is sure, and then again and again."""
     if stray.cancelled_at is not None:
         return now - stray.cancelled_at >= _CANCEL_AGAIN_S

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from bt_agents_core.errors import Refused
-from bt_agents_core.lease import excused
+from bt_agents_core.lease import extended_after_stall
 
 _AGENT_NAME = re.compile(r"[a-z][a-z0-9_]*")
 _ROS_NAME = re.compile(r"(/(?!\w*__)[A-Za-z_][A-Za-z0-9_]*)+", re.ASCII)
@@ -57,7 +57,7 @@ class HostEntry:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Answer:
+class RegistrationAnswer:
     """What a host is told.
 
     Attributes:
@@ -92,13 +92,13 @@ class Registry:
         self._ids: dict[str, int] = {}
         self._agents: dict[str, HostEntry] | None = None
 
-    def register(self, registration: Registration, now: float) -> Answer:
+    def register(self, registration: Registration, now: float) -> RegistrationAnswer:
         """Enter, refresh or replace a host, or refuse it without any change."""
         try:
             self._check_host(registration, now)
         except Refused as refused:
             count = len(registration.agents)
-            return Answer(
+            return RegistrationAnswer(
                 accepted=False,
                 agent_ids=(0,) * count,
                 reasons=(refused.reason,) * count,
@@ -131,7 +131,9 @@ class Registry:
         message = f"{registration.host} is registered with {len(agents)} agents"
         if refused_count:
             message += f"; {refused_count} refused"
-        return Answer(accepted=True, agent_ids=tuple(ids), reasons=tuple(reasons), message=message)
+        return RegistrationAnswer(
+            accepted=True, agent_ids=tuple(ids), reasons=tuple(reasons), message=message
+        )
 
     def replaceable(self, now: float) -> str:
         """Return the host to forget before another one can be entered; empty for none."""
@@ -159,7 +161,7 @@ class Registry:
     def excuse(self, since: float, now: float) -> None:
         """Renew the leases valid at ``since``, as nobody has listened to heartbeats after it."""
         for host, seen in self._seen.items():
-            self._seen[host] = excused(seen, self.lease_s, since, now)
+            self._seen[host] = extended_after_stall(seen, self.lease_s, since, now)
 
     def entries(self) -> tuple[HostEntry, ...]:
         """Return all registered hosts, dead or alive, in the order of their registration."""

@@ -95,7 +95,7 @@ class Running:
 
 
 @dataclass
-class Known:
+class KnownPerson:
     """What is remembered of a person or a place.
 
     Attributes:
@@ -110,10 +110,10 @@ class Known:
     seen_at: float = 0.0
     lent: bool = field(default=False, repr=False, compare=False)
 
-    def copy(self) -> Known:
+    def copy(self) -> KnownPerson:
         """Return one that later measurements do not change; until then they share the values."""
         self.lent = True
-        return Known(visits=self.visits, values=self.values, seen_at=self.seen_at, lent=True)
+        return KnownPerson(visits=self.visits, values=self.values, seen_at=self.seen_at, lent=True)
 
     def add(self, name: str, value: float, std: float, weight: float, at: float) -> None:
         """Take a value of a parameter; see :meth:`Running.after`."""
@@ -147,14 +147,14 @@ class Memory:
     def __init__(self, space: SceneSpace) -> None:
         self.changes = 0
         self._space = space
-        self._persons: dict[str, Known] = {}
-        self._places: dict[str, Known] = {}
+        self._persons: dict[str, KnownPerson] = {}
+        self._places: dict[str, KnownPerson] = {}
         self._visits: dict[str, set[str]] = {}
         self._shunned: set[str] = set()
 
     def came(self, person: str, now: float) -> None:
         """Begin the visit of somebody; ``now`` is in unix time [s], as everywhere here."""
-        known = self._persons.pop(person, None) or Known()
+        known = self._persons.pop(person, None) or KnownPerson()
         known.visits += 1
         known.seen_at = now
         self._persons[person] = known
@@ -224,17 +224,19 @@ class Memory:
         if place:
             found = self._places.pop(place, None) is not None
         else:
-            found = bool(self._persons.get(person, Known()).values)
+            found = bool(self._persons.get(person, KnownPerson()).values)
             if person in self._visits:
                 self._shunned.add(person)
-                self._persons[person] = Known(visits=1)
+                self._persons[person] = KnownPerson(visits=1)
                 self._visits[person] = set()
             else:
                 self._persons.pop(person, None)
         self.changes += 1
         return found
 
-    def kept(self, known: Iterable[str] = ()) -> tuple[dict[str, Known], dict[str, Known]]:
+    def kept(
+        self, known: Iterable[str] = ()
+    ) -> tuple[dict[str, KnownPerson], dict[str, KnownPerson]]:
         """Return what outlives a restart, persons and places, as a copy that does not change.
 
         Args:
@@ -249,18 +251,22 @@ class Memory:
         }
         return persons, {place: one.copy() for place, one in self._places.items()}
 
-    def remember(self, persons: Mapping[str, Known], places: Mapping[str, Known]) -> None:
+    def remember(
+        self, persons: Mapping[str, KnownPerson], places: Mapping[str, KnownPerson]
+    ) -> None:
         """Take what was kept before, at the start."""
         self._persons.update(persons)
         self._places.update(places)
         self._bound()
 
-    def _place(self, place: str) -> Known:
-        known = self._places.pop(place, None) or Known()
+    def _place(self, place: str) -> KnownPerson:
+        known = self._places.pop(place, None) or KnownPerson()
         self._places[place] = known
         return known
 
-    def _count(self, place: Known, person: Known, measured: set[str], now: float) -> None:
+    def _count(
+        self, place: KnownPerson, person: KnownPerson, measured: set[str], now: float
+    ) -> None:
         place.visits += 1
         place.seen_at = now
         for name in sorted(measured):

@@ -12,7 +12,7 @@ from typing import Any
 from bt_agents_core.atomic_file import write_atomically
 from bt_agents_core.errors import BtAgentsError
 from bt_agents_core.scene import SceneSpace
-from scene_layer.memory import MOST_KNOWN, Known, Running
+from scene_layer.memory import MOST_KNOWN, KnownPerson, Running
 
 FORMAT = 1
 MOST_BYTES = 16 * 2**20
@@ -26,7 +26,7 @@ _SHOWN = 100
 LONGEST_NAME = 200
 """Characters of the name of a person or a place."""
 
-Remembered = tuple[Mapping[str, Known], Mapping[str, Known]]
+Remembered = tuple[Mapping[str, KnownPerson], Mapping[str, KnownPerson]]
 """Persons and places by name."""
 
 
@@ -35,7 +35,9 @@ class DamagedMemoryError(BtAgentsError):
 
 
 def to_text(
-    persons: Mapping[str, Known], places: Mapping[str, Known], most_bytes: int = MOST_BYTES
+    persons: Mapping[str, KnownPerson],
+    places: Mapping[str, KnownPerson],
+    most_bytes: int = MOST_BYTES,
 ) -> str:
     """Return what is known as the text of a file of so many bytes at most.
 
@@ -125,7 +127,9 @@ def read(path: Path, space: SceneSpace, now: float) -> Remembered:
         raise DamagedMemoryError(f"{path}: {error}") from None
 
 
-def save(path: Path, persons: Mapping[str, Known], places: Mapping[str, Known]) -> None:
+def save(
+    path: Path, persons: Mapping[str, KnownPerson], places: Mapping[str, KnownPerson]
+) -> None:
     """Replace the file as a whole, readable by its owner only; make it when it is not there.
 
     Raises:
@@ -151,7 +155,7 @@ def _json(value: Any) -> str:
     return json.dumps(value, ensure_ascii=False, allow_nan=False)
 
 
-def _plain(known: Known) -> dict[str, Any]:
+def _plain(known: KnownPerson) -> dict[str, Any]:
     return {
         "visits": known.visits,
         "seen_at": known.seen_at,
@@ -161,7 +165,7 @@ def _plain(known: Known) -> dict[str, Any]:
     }
 
 
-def _known(document: Mapping[str, Any], space: SceneSpace, now: float) -> dict[str, Known]:
+def _known(document: Mapping[str, Any], space: SceneSpace, now: float) -> dict[str, KnownPerson]:
     if len(document) > MOST_KNOWN:
         raise ValueError(f"{len(document)} names, expected {MOST_KNOWN} at most")
     found = {}
@@ -173,7 +177,7 @@ def _known(document: Mapping[str, Any], space: SceneSpace, now: float) -> dict[s
             raise ValueError(f"{name}: {_shown(visits)} visits, expected a whole number")
         [seen_at] = _numbers([one["seen_at"]], name)
         values = dict(_values(one["values"], name, space, now))
-        found[name] = Known(visits=visits, values=values, seen_at=min(seen_at, now))
+        found[name] = KnownPerson(visits=visits, values=values, seen_at=min(seen_at, now))
     return found
 
 

@@ -15,7 +15,7 @@ class LiveRun:
     scene_id: str
 
 
-class Following:
+class RunTracker:
     """Follows the events of runs and the state of the market.
 
     Attributes:

@@ -42,7 +42,7 @@ def check_given(
 
 
 @dataclass(frozen=True, kw_only=True)
-class Given:
+class GivenScene:
     """A value that somebody gave, and when, in steady time [s]."""
 
     value: float
@@ -50,7 +50,7 @@ class Given:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Interaction:
+class SceneInteraction:
     """What was given for one interaction, from its scene to the end of its runs.
 
     Attributes:
@@ -65,22 +65,22 @@ class Interaction:
 
     scene_id: str
     label: str = ""
-    values: Mapping[str, Given] = field(default_factory=dict)
-    person: Given | None = None
+    values: Mapping[str, GivenScene] = field(default_factory=dict)
+    person: GivenScene | None = None
     urgent: bool = False
     person_id: str = NOBODY
     met: bool = False
 
     def with_given(
         self, values: Mapping[str, float], person: bool | None, now: float
-    ) -> Interaction:
+    ) -> SceneInteraction:
         """Return the interaction with more values given; a person of None stays as it was."""
-        given = {name: Given(value=value, at=now) for name, value in values.items()}
-        present = self.person if person is None else Given(value=float(person), at=now)
+        given = {name: GivenScene(value=value, at=now) for name, value in values.items()}
+        present = self.person if person is None else GivenScene(value=float(person), at=now)
         return replace(self, values={**self.values, **given}, person=present)
 
 
-class Estimate:
+class SceneEstimator:
     """What is known of the present interaction and of those that wait in the market.
 
     A given value holds for its interaction until a source brings a newer reading. It never
@@ -98,7 +98,7 @@ class Estimate:
         self._spec = spec
         self._sources = sources
         self._memory = memory
-        self._interactions: dict[str, Interaction] = {}
+        self._interactions: dict[str, SceneInteraction] = {}
         self.encounters = Encounters(spec, sources, memory)
 
     def begin(
@@ -111,7 +111,7 @@ class Estimate:
         *,
         urgent: bool = False,
         person_id: str | None = None,
-    ) -> Interaction:
+    ) -> SceneInteraction:
         """Open an interaction.
 
         Args:
@@ -123,7 +123,7 @@ class Estimate:
             urgent: Whether it may stop a running tree.
             person_id: Whom it is about; None takes the addressee.
         """
-        empty = Interaction(scene_id=scene_id, label=label, urgent=urgent)
+        empty = SceneInteraction(scene_id=scene_id, label=label, urgent=urgent)
         begun = empty.with_given(values, person, now)
         if person_id is not None:
             begun = replace(begun, person_id=person_id, met=bool(person_id))
@@ -131,11 +131,11 @@ class Estimate:
 
     def give(
         self, scene_id: str, values: Mapping[str, float], person: bool | None, now: float
-    ) -> Interaction:
+    ) -> SceneInteraction:
         """Add checked given values to an interaction, known or not."""
         return self._keep(self._known(scene_id).with_given(values, person, now))
 
-    def adopt(self, scene: Scene, now: float) -> Interaction:
+    def adopt(self, scene: Scene, now: float) -> SceneInteraction:
         """Return the interaction of an awarded scene; for a foreign scene, its given values."""
         known = self._interactions.get(scene.scene_id)
         if known is not None:
@@ -182,14 +182,14 @@ class Estimate:
 
     def scene_of(self, person_id: str, *, now: float, wall: float, stamp: float) -> Scene:
         """Return the scene of a person with nothing given; times as in :meth:`scene`."""
-        one = Interaction(scene_id=f"person/{person_id}", person_id=person_id, met=True)
+        one = SceneInteraction(scene_id=f"person/{person_id}", person_id=person_id, met=True)
         values = [self._value(name, one, now) for name in self._spec.space.names]
         present = person_id in self.encounters.tracked
         return self._complete(one, values, present, now, wall, stamp)
 
     def _complete(
         self,
-        interaction: Interaction,
+        interaction: SceneInteraction,
         values: Sequence[SceneValue],
         present: bool,
         now: float,
@@ -214,17 +214,17 @@ class Estimate:
             stamp=stamp,
         )
 
-    def _known(self, scene_id: str) -> Interaction:
-        return self._interactions.get(scene_id, Interaction(scene_id=scene_id))
+    def _known(self, scene_id: str) -> SceneInteraction:
+        return self._interactions.get(scene_id, SceneInteraction(scene_id=scene_id))
 
-    def _keep(self, interaction: Interaction) -> Interaction:
+    def _keep(self, interaction: SceneInteraction) -> SceneInteraction:
         self._interactions.pop(interaction.scene_id, None)
         self._interactions[interaction.scene_id] = interaction
         while len(self._interactions) > KEPT:
             del self._interactions[next(iter(self._interactions))]
         return interaction
 
-    def _bound(self, scene_id: str) -> Interaction:
+    def _bound(self, scene_id: str) -> SceneInteraction:
         """Return an interaction with its person: the addressee, unless there is one already.
 
         One about nobody stays so. The one that nobody has announced follows the addressee.
@@ -236,13 +236,13 @@ class Estimate:
         met = known.met and bool(scene_id)
         return self._update(replace(known, person_id=self.encounters.addressee, met=met))
 
-    def _update(self, interaction: Interaction) -> Interaction:
+    def _update(self, interaction: SceneInteraction) -> SceneInteraction:
         """Keep an interaction at its place in line, where it is known."""
         if interaction.scene_id in self._interactions:
             self._interactions[interaction.scene_id] = interaction
         return interaction
 
-    def _value(self, name: str, interaction: Interaction, now: float) -> SceneValue:
+    def _value(self, name: str, interaction: SceneInteraction, now: float) -> SceneValue:
         """Return a value as given or measured, else missing."""
         given = interaction.values.get(name)
         person = interaction.person_id
@@ -263,7 +263,7 @@ class Estimate:
         )
 
     def _expected(
-        self, name: str, interaction: Interaction, place: str, wall: float
+        self, name: str, interaction: SceneInteraction, place: str, wall: float
     ) -> SceneValue:
         """Return what stands for a value that nobody measures."""
         rule = self._spec.missing_rule(name)
@@ -302,7 +302,9 @@ class Estimate:
             source="default",
         )
 
-    def _present(self, interaction: Interaction, values: Sequence[SceneValue], now: float) -> bool:
+    def _present(
+        self, interaction: SceneInteraction, values: Sequence[SceneValue], now: float
+    ) -> bool:
         """Whether the person of an interaction is there: as given or read, whichever is newer.
 
         Where persons are told apart, an interaction about nobody stays one, and whoever is not

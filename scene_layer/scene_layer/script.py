@@ -7,7 +7,7 @@ import math
 from dataclasses import dataclass
 
 from bt_agents_core.scene import AGAIN
-from bt_agents_language.model.specs import Change, Script, Visit
+from bt_agents_language.model.specs import SceneChange, Script, Visit
 
 TAKEN_WITHIN_S = 5.0
 """A market that stays idle this long after a scene was sent has not got it [s]."""
@@ -17,7 +17,7 @@ AGAIN_WITHIN_S = 10.0
 
 
 @dataclass(frozen=True, kw_only=True)
-class Market:
+class MarketView:
     """What a play needs to know of the market; the fields are those of ``MarketStatus.msg``."""
 
     epoch: str
@@ -26,7 +26,7 @@ class Market:
     finished_scene_id: str
 
 
-class Performance:
+class ScriptPerformance:
     """Plays the visits of a script one after the other, each until the market has finished it.
 
     A visit whose run a restarted market takes up again goes on as that. It is begun again when the
@@ -50,7 +50,7 @@ class Performance:
         self._script = script
         self._pace = pace
         self._wait_for_agents = wait_for_agents
-        self._market: Market | None = None
+        self._market: MarketView | None = None
         self._idle_since = math.inf
         self._index = 0
         self._epoch = ""
@@ -58,7 +58,7 @@ class Performance:
         self._limit_s = TAKEN_WITHIN_S
         self._scene_id = ""
         self._started_at: float | None = None
-        self._changes: list[Change] = []
+        self._changes: list[SceneChange] = []
         self._under_way = False
 
     @property
@@ -76,7 +76,7 @@ class Performance:
         """The visit under way."""
         return self._script.visits[self._index] if self._under_way else None
 
-    def market(self, market: Market, now: float) -> None:
+    def market(self, market: MarketView, now: float) -> None:
         """Take the latest status of the market, at steady time ``now`` [s]."""
         was_idle = self._market is not None and self._market.idle
         if market.idle and not was_idle:
@@ -132,7 +132,7 @@ class Performance:
             self._changes = sorted(visit.changes, key=lambda change: change.after_s)
             self._started_at = now
 
-    def due(self, now: float) -> list[Change]:
+    def due(self, now: float) -> list[SceneChange]:
         """Return the changes whose time has come, each once."""
         if self._started_at is None or not self._under_way:
             return []

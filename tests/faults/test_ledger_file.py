@@ -19,9 +19,9 @@ from typing import Any
 
 import pytest
 
-from feedback_node.ledger.ledger import Entry, Ledger
+from feedback_node.ledger.ledger import Ledger, LedgerEntry
 from feedback_node.ledger.ledger_file import LedgerError
-from feedback_node.ledger.ledger_rows import LAYER, Cause
+from feedback_node.ledger.ledger_rows import LAYER, RevisionCause
 
 pytestmark = pytest.mark.e2e
 
@@ -172,7 +172,9 @@ def test_120_kills_lose_no_acknowledged_revision_and_record_none_twice(tmp_path,
             if forgotten:
                 one = chance.choice(sorted(forgotten))
                 before = ledger.history("guide")
-                assert not ledger.append("guide", {"age": 1.0}, Cause(feedback_id=one)).profile
+                assert not ledger.append(
+                    "guide", {"age": 1.0}, RevisionCause(feedback_id=one)
+                ).profile
                 assert ledger.history("guide") == before
     assert acknowledged > KILLS
     assert kills_in_the_middle > KILLS // 10
@@ -204,17 +206,17 @@ class Files:
         for number in range(first, last):
             layer = ("", "person/anna", "person/bob")[number % 3]
             entries = [
-                Entry(
+                LedgerEntry(
                     agent="guide",
                     layer=layer,
                     profile={"age": number / 7, "mood": 1.0},
-                    cause=Cause(feedback_id=f"f{number}", reason="because" * 20),
+                    cause=RevisionCause(feedback_id=f"f{number}", reason="because" * 20),
                 )
             ]
             if layer and ledger.current("guide", layer) is None:
-                begins = Cause(cause=LAYER)
+                begins = RevisionCause(cause=LAYER)
                 entries.insert(
-                    0, Entry(agent="guide", layer=layer, profile={"age": 0.0}, cause=begins)
+                    0, LedgerEntry(agent="guide", layer=layer, profile={"age": 0.0}, cause=begins)
                 )
             ledger.record(entries)
 
@@ -252,7 +254,7 @@ class Files:
         try:
             with Ledger(self.path) as ledger:
                 assert self.told(ledger) == self.rows
-                ledger.append("guide", {"age": 2.0, "mood": 2.0}, Cause(feedback_id="new"))
+                ledger.append("guide", {"age": 2.0, "mood": 2.0}, RevisionCause(feedback_id="new"))
         except LedgerError as error:
             code = error.code
         if code:
@@ -312,7 +314,7 @@ def test_an_older_copy_of_the_ledger_is_noticed(tmp_path):
     files = Files(tmp_path / "old", in_log=False)
     shutil.copy(files.path, tmp_path / "copy")
     with Ledger(files.path) as ledger:
-        ledger.append("guide", {"age": 3.0, "mood": 3.0}, Cause(feedback_id="later"))
+        ledger.append("guide", {"age": 3.0, "mood": 3.0}, RevisionCause(feedback_id="later"))
     shutil.copy(tmp_path / "copy", files.path)
     with pytest.raises(LedgerError, match=r"LEDGER_CUT_OFF.*revisions were acknowledged"):
         Ledger(files.path)
@@ -326,7 +328,7 @@ def test_a_disk_that_is_full_refuses_and_a_disk_with_room_goes_on(tmp_path):
         taken = 0
 
         def give() -> Any:
-            cause = Cause(feedback_id=f"f{taken}", reason="long" * 100)
+            cause = RevisionCause(feedback_id=f"f{taken}", reason="long" * 100)
             return ledger.append("guide", {"age": float(taken)}, cause)
 
         with suppress(LedgerError):
@@ -339,7 +341,7 @@ def test_a_disk_that_is_full_refuses_and_a_disk_with_room_goes_on(tmp_path):
         assert "make room" in error.value.reason
         assert len(ledger.history("guide")) == taken + 1
         ledger._database.execute("PRAGMA max_page_count = 1000000")
-        row = ledger.append("guide", {"age": 1.0}, Cause(feedback_id=f"f{taken}"))
+        row = ledger.append("guide", {"age": 1.0}, RevisionCause(feedback_id=f"f{taken}"))
         assert row.revision == taken + 1
     with Ledger(tmp_path / "ledger.sqlite") as again:
         assert len(again.history("guide")) == taken + 2

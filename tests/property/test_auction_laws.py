@@ -13,7 +13,7 @@ from market_driver import SPACE, scene
 from marketplace_node.explanation.reason import reason
 from marketplace_node.registry import HostEntry
 from marketplace_node.round.auction import Auction
-from marketplace_node.round.decision import Bids, ClosedBy, Kind, Outcome, Terms
+from marketplace_node.round.decision import AuctionOutcome, Bids, ClosedBy, RoundKind, Terms
 from ranked_rounds import added_up
 
 HOSTS = [
@@ -75,8 +75,8 @@ def test_an_auction_ends_in_exactly_one_outcome(
     decision = auction.close(by, 0.5, stopped="enough" if by is ClosedBy.STOPPED else "")
 
     stopped = by is ClosedBy.STOPPED
-    assert (decision.outcome is Outcome.AWARDED) == (bool(decision.ranking) and not stopped)
-    assert (decision.winner is None) == (decision.outcome is Outcome.NO_BIDS)
+    assert (decision.outcome is AuctionOutcome.AWARDED) == (bool(decision.ranking) and not stopped)
+    assert (decision.winner is None) == (decision.outcome is AuctionOutcome.NO_BIDS)
     assert reason(decision)
 
     ranked = [bid.agent for bid in decision.ranking]
@@ -91,7 +91,7 @@ def test_an_auction_ends_in_exactly_one_outcome(
 
     answered = {host.host for host in HOSTS} - set(decision.silent_hosts)
     assert auction.complete == (not decision.silent_hosts)
-    declined = {bid.agent for bid in decision.refused if bid.kind is Kind.DECLINED}
+    declined = {bid.agent for bid in decision.refused if bid.kind is RoundKind.DECLINED}
     assert not declined & set(ranked)
     refused_whole = {bid.host for bid in decision.refused if bid.code == "WRONG_LENGTH"}
     for host in HOSTS:

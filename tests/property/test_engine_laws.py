@@ -15,7 +15,7 @@ from py_trees.common import Status
 from bt_agents.engine.builder import COMPOSITES, LEAVES, MODIFIERS, SUBTREE
 from bt_agents.engine.environment import GIVE_FEEDBACK, GoalState
 from bt_agents.engine.feedback_leaf import GiveFeedback
-from bt_agents.engine.scripted_environment import Answer
+from bt_agents.engine.scripted_environment import ScriptedReply
 from bt_agents.engine.skill_leaf import SkillLeaf
 from bt_agents.engine.waits import WaitForMessage
 from bt_agents_language.model.specs import NodeSpec, Plain
@@ -32,7 +32,7 @@ BROKEN: tuple[Plain, ...] = (-1.0, float("nan"), float("inf"), "x", None, 10**40
 
 states = st.sampled_from([s for s in GoalState if s.ended])
 answers = st.builds(
-    Answer,
+    ScriptedReply,
     state=states,
     result=st.sampled_from([{}, {"word": "a"}, {"word": 5}]),
     accept_s=st.sampled_from([0.0, 0.5]),
@@ -55,7 +55,7 @@ stories = st.lists(events, max_size=14)
 class Watched(Stage):
     """A stage that counts how often each node starts, and knows what each tick did."""
 
-    def __init__(self, tree: NodeSpec, script: dict[str, list[Answer]]) -> None:
+    def __init__(self, tree: NodeSpec, script: dict[str, list[ScriptedReply]]) -> None:
         Puppet.alive = set()
         super().__init__(tree, head=HEAD, answers=script, awarded=scene(mood=3), random=Random(1))
         # What the reader promises a name to mean cannot be promised of a random tree.
@@ -106,7 +106,7 @@ def _listening(stage: Watched) -> int:
 @settings(max_examples=300, deadline=None, derandomize=True)
 @given(trees, scripts, stories)
 def test_nothing_runs_except_below_what_runs_and_every_end_is_complete(
-    tree: NodeSpec, script: dict[str, list[Answer]], story: list[tuple[str, object]]
+    tree: NodeSpec, script: dict[str, list[ScriptedReply]], story: list[tuple[str, object]]
 ) -> None:
     stage = Watched(tree, script)
     for _ in stage.play(story):
@@ -133,7 +133,7 @@ def test_nothing_runs_except_below_what_runs_and_every_end_is_complete(
 @settings(max_examples=150, deadline=None, derandomize=True)
 @given(trees, scripts, stories)
 def test_modifiers_keep_their_promises(
-    tree: NodeSpec, script: dict[str, list[Answer]], story: list[tuple[str, object]]
+    tree: NodeSpec, script: dict[str, list[ScriptedReply]], story: list[tuple[str, object]]
 ) -> None:
     stage = Watched(tree, script)
     done: set[str] = set()
@@ -160,7 +160,7 @@ def test_modifiers_keep_their_promises(
 @settings(max_examples=100, deadline=None, derandomize=True)
 @given(trees, scripts, stories)
 def test_the_same_things_happening_to_the_same_tree_have_the_same_effects(
-    tree: NodeSpec, script: dict[str, list[Answer]], story: list[tuple[str, object]]
+    tree: NodeSpec, script: dict[str, list[ScriptedReply]], story: list[tuple[str, object]]
 ) -> None:
     traces = []
     for _ in range(2):
@@ -174,7 +174,7 @@ def test_the_same_things_happening_to_the_same_tree_have_the_same_effects(
 @settings(max_examples=100, deadline=None, derandomize=True)
 @given(trees, scripts, stories)
 def test_what_is_told_is_all_that_changes(
-    tree: NodeSpec, script: dict[str, list[Answer]], story: list[tuple[str, object]]
+    tree: NodeSpec, script: dict[str, list[ScriptedReply]], story: list[tuple[str, object]]
 ) -> None:
     stage = Watched(tree, script)
     for _ in stage.play(story):
@@ -186,7 +186,7 @@ def test_what_is_told_is_all_that_changes(
 @settings(max_examples=100, deadline=None, derandomize=True)
 @given(trees, scripts, stories)
 def test_a_cancel_at_any_time_ends_the_run_with_nothing_under_way(
-    tree: NodeSpec, script: dict[str, list[Answer]], story: list[tuple[str, object]]
+    tree: NodeSpec, script: dict[str, list[ScriptedReply]], story: list[tuple[str, object]]
 ) -> None:
     stage = Watched(tree, script)
     for _ in stage.play(story):

@@ -7,11 +7,11 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from bt_agents_core.feedback import Kind
+from bt_agents_core.feedback import FeedbackKind
 from bt_agents_core.scene import SceneParameter, SceneSpace
 from bt_agents_lab.experiments.measures import wilson
-from bt_agents_lab.experiments.random_streams import Luck, draw
-from bt_agents_lab.experiments.simulated_world import Arm, Person, World
+from bt_agents_lab.experiments.random_streams import RandomStreams, draw
+from bt_agents_lab.experiments.simulated_world import Arm, Person, SimulatedWorld
 from bt_agents_lab.experiments.simulation import simulate
 from bt_agents_language.model.experiment import closed_form
 from feedback_node.simulated_feedback import Errors, SimulatedFeedback
@@ -28,9 +28,9 @@ VECTORS = st.tuples(VALUES, VALUES)
 SHORT = settings(max_examples=60, deadline=None)
 
 
-def world(start, best, rate: float, person: Person | None = None) -> World:
+def world(start, best, rate: float, person: Person | None = None) -> SimulatedWorld:
     """One agent, and one scene."""
-    return World(
+    return SimulatedWorld(
         space=SPACE,
         agents=("one",),
         starts=np.array([start]),
@@ -64,7 +64,7 @@ def test_a_person_is_praised_and_blamed_for_as_the_mood_rules_do(noise, whim, ho
     )
     one = world((2.0, 2.0), (3.0, 3.0), 0.5, person)
     drawn = draw(one, [0], 1)
-    luck = Luck(
+    luck = RandomStreams(
         seeds=drawn.seeds,
         scene=drawn.scene,
         doubt=np.zeros((1, 1, 1)),
@@ -75,11 +75,11 @@ def test_a_person_is_praised_and_blamed_for_as_the_mood_rules_do(noise, whim, ho
     )
     course = simulate(one, Arm(), luck, wrong_share=1.0)
     fired, _ = react(person, SPACE, (3.0, 3.0), whim, [float(value) for value in noise])
-    assert course.cancelled[0, 0] == (Kind.NEGATIVE in fired)
+    assert course.cancelled[0, 0] == (FeedbackKind.NEGATIVE in fired)
     # A mood rule counts half, so that the step is a quarter of the way to the scene or from it.
     profile = 2.0
     for kind in fired:
-        profile += 0.25 * (3.0 - profile) * (1.0 if kind is Kind.POSITIVE else -1.0)
+        profile += 0.25 * (3.0 - profile) * (1.0 if kind is FeedbackKind.POSITIVE else -1.0)
     expected = min(max(profile, 1.0), 5.0)
     assert np.allclose(course.profiles[0, 0, 0], expected, rtol=0, atol=1e-12)
 

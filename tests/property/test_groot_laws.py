@@ -22,14 +22,14 @@ from bt_agents_groot.formulas import (
 )
 from bt_agents_groot.importing import import_agent
 from bt_agents_groot.scripts import parse_script
-from bt_agents_groot.written import Raw, Written, yaml_lines
+from bt_agents_groot.written import Raw, YamlNode, yaml_lines
 from bt_agents_groot.xml_reader import Element
 from bt_agents_language.files.agent_reader import read_agent_text
 from bt_agents_language.model.specs import NodeSpec
 from bt_agents_language.yaml.source import Source
 from stage import VOCABULARY
 
-START = Written(key="set", value={"x": 1, "t": "hello", "b": True})
+START = YamlNode(key="set", value={"x": 1, "t": "hello", "b": True})
 CONDITIONS = ["x > 2", "b", "not b", "t == 'a'", "scene.age >= 4 and (b or x < 3)", "live.person"]
 ELSEWHERE = ["max(x, 2) > 1", "x % 2 == 0"]
 TIMES = ["250 ms", "2 s", "2.5 s", "90 s", "3 min", "${x}"]
@@ -41,55 +41,55 @@ switches = st.just(True)
 labels = st.sampled_from(["", "greet", "on the way"])
 
 leaves = st.one_of(
-    st.builds(Written, key=st.just("check"), value=conditions | st.booleans()),
-    st.builds(Written, key=st.just("wait"), value=times),
-    st.builds(Written, key=st.just("wait_for"), value=conditions),
-    st.builds(Written, key=st.just("say"), value=texts),
+    st.builds(YamlNode, key=st.just("check"), value=conditions | st.booleans()),
+    st.builds(YamlNode, key=st.just("wait"), value=times),
+    st.builds(YamlNode, key=st.just("wait_for"), value=conditions),
+    st.builds(YamlNode, key=st.just("say"), value=texts),
     st.builds(
-        Written,
+        YamlNode,
         key=st.just("set"),
         value=st.dictionaries(
             st.sampled_from(["x", "y"]), st.integers(-9, 9) | st.floats(-9, 9), min_size=1
         ),
     ),
-    st.just(Written(key="set", value={"u": "${t}!", "v": ["a", Raw("${x}")]})),
-    st.just(Written(key="ask", value="Well?", beside={"outputs": {"reply": "answer"}})),
-    st.just(Written(key="log", value={"message": "x is ${x}", "level": "warning"})),
-    st.just(Written(key="show", value={"text": "3", "duration": Raw("2 s")})),
+    st.just(YamlNode(key="set", value={"u": "${t}!", "v": ["a", Raw("${x}")]})),
+    st.just(YamlNode(key="ask", value="Well?", beside={"outputs": {"reply": "answer"}})),
+    st.just(YamlNode(key="log", value={"message": "x is ${x}", "level": "warning"})),
+    st.just(YamlNode(key="show", value={"text": "3", "duration": Raw("2 s")})),
 )
 
 
-def _composites(children: st.SearchStrategy[Written]) -> st.SearchStrategy[Written]:
+def _composites(children: st.SearchStrategy[YamlNode]) -> st.SearchStrategy[YamlNode]:
     listed = st.lists(children, min_size=1, max_size=3).map(tuple)
     pairs = st.lists(children, min_size=2, max_size=3).map(tuple)
     cases = st.lists(children, min_size=1, max_size=3).flatmap(_cases)
     memory = st.sampled_from([{}, {"memory": False}])
     return st.one_of(
         st.builds(
-            Written,
+            YamlNode,
             key=st.sampled_from(["sequence", "selector"]),
             value=memory,
             children=listed,
             name=labels,
         ),
         st.builds(
-            Written,
+            YamlNode,
             key=st.just("parallel"),
             value=st.sampled_from([{}, {"succeed_on": Raw("one")}]),
             children=pairs,
             name=labels,
         ),
         st.builds(
-            Written,
+            YamlNode,
             key=st.just("choose"),
-            value=st.sampled_from([{}, {"otherwise": Written(key="check", value=True)}]),
+            value=st.sampled_from([{}, {"otherwise": YamlNode(key="check", value=True)}]),
             children=cases,
         ),
-        st.builds(Written, key=st.just("random"), children=listed),
+        st.builds(YamlNode, key=st.just("random"), children=listed),
     )
 
 
-def _cases(nodes: list[Written]) -> st.SearchStrategy[tuple[Written, ...]]:
+def _cases(nodes: list[YamlNode]) -> st.SearchStrategy[tuple[YamlNode, ...]]:
     return st.lists(conditions, min_size=len(nodes), max_size=len(nodes)).map(
         lambda whens: tuple(
             replace(node, name=f"case {at}", modifiers={**node.modifiers, "when": when})
@@ -98,7 +98,7 @@ def _cases(nodes: list[Written]) -> st.SearchStrategy[tuple[Written, ...]]:
     )
 
 
-def _modified(nodes: st.SearchStrategy[Written]) -> st.SearchStrategy[Written]:
+def _modified(nodes: st.SearchStrategy[YamlNode]) -> st.SearchStrategy[YamlNode]:
     modifiers = st.fixed_dictionaries(
         {},
         optional={
@@ -125,8 +125,8 @@ trees = st.recursive(
 )
 
 
-def agent_text(tree: Written) -> str:
-    whole = Written(key="sequence", children=(START, tree))
+def agent_text(tree: YamlNode) -> str:
+    whole = YamlNode(key="sequence", children=(START, tree))
     head = {"format": 1, "agent": "a", "profile": {"age": 3, "familiarity": 3, "mood": 3}}
     return "\n".join(yaml_lines({**head, "tree": whole})) + "\n"
 

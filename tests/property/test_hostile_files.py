@@ -19,7 +19,7 @@ from hypothesis import strategies as st
 
 from bt_agents.engine.environment import GoalState
 from bt_agents.engine.run import Run
-from bt_agents.engine.scripted_environment import Answer, ScriptedWorld
+from bt_agents.engine.scripted_environment import ScriptedEnvironment, ScriptedReply
 from bt_agents_core.errors import ReadError
 from bt_agents_language.files.agent_reader import read_agent
 from bt_agents_language.files.folder_reader import read_trees
@@ -171,8 +171,12 @@ def check_refusal(error: ReadError, content: bytes, place: Path) -> None:
 
 def check_run(spec: AgentSpec) -> None:
     """Check that the tree of an agent can be built and ticked, and that nothing in it crashes."""
-    failing = [Answer(), Answer(state=GoalState.ABORTED, message="no"), Answer(after_s=1.5)]
-    world = ScriptedWorld(
+    failing = [
+        ScriptedReply(),
+        ScriptedReply(state=GoalState.ABORTED, message="no"),
+        ScriptedReply(after_s=1.5),
+    ]
+    world = ScriptedEnvironment(
         {"say": failing, "show": failing},
         result={"message": "", "answer": "yes", "accepted": True},
     )

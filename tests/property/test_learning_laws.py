@@ -13,7 +13,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bt_agents_core.feedback import Kind, LearningRule, Update
+from bt_agents_core.feedback import FeedbackKind, LearningRule, Update
 from bt_agents_core.scene import SceneParameter, SceneSpace, Vector
 from feedback_node.learning import learning_step, updates
 from feedback_node.learning.learning_step import Evidence
@@ -30,8 +30,8 @@ targets = st.tuples(*(st.floats(low, high) | st.just(math.nan) for low, high in 
     lambda vector: not all(map(math.isnan, vector))
 )
 rates = st.floats(0.0, 1.0)
-kinds = st.sampled_from(Kind)
-learned = st.sampled_from([Kind.DIRECT, Kind.POSITIVE, Kind.NEGATIVE])
+kinds = st.sampled_from(FeedbackKind)
+learned = st.sampled_from([FeedbackKind.DIRECT, FeedbackKind.POSITIVE, FeedbackKind.NEGATIVE])
 weights = st.floats(0.0, 3.0)
 
 
@@ -64,7 +64,7 @@ evidences = st.builds(
 )
 
 
-def step(kind: Kind, profile: Vector, target: Vector, rate: float, **more: Any) -> Vector:
+def step(kind: FeedbackKind, profile: Vector, target: Vector, rate: float, **more: Any) -> Vector:
     return learning_step.step(kind, profile, target, rate=rate, space=SPACE, **more).after
 
 
@@ -105,22 +105,22 @@ def test_what_is_frozen_or_weighs_nothing_stays(kind, profile, target, rate, rul
 def test_towards_feedback_a_profile_never_overshoots_and_never_goes_away(
     profile, target, rate, rule, weight
 ):
-    after = step(Kind.DIRECT, profile, target, rate, rule=rule, weight=weight)
+    after = step(FeedbackKind.DIRECT, profile, target, rate, rule=rule, weight=weight)
     for p, f, moved in zip(profile, target, after, strict=True):
         assert moved == p if math.isnan(f) else min(p, f) <= moved <= max(p, f)
 
 
 @given(profiles, targets, rates, rules.filter(lambda rule: rule.update != Update.MEDIAN), weights)
 def test_negative_feedback_never_comes_closer(profile, target, rate, rule, weight):
-    after = step(Kind.NEGATIVE, profile, target, rate, rule=rule, weight=weight)
+    after = step(FeedbackKind.NEGATIVE, profile, target, rate, rule=rule, weight=weight)
     for p, f, moved in zip(profile, target, after, strict=True):
         assert moved == p if math.isnan(f) else abs(moved - f) >= abs(p - f)
 
 
 @given(profiles, targets, st.floats(0.0, 0.3), st.floats(0.0, 3.0))
 def test_a_weight_scales_the_rate(profile, target, rate, weight):
-    weighed = step(Kind.DIRECT, profile, target, rate, weight=weight)
-    assert weighed == step(Kind.DIRECT, profile, target, rate * weight)
+    weighed = step(FeedbackKind.DIRECT, profile, target, rate, weight=weight)
+    assert weighed == step(FeedbackKind.DIRECT, profile, target, rate * weight)
 
 
 @given(
@@ -132,7 +132,7 @@ def test_a_weight_scales_the_rate(profile, target, rate, weight):
 def test_repeated_feedback_follows_the_closed_form(profile, target, rate, count):
     moved = profile
     for _ in range(count):
-        moved = step(Kind.DIRECT, moved, target, rate)
+        moved = step(FeedbackKind.DIRECT, moved, target, rate)
     expected = [f + (p - f) * (1 - rate) ** count for p, f in zip(profile, target, strict=True)]
     assert moved == pytest.approx(expected, abs=1e-12, rel=0)
 
@@ -146,7 +146,14 @@ def test_constant_feedback_brings_every_update_nearer_with_every_step(
     for _ in range(count):
         before, profile = (
             profile,
-            step(Kind.DIRECT, profile, target, rate, rule=rule, evidence=Evidence(recent=recent)),
+            step(
+                FeedbackKind.DIRECT,
+                profile,
+                target,
+                rate,
+                rule=rule,
+                evidence=Evidence(recent=recent),
+            ),
         )
         recent = (*recent, target)[-rule.window :]
         for p, q, f in zip(before, profile, target, strict=True):
@@ -158,10 +165,10 @@ def test_the_usual_rule_is_the_paper_s_formula_bit_for_bit(kind, profile, target
     def plain(p: float, f: float, low: float, high: float) -> float:
         if math.isnan(f):
             return p
-        if kind is Kind.SET:
+        if kind is FeedbackKind.SET:
             return f
-        moved = p - rate * (f - p) if kind is Kind.NEGATIVE else p + rate * (f - p)
-        if kind is not Kind.NEGATIVE:
+        moved = p - rate * (f - p) if kind is FeedbackKind.NEGATIVE else p + rate * (f - p)
+        if kind is not FeedbackKind.NEGATIVE:
             moved = min(max(moved, min(p, f)), max(p, f))
         return min(max(moved, low), high)
 

@@ -15,9 +15,9 @@ from marketplace_node.effects import (
     CancelGoal,
     Collect,
     Effect,
-    Goal,
     OpenCall,
     RunEventKind,
+    RunGoal,
     SendGoal,
     State,
 )
@@ -37,10 +37,10 @@ class Crowd:
         )
         self.seen = 0
         self.calls: list[OpenCall] = []
-        self.goals: list[Goal] = []
-        self.running: set[Goal] = set()
-        self.told: list[Goal] = []
-        self.on_stage: Goal | None = None
+        self.goals: list[RunGoal] = []
+        self.running: set[RunGoal] = set()
+        self.told: list[RunGoal] = []
+        self.on_stage: RunGoal | None = None
         self.starts = 0
         self.down: dict[str, float] = {}
         self.sent: Counter[str] = Counter()
@@ -145,7 +145,7 @@ class Crowd:
                 self.finish(goal, self.random.choice((1, 1, 2)))
         self.take_effects()
 
-    def finish(self, goal: Goal, outcome: int) -> None:
+    def finish(self, goal: RunGoal, outcome: int) -> None:
         self.running.discard(goal)
         self.driver.end(outcome, goal=goal)
 

@@ -13,22 +13,22 @@ from bt_agents_core.errors import Refused
 from market_driver import Driver, scene
 from marketplace_node.effects import (
     AnnounceRun,
-    AskOutside,
     CancelGoal,
     Collect,
     Effect,
-    Goal,
     OpenCall,
     PreviewEnded,
     PublishAuction,
+    RequestRanking,
     RunEventKind,
+    RunGoal,
     SendGoal,
     State,
 )
 from marketplace_node.market_state import PREVIEWS
-from marketplace_node.operators.operator_overrides import Act, Order
+from marketplace_node.operators.operator_overrides import OperatorAction, OperatorCommand
 from marketplace_node.operators.previews import MOST
-from marketplace_node.round.decision import External, Outcome
+from marketplace_node.round.decision import AuctionOutcome, External
 from marketplace_node.settings import ON_NEW_SCENE
 
 AGENTS = {"/a": ("ann", "abe"), "/b": ("bob", "bea")}
@@ -54,7 +54,7 @@ class AnyMarket(RuleBasedStateMachine):
         self.scenes = 0
         self.starts = 0
         self.seen = 0
-        self.outstanding: Goal | None = None
+        self.outstanding: RunGoal | None = None
         self.open_rounds: set[int] = set()
         self.decided: list[int] = []
         for host, agents in AGENTS.items():
@@ -157,16 +157,25 @@ class AnyMarket(RuleBasedStateMachine):
         self.driver.do(self.driver.market.ranked(question.round, external, self.driver.now))
 
     @rule(
-        act=st.sampled_from([Act.PIN, Act.UNPIN, Act.UNPIN, Act.VETO, Act.ALLOW, Act.ALLOW]),
+        act=st.sampled_from(
+            [
+                OperatorAction.PIN,
+                OperatorAction.UNPIN,
+                OperatorAction.UNPIN,
+                OperatorAction.VETO,
+                OperatorAction.ALLOW,
+                OperatorAction.ALLOW,
+            ]
+        ),
         agent=st.sampled_from(["ann", "abe", "bob", "bea", "nobody"]),
     )
-    def operate(self, act: Act, agent: str) -> None:
+    def operate(self, act: OperatorAction, agent: str) -> None:
         self.driver.operate(act, agent)
 
     @rule(agent=st.sampled_from(["ann", "abe", "bob"]), own=st.booleans())
     def award(self, agent: str, own: bool) -> None:
         theirs = scene(f"award{self.scenes}") if own else None
-        order = Order(act=Act.AWARD, agent=agent, scene=theirs)
+        order = OperatorCommand(act=OperatorAction.AWARD, agent=agent, scene=theirs)
         try:
             _, effects = self.driver.market.operate(order, self.driver.now)
         except Refused:
@@ -211,7 +220,7 @@ class AnyMarket(RuleBasedStateMachine):
                 pass
             case PreviewEnded():
                 self.previews.discard(effect.number)
-            case AskOutside():
+            case RequestRanking():
                 assert effect.round not in self.asked, "a question is asked once"
                 self.asked.add(effect.round)
             case OpenCall():
@@ -226,7 +235,7 @@ class AnyMarket(RuleBasedStateMachine):
                 vetoed = {bid.agent for bid in effect.decision.terms.barred}
                 assert vetoed.isdisjoint(bid.agent for bid in effect.decision.ranking)
                 assert self.decided == list(range(1, number + 1)), "one outcome a round"
-                if effect.decision.outcome in (Outcome.PREEMPTS, Outcome.WAITS):
+                if effect.decision.outcome in (AuctionOutcome.PREEMPTS, AuctionOutcome.WAITS):
                     assert self.mode == "preempt"
                 elif self.outstanding is not None:
                     assert self.outstanding.round == number, "no award while a tree may run"

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bt_agents_core.feedback import Kind
+from bt_agents_core.feedback import FeedbackKind
 from bt_agents_core.scene import Origin, Scene, SceneParameter, SceneSpace, SceneValue
 from feedback_node.rules import LEAST_AGAIN_S, Fired, Rule, Watch, read_rule
 
@@ -73,7 +73,7 @@ def rules(draw: st.DrawFn) -> Rule:
     return read_rule(
         "mood.change <= -1",
         draw(seconds),
-        Kind.NEGATIVE,
+        FeedbackKind.NEGATIVE,
         False,
         SPACE,
         release=draw(st.sampled_from(["", "mood.change > -1", "live.person"])),
@@ -138,7 +138,7 @@ def test_a_baseline_lies_between_the_moods_that_were_seen(course, baseline_s):
     rule = read_rule(
         "mood.change <= 0 or mood.change >= 0",
         0.0,
-        Kind.NEGATIVE,
+        FeedbackKind.NEGATIVE,
         False,
         SPACE,
         baseline_s=baseline_s,

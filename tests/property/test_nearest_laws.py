@@ -15,7 +15,7 @@ from marketplace_node.round import ranking as ranking_module
 from marketplace_node.round.bid_table import BidTable
 from marketplace_node.round.decision import Ranked, Terms
 from marketplace_node.round.ranking import decide, winning_row
-from marketplace_node.round.round_model import Contest
+from marketplace_node.round.round_model import RoundModel
 from marketplace_node.strategies import STRATEGIES
 from marketplace_node.strategies.arrays import Sum
 from marketplace_node.strategies.nearest import BLOCK, measure, nearest
@@ -28,7 +28,7 @@ SIZES = (1, 2, 3, 4, 5, 9, 21, 40, 150)
 
 def whole(space: SceneSpace, of: Terms, table: BidTable) -> list[tuple[str, float, float]]:
     """Return who is where, and how far, from the arrays that serve all strategies."""
-    contest = Contest(
+    contest = RoundModel(
         terms=of, table=table, field=table.field(space, of), spec=STRATEGIES[of.strategy],
         options={}, seed="",
     )  # fmt: skip
@@ -142,6 +142,8 @@ def test_of_many_equals_the_one_that_has_not_run_for_longest_wins() -> None:
 def test_looking_at_the_winner_puts_nobody_else_in_order(monkeypatch: pytest.MonkeyPatch) -> None:
     of = case(1_000, 3)
     found = decide(of.space, of.terms, of.table)
-    monkeypatch.setattr(Contest, "measure", lambda *_: pytest.fail("somebody else was looked at"))
+    monkeypatch.setattr(
+        RoundModel, "measure", lambda *_: pytest.fail("somebody else was looked at")
+    )
     assert found.bids[0].agent
     assert len(found.bids) == len(found.bidders) == 1_000

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from bt_agents.engine.environment import GIVE_FEEDBACK, GoalState
 from bt_agents.engine.run import Run, StatusChange
-from bt_agents.engine.scripted_environment import Answer, ManualClock, ScriptedWorld
+from bt_agents.engine.scripted_environment import ManualClock, ScriptedEnvironment, ScriptedReply
 from bt_agents.recording.recording_run import RecordingRun
 from bt_agents.recording.replay_world import read_record, repeat
 from bt_agents_language.model.specs import NodeSpec
@@ -25,7 +25,7 @@ tunables:
 """
 
 answers = st.builds(
-    Answer,
+    ScriptedReply,
     state=st.sampled_from([s for s in GoalState if s.ended]),
     result=st.sampled_from([{}, {"word": "a"}, {"word": 5}]),
     message=st.sampled_from(["", "no time"]),
@@ -65,7 +65,7 @@ class Recorded(Stage):
     def __init__(
         self,
         tree: NodeSpec,
-        script: dict[str, list[Answer]],
+        script: dict[str, list[ScriptedReply]],
         seed: int,
         clock: ManualClock | None = None,
     ) -> None:
@@ -73,7 +73,7 @@ class Recorded(Stage):
         super().__init__("wait: 0 s", head=HEAD + "on_cancel: {wait: 1 s}\n")
         self.spec = replace(agent("wait: 0 s", HEAD), tree=tree)
         self.spec = replace(self.spec, on_cancel=placed(tree, "on_cancel"))
-        self.world = ScriptedWorld(script, clock or CreepingClock())
+        self.world = ScriptedEnvironment(script, clock or CreepingClock())
         self.scene = self.live = scene(mood=3)
         self.lines: list[str] = []
         self.turns: list[tuple[int, list[StatusChange]]] = []
@@ -123,7 +123,10 @@ class Recorded(Stage):
 @settings(max_examples=400, deadline=None, derandomize=True)
 @given(trees, scripts, stories, st.integers(0, 2**53))
 def test_the_notes_of_a_run_repeat_each_turn_of_it(
-    tree: NodeSpec, script: dict[str, list[Answer]], story: list[tuple[str, object]], seed: int
+    tree: NodeSpec,
+    script: dict[str, list[ScriptedReply]],
+    story: list[tuple[str, object]],
+    seed: int,
 ) -> None:
     stage = Recorded(tree, script, seed)
     stage.play(story)
@@ -144,7 +147,7 @@ def test_the_notes_of_a_run_repeat_each_turn_of_it(
 @settings(max_examples=100, deadline=None, derandomize=True)
 @given(trees, scripts, stories)
 def test_a_run_goes_the_same_way_recorded_or_not(
-    tree: NodeSpec, script: dict[str, list[Answer]], story: list[tuple[str, object]]
+    tree: NodeSpec, script: dict[str, list[ScriptedReply]], story: list[tuple[str, object]]
 ) -> None:
     recorded = Recorded(tree, script, 1, ManualClock())
     recorded.play(story)
@@ -169,7 +172,10 @@ def test_a_run_goes_the_same_way_recorded_or_not(
 @settings(max_examples=60, deadline=None, derandomize=True)
 @given(trees, scripts, stories, st.integers(0, 400))
 def test_whatever_is_cut_from_the_notes_repeating_them_ends(
-    tree: NodeSpec, script: dict[str, list[Answer]], story: list[tuple[str, object]], cut: int
+    tree: NodeSpec,
+    script: dict[str, list[ScriptedReply]],
+    story: list[tuple[str, object]],
+    cut: int,
 ) -> None:
     stage = Recorded(tree, script, 1)
     stage.play(story)

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from bt_agents_core.errors import ReadError
 from bt_agents_language.files.folder_reader import read_trees
-from bt_agents_language.files.testing.scenarios import Happening, Scenario
+from bt_agents_language.files.testing.scenarios import Scenario, ScriptedEvent
 from bt_agents_language.files.testing.test_reader import read_test_text
 from bt_agents_language.reference.codes.table import CODES
 from bt_agents_tools.rehearsal.rehearsal import rehearse
@@ -57,7 +57,7 @@ def test_whatever_a_test_file_says_has_a_named_code_or_is_run(
 def test_a_rehearsal_repeats_itself_and_time_never_runs_back(
     moods: list[tuple[float, float]], seed: int
 ) -> None:
-    during = tuple(Happening(after_s=at, values={"mood": mood}) for at, mood in moods)
+    during = tuple(ScriptedEvent(after_s=at, values={"mood": mood}) for at, mood in moods)
     scenario = Scenario(scene={"age": 4, "mood": 3}, seed=seed, during=during)
     first = rehearse(GUIDE, SPACE, scenario)
     assert first.events == rehearse(GUIDE, SPACE, scenario).events

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from bt_agents_core.errors import Refused
 from bt_agents_language.model.specs import AgentSpec
-from bt_agents_language.model.walking import every_node
+from bt_agents_language.model.walking import iter_nodes
 from reloading import Watched, new_folder
 
 NAMES = ("ann", "bob")
@@ -34,7 +34,7 @@ def library_of(mark: int) -> str:
 
 def marks(spec: AgentSpec) -> tuple[int, int]:
     """Return what the tree says about its file and its library, which must be of one piece."""
-    words = [str(node.fields["text"].value) for node in every_node(spec.tree) if node.skill]
+    words = [str(node.fields["text"].value) for node in iter_nodes(spec.tree) if node.skill]
     own, theirs = {w for w in words if w[0] == "m"}, {w for w in words if w[0] == "l"}
     assert (len(words), len(own), len(theirs)) == (4, 1, 1), f"a mix: {words}"
     mark = int(own.pop()[1:])

@@ -12,18 +12,18 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from bt_agents.host.learning_messages import learning_to_msg
-from bt_agents_core.feedback import BUTTON, MOOD_RULE, Kind, LearningRule, Update
+from bt_agents_core.feedback import BUTTON, MOOD_RULE, FeedbackKind, LearningRule, Update
 from bt_agents_core.scene import Scene
 from bt_agents_interfaces.msg import AgentCard, HostCard
 from bt_agents_lab.replay.decisions import decisions_again
-from bt_agents_lab.replay.findings import Verdict
-from bt_agents_lab.replay.recording_index import Lesson, Round
+from bt_agents_lab.replay.findings import ReplayVerdict
+from bt_agents_lab.replay.recording_index import RecordedFeedback, Round
 from bt_agents_lab.replay.replay_learning import lessons_again
 from bt_agents_language.files.market_reader import read_market
 from bt_agents_language.yaml.source import Source
 from bt_agents_ros.messages import to_time
 from feedback_node.learning.profiles import Profiles
-from feedback_node.learning.runs import Run
+from feedback_node.learning.runs import AnnouncedRun
 from feedback_node.ledger.ledger import Ledger
 from feedback_node.node.messages import card_from_msg, feedback_to_msg
 from marketplace_node.effects import PublishAuction
@@ -32,10 +32,10 @@ from marketplace_node.explanation.reason import reason
 from marketplace_node.node.messages import auction_to_msg
 from marketplace_node.round.decision import (
     AcceptedBid,
+    AuctionOutcome,
     ClosedBy,
     Decision,
     External,
-    Outcome,
     Terms,
 )
 from marketplace_node.round.ranking import decide
@@ -72,7 +72,9 @@ rules = st.builds(
 )
 lessons = st.lists(
     st.tuples(
-        st.sampled_from([Kind.DIRECT, Kind.POSITIVE, Kind.NEGATIVE, Kind.SET]),
+        st.sampled_from(
+            [FeedbackKind.DIRECT, FeedbackKind.POSITIVE, FeedbackKind.NEGATIVE, FeedbackKind.SET]
+        ),
         opinions,
         st.sampled_from([BUTTON, MOOD_RULE, "test"]),
         st.sampled_from(["", "anna", "otto"]),
@@ -88,7 +90,7 @@ def test_all_that_is_learned_is_learned_again(
     authored: tuple[float, ...],
     rate: float,
     rule: LearningRule,
-    taught: list[tuple[Kind, tuple[float, ...], str, str]],
+    taught: list[tuple[FeedbackKind, tuple[float, ...], str, str]],
 ) -> None:
     card = HostCard(
         host="/agents",
@@ -110,19 +112,21 @@ def test_all_that_is_learned_is_learned_again(
     kept = []
     for number, (kind, target, source, person) in enumerate(taught):
         where = replace(scene(age=3.0), person_id=person, place="lobby")
-        run = Run(epoch="e", round=number, agent="guide", scene=where) if person else None
+        run = AnnouncedRun(epoch="e", round=number, agent="guide", scene=where) if person else None
         change = known.apply(
             "guide", kind, target, feedback_id=f"f{number}", source=source, reason="", run=run
         )
         kept += [feedback_to_msg(one, SPACE) for one in change.all]
     found = lessons_again(
-        Lesson(feedback=one, card=card.agents[0], parameters=SPACE.names, making=MAKING)
+        RecordedFeedback(feedback=one, card=card.agents[0], parameters=SPACE.names, making=MAKING)
         for one in kept
     )
     for finding in found:
-        unknown = rule.update is Update.MEDIAN and any(one.kind == Kind.SET for one in kept)
-        assert finding.verdict is Verdict.EQUAL or unknown, finding.words
-        assert finding.verdict is not Verdict.DIFFERENT
+        unknown = rule.update is Update.MEDIAN and any(
+            one.kind == FeedbackKind.SET for one in kept
+        )
+        assert finding.verdict is ReplayVerdict.EQUAL or unknown, finding.words
+        assert finding.verdict is not ReplayVerdict.DIFFERENT
 
 
 bids = st.lists(vectors, min_size=1, max_size=3)
@@ -181,7 +185,7 @@ def test_all_that_is_decided_is_decided_again(
     ranked = decide(SPACE, terms, accepted, external=external if strategy == "external" else None)
     decision = Decision(
         terms=terms,
-        outcome=Outcome.AWARDED,
+        outcome=AuctionOutcome.AWARDED,
         closed_by=ClosedBy.ALL_ANSWERED,
         duration_s=0.1,
         ranked=ranked,
@@ -197,4 +201,4 @@ def test_all_that_is_decided_is_decided_again(
         to_time(1.0),
     )
     [finding] = decisions_again([Round(auction=message, runs=runs + 1 - runs // 2, making=MAKING)])
-    assert finding.verdict is Verdict.EQUAL, finding.words
+    assert finding.verdict is ReplayVerdict.EQUAL, finding.words

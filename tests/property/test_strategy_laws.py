@@ -17,7 +17,7 @@ from hypothesis.extra import numpy as arrays
 from fields import field, scored
 from market_driver import SPACE, scene
 from marketplace_node.round.ranking import decide
-from marketplace_node.strategies import STRATEGIES, Chances, Field, chance
+from marketplace_node.strategies import STRATEGIES, BatchRandomSource, RoundArrays, round_rng
 from ranked_rounds import added_up, bids, terms
 
 NAN = math.nan
@@ -32,7 +32,7 @@ few = settings(max_examples=15)  # for each strategy
 
 
 @st.composite
-def fields(draw: st.DrawFn, lead: tuple[int, ...] = ()) -> Field:
+def fields(draw: st.DrawFn, lead: tuple[int, ...] = ()) -> RoundArrays:
     """Return bids with scenes, weights and counts of runs; some values are missing."""
     count, width = draw(st.integers(1, 5)), draw(st.integers(1, 4))
 
@@ -68,7 +68,7 @@ def test_the_distance_equals_exact_terms_rounded_once_an_addition(
 
 
 @given(fields((3,)))
-def test_the_distance_is_the_plain_sum_to_the_last_bit_in_every_round(of: Field) -> None:
+def test_the_distance_is_the_plain_sum_to_the_last_bit_in_every_round(of: RoundArrays) -> None:
     distances = scored("manhattan", of).distance
 
     for row in range(3):
@@ -80,7 +80,9 @@ def test_the_distance_is_the_plain_sum_to_the_last_bit_in_every_round(of: Field)
 @named
 @few
 @given(of=fields())
-def test_scores_are_finite_and_contributions_add_up_to_the_distance(name: str, of: Field) -> None:
+def test_scores_are_finite_and_contributions_add_up_to_the_distance(
+    name: str, of: RoundArrays
+) -> None:
     scores = scored(name, of)
 
     assert scores.score.shape == scores.distance.shape == scores.bonus.shape == of.shape
@@ -93,7 +95,7 @@ def test_scores_are_finite_and_contributions_add_up_to_the_distance(name: str, o
 @named
 @few
 @given(of=fields())
-def test_a_missing_value_never_counts(name: str, of: Field) -> None:
+def test_a_missing_value_never_counts(name: str, of: RoundArrays) -> None:
     missing = np.isnan(of.scene)
     assume(missing.any())
     other = of.bids.copy()
@@ -109,28 +111,28 @@ def test_a_missing_value_never_counts(name: str, of: Field) -> None:
 @named
 @few
 @given(of=fields((4,)))
-def test_many_rounds_at_once_are_each_as_alone(name: str, of: Field) -> None:
+def test_many_rounds_at_once_are_each_as_alone(name: str, of: RoundArrays) -> None:
     seeds = [f"e/{number}" for number in range(4)]
-    together = scored(name, of, Chances([chance(seed) for seed in seeds]))
+    together = scored(name, of, BatchRandomSource([round_rng(seed) for seed in seeds]))
 
     for row, seed in enumerate(seeds):
-        alone = Field(
+        alone = RoundArrays(
             **{key: value if key == "widths" else value[row] for key, value in vars(of).items()}
         )
-        expected = scored(name, alone, chance(seed))
+        expected = scored(name, alone, round_rng(seed))
         assert np.array_equal(together.score[row], expected.score)
         assert np.array_equal(together.contributions[row], expected.contributions)
 
 
 @given(fields())
-def test_weights_of_one_are_no_weights(of: Field) -> None:
+def test_weights_of_one_are_no_weights(of: RoundArrays) -> None:
     alike = replace(of, weights=np.ones(of.bids.shape[-1]))
 
     assert np.array_equal(scored("weighted_manhattan", alike).score, scored("manhattan", of).score)
 
 
 @given(fields())
-def test_certain_values_make_the_expected_distance_the_distance(of: Field) -> None:
+def test_certain_values_make_the_expected_distance_the_distance(of: RoundArrays) -> None:
     certain = replace(of, std=np.zeros(of.bids.shape[-1]))
 
     assert np.array_equal(
@@ -139,7 +141,7 @@ def test_certain_values_make_the_expected_distance_the_distance(of: Field) -> No
 
 
 @given(fields())
-def test_uncertainty_never_brings_a_bid_nearer(of: Field) -> None:
+def test_uncertainty_never_brings_a_bid_nearer(of: RoundArrays) -> None:
     found = scored("expected_manhattan", of)
 
     assert (found.score >= scored("manhattan", of).score - 1e-12).all()
@@ -149,12 +151,12 @@ def test_uncertainty_never_brings_a_bid_nearer(of: Field) -> None:
 @few
 @given(of=fields(), shift=st.integers(0, 4))
 def test_where_scores_are_straight_lines_the_lines_say_the_scores(
-    name: str, of: Field, shift: int
+    name: str, of: RoundArrays, shift: int
 ) -> None:
     spec = STRATEGIES[name]
     assert spec.lines is not None
     moved = replace(of, scene=np.where(np.isnan(of.scene), NAN, 1.0 + (of.scene + shift) % 4.0))
-    lines = spec.lines(of, spec.values({}), chance("seed"))
+    lines = spec.lines(of, spec.values({}), round_rng("seed"))
     parts = np.nan_to_num(np.abs(lines.profiles - moved.scene) * lines.weights)
 
     assert lines.offsets + parts.sum(axis=-1) == pytest.approx(scored(name, moved).score)

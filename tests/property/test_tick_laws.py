@@ -14,7 +14,7 @@ from py_trees import blackboard, composites, decorators
 from py_trees.behaviour import Behaviour
 from py_trees.common import OneShotPolicy, ParallelPolicy, Status
 
-from bt_agents.engine.ticking import Native, Ticker
+from bt_agents.engine.ticking import CallTicked, Ticker
 
 TREES = 10_000
 TICKS = 20
@@ -106,7 +106,7 @@ class Halting(decorators.Decorator):
         super().stop(new_status)
 
 
-class Alternating(Native):
+class Alternating(CallTicked):
     """One that is ticked by plain calls: two children in turn, the others are dropped."""
 
     def __init__(self, name: str, children: list[Behaviour]) -> None:

@@ -14,16 +14,28 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from bt_agents.host.tuning.change_log_lines import revision_line, state_line, take_line
-from bt_agents.host.tuning.history import Action, Cause, Change, History, Revision
-from bt_agents.host.tuning.overrides import Remembered
+from bt_agents.host.tuning.history import (
+    TuningAction,
+    TuningCause,
+    TuningChange,
+    TuningHistory,
+    TuningRevision,
+)
+from bt_agents.host.tuning.overrides import Overrides
 from bt_agents.host.tuning.presets import Presets, presets_text, read_presets
-from bt_agents.host.tuning.tunable import Knob, KnobKind, Setting, knobs_of, written
+from bt_agents.host.tuning.tunable import (
+    Setting,
+    TunableKind,
+    TunableParameter,
+    tunables_of,
+    written,
+)
 from bt_agents_core.errors import Refused
 from bt_agents_language.files.agent_reader import read_agent_text
 from bt_agents_language.model.specs import AgentSpec, FieldType
 from bt_agents_language.yaml.precheck import BAD_CHARACTER
 from bt_agents_language.yaml.source import Source
-from bt_agents_tools.client.write_back import Tuned, keep
+from bt_agents_tools.client.write_back import TunedValue, write_defaults
 from stage import SPACE, TREES, VOCABULARY
 
 NAMES = ("a.x", "a.y", "b.x", "c.x", "rate")
@@ -39,35 +51,35 @@ class Desk:
 
     def __init__(self) -> None:
         self.values = dict(START)
-        self.remembered = Remembered()
+        self.remembered = Overrides()
         self.lines: list[str] = []
 
     @property
-    def history(self) -> History:
+    def history(self) -> TuningHistory:
         return self.remembered.history
 
     def set(self, values: Mapping[str, Setting]) -> None:
-        self._record(values, Cause(author="x"))
+        self._record(values, TuningCause(author="x"))
 
-    def step(self, action: Action, agents: tuple[str, ...] = ()) -> bool:
-        find = self.history.undo if action is Action.UNDO else self.history.redo
+    def step(self, action: TuningAction, agents: tuple[str, ...] = ()) -> bool:
+        find = self.history.undo if action is TuningAction.UNDO else self.history.redo
         try:
             found, values = find(agents, lambda _name, _value: True)
         except Refused:
             return False
-        self._record(values, Cause(author="x", action=action, of=found.number))
+        self._record(values, TuningCause(author="x", action=action, of=found.number))
         return True
 
-    def _record(self, values: Mapping[str, Setting], cause: Cause) -> None:
+    def _record(self, values: Mapping[str, Setting], cause: TuningCause) -> None:
         changes = tuple(
-            Change(name=name, before=self.values[name], after=value)
+            TuningChange(name=name, before=self.values[name], after=value)
             for name, value in values.items()
             if self.values[name] != value
         )
-        if not changes and cause.action is Action.SET:
+        if not changes and cause.action is TuningAction.SET:
             return
         number = self.history.revision + 1
-        revision = Revision(number=number, stamp=1.0, cause=cause, changes=changes)
+        revision = TuningRevision(number=number, stamp=1.0, cause=cause, changes=changes)
         defaults = {name: START[name] for name in revision.names}
         self.lines.append(revision_line(revision, defaults))
         self.remembered.take(revision, defaults)
@@ -83,9 +95,9 @@ def test_an_undo_after_a_change_gives_back_what_was(before, change):
     desk.set(change)
     now = dict(desk.values)
     assume(now != was)
-    assert desk.step(Action.UNDO)
+    assert desk.step(TuningAction.UNDO)
     assert desk.values == was
-    assert desk.step(Action.REDO)
+    assert desk.step(TuningAction.REDO)
     assert desk.values == now
 
 
@@ -99,10 +111,10 @@ def test_as_many_undos_as_changes_give_back_the_start_and_redos_the_end(changes)
             states.append(dict(desk.values))
     end = dict(desk.values)
     for state in reversed(states[:-1]):
-        assert desk.step(Action.UNDO)
+        assert desk.step(TuningAction.UNDO)
         assert desk.values == state
-    assert not desk.step(Action.UNDO)
-    while desk.step(Action.REDO):
+    assert not desk.step(TuningAction.UNDO)
+    while desk.step(TuningAction.REDO):
         pass
     assert desk.values == end
 
@@ -111,7 +123,7 @@ STEPS = st.lists(
     st.one_of(
         SETS,
         st.tuples(
-            st.sampled_from([Action.UNDO, Action.REDO]),
+            st.sampled_from([TuningAction.UNDO, TuningAction.REDO]),
             st.sampled_from([(), ("a",), ("b",), ("a", "c")]),
         ),
     ),
@@ -132,7 +144,7 @@ def done(steps: list[object]) -> Desk:
 @given(STEPS)
 def test_whatever_was_undone_in_between_all_undos_give_back_the_start(steps):
     desk = done(steps)
-    while desk.step(Action.UNDO):
+    while desk.step(TuningAction.UNDO):
         pass
     assert desk.values == START
 
@@ -142,24 +154,24 @@ def test_the_undo_of_an_agent_is_its_last_change_as_a_whole(steps, agent):
     desk = done(steps)
     before = dict(desk.values)
     stack = desk.history.undoable
-    if not desk.step(Action.UNDO, (agent,)):
+    if not desk.step(TuningAction.UNDO, (agent,)):
         return
     [taken] = set(stack) - set(desk.history.undoable)
     assert any(name.startswith(f"{agent}.") for name in taken.names)
     assert desk.values == before | {change.name: change.before for change in taken.changes}
     later = stack[stack.index(taken) + 1 :]
     assert all(not taken.names & one.names for one in later)
-    assert desk.step(Action.REDO, (agent,))
+    assert desk.step(TuningAction.REDO, (agent,))
     assert desk.values == before
 
 
 @given(STEPS)
 def test_the_lines_of_the_file_say_everything_and_so_does_the_one_line_instead(steps):
     desk = done(steps)
-    read = Remembered()
+    read = Overrides()
     for line in desk.lines:
         read = take_line(line, read)
-    short = take_line(state_line(desk.remembered), Remembered())
+    short = take_line(state_line(desk.remembered), Overrides())
     for other in (read, short):
         assert other.kept == desk.remembered.kept
         assert other.history.revision == desk.history.revision
@@ -180,7 +192,7 @@ def test_the_lines_of_the_file_say_everything_and_so_does_the_one_line_instead(s
     max_leaves=8,
 ))  # fmt: skip
 def test_no_line_does_more_than_be_refused(content):
-    remembered = Remembered()
+    remembered = Overrides()
     with suppress(Refused):
         remembered = take_line(json.dumps(content), remembered)
     assert isinstance(remembered.history.revision, int)
@@ -205,8 +217,8 @@ def test_presets_are_read_as_they_were_written(tmp_path_factory, presets):
     st.sampled_from([FieldType.DURATION, FieldType.LENGTH, FieldType.ANGLE, FieldType.NUMBER]),
 )
 def test_what_is_written_is_read_as_the_same_value(value, field_type):
-    knob = Knob(
-        name="a.x", agent="a", key="x", kind=KnobKind.TUNABLE, type=field_type, default=0.0
+    knob = TunableParameter(
+        name="a.x", agent="a", key="x", kind=TunableKind.TUNABLE, type=field_type, default=0.0
     )
     assert knob.meant(written(value, field_type)) == value
 
@@ -262,7 +274,7 @@ def read_file(text: str) -> AgentSpec:
     return read_agent_text(text, "a.yaml", VOCABULARY)
 
 
-def another(draw: st.DrawFn, knob: Knob) -> Setting:
+def another(draw: st.DrawFn, knob: TunableParameter) -> Setting:
     if knob.type is FieldType.BOOLEAN:
         return not knob.default
     if knob.type is FieldType.TEXT:
@@ -280,7 +292,7 @@ def another(draw: st.DrawFn, knob: Knob) -> Setting:
 @given(st.one_of(agent_files(), st.sampled_from(FILES)), st.data())
 def test_keeping_changes_the_wanted_values_of_a_file_and_nothing_else(text, data):
     spec = read_file(text)
-    knobs = {knob.name: knob for knob in knobs_of(spec, SPACE)}
+    knobs = {knob.name: knob for knob in tunables_of(spec, SPACE)}
     chosen = data.draw(st.sets(st.sampled_from(sorted(knobs)), max_size=4))
     wanted: dict[str, Setting] = {}
     for name in sorted(chosen):
@@ -289,9 +301,11 @@ def test_keeping_changes_the_wanted_values_of_a_file_and_nothing_else(text, data
             wanted[name] = knobs[name].check(value)
         except Refused:
             continue
-    tuned = [Tuned(knob=knobs[n], value=v) for n, v in wanted.items() if v != knobs[n].default]
-    kept = keep(Source("a.yaml", text), tuned, SPACE, read_file)
-    after = {knob.name: knob for knob in knobs_of(read_file(kept), SPACE)}
+    tuned = [
+        TunedValue(knob=knobs[n], value=v) for n, v in wanted.items() if v != knobs[n].default
+    ]
+    kept = write_defaults(Source("a.yaml", text), tuned, SPACE, read_file)
+    after = {knob.name: knob for knob in tunables_of(read_file(kept), SPACE)}
     for name, knob in after.items():
         expected = wanted.get(name, knobs[name].default)
         if isinstance(expected, float) and ".profile." in name:
@@ -329,8 +343,10 @@ def test_a_time_keeps_the_unit_of_the_author_while_it_fits(old, value, new):
         "format: 1\nagent: a\nprofile: {age: 3, familiarity: 3, mood: 3}\n"
         f"tunables:\n  t: {{default: {old}, min: 0 s, max: 10 min}}  # t\ntree: {{wait: 0 s}}\n"
     )
-    [knob, *_] = knobs_of(read_file(text), SPACE)
-    kept = keep(Source("a.yaml", text), [Tuned(knob=knob, value=value)], SPACE, read_file)
+    [knob, *_] = tunables_of(read_file(text), SPACE)
+    kept = write_defaults(
+        Source("a.yaml", text), [TunedValue(knob=knob, value=value)], SPACE, read_file
+    )
     assert kept == text.replace(f"default: {old},", f"default: {new},")
 
 
@@ -347,7 +363,9 @@ def test_a_learning_rate_is_kept_where_the_author_wrote_it(learning, kept_as):
         "format: 1\nagent: a\nprofile: {age: 3, familiarity: 3, mood: 3}\n"
         f"{learning}tree: {{wait: 0 s}}\n"
     )
-    knob = next(one for one in knobs_of(read_file(text), SPACE) if one.key == "learning_rate")
-    kept = keep(Source("a.yaml", text), [Tuned(knob=knob, value=0.5)], SPACE, read_file)
+    knob = next(one for one in tunables_of(read_file(text), SPACE) if one.key == "learning_rate")
+    kept = write_defaults(
+        Source("a.yaml", text), [TunedValue(knob=knob, value=0.5)], SPACE, read_file
+    )
     assert kept_as in kept
     assert read_file(kept).learning_rate == 0.5

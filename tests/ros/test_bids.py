@@ -9,12 +9,12 @@ from typing import Any
 import pytest
 from rclpy.serialization import deserialize_message, serialize_message
 
-from bt_agents.host.agent_registry import Roster
+from bt_agents.host.agent_registry import AgentRegistry
 from bt_agents_core.errors import Refused
 from bt_agents_interfaces.msg import Bids
 from bt_agents_ros import bid_encoding
-from bt_agents_ros.bid_encoding import Saying
-from marketplace_node.node.bid_decoder import Hearing
+from bt_agents_ros.bid_encoding import BidEncoder
+from marketplace_node.node.bid_decoder import BidDecoder
 from marketplace_node.node.messages import bids_from_msg
 from stage import SPACE, agent, scene
 
@@ -22,8 +22,8 @@ EPOCHS = ("0123456789ab", "e", "another market, äöü")
 ROUNDS = (1, 2, 255, 256, 2**31 + 1, 2**32 - 1)
 
 
-def roster() -> Roster:
-    ours = Roster(SPACE, [agent("say: x", "requires: scene.age >= 3")])
+def roster() -> AgentRegistry:
+    ours = AgentRegistry(SPACE, [agent("say: x", "requires: scene.age >= 3")])
     ours.add(replace(agent("say: x"), name="b"))
     ours.enrol(["a", "b"], [7, 8], ["", ""])
     return ours
@@ -44,7 +44,7 @@ def expected(epoch: str, number: int, answer: Any) -> Bids:
 
 
 def test_a_host_says_in_each_round_of_each_market_what_its_agents_answer() -> None:
-    saying, ours = Saying("/agents", "first"), roster()
+    saying, ours = BidEncoder("/agents", "first"), roster()
     for age in (2, 2, 3, 3, 2):
         for epoch in EPOCHS:
             for number in ROUNDS:
@@ -71,13 +71,13 @@ def test_what_stands_between_two_fields_does_not_matter(monkeypatch: pytest.Monk
     bid_encoding._before.cache_clear()
     answer = roster().answer(scene(age=3))
     for epoch in EPOCHS:
-        message = Saying("/agents", "first").message(epoch, 3, answer)
+        message = BidEncoder("/agents", "first").message(epoch, 3, answer)
         assert deserialize_message(message, Bids) == expected(epoch, 3, answer)
 
 
 @pytest.mark.parametrize("epoch", EPOCHS)
 def test_a_market_reads_an_answer_that_it_has_read_before_as_it_is(epoch: str) -> None:
-    hearing = Hearing(epoch, {"/agents", "/b"}.__contains__)
+    hearing = BidDecoder(epoch, {"/agents", "/b"}.__contains__)
     said = [
         Bids(epoch=of, round=number, host=host, agents=["a"], agent_ids=[7], vectors=[age, 2.0])
         for age in (1.0, 1.0, 4.0, 1.0)
@@ -94,15 +94,15 @@ def test_a_market_reads_an_answer_that_it_has_read_before_as_it_is(epoch: str) -
 
 def test_an_answer_in_another_order_of_bytes_is_not_compared() -> None:
     message = serialize_message(Bids(epoch="e", round=1, host="/agents"))
-    assert bid_encoding.number_of(message, message, "e") == 1
+    assert bid_encoding.round_of(message, message, "e") == 1
     other = bytes([message[0], message[1] ^ 1]) + message[2:]
-    assert bid_encoding.number_of(other, other, "e") is None
+    assert bid_encoding.round_of(other, other, "e") is None
 
 
 @pytest.mark.parametrize("cut", [0, 1, 4, 8, 20, 23, 40])
 def test_bytes_that_are_no_answer_are_refused(cut: int) -> None:
     whole = serialize_message(Bids(epoch="0123456789ab", host="/agents", agents=["a"] * 99))
-    hearing = Hearing("0123456789ab", "/agents".__eq__)
+    hearing = BidDecoder("0123456789ab", "/agents".__eq__)
     with pytest.raises(Refused, match="MALFORMED"):
         hearing.read(whole[:cut])
     assert hearing.read(whole).agents == ("a",) * 99

@@ -23,7 +23,7 @@ from std_msgs.msg import Empty, String
 from std_srvs.srv import Trigger
 
 from bt_agents_ros import qos
-from bt_agents_ros.workarounds.cached_executor import LeanExecutor
+from bt_agents_ros.workarounds.cached_executor import CachedExecutor
 
 pytestmark = pytest.mark.ros
 
@@ -86,7 +86,7 @@ class Turned:
         return self.node.create_timer(period_s, callback, clock=STEADY, **options)
 
 
-@pytest.fixture(params=[LeanExecutor, SingleThreadedExecutor])
+@pytest.fixture(params=[CachedExecutor, SingleThreadedExecutor])
 def turned(request: pytest.FixtureRequest) -> Iterator[Turned]:
     rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
     try:
@@ -224,7 +224,7 @@ def test_what_a_callback_destroys_is_not_called_any_more(turned: Turned) -> None
     assert turned.errors == []
 
 
-@pytest.mark.parametrize("turned", [LeanExecutor], indirect=True)  # rclpy's raises for ever
+@pytest.mark.parametrize("turned", [CachedExecutor], indirect=True)  # rclpy's raises for ever
 def test_what_is_destroyed_without_a_word_is_not_called_any_more(turned: Turned) -> None:
     heard: list[Any] = []
     told: list[Any] = []

@@ -14,13 +14,13 @@ import rclpy
 from std_msgs.msg import Bool, ByteMultiArray, String
 from std_srvs.srv import SetBool
 
-from bt_agents.engine.environment import Goal, GoalRun, GoalState
+from bt_agents.engine.environment import GoalRun, GoalState, SkillGoal
 from bt_agents.engine.scripted_environment import ManualClock
-from bt_agents.host.environment.goal import RosGoal
+from bt_agents.host.environment.goal import RosGoalRun
 from bt_agents.host.environment.goal_deadlines import MOST_UNCONFIRMED
 from bt_agents.host.environment.goal_track import GoalTrack
 from bt_agents.host.environment.inbox import DEPTH
-from bt_agents.host.environment.ros_environment import RosWorld
+from bt_agents.host.environment.ros_environment import RosEnvironment
 from bt_agents_interfaces.action import Ask
 from bt_agents_language.model.specs import BindingKind, HeartbeatSpec, Timeouts
 from bt_agents_ros import qos
@@ -30,13 +30,13 @@ from stage import SPACE, agent
 
 pytestmark = pytest.mark.ros
 
-SAY = Goal(
+SAY = SkillGoal(
     kind=BindingKind.ACTION,
     name="say",
     type="bt_agents_interfaces/action/Say",
     fields={"text": "Hello."},
 )
-SWITCH = Goal(
+SWITCH = SkillGoal(
     kind=BindingKind.SERVICE, name="switch", type="std_srvs/srv/SetBool", fields={"data": True}
 )
 BEAT = HeartbeatSpec(topic="robot/heartbeat", type="std_msgs/msg/Empty", within_s=0.4)
@@ -49,7 +49,7 @@ class Host:
         self.woken = 0
         self.seen = 0
         self.node = ros.add(rclpy.create_node("host"))
-        self.world = RosWorld(self.node, self._wake, space=SPACE, agent=lambda: "guide")
+        self.world = RosEnvironment(self.node, self._wake, space=SPACE, agent=lambda: "guide")
         self._ros = ros
 
     def _wake(self) -> None:
@@ -59,12 +59,12 @@ class Host:
         """Make ahead what the one node of a tree needs."""
         self.world.prepare(agent(tree).tree)
 
-    def send(self, goal: Goal = SAY, **changes: Any) -> GoalRun:
+    def send(self, goal: SkillGoal = SAY, **changes: Any) -> GoalRun:
         """Send a goal."""
         self.seen = self.woken
         return self.world.send(replace(goal, **changes))
 
-    def accepted(self, goal: Goal = SAY, **changes: Any) -> GoalRun:
+    def accepted(self, goal: SkillGoal = SAY, **changes: Any) -> GoalRun:
         """Send a goal and wait until it is under way."""
         run = self.send(goal, **changes)
         self._ros.until(lambda: run.state is GoalState.ACTIVE)
@@ -293,7 +293,7 @@ def test_a_goal_that_cannot_be_sent_is_unreachable(ros: Any) -> None:
         raise RuntimeError("the middleware is out of memory")
 
     client = SimpleNamespace(server_is_ready=lambda: True, send_goal_async=refuse)
-    run = RosGoal(
+    run = RosGoalRun(
         client,
         object(),
         GoalTrack(SAY, ManualClock()),

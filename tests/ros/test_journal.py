@@ -19,8 +19,8 @@ from bt_agents_interfaces.msg import RunRecord, Scene
 from bt_agents_interfaces.srv import ReloadAgents
 from bt_agents_lab.node import JournalNode
 from bt_agents_lab.recorder.reading import JournalReader
-from bt_agents_lab.replay.findings import Verdict, tally
-from bt_agents_lab.replay.recording_index import Story, tell
+from bt_agents_lab.replay.findings import ReplayVerdict, tally
+from bt_agents_lab.replay.recording_index import RecordingIndex, tell
 from bt_agents_lab.replay.trees import runs_again
 from bt_agents_ros import qos
 from bt_agents_ros.messages import scene_to_msg
@@ -90,7 +90,7 @@ class Town:
         """Run an agent to its end; return how it ended."""
         return self.market.result(self.begin(agent)).result
 
-    def story(self) -> Story:
+    def story(self) -> RecordingIndex:
         """Return what all files hold."""
         return tell(JournalReader(sorted(self.files.glob("*.mcap"))).entries())
 
@@ -144,7 +144,7 @@ def test_runs_of_every_kind_go_the_same_way_again(town: Town) -> None:
     story = town.story()
     found = tally(runs_again(story.runs.values()))
     assert [one.words for one in found.told] == []
-    assert found.counts == {("run of a tree", Verdict.EQUAL): 8}
+    assert found.counts == {("run of a tree", ReplayVerdict.EQUAL): 8}
     assert story.problems == []
     assert story.lost == {}
     assert story.counts["/agents/files"] == 2
@@ -170,7 +170,7 @@ def test_a_journal_that_comes_late_says_what_it_has_not_heard(town: Town) -> Non
     town.ros.remove(journal)
     found = tally(runs_again(town.story().runs.values()))
     assert [one.words for one in found.told] == ["nothing was noted of what its tree was told"]
-    assert found.counts["run of a tree", Verdict.EQUAL] == 1
+    assert found.counts["run of a tree", ReplayVerdict.EQUAL] == 1
 
 
 def test_each_day_can_be_done_again_by_itself(town: Town) -> None:
@@ -182,7 +182,7 @@ def test_each_day_can_be_done_again_by_itself(town: Town) -> None:
     for path in sorted(town.files.glob("*.mcap")):
         story = tell(JournalReader([path]).entries())
         found = tally(runs_again(story.runs.values()))
-        assert found.counts == {("run of a tree", Verdict.EQUAL): 1}
+        assert found.counts == {("run of a tree", ReplayVerdict.EQUAL): 1}
         assert story.counts["/cards"] >= 1
 
 

@@ -14,7 +14,7 @@ from rclpy.task import Future
 
 from bt_agents.engine.environment import GoalState
 from bt_agents.host.environment.feedback_requests import KEPT, FeedbackRequests
-from bt_agents_core.feedback import Kind
+from bt_agents_core.feedback import FeedbackKind
 from bt_agents_interfaces.srv import GiveFeedback
 from bt_agents_ros import qos
 from bt_agents_ros.messages import scene_to_msg
@@ -134,7 +134,7 @@ def test_a_full_disk_is_no_answer_and_the_request_is_kept_until_there_is_room(ro
 def test_feedback_of_a_tree_and_a_full_disk_is_kept_as_it_says(ros):
     server = Server(ros, lambda number: "full" if number == 1 else "accept")
     host = Host(ros)
-    run = host.requests.give(Kind.POSITIVE, {}, "")
+    run = host.requests.give(FeedbackKind.POSITIVE, {}, "")
     ros.until(lambda: run.state.ended)
     assert (run.state, run.message) == (GoalState.SUCCEEDED, KEPT)
     ros.until(lambda: host.requests.outbox.waiting == 0)
@@ -197,8 +197,8 @@ def test_feedback_of_a_tree_names_its_agent_its_scene_and_an_id_of_its_own(ros):
     server = Server(ros)
     host = Host(ros)
     runs = [
-        host.requests.give(Kind.POSITIVE, {}, "she smiled"),
-        host.requests.give(Kind.DIRECT, {"age": 4.0}, ""),
+        host.requests.give(FeedbackKind.POSITIVE, {}, "she smiled"),
+        host.requests.give(FeedbackKind.DIRECT, {"age": 4.0}, ""),
     ]
     ros.until(lambda: len(server.heard) == 2)
     ros.until(lambda: all(run.state is GoalState.SUCCEEDED for run in runs))
@@ -213,14 +213,14 @@ def test_feedback_of_a_tree_names_its_agent_its_scene_and_an_id_of_its_own(ros):
 
 def test_refused_feedback_is_a_rejection_with_the_words(ros):
     Server(ros, lambda _: "refuse")
-    run = Host(ros).requests.give(Kind.POSITIVE, {}, "")
+    run = Host(ros).requests.give(FeedbackKind.POSITIVE, {}, "")
     ros.until(lambda: run.state.ended)
     assert (run.state, run.message) == (GoalState.REJECTED, "not so")
 
 
 def test_without_a_feedback_node_a_tree_goes_on_and_the_feedback_is_kept(ros):
     host = Host(ros)
-    run = host.requests.give(Kind.POSITIVE, {}, "")
+    run = host.requests.give(FeedbackKind.POSITIVE, {}, "")
     assert run.state is GoalState.ACTIVE
     ros.until(lambda: run.state.ended)
     assert (run.state, run.message, run.confirmed) == (GoalState.SUCCEEDED, KEPT, True)
@@ -233,7 +233,7 @@ def test_without_a_feedback_node_a_tree_goes_on_and_the_feedback_is_kept(ros):
 
 def test_a_tree_that_stops_waiting_has_given_its_feedback_all_the_same(ros):
     host = Host(ros)
-    run = host.requests.give(Kind.POSITIVE, {}, "")
+    run = host.requests.give(FeedbackKind.POSITIVE, {}, "")
     run.cancel()
     assert run.state is GoalState.CANCELLED
     server = Server(ros)
@@ -243,7 +243,7 @@ def test_a_tree_that_stops_waiting_has_given_its_feedback_all_the_same(ros):
 def test_the_scene_is_that_of_the_moment_of_giving_not_of_sending(ros):
     host = Host(ros)
     given_for = host.scene
-    host.requests.give(Kind.POSITIVE, {}, "")
+    host.requests.give(FeedbackKind.POSITIVE, {}, "")
     host.scene = scene_to_msg(scene(age=1, familiarity=1, mood=1))
     server = Server(ros)
     ros.until(lambda: server.heard)

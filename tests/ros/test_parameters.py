@@ -29,7 +29,7 @@ from bt_agents_language.model.specs import Script
 from bt_agents_robot.robot import RobotNode
 from bt_agents_robot.visitors import VisitorsNode
 from bt_agents_ros import qos
-from bt_agents_ros.base_node import GuardedNode
+from bt_agents_ros.base_node import BaseNode
 from bt_agents_ros.installed import InstalledInterfaces
 from bt_agents_ros.workarounds.parameter_services import MOST
 from bt_agents_tools.launcher import components
@@ -149,7 +149,7 @@ def test_no_number_of_any_node_can_be_made_infinite_or_no_number(ros: Any, name:
 
 def test_an_infinite_number_at_the_start_is_an_error_in_words(ros: Any) -> None:
     infinite = NodeParameter("size", value=math.inf)
-    node = ros.add(GuardedNode("sample", parameter_overrides=[infinite]))
+    node = ros.add(BaseNode("sample", parameter_overrides=[infinite]))
     with pytest.raises(
         InvalidParameterValueException, match="NOT_FINITE: parameter 'size' is inf"
     ):
@@ -190,7 +190,7 @@ def test_of_a_list_the_good_parameters_are_set_and_of_an_atomic_one_none(ros: An
 
 
 def test_a_callback_that_fails_is_answered_and_the_node_goes_on(ros: Any) -> None:
-    node: Any = ros.add(GuardedNode("sample"))
+    node: Any = ros.add(BaseNode("sample"))
     node.declare_parameter("size", 1.0)
 
     def fail(_parameters: Any) -> Any:

@@ -28,7 +28,7 @@ from bt_agents_interfaces.srv import (
     SetProfile,
 )
 from bt_agents_language.files.folder_reader import read_trees
-from bt_agents_language.model.walking import every_node
+from bt_agents_language.model.walking import iter_nodes
 from bt_agents_ros import qos
 from bt_agents_ros.messages import scene_to_msg
 from marketplace_node.node import MarketplaceNode
@@ -463,7 +463,7 @@ def test_a_file_that_is_rewritten_again_and_again_never_harms_a_run(
     answer = host.ask(ReloadAgents, "reload")
     assert answer.accepted
     tree = host.node.roster.members["bob"].spec.tree
-    names = {node.name for node in every_node(tree) if node.name.startswith("v")}
+    names = {node.name for node in iter_nodes(tree) if node.name.startswith("v")}
     assert names == {"v8_a", "v8_b", "v8_c"}
     assert not host.card("bob").degraded
     assert versions == sorted(versions)

@@ -17,7 +17,7 @@ from bt_agents_interfaces.msg import MarketStatus, Run, Scene, SceneValue
 from bt_agents_interfaces.srv import Analyze
 from bt_agents_language.expression.expressions import parse_expression
 from bt_agents_language.model.scene_specs import SceneSpec, SourceSpec
-from bt_agents_language.model.specs import Change, Position, Script, Visit
+from bt_agents_language.model.specs import Position, SceneChange, Script, Visit
 from bt_agents_ros import qos
 from scene_layer.node import SceneLayerNode
 
@@ -345,12 +345,12 @@ def test_a_source_that_is_not_installed_ends_the_start_with_words(ros, bad, word
         SceneLayerNode(SceneSpec(space=SPACE, sources=(bad,), person=None))
 
 
-def visit(label: str, mood: float, *changes: Change) -> Visit:
+def visit(label: str, mood: float, *changes: SceneChange) -> Visit:
     return Visit(label=label, person=True, values={"mood": mood}, changes=changes)
 
 
 def test_a_script_is_played_visit_by_visit(ros):
-    change = Change(after_s=0.0, values={"mood": 1.0}, person=False)
+    change = SceneChange(after_s=0.0, values={"mood": 1.0}, person=False)
     script = Script(title="", visits=(visit("a", 4.0, change), visit("b", 2.0)))
     layer = Layer(ros, script=script)
     ros.turns(20)

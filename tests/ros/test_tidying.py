@@ -10,10 +10,10 @@ import pytest
 import rclpy
 from rclpy.node import Node
 
-from bt_agents.engine.environment import Goal
-from bt_agents.host.environment.ros_environment import RosWorld
+from bt_agents.engine.environment import SkillGoal
+from bt_agents.host.environment.ros_environment import RosEnvironment
 from bt_agents_language.model.specs import BindingKind, NodeSpec, Timeouts
-from bt_agents_language.model.walking import every_node
+from bt_agents_language.model.walking import iter_nodes
 from scripted_server import Script, ScriptedServer
 from stage import SPACE, agent
 
@@ -26,7 +26,7 @@ sequence:
   - publish: {topic: sound, type: std_msgs/msg/String, message: {data: ping}}
   - wait_for: {topic: door, type: std_msgs/msg/Bool, latched: true}
 """
-SAY = Goal(
+SAY = SkillGoal(
     kind=BindingKind.ACTION,
     name="say",
     type="bt_agents_interfaces/action/Say",
@@ -51,23 +51,23 @@ def node(ros: Any) -> Node:
 
 
 @pytest.fixture
-def world(node: Node) -> Iterator[RosWorld]:
+def world(node: Node) -> Iterator[RosEnvironment]:
     """What its trees reach."""
-    subject = RosWorld(node, lambda: None, space=SPACE, agent=lambda: "guide")
+    subject = RosEnvironment(node, lambda: None, space=SPACE, agent=lambda: "guide")
     yield subject
     subject.close()
 
 
-def prepared(world: RosWorld, tree: str) -> list[NodeSpec]:
+def prepared(world: RosEnvironment, tree: str) -> list[NodeSpec]:
     """Make what a tree needs; return its nodes."""
-    nodes = list(every_node(agent(tree).tree))
+    nodes = list(iter_nodes(agent(tree).tree))
     for spec in nodes:
         world.prepare(spec)
     return nodes
 
 
 def test_what_no_tree_names_any_more_leaves_the_graph_and_the_rest_stays_as_it_is(
-    node: Node, world: RosWorld
+    node: Node, world: RosEnvironment
 ) -> None:
     nodes = prepared(world, TREE)
     assert used(node) == ALL
@@ -83,7 +83,7 @@ def test_what_no_tree_names_any_more_leaves_the_graph_and_the_rest_stays_as_it_i
 
 
 def test_a_goal_that_is_not_confirmed_keeps_its_client_until_it_is(
-    ros: Any, node: Node, world: RosWorld
+    ros: Any, node: Node, world: RosEnvironment
 ) -> None:
     server = ScriptedServer(ros, script=Script(accept_s=None, finish_s=None))
     prepared(world, "say: Hello.")

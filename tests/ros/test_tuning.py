@@ -16,13 +16,13 @@ from rcl_interfaces.srv import DescribeParameters, ListParameters, SetParameters
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from bt_agents.host.agent_registry import Member, Roster
+from bt_agents.host.agent_registry import AgentRegistry, HostedAgent
 from bt_agents.host.tuning.tunable_parameters import TunableParameters
 from bt_agents_interfaces.msg import Feedback, Tunings
 from bt_agents_interfaces.srv import GiveFeedback, Tune
 from bt_agents_language.model.specs import AgentSpec
 from bt_agents_ros import qos
-from bt_agents_ros.base_node import GuardedNode
+from bt_agents_ros.base_node import BaseNode
 from stage import SPACE, agent
 
 pytestmark = pytest.mark.ros
@@ -43,12 +43,12 @@ def spec(name: str = "a", head: str = HEAD) -> AgentSpec:
     return replace(agent("wait: 0 s", head), name=name)
 
 
-class Host(GuardedNode):
+class Host(BaseNode):
     """The tuning of a host, and nothing else of it."""
 
     def __init__(self, *specs: AgentSpec, tunings: str = "", **node_kwargs: Any) -> None:
         super().__init__("agents", **node_kwargs)
-        self.roster = Roster(SPACE, specs or (spec("a"), spec("b")))
+        self.roster = AgentRegistry(SPACE, specs or (spec("a"), spec("b")))
         self.rates: list[float] = []
         self.cards = 0
         self.tunables = TunableParameters(
@@ -65,7 +65,7 @@ class Host(GuardedNode):
     def value(self, name: str) -> Any:
         return self.get_parameter(name).value
 
-    def member(self, name: str = "a") -> Member:
+    def member(self, name: str = "a") -> HostedAgent:
         return self.roster.members[name]
 
 

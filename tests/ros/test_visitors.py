@@ -14,7 +14,7 @@ from bt_agents_core.scene import SceneParameter, SceneSpace
 from bt_agents_interfaces.msg import Expression, MarketStatus, Run, Scene, SceneValue
 from bt_agents_language.expression.expressions import parse_expression
 from bt_agents_language.model.scene_specs import PersonsSpec, SceneSpec, SourceSpec, TrackedSpec
-from bt_agents_language.model.specs import Change, Position, Script, Visit
+from bt_agents_language.model.specs import Position, SceneChange, Script, Visit
 from bt_agents_robot.visitors import VisitorsNode
 from bt_agents_ros import qos
 from scene_layer.node import SceneLayerNode
@@ -136,7 +136,7 @@ def test_an_urgent_visitor_asks_for_an_urgent_scene(ros):
 
 
 def test_what_changes_during_the_run_is_sensed(ros):
-    change = Change(after_s=1.0, values={"mood": 1.0}, person=False)
+    change = SceneChange(after_s=1.0, values={"mood": 1.0}, person=False)
     angry = Visit(label="a", person=True, values={"mood": 4.0}, changes=(change,))
     street = Street(ros, angry)
     street.idle()
@@ -213,7 +213,7 @@ def test_visitors_show_words_and_are_sure_of_what_is_read(ros):
     spec = SceneSpec(space=SPACE, sources=(face,), person=None)
     visitors = ros.add(VisitorsNode(spec, Script(title="", visits=())))
     ros.until(lambda: visitors.count_subscribers(face.topic))
-    visitors._change(Change(after_s=0.0, values={"mood": 4.5}))
+    visitors._change(SceneChange(after_s=0.0, values={"mood": 4.5}))
     ros.until(lambda: faces)
     assert (faces[0].expression, faces[0].confidence) == ("happy", 1.0)
 

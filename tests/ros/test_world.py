@@ -13,8 +13,8 @@ from rcl_interfaces.msg import Log
 from rclpy.impl import rcutils_logger
 
 from bt_agents.engine.environment import GoalState
-from bt_agents.host.environment.ros_environment import RosWorld
-from bt_agents_core.feedback import Kind
+from bt_agents.host.environment.ros_environment import RosEnvironment
+from bt_agents_core.feedback import FeedbackKind
 from bt_agents_interfaces.srv import GiveFeedback
 from bt_agents_ros import qos
 from bt_agents_ros.workarounds import quick_logger
@@ -44,8 +44,8 @@ class Teacher:
         return response
 
 
-def world_of(ros: Any) -> RosWorld:
-    return RosWorld(ros.node, lambda: None, space=SPACE, agent=lambda: "guide")
+def world_of(ros: Any) -> RosEnvironment:
+    return RosEnvironment(ros.node, lambda: None, space=SPACE, agent=lambda: "guide")
 
 
 def test_log_lines_come_under_the_name_of_the_running_agent_at_their_level(ros: Any) -> None:
@@ -84,11 +84,13 @@ def test_direct_feedback_is_sent_in_the_order_of_the_scene_without_opinion_on_th
     ros: Any,
 ) -> None:
     teacher = Teacher(ros, accepted=True)
-    run = world_of(ros).give_feedback(Kind.DIRECT, {"mood": 5.0, "age": 4.0}, "it went well")
+    run = world_of(ros).give_feedback(
+        FeedbackKind.DIRECT, {"mood": 5.0, "age": 4.0}, "it went well"
+    )
     ros.until(lambda: run.state.ended)
     assert run.state is GoalState.SUCCEEDED
     [request] = teacher.requests
-    assert (request.agent, request.kind, request.source) == ("guide", Kind.DIRECT, "tree")
+    assert (request.agent, request.kind, request.source) == ("guide", FeedbackKind.DIRECT, "tree")
     assert request.reason == "it went well"
     assert SPACE.names == ("age", "familiarity", "mood")
     assert request.values[0] == 4.0
@@ -98,7 +100,7 @@ def test_direct_feedback_is_sent_in_the_order_of_the_scene_without_opinion_on_th
 
 def test_positive_feedback_has_no_values_and_a_refusal_comes_with_its_words(ros: Any) -> None:
     teacher = Teacher(ros, accepted=False, message="there is no scene to learn from")
-    run = world_of(ros).give_feedback(Kind.POSITIVE, {}, "")
+    run = world_of(ros).give_feedback(FeedbackKind.POSITIVE, {}, "")
     ros.until(lambda: run.state.ended)
     assert run.state is GoalState.REJECTED
     assert run.message == "there is no scene to learn from"

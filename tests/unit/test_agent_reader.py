@@ -21,7 +21,7 @@ from bt_agents_language.model.specs import (
     Reference,
     Text,
 )
-from bt_agents_language.model.symbols import Vocabulary
+from bt_agents_language.model.symbols import SymbolTable
 from bt_agents_language.nodes import KINDS, MODIFIERS
 from bt_agents_language.tree.subtrees import MAX_NODES
 from fake_interfaces import FakeInterfaces
@@ -40,7 +40,7 @@ def paths(spec: NodeSpec) -> list[str]:
     return [node.path for node in all_nodes(spec)]
 
 
-def errors(text: str, vocabulary: Vocabulary = VOCABULARY) -> list[str]:
+def errors(text: str, vocabulary: SymbolTable = VOCABULARY) -> list[str]:
     with pytest.raises(ReadError) as error:
         read_agent_text(HEAD + text, "a.yaml", vocabulary)
     return [line.removeprefix("a.yaml:") for line in error.value.lines]
@@ -452,7 +452,7 @@ def test_without_a_mood_in_the_scene_there_is_no_change_of_mood():
         "feedback: [{when: mood.change > 1, give: positive}]\ntree: {check: mood.change > 1}\n"
     )
     with pytest.raises(ReadError) as error:
-        read_agent_text(text, "a.yaml", Vocabulary(space, {}))
+        read_agent_text(text, "a.yaml", SymbolTable(space, {}))
     assert [line.split(": ")[0] for line in error.value.lines] == ["a.yaml:4:19", "a.yaml:5:15"]
     assert "scene.yaml does not say which parameter is the mood" in error.value.report
 
@@ -470,7 +470,7 @@ def test_trees_share_one_limit_of_nodes():
     assert errors(text.replace("- ", "    - "))[0].startswith(f"{second}:3: error[tree-too-large]")
 
 
-KNOWING = Vocabulary(SPACE, VOCABULARY.skills, FakeInterfaces())
+KNOWING = SymbolTable(SPACE, VOCABULARY.skills, FakeInterfaces())
 
 
 @pytest.mark.parametrize(

@@ -11,7 +11,14 @@ import pytest
 from market_driver import EXPRESS, GUIDE, SPACE, scene
 from marketplace_node.registry import HostEntry
 from marketplace_node.round.auction import Auction
-from marketplace_node.round.decision import Bids, ClosedBy, Decision, Kind, Outcome, Terms
+from marketplace_node.round.decision import (
+    AuctionOutcome,
+    Bids,
+    ClosedBy,
+    Decision,
+    RoundKind,
+    Terms,
+)
 
 FINE = (4.0, 1.5, 3.0)
 
@@ -65,7 +72,7 @@ def test_the_closest_bid_wins_with_its_margin() -> None:
     decision = opened.close(ClosedBy.ALL_ANSWERED, 0.01)
 
     assert opened.complete
-    assert decision.outcome is Outcome.AWARDED
+    assert decision.outcome is AuctionOutcome.AWARDED
     assert decision.winner is not None
     assert [(bid.agent, bid.distance) for bid in decision.ranking] == [
         (GUIDE, 1.5),
@@ -94,7 +101,7 @@ def test_messages_from_elsewhere_are_refused_and_answer_nothing(
     assert not opened.complete
     decision = close(opened)
     assert refusals(decision) == [("", code)]
-    assert decision.outcome is Outcome.NO_BIDS
+    assert decision.outcome is AuctionOutcome.NO_BIDS
     assert decision.silent_hosts == ("/agents",)
 
 
@@ -193,10 +200,10 @@ def test_declining_is_an_answer() -> None:
     decision = close(opened)
 
     assert opened.complete
-    assert decision.outcome is Outcome.NO_BIDS
+    assert decision.outcome is AuctionOutcome.NO_BIDS
     assert [(bid.kind, bid.reason) for bid in decision.refused] == [
-        (Kind.DECLINED, "needs scene.person"),
-        (Kind.DECLINED, "gives no reason"),
+        (RoundKind.DECLINED, "needs scene.person"),
+        (RoundKind.DECLINED, "gives no reason"),
     ]
 
 
@@ -229,6 +236,6 @@ def test_a_stopped_round_awards_nothing_even_with_bids() -> None:
     opened.take(bids())
     decision = opened.close(ClosedBy.STOPPED, 0.1, stopped="enough")
 
-    assert decision.outcome is Outcome.NO_BIDS
+    assert decision.outcome is AuctionOutcome.NO_BIDS
     assert decision.winner is None
     assert math.isnan(decision.margin)

@@ -12,12 +12,12 @@ from random import Random
 import pytest
 
 from bt_agents.engine.environment import GoalState
-from bt_agents.engine.run import Outcome, Run, RunLimits
-from bt_agents.engine.scripted_environment import Answer, ManualClock, ScriptedWorld
+from bt_agents.engine.run import Run, RunLimits, TreeOutcome
+from bt_agents.engine.scripted_environment import ManualClock, ScriptedEnvironment, ScriptedReply
 from bt_agents_core.scene import Origin, Scene, SceneValue
 from bt_agents_language.files.folder_reader import read_trees
 from bt_agents_language.model.specs import AgentSpec
-from bt_agents_language.model.walking import every_node
+from bt_agents_language.model.walking import iter_nodes
 from stage import SPACE, TREES
 
 AGENTS = read_trees(TREES).agents
@@ -28,21 +28,21 @@ MOST_TICKS = 120
 EPSILON_S = 0.01
 WORDS = ["yes", "no", "good", "bad", "room 12", ""]
 
-Server = Callable[[Random], Answer]
+Server = Callable[[Random], ScriptedReply]
 
 
 def _ends(random: Random) -> GoalState:
     return random.choices([GoalState.SUCCEEDED, GoalState.ABORTED], [7, 1])[0]
 
 
-def quick(random: Random) -> Answer:
-    return Answer(state=_ends(random), after_s=random.choice([0.0, 0.3, 2.0, 40.0]))
+def quick(random: Random) -> ScriptedReply:
+    return ScriptedReply(state=_ends(random), after_s=random.choice([0.0, 0.3, 2.0, 40.0]))
 
 
-def late(random: Random) -> Answer:
+def late(random: Random) -> ScriptedReply:
     """Takes its time to accept, to end and to stop."""
     accept_s = random.choice([0.2, 1.0, 1.9])
-    return Answer(
+    return ScriptedReply(
         state=_ends(random),
         accept_s=accept_s,
         after_s=accept_s + random.choice([0.3, 40.0]),
@@ -50,22 +50,22 @@ def late(random: Random) -> Answer:
     )
 
 
-def rejecting(random: Random) -> Answer:
+def rejecting(random: Random) -> ScriptedReply:
     if random.random() < 0.2:
         delay_s = random.choice([0.0, 0.5])
-        return Answer(state=GoalState.REJECTED, accept_s=delay_s, after_s=delay_s)
+        return ScriptedReply(state=GoalState.REJECTED, accept_s=delay_s, after_s=delay_s)
     return quick(random)
 
 
-def stubborn(random: Random) -> Answer:
+def stubborn(random: Random) -> ScriptedReply:
     """Ignores cancels and often goes on for ever."""
-    return Answer(after_s=random.choice([0.5, math.inf]), cancel_s=math.inf)
+    return ScriptedReply(after_s=random.choice([0.5, math.inf]), cancel_s=math.inf)
 
 
 SERVERS = [quick, late, rejecting, stubborn]
 
 
-class World(ScriptedWorld):
+class World(ScriptedEnvironment):
     """Answers by chance, the same for the same seed."""
 
     def __init__(self, server: Server, seed: int) -> None:
@@ -73,12 +73,12 @@ class World(ScriptedWorld):
         self.random = Random(seed)
         self._server = server
 
-    def _answer(self, name: str) -> Answer:
+    def _answer(self, name: str) -> ScriptedReply:
         random = self.random
         result = {"message": "", "answer": random.choice(WORDS), "accepted": True}
         # Every agent begins with the light; most of the runs shall come further.
         easy = name == "set_light" and random.random() < 0.9
-        return replace(Answer() if easy else self._server(random), result=result)
+        return replace(ScriptedReply() if easy else self._server(random), result=result)
 
 
 def scene_of(random: Random) -> Scene:
@@ -193,7 +193,7 @@ def test_a_cancel_at_any_tick_ends_the_run_once_with_nothing_left_running(
             check_end(cut, took_s)
             result = cut.run.result
             assert result is not None
-            if not ended_before and result.outcome is Outcome.CANCELLED:
+            if not ended_before and result.outcome is TreeOutcome.CANCELLED:
                 assert result.message == "enough"
                 assert result.tip == before
 
@@ -208,7 +208,7 @@ def test_the_cancels_come_in_most_branches_of_the_agents() -> None:
                 whole = Performance(agent=agent, server=server, seed=seed)
                 whole.until(MOST_TICKS)
                 visited.update(whole.visited)
-        paths = {spec.path for spec in every_node(agent.tree)}
+        paths = {spec.path for spec in iter_nodes(agent.tree)}
         nodes += len(paths)
         missed += [f"{agent.name}: {path}" for path in sorted(paths - visited.keys())]
     assert len(missed) <= nodes * 0.1, missed

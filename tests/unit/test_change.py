@@ -14,17 +14,19 @@ from market_driver import Driver, scene
 from marketplace_node.effects import PublishAuction, SendGoal
 from marketplace_node.explanation import counterfactual
 from marketplace_node.round import round_model
-from marketplace_node.round.decision import Change, External
+from marketplace_node.round.decision import Counterfactual, External
 from marketplace_node.round.ranking import decide
-from marketplace_node.round.round_model import measured
-from marketplace_node.strategies import STRATEGIES, Field, Scores, StrategySpec
+from marketplace_node.round.round_model import scored as measured
+from marketplace_node.strategies import STRATEGIES, RoundArrays, Scores, StrategySpec
 from ranked_rounds import bids, decided, terms
 from ranking import case
 
 NAN = math.nan
 
 
-def change(values: tuple[float, ...], *vectors: tuple[float, ...], **changes: object) -> Change:
+def change(
+    values: tuple[float, ...], *vectors: tuple[float, ...], **changes: object
+) -> Counterfactual:
     external = changes.pop("external", None)
     of = terms(scene("s", *values), **changes)
     found = decided(of, bids(dict(zip("abcd", vectors, strict=False))), external=external).change
@@ -102,11 +104,11 @@ def test_the_search_scores_so_much_and_no_more(
     ranked = decide(of.space, of_round, of.table)
     scored: list[int] = []
 
-    def counted(spec: StrategySpec, field: Field, *rest: Any) -> Scores:
+    def counted(spec: StrategySpec, field: RoundArrays, *rest: Any) -> Scores:
         scored.append(int(np.prod(field.shape)) * width)
         return measured(spec, field, *rest)
 
-    monkeypatch.setattr(round_model, "measured", counted)
+    monkeypatch.setattr(round_model, "scored", counted)
     assert ranked.change is not None
 
     assert sum(scored) + counterfactual._LOOK * len(scored) <= counterfactual.MOST_WORK

@@ -12,7 +12,7 @@ import pytest
 from click.testing import CliRunner
 
 from bt_agents_core.errors import BtAgentsError
-from bt_agents_core.file_watch import PERIOD_S, changes, look_at
+from bt_agents_core.file_watch import PERIOD_S, changes, poll
 from bt_agents_language.tools.folder_check import Checked, check_folder
 from bt_agents_tools.cli.commands import check as check_module
 from bt_agents_tools.cli.commands.check import check, check_paths, summary, watched
@@ -282,7 +282,7 @@ def test_a_look_sees_what_is_new_changed_or_gone(tmp_path):
     )
     seen = []
     with pytest.raises(KeyboardInterrupt):
-        iter_all(changes(lambda: look_at([tmp_path], (".yaml",)), steps), seen)
+        iter_all(changes(lambda: poll([tmp_path], (".yaml",)), steps), seen)
     assert seen == [(str(tmp_path / "a.yaml"),)] * 3
 
 

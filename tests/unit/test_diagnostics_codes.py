@@ -22,7 +22,7 @@ from bt_agents_language.files.skills_reader import read_skills
 from bt_agents_language.files.testing.test_reader import read_test
 from bt_agents_language.model.plugins import read_plugins
 from bt_agents_language.model.specs import BindingKind
-from bt_agents_language.model.symbols import Vocabulary
+from bt_agents_language.model.symbols import SymbolTable
 from bt_agents_language.reference.codes.entry import Code, FileKind, Severity, written
 from bt_agents_language.reference.codes.table import CODES, GROUPS
 from bt_agents_language.tools import folder_check
@@ -72,7 +72,7 @@ def put(path: Path, data: bytes) -> Path:
 
 def of_agent(example: bytes, folder: Path) -> tuple[Diagnostic, ...]:
     source = read_source(put(folder / "guide.yaml", agent_file(example)))
-    vocabulary = Vocabulary(space=SPACE, skills=VOCABULARY.skills, interfaces=StandardTypes())
+    vocabulary = SymbolTable(space=SPACE, skills=VOCABULARY.skills, interfaces=StandardTypes())
     return (*lint(read_agent_text(source.text, source.file, vocabulary)), *cut_texts(source))
 
 

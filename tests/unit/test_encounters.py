@@ -13,7 +13,7 @@ from bt_agents_language.model.scene_specs import SceneSpec
 from scene_layer.encounters import AWAY_S, MOST_AWAY
 from scene_layer.memory import MOST_KNOWN, Memory
 from scene_layer.memory_file import from_text, to_text
-from scene_layer.scene_estimator import Estimate
+from scene_layer.scene_estimator import SceneEstimator
 from scene_layer.sources import Sources, message_of
 
 FACES = """
@@ -57,7 +57,7 @@ class Room:
         self.spec = spec
         self.sources = Sources(spec)
         self.memory = memory or Memory(spec.space)
-        self.estimate = Estimate(spec, self.sources, self.memory)
+        self.estimate = SceneEstimator(spec, self.sources, self.memory)
         self.running: str | None = None
         self.now = 0.0
 
@@ -338,7 +338,7 @@ class Door:
 
     def __init__(self) -> None:
         self.sources = Sources(ONE)
-        self.estimate = Estimate(ONE, self.sources, Memory(ONE.space))
+        self.estimate = SceneEstimator(ONE, self.sources, Memory(ONE.space))
         self.running: str | None = None
         self.estimate.begin("s", "", {}, None, 0.0)
 

@@ -6,11 +6,11 @@ from __future__ import annotations
 import pytest
 
 from bt_agents.engine.environment import GoalState
-from bt_agents.engine.scripted_environment import Answer
+from bt_agents.engine.scripted_environment import ScriptedReply
 from stage import Stage, scene
 
-LONG = [Answer(after_s=100.0)]
-FAILS = [Answer(state=GoalState.ABORTED, message="motor off")]
+LONG = [ScriptedReply(after_s=100.0)]
+FAILS = [ScriptedReply(state=GoalState.ABORTED, message="motor off")]
 
 
 def test_a_sequence_runs_its_children_one_after_the_other() -> None:
@@ -24,7 +24,7 @@ def test_a_sequence_runs_its_children_one_after_the_other() -> None:
           - say: first
           - say: second
         """,
-        answers={"say": [Answer(after_s=1.0)]},
+        answers={"say": [ScriptedReply(after_s=1.0)]},
     )
     assert stage.tick() == "running"
     assert stage.said == ["first"]
@@ -69,7 +69,7 @@ def test_a_parallel_for_all_waits_for_all() -> None:
             - say: x
             - show: y
         """,
-        answers={"say": [Answer(after_s=1.0)], "show": [Answer(after_s=2.0)]},
+        answers={"say": [ScriptedReply(after_s=1.0)], "show": [ScriptedReply(after_s=2.0)]},
     )
     assert stage.tick() == "running"
     assert stage.after(1.0) == "running"
@@ -85,7 +85,10 @@ def test_a_parallel_for_one_stops_the_others_and_the_run_waits_until_they_have_e
             - say: x
             - show: y
         """,
-        answers={"say": [Answer(after_s=1.0)], "show": [Answer(after_s=9.0, cancel_s=0.5)]},
+        answers={
+            "say": [ScriptedReply(after_s=1.0)],
+            "show": [ScriptedReply(after_s=9.0, cancel_s=0.5)],
+        },
     )
     assert stage.tick() == "running"
     assert stage.after(1.0) == "running"
@@ -156,14 +159,14 @@ def test_the_output_of_a_skill_can_be_used_by_later_nodes() -> None:
           - ask: Where to?
           - drive: ${answer}
         """,
-        answers={"ask": [Answer(result={"answer": "gate 7", "message": ""})]},
+        answers={"ask": [ScriptedReply(result={"answer": "gate 7", "message": ""})]},
     )
     assert stage.tick() == "succeeded"
     assert stage.world.goals[-1].goal.fields["destination"] == "gate 7"
 
 
 def test_a_skill_whose_condition_on_the_result_is_false_fails() -> None:
-    stage = Stage("ask: Where to?", answers={"ask": [Answer(result={"answer": ""})]})
+    stage = Stage("ask: Where to?", answers={"ask": [ScriptedReply(result={"answer": ""})]})
     assert stage.tick() == "failed"
 
 
@@ -195,7 +198,7 @@ def test_a_timeout_stops_the_node_and_cancels_its_goal() -> None:
 
 
 def test_retry_starts_again_until_it_succeeds() -> None:
-    stage = Stage("say: x\nretry: 3", answers={"say": [*FAILS, *FAILS, Answer()]})
+    stage = Stage("say: x\nretry: 3", answers={"say": [*FAILS, *FAILS, ScriptedReply()]})
     assert stage.tick(2) == "running"
     assert stage.tick() == "succeeded"
     assert len(stage.said) == 3
@@ -253,7 +256,7 @@ def test_a_node_whose_when_is_false_lets_a_selector_go_on() -> None:
 
 
 def test_a_when_is_looked_at_once_when_the_node_starts() -> None:
-    stage = Stage("say: x\nwhen: live.mood >= 3", answers={"say": [Answer(after_s=2.0)]})
+    stage = Stage("say: x\nwhen: live.mood >= 3", answers={"say": [ScriptedReply(after_s=2.0)]})
     assert stage.tick() == "running"
     stage.set_mood(1.0)
     assert stage.after(1.0) == "running"
@@ -311,8 +314,8 @@ def test_a_cancel_stops_every_running_leaf_then_cleans_up_then_waits_for_open_go
         head="on_cancel: {light: red}",
         answers={
             "say": LONG,
-            "show": [Answer(after_s=100.0, cancel_s=1.0)],
-            "set_light": [Answer(result={"accepted": True})],
+            "show": [ScriptedReply(after_s=100.0, cancel_s=1.0)],
+            "set_light": [ScriptedReply(result={"accepted": True})],
         },
     )
     stage.tick()
@@ -328,7 +331,7 @@ def test_a_cancel_stops_every_running_leaf_then_cleans_up_then_waits_for_open_go
 
 
 def test_a_goal_that_ignores_the_cancel_is_reported_as_an_orphan_after_a_bounded_wait() -> None:
-    stage = Stage("say: x", answers={"say": [Answer(after_s=1e9, cancel_s=1e9)]})
+    stage = Stage("say: x", answers={"say": [ScriptedReply(after_s=1e9, cancel_s=1e9)]})
     stage.tick()
     stage.run.cancel("enough")
     assert stage.tick() == "running"
@@ -338,7 +341,7 @@ def test_a_goal_that_ignores_the_cancel_is_reported_as_an_orphan_after_a_bounded
 
 
 def test_a_goal_not_yet_accepted_is_cancelled_on_acceptance() -> None:
-    stage = Stage("say: x", answers={"say": [Answer(accept_s=0.5, after_s=50.0)]})
+    stage = Stage("say: x", answers={"say": [ScriptedReply(accept_s=0.5, after_s=50.0)]})
     stage.tick()
     stage.run.cancel("enough")
     assert stage.tick() == "running"

@@ -8,13 +8,13 @@ import math
 import pytest
 
 from bt_agents.engine.environment import GoalState
-from bt_agents.engine.run import Outcome, RunLimits
-from bt_agents.engine.scripted_environment import Answer
+from bt_agents.engine.run import RunLimits, TreeOutcome
+from bt_agents.engine.scripted_environment import ScriptedReply
 from bt_agents.engine.ticking import Ticker
 from stage import Stage
 
-LONG = Answer(after_s=100.0)
-STUBBORN = Answer(after_s=100.0, cancel_s=math.inf)
+LONG = ScriptedReply(after_s=100.0)
+STUBBORN = ScriptedReply(after_s=100.0, cancel_s=math.inf)
 CLEAN_UP = "on_cancel: {say: good-bye}"
 SPEAKS = "sequence: [{say: hello}, {show: {text: x}}]"
 
@@ -30,7 +30,7 @@ def test_a_cancel_before_the_first_tick_starts_nothing_and_has_nothing_to_clean_
 
 
 def test_a_cancel_stops_the_leaf_at_once_and_the_clean_up_runs_from_the_next_tick_on() -> None:
-    stage = Stage(SPEAKS, head=CLEAN_UP, answers={"say": [LONG, Answer(after_s=1.0)]})
+    stage = Stage(SPEAKS, head=CLEAN_UP, answers={"say": [LONG, ScriptedReply(after_s=1.0)]})
     stage.tick()
     stage.run.cancel("enough")
     assert stage.world.running() == []
@@ -42,7 +42,7 @@ def test_a_cancel_stops_the_leaf_at_once_and_the_clean_up_runs_from_the_next_tic
 
 
 def test_a_cancel_during_a_cancel_changes_nothing() -> None:
-    stage = Stage(SPEAKS, head=CLEAN_UP, answers={"say": [LONG, Answer(after_s=1.0)]})
+    stage = Stage(SPEAKS, head=CLEAN_UP, answers={"say": [LONG, ScriptedReply(after_s=1.0)]})
     stage.tick()
     stage.run.cancel("enough")
     stage.tick()
@@ -67,7 +67,7 @@ def test_a_cancel_while_goals_settle_after_a_success_leaves_it_a_success() -> No
     stage = Stage(
         "parallel: {succeed_on: one, children: [{say: x}, {show: {text: y}}]}",
         head=CLEAN_UP,
-        answers={"show": [Answer(after_s=9.0, cancel_s=0.5)]},
+        answers={"show": [ScriptedReply(after_s=9.0, cancel_s=0.5)]},
     )
     assert stage.tick() == "running"
     assert stage.run.cancel("too late") == []
@@ -79,8 +79,8 @@ def test_a_cancel_while_goals_settle_after_a_failure_leaves_it_a_failure() -> No
     stage = Stage(
         "parallel: [{say: x}, {show: {text: y}}]",
         answers={
-            "say": [Answer(state=GoalState.ABORTED, message="hoarse")],
-            "show": [Answer(after_s=9.0, cancel_s=0.5)],
+            "say": [ScriptedReply(state=GoalState.ABORTED, message="hoarse")],
+            "show": [ScriptedReply(after_s=9.0, cancel_s=0.5)],
         },
     )
     assert stage.tick() == "running"
@@ -99,7 +99,7 @@ def test_a_cancel_after_the_end_leaves_the_result_as_it_is() -> None:
 
 
 def test_a_goal_not_accepted_yet_is_cancelled_on_acceptance_and_waited_for() -> None:
-    stage = Stage(SPEAKS, answers={"say": [Answer(accept_s=1.0, after_s=100.0)]})
+    stage = Stage(SPEAKS, answers={"say": [ScriptedReply(accept_s=1.0, after_s=100.0)]})
     stage.tick()
     stage.run.cancel("enough")
     assert stage.outcome == "running"
@@ -146,7 +146,7 @@ def test_a_clean_up_whose_time_is_over_begins_nothing_more() -> None:
     stage = Stage(
         SPEAKS,
         head="on_cancel: {sequence: [{say: good-bye}, {say: really}]}",
-        answers={"say": [LONG, Answer(after_s=1.0)]},
+        answers={"say": [LONG, ScriptedReply(after_s=1.0)]},
         limits=RunLimits(clean_up_s=3.0),
     )
     stage.tick()
@@ -184,7 +184,7 @@ def test_giving_up_ends_a_run_even_when_its_nodes_cannot_be_stopped(
 
     monkeypatch.setattr(Ticker, "halt", stuck)
     result = stage.run.give_up("RuntimeError: cogwheel")
-    assert result.outcome is Outcome.FAILED
+    assert result.outcome is TreeOutcome.FAILED
     assert result.orphans == ("tree/0.say",)
 
 
@@ -201,7 +201,7 @@ class SlowClock:
 
 
 def test_a_tick_that_takes_too_long_is_counted_with_the_node_that_took_longest() -> None:
-    stage = Stage(SPEAKS, answers={"show": [Answer(after_s=100.0)]})
+    stage = Stage(SPEAKS, answers={"show": [ScriptedReply(after_s=100.0)]})
     clock = SlowClock()
     stage.run._stopwatch = clock
     stage.run.period_s = 0.1
@@ -221,7 +221,7 @@ def test_a_tick_that_takes_too_long_is_counted_with_the_node_that_took_longest()
 
 
 def test_a_tick_that_takes_too_long_after_its_last_leaf_names_the_outermost_node() -> None:
-    stage = Stage(SPEAKS, answers={"show": [Answer(after_s=100.0)]})
+    stage = Stage(SPEAKS, answers={"show": [ScriptedReply(after_s=100.0)]})
     clock = SlowClock()
     stage.run._stopwatch = clock
     stage.run.period_s = 0.1

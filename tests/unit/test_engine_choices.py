@@ -8,11 +8,11 @@ from random import Random
 import pytest
 
 from bt_agents.engine.environment import GoalState
-from bt_agents.engine.scripted_environment import Answer
+from bt_agents.engine.scripted_environment import ScriptedReply
 from stage import Stage, scene
 
-FAILS = [Answer(state=GoalState.ABORTED, message="motor off")]
-LONG = [Answer(after_s=100.0)]
+FAILS = [ScriptedReply(state=GoalState.ABORTED, message="motor off")]
+LONG = [ScriptedReply(after_s=100.0)]
 
 CASES = """
     choose:
@@ -40,7 +40,9 @@ def test_choose_looks_only_when_it_starts() -> None:
     #  0 |    1     |   R   |     |   R
     #  1 |    5     |   R   |     |   R
     #  2 |    5     |   S   |     |   S
-    stage = Stage(CASES, awarded=scene(age=1, mood=3), answers={"say": [Answer(after_s=2.0)]})
+    stage = Stage(
+        CASES, awarded=scene(age=1, mood=3), answers={"say": [ScriptedReply(after_s=2.0)]}
+    )
     assert stage.tick() == "running"
     stage.set_live("age", 5.0)
     assert stage.after(1.0) == "running"

@@ -7,8 +7,8 @@ import math
 
 import pytest
 
-from bt_agents.engine.environment import Goal, GoalState
-from bt_agents.engine.scripted_environment import Answer, ManualClock
+from bt_agents.engine.environment import GoalState, SkillGoal
+from bt_agents.engine.scripted_environment import ManualClock, ScriptedReply
 from bt_agents.host.environment.goal_track import SECOND_LOOK_S, GoalTrack
 from bt_agents_language.model.specs import BindingKind, HeartbeatSpec, Timeouts
 from stage import Stage
@@ -27,7 +27,7 @@ class Followed:
     ) -> None:
         self.clock = ManualClock()
         self.beat = -math.inf
-        goal = Goal(
+        goal = SkillGoal(
             kind=kind,
             name="say",
             type="",
@@ -258,33 +258,47 @@ action:
     ("answer", "after_s", "words"),
     [
         (
-            Answer(
+            ScriptedReply(
                 state=GoalState.UNREACHABLE, message="its server is not there (looked for 3 s)"
             ),
             0.0,
             "dance unreachable: its server is not there (looked for 3 s)",
         ),
         (
-            Answer(accept_s=9.0, after_s=99.0),
+            ScriptedReply(accept_s=9.0, after_s=99.0),
             2.0,
             "dance unreachable: its server does not answer (no word about the goal for 2 s)",
         ),
         (
-            Answer(state=GoalState.REJECTED),
+            ScriptedReply(state=GoalState.REJECTED),
             0.0,
             "dance rejected: its server did not take the goal and says nothing about why",
         ),
-        (Answer(state=GoalState.ABORTED, message="motor off"), 0.0, "dance aborted: motor off"),
         (
-            Answer(state=GoalState.ABORTED),
+            ScriptedReply(state=GoalState.ABORTED, message="motor off"),
+            0.0,
+            "dance aborted: motor off",
+        ),
+        (
+            ScriptedReply(state=GoalState.ABORTED),
             0.0,
             "dance aborted: its server gave up and says nothing about why",
         ),
-        (Answer(state=GoalState.CANCELLED), 0.0, "dance cancelled: somebody else has stopped it"),
-        (Answer(accept_s=1.0, after_s=99.0), 61.0, "dance timed out: no result within 60 s"),
+        (
+            ScriptedReply(state=GoalState.CANCELLED),
+            0.0,
+            "dance cancelled: somebody else has stopped it",
+        ),
+        (
+            ScriptedReply(accept_s=1.0, after_s=99.0),
+            61.0,
+            "dance timed out: no result within 60 s",
+        ),
     ],
 )
-def test_each_way_to_fail_has_its_own_words(answer: Answer, after_s: float, words: str) -> None:
+def test_each_way_to_fail_has_its_own_words(
+    answer: ScriptedReply, after_s: float, words: str
+) -> None:
     stage = Stage(RAW, answers={"dance": [answer]})
     stage.tick()
     stage.after(after_s)
@@ -292,14 +306,14 @@ def test_each_way_to_fail_has_its_own_words(answer: Answer, after_s: float, word
 
 
 def test_a_long_message_of_a_server_is_shortened() -> None:
-    huge = Answer(state=GoalState.ABORTED, message="x" * 10_000_000)
+    huge = ScriptedReply(state=GoalState.ABORTED, message="x" * 10_000_000)
     stage = Stage(RAW, answers={"dance": [huge]})
     stage.tick(2)
     assert len(stage.message) < 400
 
 
 def test_a_goal_that_timed_out_is_stopped_and_waited_for_at_the_end() -> None:
-    stubborn = Answer(after_s=99.0, cancel_s=1.0)
+    stubborn = ScriptedReply(after_s=99.0, cancel_s=1.0)
     stage = Stage(RAW, answers={"dance": [stubborn]})
     stage.tick()
     assert stage.after(60.0) == "running"  # it settles
@@ -311,9 +325,9 @@ def test_a_goal_that_timed_out_is_stopped_and_waited_for_at_the_end() -> None:
 
 def test_a_goal_whose_server_never_confirms_its_end_is_an_orphan() -> None:
     for lost in (
-        Answer(after_s=99.0, cancel_s=math.inf),
-        Answer(after_s=99.0, vanishes=True),
-        Answer(accept_s=math.inf, after_s=math.inf),
+        ScriptedReply(after_s=99.0, cancel_s=math.inf),
+        ScriptedReply(after_s=99.0, vanishes=True),
+        ScriptedReply(accept_s=math.inf, after_s=math.inf),
     ):
         stage = Stage(RAW, answers={"dance": [lost]})
         stage.tick()
@@ -324,7 +338,7 @@ def test_a_goal_whose_server_never_confirms_its_end_is_an_orphan() -> None:
 
 
 def test_a_goal_that_was_never_sent_is_no_orphan() -> None:
-    stage = Stage(RAW, answers={"dance": [Answer(state=GoalState.UNREACHABLE)]})
+    stage = Stage(RAW, answers={"dance": [ScriptedReply(state=GoalState.UNREACHABLE)]})
     assert stage.tick() == "failed"
     assert stage.run.result is not None
     assert stage.run.result.orphans == ()
@@ -344,7 +358,7 @@ parallel:
 
 def test_feedback_gives_names_values_while_the_action_goes_on() -> None:
     told = ((1.0, {"progress": 0.1}), (2.0, {"progress": 0.5}), (3.0, {"progress": 0.9}))
-    stage = Stage(FOLLOWED, answers={"dance": [Answer(after_s=5.0, feedback=told)]})
+    stage = Stage(FOLLOWED, answers={"dance": [ScriptedReply(after_s=5.0, feedback=told)]})
     assert stage.tick() == "running"
     assert stage.told("tree/1.sequence/0.wait_for") == [("RUNNING", "'done' has no value yet")]
     stage.after(1.0)
@@ -366,12 +380,12 @@ def test_the_last_feedback_is_seen_with_the_result_and_an_action_that_gives_none
           outputs: {done: feedback.progress}
       - say: "${done}"
     """
-    told = Answer(after_s=1.0, feedback=((0.5, {"progress": 1.0}),))
+    told = ScriptedReply(after_s=1.0, feedback=((0.5, {"progress": 1.0}),))
     stage = Stage(tree, answers={"dance": [told]})
     stage.tick()
     assert stage.after(1.0) == "succeeded"
     assert stage.said == ["1"]
-    stage = Stage(tree, answers={"dance": [Answer()]})
+    stage = Stage(tree, answers={"dance": [ScriptedReply()]})
     assert stage.tick() == "failed"
     assert stage.message.startswith("'done' has no value")
 
@@ -380,7 +394,7 @@ def test_the_last_feedback_is_seen_with_the_result_and_an_action_that_gives_none
     "told", [{}, {"progress": math.nan}, {"progress": "x" * 10_000_000}, {"other": [1, 2]}]
 )
 def test_no_feedback_ends_a_goal_or_raises(told: dict[str, object]) -> None:
-    answer = Answer(after_s=1.0, feedback=((0.0, told),))  # type: ignore[arg-type]
+    answer = ScriptedReply(after_s=1.0, feedback=((0.0, told),))  # type: ignore[arg-type]
     tree = RAW + "  outputs: {done: feedback.progress}"
     stage = Stage(tree, answers={"dance": [answer]})
     assert stage.tick() == "running"
@@ -392,7 +406,7 @@ def test_no_feedback_ends_a_goal_or_raises(told: dict[str, object]) -> None:
     "result", [{"answer": math.nan}, {"answer": "x" * 10_000_000}, {"answer": ""}, {}]
 )
 def test_no_result_raises(result: dict[str, object]) -> None:
-    stage = Stage("ask: Yes?", answers={"ask": [Answer(result=result)]})  # type: ignore[arg-type]
+    stage = Stage("ask: Yes?", answers={"ask": [ScriptedReply(result=result)]})  # type: ignore[arg-type]
     assert stage.tick() in ("succeeded", "failed")
     assert len(str(stage.changes)) < 10_000
 

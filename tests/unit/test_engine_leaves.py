@@ -8,8 +8,8 @@ from dataclasses import replace
 import pytest
 
 from bt_agents.engine.environment import GIVE_FEEDBACK, GoalState
-from bt_agents.engine.scripted_environment import Answer, GivenFeedback
-from bt_agents_core.feedback import Kind
+from bt_agents.engine.scripted_environment import GivenFeedback, ScriptedReply
+from bt_agents_core.feedback import FeedbackKind
 from bt_agents_language.model.specs import Literal, MapValue, NodeSpec, Plain, Position
 from stage import Stage, agent, scene
 
@@ -52,16 +52,16 @@ def test_a_skill_that_ends_at_once_twice_is_told_twice_and_a_check_is_not() -> N
 
 
 def test_what_is_stopped_in_a_tick_is_told_in_that_tick() -> None:
-    stage = Stage("say: x\ntimeout: 2 s", answers={"say": [Answer(after_s=9.0)]})
+    stage = Stage("say: x\ntimeout: 2 s", answers={"say": [ScriptedReply(after_s=9.0)]})
     stage.tick()
     assert stage.after(2.0) == "failed"
     assert [status for status, _ in stage.told("tree")] == ["RUNNING", "INVALID"]
 
 
 @pytest.mark.parametrize(
-    ("word", "kind"), [("positive", Kind.POSITIVE), ("negative", Kind.NEGATIVE)]
+    ("word", "kind"), [("positive", FeedbackKind.POSITIVE), ("negative", FeedbackKind.NEGATIVE)]
 )
-def test_feedback_is_given_and_taken(word: str, kind: Kind) -> None:
+def test_feedback_is_given_and_taken(word: str, kind: FeedbackKind) -> None:
     stage = Stage(f"give_feedback: {word}")
     assert stage.tick() == "succeeded"
     assert stage.world.feedback_given == [GivenFeedback(kind=kind, values={}, reason="")]
@@ -79,12 +79,14 @@ def test_direct_feedback_carries_its_values_and_the_reason() -> None:
     )
     assert stage.tick() == "succeeded"
     assert stage.world.feedback_given == [
-        GivenFeedback(kind=Kind.DIRECT, values={"age": 4.0, "mood": 5.0}, reason="At 3.")
+        GivenFeedback(kind=FeedbackKind.DIRECT, values={"age": 4.0, "mood": 5.0}, reason="At 3.")
     ]
 
 
 def test_feedback_that_is_refused_is_a_failure_with_the_words_of_the_refusal() -> None:
-    refusal = Answer(state=GoalState.REJECTED, message="the last run had no scene", after_s=1.0)
+    refusal = ScriptedReply(
+        state=GoalState.REJECTED, message="the last run had no scene", after_s=1.0
+    )
     stage = Stage("give_feedback: positive", answers={GIVE_FEEDBACK: [refusal]})
     assert stage.tick() == "running"
     assert stage.after(1.0) == "failed"
@@ -92,7 +94,9 @@ def test_feedback_that_is_refused_is_a_failure_with_the_words_of_the_refusal() -
 
 
 def test_feedback_that_is_not_answered_is_not_waited_for_after_a_stop() -> None:
-    stage = Stage("give_feedback: positive", answers={GIVE_FEEDBACK: [Answer(after_s=99.0)]})
+    stage = Stage(
+        "give_feedback: positive", answers={GIVE_FEEDBACK: [ScriptedReply(after_s=99.0)]}
+    )
     stage.tick()
     stage.run.cancel("enough")
     assert stage.outcome == "cancelled"
@@ -209,7 +213,7 @@ def test_an_output_may_have_another_name_and_come_from_inside_a_json_text(
     ask, say = tree.children
     stage = Stage(
         replace(tree, children=(replace(ask, outputs={"drink": path}), say)),
-        answers={"ask": [Answer(result=result)]},
+        answers={"ask": [ScriptedReply(result=result)]},
     )
     stage.tick()
     assert words in (stage.said[0] if stage.said else stage.message)

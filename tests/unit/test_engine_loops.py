@@ -6,12 +6,12 @@ from __future__ import annotations
 import pytest
 
 from bt_agents.engine.environment import GoalState
-from bt_agents.engine.scripted_environment import Answer
+from bt_agents.engine.scripted_environment import ScriptedReply
 from stage import Stage, scene
 
-FAILED = Answer(state=GoalState.ABORTED, message="motor off")
+FAILED = ScriptedReply(state=GoalState.ABORTED, message="motor off")
 FAILS = [FAILED]
-LONG = [Answer(after_s=100.0)]
+LONG = [ScriptedReply(after_s=100.0)]
 TUNABLE = "tunables: {n: {default: 2, min: 1, max: 9, description: d}}"
 REST = "tunables: {rest: {default: 2 s, min: 0 s, max: 60 s, description: d}}"
 
@@ -23,7 +23,8 @@ def test_a_retry_pauses_between_the_attempts() -> None:
     #  2 |   F   |   R     attempt 2
     #  4 |   S   |   S     attempt 3
     stage = Stage(
-        "drive: x\nretry: {attempts: 3, pause: 2 s}", answers={"drive": [FAILED, FAILED, Answer()]}
+        "drive: x\nretry: {attempts: 3, pause: 2 s}",
+        answers={"drive": [FAILED, FAILED, ScriptedReply()]},
     )
     assert stage.tick() == "running"
     assert stage.status("tree@retry") == "RUNNING"
@@ -40,7 +41,7 @@ def test_a_retry_pauses_between_the_attempts() -> None:
 def test_a_retry_says_which_attempt_it_is() -> None:
     stage = Stage(
         "drive: x\nretry: {attempts: 2, pause: 2 s}",
-        answers={"drive": [FAILED, Answer(after_s=1.0)]},
+        answers={"drive": [FAILED, ScriptedReply(after_s=1.0)]},
     )
     stage.tick()
     stage.after(2.0)
@@ -62,7 +63,7 @@ def test_without_a_pause_the_next_attempt_comes_at_the_next_tick_and_not_within_
 def test_a_retry_for_ever_ends_with_a_success() -> None:
     stage = Stage(
         "drive: x\nretry: {attempts: forever, pause: 1 s}",
-        answers={"drive": [*FAILS * 20, Answer()]},
+        answers={"drive": [*FAILS * 20, ScriptedReply()]},
     )
     assert stage.tick(20, step_s=1.0) == "running"
     assert stage.after(1.0) == "succeeded"
@@ -88,7 +89,7 @@ def test_a_pause_that_is_tuned_after_it_is_over_does_not_hold_up_the_attempt() -
     stage = Stage(
         "drive: x\nretry: {attempts: 2, pause: '${rest}'}",
         head=REST,
-        answers={"drive": [FAILED, Answer(after_s=2.0)]},
+        answers={"drive": [FAILED, ScriptedReply(after_s=2.0)]},
     )
     stage.tick()
     stage.after(2.0)
@@ -111,7 +112,7 @@ def test_the_number_of_attempts_is_looked_at_when_an_attempt_has_failed() -> Non
 def test_counts_that_are_none_are_refused_in_words(value: object) -> None:
     for tree, answers in (
         ("drive: x\nretry: ${n}", FAILS),
-        ("drive: x\nrepeat: ${n}", [Answer()]),
+        ("drive: x\nrepeat: ${n}", [ScriptedReply()]),
     ):
         stage = Stage(tree, head=TUNABLE, answers={"drive": answers})
         stage.tunables["n"] = value  # type: ignore[assignment]
@@ -165,7 +166,9 @@ def test_a_repeat_pauses_between_its_rounds_and_not_after_the_last() -> None:
 
 
 def test_a_repeat_ends_with_the_first_failure() -> None:
-    stage = Stage("drive: x\nrepeat: forever", answers={"drive": [Answer(), Answer(), *FAILS]})
+    stage = Stage(
+        "drive: x\nrepeat: forever", answers={"drive": [ScriptedReply(), ScriptedReply(), *FAILS]}
+    )
     assert stage.tick(2) == "running"
     assert stage.tick() == "failed"
     assert stage.message == "drive aborted: motor off"
@@ -206,7 +209,12 @@ def test_a_repeat_with_a_number_and_an_until_succeeds_after_so_many_rounds_too()
 def test_an_until_can_ask_for_what_the_round_has_found_out() -> None:
     stage = Stage(
         "ask: Ready?\nrepeat: {until: answer == 'yes'}",
-        answers={"ask": [Answer(result={"answer": "no"}), Answer(result={"answer": "yes"})]},
+        answers={
+            "ask": [
+                ScriptedReply(result={"answer": "no"}),
+                ScriptedReply(result={"answer": "yes"}),
+            ]
+        },
     )
     assert stage.tick() == "running"
     assert stage.tick() == "succeeded"
@@ -224,7 +232,10 @@ def test_a_timeout_counts_for_each_attempt_of_a_retry() -> None:
 
 
 def test_a_retry_around_a_repeat_starts_the_count_of_rounds_afresh() -> None:
-    stage = Stage("drive: x\nrepeat: 2\nretry: 2", answers={"drive": [Answer(), FAILED, Answer()]})
+    stage = Stage(
+        "drive: x\nrepeat: 2\nretry: 2",
+        answers={"drive": [ScriptedReply(), FAILED, ScriptedReply()]},
+    )
     assert stage.tick(3) == "running"
     assert stage.tick() == "succeeded"
     assert len(stage.asked) == 4

@@ -10,13 +10,13 @@ import pytest
 
 from bt_agents.engine.builder import COMPOSITES, LEAVES, MODIFIERS, SUBTREE
 from bt_agents.engine.environment import GoalState
-from bt_agents.engine.scripted_environment import Answer
+from bt_agents.engine.scripted_environment import ScriptedReply
 from bt_agents_language import nodes
 from stage import Stage, scene
 
-LONG = [Answer(after_s=100.0)]
-SECOND = [Answer(after_s=1.0)]
-FAILS = [Answer(state=GoalState.ABORTED, message="motor off")]
+LONG = [ScriptedReply(after_s=100.0)]
+SECOND = [ScriptedReply(after_s=1.0)]
+FAILS = [ScriptedReply(state=GoalState.ABORTED, message="motor off")]
 
 
 def test_every_kind_of_the_language_has_a_class() -> None:
@@ -320,7 +320,10 @@ def test_a_cooldown_that_is_no_time_is_a_failure_when_it_is_looked_at() -> None:
 
 
 def test_succeed_and_fail_fix_how_a_node_ends_and_wait_for_its_end() -> None:
-    for answers in ([Answer(after_s=1.0)], [Answer(after_s=1.0, state=GoalState.ABORTED)]):
+    for answers in (
+        [ScriptedReply(after_s=1.0)],
+        [ScriptedReply(after_s=1.0, state=GoalState.ABORTED)],
+    ):
         stage = Stage("drive: x\nsucceed: true", answers={"drive": answers})
         assert stage.tick() == "running"
         assert stage.after(1.0) == "succeeded"

@@ -5,11 +5,11 @@ from __future__ import annotations
 
 import pytest
 
-from bt_agents.engine.tick_scheduler import REST_S, Pace
+from bt_agents.engine.tick_scheduler import REST_S, TickScheduler
 
 
 def test_regular_ticks_stay_on_their_grid_however_long_they_take() -> None:
-    pace = Pace(0.1, now=0.0)
+    pace = TickScheduler(0.1, now=0.0)
     due = []
     for _ in range(4):
         due.append(pace.due)
@@ -19,21 +19,21 @@ def test_regular_ticks_stay_on_their_grid_however_long_they_take() -> None:
 
 
 def test_a_late_tick_is_followed_by_the_next_one_of_the_grid_and_not_by_those_it_missed() -> None:
-    pace = Pace(0.1, now=0.0)
+    pace = TickScheduler(0.1, now=0.0)
     pace.begin()
     pace.end(5.03, 5.04)
     assert pace.due == pytest.approx(5.1)
 
 
 def test_an_overrun_leaves_out_what_it_has_missed() -> None:
-    pace = Pace(0.1, now=0.0)
+    pace = TickScheduler(0.1, now=0.0)
     pace.begin()
     pace.end(0.0, 0.25)
     assert pace.due == pytest.approx(0.3)
 
 
 def test_news_make_an_extra_tick_at_once_and_the_grid_stays() -> None:
-    pace = Pace(1.0, now=0.0)
+    pace = TickScheduler(1.0, now=0.0)
     pace.begin()
     pace.end(0.0, 0.001)
     pace.news(0.4)
@@ -44,7 +44,7 @@ def test_news_make_an_extra_tick_at_once_and_the_grid_stays() -> None:
 
 
 def test_news_soon_after_a_tick_wait_for_a_rest_as_long_as_the_tick() -> None:
-    pace = Pace(1.0, now=0.0)
+    pace = TickScheduler(1.0, now=0.0)
     pace.begin()
     pace.end(0.0, 0.05)
     pace.news(0.06)
@@ -56,7 +56,7 @@ def test_news_soon_after_a_tick_wait_for_a_rest_as_long_as_the_tick() -> None:
 
 
 def test_news_during_a_tick_are_not_lost() -> None:
-    pace = Pace(1.0, now=0.0)
+    pace = TickScheduler(1.0, now=0.0)
     pace.begin()
     pace.news(0.002)
     pace.end(0.0, 0.01)
@@ -64,7 +64,7 @@ def test_news_during_a_tick_are_not_lost() -> None:
 
 
 def test_a_flood_of_news_makes_one_tick_and_takes_at_most_half_of_the_time() -> None:
-    pace = Pace(1.0, now=0.0)
+    pace = TickScheduler(1.0, now=0.0)
     now, ticked_s, ticks = 0.0, 0.0, 0
     while now < 1.0:
         pace.news(now)
@@ -80,7 +80,7 @@ def test_a_flood_of_news_makes_one_tick_and_takes_at_most_half_of_the_time() -> 
 
 
 def test_whoever_hurries_does_not_wait_for_a_rest() -> None:
-    pace = Pace(1.0, now=0.0)
+    pace = TickScheduler(1.0, now=0.0)
     pace.begin()
     pace.end(0.0, 0.05)
     pace.hurry(0.06)
@@ -88,7 +88,7 @@ def test_whoever_hurries_does_not_wait_for_a_rest() -> None:
 
 
 def test_a_deadline_between_two_ticks_is_kept() -> None:
-    pace = Pace(1.0, now=0.0)
+    pace = TickScheduler(1.0, now=0.0)
     pace.begin()
     pace.end(0.0, 0.001, latest=0.3)
     assert pace.due == 0.3
@@ -98,7 +98,7 @@ def test_a_deadline_between_two_ticks_is_kept() -> None:
 
 
 def test_another_rate_acts_at_once() -> None:
-    pace = Pace(1.0, now=0.0)
+    pace = TickScheduler(1.0, now=0.0)
     pace.begin()
     pace.end(0.0, 0.001)
     pace.change(0.1, 0.2)

@@ -6,13 +6,13 @@ from __future__ import annotations
 import pytest
 
 from bt_agents.engine.environment import GoalState
-from bt_agents.engine.scripted_environment import Answer
+from bt_agents.engine.scripted_environment import ScriptedReply
 from stage import Stage
 
 
-def ends(after_s: float, *, well: bool = True) -> list[Answer]:
+def ends(after_s: float, *, well: bool = True) -> list[ScriptedReply]:
     state = GoalState.SUCCEEDED if well else GoalState.ABORTED
-    return [Answer(after_s=after_s, state=state)]
+    return [ScriptedReply(after_s=after_s, state=state)]
 
 
 def tree(succeed_on: str) -> str:

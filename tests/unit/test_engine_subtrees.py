@@ -4,10 +4,10 @@
 from __future__ import annotations
 
 from bt_agents.engine.environment import GoalState
-from bt_agents.engine.scripted_environment import Answer
+from bt_agents.engine.scripted_environment import ScriptedReply
 from stage import Stage, agent
 
-LONG = [Answer(after_s=100.0)]
+LONG = [ScriptedReply(after_s=100.0)]
 
 COUNT = """
 subtrees:
@@ -145,7 +145,7 @@ def test_outputs_are_handed_over_at_the_end_of_a_subtree_that_failed_too() -> No
     stage = Stage(
         "sequence:\n  - {subtree: one, succeed: true}\n  - say: ${word}",
         head=head,
-        answers={"drive": [Answer(state=GoalState.ABORTED)]},
+        answers={"drive": [ScriptedReply(state=GoalState.ABORTED)]},
     )
     assert stage.tick() == "succeeded"
     assert stage.said == ["tried"]

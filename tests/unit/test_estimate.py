@@ -13,8 +13,8 @@ from bt_agents_language.expression.expressions import parse_expression
 from bt_agents_language.model.scene_specs import SceneSpec, SourceSpec
 from bt_agents_language.model.specs import Position
 from scene_layer.memory import Memory
-from scene_layer.run_tracker import Following, LiveRun
-from scene_layer.scene_estimator import KEPT, Estimate, check_given
+from scene_layer.run_tracker import LiveRun, RunTracker
+from scene_layer.scene_estimator import KEPT, SceneEstimator, check_given
 from scene_layer.sources import Sources, message_of
 
 SPACE = SceneSpace(
@@ -47,7 +47,7 @@ class Lab:
     def __init__(self, person: SourceSpec | None = None) -> None:
         spec = SceneSpec(space=SPACE, sources=(AGE, MOOD), person=person)
         self.sources = Sources(spec)
-        self.estimate = Estimate(spec, self.sources, Memory(SPACE))
+        self.estimate = SceneEstimator(spec, self.sources, Memory(SPACE))
 
     def read(self, source: SourceSpec, value: object, now: float) -> None:
         self.sources.read(source, message_of({"data": value}), now)
@@ -201,7 +201,7 @@ def run(number: int, epoch: str = "e") -> LiveRun:
 
 
 def test_a_run_is_live_from_its_start_to_its_end():
-    following = Following()
+    following = RunTracker()
     assert following.started(run(1))
     assert following.run == run(1)
     following.ended("e", 1)
@@ -209,7 +209,7 @@ def test_a_run_is_live_from_its_start_to_its_end():
 
 
 def test_the_end_of_another_run_ends_nothing():
-    following = Following()
+    following = RunTracker()
     following.started(run(2))
     following.ended("e", 1)
     following.ended("other", 2)
@@ -217,14 +217,14 @@ def test_the_end_of_another_run_ends_nothing():
 
 
 def test_a_start_that_arrives_after_its_end_starts_nothing():
-    following = Following()
+    following = RunTracker()
     following.ended("e", 1)
     assert not following.started(run(1))
     assert following.started(run(2))
 
 
 def test_an_old_start_is_no_run_when_the_market_has_gone_past_it():
-    following = Following()
+    following = RunTracker()
     following.market("e", 3, idle=True)
     assert not following.started(run(2))
     assert not following.started(run(3)), "idle: the last round is over"
@@ -234,7 +234,7 @@ def test_an_old_start_is_no_run_when_the_market_has_gone_past_it():
 
 
 def test_a_restarted_market_has_lost_its_runs():
-    following = Following()
+    following = RunTracker()
     following.started(run(1))
     following.market("new", 0, idle=True)
     assert following.run is None

@@ -7,7 +7,7 @@ import pytest
 
 from bt_agents_language.model.experiment import (
     ExperimentSpec,
-    Record,
+    FeedbackRecord,
     closed_form,
     deviation,
     difference,
@@ -56,19 +56,22 @@ def test_the_same_seed_gives_the_same_order_and_another_seed_another() -> None:
 
 def test_the_deviation_finds_the_one_round_that_is_off() -> None:
     good = [
-        Record(round=1, scene=(5.0,), winner="a", before=(1.0,), after=(3.0,)),
-        Record(round=2, scene=(5.0,), winner="a", before=(3.0,), after=(4.0,)),
+        FeedbackRecord(round=1, scene=(5.0,), winner="a", before=(1.0,), after=(3.0,)),
+        FeedbackRecord(round=2, scene=(5.0,), winner="a", before=(3.0,), after=(4.0,)),
     ]
     arguments = ({"a": (5.0,)}, {"a": (1.0,)}, {"a": 0.5})
     assert deviation(good, *arguments) == 0.0
-    off = [good[0], Record(round=2, scene=(5.0,), winner="a", before=(3.0,), after=(4.001,))]
+    off = [
+        good[0],
+        FeedbackRecord(round=2, scene=(5.0,), winner="a", before=(3.0,), after=(4.001,)),
+    ]
     assert deviation(off, *arguments) == pytest.approx(0.001)
 
 
 def test_two_recordings_differ_by_their_largest_difference_or_altogether() -> None:
-    one = [Record(round=1, scene=(5.0,), winner="a", before=(1.0,), after=(3.0,))]
-    near = [Record(round=7, scene=(5.0,), winner="a", before=(1.0,), after=(3.25,))]
-    other = [Record(round=1, scene=(5.0,), winner="b", before=(1.0,), after=(3.0,))]
+    one = [FeedbackRecord(round=1, scene=(5.0,), winner="a", before=(1.0,), after=(3.0,))]
+    near = [FeedbackRecord(round=7, scene=(5.0,), winner="a", before=(1.0,), after=(3.25,))]
+    other = [FeedbackRecord(round=1, scene=(5.0,), winner="b", before=(1.0,), after=(3.0,))]
     assert difference(one, one) == 0.0
     assert difference(one, near) == 0.25
     assert difference(one, other) == difference(one, []) == float("inf")

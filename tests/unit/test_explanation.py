@@ -15,7 +15,14 @@ from bt_agents_language.files.market_reader import market_of
 from bt_agents_language.files.scene_reader import read_scene
 from marketplace_node.explanation.explanation import explanation
 from marketplace_node.explanation.reason import reason
-from marketplace_node.round.decision import ClosedBy, Decision, External, Kind, Outcome, RefusedBid
+from marketplace_node.round.decision import (
+    AuctionOutcome,
+    ClosedBy,
+    Decision,
+    External,
+    RefusedBid,
+    RoundKind,
+)
 from ranked_rounds import bids, decided, terms
 
 ROOT = Path(__file__).parents[2]
@@ -34,12 +41,12 @@ AS_GIVEN = Scene(
 )
 
 
-def refused(agent: str, kind: Kind, code: str, why: str) -> RefusedBid:
+def refused(agent: str, kind: RoundKind, code: str, why: str) -> RefusedBid:
     return RefusedBid(agent=agent, host="/agents", kind=kind, code=code, reason=why)
 
 
 def declined(agent: str) -> RefusedBid:
-    return refused(agent, Kind.DECLINED, "DECLINED", "needs scene.person")
+    return refused(agent, RoundKind.DECLINED, "DECLINED", "needs scene.person")
 
 
 def of(scene: Scene = AS_GIVEN, agents: Any = None, **changes: Any) -> Decision:
@@ -86,7 +93,9 @@ def by_rule() -> Decision:
 
 
 def outside_is_late() -> Decision:
-    bad = refused("leo", Kind.REFUSED, "OUT_OF_RANGE", "bid of leo: age is 9, expected 1 to 5")
+    bad = refused(
+        "leo", RoundKind.REFUSED, "OUT_OF_RANGE", "bid of leo: age is 9, expected 1 to 5"
+    )
     return of(
         strategy="external",
         external=External(failure="the program outside did not answer within 0.5 s"),
@@ -102,7 +111,9 @@ def outside_ranks() -> Decision:
 
 def pinned() -> Decision:
     words = "anna pins attentive_guide: a film crew is here"
-    barred = tuple(refused(one, Kind.REFUSED, "NOT_PINNED", words) for one in (EXPRESS, CHILD))
+    barred = tuple(
+        refused(one, RoundKind.REFUSED, "NOT_PINNED", words) for one in (EXPRESS, CHILD)
+    )
     return of(agents={GUIDE: PROFILES[GUIDE]}, barred=barred, refused=barred, intervention=words)
 
 
@@ -121,7 +132,7 @@ def nobody() -> Decision:
 
 
 def stopped() -> Decision:
-    return of(closed_by=ClosedBy.STOPPED, outcome=Outcome.NO_BIDS, stopped="anna said stop")
+    return of(closed_by=ClosedBy.STOPPED, outcome=AuctionOutcome.NO_BIDS, stopped="anna said stop")
 
 
 DECISIONS: dict[str, Callable[[], Decision]] = {

@@ -10,7 +10,7 @@ from dataclasses import replace
 import pytest
 
 from bt_agents_core.errors import ReadError
-from bt_agents_groot.exporting import Exported, export_agent
+from bt_agents_groot.exporting import ExportedAgent, export_agent
 from bt_agents_groot.importing import import_agent
 from bt_agents_language.files.agent_reader import read_agent, read_agent_text
 from bt_agents_language.model.specs import NodeSpec
@@ -20,7 +20,7 @@ from stage import TREES, VOCABULARY
 HEAD = "format: 1\nagent: my_agent\nprofile: {age: 3, familiarity: 3, mood: 3}\n"
 
 
-def exported(tree: str, more: str = "") -> Exported:
+def exported(tree: str, more: str = "") -> ExportedAgent:
     """Return the file for a tree and for more keys of its agent."""
     text = f"{HEAD}{textwrap.dedent(more)}tree:\n{textwrap.indent(textwrap.dedent(tree), '  ')}"
     return export_agent(Source("a.yaml", text), VOCABULARY)

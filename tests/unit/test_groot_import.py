@@ -8,8 +8,8 @@ from dataclasses import replace
 import pytest
 import yaml
 
-from bt_agents_groot.importing import Imported, import_agent
-from bt_agents_groot.remarks import Weight
+from bt_agents_groot.importing import ImportedAgent, import_agent
+from bt_agents_groot.remarks import RemarkLevel
 from bt_agents_language.files.agent_reader import read_agent_text
 from bt_agents_language.files.skills_reader import read_skills_text
 from bt_agents_language.tools.formatting.formatter import format_source
@@ -21,18 +21,18 @@ HOT, COLD = "<ScriptCondition code='hot'/>", "<ScriptCondition code='!hot'/>"
 KNOWN = "<Script code=\"hot := true; k := 1; t := 'x'\"/>"
 
 
-def imported(inner: str, more: str = "") -> Imported:
+def imported(inner: str, more: str = "") -> ImportedAgent:
     """Return the agent for a tree, and for more elements beside it."""
     text = f"""<root BTCPP_format="4" main_tree_to_execute="T">
     <BehaviorTree ID="T">{inner}</BehaviorTree>{more}</root>"""
     return import_agent(Source("folder/t.xml", text), "a", VOCABULARY)
 
 
-def document(made: Imported) -> dict:
+def document(made: ImportedAgent) -> dict:
     return yaml.safe_load(made.text)
 
 
-def said(made: Imported, weight: Weight) -> str:
+def said(made: ImportedAgent, weight: RemarkLevel) -> str:
     return "\n".join(remark.message for remark in made.remarks if remark.weight is weight)
 
 
@@ -185,8 +185,8 @@ def test_a_node_becomes_what_does_the_same(inner, expected):
 )
 def test_a_small_difference_is_noted_and_stands_in_the_file(inner, note):
     made = imported(f"<Sequence>{KNOWN}{inner}</Sequence>")
-    assert note in said(made, Weight.NOTE)
-    assert not said(made, Weight.LOST)
+    assert note in said(made, RemarkLevel.NOTE)
+    assert not said(made, RemarkLevel.LOST)
     assert "# note: " in made.text
 
 
@@ -215,7 +215,7 @@ def test_a_small_difference_is_noted_and_stands_in_the_file(inner, note):
 )
 def test_what_has_no_equivalent_is_listed_and_stands_in_the_file(inner, lost):
     made = imported(f"<Sequence>{KNOWN}{inner}</Sequence>")
-    assert lost in said(made, Weight.LOST)
+    assert lost in said(made, RemarkLevel.LOST)
     assert "# not translated: " in made.text
     assert "# Not everything could be translated; " in made.text
 
@@ -333,13 +333,13 @@ def test_models_of_subtrees_give_types_and_defaults():
 
 def test_an_input_that_nobody_gives_is_listed():
     made = imported("<SubTree ID='GoThere' count='2' speed='3'/>", SUB)
-    assert "nothing says what 'place' is" in said(made, Weight.LOST)
-    assert "'speed' is not passed on" in said(made, Weight.NOTE)
+    assert "nothing says what 'place' is" in said(made, RemarkLevel.LOST)
+    assert "'speed' is not passed on" in said(made, RemarkLevel.NOTE)
 
 
 def test_an_included_file_is_listed():
     made = imported("<SubTree ID='Elsewhere' a='{=}'/>", '<include path="more.xml"/>')
-    assert '<include path="more.xml"> is not followed' in said(made, Weight.LOST)
+    assert '<include path="more.xml"> is not followed' in said(made, RemarkLevel.LOST)
     assert document(made)["tree"]["sequence"][1] == {
         "subtree": "elsewhere",
         "with": {"a": "${a}"},
@@ -377,7 +377,7 @@ def test_a_port_that_no_model_describes_is_an_output_if_others_use_what_it_names
     assert document(made)["tree"]["sequence"][0] == {
         "find_face": {}, "outputs": {"face": "face"},
     }  # fmt: skip
-    assert "'face' is taken as an output" in said(made, Weight.NOTE)
+    assert "'face' is taken as an output" in said(made, RemarkLevel.NOTE)
 
 
 def test_the_file_is_a_whole_agent_with_the_profile_of_an_ordinary_scene():

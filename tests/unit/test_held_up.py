@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import pytest
 
-from bt_agents_core.stall import Award, HeldUp, LastWord
+from bt_agents_core.stall import AwardMonitor, RunKey, StallDetector
 
 
 @pytest.mark.parametrize(
@@ -24,7 +24,7 @@ from bt_agents_core.stall import Award, HeldUp, LastWord
 def test_after_a_gap_it_is_waited_for_news(
     looks: list[float], wait_s: float, lasted_s: float
 ) -> None:
-    held_up = HeldUp(0.0, limit_s=0.55, calm_s=0.3)
+    held_up = StallDetector(0.0, limit_s=0.55, calm_s=0.3)
     found = 0.0
     for now in looks:
         found = held_up.wait_s(now)
@@ -33,16 +33,16 @@ def test_after_a_gap_it_is_waited_for_news(
     assert held_up.sure == (lasted_s == 0.0)
 
 
-MINE = Award(epoch="e1", round=3, agent="guide")
-NOBODYS = Award(epoch="e1")
-NEXT_BEST = Award(epoch="e1", round=3, agent="talker")
-LATER = Award(epoch="e1", round=4, agent="guide")
-STRANGE = Award(epoch="e2", round=9, agent="guide")
+MINE = RunKey(epoch="e1", round=3, agent="guide")
+NOBODYS = RunKey(epoch="e1")
+NEXT_BEST = RunKey(epoch="e1", round=3, agent="talker")
+LATER = RunKey(epoch="e1", round=4, agent="guide")
+STRANGE = RunKey(epoch="e2", round=9, agent="guide")
 
 
-def after_a_hold_up(*heard_before: Award) -> LastWord:
+def after_a_hold_up(*heard_before: RunKey) -> AwardMonitor:
     """Return what a process knows that was held up from 0 to 2 s and is calm again at 2.3 s."""
-    word = LastWord(0.0)
+    word = AwardMonitor(0.0)
     for award in heard_before:
         assert not word.hear(award, MINE, 0.0)
     word.held_up.wait_s(2.0)
@@ -64,7 +64,7 @@ def after_a_hold_up(*heard_before: Award) -> LastWord:
     ],
 )
 def test_a_run_goes_on_when_its_market_names_it_and_is_given_away_when_it_twice_does_not(
-    heard: list[Award], given_away: bool, goes_on: bool
+    heard: list[RunKey], given_away: bool, goes_on: bool
 ) -> None:
     word = after_a_hold_up(MINE)
     assert [word.hear(award, MINE, 2.5) for award in heard][-1:] in ([], [given_away])
@@ -90,7 +90,7 @@ def test_without_a_run_every_sign_of_life_will_do() -> None:
 
 
 @pytest.mark.parametrize(("said", "over"), [(MINE, False), (LATER, True), (STRANGE, False)])
-def test_a_round_is_over_when_its_market_is_at_a_later_one(said: Award, over: bool) -> None:
-    word = LastWord(0.0)
+def test_a_round_is_over_when_its_market_is_at_a_later_one(said: RunKey, over: bool) -> None:
+    word = AwardMonitor(0.0)
     word.hear(said, None, 0.0)
     assert word.is_over(MINE) == over

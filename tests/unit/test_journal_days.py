@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from bt_agents_lab.recorder import daily_recorder
-from bt_agents_lab.recorder.daily_recorder import Journal
+from bt_agents_lab.recorder.daily_recorder import DailyRecorder
 from bt_agents_lab.recorder.file import JournalFile
 from bt_agents_lab.recorder.reading import JournalReader
 from bt_agents_lab.replay.recording_index import tell
@@ -29,7 +29,7 @@ class Desk:
         self.room = 0
         self.error = errno.ENOSPC
         self.folder = folder
-        self.journal = Journal(
+        self.journal = DailyRecorder(
             folder,
             days=kept,
             today=lambda: self.today,

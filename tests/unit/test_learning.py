@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from bt_agents_core.errors import Refused
-from bt_agents_core.feedback import Kind, LearningRule, Update
+from bt_agents_core.feedback import FeedbackKind, LearningRule, Update
 from bt_agents_core.scene import SceneParameter, SceneSpace, Vector
 from feedback_node.learning.learning_step import Evidence, Step, asked, false_rate, step
 
@@ -24,15 +24,15 @@ SPACE = SceneSpace(
 
 
 def direct(profile: Vector, target: Vector, rate: float, **more: Any) -> Step:
-    return step(Kind.DIRECT, profile, target, rate=rate, space=SPACE, **more)
+    return step(FeedbackKind.DIRECT, profile, target, rate=rate, space=SPACE, **more)
 
 
 def positive(profile: Vector, scene: Vector, rate: float, **more: Any) -> Step:
-    return step(Kind.POSITIVE, profile, scene, rate=rate, space=SPACE, **more)
+    return step(FeedbackKind.POSITIVE, profile, scene, rate=rate, space=SPACE, **more)
 
 
 def negative(profile: Vector, scene: Vector, rate: float, **more: Any) -> Step:
-    return step(Kind.NEGATIVE, profile, scene, rate=rate, space=SPACE, **more)
+    return step(FeedbackKind.NEGATIVE, profile, scene, rate=rate, space=SPACE, **more)
 
 
 @pytest.mark.parametrize(
@@ -220,7 +220,7 @@ def test_what_is_set_is_set_whatever_the_rule():
     rule = LearningRule(rates={"age": 0.0}, update=Update.MEDIAN, anneal=9.0, drift={"age": 0.1})
     evidence = Evidence(recent=((1.0, 1.0, 1.0),) * 9, changes=9, authored=(3.0, 3.0, 3.0))
     made = step(
-        Kind.SET,
+        FeedbackKind.SET,
         (3.0, 3.0, 3.0),
         (5.0, NAN, NAN),
         rate=0.0,
@@ -304,10 +304,10 @@ def test_a_median_looks_at_so_many_of_the_last_feedbacks_and_at_this_one():
 
 
 def test_negative_feedback_asks_for_the_mirror_image_of_the_scene():
-    assert asked(Kind.NEGATIVE, (3.0, 3.0, 3.0), (4.0, NAN, 1.0)) == pytest.approx(
+    assert asked(FeedbackKind.NEGATIVE, (3.0, 3.0, 3.0), (4.0, NAN, 1.0)) == pytest.approx(
         (2.0, NAN, 5.0), nan_ok=True
     )
-    assert asked(Kind.POSITIVE, (3.0, 3.0, 3.0), (4.0, 2.0, 1.0)) == (4.0, 2.0, 1.0)
+    assert asked(FeedbackKind.POSITIVE, (3.0, 3.0, 3.0), (4.0, 2.0, 1.0)) == (4.0, 2.0, 1.0)
 
 
 def test_one_wrong_negative_does_not_move_a_median_that_has_seen_positive_ones():

@@ -14,7 +14,7 @@ from bt_agents_core.scene import SceneParameter, SceneSpace
 from feedback_node.learning import cards as cards_module
 from feedback_node.learning.cards import (
     AgentEntry,
-    Card,
+    LearningCard,
     LearningEntry,
     RuleEntry,
     read_card,
@@ -88,7 +88,7 @@ def test_an_agent_that_learns_in_no_possible_way_does_not_spoil_the_others(entry
         read_learning(entry, SPACE, what="a")
     good = AgentEntry(name="good", profile=(3.0, 3.0), revision=0, learning_rate=0.2)
     bad = replace(good, name="bad", learning=entry)
-    card = Card(host="/agents", instance="i", parameters=SPACE.names, agents=(bad, good))
+    card = LearningCard(host="/agents", instance="i", parameters=SPACE.names, agents=(bad, good))
     agents, problems = read_card(card, SPACE)
     assert [agent.name for agent in agents] == ["good"]
     assert [
@@ -108,7 +108,7 @@ def test_a_mood_rule_of_a_card_keeps_its_further_values():
         confidence=0.5,
     )
     entry = AgentEntry(name="a", profile=(3.0, 3.0), revision=0, learning_rate=0.2, rules=(rule,))
-    card = Card(host="/agents", instance="i", parameters=SPACE.names, agents=(entry,))
+    card = LearningCard(host="/agents", instance="i", parameters=SPACE.names, agents=(entry,))
     ((agent,), problems) = read_card(card, SPACE)
     assert problems == ()
     (read,) = agent.rules
@@ -133,7 +133,7 @@ def test_an_agent_that_a_card_says_nothing_new_of_is_not_read_anew(monkeypatch):
     )
 
     def read(entry, known=(), host="/agents"):
-        card = Card(host=host, instance="i", parameters=SPACE.names, agents=(entry,))
+        card = LearningCard(host=host, instance="i", parameters=SPACE.names, agents=(entry,))
         (agent,), problems = read_card(card, SPACE, {one.name: one for one in known})
         assert problems == ()
         return agent
@@ -164,7 +164,7 @@ def test_an_agent_that_a_card_says_nothing_new_of_is_not_read_anew(monkeypatch):
 def test_a_rule_that_could_not_be_read_is_told_with_every_card():
     rule = RuleEntry(when="moood > 1", hold_s=1.0, give=1, cancel=False)
     entry = AgentEntry(name="a", profile=(3.0, 3.0), revision=0, learning_rate=0.2, rules=(rule,))
-    card = Card(host="/agents", instance="i", parameters=SPACE.names, agents=(entry,))
+    card = LearningCard(host="/agents", instance="i", parameters=SPACE.names, agents=(entry,))
     (agent,), problems = read_card(card, SPACE)
     assert problems
     assert read_card(card, SPACE, {"a": agent})[1] == problems

@@ -10,15 +10,15 @@ import pytest
 
 from bt_agents_core import profile_layers as layers_module
 from bt_agents_core.errors import Refused
-from bt_agents_core.feedback import Kind
+from bt_agents_core.feedback import FeedbackKind
 from bt_agents_core.scene import Origin, Scene, SceneParameter, SceneSpace, SceneValue
 from feedback_node.learning import profiles as profiles_module
-from feedback_node.learning.cards import AgentEntry, Card, LearningEntry
-from feedback_node.learning.changes import Change, Delivery
+from feedback_node.learning.cards import AgentEntry, LearningCard, LearningEntry
+from feedback_node.learning.changes import Delivery, ProfileChange
 from feedback_node.learning.profiles import Profiles
-from feedback_node.learning.runs import Run
-from feedback_node.ledger.ledger import Entry, Ledger
-from feedback_node.ledger.ledger_rows import IMPORT, Cause
+from feedback_node.learning.runs import AnnouncedRun
+from feedback_node.ledger.ledger import Ledger, LedgerEntry
+from feedback_node.ledger.ledger_rows import IMPORT, RevisionCause
 
 NAN = math.nan
 ANNA, LOBBY = "person/anna", "place/lobby"
@@ -52,8 +52,8 @@ def guide(entry: LearningEntry, **fields: object) -> AgentEntry:
     return replace(plain, **fields)
 
 
-def card(*agents: AgentEntry, instance: str = "i1") -> Card:
-    return Card(host="/agents", instance=instance, parameters=SPACE.names, agents=agents)
+def card(*agents: AgentEntry, instance: str = "i1") -> LearningCard:
+    return LearningCard(host="/agents", instance=instance, parameters=SPACE.names, agents=agents)
 
 
 def known(entry: LearningEntry, ledger: Ledger | None = None) -> Profiles:
@@ -62,7 +62,7 @@ def known(entry: LearningEntry, ledger: Ledger | None = None) -> Profiles:
     return made
 
 
-def run(person: str = "", place: str = "") -> Run:
+def run(person: str = "", place: str = "") -> AnnouncedRun:
     values = (SceneValue(name=n, value=3.0, origin=Origin.GIVEN) for n in SPACE.names)
     scene = Scene(
         scene_id="scene-of-anna",
@@ -72,7 +72,7 @@ def run(person: str = "", place: str = "") -> Run:
         person_id=person,
         place=place,
     )
-    return Run(epoch="e", round=1, agent="guide", scene=scene)
+    return AnnouncedRun(epoch="e", round=1, agent="guide", scene=scene)
 
 
 def teach(
@@ -80,9 +80,9 @@ def teach(
     feedback_id: str,
     *,
     age: float = 5.0,
-    kind: Kind = Kind.DIRECT,
-    where: Run | None = None,
-) -> Change:
+    kind: FeedbackKind = FeedbackKind.DIRECT,
+    where: AnnouncedRun | None = None,
+) -> ProfileChange:
     return profiles.apply(
         "guide",
         kind,
@@ -136,7 +136,7 @@ def test_a_layer_begins_as_the_profile_for_everybody_and_goes_its_own_way():
 
 def test_what_is_set_is_set_for_everybody():
     profiles = known(learning("person", general=0.1))
-    teach(profiles, "f1", kind=Kind.SET, where=run("anna"))
+    teach(profiles, "f1", kind=FeedbackKind.SET, where=run("anna"))
     assert ages(profiles) == {"": 5.0}
 
 
@@ -180,8 +180,8 @@ def test_what_a_forgotten_layer_was_taught_does_not_count_for_one_that_takes_its
     ledger.forget([("guide", ANNA)])
     profiles.gone([("guide", ANNA)])
     middle = {"age": 3.0, "mood": 3.0}
-    cause = Cause(cause=IMPORT, kind=Kind.SET, target=middle)
-    taken_in = Entry(agent="guide", layer=ANNA, profile=middle, cause=cause)
+    cause = RevisionCause(cause=IMPORT, kind=FeedbackKind.SET, target=middle)
+    taken_in = LedgerEntry(agent="guide", layer=ANNA, profile=middle, cause=cause)
     profiles.taken(ledger.record([profiles.beginning("guide", ANNA), taken_in])[1:])
     teach(profiles, "f2", age=1.0, where=run("anna"))
     assert ages(profiles)[ANNA] == 2.0
@@ -270,13 +270,18 @@ def test_a_reason_is_one_line_and_other_texts_with_control_characters_are_refuse
     profiles = known(learning())
     target = {"target": (5.0, NAN), "run": None}
     change = profiles.apply(
-        "guide", Kind.DIRECT, feedback_id="f1", source="me", reason="so\n \x1b[2J far", **target
+        "guide",
+        FeedbackKind.DIRECT,
+        feedback_id="f1",
+        source="me",
+        reason="so\n \x1b[2J far",
+        **target,
     )
     assert change.revision.cause.reason == "so [2J far"
     for fields in ({"source": "a\x1b"}, {"feedback_id": "a\0"}, {"leaf": "a\n"}):
         texts = {"feedback_id": "f2", "source": "me", **fields}
         with pytest.raises(Refused, match="BAD_TEXT"):
-            profiles.apply("guide", Kind.DIRECT, reason="", **texts, **target)
+            profiles.apply("guide", FeedbackKind.DIRECT, reason="", **texts, **target)
 
 
 def test_the_share_of_wrong_feedback_is_estimated_once_for_each_revision(monkeypatch):

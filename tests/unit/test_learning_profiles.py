@@ -10,10 +10,10 @@ from typing import Any
 import pytest
 
 from bt_agents_core.errors import Refused
-from bt_agents_core.feedback import Kind
+from bt_agents_core.feedback import FeedbackKind
 from bt_agents_core.scene import SceneParameter, SceneSpace
-from feedback_node.learning.cards import AgentEntry, Card, RuleEntry, read_card
-from feedback_node.learning.changes import Change, Delivery
+from feedback_node.learning.cards import AgentEntry, LearningCard, RuleEntry, read_card
+from feedback_node.learning.changes import Delivery, ProfileChange
 from feedback_node.learning.profiles import MOST_HOSTS, Profiles
 from feedback_node.ledger.ledger import Ledger
 
@@ -29,8 +29,8 @@ GUIDE = AgentEntry(name="guide", profile=(4.0, 3.0), revision=0, learning_rate=0
 EXPRESS = AgentEntry(name="express", profile=(2.0, 3.0), revision=0, learning_rate=0.2)
 
 
-def card(*agents: AgentEntry, host: str = "/agents", instance: str = "i1") -> Card:
-    return Card(host=host, instance=instance, parameters=SPACE.names, agents=agents)
+def card(*agents: AgentEntry, host: str = "/agents", instance: str = "i1") -> LearningCard:
+    return LearningCard(host=host, instance=instance, parameters=SPACE.names, agents=agents)
 
 
 def profiles(*agents: AgentEntry) -> Profiles:
@@ -39,9 +39,15 @@ def profiles(*agents: AgentEntry) -> Profiles:
     return known
 
 
-def teach(known: Profiles, agent: str = "guide", feedback_id: str = "f1") -> Change:
+def teach(known: Profiles, agent: str = "guide", feedback_id: str = "f1") -> ProfileChange:
     return known.apply(
-        agent, Kind.DIRECT, (5.0, NAN), feedback_id=feedback_id, source="t", reason="", run=None
+        agent,
+        FeedbackKind.DIRECT,
+        (5.0, NAN),
+        feedback_id=feedback_id,
+        source="t",
+        reason="",
+        run=None,
     )
 
 
@@ -197,7 +203,7 @@ def test_a_text_without_end_is_refused(field):
     known = profiles(GUIDE)
     texts: dict[str, Any] = {"feedback_id": "f", "source": "", "reason": "", field: "x" * 1001}
     with pytest.raises(Refused, match=f"TOO_LONG: feedback: {field}"):
-        known.apply("guide", Kind.DIRECT, (5.0, 3.0), run=None, **texts)
+        known.apply("guide", FeedbackKind.DIRECT, (5.0, 3.0), run=None, **texts)
     assert known.table()[0][2] == 0
 
 

@@ -11,12 +11,17 @@ from dataclasses import replace
 import pytest
 
 from bt_agents_core.errors import Refused
-from bt_agents_core.feedback import Kind
+from bt_agents_core.feedback import FeedbackKind
 from bt_agents_core.scene import Origin, Scene, SceneParameter, SceneSpace, SceneValue
-from feedback_node.learning.cards import AgentEntry, Card, LearningEntry, RuleEntry
-from feedback_node.learning.feedback_controller import MOST_UNRECORDED, SETTLE_S, Given, Teaching
+from feedback_node.learning.cards import AgentEntry, LearningCard, LearningEntry, RuleEntry
+from feedback_node.learning.feedback_controller import (
+    MOST_UNRECORDED,
+    SETTLE_S,
+    FeedbackController,
+    FeedbackRequest,
+)
 from feedback_node.learning.profiles import Profiles
-from feedback_node.learning.runs import Run, Runs
+from feedback_node.learning.runs import AnnouncedRun, AnnouncedRuns
 from feedback_node.ledger.ledger import Ledger
 from feedback_node.ledger.ledger_file import LedgerError
 from feedback_node.mood_trace import LeafMood
@@ -42,7 +47,7 @@ PERSONS = LearningEntry(
     general=0.0,
 )
 EXPRESS = AgentEntry(name="express", profile=(2.0, 3.0), revision=0, learning_rate=0.5)
-CARD = Card(host="/agents", instance="i1", parameters=SPACE.names, agents=(GUIDE, EXPRESS))
+CARD = LearningCard(host="/agents", instance="i1", parameters=SPACE.names, agents=(GUIDE, EXPRESS))
 
 
 def scene(age: float, mood: float, scene_id: str = "s1") -> Scene:
@@ -55,20 +60,20 @@ def scene(age: float, mood: float, scene_id: str = "s1") -> Scene:
     return Scene(scene_id=scene_id, label="", person=True, values=values)
 
 
-def run(number: int = 1, agent: str = "guide", awarded: Scene | None = None) -> Run:
-    return Run(epoch="e", round=number, agent=agent, scene=awarded or scene(5.0, 4.0))
+def run(number: int = 1, agent: str = "guide", awarded: Scene | None = None) -> AnnouncedRun:
+    return AnnouncedRun(epoch="e", round=number, agent=agent, scene=awarded or scene(5.0, 4.0))
 
 
 class Room:
     """A teaching core on a manual clock."""
 
     def __init__(
-        self, simulated: SimulatedFeedback | None = None, card: Card | None = CARD
+        self, simulated: SimulatedFeedback | None = None, card: LearningCard | None = CARD
     ) -> None:
         self.now = 0.0
         self.profiles = Profiles(SPACE, Ledger(":memory:"))
         ids = itertools.count(1)
-        self.teaching = Teaching(
+        self.teaching = FeedbackController(
             self.profiles,
             clock=lambda: self.now,
             new_id=lambda: f"new{next(ids)}",
@@ -99,7 +104,7 @@ def test_another_lease_counts_for_the_run_under_way():
 
 
 def test_a_start_that_is_replayed_after_its_end_does_not_run():
-    runs = Runs()
+    runs = AnnouncedRuns()
     assert not runs.ended(run())
     assert not runs.started(run())
     assert runs.current is None
@@ -107,7 +112,7 @@ def test_a_start_that_is_replayed_after_its_end_does_not_run():
 
 
 def test_a_newer_start_takes_over_from_a_run_whose_end_was_never_told():
-    runs = Runs()
+    runs = AnnouncedRuns()
     assert runs.started(run(1))
     assert runs.started(run(2, "express"))
     assert not runs.ended(run(1))
@@ -116,7 +121,7 @@ def test_a_newer_start_takes_over_from_a_run_whose_end_was_never_told():
 
 
 def test_the_next_best_agent_may_run_in_the_round_of_a_lost_one():
-    runs = Runs()
+    runs = AnnouncedRuns()
     runs.started(run(1))
     runs.ended(run(1))
     assert runs.started(run(1, "express"))
@@ -149,7 +154,7 @@ def test_a_rule_that_fires_moves_the_profile_away_from_the_awarded_scene_and_sto
     cause = lesson.change.revision.cause
     assert lesson.change.after == (2.5, 2.75)
     assert (cause.weight, cause.leaf) == (0.5, "")
-    assert (cause.source, cause.kind, cause.cancels) == ("mood rule", Kind.NEGATIVE, True)
+    assert (cause.source, cause.kind, cause.cancels) == ("mood rule", FeedbackKind.NEGATIVE, True)
     assert cause.reason == "mood.change <= -1 held 1 s: mood 4 → 2.5"
     assert (cause.epoch, cause.round, cause.scene_id) == ("e", 1, "s1")
     assert lesson.stop is not None
@@ -240,7 +245,7 @@ def test_a_card_that_comes_again_during_a_run_does_not_make_a_rule_fire_again():
 def test_a_rule_teaches_a_run_once_even_when_the_node_starts_again_in_between():
     room = Room()
     for _ in range(2):
-        teaching = Teaching(room.profiles, clock=lambda: room.now, new_id=str)
+        teaching = FeedbackController(room.profiles, clock=lambda: room.now, new_id=str)
         teaching.introduce(CARD)
         teaching.started(run())
         teaching.see(scene(5.0, 2.0))
@@ -285,7 +290,7 @@ def test_what_is_only_estimated_or_taken_by_default_teaches_nothing():
     (lesson,) = room.teaching.tick()
     assert lesson.change is not None
     assert lesson.change.after == (3.0, 2.75)
-    given = Given(kind=Kind.POSITIVE, agent="guide", source="button")
+    given = FeedbackRequest(kind=FeedbackKind.POSITIVE, agent="guide", source="button")
     assert room.teaching.give(given).after == (3.0, 3.375)
 
 
@@ -310,7 +315,7 @@ def test_feedback_of_a_person_is_about_the_node_at_work_unless_it_names_one():
     room = Room()
     room.teaching.started(run())
     room.teaching.ticked(run().key, "tree/0.say")
-    given = Given(kind=Kind.POSITIVE, source="button")
+    given = FeedbackRequest(kind=FeedbackKind.POSITIVE, source="button")
     assert room.teaching.give(given).revision.cause.leaf == "tree/0.say"
     named = replace(given, leaf="tree/4.ask")
     assert room.teaching.give(named).revision.cause.leaf == "tree/4.ask"
@@ -349,19 +354,19 @@ def test_feedback_without_a_name_goes_to_the_running_agent_else_the_last():
     room = Room()
     room.teaching.started(run(1))
     room.teaching.ended(run(1))
-    assert room.teaching.give(Given(kind=1)).revision.agent == "guide"
+    assert room.teaching.give(FeedbackRequest(kind=1)).revision.agent == "guide"
     room.teaching.started(run(2, "express"))
-    assert room.teaching.give(Given(kind=1)).revision.agent == "express"
+    assert room.teaching.give(FeedbackRequest(kind=1)).revision.agent == "express"
 
 
 def test_positive_and_negative_feedback_take_the_last_scene_of_the_named_agent():
     room = Room()
     room.teaching.started(run(1))
     room.teaching.started(run(2, "express", scene(1.0, 1.0)))
-    change = room.teaching.give(Given(agent="guide", kind=1, source="button"))
+    change = room.teaching.give(FeedbackRequest(agent="guide", kind=1, source="button"))
     assert change.after == (4.0, 3.5)
     assert change.revision.cause.round == 1
-    assert room.teaching.give(Given(agent="guide", kind=2)).after == (3.5, 3.25)
+    assert room.teaching.give(FeedbackRequest(agent="guide", kind=2)).after == (3.5, 3.25)
 
 
 LATE = scene(1.0, 2.0, "s0")
@@ -372,7 +377,7 @@ def test_late_feedback_moves_towards_the_scene_that_it_is_about(ran_since):
     room = Room()
     if ran_since:
         room.teaching.started(run(7))
-    change = room.teaching.give(Given(agent="guide", kind=1, scene=LATE))
+    change = room.teaching.give(FeedbackRequest(agent="guide", kind=1, scene=LATE))
     assert change.after == (2.0, 2.5)
     cause = change.revision.cause
     assert (cause.scene_id, cause.epoch, cause.round) == ("s0", "", 0)
@@ -381,28 +386,30 @@ def test_late_feedback_moves_towards_the_scene_that_it_is_about(ran_since):
 def test_feedback_about_the_scene_of_the_last_run_belongs_to_that_run():
     room = Room()
     room.teaching.started(run(7))
-    change = room.teaching.give(Given(agent="guide", kind=2, scene=scene(5.0, 4.0)))
+    change = room.teaching.give(FeedbackRequest(agent="guide", kind=2, scene=scene(5.0, 4.0)))
     assert (change.after, change.revision.cause.round) == ((2.0, 2.5), 7)
 
 
 def test_a_profile_is_set_at_once_whatever_the_learning_rate():
     room = Room()
     change = room.teaching.give(
-        Given(feedback_id="t1", agent="guide", kind=3, values=(NAN, 4.5), source="tuning")
+        FeedbackRequest(
+            feedback_id="t1", agent="guide", kind=3, values=(NAN, 4.5), source="tuning"
+        )
     )
     cause = change.revision.cause
     assert (change.before, change.after) == ((3.0, 3.0), (3.0, 4.5))
-    assert (cause.kind, cause.rate, cause.source) == (Kind.SET, 1.0, "tuning")
+    assert (cause.kind, cause.rate, cause.source) == (FeedbackKind.SET, 1.0, "tuning")
     assert change.words == "mood 3 → 4.5"
     assert not room.teaching.give(
-        Given(feedback_id="t1", agent="guide", kind=3, values=(NAN, 4.5))
+        FeedbackRequest(feedback_id="t1", agent="guide", kind=3, values=(NAN, 4.5))
     ).fresh
     assert room.profile() == (3.0, 4.5)
 
 
 def test_direct_feedback_needs_no_run():
     room = Room()
-    change = room.teaching.give(Given(agent="guide", kind=0, values=(5.0, NAN)))
+    change = room.teaching.give(FeedbackRequest(agent="guide", kind=0, values=(5.0, NAN)))
     assert change.after == (4.0, 3.0)
     assert change.revision.cause.feedback_id == "new1"
     assert (change.revision.cause.epoch, change.revision.cause.round) == ("", 0)
@@ -411,23 +418,23 @@ def test_direct_feedback_needs_no_run():
 @pytest.mark.parametrize(
     ("given", "code"),
     [
-        (Given(kind=0, values=(5.0, 3.0)), "NO_AGENT"),
-        (Given(agent="ghost", kind=1), "UNKNOWN_AGENT"),
-        (Given(agent="guide", kind=1), "NO_SCENE"),
-        (Given(agent="guide", kind=2), "NO_SCENE"),
-        (Given(agent="guide", kind=7), "UNKNOWN_KIND"),
-        (Given(agent="guide", kind=1, values=(3.0, 3.0)), "WRONG_LENGTH"),
-        (Given(agent="guide", kind=1, scene=scene(NAN, NAN)), "NO_SCENE"),
-        (Given(agent="guide", kind=3), "WRONG_LENGTH"),
-        (Given(agent="guide", kind=3, values=(3.0,)), "WRONG_LENGTH"),
-        (Given(agent="guide", kind=3, values=(NAN, NAN)), "NO_OPINION"),
-        (Given(agent="guide", kind=3, values=(3.0, 5.1)), "OUT_OF_RANGE"),
-        (Given(agent="guide", kind=3, values=(-math.inf, 3.0)), "NOT_FINITE"),
-        (Given(agent="guide", kind=0), "WRONG_LENGTH"),
-        (Given(agent="guide", kind=0, values=(1.0, 2.0, 3.0)), "WRONG_LENGTH"),
-        (Given(agent="guide", kind=0, values=(NAN, NAN)), "NO_OPINION"),
-        (Given(agent="guide", kind=0, values=(math.inf, 3.0)), "NOT_FINITE"),
-        (Given(agent="guide", kind=0, values=(3.0, 0.9)), "OUT_OF_RANGE"),
+        (FeedbackRequest(kind=0, values=(5.0, 3.0)), "NO_AGENT"),
+        (FeedbackRequest(agent="ghost", kind=1), "UNKNOWN_AGENT"),
+        (FeedbackRequest(agent="guide", kind=1), "NO_SCENE"),
+        (FeedbackRequest(agent="guide", kind=2), "NO_SCENE"),
+        (FeedbackRequest(agent="guide", kind=7), "UNKNOWN_KIND"),
+        (FeedbackRequest(agent="guide", kind=1, values=(3.0, 3.0)), "WRONG_LENGTH"),
+        (FeedbackRequest(agent="guide", kind=1, scene=scene(NAN, NAN)), "NO_SCENE"),
+        (FeedbackRequest(agent="guide", kind=3), "WRONG_LENGTH"),
+        (FeedbackRequest(agent="guide", kind=3, values=(3.0,)), "WRONG_LENGTH"),
+        (FeedbackRequest(agent="guide", kind=3, values=(NAN, NAN)), "NO_OPINION"),
+        (FeedbackRequest(agent="guide", kind=3, values=(3.0, 5.1)), "OUT_OF_RANGE"),
+        (FeedbackRequest(agent="guide", kind=3, values=(-math.inf, 3.0)), "NOT_FINITE"),
+        (FeedbackRequest(agent="guide", kind=0), "WRONG_LENGTH"),
+        (FeedbackRequest(agent="guide", kind=0, values=(1.0, 2.0, 3.0)), "WRONG_LENGTH"),
+        (FeedbackRequest(agent="guide", kind=0, values=(NAN, NAN)), "NO_OPINION"),
+        (FeedbackRequest(agent="guide", kind=0, values=(math.inf, 3.0)), "NOT_FINITE"),
+        (FeedbackRequest(agent="guide", kind=0, values=(3.0, 0.9)), "OUT_OF_RANGE"),
     ],
 )
 def test_feedback_that_cannot_be_applied_is_refused_and_changes_nothing(given, code):
@@ -441,15 +448,15 @@ def test_feedback_that_cannot_be_applied_is_refused_and_changes_nothing(given, c
 
 def test_an_unknown_agent_is_answered_with_the_known_ones():
     with pytest.raises(Refused, match="known are: express, guide"):
-        Room().teaching.give(Given(agent="ghost", kind=1))
+        Room().teaching.give(FeedbackRequest(agent="ghost", kind=1))
 
 
 def test_the_same_id_is_applied_once_also_when_another_agent_runs_meanwhile():
     room = Room()
     room.teaching.started(run(1))
-    first = room.teaching.give(Given(feedback_id="b1", kind=1))
+    first = room.teaching.give(FeedbackRequest(feedback_id="b1", kind=1))
     room.teaching.started(run(2, "express"))
-    again = room.teaching.give(Given(feedback_id="b1", kind=1))
+    again = room.teaching.give(FeedbackRequest(feedback_id="b1", kind=1))
     assert (again.fresh, again.revision) == (False, first.revision)
     assert room.profile("express") == (2.0, 3.0)
 
@@ -458,9 +465,9 @@ def test_the_same_id_is_applied_once_also_when_another_agent_runs_meanwhile():
 def test_an_id_that_belongs_to_other_feedback_is_refused(other):
     room = Room()
     room.teaching.started(run(1))
-    room.teaching.give(Given(feedback_id="b1", kind=1))
+    room.teaching.give(FeedbackRequest(feedback_id="b1", kind=1))
     with pytest.raises(Refused, match="FEEDBACK_ID_TAKEN"):
-        room.teaching.give(Given(feedback_id="b1", **other))
+        room.teaching.give(FeedbackRequest(feedback_id="b1", **other))
 
 
 # --- prepared feedback --------------------------------------------------------------------
@@ -525,7 +532,7 @@ def test_a_restarted_node_goes_on_in_the_list_and_answers_again_what_it_has_appl
 def test_a_list_begins_at_its_first_row_for_another_market():
     room = Room(SimulatedFeedback(sequence=((5.0, 5.0),)))
     room.teaching.collect(run(1))
-    other = Teaching(
+    other = FeedbackController(
         room.profiles,
         clock=lambda: 0.0,
         new_id=str,
@@ -547,7 +554,7 @@ def full(room: Room, on: bool) -> None:
     database = room.profiles._ledger._database
     pages = database.execute("PRAGMA page_count").fetchone()[0]
     database.execute(f"PRAGMA max_page_count = {pages if on else 1_000_000}")
-    given = Given(agent="express", kind=3, values=(2.0, 3.0), source="t")
+    given = FeedbackRequest(agent="express", kind=3, values=(2.0, 3.0), source="t")
     for reason in ("long" * 200, "") if on else ():
         with suppress(LedgerError):
             for _ in range(1000):
@@ -607,7 +614,7 @@ def test_a_row_of_a_prepared_list_is_not_used_up_by_a_full_disk():
 def test_late_repetitions_of_forgotten_feedback_of_any_kind_are_known():
     room = Room(card=replace(CARD, agents=(replace(GUIDE, learning=PERSONS), EXPRESS)))
     anna = replace(scene(5.0, 4.0), person_id="anna")
-    given = Given(feedback_id="x", agent="guide", kind=1, source="me", scene=anna)
+    given = FeedbackRequest(feedback_id="x", agent="guide", kind=1, source="me", scene=anna)
     assert room.teaching.give(given).fresh
     room.profiles._ledger.forget([("guide", "person/anna")])
     room.profiles.gone([("guide", "person/anna")])

@@ -18,7 +18,7 @@ from feedback_node.ledger import commit_marker
 from feedback_node.ledger.commit_marker import Head, HeadFile, head_path, read_head
 from feedback_node.ledger.ledger import Ledger
 from feedback_node.ledger.ledger_file import LedgerError
-from feedback_node.ledger.ledger_rows import LAYER, Cause
+from feedback_node.ledger.ledger_rows import LAYER, RevisionCause
 from feedback_node.ledger.recovery import inspect, recover
 
 OLD = Path(__file__).parent.parent / "corpus" / "ledgers" / "format_1.sql"
@@ -35,10 +35,10 @@ def made(path: Path) -> Path:
     """Write a ledger of 13 rows: a forgotten layer in it, and the row that says so at its end."""
     with Ledger(path) as ledger:
         ledger.enter({"guide": {"age": 1.0}})
-        ledger.append("guide", {"age": 1.0}, Cause(cause=LAYER), layer=ANNA)
-        ledger.append("guide", {"age": 2.0}, Cause(feedback_id="a1"), layer=ANNA)
+        ledger.append("guide", {"age": 1.0}, RevisionCause(cause=LAYER), layer=ANNA)
+        ledger.append("guide", {"age": 2.0}, RevisionCause(feedback_id="a1"), layer=ANNA)
         for number in range(9):
-            ledger.append("guide", {"age": float(number)}, Cause(feedback_id=f"f{number}"))
+            ledger.append("guide", {"age": float(number)}, RevisionCause(feedback_id=f"f{number}"))
         ledger.forget([("guide", ANNA)])
     return path
 
@@ -61,7 +61,7 @@ def test_a_ledger_of_format_1_is_rewritten_with_every_revision_and_cause(tmp_pat
     with Ledger(path) as ledger:
         rows = ledger.history("guide")
         assert [row.revision for row in rows] == list(range(6))
-        assert rows[1].cause == Cause(
+        assert rows[1].cause == RevisionCause(
             source="button",
             reason="zu laut “ä”",
             feedback_id="f1",
@@ -150,7 +150,7 @@ def test_the_good_revisions_of_a_damaged_ledger_are_saved_into_a_new_one(tmp_pat
         ages = [row.profile["age"] for row in ledger.history("guide")]
         assert ages == [1.0, *(float(n) for n in range(9))][: number - 3]
         assert ledger.layers("guide") == ()
-        assert not ledger.append("guide", {"age": 0.0}, Cause(feedback_id="a1")).profile
+        assert not ledger.append("guide", {"age": 0.0}, RevisionCause(feedback_id="a1")).profile
     with pytest.raises(Refused, match="FILE_EXISTS"):
         recover(path, tmp_path / "new.sqlite")
 
@@ -199,7 +199,9 @@ def test_a_ledger_of_format_1_behind_the_head_of_a_rewritten_one_is_not_used(tmp
     path = tmp_path / "ledger.sqlite"
     old_ledger(path)
     with Ledger(path) as ledger:
-        ledger.append("guide", {"age": 1.0, "mood": 3.0}, Cause(feedback_id="acknowledged"))
+        ledger.append(
+            "guide", {"age": 1.0, "mood": 3.0}, RevisionCause(feedback_id="acknowledged")
+        )
     path.unlink()
     old_ledger(path)
     before = [one.read_bytes() for one in (path, head_path(path))]
@@ -236,16 +238,16 @@ def test_a_change_waits_for_the_disk_once_and_the_head_follows_when_there_is_tim
     monkeypatch.setattr(commit_marker.os, "fdatasync", synced.append)
     with Ledger(tmp_path / "ledger.sqlite") as ledger:
         ledger.enter({"guide": {"age": 1.0}})
-        ledger.append("guide", {"age": 2.0}, Cause())
+        ledger.append("guide", {"age": 2.0}, RevisionCause())
         assert read_head(head_path(ledger.path)).number == 2, "whoever reads it finds it"
         assert synced == []
         assert ledger.secure()
         assert ledger.secure()
         assert len(synced) == 1
-        ledger.append("guide", {"age": 3.0}, Cause())
+        ledger.append("guide", {"age": 3.0}, RevisionCause())
         assert ledger.tidy()
         assert len(synced) == 2
-        ledger.append("guide", {"age": 4.0}, Cause())
+        ledger.append("guide", {"age": 4.0}, RevisionCause())
     assert len(synced) == 3
 
 
@@ -289,7 +291,7 @@ def test_what_is_written_after_the_files_were_moved_away_is_not_acknowledged(tmp
         head.rename(tmp_path / "away")
         head.write_bytes(b"another")
         with pytest.raises(LedgerError, match=r"LEDGER_FAILED.*stop the node"):
-            ledger.append("guide", {"age": 2.0}, Cause())
+            ledger.append("guide", {"age": 2.0}, RevisionCause())
 
 
 def test_a_head_of_which_one_slot_is_left_is_written_on(tmp_path):
@@ -302,8 +304,8 @@ def test_a_head_of_which_one_slot_is_left_is_written_on(tmp_path):
     with head_path(path).open("r+b") as opened:
         opened.truncate(100)
     with Ledger(path) as ledger:
-        ledger.append("guide", {"age": 2.0}, Cause())
-        ledger.append("guide", {"age": 3.0}, Cause())
+        ledger.append("guide", {"age": 2.0}, RevisionCause())
+        ledger.append("guide", {"age": 3.0}, RevisionCause())
     assert read_head(head_path(path)).number == 3
 
 
@@ -313,7 +315,7 @@ def test_what_is_written_after_the_head_was_cut_off_is_not_acknowledged(tmp_path
         with head_path(ledger.path).open("r+b") as opened:
             opened.truncate(100)
         with pytest.raises(LedgerError, match=r"LEDGER_FAILED.*cut off; stop the node"):
-            ledger.append("guide", {"age": 2.0}, Cause())
+            ledger.append("guide", {"age": 2.0}, RevisionCause())
 
 
 def test_a_link_to_a_ledger_is_the_same_ledger(tmp_path):

@@ -5,10 +5,10 @@ from __future__ import annotations
 
 from random import Random
 
-from bt_agents_core.feedback import Kind
+from bt_agents_core.feedback import FeedbackKind
 from bt_agents_core.scene import SceneParameter, SceneSpace
 from feedback_node.learning import profiles as profiles_module
-from feedback_node.learning.cards import AgentEntry, Card, LearningEntry
+from feedback_node.learning.cards import AgentEntry, LearningCard, LearningEntry
 from feedback_node.learning.profiles import Profiles
 from feedback_node.ledger.ledger import Ledger
 
@@ -20,7 +20,7 @@ SPACE = SceneSpace(
 )
 
 
-def card(window: int = 5) -> Card:
+def card(window: int = 5) -> LearningCard:
     guide = AgentEntry(
         name="guide",
         profile=(3.0, 3.0),
@@ -28,7 +28,7 @@ def card(window: int = 5) -> Card:
         learning_rate=0.5,
         learning=LearningEntry(update="median", window=window),
     )
-    return Card(host="/agents", instance="i1", parameters=SPACE.names, agents=(guide,))
+    return LearningCard(host="/agents", instance="i1", parameters=SPACE.names, agents=(guide,))
 
 
 def known(ledger: Ledger, window: int = 5) -> Profiles:
@@ -38,7 +38,7 @@ def known(ledger: Ledger, window: int = 5) -> Profiles:
 
 
 def give(profiles: Profiles, number: int, random: Random) -> None:
-    kinds = (Kind.DIRECT, Kind.POSITIVE, Kind.NEGATIVE, Kind.SET)
+    kinds = (FeedbackKind.DIRECT, FeedbackKind.POSITIVE, FeedbackKind.NEGATIVE, FeedbackKind.SET)
     profiles.apply(
         "guide",
         random.choice(kinds),

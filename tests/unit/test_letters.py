@@ -7,7 +7,7 @@ from random import Random
 
 import pytest
 
-from bt_agents_core.delivery_queue import Letters
+from bt_agents_core.delivery_queue import DeliveryQueue
 
 
 class Post:
@@ -15,7 +15,7 @@ class Post:
 
     def __init__(self, most: int = 3) -> None:
         self.now = 50.0
-        self.letters: Letters[str] = Letters(lambda: self.now, most=most, answer_s=2.0)
+        self.letters: DeliveryQueue[str] = DeliveryQueue(lambda: self.now, most=most, answer_s=2.0)
 
     def send(self) -> str | None:
         """Send what is due; return it."""

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import pytest
 
-from bt_agents_core.live_scene_view import LEASE_S, LiveView
+from bt_agents_core.live_scene_view import LEASE_S, LiveSceneView
 from bt_agents_core.scene import Scene
 from stage import Stage, scene
 
@@ -19,7 +19,7 @@ class Story:
 
     def __init__(self, lease_s: float = LEASE_S) -> None:
         self.now = 7.0
-        self.view = LiveView(AWARDED, lambda: self.now, lease_s)
+        self.view = LiveSceneView(AWARDED, lambda: self.now, lease_s)
 
     def at(self, moment: float) -> Scene:
         """Return the scene so many seconds after the start."""

@@ -10,9 +10,9 @@ from typing import Any
 import pytest
 
 from bt_agents_core.errors import Refused
-from bt_agents_core.feedback import Kind
+from bt_agents_core.feedback import FeedbackKind
 from desk import Desk
-from feedback_node.management.management import Action
+from feedback_node.management.management import ManagementAction
 
 ANNA, LOBBY = "person/anna", "place/lobby"
 DAY = 86_400.0
@@ -26,18 +26,20 @@ def desk() -> Desk:
 def test_an_undo_and_a_reset_are_revisions_that_hosts_are_told(desk):
     desk.teach("f1")
     desk.teach("f2")
-    done = desk.do(Action.UNDO, agent="guide", author="eva", reason="wrong button")
+    done = desk.do(ManagementAction.UNDO, agent="guide", author="eva", reason="wrong button")
     assert done.message == "guide: age 4.5 → 4 (revision 3)"
     assert [(c.revision.revision, c.after) for c in done.changes] == [(3, (4.0, 3.0))]
     cause = done.changes[0].revision.cause
-    assert (cause.source, cause.reason, cause.kind) == ("eva", "wrong button", Kind.SET)
-    assert desk.do(Action.RESET, agent="guide").message == "guide: age 4 → 3 (revision 4)"
+    assert (cause.source, cause.reason, cause.kind) == ("eva", "wrong button", FeedbackKind.SET)
+    assert (
+        desk.do(ManagementAction.RESET, agent="guide").message == "guide: age 4 → 3 (revision 4)"
+    )
     assert desk.profiles_now()["guide", ""] == (3.0, 3.0)
 
 
 def test_the_history_of_a_profile_tells_every_revision_and_its_cause(desk):
     desk.teach("f1")
-    told = desk.told(Action.HISTORY, agent="guide")
+    told = desk.told(ManagementAction.HISTORY, agent="guide")
     assert [(r["revision"], r["cause"], r["values"]["age"]) for r in told["revisions"]] == [
         (0, "authored", 3.0),
         (1, "feedback", 4.0),
@@ -47,7 +49,7 @@ def test_the_history_of_a_profile_tells_every_revision_and_its_cause(desk):
 
 def test_without_an_agent_the_history_is_the_current_profile_of_each(desk):
     desk.layer(ANNA)
-    told = desk.told(Action.HISTORY)
+    told = desk.told(ManagementAction.HISTORY)
     assert [(p["agent"], p["layer"]) for p in told["profiles"]] == [
         ("express", ""),
         ("guide", ""),
@@ -59,32 +61,35 @@ def test_without_an_agent_the_history_is_the_current_profile_of_each(desk):
 def test_what_was_exported_is_taken_in_once_and_gives_the_same_profiles(desk):
     desk.teach("f1")
     desk.layer(ANNA)
-    document = desk.do(Action.EXPORT).document
+    document = desk.do(ManagementAction.EXPORT).document
     other = Desk()
     other.teach("f9")
-    done = other.do(Action.IMPORT, document=document, author="eva")
+    done = other.do(ManagementAction.IMPORT, document=document, author="eva")
     assert other.profiles_now() == desk.profiles_now()
     assert len(done.changes) == 3
     before = other.profiles.table()
-    again = other.do(Action.IMPORT, document=document)
+    again = other.do(ManagementAction.IMPORT, document=document)
     assert again.message == "this document was taken in before; nothing has changed"
     assert other.profiles.table() == before
     # A layer that came with it can be undone to where it begins.
-    assert other.do(Action.UNDO, agent="guide", layer=ANNA).changes[0].after == (4.0, 3.0)
+    assert other.do(ManagementAction.UNDO, agent="guide", layer=ANNA).changes[0].after == (
+        4.0,
+        3.0,
+    )
 
 
 def test_an_export_holds_what_concerns_one_person_with_its_history(desk):
     desk.layer(ANNA)
     desk.layer(ANNA, "express")
     desk.layer(LOBBY)
-    told = desk.told(Action.EXPORT, layer=ANNA)
+    told = desk.told(ManagementAction.EXPORT, layer=ANNA)
     assert {(p["agent"], p["layer"]) for p in told["profiles"]} == {
         ("guide", ANNA),
         ("express", ANNA),
     }
     assert {r["layer"] for r in told["revisions"]} == {ANNA}
     with pytest.raises(Refused, match="UNKNOWN_LAYER: no layer 'person/bob'; there are: pers"):
-        desk.do(Action.EXPORT, layer="person/bob")
+        desk.do(ManagementAction.EXPORT, layer="person/bob")
 
 
 GOOD = {"agent": "guide", "layer": "", "values": {"age": 3.0, "mood": 3.0}}
@@ -134,7 +139,7 @@ def document(*profiles: Any, **fields: Any) -> str:
 def test_a_document_that_is_none_is_refused_and_nothing_is_taken_in(desk, text, code):
     before = desk.profiles.table()
     with pytest.raises(Refused) as refused:
-        desk.do(Action.IMPORT, document=text)
+        desk.do(ManagementAction.IMPORT, document=text)
     assert refused.value.code == code
     assert desk.profiles.table() == before
 
@@ -144,13 +149,13 @@ def test_layers_expire_that_have_not_changed_for_so_long(desk):
     desk.layer("place/old")
     desk.now += 50 * DAY
     desk.layer(ANNA)
-    assert desk.do(Action.EXPIRE, older_s=60 * DAY).message == "nothing to forget"
-    done = desk.do(Action.EXPIRE, older_s=40 * DAY, layer="person")
+    assert desk.do(ManagementAction.EXPIRE, older_s=60 * DAY).message == "nothing to forget"
+    done = desk.do(ManagementAction.EXPIRE, older_s=40 * DAY, layer="person")
     assert done.message == "1 profile forgotten"
     assert [(d.agent, d.layer, d.remove) for d in done.deliveries] == [
         ("guide", "person/old", True)
     ]
-    desk.do(Action.EXPIRE, older_s=40 * DAY)
+    desk.do(ManagementAction.EXPIRE, older_s=40 * DAY)
     assert {layer for _, layer in desk.profiles_now()} == {"", ANNA}
 
 
@@ -158,32 +163,32 @@ def test_a_person_is_forgotten_by_all_agents_or_by_one(desk):
     for agent in ("guide", "express"):
         desk.layer(ANNA, agent)
         desk.layer(LOBBY, agent)
-    desk.do(Action.FORGET, agent="express", layer=ANNA)
+    desk.do(ManagementAction.FORGET, agent="express", layer=ANNA)
     assert ("guide", ANNA) in desk.profiles_now()
-    done = desk.do(Action.FORGET, layer=ANNA)
+    done = desk.do(ManagementAction.FORGET, layer=ANNA)
     assert [(d.agent, d.layer, d.remove) for d in done.deliveries] == [("guide", ANNA, True)]
     assert {layer for _, layer in desk.profiles_now()} == {"", LOBBY}
     with pytest.raises(Refused, match="UNKNOWN_LAYER"):
-        desk.do(Action.FORGET, layer=ANNA)
+        desk.do(ManagementAction.FORGET, layer=ANNA)
 
 
 @pytest.mark.parametrize(
     ("action", "fields", "code"),
     [
         (9, {}, "UNKNOWN_ACTION"),
-        (Action.HISTORY, {"agent": "nobody"}, "UNKNOWN_AGENT"),
-        (Action.HISTORY, {"agent": "guide", "layer": ANNA}, "UNKNOWN_LAYER"),
-        (Action.UNDO, {}, "UNKNOWN_AGENT"),
-        (Action.UNDO, {"agent": "guide"}, "NOTHING_TO_UNDO"),
-        (Action.UNDO, {"agent": "guide", "layer": "anna"}, "BAD_LAYER"),
-        (Action.RESET, {"agent": "nobody"}, "UNKNOWN_AGENT"),
-        (Action.RESET, {"agent": "guide", "layer": ANNA}, "UNKNOWN_LAYER"),
-        (Action.RESET, {"agent": "guide", "reason": "x" * 1001}, "TOO_LONG"),
-        (Action.EXPIRE, {"older_s": 0.0}, "BAD_AGE"),
-        (Action.EXPIRE, {"older_s": math.nan}, "BAD_AGE"),
-        (Action.EXPIRE, {"older_s": 1.0, "layer": "all"}, "BAD_LAYER"),
-        (Action.FORGET, {"agent": "guide"}, "BAD_LAYER"),
-        (Action.FORGET, {"layer": "forgotten/1"}, "BAD_LAYER"),
+        (ManagementAction.HISTORY, {"agent": "nobody"}, "UNKNOWN_AGENT"),
+        (ManagementAction.HISTORY, {"agent": "guide", "layer": ANNA}, "UNKNOWN_LAYER"),
+        (ManagementAction.UNDO, {}, "UNKNOWN_AGENT"),
+        (ManagementAction.UNDO, {"agent": "guide"}, "NOTHING_TO_UNDO"),
+        (ManagementAction.UNDO, {"agent": "guide", "layer": "anna"}, "BAD_LAYER"),
+        (ManagementAction.RESET, {"agent": "nobody"}, "UNKNOWN_AGENT"),
+        (ManagementAction.RESET, {"agent": "guide", "layer": ANNA}, "UNKNOWN_LAYER"),
+        (ManagementAction.RESET, {"agent": "guide", "reason": "x" * 1001}, "TOO_LONG"),
+        (ManagementAction.EXPIRE, {"older_s": 0.0}, "BAD_AGE"),
+        (ManagementAction.EXPIRE, {"older_s": math.nan}, "BAD_AGE"),
+        (ManagementAction.EXPIRE, {"older_s": 1.0, "layer": "all"}, "BAD_LAYER"),
+        (ManagementAction.FORGET, {"agent": "guide"}, "BAD_LAYER"),
+        (ManagementAction.FORGET, {"layer": "forgotten/1"}, "BAD_LAYER"),
     ],
 )
 def test_an_order_that_makes_no_sense_is_refused_by_name(desk, action, fields, code):
@@ -197,16 +202,16 @@ def test_an_order_that_makes_no_sense_is_refused_by_name(desk, action, fields, c
 def test_an_import_keeps_how_much_has_been_taught(desk):
     for number in range(10):
         desk.teach(f"f{number}")
-    document_of_ten = desk.do(Action.EXPORT, agent="guide").document
-    desk.do(Action.RESET, agent="guide")
-    desk.do(Action.IMPORT, document=document_of_ten)
-    (told,) = desk.told(Action.HISTORY, agent="guide")["profiles"]
+    document_of_ten = desk.do(ManagementAction.EXPORT, agent="guide").document
+    desk.do(ManagementAction.RESET, agent="guide")
+    desk.do(ManagementAction.IMPORT, document=document_of_ten)
+    (told,) = desk.told(ManagementAction.HISTORY, agent="guide")["profiles"]
     assert told["changes"] == 10
 
 
 def test_texts_of_an_order_with_control_characters_are_refused(desk):
     for field in ("reason", "author"):
         with pytest.raises(Refused, match="BAD_TEXT"):
-            desk.do(Action.RESET, agent="guide", **{field: "a\x1b[2J"})
+            desk.do(ManagementAction.RESET, agent="guide", **{field: "a\x1b[2J"})
     with pytest.raises(Refused, match="BAD_LAYER"):
-        desk.do(Action.HISTORY, agent="guide", layer="person/a\nb")
+        desk.do(ManagementAction.HISTORY, agent="guide", layer="person/a\nb")

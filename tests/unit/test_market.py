@@ -23,7 +23,7 @@ from marketplace_node.effects import (
     State,
     StatusChanged,
 )
-from marketplace_node.round.decision import ClosedBy, Outcome
+from marketplace_node.round.decision import AuctionOutcome, ClosedBy
 from marketplace_node.settings import SECONDS, Settings
 
 ROOT = Path(__file__).parents[2]
@@ -122,7 +122,7 @@ def test_a_call_that_is_never_published_ends_all_the_same(market: Driver) -> Non
     market.effects += market.market.scene(scene(), market.now)
     market.wait(1.1)
 
-    assert market.auction.decision.outcome is Outcome.NO_BIDS
+    assert market.auction.decision.outcome is AuctionOutcome.NO_BIDS
     assert market.over == ["s1"]
 
 
@@ -130,7 +130,7 @@ def test_without_any_host_the_round_closes_at_once() -> None:
     market = Driver()
     market.scene()
 
-    assert market.auction.decision.outcome is Outcome.NO_BIDS
+    assert market.auction.decision.outcome is AuctionOutcome.NO_BIDS
     assert market.calls == []
     assert market.over == ["s1"]
 

@@ -10,7 +10,7 @@ import pytest
 
 from market_driver import EXPRESS, GUIDE, PLAIN, Driver
 from marketplace_node.effects import CancelGoal, Collect, OpenCall, PublishAuction, State
-from marketplace_node.round.decision import ClosedBy, Outcome
+from marketplace_node.round.decision import AuctionOutcome, ClosedBy
 from marketplace_node.settings import Settings
 
 # The scene of the tests is [5, 1, 3].
@@ -30,7 +30,7 @@ def bid(market: Driver, guide: tuple[float, ...], express: tuple[float, ...]) ->
     market.bid(vectors={GUIDE: guide, EXPRESS: express}, round=market.calls[-1].round)
 
 
-def outcome(market: Driver) -> Outcome:
+def outcome(market: Driver) -> AuctionOutcome:
     return market.auction.decision.outcome
 
 
@@ -49,7 +49,7 @@ def test_a_better_agent_stops_the_run_and_gets_a_fresh_round(market: Driver) -> 
     market.scene("s2")
     bid(market, guide=MIDDLE, express=NEAR)
 
-    assert outcome(market) is Outcome.PREEMPTS
+    assert outcome(market) is AuctionOutcome.PREEMPTS
     assert market.auction.decision.winner is not None
     assert market.auction.reason == (
         "professional_express 0.5 for the new scene, attentive_guide who runs has 2.0: "
@@ -62,7 +62,7 @@ def test_a_better_agent_stops_the_run_and_gets_a_fresh_round(market: Driver) -> 
     assert (market.calls[-1].round, market.calls[-1].scene.scene_id) == (3, "s2")
     assert (market.status.scene_id, market.status.round) == ("s2", 3)
     market.bid()
-    assert outcome(market) is Outcome.AWARDED
+    assert outcome(market) is AuctionOutcome.AWARDED
 
 
 def test_the_next_scene_does_not_wait_for_the_feedback_on_a_preempted_run(market: Driver) -> None:
@@ -99,7 +99,7 @@ def test_without_the_margin_the_scene_waits(
     market.scene("s2")
     bid(market, guide, express)
 
-    assert outcome(market) is Outcome.WAITS
+    assert outcome(market) is AuctionOutcome.WAITS
     assert market.auction.reason == words
     assert (market.status.state, market.status.queued) == (State.RUNNING, 1)
     assert market.all(CancelGoal) == []
@@ -118,7 +118,7 @@ def test_the_margin_is_reached_or_not(margin: float, better: float, stops: bool)
     market.scene("s2")
     bid(market, guide=(5.0 - better, 1.0, 3.0), express=(5.0, 1.0, 3.0))
 
-    assert (outcome(market) is Outcome.PREEMPTS) == stops
+    assert (outcome(market) is AuctionOutcome.PREEMPTS) == stops
 
 
 @pytest.mark.parametrize(
@@ -134,7 +134,7 @@ def test_a_running_agent_without_a_bid_counts_as_infinitely_far(
     market.scene("s2")
     market.bid(vectors={EXPRESS: FAR}, round=2, **bids)
 
-    assert outcome(market) is Outcome.PREEMPTS
+    assert outcome(market) is AuctionOutcome.PREEMPTS
     assert words in market.auction.reason
 
 
@@ -148,10 +148,10 @@ def test_a_running_agent_whose_host_stays_silent_counts_as_infinitely_far() -> N
     market.accept()
     market.scene("s2")
     market.bid("/others", {PLAIN: FAR}, round=2)
-    assert outcome(market) is Outcome.AWARDED, "it is still open"
+    assert outcome(market) is AuctionOutcome.AWARDED, "it is still open"
     market.wait(0.6)
 
-    assert outcome(market) is Outcome.PREEMPTS
+    assert outcome(market) is AuctionOutcome.PREEMPTS
     assert market.auction.decision.closed_by is ClosedBy.DEADLINE
     assert market.auction.reason == (
         "plain 4.0 for the new scene, attentive_guide who runs does not bid: attentive_guide is "
@@ -163,7 +163,7 @@ def test_when_nobody_bids_the_run_goes_on(market: Driver) -> None:
     market.scene("s2")
     market.bid(vectors={}, declined=dict.fromkeys((GUIDE, EXPRESS), "needs scene.person"), round=2)
 
-    assert outcome(market) is Outcome.WAITS
+    assert outcome(market) is AuctionOutcome.WAITS
     assert market.auction.decision.winner is None
     assert market.auction.reason == (
         "nobody bids: attentive_guide, professional_express need scene.person; "
@@ -178,7 +178,7 @@ def test_an_urgent_scene_stops_the_run_whoever_wins(
     market.scene("s2", urgent=True)
     bid(market, guide=MIDDLE, express=express)
 
-    assert outcome(market) is Outcome.PREEMPTS
+    assert outcome(market) is AuctionOutcome.PREEMPTS
     assert market.auction.reason.startswith("urgent: ")
     assert market.auction.reason.endswith("attentive_guide is stopped")
     market.end(outcome=3)
@@ -189,7 +189,7 @@ def test_an_urgent_scene_that_nobody_wants_stops_nothing(market: Driver) -> None
     market.scene("s2", urgent=True)
     market.bid(vectors={}, declined=dict.fromkeys((GUIDE, EXPRESS), "needs scene.person"), round=2)
 
-    assert outcome(market) is Outcome.WAITS
+    assert outcome(market) is AuctionOutcome.WAITS
 
 
 def preempted(market: Driver) -> None:
@@ -206,7 +206,7 @@ def test_after_a_preemption_none_other_for_the_cooldown(market: Driver) -> None:
     market.scene("s3")
     bid(market, guide=MIDDLE, express=NEAR)
 
-    assert outcome(market) is Outcome.WAITS
+    assert outcome(market) is AuctionOutcome.WAITS
     assert market.auction.reason == (
         "professional_express 0.5 for the new scene, attentive_guide who runs has 2.0: better by "
         "1.5, margin 1.0: the next stop may come in 5.0 s at the earliest: attentive_guide goes "
@@ -215,7 +215,7 @@ def test_after_a_preemption_none_other_for_the_cooldown(market: Driver) -> None:
     market.wait(5.1)
     market.scene("s4")
     bid(market, guide=MIDDLE, express=NEAR)
-    assert outcome(market) is Outcome.PREEMPTS
+    assert outcome(market) is AuctionOutcome.PREEMPTS
     market.end(outcome=3)
     assert market.status.scene_id == "s4", "ahead of the line"
 
@@ -225,7 +225,7 @@ def test_an_urgent_scene_does_not_wait_for_the_cooldown(market: Driver) -> None:
     market.scene("s3", urgent=True)
     bid(market, guide=NEAR, express=FAR)
 
-    assert outcome(market) is Outcome.PREEMPTS
+    assert outcome(market) is AuctionOutcome.PREEMPTS
 
 
 def test_a_run_that_succeeds_before_the_stop_takes_hold_is_not_preempted(market: Driver) -> None:
@@ -253,7 +253,7 @@ def test_a_scene_that_comes_before_the_run_is_asked_about_once_it_runs(phase: st
 
     assert market.calls[-1].scene.scene_id == "s3", "the urgent one first"
     bid(market, guide=NEAR, express=NEAR)
-    assert outcome(market) is Outcome.PREEMPTS
+    assert outcome(market) is AuctionOutcome.PREEMPTS
     assert len(market.calls) == 2, "s2 is not asked about while the run is stopped"
 
 
@@ -323,7 +323,7 @@ def test_a_challenge_ends_with_the_run(market: Driver, what: str, words: str, en
         market.end(outcome=3)
 
     (auction,) = (a for a in market.all(PublishAuction) if a.decision.terms.round == 2)
-    assert auction.decision.outcome is Outcome.WAITS
+    assert auction.decision.outcome is AuctionOutcome.WAITS
     assert auction.decision.closed_by is ClosedBy.STOPPED
     assert auction.reason == f"stopped before the round closed: {words}"
     market.collect()
@@ -393,7 +393,7 @@ def test_a_call_that_is_never_published_decides_a_challenge_all_the_same(market:
     assert any(isinstance(effect, OpenCall) for effect in effects)
     market.wait(1.1)
 
-    assert outcome(market) is Outcome.WAITS
+    assert outcome(market) is AuctionOutcome.WAITS
     assert math.isnan(market.auction.decision.margin)
 
 
@@ -402,7 +402,7 @@ def test_a_challenge_stops_nothing_once_scenes_are_to_wait() -> None:
     market.run()
     market.scene("s2", 3.0, 5.0, 3.5)
     market.do(market.market.configure(Settings(on_new_scene="queue"), market.now))
-    assert market.auction.decision.outcome is Outcome.WAITS
+    assert market.auction.decision.outcome is AuctionOutcome.WAITS
     assert "on_new_scene is 'queue' now" in market.auction.reason
     market.bid(round=2)
 
@@ -416,7 +416,7 @@ def stopped_for_s2(market: Driver, **first: tuple[float, ...]) -> tuple[str, str
     market.scene("s2", 3.25, 4.5, 3.0)
     market.bid(vectors=first or None, round=market.calls[-1].round)
     named = market.auction.decision
-    if named.outcome is not Outcome.PREEMPTS or named.winner is None:
+    if named.outcome is not AuctionOutcome.PREEMPTS or named.winner is None:
         return ran, "", ""
     market.end(outcome=3)
     market.bid()
@@ -473,7 +473,7 @@ def test_a_program_outside_cannot_have_an_agent_stopped_for_itself() -> None:
     market.scene("s2", 3.25, 4.5, 3.0)
     market.bid(round=2)
     market.ranked(EXPRESS)
-    assert outcome(market) is Outcome.PREEMPTS
+    assert outcome(market) is AuctionOutcome.PREEMPTS
     market.end(outcome=3)
 
     assert market.calls[-1].excluded == (GUIDE,)
@@ -489,5 +489,5 @@ def test_an_urgent_scene_does_not_wait_for_a_ranking_from_outside() -> None:
     market.scene("s2", urgent=True)
     market.bid(round=2)
 
-    assert outcome(market) is Outcome.PREEMPTS
+    assert outcome(market) is AuctionOutcome.PREEMPTS
     assert [question.round for question in market.questions] == [1]

@@ -11,8 +11,8 @@ from market_driver import GUIDE, Driver, scene
 from marketplace_node.effects import (
     AnnounceEarlierRun,
     EarlierRun,
-    Goal,
     Note,
+    RunGoal,
     RunOutcome,
     SceneEnded,
     State,
@@ -25,7 +25,7 @@ def run(**changes: Any) -> EarlierRun:
     goal |= {name: changes.pop(name) for name in tuple(changes) if name in goal}
     values: dict[str, Any] = {
         "epoch": "earlier",
-        "goal": Goal(**goal),
+        "goal": RunGoal(**goal),
         "outcome": RunOutcome.CANCELLED,
         "scene": scene("old"),
         "message": "its market is gone",

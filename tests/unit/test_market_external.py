@@ -9,7 +9,7 @@ from bt_agents_core.errors import Refused
 from market_driver import EXPRESS, GUIDE, PLAIN, Driver
 from marketplace_node.effects import Note, OpenCall, PublishAuction, SendGoal, State
 from marketplace_node.external_ranking.external_ranking_check import check_ranking, shown
-from marketplace_node.round.decision import ClosedBy, Outcome
+from marketplace_node.round.decision import AuctionOutcome, ClosedBy
 from marketplace_node.settings import Settings
 
 
@@ -211,7 +211,7 @@ def test_a_challenge_asks_outside_too() -> None:
     assert len(market.questions) == 2
     market.ranked(EXPRESS, GUIDE)
 
-    assert market.auction.decision.outcome is Outcome.PREEMPTS
+    assert market.auction.decision.outcome is AuctionOutcome.PREEMPTS
 
 
 def test_a_run_that_ends_during_the_wait_of_a_challenge_closes_it() -> None:
@@ -224,7 +224,7 @@ def test_a_run_that_ends_during_the_wait_of_a_challenge_closes_it() -> None:
     market.bid(round=2)
     market.end()
 
-    assert market.auction.decision.outcome is Outcome.WAITS
+    assert market.auction.decision.outcome is AuctionOutcome.WAITS
     assert market.auction.decision.closed_by is ClosedBy.STOPPED
     market.collect()
     assert market.all(OpenCall)[-1].scene.scene_id == "s2"

@@ -9,9 +9,9 @@ import pytest
 
 from bt_agents_core.errors import Refused
 from market_driver import EXPRESS, GUIDE, PLAIN, Driver, scene
-from marketplace_node.effects import CancelGoal, KeepOrders, SendGoal, State
-from marketplace_node.operators.operator_overrides import Act
-from marketplace_node.round.decision import Outcome
+from marketplace_node.effects import CancelGoal, SendGoal, State, StoreOverrides
+from marketplace_node.operators.operator_overrides import OperatorAction
+from marketplace_node.round.decision import AuctionOutcome
 
 
 @pytest.fixture
@@ -26,7 +26,9 @@ def refusals(market: Driver) -> dict[str, tuple[str, str]]:
 
 
 def test_only_a_pinned_agent_may_bid(market: Driver) -> None:
-    words = market.operate(Act.PIN, EXPRESS, author="anna", reason="a film crew is here")
+    words = market.operate(
+        OperatorAction.PIN, EXPRESS, author="anna", reason="a film crew is here"
+    )
     market.scene()
     market.bid(vectors={EXPRESS: (3.0, 5.0, 3.5)})
 
@@ -42,7 +44,7 @@ def test_only_a_pinned_agent_may_bid(market: Driver) -> None:
 
 
 def test_whoever_bids_in_spite_of_a_pin_is_refused(market: Driver) -> None:
-    market.operate(Act.PIN, EXPRESS)
+    market.operate(OperatorAction.PIN, EXPRESS)
     market.scene()
     market.bid()
 
@@ -51,8 +53,8 @@ def test_whoever_bids_in_spite_of_a_pin_is_refused(market: Driver) -> None:
 
 
 def test_all_may_bid_once_nobody_is_pinned(market: Driver) -> None:
-    market.operate(Act.PIN, EXPRESS)
-    market.operate(Act.UNPIN)
+    market.operate(OperatorAction.PIN, EXPRESS)
+    market.operate(OperatorAction.UNPIN)
     market.run()
 
     assert market.goal.agent == GUIDE
@@ -61,14 +63,14 @@ def test_all_may_bid_once_nobody_is_pinned(market: Driver) -> None:
 
 def test_a_pin_lets_the_running_agent_go_on(market: Driver) -> None:
     market.run()
-    words = market.operate(Act.PIN, EXPRESS)
+    words = market.operate(OperatorAction.PIN, EXPRESS)
 
     assert words.endswith("; attentive_guide goes on until its run ends")
     assert market.status.state is State.RUNNING
 
 
 def test_a_vetoed_agent_may_not_bid_until_it_is_allowed(market: Driver) -> None:
-    market.operate(Act.VETO, GUIDE, author="anna", reason="too loud")
+    market.operate(OperatorAction.VETO, GUIDE, author="anna", reason="too loud")
     market.scene()
     market.bid(vectors={EXPRESS: (3.0, 5.0, 3.5)})
     assert market.goal.agent == EXPRESS
@@ -78,7 +80,7 @@ def test_a_vetoed_agent_may_not_bid_until_it_is_allowed(market: Driver) -> None:
     market.accept()
     market.end()
     market.collect()
-    assert market.operate(Act.ALLOW, GUIDE) == (
+    assert market.operate(OperatorAction.ALLOW, GUIDE) == (
         "attentive_guide may bid again from the next round on"
     )
     assert market.status.vetoed == ()
@@ -88,7 +90,7 @@ def test_a_vetoed_agent_may_not_bid_until_it_is_allowed(market: Driver) -> None:
 
 def test_a_veto_stops_the_running_agent_and_the_others_are_asked(market: Driver) -> None:
     market.run()
-    words = market.operate(Act.VETO, GUIDE, author="anna")
+    words = market.operate(OperatorAction.VETO, GUIDE, author="anna")
     assert words == (
         "attentive_guide may not bid; attentive_guide is told to stop, and the others are asked"
     )
@@ -106,7 +108,7 @@ def test_a_veto_of_an_agent_that_has_not_begun_gives_the_run_to_another(market: 
     market.scene()
     market.bid()
     goal = market.goal
-    market.operate(Act.VETO, GUIDE)
+    market.operate(OperatorAction.VETO, GUIDE)
     assert market.all(CancelGoal) == [CancelGoal(goal=goal)]
     market.refuse(goal)
     market.bid(vectors={EXPRESS: (3.0, 5.0, 3.5)})
@@ -117,7 +119,7 @@ def test_a_veto_of_an_agent_that_has_not_begun_gives_the_run_to_another(market: 
 
 def test_a_veto_while_bids_come_in_counts_at_the_award(market: Driver) -> None:
     market.scene()
-    market.operate(Act.VETO, GUIDE, author="anna")
+    market.operate(OperatorAction.VETO, GUIDE, author="anna")
     market.bid()
 
     assert market.events == ["1 attentive_guide REFUSED"]
@@ -125,8 +127,8 @@ def test_a_veto_while_bids_come_in_counts_at_the_award(market: Driver) -> None:
 
 
 def test_when_all_are_vetoed_nobody_gets_the_run(market: Driver) -> None:
-    market.operate(Act.VETO, GUIDE)
-    market.operate(Act.VETO, EXPRESS)
+    market.operate(OperatorAction.VETO, GUIDE)
+    market.operate(OperatorAction.VETO, EXPRESS)
     market.scene()
 
     assert market.ends == [("s1", "NO_BIDS")]
@@ -138,7 +140,7 @@ def test_an_award_beats_every_nearer_agent(market: Driver) -> None:
     market.run()
     market.end()
     market.collect()
-    words = market.operate(Act.AWARD, EXPRESS, author="anna", reason="she asked for it")
+    words = market.operate(OperatorAction.AWARD, EXPRESS, author="anna", reason="she asked for it")
     market.bid(vectors={EXPRESS: (3.0, 5.0, 3.5)})
 
     assert words == "professional_express gets the run for scene 's1' if it bids"
@@ -149,7 +151,7 @@ def test_an_award_beats_every_nearer_agent(market: Driver) -> None:
 
 
 def test_an_award_for_a_scene_of_its_own(market: Driver) -> None:
-    market.operate(Act.AWARD, EXPRESS, scene=scene("theirs", 5.0, 1.0, 3.0))
+    market.operate(OperatorAction.AWARD, EXPRESS, scene=scene("theirs", 5.0, 1.0, 3.0))
     market.bid(vectors={EXPRESS: (3.0, 5.0, 3.5)})
 
     assert market.auction.decision.terms.scene.scene_id == "theirs"
@@ -157,16 +159,16 @@ def test_an_award_for_a_scene_of_its_own(market: Driver) -> None:
 
 
 def test_an_award_to_an_agent_that_declines_goes_to_nobody(market: Driver) -> None:
-    market.operate(Act.AWARD, EXPRESS, scene=scene("s1"))
+    market.operate(OperatorAction.AWARD, EXPRESS, scene=scene("s1"))
     market.bid(vectors={}, declined={EXPRESS: "needs scene.person"})
 
-    assert market.auction.decision.outcome is Outcome.NO_BIDS
+    assert market.auction.decision.outcome is AuctionOutcome.NO_BIDS
     assert market.ends == [("s1", "NO_BIDS")]
 
 
 def test_after_the_awarded_run_is_lost_anybody_may_take_over(market: Driver) -> None:
     market.register("/others", PLAIN)
-    market.operate(Act.AWARD, EXPRESS, scene=scene("s1"))
+    market.operate(OperatorAction.AWARD, EXPRESS, scene=scene("s1"))
     market.bid(vectors={EXPRESS: (3.0, 5.0, 3.5)})
     market.accept()
     market.die()
@@ -178,7 +180,7 @@ def test_after_the_awarded_run_is_lost_anybody_may_take_over(market: Driver) -> 
 
 def test_an_award_waits_in_line_like_a_scene(market: Driver) -> None:
     market.run()
-    words = market.operate(Act.AWARD, EXPRESS)
+    words = market.operate(OperatorAction.AWARD, EXPRESS)
     assert words.endswith("; scene 's1' is under way")
     assert market.status.queued == 1
     market.end()
@@ -191,10 +193,10 @@ def test_an_award_waits_in_line_like_a_scene(market: Driver) -> None:
 def test_an_award_stops_the_run_where_scenes_preempt() -> None:
     market = Driver(on_new_scene="preempt")
     market.run()
-    market.operate(Act.AWARD, EXPRESS)
+    market.operate(OperatorAction.AWARD, EXPRESS)
     market.bid(vectors={EXPRESS: (3.0, 5.0, 3.5)}, round=2)
 
-    assert market.auction.decision.outcome is Outcome.PREEMPTS
+    assert market.auction.decision.outcome is AuctionOutcome.PREEMPTS
     market.end(3)
     market.bid(vectors={EXPRESS: (3.0, 5.0, 3.5)})
     assert market.goal.agent == EXPRESS
@@ -202,9 +204,9 @@ def test_an_award_stops_the_run_where_scenes_preempt() -> None:
 
 def test_a_duplicate_of_an_awarded_scene_takes_nothing_from_it(market: Driver) -> None:
     market.run()
-    market.operate(Act.AWARD, EXPRESS, scene=scene("theirs"))
+    market.operate(OperatorAction.AWARD, EXPRESS, scene=scene("theirs"))
     market.scene("theirs")
-    assert market.operate(Act.AWARD, GUIDE, scene=scene("theirs")) == "DUPLICATE"
+    assert market.operate(OperatorAction.AWARD, GUIDE, scene=scene("theirs")) == "DUPLICATE"
     market.end()
     market.collect()
     market.bid(vectors={EXPRESS: (3.0, 5.0, 3.5)})
@@ -215,19 +217,23 @@ def test_a_duplicate_of_an_awarded_scene_takes_nothing_from_it(market: Driver) -
 @pytest.mark.parametrize(
     ("before", "act", "agent", "code"),
     [
-        ([], Act.PIN, "guide", "UNKNOWN_AGENT"),
-        ([], Act.VETO, "", "UNKNOWN_AGENT"),
-        ([], Act.AWARD, "guide", "UNKNOWN_AGENT"),
-        ([], Act.UNPIN, "", "NOT_PINNED"),
-        ([], Act.ALLOW, GUIDE, "NOT_VETOED"),
-        ([], Act.AWARD, GUIDE, "NO_SCENE"),
-        ([(Act.VETO, GUIDE)], Act.PIN, GUIDE, "VETOED"),
-        ([(Act.VETO, GUIDE)], Act.AWARD, GUIDE, "VETOED"),
-        ([(Act.PIN, EXPRESS)], Act.AWARD, GUIDE, "NOT_PINNED"),
+        ([], OperatorAction.PIN, "guide", "UNKNOWN_AGENT"),
+        ([], OperatorAction.VETO, "", "UNKNOWN_AGENT"),
+        ([], OperatorAction.AWARD, "guide", "UNKNOWN_AGENT"),
+        ([], OperatorAction.UNPIN, "", "NOT_PINNED"),
+        ([], OperatorAction.ALLOW, GUIDE, "NOT_VETOED"),
+        ([], OperatorAction.AWARD, GUIDE, "NO_SCENE"),
+        ([(OperatorAction.VETO, GUIDE)], OperatorAction.PIN, GUIDE, "VETOED"),
+        ([(OperatorAction.VETO, GUIDE)], OperatorAction.AWARD, GUIDE, "VETOED"),
+        ([(OperatorAction.PIN, EXPRESS)], OperatorAction.AWARD, GUIDE, "NOT_PINNED"),
     ],
 )
 def test_what_cannot_be_done_is_refused_and_changes_nothing(
-    market: Driver, before: list[tuple[Act, str]], act: Act, agent: str, code: str
+    market: Driver,
+    before: list[tuple[OperatorAction, str]],
+    act: OperatorAction,
+    agent: str,
+    code: str,
 ) -> None:
     for first, whom in before:
         market.operate(first, whom)
@@ -240,22 +246,22 @@ def test_what_cannot_be_done_is_refused_and_changes_nothing(
 def test_an_award_that_finds_no_room_is_refused() -> None:
     market = Driver(on_new_scene="reject")
     market.run()
-    assert market.operate(Act.AWARD, EXPRESS) == "BUSY"
+    assert market.operate(OperatorAction.AWARD, EXPRESS) == "BUSY"
     assert market.ends == []
 
 
 def test_a_veto_of_the_pinned_agent_is_taken_and_says_what_follows(market: Driver) -> None:
-    market.operate(Act.PIN, GUIDE)
-    assert "nobody may bid" in market.operate(Act.VETO, GUIDE)
+    market.operate(OperatorAction.PIN, GUIDE)
+    assert "nobody may bid" in market.operate(OperatorAction.VETO, GUIDE)
 
 
 def test_a_market_that_is_started_again_has_the_pins_and_vetoes_of_the_last(
     market: Driver,
 ) -> None:
-    market.operate(Act.PIN, EXPRESS, author="anna")
-    market.operate(Act.VETO, GUIDE, reason="too loud")
+    market.operate(OperatorAction.PIN, EXPRESS, author="anna")
+    market.operate(OperatorAction.VETO, GUIDE, reason="too loud")
     again = Driver()
-    words, effects = again.market.restore_orders(market.all(KeepOrders)[-1].text, again.now)
+    words, effects = again.market.restore_orders(market.all(StoreOverrides)[-1].text, again.now)
     again.do(effects)
 
     assert words == "anna pins professional_express; the operator vetoes attentive_guide: too loud"
@@ -267,7 +273,7 @@ def test_a_market_that_is_started_again_goes_on_counting_runs() -> None:
     market.run()
     again = Driver(starvation_rounds=1, strategy="ucb")
     again.register()
-    _, effects = again.market.restore_orders(market.all(KeepOrders)[-1].text, again.now)
+    _, effects = again.market.restore_orders(market.all(StoreOverrides)[-1].text, again.now)
     again.do(effects)
     assert again.status.starved == (EXPRESS,)
     again.scene()
@@ -277,21 +283,21 @@ def test_a_market_that_is_started_again_goes_on_counting_runs() -> None:
     assert (terms.runs, terms.last_run) == ({GUIDE: 1}, {GUIDE: 1})
     assert (terms.rounds_run, terms.earlier_runs) == (1, 1)
     again.accept()
-    assert json.loads(again.all(KeepOrders)[-1].text)["runs"] == {GUIDE: 2}
+    assert json.loads(again.all(StoreOverrides)[-1].text)["runs"] == {GUIDE: 2}
 
 
 def test_the_scene_of_an_award_is_named_as_people_know_it(market: Driver) -> None:
     market.run()
     market.end()
     market.collect()
-    market.operate(Act.AWARD, EXPRESS)
+    market.operate(OperatorAction.AWARD, EXPRESS)
 
-    assert "'s1'" in market.operate(Act.AWARD, EXPRESS)
+    assert "'s1'" in market.operate(OperatorAction.AWARD, EXPRESS)
 
 
 def test_who_is_vetoed_in_the_run_is_said_to_be_so_once(market: Driver) -> None:
     market.run()
-    market.operate(Act.VETO, GUIDE, reason="too slow")
+    market.operate(OperatorAction.VETO, GUIDE, reason="too slow")
     market.end(outcome=3)
     market.collect()
     market.bid(vectors={EXPRESS: (3.0, 5.0, 3.5)})
@@ -316,7 +322,7 @@ def test_who_is_vetoed_in_the_run_is_said_to_be_so_once(market: Driver) -> None:
     ],
 )
 def test_kept_orders_that_cannot_be_read_change_nothing(market: Driver, text: str) -> None:
-    market.operate(Act.PIN, EXPRESS)
+    market.operate(OperatorAction.PIN, EXPRESS)
     with pytest.raises(Refused) as caught:
         market.market.restore_orders(text, market.now)
     assert caught.value.code == "MALFORMED"

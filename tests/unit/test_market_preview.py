@@ -9,7 +9,7 @@ from bt_agents_core.errors import Refused
 from market_driver import EXPRESS, GUIDE, Driver
 from marketplace_node.effects import PublishAuction, SendGoal, State
 from marketplace_node.market_state import PREVIEWS
-from marketplace_node.operators.operator_overrides import Act
+from marketplace_node.operators.operator_overrides import OperatorAction
 from marketplace_node.operators.previews import MOST
 
 
@@ -83,7 +83,7 @@ def test_a_preview_may_try_another_strategy(market: Driver) -> None:
 
 
 def test_a_preview_counts_with_pins_and_vetoes(market: Driver) -> None:
-    market.operate(Act.VETO, GUIDE)
+    market.operate(OperatorAction.VETO, GUIDE)
     market.bid(round=market.preview())
 
     assert [bid.agent for bid in outcome(market).decision.ranking] == [EXPRESS]

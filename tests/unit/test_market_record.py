@@ -9,7 +9,7 @@ from market_driver import EXPRESS, GUIDE, Driver
 from marketplace_node.effects import Alarm, Collect, PublishAuction
 from marketplace_node.operators.starvation import Starvation
 from marketplace_node.registry import HostEntry
-from marketplace_node.round.decision import Outcome
+from marketplace_node.round.decision import AuctionOutcome
 from marketplace_node.settings import Settings
 
 
@@ -155,7 +155,7 @@ def test_a_scene_that_preempts_is_compared_once() -> None:
     market.run()
     market.scene("s2", 3.0, 5.0, 3.5)
     market.bid(round=2)
-    assert market.auction.decision.outcome is Outcome.PREEMPTS
+    assert market.auction.decision.outcome is AuctionOutcome.PREEMPTS
     assert market.auction.shadow_rounds == 1
     market.end(outcome=3)
     market.bid()

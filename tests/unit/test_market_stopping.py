@@ -13,7 +13,7 @@ from marketplace_node.effects import (
     SendGoal,
     State,
 )
-from marketplace_node.round.decision import ClosedBy, Outcome
+from marketplace_node.round.decision import AuctionOutcome, ClosedBy
 
 
 @pytest.fixture
@@ -132,7 +132,7 @@ def test_cancel_while_bidding_stops_the_round(market: Driver) -> None:
     assert market.cancel("button", again=True)[0]
 
     decision = market.auction.decision
-    assert (decision.outcome, decision.closed_by) == (Outcome.NO_BIDS, ClosedBy.STOPPED)
+    assert (decision.outcome, decision.closed_by) == (AuctionOutcome.NO_BIDS, ClosedBy.STOPPED)
     assert market.auction.reason == "stopped before the round closed: button"
     assert market.over == ["s1"]
 

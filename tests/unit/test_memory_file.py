@@ -13,10 +13,10 @@ import pytest
 from bt_agents_core.errors import BtAgentsError
 from bt_agents_core.scene import SceneParameter, SceneSpace
 from scene_layer import memory_file
-from scene_layer.memory import MOST_KNOWN, Known, Running
+from scene_layer.memory import MOST_KNOWN, KnownPerson, Running
 
 SPACE = SceneSpace(parameters=(SceneParameter(name="age", minimum=1.0, maximum=5.0, default=3.0),))
-ANNA = Known(
+ANNA = KnownPerson(
     visits=2, values={"age": Running(mean=4.0, scatter=0.5, weight=2.0, at=7.0)}, seen_at=8.0
 )
 GOOD = memory_file.to_text({"anna": ANNA}, {"lobby": ANNA})

@@ -13,7 +13,7 @@ import pytest
 from bt_agents_core.errors import ReadError
 from bt_agents_language.files.agent_reader import read_agent_text
 from bt_agents_language.model.specs import AgentSpec, NodeSpec
-from bt_agents_language.model.walking import every_node
+from bt_agents_language.model.walking import iter_nodes
 from stage import VOCABULARY
 
 HEAD = "format: 1\nagent: a\nprofile: {age: 3, familiarity: 3, mood: 3}\n"
@@ -39,7 +39,7 @@ def read(text: str) -> AgentSpec:
 
 
 def of_kind(agent: AgentSpec, kind: str) -> list[NodeSpec]:
-    return [spec for spec in every_node(agent.tree) if spec.kind == kind]
+    return [spec for spec in iter_nodes(agent.tree) if spec.kind == kind]
 
 
 @pytest.fixture
@@ -96,5 +96,5 @@ def test_defaults_that_are_not_written_are_shared_by_all_nodes() -> None:
 
 
 def test_a_moved_node_differs_in_nothing_but_its_path_and_children() -> None:
-    for spec in every_node(read(TREE).tree):
+    for spec in iter_nodes(read(TREE).tree):
         assert spec.moved("x", ()) == replace(spec, path="x", children=())

@@ -9,8 +9,8 @@ from typing import Any
 
 import pytest
 
-from bt_agents.engine.environment import Goal, GoalState
-from bt_agents.engine.scripted_environment import Answer, ScriptedWorld
+from bt_agents.engine.environment import GoalState, SkillGoal
+from bt_agents.engine.scripted_environment import ScriptedEnvironment, ScriptedReply
 from bt_agents.recording.recording_run import RecordingRun
 from bt_agents.recording.recording_world import Notebook
 from bt_agents.recording.replay_world import Turn, read_record, repeat
@@ -47,7 +47,7 @@ class Recorded(Stage):
         return list(repeat(read_record(self.lines), self.spec, SPACE))
 
 
-LONG = {"say": [Answer(after_s=100.0)]}
+LONG = {"say": [ScriptedReply(after_s=100.0)]}
 
 
 def test_a_tick_in_which_nothing_came_in_is_not_noted() -> None:
@@ -107,7 +107,7 @@ def test_a_record_that_gets_too_long_ends_with_the_reason_and_the_run_goes_on() 
 
 
 def test_a_value_that_cannot_be_written_down_stops_the_notes_and_not_the_run() -> None:
-    stage = Recorded("say: x", answers={"say": [Answer(result={"extra": object()})]})  # type: ignore[dict-item]
+    stage = Recorded("say: x", answers={"say": [ScriptedReply(result={"extra": object()})]})  # type: ignore[dict-item]
     assert stage.tick() == "succeeded"
     assert "cannot be written down" in stage.notes[-1]["stopped"]
 
@@ -125,7 +125,7 @@ def test_numbers_that_json_does_not_know_come_back() -> None:
 def test_a_service_that_is_refused_is_refused_again_with_its_words() -> None:
     stage = Recorded("say: x")
 
-    def refuse(_goal: Goal) -> Any:
+    def refuse(_goal: SkillGoal) -> Any:
         raise Refused("WRONG_TYPE", "'text' is a number")
 
     stage.world.send = refuse  # type: ignore[method-assign]
@@ -136,10 +136,10 @@ def test_a_service_that_is_refused_is_refused_again_with_its_words() -> None:
 
 
 def test_an_answer_that_a_cancel_changes_comes_out_with_the_cancel() -> None:
-    world = ScriptedWorld({"a": [Answer(after_s=9.0)]})
+    world = ScriptedEnvironment({"a": [ScriptedReply(after_s=9.0)]})
     notebook = Notebook(world, lambda: pytest.fail("not looked at"), {}, world.clock)
     notebook.begin()
-    goal = notebook.send(Goal(kind=BindingKind.ACTION, name="a", type="t", fields={}))
+    goal = notebook.send(SkillGoal(kind=BindingKind.ACTION, name="a", type="t", fields={}))
     assert goal.state is GoalState.ACTIVE
     goal.cancel()
     assert goal.state is GoalState.CANCELLED
@@ -150,10 +150,10 @@ def test_an_answer_that_a_cancel_changes_comes_out_with_the_cancel() -> None:
 
 
 def test_a_goal_stands_still_during_a_turn() -> None:
-    world = ScriptedWorld({"a": [Answer(after_s=1.0)]})
+    world = ScriptedEnvironment({"a": [ScriptedReply(after_s=1.0)]})
     notebook = Notebook(world, lambda: pytest.fail("not looked at"), {}, world.clock)
     notebook.begin()
-    goal = notebook.send(Goal(kind=BindingKind.ACTION, name="a", type="t", fields={}))
+    goal = notebook.send(SkillGoal(kind=BindingKind.ACTION, name="a", type="t", fields={}))
     before = notebook.clock(), goal.state
     world.clock.advance(5.0)
     assert (notebook.clock(), goal.state) == before

@@ -10,12 +10,12 @@ import pytest
 from py_trees.behaviours import Success
 
 from bt_agents.engine.run import Run
-from bt_agents.engine.scripted_environment import ScriptedWorld
+from bt_agents.engine.scripted_environment import ScriptedEnvironment
 from bt_agents_core.errors import ReadError
 from bt_agents_language.expression.functions import FUNCTIONS
 from bt_agents_language.expression.operators import BINARY, PREFIXES
 from bt_agents_language.files.agent_reader import read_agent_text
-from bt_agents_language.model.node_type import NodeField, NodeKind
+from bt_agents_language.model.node_type import NodeField, NodeType
 from bt_agents_language.model.scope import mood_names, scene_names
 from bt_agents_language.model.specs import FieldType
 from bt_agents_language.model.units import DIMENSIONS
@@ -54,7 +54,7 @@ def test_the_example_of_a_word_uses_it_in_a_tree_that_runs(key):
         profile=agent.profile,
         live=lambda: scene(age=3, familiarity=3, mood=3),
         tunables={},
-        world=(world := ScriptedWorld({}, result={"message": "", "answer": "yes"})),
+        world=(world := ScriptedEnvironment({}, result={"message": "", "answer": "yes"})),
         steady=world.clock,
     )
     run.tick()
@@ -81,7 +81,7 @@ def test_a_page_of_a_modifier_says_where_it_acts():
 
 
 def test_a_node_of_a_plugin_has_a_page_made_from_its_fields():
-    blink = NodeKind(
+    blink = NodeType(
         key="blink",
         main="colour",
         fields=(
@@ -101,7 +101,7 @@ def test_a_node_of_a_plugin_has_a_page_made_from_its_fields():
     assert "### blink\n\nBlinks." in reference_page(words)
 
 
-BLINK = replace(VOCABULARY, plugins={"blink": NodeKind(key="blink", behaviour=Success)})
+BLINK = replace(VOCABULARY, plugins={"blink": NodeType(key="blink", behaviour=Success)})
 
 
 def test_a_node_without_fields_is_its_bare_key():

@@ -7,11 +7,11 @@ from collections.abc import Sequence
 
 import pytest
 
-from bt_agents.engine.run import Outcome
-from bt_agents_core.feedback import Kind
+from bt_agents.engine.run import TreeOutcome
+from bt_agents_core.feedback import FeedbackKind
 from bt_agents_language.files.agent_reader import read_agent_text
 from bt_agents_language.files.skills_reader import read_skills_text
-from bt_agents_language.files.testing.scenarios import Happening
+from bt_agents_language.files.testing.scenarios import ScriptedEvent
 from bt_agents_language.model.specs import NodeSpec
 from bt_agents_tools.rehearsal.events import EventKind
 from bt_agents_tools.rehearsal.rehearsal import Limits, rehearse
@@ -27,7 +27,7 @@ feedback:
 
 def test_a_text_takes_as_long_as_it_takes_to_say() -> None:
     slow = rehearsed("say: {text: 0123456789, rate: 0.5}")
-    assert slow.outcome is Outcome.SUCCEEDED
+    assert slow.outcome is TreeOutcome.SUCCEEDED
     assert slow.duration_s == pytest.approx((0.4 + 10 * 0.06) / 0.5)
 
 
@@ -86,19 +86,19 @@ def test_the_answer_of_a_path_counts_before_that_of_a_skill() -> None:
 
 def test_words_that_are_no_choice_do_not_count_as_an_answer() -> None:
     result = rehearsed("ask: {text: Which?, choices: [bag], wait: 4 s}", "answers: {ask: cat}")
-    assert result.outcome is Outcome.FAILED
+    assert result.outcome is TreeOutcome.FAILED
     assert "'cat' is none of the choices" in result.message
     assert result.duration_s == pytest.approx(0.4 + 6 * 0.06 + 4.0)
 
 
 def test_capitals_do_not_matter_among_choices() -> None:
     result = rehearsed("ask: {text: Which?, choices: [bag]}", "answers: {ask: Bag}")
-    assert result.outcome is Outcome.SUCCEEDED
+    assert result.outcome is TreeOutcome.SUCCEEDED
 
 
 def test_an_empty_answer_fails_as_the_skill_says() -> None:
     result = rehearsed("ask: Which?", "answers: {ask: {outputs: {answer: ''}}}")
-    assert result.outcome is Outcome.FAILED
+    assert result.outcome is TreeOutcome.FAILED
     assert "result.answer != ''" in result.message
 
 
@@ -112,14 +112,14 @@ def test_an_empty_answer_fails_as_the_skill_says() -> None:
 )
 def test_a_skill_can_fail_in_every_way(answer: str, words: str) -> None:
     result = rehearsed("drive: gate 7", f"answers: {{drive: {answer}}}")
-    assert result.outcome is Outcome.FAILED
+    assert result.outcome is TreeOutcome.FAILED
     assert words in result.message
     assert "(tree, a.yaml:" in result.message
 
 
 def test_a_skill_that_never_ends_is_stopped_by_its_timeout() -> None:
     result = rehearsed("drive: gate 7\ntimeout: 30 s", "answers: {drive: {ends: never}}")
-    assert result.outcome is Outcome.FAILED
+    assert result.outcome is TreeOutcome.FAILED
     assert result.duration_s == 30.0
     assert told(result, EventKind.STOPS, EventKind.GIVES_UP) == [
         (30.0, "timeout"),
@@ -155,12 +155,12 @@ def test_whoever_is_asked_then_can_let_something_happen() -> None:
     spec = agent("wait_for: {topic: buttons/confirm, type: std_msgs/msg/Bool, until: msg.data}")
     asked: list[str] = []
 
-    def prompt(reason: str, waits: Sequence[NodeSpec]) -> Happening:
+    def prompt(reason: str, waits: Sequence[NodeSpec]) -> ScriptedEvent:
         asked.append(reason)
-        return Happening(after_s=5.0, topic="buttons/confirm", message={"data": True})
+        return ScriptedEvent(after_s=5.0, topic="buttons/confirm", message={"data": True})
 
     result = rehearse(spec, SPACE, scenario(spec), prompt=prompt)
-    assert result.outcome is Outcome.SUCCEEDED
+    assert result.outcome is TreeOutcome.SUCCEEDED
     assert len(asked) == 1
     assert result.duration_s == pytest.approx(5.1, abs=0.11)
 
@@ -183,7 +183,7 @@ def test_an_hour_of_waiting_takes_a_handful_of_ticks() -> None:
         "during: [{after: 30 min, mood: 3.1}]",
         head=RULES,
     )
-    assert result.outcome is Outcome.SUCCEEDED
+    assert result.outcome is TreeOutcome.SUCCEEDED
     assert result.duration_s > 3600.0
     assert result.ticks < 12
 
@@ -217,9 +217,9 @@ def test_a_mood_that_stays_down_gives_feedback_and_cancels_by_its_rule() -> None
         """,
         head=RULES + "on_cancel: {light: white}\n",
     )
-    assert result.outcome is Outcome.CANCELLED
+    assert result.outcome is TreeOutcome.CANCELLED
     assert result.cancelled_by == "mood.change <= -1.0"
-    assert result.feedback == (Kind.NEGATIVE,)
+    assert result.feedback == (FeedbackKind.NEGATIVE,)
     assert told(result, EventKind.FEEDBACK, EventKind.STOPS, EventKind.BEGINS)[1:] == [
         (8.0, "negative: mood.change <= -1.0 held 2 s: mood 3 → 1.5"),
         (8.0, "say"),
@@ -229,7 +229,7 @@ def test_a_mood_that_stays_down_gives_feedback_and_cancels_by_its_rule() -> None
 
 def test_a_rule_that_only_gives_feedback_lets_the_run_go_on() -> None:
     result = rehearsed("wait: 20 s", "during: [{after: 3 s, mood: 4}]", head=RULES)
-    assert result.outcome is Outcome.SUCCEEDED
+    assert result.outcome is TreeOutcome.SUCCEEDED
     assert told(result, EventKind.FEEDBACK) == [
         (5.0, "positive: mood.change >= 0.5 held 2 s: mood 3 → 4")
     ]
@@ -261,7 +261,7 @@ def test_a_node_can_be_waited_for_before_something_happens() -> None:
             publish: {topic: button, message: {data: true}}
         """,
     )
-    assert result.outcome is Outcome.SUCCEEDED
+    assert result.outcome is TreeOutcome.SUCCEEDED
     [(said_s, _), *_] = told(result, EventKind.WAITS)
     assert result.duration_s == pytest.approx(said_s + 2.0)
 
@@ -276,13 +276,13 @@ def test_tunables_can_be_set_from_the_start_and_changed_meanwhile() -> None:
 
 def test_a_run_can_be_cancelled_from_outside() -> None:
     result = rehearsed("wait: 1 min", "during: [{after: 7 s, cancel: the operator}]")
-    assert result.outcome is Outcome.CANCELLED
+    assert result.outcome is TreeOutcome.CANCELLED
     assert (result.duration_s, result.cancelled_by) == (7.0, "the operator")
 
 
 def test_a_missing_value_stays_missing() -> None:
     result = rehearsed("check: scene.age > 2", "scene: {mood: 3}")
-    assert result.outcome is Outcome.FAILED
+    assert result.outcome is TreeOutcome.FAILED
     assert "'scene.age' has no value" in result.message
 
 
@@ -295,10 +295,10 @@ def test_replaced_nodes_are_not_rehearsed() -> None:
           - say: Here we are.
     """
     result = rehearsed(tree, 'replace: {"tree/*.way*": succeed}')
-    assert (result.outcome, said(result)) == (Outcome.SUCCEEDED, ["Here we are."])
+    assert (result.outcome, said(result)) == (TreeOutcome.SUCCEEDED, ["Here we are."])
     assert [use.skill for use in result.uses] == ["say"]
     assert not any("way" in path for path in result.marks)
-    assert rehearsed(tree, 'replace: {"**.way": fail}').outcome is Outcome.FAILED
+    assert rehearsed(tree, 'replace: {"**.way": fail}').outcome is TreeOutcome.FAILED
 
 
 def test_the_same_seed_gives_the_same_picks() -> None:
@@ -341,7 +341,7 @@ def test_feedback_and_lines_of_the_log_are_told() -> None:
         (0.0, "warning: age 3"),
         (0.0, "positive: the tree: thanked"),
     ]
-    assert result.feedback == (Kind.POSITIVE,)
+    assert result.feedback == (FeedbackKind.POSITIVE,)
 
 
 def test_a_skill_that_no_robot_offers_yet_can_be_rehearsed() -> None:
@@ -395,7 +395,7 @@ def test_nodes_can_be_replaced_by_others_that_give_the_same_names_a_value() -> N
         """,
         head="tunables: {patience: {default: 3 s, min: 1 s, max: 9 s, description: d}}",
     )
-    assert result.outcome is Outcome.SUCCEEDED
+    assert result.outcome is TreeOutcome.SUCCEEDED
     assert said(result) == ["I would drive.", "Here we are, at home."]
     assert result.duration_s > 3.0
     assert not {path for path in result.marks if "drive" in path and path.count("/") == 1}
@@ -452,10 +452,10 @@ def test_what_happens_at_a_wait_is_asked_again_until_nothing_does() -> None:
     spec = agent("wait_for: live.mood > 4\ntimeout: 20 s")
     moods = [2.0, 5.0]
 
-    def prompt(reason: str, waits: Sequence[NodeSpec]) -> Happening:
-        return Happening(after_s=3.0, values={"mood": moods.pop(0)})
+    def prompt(reason: str, waits: Sequence[NodeSpec]) -> ScriptedEvent:
+        return ScriptedEvent(after_s=3.0, values={"mood": moods.pop(0)})
 
     result = rehearse(spec, SPACE, scenario(spec), prompt=prompt)
-    assert result.outcome is Outcome.SUCCEEDED
+    assert result.outcome is TreeOutcome.SUCCEEDED
     assert moods == []
     assert result.duration_s == pytest.approx(6.2, abs=0.21)

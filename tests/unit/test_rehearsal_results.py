@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bt_agents_tools.rehearsal.assertions import Finding, aligned
+from bt_agents_tools.rehearsal.assertions import AssertionFailure, aligned
 from bt_agents_tools.rehearsal.coverage import coverage
 from bt_agents_tools.rehearsal.suite import failure, run_case
 from bt_agents_tools.rehearsal.transcript import table, time_text, transcript
@@ -23,7 +23,7 @@ sequence:
 RULES = "feedback: [{when: mood.change <= -1.0, give: negative, then: cancel}]"
 
 
-def found(tree: str, expect: str, more: str = "", head: str = "") -> list[Finding]:
+def found(tree: str, expect: str, more: str = "", head: str = "") -> list[AssertionFailure]:
     spec = agent(tree, head)
     case = f"- {{name: x, scene: {{mood: 3}}, {more} expect: {{{expect}}}}}"
     [one] = cases_for(spec, case).cases

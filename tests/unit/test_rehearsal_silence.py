@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from bt_agents.engine.run import Outcome
+from bt_agents.engine.run import TreeOutcome
 from bt_agents_tools.rehearsal.events import EventKind, Rehearsed
 from rehearsals import rehearsed, said, told
 
@@ -32,7 +32,7 @@ def story(tree: str, *happenings: str, head: str = "", more: str = "") -> Rehear
 
 def test_a_silent_scene_layer_makes_the_live_scene_stale_after_the_lease() -> None:
     result = story("wait_for: live.stale", "after: 2 s, scene_layer: silent")
-    assert result.outcome is Outcome.SUCCEEDED
+    assert result.outcome is TreeOutcome.SUCCEEDED
     assert result.duration_s == pytest.approx(3.0, abs=0.01)
     assert told(result, EventKind.SCENE) == [(2.0, "the scene layer is silent")]
 
@@ -75,7 +75,7 @@ def test_the_documented_tree_copes_with_a_stale_scene(
     happenings: tuple[str, ...], texts: list[str]
 ) -> None:
     result = story(documented_tree(), *happenings, more="answers: {drive: {after: 20 s}}\n")
-    assert (said(result), result.outcome) == (texts, Outcome.SUCCEEDED)
+    assert (said(result), result.outcome) == (texts, TreeOutcome.SUCCEEDED)
 
 
 def test_the_documented_tree_does_without_a_mood_that_is_stale_when_it_asks() -> None:

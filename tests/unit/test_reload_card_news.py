@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from bt_agents.host.reload.host_card_diff import CardNews, why_kept
+from bt_agents.host.reload.host_card_diff import CardDiff, why_kept
 
 
 def agent(name: str = "ann", version: int = 1, waiting: bool = False, *problems: str) -> Message:
@@ -25,7 +25,7 @@ def card(*agents: Message, instance: str = "i", problems: tuple[str, ...] = ()) 
 
 
 def news(*cards: Message) -> list[str]:
-    watcher = CardNews()
+    watcher = CardDiff()
     for one in cards[:-1]:
         watcher.take(one)
     return [one.words for one in watcher.take(cards[-1])]
@@ -138,7 +138,7 @@ def test_the_first_card_of_a_start_of_a_host_is_no_news() -> None:
 
 
 def test_only_a_new_version_is_to_be_asked_about() -> None:
-    watcher = CardNews()
+    watcher = CardDiff()
     watcher.take(card(agent()))
     assert [one.agent for one in watcher.take(card(agent(version=2)))] == ["ann"]
     assert [one.agent for one in watcher.take(card(agent("ann", 2, True)))] == [""]

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from bt_agents.host.reload.folder_watch import PATIENCE_LOOKS, FolderWatch, Stopped
+from bt_agents.host.reload.folder_watch import PATIENCE_LOOKS, FolderWatch, WatchStopped
 from bt_agents_language.files.folder_reader import read_trees
 from reloading import MANNERS, SKILLS, agent, new_folder, write
 
@@ -282,7 +282,7 @@ def test_reading_can_be_stopped(folder):
     watch.look()
     write(folder, "ann", agent("ann", "{say: bye}"))
     watch.stop()
-    with pytest.raises(Stopped):
+    with pytest.raises(WatchStopped):
         watch.look(settle=False)
 
 

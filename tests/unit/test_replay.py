@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 from click.testing import CliRunner
 
-from bt_agents_core.feedback import Kind
+from bt_agents_core.feedback import FeedbackKind
 from bt_agents_interfaces.msg import (
     AgentFiles,
     Auction,
@@ -25,7 +25,7 @@ from bt_agents_interfaces.msg import (
 from bt_agents_lab.cli.replay import replay
 from bt_agents_lab.replay import decisions, replay_learning, trees
 from bt_agents_lab.replay.decisions import decisions_again
-from bt_agents_lab.replay.findings import Finding, Tally, Verdict, tally
+from bt_agents_lab.replay.findings import FindingCounts, ReplayFinding, ReplayVerdict, tally
 from bt_agents_lab.replay.replay_learning import lessons_again
 from bt_agents_lab.replay.trees import runs_again
 from journals import NAN, Town, morning, story_of
@@ -42,7 +42,7 @@ STRATEGIES = {
 }
 
 
-def again(path: Path) -> Tally:
+def again(path: Path) -> FindingCounts:
     story = story_of(path)
     assert story.problems == []
     return tally(
@@ -61,7 +61,7 @@ def town(tmp_path_factory: pytest.TempPathFactory) -> Town:
 
 def altered(
     town: Town, path: Path, kind: type, change: Callable[[Any], None], which: int = 0
-) -> Tally:
+) -> FindingCounts:
     """Return what a replay finds after one message of a kind was changed."""
     numbers = [n for n, spoken in enumerate(town.said) if isinstance(spoken.message, kind)]
 
@@ -74,9 +74,9 @@ def altered(
     return again(town.keep(path / "a.mcap", alter))
 
 
-def different(found: Tally, kind: str) -> Finding:
+def different(found: FindingCounts, kind: str) -> ReplayFinding:
     [finding] = [one for one in found.told if one.kind == kind]
-    assert finding.verdict is Verdict.DIFFERENT
+    assert finding.verdict is ReplayVerdict.DIFFERENT
     return finding
 
 
@@ -86,7 +86,7 @@ def test_everything_of_a_morning_is_equal(tmp_path: Path, strategy: str) -> None
     found = again(made.keep(tmp_path / "a.mcap"))
     assert found.told == []
     for kind in (decisions.KIND, replay_learning.KIND, trees.KIND):
-        assert found.counts[kind, Verdict.EQUAL] == 4
+        assert found.counts[kind, ReplayVerdict.EQUAL] == 4
     assert found.sizes[trees.KIND] > 12
 
 
@@ -132,7 +132,7 @@ def test_an_altered_decision_is_found(town: Town, tmp_path: Path, what: str) -> 
     found = altered(town, tmp_path, Auction, AUCTIONS[what])
     finding = different(found, decisions.KIND)
     assert finding.where.startswith("round 1")
-    assert found.counts[decisions.KIND, Verdict.EQUAL] == 3
+    assert found.counts[decisions.KIND, ReplayVerdict.EQUAL] == 3
 
 
 LESSONS: dict[str, Callable[[Any], None]] = {
@@ -141,7 +141,7 @@ LESSONS: dict[str, Callable[[Any], None]] = {
     "target": lambda m: m.target.__setitem__(0, 4.5),
     "rate": _nudge("learning_rate"),
     "weight": lambda m: setattr(m, "weight", 0.5),
-    "kind": lambda m: setattr(m, "kind", int(Kind.NEGATIVE)),
+    "kind": lambda m: setattr(m, "kind", int(FeedbackKind.NEGATIVE)),
 }
 
 
@@ -168,7 +168,7 @@ def test_an_altered_tick_is_found(town: Town, tmp_path: Path, what: str, which: 
     found = altered(town, tmp_path, TreeStatus, STATUSES[what], which)
     finding = different(found, trees.KIND)
     assert "tick" in finding.words or "end" in finding.words
-    assert found.counts[trees.KIND, Verdict.EQUAL] == 3
+    assert found.counts[trees.KIND, ReplayVerdict.EQUAL] == 3
 
 
 def _in_note(old: str, new: str) -> Callable[[Any], None]:
@@ -213,7 +213,7 @@ def test_another_text_of_an_agent_is_found(town: Town, tmp_path: Path) -> None:
     assert "Good day" in words[0]
 
 
-def without(town: Town, path: Path, *kinds: type) -> Tally:
+def without(town: Town, path: Path, *kinds: type) -> FindingCounts:
     return again(
         town.keep(
             path / "a.mcap",
@@ -224,7 +224,7 @@ def without(town: Town, path: Path, *kinds: type) -> Tally:
 
 def test_without_texts_nothing_is_called_equal(town: Town, tmp_path: Path) -> None:
     found = without(town, tmp_path, AgentFiles)
-    assert {verdict for _, verdict in found.counts} == {Verdict.NOT_RECORDED}
+    assert {verdict for _, verdict in found.counts} == {ReplayVerdict.NOT_RECORDED}
     assert {one.words for one in found.told if one.kind == trees.KIND} == {
         f"there is no text of version 1 of {name}" for name in ("anna", "bert")
     }
@@ -234,9 +234,9 @@ def test_without_notes_or_cards_runs_and_lessons_are_named_as_not_recorded(
     town: Town, tmp_path: Path
 ) -> None:
     found = without(town, tmp_path, RunRecord, HostCard)
-    assert found.counts[trees.KIND, Verdict.NOT_RECORDED] == 4
-    assert found.counts[replay_learning.KIND, Verdict.NOT_RECORDED] == 4
-    assert found.counts[decisions.KIND, Verdict.EQUAL] == 4
+    assert found.counts[trees.KIND, ReplayVerdict.NOT_RECORDED] == 4
+    assert found.counts[replay_learning.KIND, ReplayVerdict.NOT_RECORDED] == 4
+    assert found.counts[decisions.KIND, ReplayVerdict.EQUAL] == 4
 
 
 def test_notes_that_end_before_the_run_are_equal_so_far_and_not_more(
@@ -245,7 +245,7 @@ def test_notes_that_end_before_the_run_are_equal_so_far_and_not_more(
     last = max(n for n, one in enumerate(town.said) if isinstance(one.message, RunRecord))
     found = again(town.keep(tmp_path / "a.mcap", lambda n, m: None if n == last else m))
     [finding] = found.told
-    assert finding.verdict is Verdict.NOT_RECORDED
+    assert finding.verdict is ReplayVerdict.NOT_RECORDED
     assert "ticks are equal, then the notes end" in finding.words
 
 
@@ -263,7 +263,7 @@ def test_notes_that_never_reached_the_journal_are_missing_and_no_difference(
     for number in notes:
         found = again_without(town, tmp_path / f"{number}.mcap", number)
         assert found.different == 0
-        assert [one.verdict for one in found.told] == [Verdict.NOT_RECORDED]
+        assert [one.verdict for one in found.told] == [ReplayVerdict.NOT_RECORDED]
 
 
 def test_changes_of_a_tick_that_never_reached_the_journal_are_missing_and_no_difference(
@@ -277,7 +277,7 @@ def test_changes_of_a_tick_that_never_reached_the_journal_are_missing_and_no_dif
         assert "the changes of 1 of" in finding.words
 
 
-def again_without(town: Town, path: Path, number: int) -> Tally:
+def again_without(town: Town, path: Path, number: int) -> FindingCounts:
     """Return what a replay finds when the journal never heard a message, and so no gap either."""
     said = town.said
     town.said = [one for n, one in enumerate(said) if n != number]
@@ -305,8 +305,8 @@ def test_a_run_that_the_journal_has_not_heard_of_makes_no_score_different(tmp_pa
         one for one in made.said if not (isinstance(one.message, Run) and one.message.round == 2)
     ]
     found = again(made.keep(tmp_path / "a.mcap"))
-    assert found.counts[decisions.KIND, Verdict.EQUAL] == 2
-    assert found.counts[decisions.KIND, Verdict.NOT_RECORDED] == 2
+    assert found.counts[decisions.KIND, ReplayVerdict.EQUAL] == 2
+    assert found.counts[decisions.KIND, ReplayVerdict.NOT_RECORDED] == 2
     assert found.different == 0
 
 
@@ -319,7 +319,7 @@ def test_a_shadow_that_depends_on_runs_before_the_journal_is_not_called_differen
     assert again(made.keep(tmp_path / "a.mcap")).told == []
     first = next(n for n, one in enumerate(made.said) if isinstance(one.message, Auction))
     found = again(made.keep(tmp_path / "b.mcap", lambda n, m: None if n == first else m))
-    assert found.counts == {(decisions.KIND, Verdict.NOT_RECORDED): 3}
+    assert found.counts == {(decisions.KIND, ReplayVerdict.NOT_RECORDED): 3}
 
     def worse(number: int, message: Any) -> Any:
         if number == first:
@@ -336,7 +336,7 @@ def test_a_shadow_that_depends_on_runs_before_the_journal_is_not_called_differen
 def test_a_missing_value_stays_missing(tmp_path: Path) -> None:
     made = Town(tmp_path / "trees")
     made.round(scene("s", age=4.0))
-    made.teach("anna", Kind.DIRECT, (NAN, 3.0, NAN))
+    made.teach("anna", FeedbackKind.DIRECT, (NAN, 3.0, NAN))
     assert again(made.keep(tmp_path / "a.mcap")).told == []
 
 

@@ -7,13 +7,13 @@ from dataclasses import replace
 
 import pytest
 
-from bt_agents.host.agent_registry import Roster
+from bt_agents.host.agent_registry import AgentRegistry
 from bt_agents_core.errors import Refused
 from bt_agents_core.profile_layers import MOST_LAYERS
 from stage import SPACE, agent, scene
 
 
-def declined(roster: Roster, **values: float) -> dict[str, str]:
+def declined(roster: AgentRegistry, **values: float) -> dict[str, str]:
     names = list(roster.members)
     roster.enrol(names, range(1, len(names) + 1), [""] * len(names))
     answer = roster.answer(scene(**values))
@@ -23,9 +23,9 @@ def declined(roster: Roster, **values: float) -> dict[str, str]:
 
 def test_an_agent_bids_when_what_it_requires_is_true():
     spec = agent("say: x", "requires: scene.age >= 3")
-    assert declined(Roster(SPACE, [spec]), age=3) == {}
-    assert declined(Roster(SPACE, [spec]), age=2) == {"a": "needs scene.age >= 3"}
-    assert declined(Roster(SPACE, [spec])) == {
+    assert declined(AgentRegistry(SPACE, [spec]), age=3) == {}
+    assert declined(AgentRegistry(SPACE, [spec]), age=2) == {"a": "needs scene.age >= 3"}
+    assert declined(AgentRegistry(SPACE, [spec])) == {
         "a": "needs scene.age >= 3, but scene.age is missing"
     }
 
@@ -33,11 +33,11 @@ def test_an_agent_bids_when_what_it_requires_is_true():
 def test_an_agent_that_uses_a_skill_which_nobody_offers_does_not_bid_and_says_why():
     reason = "skill 'dance': no robot is bound to it"
     spec = replace(agent("say: x"), unoffered=(reason,))
-    assert declined(Roster(SPACE, [spec]), age=3) == {"a": reason}
+    assert declined(AgentRegistry(SPACE, [spec]), age=3) == {"a": reason}
 
 
 def test_agents_come_and_go_and_one_that_leaves_bids_no_more_and_says_why():
-    roster = Roster(SPACE, [agent("say: x")])
+    roster = AgentRegistry(SPACE, [agent("say: x")])
     second = roster.add(replace(agent("say: x"), name="b"))
     assert declined(roster, age=3) == {}
     second.leaving = "its file is gone"
@@ -49,14 +49,14 @@ def test_agents_come_and_go_and_one_that_leaves_bids_no_more_and_says_why():
 
 
 def test_when_nobody_here_can_run_all_decline_with_that_reason():
-    roster = Roster(SPACE, [agent("say: x", "requires: scene.age >= 3")])
+    roster = AgentRegistry(SPACE, [agent("say: x", "requires: scene.age >= 3")])
     roster.enrol(["a"], [1], [""])
     answer = roster.answer(scene(age=2), obstacle="nothing publishes /clock")
     assert (answer.bids, answer.declined) == ((), {"a": "nothing publishes /clock"})
 
 
-def layered(kinds: str, **layers: float) -> Roster:
-    roster = Roster(SPACE, [agent("say: x", f"learning: {{layers: {kinds}}}")])
+def layered(kinds: str, **layers: float) -> AgentRegistry:
+    roster = AgentRegistry(SPACE, [agent("say: x", f"learning: {{layers: {kinds}}}")])
     for layer, age in layers.items():
         kind, _, name = layer.partition("_")
         roster.set_layer("a", f"{kind}/{name}", [age, 3.0, 3.0], 1)
@@ -119,7 +119,7 @@ def test_a_layer_is_forgotten_by_name_and_all_of_a_host_at_once():
 def test_the_weights_of_agents_go_with_the_bids_where_any_agent_has_its_own():
     plain = agent("say: x")
     heavy = replace(agent("say: x", "weights: {age: 2}"), name="b")
-    roster = Roster(SPACE, [plain, heavy])
+    roster = AgentRegistry(SPACE, [plain, heavy])
     roster.enrol(["a", "b"], [1, 2], ["", ""])
     of_scene = [parameter.weight for parameter in SPACE.parameters]
     assert list(roster.answer(scene(age=3), ["b"]).bidders.weights) == []
@@ -127,7 +127,7 @@ def test_the_weights_of_agents_go_with_the_bids_where_any_agent_has_its_own():
 
 
 def test_every_change_of_an_agent_counts_in_the_next_answer():
-    roster = Roster(SPACE, [agent("say: x", "learning: {layers: [person]}")])
+    roster = AgentRegistry(SPACE, [agent("say: x", "learning: {layers: [person]}")])
     anna = replace(scene(age=3), person_id="anna")
 
     def bid() -> list[object]:
@@ -161,7 +161,7 @@ def test_every_change_of_an_agent_counts_in_the_next_answer():
 def test_agents_that_require_the_same_or_something_else_answer_each_for_itself():
     old = agent("say: x", "requires: scene.age >= 3")
     keen = replace(agent("say: x", "requires: scene.mood > 2"), name="c")
-    roster = Roster(SPACE, [old, replace(old, name="b"), keen])
+    roster = AgentRegistry(SPACE, [old, replace(old, name="b"), keen])
     reason = "needs scene.age >= 3"
     assert declined(roster, age=2, mood=3) == {"a": reason, "b": reason}
     assert declined(roster, age=3, mood=1) == {"c": "needs scene.mood > 2"}

@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 
 from bt_agents_core.errors import Refused
-from bt_agents_core.feedback import Kind
+from bt_agents_core.feedback import FeedbackKind
 from bt_agents_core.scene import Origin, Scene, SceneParameter, SceneSpace, SceneValue
 from feedback_node.rules import LEAST_AGAIN_S, Fired, Rule, Watch, read_rule
 
@@ -55,7 +55,7 @@ def scene(
 
 
 def rule(when: str, hold_s: float = 1.0, *, cancel: bool = False, **more: Any) -> Rule:
-    return read_rule(when, hold_s, Kind.NEGATIVE, cancel, SPACE, **more)
+    return read_rule(when, hold_s, FeedbackKind.NEGATIVE, cancel, SPACE, **more)
 
 
 class Story:
@@ -376,4 +376,4 @@ def test_more_of_a_rule_that_cannot_be_meant_is_refused(more):
 def test_a_space_without_a_mood_knows_no_mood_change():
     space = SceneSpace(parameters=SPACE.parameters, mood=None)
     with pytest.raises(Refused, match="BAD_RULE"):
-        read_rule(WORSE, 1.0, Kind.NEGATIVE, False, space)
+        read_rule(WORSE, 1.0, FeedbackKind.NEGATIVE, False, space)

@@ -13,7 +13,7 @@ from click.testing import CliRunner
 from jsonschema import Draft7Validator
 from py_trees.behaviour import Behaviour
 
-from bt_agents_language.model.node_type import Content, NodeField, NodeKind
+from bt_agents_language.model.node_type import Content, NodeField, NodeType
 from bt_agents_language.model.specs import FieldType
 from bt_agents_language.nodes import BESIDE, KINDS, MODIFIERS
 from bt_agents_language.tools.schema.folder import (
@@ -198,18 +198,18 @@ def test_a_node_of_a_plugin_is_a_node_with_typed_fields():
         NodeField(name="mode", content=Content.CONSTANT, required=False, words=("slow", "fast")),
         NodeField(name="data", required=False),
     )
-    blink = NodeKind(
+    blink = NodeType(
         key="blink", main="seconds", fields=fields, description="Blinks.", behaviour=Behaviour
     )
-    talk = NodeKind(
+    talk = NodeType(
         key="talk",
         main="what",
         fields=(NodeField(name="what"),),
         description="Talks.",
         behaviour=Behaviour,
     )
-    nod = NodeKind(key="nod", behaviour=Behaviour)
-    turn = NodeKind(
+    nod = NodeType(key="nod", behaviour=Behaviour)
+    turn = NodeType(
         key="turn",
         main="mode",
         fields=(NodeField(name="mode", content=Content.CONSTANT, required=False, words=("a",)),),

@@ -3,23 +3,31 @@
 
 from __future__ import annotations
 
-from bt_agents_language.model.specs import Change, Script, Visit
-from scene_layer.script import AGAIN_WITHIN_S, TAKEN_WITHIN_S, Market, Performance, answer
+from bt_agents_language.model.specs import SceneChange, Script, Visit
+from scene_layer.script import (
+    AGAIN_WITHIN_S,
+    TAKEN_WITHIN_S,
+    MarketView,
+    ScriptPerformance,
+    answer,
+)
 
 
 def visit(label: str, **more: object) -> Visit:
     return Visit(label=label, person=True, values={"mood": 3.0}, **more)
 
 
-def market(finished: str = "", *, idle: bool = True, agents: int = 1, epoch: str = "e") -> Market:
-    return Market(epoch=epoch, idle=idle, agents=agents, finished_scene_id=finished)
+def market(
+    finished: str = "", *, idle: bool = True, agents: int = 1, epoch: str = "e"
+) -> MarketView:
+    return MarketView(epoch=epoch, idle=idle, agents=agents, finished_scene_id=finished)
 
 
-def play(*visits: Visit, **more: object) -> Performance:
-    return Performance(Script(title="", visits=visits), **more)
+def play(*visits: Visit, **more: object) -> ScriptPerformance:
+    return ScriptPerformance(Script(title="", visits=visits), **more)
 
 
-def begin(performance: Performance, scene_id: str, now: float = 0.0) -> Visit | None:
+def begin(performance: ScriptPerformance, scene_id: str, now: float = 0.0) -> Visit | None:
     found = performance.next(now)
     if found is not None:
         performance.announced(scene_id)
@@ -66,7 +74,7 @@ def test_a_visit_is_over_though_the_market_has_turned_to_another_scene_already()
 
 
 def test_a_visit_that_a_restarted_market_takes_up_again_is_not_sent_again():
-    a = visit("a", changes=(Change(after_s=1.0, values={"mood": 2.0}),))
+    a = visit("a", changes=(SceneChange(after_s=1.0, values={"mood": 2.0}),))
     performance = play(a)
     performance.market(market(), 0.0)
     begin(performance, "s1")
@@ -116,8 +124,8 @@ def test_a_busy_market_may_take_as_long_as_it_likes():
 
 
 def test_changes_come_once_at_their_time_after_the_run_started():
-    late = Change(after_s=3.0, values={"mood": 1.0})
-    early = Change(after_s=1.0, values={"mood": 2.0})
+    late = SceneChange(after_s=3.0, values={"mood": 1.0})
+    early = SceneChange(after_s=1.0, values={"mood": 2.0})
     performance = play(visit("a", changes=(late, early)))
     performance.market(market(), 0.0)
     begin(performance, "s1")
@@ -133,7 +141,7 @@ def test_changes_come_once_at_their_time_after_the_run_started():
 
 
 def test_a_faster_pace_brings_changes_sooner():
-    change = Change(after_s=10.0, values={"mood": 2.0})
+    change = SceneChange(after_s=10.0, values={"mood": 2.0})
     performance = play(visit("a", changes=(change,)), pace=5.0)
     performance.market(market(), 0.0)
     begin(performance, "s1")
@@ -143,7 +151,7 @@ def test_a_faster_pace_brings_changes_sooner():
 
 
 def test_what_was_to_change_in_a_visit_that_is_over_does_not():
-    change = Change(after_s=1.0, values={"mood": 2.0})
+    change = SceneChange(after_s=1.0, values={"mood": 2.0})
     performance = play(visit("a", changes=(change,)), visit("b"))
     performance.market(market(), 0.0)
     begin(performance, "s1")

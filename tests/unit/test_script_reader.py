@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from bt_agents_language.files.script_reader import read_script
-from bt_agents_language.model.specs import Change, Visit
+from bt_agents_language.model.specs import SceneChange, Visit
 from bt_agents_language.yaml.source import Source
 from stage import SPACE, TREES
 
@@ -36,8 +36,8 @@ visits:
             person=True,
             values={"mood": 3.0, "age": 4.0},
             changes=(
-                Change(after_s=0.5, values={"mood": 1.5}),
-                Change(after_s=3.0, values={}, person=False),
+                SceneChange(after_s=0.5, values={"mood": 1.5}),
+                SceneChange(after_s=3.0, values={}, person=False),
             ),
             answers={"where to": "Gate 12", "shall we": "yes"},
             buttons={"buttons/confirm": "green button"},

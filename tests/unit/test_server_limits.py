@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from bt_agents.engine.scripted_environment import Answer
+from bt_agents.engine.scripted_environment import ScriptedReply
 from bt_agents_core.errors import ReadError
 from bt_agents_groot.exporting import export_agent
 from bt_agents_groot.importing import import_agent
@@ -123,7 +123,7 @@ parallel:
 
 def test_the_shipped_drive_tells_how_far_it_still_is() -> None:
     told_on_the_way = ((1.0, {"remaining_m": 40.0}), (2.0, {"remaining_m": 12.0}))
-    stage = Stage(DRIVE, answers={"drive": [Answer(after_s=9.0, feedback=told_on_the_way)]})
+    stage = Stage(DRIVE, answers={"drive": [ScriptedReply(after_s=9.0, feedback=told_on_the_way)]})
     stage.tick()
     stage.after(1.0)
     assert stage.said == []

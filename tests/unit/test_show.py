@@ -12,7 +12,7 @@ import pytest
 from bt_agents_core.errors import BtAgentsError, ReadError
 from bt_agents_language.files.folder_reader import read_trees
 from bt_agents_language.model.specs import AgentSpec
-from bt_agents_language.model.walking import every_node
+from bt_agents_language.model.walking import iter_nodes
 from bt_agents_language.tools.drawing.boxes import BoxKind, box_of
 from bt_agents_language.tools.drawing.layout import Placed, place
 from bt_agents_language.tools.drawing.mermaid import mermaid
@@ -226,7 +226,7 @@ flowchart TD
 def test_mermaid_joins_every_node_to_its_parent():
     lines = mermaid(example()).splitlines()
     nodes = sum(
-        1 for root in (example().tree, example().on_cancel) for _ in every_node(box_of(root))
+        1 for root in (example().tree, example().on_cancel) for _ in iter_nodes(box_of(root))
     )
     assert sum(":::" in line for line in lines) == nodes
     assert sum("-->" in line for line in lines) == nodes
@@ -238,7 +238,7 @@ def test_the_picture_is_xml_and_holds_every_node_with_its_path():
     root = ET.fromstring(svg(nasty, SPACE))
     paths = [group.get("data-path") for group in root.iter("{http://www.w3.org/2000/svg}g")]
     wanted = [
-        box.path for tree in (nasty.tree, nasty.on_cancel) for box in every_node(box_of(tree))
+        box.path for tree in (nasty.tree, nasty.on_cancel) for box in iter_nodes(box_of(tree))
     ]
     assert [path for path in paths if path] == wanted
     title = root.find("{http://www.w3.org/2000/svg}title")
@@ -247,7 +247,7 @@ def test_the_picture_is_xml_and_holds_every_node_with_its_path():
 
 
 def boxes_of(placed: Placed) -> list[tuple[float, float, float, float]]:
-    return [(p.x, p.y, p.x + p.width, p.y + p.height) for p in every_node(placed)]
+    return [(p.x, p.y, p.x + p.width, p.y + p.height) for p in iter_nodes(placed)]
 
 
 @pytest.mark.parametrize("spec", read_trees(TREES).agents, ids=lambda spec: spec.name)
@@ -261,7 +261,7 @@ def test_no_two_boxes_of_a_picture_touch(spec):
 
 
 def test_every_kind_of_box_is_told_apart():
-    kinds = {box.kind for box in every_node(box_of(example().tree))}
+    kinds = {box.kind for box in iter_nodes(box_of(example().tree))}
     assert kinds == set(BoxKind)
 
 

@@ -12,7 +12,7 @@ from bt_agents_core.feedback import LearningRule, Update
 from bt_agents_core.scene import SceneParameter, SceneSpace
 from bt_agents_lab.experiments.measures import measure, wilson
 from bt_agents_lab.experiments.random_streams import draw
-from bt_agents_lab.experiments.simulated_world import NOT_SIMULATED, Arm, Person, World
+from bt_agents_lab.experiments.simulated_world import NOT_SIMULATED, Arm, Person, SimulatedWorld
 from bt_agents_lab.experiments.simulation import simulate
 from marketplace_node.round import ranking
 from marketplace_node.strategies import STRATEGIES
@@ -26,10 +26,10 @@ def space(*names: str, default: float) -> SceneSpace:
     return SceneSpace(parameters=tuple(parameters), mood="mood" if "mood" in names else None)
 
 
-def told(*agents: str) -> World:
+def told(*agents: str) -> SimulatedWorld:
     """The paper's Experiment 3; agents in the order of what they are made for."""
     order = sorted(range(3), key=lambda place: agents[place])
-    return World(
+    return SimulatedWorld(
         space=space("age", "profession", "emotion", default=2.5),
         agents=tuple(sorted(agents)),
         starts=np.full((3, 3), 2.5),
@@ -40,7 +40,7 @@ def told(*agents: str) -> World:
 
 
 PAPER = told("agent_1", "agent_3", "agent_5")
-PERSONS = World(
+PERSONS = SimulatedWorld(
     space=space("age", "familiarity", "mood", default=3.0),
     agents=("calm", "guide", "play", "swift"),
     starts=np.full((4, 3), 3.0),

@@ -11,7 +11,7 @@ from bt_agents_core.errors import ReadError
 from bt_agents_language.files.agent_reader import read_agent_text
 from bt_agents_language.files.skills_reader import read_skills
 from bt_agents_language.model.specs import SkillSpec
-from bt_agents_language.model.symbols import Vocabulary
+from bt_agents_language.model.symbols import SymbolTable
 from fake_interfaces import FakeInterfaces
 from stage import SPACE, TREES
 
@@ -65,7 +65,7 @@ def test_a_skill_that_nobody_offers_says_why_and_keeps_its_agents_from_bidding(t
     spec = read_agent_text(
         "format: 1\nagent: a\nprofile: {age: 3, familiarity: 3, mood: 3}\ntree: {ask: Well?}\n",
         "a.yaml",
-        Vocabulary(SPACE, {"ask": skill}),
+        SymbolTable(SPACE, {"ask": skill}),
     )
     assert spec.unoffered == (f"skill 'ask': {skill.unoffered}",)
 

@@ -11,7 +11,7 @@ from typing import Any
 
 from rich.console import Console
 
-from bt_agents_tools.cli.event_printer import Story
+from bt_agents_tools.cli.event_printer import EventPrinter
 from stage import SPACE
 
 KINDS = {"DIRECT": 0, "POSITIVE": 1, "NEGATIVE": 2, "SET": 3}
@@ -19,7 +19,7 @@ KINDS = {"DIRECT": 0, "POSITIVE": 1, "NEGATIVE": 2, "SET": 3}
 
 def told(*events: tuple[str, Any]) -> list[str]:
     output = io.StringIO()
-    story = Story(Console(file=output, width=100, color_system=None), SPACE)
+    story = EventPrinter(Console(file=output, width=100, color_system=None), SPACE)
     for name, argument in events:
         getattr(story, name)(argument)
     return [line.rstrip() for line in output.getvalue().splitlines() if line.strip()]
@@ -285,7 +285,7 @@ def test_a_long_line_is_wrapped_at_words_behind_its_column_on_a_terminal() -> No
     output = io.StringIO()
     terminal = Console(file=output, width=40, color_system=None, force_terminal=True)
     ended = run_event(3, outcome=1, duration_s=1.5, ticks=30, message="all is said", orphans=[])
-    Story(terminal, SPACE).run(ended)
+    EventPrinter(terminal, SPACE).run(ended)
     assert output.getvalue().splitlines() == [
         "      run  a succeeded after 1.5 s, 30",
         "           ticks: all is said",
@@ -298,7 +298,7 @@ def test_what_a_person_wrote_is_never_taken_for_markup() -> None:
 
 def test_the_summary_shows_every_profile_whole_on_a_narrow_terminal() -> None:
     output = io.StringIO()
-    story = Story(Console(file=output, width=80, color_system=None), SPACE)
+    story = EventPrinter(Console(file=output, width=80, color_system=None), SPACE)
     story.profiles({"professional_express": [3.0, 5.0, 3.0], "attentive_guide": [4.0, 1.5, 3.0]})
     story.feedback(
         Message(

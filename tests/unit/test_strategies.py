@@ -13,7 +13,7 @@ import yaml
 
 from fields import field, scored
 from marketplace_node.settings import Settings
-from marketplace_node.strategies import STRATEGIES, Chances, chance, order
+from marketplace_node.strategies import STRATEGIES, BatchRandomSource, order, round_rng
 from marketplace_node.strategies.distances import folded_mean
 from marketplace_node.strategies.error_function import erf
 
@@ -80,7 +80,7 @@ def test_the_folded_mean_agrees_with_its_integral(gap: float, std: float) -> Non
 
 
 def test_the_folded_mean_agrees_with_a_hundred_thousand_draws() -> None:
-    draws = np.abs(0.7 + 0.5 * chance("folded").standard_normal(100_000))
+    draws = np.abs(0.7 + 0.5 * round_rng("folded").standard_normal(100_000))
 
     found = folded_mean(np.array([0.7]), np.array([0.5]))[0]
     assert found == pytest.approx(draws.mean(), abs=5 * draws.std() / math.sqrt(100_000))
@@ -89,7 +89,9 @@ def test_the_folded_mean_agrees_with_a_hundred_thousand_draws() -> None:
 def winners(strategy: str, rounds: int, bids: Any, **options: float) -> Any:
     """Return how often each bid comes first, each round with chance of its own."""
     many = field(np.tile((3.0, 3.0, 3.0), (rounds, 1)), bids)
-    places = order(scored(strategy, many, chance("many"), **options).score, 0, "abc"[: len(bids)])
+    places = order(
+        scored(strategy, many, round_rng("many"), **options).score, 0, "abc"[: len(bids)]
+    )
     return np.bincount(places[:, 0], minlength=len(bids))
 
 
@@ -130,7 +132,7 @@ def test_the_bonus_of_ucb_falls_with_the_runs_of_an_agent_and_grows_with_those_o
 def test_thompson_comes_to_manhattan_as_an_agent_runs_again_and_again() -> None:
     def spread(runs: int) -> float:
         many = field(np.tile((3.0, 3.0, 3.0), (2_000, 1)), [GUIDE], runs=[runs])
-        scores = scored("thompson", many, chance("thompson"), sigma=0.1)
+        scores = scored("thompson", many, round_rng("thompson"), sigma=0.1)
         return float(np.abs(scores.score - scores.distance).mean())
 
     assert spread(0) > 1.9 * spread(3) > 1.9**2 * spread(15)
@@ -162,13 +164,13 @@ def test_many_rounds_are_put_in_order_at_once() -> None:
 
 def test_many_rounds_draw_what_each_draws_alone() -> None:
     seeds = [f"e/{number}" for number in range(5)]
-    together = Chances([chance(seed) for seed in seeds]).random((5, 3))
+    together = BatchRandomSource([round_rng(seed) for seed in seeds]).random((5, 3))
 
-    assert together.tolist() == [chance(seed).random((3,)).tolist() for seed in seeds]
+    assert together.tolist() == [round_rng(seed).random((3,)).tolist() for seed in seeds]
 
 
 def test_the_chance_of_a_seed_is_the_same_on_every_machine() -> None:
-    assert chance("epoch/4").random() == 0.2232831641075249
+    assert round_rng("epoch/4").random() == 0.2232831641075249
 
 
 def test_every_strategy_says_what_it_does_and_what_can_be_set() -> None:

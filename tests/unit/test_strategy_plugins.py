@@ -22,7 +22,14 @@ from marketplace_node.explanation.explanation import explanation
 from marketplace_node.round import auction, ranking
 from marketplace_node.round.decision import Ranked
 from marketplace_node.round.ranking import decide
-from marketplace_node.strategies import STRATEGIES, Lines, Option, Scores, StrategySpec, manhattan
+from marketplace_node.strategies import (
+    STRATEGIES,
+    LinearScores,
+    Option,
+    Scores,
+    StrategySpec,
+    manhattan,
+)
 from marketplace_node.strategies.distances import manhattan_lines
 from marketplace_node.strategies.plugins import GROUP, read_plugins
 from ranked_rounds import bids, decided, terms
@@ -215,15 +222,15 @@ def test_a_shadow_that_fails_is_told_of_in_the_explanation(
     )
 
 
-def raising_lines(field: Any, options: Mapping[str, float], random: Any) -> Lines:
+def raising_lines(field: Any, options: Mapping[str, float], random: Any) -> LinearScores:
     raise ValueError("no lines")
 
 
-def mis_shaped(field: Any, options: Mapping[str, float], random: Any) -> Lines:
-    return Lines(profiles=np.zeros((1, 1)), weights=np.ones(1), offsets=np.zeros(1))
+def mis_shaped(field: Any, options: Mapping[str, float], random: Any) -> LinearScores:
+    return LinearScores(profiles=np.zeros((1, 1)), weights=np.ones(1), offsets=np.zeros(1))
 
 
-def nowhere(field: Any, options: Mapping[str, float], random: Any) -> Lines:
+def nowhere(field: Any, options: Mapping[str, float], random: Any) -> LinearScores:
     return replace(manhattan_lines(field, options, random), offsets=np.array([np.nan, 0.0]))
 
 

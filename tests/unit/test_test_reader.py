@@ -8,15 +8,15 @@ from pathlib import Path
 import pytest
 
 from bt_agents_core.errors import ReadError
-from bt_agents_core.feedback import Kind
+from bt_agents_core.feedback import FeedbackKind
 from bt_agents_language.files.folder_reader import read_trees
 from bt_agents_language.files.testing.path_patterns import matches
 from bt_agents_language.files.testing.scenarios import (
     Because,
-    Bids,
     CancelledBy,
     Does,
     Ends,
+    ExpectedBids,
     GoalEnd,
     Says,
     ScriptedAnswer,
@@ -118,7 +118,7 @@ def test_a_case_says_what_is_expected_with_the_place_of_each_word() -> None:
     bids, says, does, first, second, third, ends, because, within, teaches, cancelled = (
         case.expectations
     )
-    assert isinstance(bids, Bids)
+    assert isinstance(bids, ExpectedBids)
     assert isinstance(says, Says)
     assert (says.texts, says.exact) == (("Hello.",), False)
     assert isinstance(does, Does)
@@ -137,7 +137,7 @@ def test_a_case_says_what_is_expected_with_the_place_of_each_word() -> None:
     assert isinstance(within, Within)
     assert within.seconds == 30.0
     assert isinstance(teaches, Teaches)
-    assert teaches.kinds == (Kind.NEGATIVE,)
+    assert teaches.kinds == (FeedbackKind.NEGATIVE,)
     assert isinstance(cancelled, CancelledBy)
 
 

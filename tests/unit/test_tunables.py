@@ -11,7 +11,7 @@ from bt_agents_core.errors import ReadError
 from bt_agents_language.files.tunable_reader import read_tunable
 from bt_agents_language.model.specs import FieldType, Tunable
 from bt_agents_language.yaml.source import Source
-from bt_agents_language.yaml.typed_reader import FileReading
+from bt_agents_language.yaml.typed_reader import TypedReader
 from bt_agents_language.yaml.yaml_reader import Mapping
 
 
@@ -21,7 +21,7 @@ def tunable(text: str) -> Tunable | None:
     Raises:
         ReadError: It is wrong.
     """
-    reading = FileReading(Source("a.yaml", f"t: {{{text}}}\n"))
+    reading = TypedReader(Source("a.yaml", f"t: {{{text}}}\n"))
     assert isinstance(reading.root, Mapping)
     read = read_tunable(reading, reading.root.entries[0], "t")
     reading.problems.raise_if_any()

@@ -7,16 +7,16 @@ from dataclasses import dataclass, replace
 
 import pytest
 
-from bt_agents.host.tuning.tunable import TICK_RATE, Knob, KnobKind, Setting
+from bt_agents.host.tuning.tunable import TICK_RATE, Setting, TunableKind, TunableParameter
 from bt_agents_language.model.specs import FieldType
 from bt_agents_tools.cli.tune_table import table
 
 WORDS = "how long to wait for an answer, in the eyes of the person before the robot"
-PATIENCE = Knob(
+PATIENCE = TunableParameter(
     name="ann.patience",
     agent="ann",
     key="patience",
-    kind=KnobKind.TUNABLE,
+    kind=TunableKind.TUNABLE,
     type=FieldType.DURATION,
     default=8.0,
     minimum=2.0,
@@ -36,7 +36,7 @@ PLACE = replace(
 
 @dataclass(frozen=True)
 class Stand:
-    knob: Knob
+    knob: TunableParameter
     value: Setting
 
 

@@ -9,11 +9,11 @@ from pathlib import Path
 import pytest
 
 from bt_agents.host.tuning.change_log import Journal
-from bt_agents.host.tuning.history import Action, Cause
-from bt_agents.host.tuning.parameter_store import FILE, Board, words_of
+from bt_agents.host.tuning.history import TuningAction, TuningCause
+from bt_agents.host.tuning.parameter_store import FILE, ParameterStore, words_of
 from bt_agents.host.tuning.pending_profiles import ProfileOrders
 from bt_agents.host.tuning.presets import Presets
-from bt_agents.host.tuning.tunable import TICK_RATE, Knob, knobs_of
+from bt_agents.host.tuning.tunable import TICK_RATE, TunableParameter, tunables_of
 from bt_agents_core.errors import Refused
 from bt_agents_language.model.specs import FieldType
 from disk import Disk
@@ -24,18 +24,20 @@ tunables:
   patience: {default: 8 s, min: 2 s, max: 30 s, description: how long}
   attempts: {default: 2, min: 1, max: 5}
 """
-KNOBS = (TICK_RATE, *knobs_of(agent("wait: 0 s", HEAD), SPACE))
-ANNA = Cause(author="anna", reason="slow today")
+KNOBS = (TICK_RATE, *tunables_of(agent("wait: 0 s", HEAD), SPACE))
+ANNA = TuningCause(author="anna", reason="slow today")
 
 
 class Host:
     """A board with the knobs of one agent, as a start of the host makes it."""
 
-    def __init__(self, file: Path | None = None, knobs: tuple[Knob, ...] = KNOBS) -> None:
+    def __init__(
+        self, file: Path | None = None, knobs: tuple[TunableParameter, ...] = KNOBS
+    ) -> None:
         self.told: list[str] = []
         disk = Disk()
         journal = Journal(file, disk, self.told.append) if file is not None else None
-        self.board = Board(journal, Presets(None), disk, lambda: 1.0, self.told.append)
+        self.board = ParameterStore(journal, Presets(None), disk, lambda: 1.0, self.told.append)
         self.starts = {knob.name: self.board.start(knob) for knob in knobs}
         for knob in knobs:
             self.board.add(knob, self.starts[knob.name].value)
@@ -43,7 +45,9 @@ class Host:
 
     def undo(self, *agents: str) -> None:
         found, values = self.board.undo(agents)
-        self.board.record(values, Cause(author="anna", action=Action.UNDO, of=found.number))
+        self.board.record(
+            values, TuningCause(author="anna", action=TuningAction.UNDO, of=found.number)
+        )
 
 
 def test_values_set_together_share_a_revision_with_author_and_reason():
@@ -95,7 +99,7 @@ def test_a_profile_is_not_brought_back_because_the_ledger_has_it(tmp_path):
     assert again.board.undo(())[1] == {"a.profile.age": 3.0}
 
 
-def _changed(**changes: object) -> tuple[Knob, ...]:
+def _changed(**changes: object) -> tuple[TunableParameter, ...]:
     return tuple(
         replace(knob, **changes) if knob.name == "a.patience" else knob  # type: ignore[arg-type]
         for knob in KNOBS
@@ -223,7 +227,7 @@ def test_a_file_change_comes_into_force_even_when_it_cannot_be_kept(tmp_path, mo
         host.board.record({"a.patience": 12.0}, ANNA)
     assert host.board.values["a.patience"] == 8.0
     assert host.board.history.revision == 0
-    host.board.record({"a.patience": 12.0}, Cause(author=FILE), kept_or_refused=False)
+    host.board.record({"a.patience": 12.0}, TuningCause(author=FILE), kept_or_refused=False)
     assert host.board.values["a.patience"] == 12.0
     assert host.told == ["the disk is full"]
 

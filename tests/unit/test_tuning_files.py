@@ -14,20 +14,26 @@ import pytest
 from bt_agents.host.tuning import change_log as journal_module
 from bt_agents.host.tuning.change_log import Journal
 from bt_agents.host.tuning.change_log_lines import revision_line
-from bt_agents.host.tuning.history import MOST_UNDONE, Action, Cause, Change, Revision
-from bt_agents.host.tuning.overrides import Kept
+from bt_agents.host.tuning.history import (
+    MOST_UNDONE,
+    TuningAction,
+    TuningCause,
+    TuningChange,
+    TuningRevision,
+)
+from bt_agents.host.tuning.overrides import Override
 from bt_agents.host.tuning.presets import Presets, presets_text, read_presets
 from bt_agents_core.errors import BtAgentsError, Refused
 from disk import Disk
 
 
-def revision(number: int, before: float, after: float, *, of: int = 0) -> Revision:
-    action = Action.UNDO if of else Action.SET
-    return Revision(
+def revision(number: int, before: float, after: float, *, of: int = 0) -> TuningRevision:
+    action = TuningAction.UNDO if of else TuningAction.SET
+    return TuningRevision(
         number=number,
         stamp=float(number),
-        cause=Cause(author="anna", reason="too «fast»", action=action, of=of),
-        changes=(Change(name="a.x", before=before, after=after),),
+        cause=TuningCause(author="anna", reason="too «fast»", action=action, of=of),
+        changes=(TuningChange(name="a.x", before=before, after=after),),
     )
 
 
@@ -55,7 +61,7 @@ def test_what_was_written_is_there_after_a_restart(path):
     journal.close()
     again = reopened(path)
     assert again.problems == []
-    assert again.remembered.kept == {"a.x": Kept(value=10.0, default=8.0)}
+    assert again.remembered.kept == {"a.x": Override(value=10.0, default=8.0)}
     assert again.remembered.history.undoable == (revision(3, 8.0, 10.0),)
     assert again.remembered.history.revision == 3
     assert [one.number for one, _ in again.remembered.history.shown] == [1, 2, 3]

@@ -8,11 +8,11 @@ import pytest
 from bt_agents.host.tuning.history import (
     MOST_SHOWN,
     MOST_UNDONE,
-    Action,
-    Cause,
-    Change,
-    History,
-    Revision,
+    TuningAction,
+    TuningCause,
+    TuningChange,
+    TuningHistory,
+    TuningRevision,
 )
 from bt_agents.host.tuning.tunable import Setting
 from bt_agents_core.errors import Refused
@@ -25,32 +25,32 @@ class Desk:
         self.values: dict[str, Setting] = {
             name.replace("_", ".", 1): v for name, v in values.items()
         }
-        self.history = History()
+        self.history = TuningHistory()
         self.impossible: set[str] = set()
 
     def set(self, **values: Setting) -> None:
-        self._record(_named(values), Cause(author="test"))
+        self._record(_named(values), TuningCause(author="test"))
 
     def undo(self, *agents: str) -> int:
         found, values = self.history.undo(agents, self._possible)
-        self._record(values, Cause(author="test", action=Action.UNDO, of=found.number))
+        self._record(values, TuningCause(author="test", action=TuningAction.UNDO, of=found.number))
         return found.number
 
     def redo(self, *agents: str) -> int:
         found, values = self.history.redo(agents, self._possible)
-        self._record(values, Cause(author="test", action=Action.REDO, of=found.number))
+        self._record(values, TuningCause(author="test", action=TuningAction.REDO, of=found.number))
         return found.number
 
     def _possible(self, name: str, _value: Setting) -> bool:
         return name not in self.impossible
 
-    def _record(self, values: dict[str, Setting], cause: Cause) -> None:
+    def _record(self, values: dict[str, Setting], cause: TuningCause) -> None:
         changes = tuple(
-            Change(name=name, before=self.values[name], after=value)
+            TuningChange(name=name, before=self.values[name], after=value)
             for name, value in values.items()
         )
         number = self.history.revision + 1
-        self.history.add(Revision(number=number, stamp=0.0, cause=cause, changes=changes))
+        self.history.add(TuningRevision(number=number, stamp=0.0, cause=cause, changes=changes))
         self.values |= values
 
 
@@ -137,9 +137,11 @@ def test_what_is_not_possible_any_more_is_passed_over_and_named():
 
 
 def test_the_tick_rate_belongs_to_no_agent():
-    history = History()
-    change = Change(name="tick_rate", before=20.0, after=30.0)
-    history.add(Revision(number=1, stamp=0.0, cause=Cause(author="x"), changes=(change,)))
+    history = TuningHistory()
+    change = TuningChange(name="tick_rate", before=20.0, after=30.0)
+    history.add(
+        TuningRevision(number=1, stamp=0.0, cause=TuningCause(author="x"), changes=(change,))
+    )
     with pytest.raises(Refused, match="NOTHING_TO_UNDO"):
         history.undo(["tick_rate"], lambda _n, _v: True)
     assert history.undo([], lambda _n, _v: True)[1] == {"tick_rate": 20.0}
@@ -160,8 +162,8 @@ def test_ten_thousand_changes_leave_a_bounded_history():
 
 
 def test_an_undo_of_an_unknown_revision_is_refused_and_changes_nothing():
-    history = History()
-    cause = Cause(author="x", action=Action.UNDO, of=7)
+    history = TuningHistory()
+    cause = TuningCause(author="x", action=TuningAction.UNDO, of=7)
     with pytest.raises(Refused, match="UNKNOWN_REVISION: revision 7"):
-        history.add(Revision(number=1, stamp=0.0, cause=cause, changes=()))
+        history.add(TuningRevision(number=1, stamp=0.0, cause=cause, changes=()))
     assert history.revision == 0

@@ -7,7 +7,13 @@ import math
 
 import pytest
 
-from bt_agents.host.tuning.tunable import TICK_RATE, Knob, KnobKind, knobs_of, written
+from bt_agents.host.tuning.tunable import (
+    TICK_RATE,
+    TunableKind,
+    TunableParameter,
+    tunables_of,
+    written,
+)
 from bt_agents_core.errors import Refused
 from bt_agents_language.model.specs import FieldType
 from stage import SPACE, agent
@@ -23,11 +29,11 @@ tunables:
   distance: {default: 1.5 m}
   turn: {default: 90 deg, min: 0 deg, max: 180 deg}
 """
-KNOBS = {knob.key: knob for knob in knobs_of(agent("wait: 0 s", HEAD), SPACE)}
+KNOBS = {knob.key: knob for knob in tunables_of(agent("wait: 0 s", HEAD), SPACE)}
 
 
 def test_an_agent_has_knobs_for_tunables_learning_rate_and_profile():
-    names = [knob.name for knob in knobs_of(agent("wait: 0 s", HEAD), SPACE)]
+    names = [knob.name for knob in tunables_of(agent("wait: 0 s", HEAD), SPACE)]
     assert names[0] == "a.patience"
     assert names[-4:] == [
         "a.learning_rate",
@@ -111,8 +117,13 @@ def test_a_value_of_the_wrong_kind_is_refused(key, value, code):
 
 
 def test_a_time_without_a_range_is_a_time_all_the_same():
-    knob = Knob(
-        name="a.t", agent="a", key="t", kind=KnobKind.TUNABLE, type=FieldType.DURATION, default=1.0
+    knob = TunableParameter(
+        name="a.t",
+        agent="a",
+        key="t",
+        kind=TunableKind.TUNABLE,
+        type=FieldType.DURATION,
+        default=1.0,
     )
     assert knob.check(3600.0) == 3600.0
     for value in (-1.0, 1e12):
@@ -121,8 +132,8 @@ def test_a_time_without_a_range_is_a_time_all_the_same():
 
 
 def test_the_end_of_a_range_is_possible_off_its_steps():
-    knob = Knob(
-        name="a.n", agent="a", key="n", kind=KnobKind.TUNABLE, type=FieldType.NUMBER,
+    knob = TunableParameter(
+        name="a.n", agent="a", key="n", kind=TunableKind.TUNABLE, type=FieldType.NUMBER,
         default=0.0, minimum=-0.3, maximum=0.35, step=0.1,
     )  # fmt: skip
     for value in (0.0, 0.1, 0.35):

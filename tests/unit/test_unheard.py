@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import pytest
 
-from bt_agents.host.unreported_runs import MOST, UnheardRuns
+from bt_agents.host.unreported_runs import MOST, UnreportedRuns
 from bt_agents_interfaces.msg import Run
 
 
@@ -18,14 +18,14 @@ def rounds(runs: list[Run]) -> list[int]:
 
 
 def test_a_run_is_for_every_market_but_its_own() -> None:
-    runs = UnheardRuns()
+    runs = UnreportedRuns()
     runs.keep(ended(1))
     assert runs.of_others("e1") == []
     assert rounds(runs.of_others("e2")) == [1]
 
 
 def test_what_was_handed_over_is_forgotten_and_not_kept_again() -> None:
-    runs = UnheardRuns()
+    runs = UnreportedRuns()
     runs.keep(ended(1))
     runs.handed_over(runs.of_others("e2"))
     runs.keep(ended(1))
@@ -34,7 +34,7 @@ def test_what_was_handed_over_is_forgotten_and_not_kept_again() -> None:
 
 @pytest.mark.parametrize("event", [Run.ENDED, Run.REFUSED])
 def test_a_run_that_its_market_has_closed_is_forgotten(event: int) -> None:
-    runs = UnheardRuns()
+    runs = UnreportedRuns()
     runs.keep(ended(1))
     runs.keep(ended(2))
     runs.take_event(ended(1, event=event))
@@ -42,14 +42,14 @@ def test_a_run_that_its_market_has_closed_is_forgotten(event: int) -> None:
 
 
 def test_a_run_that_its_market_had_given_up_before_it_ended_is_not_kept() -> None:
-    runs = UnheardRuns()
+    runs = UnreportedRuns()
     runs.take_event(ended(1))
     runs.keep(ended(1))
     assert runs.of_others("e2") == []
 
 
 def test_a_run_whose_round_another_agent_had_refused_is_kept() -> None:
-    runs = UnheardRuns()
+    runs = UnreportedRuns()
     runs.take_event(ended(1, event=Run.REFUSED, agent="talker"))
     runs.keep(ended(1))
     assert rounds(runs.of_others("e2")) == [1]
@@ -57,21 +57,21 @@ def test_a_run_whose_round_another_agent_had_refused_is_kept() -> None:
 
 @pytest.mark.parametrize("event", [Run.STARTED, Run.CANCELLING])
 def test_a_run_that_goes_on_is_not_closed(event: int) -> None:
-    runs = UnheardRuns()
+    runs = UnreportedRuns()
     runs.take_event(ended(1, event=event))
     runs.keep(ended(1))
     assert rounds(runs.of_others("e2")) == [1]
 
 
 def test_the_same_round_of_another_market_is_another_run() -> None:
-    runs = UnheardRuns()
+    runs = UnreportedRuns()
     runs.keep(ended(1))
     runs.take_event(ended(1, epoch="e0"))
     assert rounds(runs.of_others("e2")) == [1]
 
 
 def test_only_the_last_ones_are_kept() -> None:
-    runs = UnheardRuns()
+    runs = UnreportedRuns()
     for number in range(MOST + 3):
         runs.keep(ended(number))
     assert rounds(runs.of_others("e2")) == list(range(3, MOST + 3))

@@ -12,11 +12,11 @@ import pytest
 from click.testing import CliRunner
 
 from bt_agents_core.errors import BtAgentsError
-from bt_agents_core.feedback import Kind, Update
+from bt_agents_core.feedback import FeedbackKind, Update
 from bt_agents_interfaces.msg import Auction, Run
 from bt_agents_lab.cli.journal import journal
 from bt_agents_lab.cli.what_if import what_if as command
-from bt_agents_lab.replay.recording_index import Story
+from bt_agents_lab.replay.recording_index import RecordingIndex
 from bt_agents_lab.replay.what_if import Changes, Outlook, what_if
 from bt_agents_language.files.folder_reader import read_trees
 from journals import NAN, Town, morning, story_of, write_folder
@@ -66,7 +66,7 @@ def test_without_a_change_it_is_as_it_was_also_where_the_journal_begins_later(
 def test_another_rate_moves_profiles_by_it(tmp_path: Path) -> None:
     town = Town(tmp_path / "trees")
     town.round(scene("s", age=4.0))
-    town.teach("bert", Kind.DIRECT, (5.0, NAN, NAN))
+    town.teach("bert", FeedbackKind.DIRECT, (5.0, NAN, NAN))
     found = outlook(town, tmp_path, Changes(rate=0.5))
     assert found.profiles["bert"] == (4.5 + 0.5 * (5.0 - 4.5), 2.1, 3.3)
 
@@ -74,7 +74,7 @@ def test_another_rate_moves_profiles_by_it(tmp_path: Path) -> None:
 def test_another_rate_changes_a_later_winner(tmp_path: Path) -> None:
     town = Town(tmp_path / "trees")
     town.round(scene("s0", age=4.0))
-    town.teach("bert", Kind.DIRECT, (1.0, 2.1, 3.3))
+    town.teach("bert", FeedbackKind.DIRECT, (1.0, 2.1, 3.3))
     assert town.round(scene("s1", age=2.6)) == "bert"
     assert winners(outlook(town, tmp_path, Changes())) == ["bert", "bert"]
     assert winners(outlook(town, tmp_path, Changes(rate=0.0))) == ["bert", "anna"]
@@ -83,7 +83,7 @@ def test_another_rate_changes_a_later_winner(tmp_path: Path) -> None:
 def test_feedback_about_a_run_of_another_agent_is_not_given(tmp_path: Path) -> None:
     town = Town(tmp_path / "trees")
     assert town.round(scene("s0", age=3.0, familiarity=1.6, mood=3.1)) == "bert"
-    town.teach("bert", Kind.DIRECT, (5.0, NAN, NAN))
+    town.teach("bert", FeedbackKind.DIRECT, (5.0, NAN, NAN))
     agents = read_trees(write_folder(tmp_path / "other", anna=(3.0, 1.6, 3.1), bert=(5, 5, 5)))
     found = outlook(town, tmp_path, Changes(agents=agents.agents))
     assert winners(found) == ["anna"]
@@ -106,7 +106,7 @@ def test_a_robust_update_withstands_one_wrong_feedback(tmp_path: Path) -> None:
     town = Town(tmp_path / "trees")
     town.round(scene("s", age=4.0))
     for age in (4.5, 4.5, 4.5, 1.0):
-        town.teach("bert", Kind.DIRECT, (age, NAN, NAN))
+        town.teach("bert", FeedbackKind.DIRECT, (age, NAN, NAN))
     assert outlook(town, tmp_path, Changes()).profiles["bert"][0] < 4.0
     assert outlook(town, tmp_path, Changes(update=Update.MEDIAN)).profiles["bert"][0] == 4.5
 
@@ -133,7 +133,7 @@ def test_what_cannot_be_is_refused_in_words(
     strategy: str, options: Mapping[str, float], words: str
 ) -> None:
     with pytest.raises(BtAgentsError, match=words):
-        what_if(Story(), Changes(strategy=strategy, options=options))
+        what_if(RecordingIndex(), Changes(strategy=strategy, options=options))
 
 
 def test_the_command_prints_each_other_winner_and_what_it_assumes(tmp_path: Path) -> None:

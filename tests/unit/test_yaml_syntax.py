@@ -11,7 +11,7 @@ from bt_agents_core.errors import ReadError
 from bt_agents_language.files.agent_reader import read_agent_text
 from bt_agents_language.yaml.diagnostics import Diagnostics
 from bt_agents_language.yaml.document import MAX_SLIPS, read_document
-from bt_agents_language.yaml.patched_source import Edit, MendedSource, without_section
+from bt_agents_language.yaml.patched_source import Edit, PatchedSource, without_section
 from bt_agents_language.yaml.source import Source
 from bt_agents_language.yaml.yaml_reader import Mapping
 from stage import VOCABULARY
@@ -203,12 +203,12 @@ def test_a_file_that_is_nothing_but_slips_ends():
 
 def test_places_in_a_mended_text_are_those_of_the_file():
     source = Source("a.yaml", "ab:c\nd: e\n")
-    mended = MendedSource(source, Edit(start=3, stop=3, text=" "))
+    mended = PatchedSource(source, Edit(start=3, stop=3, text=" "))
     assert mended.text == "ab: c\nd: e\n"
     assert [mended.position(i).column for i in range(6)] == [1, 2, 3, 4, 4, 5]
     assert str(mended.position(6)) == "a.yaml:2:1"
     assert mended.line(1) == "ab:c"
-    again = MendedSource(mended, Edit(start=6, stop=7, text=""))
+    again = PatchedSource(mended, Edit(start=6, stop=7, text=""))
     assert again.text == "ab: c\n: e\n"
     assert str(again.position(6)) == "a.yaml:2:2"
 

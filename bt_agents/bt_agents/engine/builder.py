@@ -12,35 +12,35 @@ from bt_agents.engine.choices import Case, Choose, RandomChoice, Weight
 from bt_agents.engine.concurrency import CountingParallel
 from bt_agents.engine.context import RunContext
 from bt_agents.engine.feedback_leaf import GiveFeedback
-from bt_agents.engine.fields import Fields
+from bt_agents.engine.fields import NodeFields
 from bt_agents.engine.gates import Cooldown, Once, When
 from bt_agents.engine.leaves import Check, Leaf, Log, Set
-from bt_agents.engine.light_behaviour import LeanSelector, LeanSequence
+from bt_agents.engine.light_behaviour import LightSelector, LightSequence
 from bt_agents.engine.loops import Repeat, Retry
-from bt_agents.engine.modifiers import Fail, Invert, Modifier, Succeed, Timeout, While
+from bt_agents.engine.modifiers import Fail, Invert, NodeDecorator, Succeed, Timeout, While
 from bt_agents.engine.scope import Scope
 from bt_agents.engine.skill_leaf import SkillLeaf
 from bt_agents.engine.subtree import Subtree, subtree_scope
 from bt_agents.engine.waits import Wait, wait_for
 from bt_agents.plugins.plugin_leaf import PluginLeaf
-from bt_agents_language.gc_pause import uncollected
+from bt_agents_language.gc_pause import gc_paused
 from bt_agents_language.model.specs import NodeSpec
 
 
 def _sequence(
     spec: NodeSpec, context: RunContext, scope: Scope, children: list[Behaviour]
 ) -> Composite:
-    return LeanSequence(spec.name, _memory(spec, scope), children)
+    return LightSequence(spec.name, _memory(spec, scope), children)
 
 
 def _selector(
     spec: NodeSpec, context: RunContext, scope: Scope, children: list[Behaviour]
 ) -> Composite:
-    return LeanSelector(spec.name, _memory(spec, scope), children)
+    return LightSelector(spec.name, _memory(spec, scope), children)
 
 
 def _memory(spec: NodeSpec, scope: Scope) -> bool:
-    return bool(Fields(spec=spec, names=scope).constant("memory", True))
+    return bool(NodeFields(spec=spec, names=scope).constant("memory", True))
 
 
 LeafMaker = Callable[[NodeSpec, RunContext, Scope], Leaf]
@@ -58,7 +58,7 @@ LEAVES: Mapping[str, LeafMaker] = {
 }
 """Kinds without children; skills and plug-ins come on top of these."""
 
-MODIFIERS: Mapping[str, type[Modifier]] = {
+MODIFIERS: Mapping[str, type[NodeDecorator]] = {
     "when": When,
     "once": Once,
     "cooldown": Cooldown,
@@ -89,7 +89,7 @@ SUBTREE = "subtree"
 """The kind whose child has names of its own."""
 
 
-@uncollected()
+@gc_paused()
 def build(spec: NodeSpec, context: RunContext, plugins: LeafMaker = PluginLeaf) -> Behaviour:
     """Return the tree of a spec, ready to be ticked; its nodes carry their spec as ``spec``.
 

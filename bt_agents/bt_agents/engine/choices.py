@@ -11,18 +11,18 @@ from py_trees.common import Status
 from py_trees.composites import Composite
 
 from bt_agents.engine.context import RunContext
-from bt_agents.engine.fields import Fields
+from bt_agents.engine.fields import NodeFields
 from bt_agents.engine.halting import FAILURE, RUNNING
-from bt_agents.engine.light_behaviour import Lean, adopt
-from bt_agents.engine.modifiers import Modifier
-from bt_agents.engine.node_errors import located, why
+from bt_agents.engine.light_behaviour import LightBehaviour, adopt
+from bt_agents.engine.modifiers import NodeDecorator
+from bt_agents.engine.node_errors import reason_of, with_location
 from bt_agents.engine.scope import Scope
-from bt_agents.engine.ticking import Native, Ticker
+from bt_agents.engine.ticking import CallTicked, Ticker
 from bt_agents_core.errors import Refused
 from bt_agents_language.model.specs import NodeSpec
 
 
-class Case(Modifier):
+class Case(NodeDecorator):
     """A child of a ``choose``; the one that is done otherwise has no condition."""
 
     def misfit(self) -> str:
@@ -33,11 +33,11 @@ class Case(Modifier):
             if self.fields.holds("condition"):
                 return ""
         except Exception as error:
-            return why(error)
+            return reason_of(error)
         return self.fields.not_so("condition")
 
 
-class Weight(Modifier):
+class Weight(NodeDecorator):
     """A child of a ``random``."""
 
     def weight(self) -> float:
@@ -45,7 +45,7 @@ class Weight(Modifier):
         return self.fields.number("weight")
 
 
-class Pick(Native, Composite, Lean):
+class ChooseOne(CallTicked, Composite, LightBehaviour):
     """Picks one child when it starts and ends as that one does; a pick that fails is a FAILURE."""
 
     status: Status
@@ -71,11 +71,11 @@ class Pick(Native, Composite, Lean):
         try:
             return self.pick()
         except Exception as error:
-            self.feedback_message = located(why(error), self.spec)
+            self.feedback_message = with_location(reason_of(error), self.spec)
             return None
 
 
-class Choose(Pick):
+class Choose(ChooseOne):
     """Does the first of its cases that fits when it starts; a later one is never tried instead."""
 
     def __init__(
@@ -96,7 +96,7 @@ class Choose(Pick):
         raise Refused("NO_CASE", f"no case fits; {'; '.join(misfits)}")
 
 
-class RandomChoice(Pick):
+class RandomChoice(ChooseOne):
     """Does one of its children, picked when it starts, the more often the larger its weight."""
 
     def __init__(
@@ -104,7 +104,7 @@ class RandomChoice(Pick):
     ) -> None:
         super().__init__(spec, choices)
         self._choices = tuple(choices)
-        seed = Fields(spec=spec, names=scope).constant("seed")
+        seed = NodeFields(spec=spec, names=scope).constant("seed")
         self._random = Random(seed) if isinstance(seed, int) else context.random
 
     def pick(self) -> Behaviour:

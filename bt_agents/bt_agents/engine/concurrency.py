@@ -10,11 +10,11 @@ from py_trees.common import ParallelPolicy, Status
 from py_trees.composites import Parallel
 
 from bt_agents.engine.context import RunContext
-from bt_agents.engine.fields import Fields
+from bt_agents.engine.fields import NodeFields
 from bt_agents.engine.halting import FAILURE, RUNNING, SUCCESS
-from bt_agents.engine.light_behaviour import Lean, adopt
+from bt_agents.engine.light_behaviour import LightBehaviour, adopt
 from bt_agents.engine.scope import Scope
-from bt_agents.engine.ticking import Native, Ticker
+from bt_agents.engine.ticking import CallTicked, Ticker
 from bt_agents_language.model.specs import NodeSpec, Plain
 
 _ENDED = (SUCCESS, FAILURE)
@@ -28,7 +28,7 @@ class SuccessOnCount(ParallelPolicy.Base):
         self.count = count
 
 
-class CountingParallel(Native, Parallel, Lean):
+class CountingParallel(CallTicked, Parallel, LightBehaviour):
     """Ticks each child until it ends; ends itself as soon as it is certain how.
 
     ============== ================================== ==========================================
@@ -48,7 +48,7 @@ class CountingParallel(Native, Parallel, Lean):
     def __init__(
         self, spec: NodeSpec, _context: RunContext, scope: Scope, children: Sequence[Behaviour]
     ) -> None:
-        succeed_on = Fields(spec=spec, names=scope).constant("succeed_on", "all")
+        succeed_on = NodeFields(spec=spec, names=scope).constant("succeed_on", "all")
         Parallel.__init__(self, spec.name, _policy(succeed_on, children))
         adopt(self, children)
         self.spec = spec

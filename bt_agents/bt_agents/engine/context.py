@@ -7,9 +7,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from random import Random
 
-from bt_agents.engine.environment import Clock, Goal, GoalRun, Inbox, World
+from bt_agents.engine.environment import Clock, Environment, GoalRun, Inbox, SkillGoal
 from bt_agents.engine.scope import RunScope
-from bt_agents_core.feedback import Kind
+from bt_agents_core.feedback import FeedbackKind
 
 
 @dataclass(frozen=True)
@@ -31,7 +31,7 @@ class RunContext:
             nothing comes from outside, on the trees' clock [s]; those of the last tick.
     """
 
-    def __init__(self, world: World, scope: RunScope, random: Random) -> None:
+    def __init__(self, world: Environment, scope: RunScope, random: Random) -> None:
         self.scope = scope
         self.random = random
         self.wakes: dict[str, float] = {}
@@ -54,11 +54,11 @@ class RunContext:
         self.wake(path, at)
         return False
 
-    def send(self, path: str, goal: Goal) -> GoalRun:
+    def send(self, path: str, goal: SkillGoal) -> GoalRun:
         """Send a goal in the name of the node at ``path``."""
         return self._opened(path, self._world.send(goal))
 
-    def publish(self, goal: Goal) -> None:
+    def publish(self, goal: SkillGoal) -> None:
         """Publish a message."""
         self._world.publish(goal)
 
@@ -71,7 +71,7 @@ class RunContext:
         self._world.log(level, text)
 
     def give_feedback(
-        self, path: str, kind: Kind, values: Mapping[str, float], reason: str
+        self, path: str, kind: FeedbackKind, values: Mapping[str, float], reason: str
     ) -> GoalRun:
         """Ask for a change of the profile in the name of the node at ``path``."""
         return self._opened(path, self._world.give_feedback(kind, values, reason))

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from enum import Enum
 from typing import Protocol
 
-from bt_agents_core.feedback import Kind
+from bt_agents_core.feedback import FeedbackKind
 from bt_agents_language.model.specs import BindingKind, HeartbeatSpec, Plain, Timeouts
 
 GIVE_FEEDBACK = "feedback/give"
@@ -37,7 +37,7 @@ class GoalState(Enum):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Goal:
+class SkillGoal:
     """What a leaf wants of a server or of a topic's readers.
 
     Attributes:
@@ -104,17 +104,17 @@ class Inbox(Protocol):
         """Stop listening."""
 
 
-class World(Protocol):
+class Environment(Protocol):
     """Everything a tree can reach."""
 
     @property
     def clock(self) -> Clock:
         """The trees' clock, which may be simulated."""
 
-    def send(self, goal: Goal) -> GoalRun:
+    def send(self, goal: SkillGoal) -> GoalRun:
         """Send a goal to an action server or a request to a service."""
 
-    def publish(self, goal: Goal) -> None:
+    def publish(self, goal: SkillGoal) -> None:
         """Publish a message.
 
         Raises:
@@ -127,7 +127,9 @@ class World(Protocol):
     def log(self, level: str, text: str) -> None:
         """Write a line into the log; the level is ``info``, ``warning`` or ``error``."""
 
-    def give_feedback(self, kind: Kind, values: Mapping[str, float], reason: str) -> GoalRun:
+    def give_feedback(
+        self, kind: FeedbackKind, values: Mapping[str, float], reason: str
+    ) -> GoalRun:
         """Ask for a change of the running agent's profile.
 
         Args:

@@ -11,7 +11,7 @@ from bt_agents.engine.environment import GoalRun, GoalState
 from bt_agents.engine.fields import finite
 from bt_agents.engine.leaves import Leaf
 from bt_agents_core.errors import Refused
-from bt_agents_core.feedback import Kind
+from bt_agents_core.feedback import FeedbackKind
 from bt_agents_core.scene import check_value
 from bt_agents_language.expression.expression_values import described
 from bt_agents_language.model.specs import Plain
@@ -24,12 +24,12 @@ class GiveFeedback(Leaf):
 
     acts = True
     _run: GoalRun | None = None
-    _kind = Kind.POSITIVE
+    _kind = FeedbackKind.POSITIVE
 
     def begin(self) -> None:
         """Give it."""
         self._run = None
-        self._kind = Kind[str(self.fields.value("kind")).upper()]
+        self._kind = FeedbackKind[str(self.fields.value("kind")).upper()]
         values = self._values()
         reason = str(self.fields.value("reason")) if "reason" in self.fields else ""
         self._run = self.context.give_feedback(self.spec.path, self._kind, values, reason)
@@ -54,7 +54,7 @@ class GiveFeedback(Leaf):
             self._run.cancel()
 
     def _values(self) -> Mapping[str, float]:
-        if self._kind is not Kind.DIRECT:
+        if self._kind is not FeedbackKind.DIRECT:
             return {}
         given = self.fields.value("values") if "values" in self.fields else None
         if not isinstance(given, Mapping) or not given:

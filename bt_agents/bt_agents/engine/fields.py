@@ -6,7 +6,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from bt_agents.engine.scope import Names, evaluate, holds, not_so
+from bt_agents.engine.scope import ValueSource, evaluate, holds, not_so
 from bt_agents_core.errors import Refused
 from bt_agents_language.expression.expression_values import described
 from bt_agents_language.expression.expressions import Expression
@@ -15,7 +15,7 @@ from bt_agents_language.nodes import FOREVER
 
 
 @dataclass(frozen=True, kw_only=True)
-class Fields:
+class NodeFields:
     """The fields of one node; every look evaluates anew, as names change while a tree runs.
 
     Attributes:
@@ -24,7 +24,7 @@ class Fields:
     """
 
     spec: NodeSpec
-    names: Names
+    names: ValueSource
 
     def __contains__(self, name: str) -> bool:
         return name in self.spec.fields

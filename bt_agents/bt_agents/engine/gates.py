@@ -6,14 +6,14 @@ from __future__ import annotations
 from py_trees.common import Status
 
 from bt_agents.engine.halting import FAILURE, RUNNING, SUCCESS
-from bt_agents.engine.modifiers import Modifier
-from bt_agents.engine.node_errors import located, why
+from bt_agents.engine.modifiers import NodeDecorator
+from bt_agents.engine.node_errors import reason_of, with_location
 from bt_agents_language.expression.expressions import MissingValue
 
 _ENDED = (SUCCESS, FAILURE)
 
 
-class Gate(Modifier):
+class SkipDecorator(NodeDecorator):
     """Decides when the node would start whether it is left out.
 
     Left out means SUCCESS, or FAILURE below a selector, so that the next alternative is tried.
@@ -30,7 +30,7 @@ class Gate(Modifier):
         try:
             reason = self.obstacle()
         except Exception as error:
-            return self.fail(why(error))
+            return self.fail(reason_of(error))
         if not reason:
             return None
         self.feedback_message = f"left out: {reason}"
@@ -38,7 +38,7 @@ class Gate(Modifier):
         return FAILURE if failure else SUCCESS
 
 
-class When(Gate):
+class When(SkipDecorator):
     """Leaves the node out unless the condition is true when it would start."""
 
     def obstacle(self) -> str:
@@ -47,13 +47,13 @@ class When(Gate):
             if self.fields.holds("condition"):
                 return ""
         except MissingValue as missing:
-            return why(missing)
+            return reason_of(missing)
         except Exception as error:
-            return located(why(error), self.spec)
+            return with_location(reason_of(error), self.spec)
         return self.fields.not_so("condition")
 
 
-class Once(Gate):
+class Once(SkipDecorator):
     """Leaves the node out after it has ended once in this run; one that was stopped has not."""
 
     _done = False
@@ -68,7 +68,7 @@ class Once(Gate):
         return self.decorated.status
 
 
-class Cooldown(Gate):
+class Cooldown(SkipDecorator):
     """Leaves the node out for a time after it ended, on the tree's clock; it may be tuned."""
 
     _ended_at: float | None = None

@@ -26,7 +26,7 @@ Stop = Callable[[Status], None]
 """Ends one node with a status; INVALID stops it and those below it."""
 
 
-class Told:
+class LastReport:
     """What was last told about a node, which it keeps alive."""
 
     __slots__ = ("message", "node", "status")
@@ -59,10 +59,10 @@ class Tree(Protocol):
     def silent(self) -> set[Behaviour]:
         """Leaves that do nothing when they are stopped; only their status changes."""
 
-    def told(self, node: Behaviour) -> Told | None:
+    def told(self, node: Behaviour) -> LastReport | None:
         """Return what was last told about a node; None when nothing is to be told."""
 
-    def look(self, node: Behaviour, told: Told, *, again: bool = False) -> None:
+    def look(self, node: Behaviour, told: LastReport, *, again: bool = False) -> None:
         """Tell a node if it has changed since, or ``again`` in any case."""
 
 

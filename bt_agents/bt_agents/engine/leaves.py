@@ -8,14 +8,14 @@ from typing import ClassVar
 from py_trees.common import Status
 
 from bt_agents.engine.context import RunContext
-from bt_agents.engine.fields import Fields
-from bt_agents.engine.light_behaviour import Lean
-from bt_agents.engine.node_errors import located, why
+from bt_agents.engine.fields import NodeFields
+from bt_agents.engine.light_behaviour import LightBehaviour
+from bt_agents.engine.node_errors import reason_of, with_location
 from bt_agents.engine.scope import Scope
 from bt_agents_language.model.specs import NodeSpec
 
 
-class Leaf(Lean):
+class Leaf(LightBehaviour):
     """A leaf made from a spec; whatever it raises is a FAILURE that says where and why.
 
     Subclasses override :meth:`begin`, :meth:`step` and :meth:`end`, each of which may raise.
@@ -32,7 +32,7 @@ class Leaf(Lean):
         self.spec = spec
         self.context = context
         self.scope = scope
-        self.fields = Fields(spec=spec, names=scope)
+        self.fields = NodeFields(spec=spec, names=scope)
         self._fault = ""
 
     def begin(self) -> None:
@@ -55,7 +55,7 @@ class Leaf(Lean):
         try:
             self.begin()
         except Exception as error:
-            self._fault = why(error)
+            self._fault = reason_of(error)
 
     def update(self) -> Status:
         """Step; an error is a FAILURE."""
@@ -64,8 +64,8 @@ class Leaf(Lean):
             try:
                 return self.step()
             except Exception as error:
-                self._fault = why(error)
-        self.feedback_message = located(self._fault, self.spec)
+                self._fault = reason_of(error)
+        self.feedback_message = with_location(self._fault, self.spec)
         return Status.FAILURE
 
     def terminate(self, new_status: Status) -> None:
@@ -73,7 +73,7 @@ class Leaf(Lean):
         try:
             self.end()
         except Exception as error:
-            self.feedback_message = located(why(error), self.spec)
+            self.feedback_message = with_location(reason_of(error), self.spec)
 
 
 class Check(Leaf):

@@ -16,7 +16,7 @@ from py_trees.logging import Logger
 from bt_agents.engine.halting import INVALID
 
 
-class Lean(Behaviour):
+class LightBehaviour(Behaviour):
     """A behaviour without a random number, a logger and a generator of its own.
 
     Among the bases of a class it has to stand behind those of py_trees.
@@ -50,7 +50,7 @@ class Lean(Behaviour):
         return ticks
 
 
-class LeanSequence(composites.Sequence, Lean):
+class LightSequence(composites.Sequence, LightBehaviour):
     """A sequence."""
 
     def __init__(self, name: str, memory: bool, children: Iterable[Behaviour]) -> None:
@@ -58,7 +58,7 @@ class LeanSequence(composites.Sequence, Lean):
         adopt(self, children)
 
 
-class LeanSelector(composites.Selector, Lean):
+class LightSelector(composites.Selector, LightBehaviour):
     """A selector."""
 
     def __init__(self, name: str, memory: bool, children: Iterable[Behaviour]) -> None:

@@ -7,11 +7,11 @@ from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
 from bt_agents.engine.halting import FAILURE, RUNNING, SUCCESS
-from bt_agents.engine.modifiers import Modifier
-from bt_agents.engine.node_errors import why
+from bt_agents.engine.modifiers import NodeDecorator
+from bt_agents.engine.node_errors import reason_of
 
 
-class Loop(Modifier):
+class Loop(NodeDecorator):
     """Counts rounds; each starts at a tick of its own, no earlier than a pause after the last.
 
     During the pause the loop is RUNNING and its node is not ticked. Counts and pauses may be
@@ -35,7 +35,7 @@ class Loop(Modifier):
         try:
             pause = self.fields.seconds("pause")
         except Exception as error:
-            return self.fail(why(error))
+            return self.fail(reason_of(error))
         if not self.context.reached(self.spec.path, self._pause_from + pause):
             return RUNNING
         self._pause_from = None

@@ -8,17 +8,17 @@ from py_trees.common import Status
 from py_trees.decorators import Decorator
 
 from bt_agents.engine.context import RunContext
-from bt_agents.engine.fields import Fields
+from bt_agents.engine.fields import NodeFields
 from bt_agents.engine.halting import FAILURE, RUNNING, SUCCESS
 from bt_agents.engine.leaves import Leaf
-from bt_agents.engine.light_behaviour import Lean
-from bt_agents.engine.node_errors import located, why
+from bt_agents.engine.light_behaviour import LightBehaviour
+from bt_agents.engine.node_errors import reason_of, with_location
 from bt_agents.engine.scope import Scope
-from bt_agents.engine.ticking import Native, Ticker
+from bt_agents.engine.ticking import CallTicked, Ticker
 from bt_agents_language.model.specs import NodeSpec
 
 
-class Modifier(Native, Decorator, Lean):
+class NodeDecorator(CallTicked, Decorator, LightBehaviour):
     """A decorator made from a spec; whatever it raises is a FAILURE that says where and why.
 
     As it stands it passes on the status of its node; subclasses override :meth:`decide`, and
@@ -31,7 +31,7 @@ class Modifier(Native, Decorator, Lean):
         Decorator.__init__(self, spec.name, child)
         self.spec = spec
         self.context = context
-        self.fields = Fields(spec=spec, names=scope)
+        self.fields = NodeFields(spec=spec, names=scope)
 
     def bypass(self) -> Status | None:
         """Return the status if the node is not to be ticked; None when it is.
@@ -58,17 +58,17 @@ class Modifier(Native, Decorator, Lean):
             try:
                 return self.decide()
             except Exception as error:
-                status = self.fail(why(error))
+                status = self.fail(reason_of(error))
         tree.drop_child(self.decorated)
         return status
 
     def fail(self, reason: str) -> Status:
         """Note the reason and return FAILURE."""
-        self.feedback_message = located(reason, self.spec)
+        self.feedback_message = with_location(reason, self.spec)
         return FAILURE
 
 
-class While(Modifier):
+class While(NodeDecorator):
     """FAILURE as soon as the condition is not true; it is looked at at each tick, before the node.
 
     A condition whose value is missing is not true.
@@ -84,12 +84,12 @@ class While(Modifier):
             if self.fields.holds("condition"):
                 return ""
         except Exception as error:
-            return why(error)
+            return reason_of(error)
         verb = "not so any more" if self.status is RUNNING else "not so"
         return self.fields.not_so("condition", verb=verb)
 
 
-class Timeout(Modifier):
+class Timeout(NodeDecorator):
     """FAILURE when the node runs longer than a time, on the tree's clock; it may be tuned."""
 
     _start = 0.0
@@ -114,7 +114,7 @@ class Timeout(Modifier):
         return f": {words}" if words else ""
 
 
-class Invert(Modifier):
+class Invert(NodeDecorator):
     """SUCCESS for FAILURE and FAILURE for SUCCESS."""
 
     def decide(self) -> Status:
@@ -125,7 +125,7 @@ class Invert(Modifier):
         return SUCCESS if status is FAILURE else status
 
 
-class Succeed(Modifier):
+class Succeed(NodeDecorator):
     """SUCCESS however the node ends."""
 
     def decide(self) -> Status:
@@ -134,7 +134,7 @@ class Succeed(Modifier):
         return SUCCESS if status is FAILURE else status
 
 
-class Fail(Modifier):
+class Fail(NodeDecorator):
     """FAILURE however the node ends."""
 
     def decide(self) -> Status:

@@ -8,7 +8,7 @@ from bt_agents_language.expression.expressions import EvaluationError, MissingVa
 from bt_agents_language.model.specs import NodeSpec
 
 
-def why(error: Exception) -> str:
+def reason_of(error: Exception) -> str:
     """Return an error as a reason in words."""
     match error:
         case MissingValue():
@@ -21,6 +21,6 @@ def why(error: Exception) -> str:
             return f"{type(error).__name__}: {error}"
 
 
-def located(reason: str, spec: NodeSpec) -> str:
+def with_location(reason: str, spec: NodeSpec) -> str:
     """Return a reason with the node's path and its place in the file."""
     return f"{reason} ({spec.path}, {spec.position})"

@@ -16,7 +16,7 @@ from py_trees.common import Status
 
 from bt_agents.engine.builder import LeafMaker, build
 from bt_agents.engine.context import RunContext
-from bt_agents.engine.environment import Clock, World
+from bt_agents.engine.environment import Clock, Environment
 from bt_agents.engine.halting import Step
 from bt_agents.engine.scope import RunScope
 from bt_agents.engine.ticking import Ticker, Visit
@@ -28,7 +28,7 @@ TREE_SUCCEEDED = "the tree succeeded"
 """Message of a run that nothing more is to be said about."""
 
 
-class Outcome(Enum):
+class TreeOutcome(Enum):
     """How a run ended."""
 
     SUCCEEDED = "succeeded"
@@ -50,7 +50,7 @@ class RunResult:
     """How a run ended.
 
     Attributes:
-        outcome: See :class:`Outcome`.
+        outcome: See :class:`TreeOutcome`.
         message: Why, in words.
         tip: Path of the node that decided; empty when the tree was never ticked.
         orphans: Paths of the nodes whose goals were not confirmed ended.
@@ -59,7 +59,7 @@ class RunResult:
         duration_s: On the tree's clock [s].
     """
 
-    outcome: Outcome
+    outcome: TreeOutcome
     message: str
     tip: str
     orphans: tuple[str, ...]
@@ -143,7 +143,7 @@ class Run:
         profile: Vector,
         live: Callable[[], Scene],
         tunables: Mapping[str, Plain],
-        world: World,
+        world: Environment,
         steady: Clock,
         limits: RunLimits | None = None,
         random: Random | None = None,
@@ -175,7 +175,7 @@ class Run:
         self._phase = _Phase.TICKING
         self._start = world.clock()
         self._deadline = 0.0
-        self._end = (Outcome.CANCELLED, "", "")
+        self._end = (TreeOutcome.CANCELLED, "", "")
 
     @property
     def tip(self) -> str:
@@ -231,7 +231,7 @@ class Run:
             return self.changes
         tip = self.tip if self.ticks else ""
         self._ticker(self._root).halt()
-        self._end = (Outcome.CANCELLED, reason, tip)
+        self._end = (TreeOutcome.CANCELLED, reason, tip)
         if self.spec.on_cancel is None or not clean_up or not self.ticks:
             self._settle()
             self._try_end()
@@ -254,7 +254,7 @@ class Run:
             with suppress(Exception):
                 if tree is not None:
                     self._ticker(tree).halt()
-        self._end = (Outcome.FAILED, reason, "")
+        self._end = (TreeOutcome.FAILED, reason, "")
         self._deadline = self._steady()
         self._try_end()
         assert self.result is not None
@@ -265,7 +265,7 @@ class Run:
         succeeded = self._root.status is Status.SUCCESS
         reason = "" if succeeded else _reason(self._root)
         self._end = (
-            Outcome.SUCCEEDED if succeeded else Outcome.FAILED,
+            TreeOutcome.SUCCEEDED if succeeded else TreeOutcome.FAILED,
             TREE_SUCCEEDED if succeeded else reason,
             _path_of(tip),
         )

@@ -38,7 +38,7 @@ _MOST_NAMES = 4
 _QUANTITIES = (FieldType.DURATION, FieldType.LENGTH, FieldType.ANGLE)
 
 
-class Names(Protocol):
+class ValueSource(Protocol):
     """Says what names mean."""
 
     def lookup(self, name: str) -> Plain:
@@ -49,7 +49,7 @@ class Names(Protocol):
         """
 
 
-class Scope(Names, Protocol):
+class Scope(ValueSource, Protocol):
     """Names of a tree, of which its nodes give values to some."""
 
     def write(self, name: str, value: Plain) -> None:
@@ -78,7 +78,7 @@ class RunScope:
     blackboard: dict[str, Plain] = field(default_factory=dict)
 
     def lookup(self, name: str) -> Plain:
-        """Return the value of a name; see :class:`Names`."""
+        """Return the value of a name; see :class:`ValueSource`."""
         if name in self.blackboard:
             return self.blackboard[name]
         return self.fact(name)
@@ -88,7 +88,7 @@ class RunScope:
         self.blackboard[name] = value
 
     def fact(self, name: str) -> Plain:
-        """Return the value of a name that no node writes; see :class:`Names`."""
+        """Return the value of a name that no node writes; see :class:`ValueSource`."""
         if name in self.tunables:
             return self.tunables[name]
         group, _, member = name.partition(".")
@@ -132,10 +132,10 @@ class BindingNames:
     """The names inside the binding of a skill: its inputs, then those of the tree."""
 
     inputs: Mapping[str, Plain]
-    around: Names
+    around: ValueSource
 
     def lookup(self, name: str) -> Plain:
-        """Return the value of a name; see :class:`Names`."""
+        """Return the value of a name; see :class:`ValueSource`."""
         return self.inputs[name] if name in self.inputs else self.around.lookup(name)
 
 
@@ -152,13 +152,13 @@ class SubtreeScope:
     """
 
     inputs: Mapping[str, Value]
-    caller: Names
+    caller: ValueSource
     run: RunScope
     own: frozenset[str]
     written: dict[str, Plain] = field(default_factory=dict)
 
     def lookup(self, name: str) -> Plain:
-        """Return the value of a name; see :class:`Names`."""
+        """Return the value of a name; see :class:`ValueSource`."""
         if name in self.written:
             return self.written[name]
         if name in self.inputs:
@@ -179,10 +179,10 @@ class MessageNames:
 
     prefix: str
     message: Mapping[str, Plain]
-    around: Names
+    around: ValueSource
 
     def lookup(self, name: str) -> Plain:
-        """Return the value of a name; see :class:`Names`."""
+        """Return the value of a name; see :class:`ValueSource`."""
         group, _, path = name.partition(".")
         if group != self.prefix:
             return self.around.lookup(name)
@@ -229,7 +229,7 @@ def _refuse_constant(word: str) -> float:
     raise ValueError(f"{word} is no number")
 
 
-def evaluate(value: Value, names: Names) -> Plain:
+def evaluate(value: Value, names: ValueSource) -> Plain:
     """Return what a written value means now.
 
     Raises:
@@ -251,12 +251,12 @@ def evaluate(value: Value, names: Names) -> Plain:
             return {key: evaluate(item, names) for key, item in value.items.items()}
 
 
-def holds(condition: Expression, names: Names) -> bool:
+def holds(condition: Expression, names: ValueSource) -> bool:
     """Return whether a condition is true now; see :meth:`Expression.evaluate` for its errors."""
     return condition.evaluate(names.lookup) is True
 
 
-def not_so(condition: Expression, names: Names, *, verb: str = "not so") -> str:
+def not_so(condition: Expression, names: ValueSource, *, verb: str = "not so") -> str:
     """Return that a condition is not true, and what its names are instead.
 
     Args:
@@ -278,7 +278,7 @@ def not_so(condition: Expression, names: Names, *, verb: str = "not so") -> str:
     return f"{said} ({', '.join(words)})" if words else said
 
 
-def _now(name: str, names: Names) -> str:
+def _now(name: str, names: ValueSource) -> str:
     """Return what a name is: ``is 'yes'``, ``is 2``, ``has no value``."""
     try:
         value = names.lookup(name)
@@ -298,12 +298,12 @@ def _now(name: str, names: Names) -> str:
     return f"is {described(value).removeprefix('the number ')}"
 
 
-def _computed(value: Computed, names: Names) -> Plain:
+def _computed(value: Computed, names: ValueSource) -> Plain:
     # All that an expression gives comes from plain values.
     return cast(Plain, value.expression.evaluate(names.lookup))
 
 
-def _said(part: str | Reference | Computed, names: Names) -> str:
+def _said(part: str | Reference | Computed, names: ValueSource) -> str:
     match part:
         case str():
             return part

@@ -8,9 +8,9 @@ from collections import deque
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
-from bt_agents.engine.environment import GIVE_FEEDBACK, Clock, Goal, GoalState
+from bt_agents.engine.environment import GIVE_FEEDBACK, Clock, GoalState, SkillGoal
 from bt_agents.host.environment.goal_track import no_acceptance, no_result, result_limit_s
-from bt_agents_core.feedback import Kind
+from bt_agents_core.feedback import FeedbackKind
 from bt_agents_language.model.specs import BindingKind, Plain
 
 
@@ -30,7 +30,7 @@ class ManualClock:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Answer:
+class ScriptedReply:
     """What a server does with one goal.
 
     Attributes:
@@ -58,15 +58,15 @@ class Answer:
 class GivenFeedback:
     """Feedback that a tree has given."""
 
-    kind: Kind
+    kind: FeedbackKind
     values: Mapping[str, float]
     reason: str
 
 
 class ScriptedGoal:
-    """One goal of a :class:`ScriptedWorld`; its timeouts count on the same clock as all else."""
+    """One goal of a :class:`ScriptedEnvironment`; its timeouts count on the same clock as all else."""
 
-    def __init__(self, goal: Goal, answer: Answer, clock: Clock) -> None:
+    def __init__(self, goal: SkillGoal, answer: ScriptedReply, clock: Clock) -> None:
         self.goal = goal
         self.cancelled_at: float | None = None
         self._answer = answer
@@ -170,7 +170,7 @@ class ScriptedInbox:
         self.closed = True
 
 
-class ScriptedWorld:
+class ScriptedEnvironment:
     """Answers goals by name, remembers everything that was asked of it.
 
     Args:
@@ -182,21 +182,21 @@ class ScriptedWorld:
 
     def __init__(
         self,
-        answers: Mapping[str, Sequence[Answer]] | None = None,
+        answers: Mapping[str, Sequence[ScriptedReply]] | None = None,
         clock: ManualClock | None = None,
         result: Mapping[str, Plain] | None = None,
     ) -> None:
         self._result = dict(result or {})
         self.clock = clock or ManualClock()
         self.goals: list[ScriptedGoal] = []
-        self.published: list[Goal] = []
+        self.published: list[SkillGoal] = []
         self.logged: list[tuple[str, str]] = []
         self.feedback_given: list[GivenFeedback] = []
         self._answers = {name: deque(queue) for name, queue in (answers or {}).items()}
         self._inboxes: list[tuple[str, ScriptedInbox]] = []
         self._last: dict[str, Mapping[str, Plain]] = {}
 
-    def send(self, goal: Goal) -> ScriptedGoal:
+    def send(self, goal: SkillGoal) -> ScriptedGoal:
         """Take a goal or request."""
         answer = self._answer(goal.name)
         answer = replace(answer, result={**self._result, **answer.result})
@@ -204,7 +204,7 @@ class ScriptedWorld:
         self.goals.append(run)
         return run
 
-    def publish(self, goal: Goal) -> None:
+    def publish(self, goal: SkillGoal) -> None:
         """Remember a message."""
         self.published.append(goal)
 
@@ -220,11 +220,13 @@ class ScriptedWorld:
         """Remember a line."""
         self.logged.append((level, text))
 
-    def give_feedback(self, kind: Kind, values: Mapping[str, float], reason: str) -> ScriptedGoal:
+    def give_feedback(
+        self, kind: FeedbackKind, values: Mapping[str, float], reason: str
+    ) -> ScriptedGoal:
         """Remember feedback; it is taken unless the service of this name answers otherwise."""
         self.feedback_given.append(GivenFeedback(kind=kind, values=values, reason=reason))
         fields: dict[str, Plain] = {"kind": int(kind), "values": values, "reason": reason}
-        goal = Goal(kind=BindingKind.SERVICE, name=GIVE_FEEDBACK, type="", fields=fields)
+        goal = SkillGoal(kind=BindingKind.SERVICE, name=GIVE_FEEDBACK, type="", fields=fields)
         return ScriptedGoal(goal, self._answer(GIVE_FEEDBACK), self.clock)
 
     def arrive(self, topic: str, message: Mapping[str, Plain]) -> None:
@@ -238,6 +240,6 @@ class ScriptedWorld:
         """Return the names of the goals that their servers still carry out."""
         return [run.goal.name for run in self.goals if not run.confirmed]
 
-    def _answer(self, name: str) -> Answer:
-        queue = self._answers.get(name) or deque([Answer()])
+    def _answer(self, name: str) -> ScriptedReply:
+        queue = self._answers.get(name) or deque([ScriptedReply()])
         return queue.popleft() if len(queue) > 1 else queue[0]

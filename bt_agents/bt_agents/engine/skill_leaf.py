@@ -8,7 +8,7 @@ from contextlib import suppress
 
 from py_trees.common import Status
 
-from bt_agents.engine.environment import Goal, GoalRun, GoalState
+from bt_agents.engine.environment import GoalRun, GoalState, SkillGoal
 from bt_agents.engine.leaves import Leaf
 from bt_agents.engine.scope import (
     BindingNames,
@@ -56,7 +56,7 @@ class SkillLeaf(Leaf):
         inputs = {one.name: self.fields.value(one.name) for one in skill.inputs}
         self._meant = self._main_input(inputs)
         names = BindingNames(inputs=inputs, around=self.scope)
-        goal = Goal(
+        goal = SkillGoal(
             kind=binding.kind,
             name=binding.name,
             type=binding.type,

@@ -9,13 +9,13 @@ from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
 from bt_agents.engine.context import RunContext
-from bt_agents.engine.modifiers import Modifier
+from bt_agents.engine.modifiers import NodeDecorator
 from bt_agents.engine.scope import Scope, SubtreeScope
 from bt_agents_language.expression.expressions import Expression
 from bt_agents_language.model.specs import NodeSpec
 
 
-class Subtree(Modifier):
+class Subtree(NodeDecorator):
     """Ends as its tree does; each start forgets what an earlier one has written.
 
     An output to which nothing was written leaves the caller's name as it is.

@@ -9,7 +9,7 @@ REST_S = 0.002
 """Least time between the end of a tick and an extra one [s]."""
 
 
-class Pace:
+class TickScheduler:
     """Sets the time of the next tick; there is never more than one to come.
 
     Regular ticks stay on a grid of periods; those that were missed are left out. An extra tick

@@ -13,9 +13,9 @@ from py_trees.decorators import Decorator, EternalGuard
 from bt_agents.engine.halting import (
     INVALID,
     RUNNING,
+    LastReport,
     Step,
     Stop,
-    Told,
     can_be_keys,
     method_of,
     stop_of,
@@ -40,7 +40,7 @@ class Ticker:
     Only ``iterator``, which py_trees itself never looks at, is not made anew.
 
     How a node is ticked is decided by the ``tick`` and ``stop`` that it has when it is ticked for
-    the first time: those of py_trees and of :class:`Native` are known. A node with one of its own
+    the first time: those of py_trees and of :class:`CallTicked` are known. A node with one of its own
     is ticked by its generator, and so is everything below it. Its ``initialise`` and ``terminate``
     are looked up then, too. Which children a node has is seen anew in each tick.
 
@@ -74,7 +74,7 @@ class Ticker:
         self.visit = visit
         self.around = around
         self._tell = tell
-        self._told: dict[int, Told] = {}
+        self._told: dict[int, LastReport] = {}
         self._places: dict[int, int] = {}
         self._step = _step_of(root, self)
         self._stop = stop_of(root, self)
@@ -97,20 +97,20 @@ class Ticker:
         self._look_at_noted()
 
     def tick_child(self, node: Behaviour) -> Status:
-        """Tick a node in the course of a :meth:`Native.turn`; return its status."""
+        """Tick a node in the course of a :meth:`CallTicked.turn`; return its status."""
         return self.steps[node]()
 
     def drop_child(self, node: Behaviour) -> None:
-        """Leave a node out in the course of a :meth:`Native.turn`: stop it, or forget its end."""
+        """Leave a node out in the course of a :meth:`CallTicked.turn`: stop it, or forget its end."""
         if node.status is not INVALID:
             self.stops[node](INVALID)
         self.noted.append(node)
 
-    def told(self, node: Behaviour) -> Told | None:
+    def told(self, node: Behaviour) -> LastReport | None:
         """Return what was last told about a node; None when nothing is to be told."""
-        return None if self._tell is None else self._told.setdefault(id(node), Told(node))
+        return None if self._tell is None else self._told.setdefault(id(node), LastReport(node))
 
-    def look(self, node: Behaviour, told: Told, *, again: bool = False) -> None:
+    def look(self, node: Behaviour, told: LastReport, *, again: bool = False) -> None:
         """Tell a node if it has changed since, or ``again`` in any case."""
         if again or _changed(node, told):
             told.status, told.message = node.status, node.feedback_message
@@ -148,13 +148,13 @@ class Ticker:
         return self._places.get(id(node), -1)
 
 
-def _changed(node: Behaviour, told: Told) -> bool:
+def _changed(node: Behaviour, told: LastReport) -> bool:
     return node.status is not told.status or (
         node.feedback_message != told.message and node.status is not INVALID
     )
 
 
-class Native(Behaviour):
+class CallTicked(Behaviour):
     """A behaviour that says by plain calls how it and those below it are ticked."""
 
     def turn(self, tree: Ticker) -> Status:
@@ -217,7 +217,7 @@ def _step_of(node: Behaviour, ticker: Ticker) -> Step:
 
 def _maker_of(node: Behaviour) -> Callable[[Any, Ticker], Step]:
     tick, stop = method_of(node, "tick"), method_of(node, "stop")
-    if tick is Native.tick:
+    if tick is CallTicked.tick:
         return _by_turns
     if tick is EternalGuard.tick and method_of(super(EternalGuard, node), "tick") is not (
         Decorator.tick
@@ -227,7 +227,7 @@ def _maker_of(node: Behaviour) -> Callable[[Any, Ticker], Step]:
     return maker if stop is needed and can_be_keys(node) else _by_generator
 
 
-def _by_turns(node: Native, ticker: Ticker) -> Step:
+def _by_turns(node: CallTicked, ticker: Ticker) -> Step:
     turn, stop, noted = node.turn, ticker.stops[node], ticker.noted
 
     def step() -> Status:

@@ -20,7 +20,7 @@ def _nothing() -> None:
 
 
 @dataclass(kw_only=True, slots=True)
-class Member:
+class HostedAgent:
     """One agent and what has changed since its file was read.
 
     Attributes:
@@ -63,7 +63,7 @@ class Member:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Bidders:
+class BidderColumns:
     """Agents that bid, column by column, as messages have them; shared, so not to be changed.
 
     Attributes:
@@ -75,7 +75,7 @@ class Bidders:
             count as scene.yaml says.
     """
 
-    members: tuple[Member, ...]
+    members: tuple[HostedAgent, ...]
     names: list[str]
     ids: array[int]
     vectors: array[float]
@@ -83,14 +83,14 @@ class Bidders:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Answer:
+class HostBids:
     """A host's answer to a call for bids: who bids, and name → reason of those who do not."""
 
-    bidders: Bidders
+    bidders: BidderColumns
     declined: Mapping[str, str]
 
     @property
-    def bids(self) -> tuple[Member, ...]:
+    def bids(self) -> tuple[HostedAgent, ...]:
         """Who bids."""
         return self.bidders.members
 
@@ -105,26 +105,26 @@ class _Registered:
         layered: Whether any has a profile for a person or a place.
     """
 
-    bidders: Bidders
-    choosy: tuple[Member, ...]
+    bidders: BidderColumns
+    choosy: tuple[HostedAgent, ...]
     layered: bool
 
 
-class Roster:
+class AgentRegistry:
     """All agents of a host by name."""
 
     def __init__(self, space: SceneSpace, agents: Iterable[AgentSpec]) -> None:
         self.space = space
-        self.members: dict[str, Member] = {}
+        self.members: dict[str, HostedAgent] = {}
         self._registered: _Registered | None = None
-        self._some: tuple[frozenset[str], Bidders] | None = None
+        self._some: tuple[frozenset[str], BidderColumns] | None = None
         self._on_change = self._forget
         for spec in agents:
             self.add(spec)
 
-    def add(self, spec: AgentSpec) -> Member:
+    def add(self, spec: AgentSpec) -> HostedAgent:
         """Take an agent in, as its file says; return it."""
-        member = self.members[spec.name] = Member(
+        member = self.members[spec.name] = HostedAgent(
             on_change=self._on_change,
             spec=spec,
             profile=spec.profile,
@@ -138,7 +138,7 @@ class Roster:
         del self.members[name]
         self._forget()
 
-    def member(self, name: str) -> Member:
+    def member(self, name: str) -> HostedAgent:
         """Return an agent.
 
         Raises:
@@ -158,7 +158,7 @@ class Roster:
 
     def answer(
         self, scene: Scene, excluded: Collection[str] = (), *, obstacle: str = ""
-    ) -> Answer:
+    ) -> HostBids:
         """Return who bids for a scene; members that the market did not take stay silent.
 
         Args:
@@ -174,16 +174,16 @@ class Roster:
             declined = self._obstacles(registered.choosy, scene, excluded)
         named = layers_of(scene) if registered.layered else {}
         if not (declined or excluded or named):
-            return Answer(bidders=everybody, declined=declined)
+            return HostBids(bidders=everybody, declined=declined)
         others = frozenset(declined).union(excluded)
         some = self._some
         if named or some is None or some[0] != others:
             bids = (m for m in everybody.members if m.spec.name not in others)
             some = (others, self._columns(bids, named))
             self._some = None if named else some
-        return Answer(bidders=some[1], declined=declined)
+        return HostBids(bidders=some[1], declined=declined)
 
-    def set_profile(self, name: str, values: Iterable[float], revision: int) -> Member:
+    def set_profile(self, name: str, values: Iterable[float], revision: int) -> HostedAgent:
         """Give an agent a new profile; return the agent.
 
         Raises:
@@ -200,7 +200,9 @@ class Roster:
         member.revision = revision
         return member
 
-    def set_layer(self, name: str, layer: str, values: Iterable[float], revision: int) -> Member:
+    def set_layer(
+        self, name: str, layer: str, values: Iterable[float], revision: int
+    ) -> HostedAgent:
         """Give an agent a new profile for a person or a place; return the agent.
 
         Raises:
@@ -252,13 +254,13 @@ class Roster:
         )
         return self._registered
 
-    def _columns(self, members: Iterable[Member], named: Mapping[str, str]) -> Bidders:
+    def _columns(self, members: Iterable[HostedAgent], named: Mapping[str, str]) -> BidderColumns:
         """Return agents column by column for scenes that name these layers."""
         bidders = tuple(members)
         vectors = array("d")
         for member in bidders:
             vectors.extend(member._profile_in(named) if named else member.profile)
-        return Bidders(
+        return BidderColumns(
             members=bidders,
             names=[member.spec.name for member in bidders],
             ids=array("I", [member.agent_id for member in bidders]),
@@ -266,7 +268,7 @@ class Roster:
             weights=self._weights(bidders),
         )
 
-    def _weights(self, members: Sequence[Member]) -> array[float]:
+    def _weights(self, members: Sequence[HostedAgent]) -> array[float]:
         own = [member.spec.weights for member in members]
         weights = array("d")
         if any(own):
@@ -275,7 +277,7 @@ class Roster:
         return weights
 
     def _obstacles(
-        self, choosy: Iterable[Member], scene: Scene, excluded: Collection[str]
+        self, choosy: Iterable[HostedAgent], scene: Scene, excluded: Collection[str]
     ) -> dict[str, str]:
         """Return who does not want a scene, with the reason."""
         declined = {}

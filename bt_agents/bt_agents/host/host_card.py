@@ -6,7 +6,7 @@ from __future__ import annotations
 from rclpy.node import Node
 from rclpy.publisher import Publisher
 
-from bt_agents.host.agent_registry import Member, Roster
+from bt_agents.host.agent_registry import AgentRegistry, HostedAgent
 from bt_agents.host.learning_messages import learning_to_msg, rule_to_msg
 from bt_agents.host.reload.report import problems_of
 from bt_agents.host.reload.source_bundle import texts
@@ -17,7 +17,7 @@ from bt_agents_ros import qos
 from bt_agents_ros.installed import InstalledInterfaces
 
 
-class Introductions:
+class HostCardPublisher:
     """Publishes what others need to know of a host's agents; latched.
 
     The card stands under the name of the host. Only the host that the market has taken may have
@@ -30,7 +30,9 @@ class Introductions:
         versions: Their versions, and what is wrong with their files.
     """
 
-    def __init__(self, node: Node, instance: str, roster: Roster, versions: AgentVersions) -> None:
+    def __init__(
+        self, node: Node, instance: str, roster: AgentRegistry, versions: AgentVersions
+    ) -> None:
         self._host = str(node.get_fully_qualified_name())
         self._instance = instance
         self._roster = roster
@@ -106,7 +108,7 @@ class Introductions:
     def _card_publisher(self) -> Publisher[HostCard]:
         return self._node.create_publisher(HostCard, "cards", qos.FACT)
 
-    def _agent_card(self, member: Member) -> AgentCard:
+    def _agent_card(self, member: HostedAgent) -> AgentCard:
         spec = member.spec
         standing = self._versions.standing(spec.name)
         return AgentCard(

@@ -9,12 +9,12 @@ from collections.abc import Callable
 from rclpy.node import Node
 
 from bt_agents_core.errors import Refused
-from bt_agents_core.live_scene_view import LEASE_S, LiveView
+from bt_agents_core.live_scene_view import LEASE_S, LiveSceneView
 from bt_agents_core.scene import Scene, SceneSpace
 from bt_agents_interfaces.msg import Scene as SceneMsg
 from bt_agents_ros import qos
 from bt_agents_ros.messages import scene_from_msg
-from bt_agents_ros.parameters import describe, follow
+from bt_agents_ros.parameters import declare_and_watch, describe
 
 LIVE_LEASE = "live_lease"
 """Parameter of hosts and the feedback node: how long a live scene counts."""
@@ -27,7 +27,7 @@ def declare_live_lease(node: Node, changed: Callable[[float], None]) -> float:
         minimum=0.1,
         maximum=60.0,
     )
-    return float(follow(node, LIVE_LEASE, LEASE_S, limits, changed))
+    return float(declare_and_watch(node, LIVE_LEASE, LEASE_S, limits, changed))
 
 
 class LiveScene:
@@ -41,13 +41,13 @@ class LiveScene:
     def __init__(self, node: Node, space: SceneSpace) -> None:
         self._node = node
         self._space = space
-        self._view: LiveView | None = None
+        self._view: LiveSceneView | None = None
         self._lease_s = declare_live_lease(node, self._set_lease)
         node.create_subscription(SceneMsg, "scene/live", self._take, qos.SENSOR)
 
     def follow(self, awarded: Scene) -> Callable[[], Scene]:
         """Begin with the scene of a run; return what tells the scene as it is at each moment."""
-        self._view = LiveView(awarded, time.monotonic, self._lease_s)
+        self._view = LiveSceneView(awarded, time.monotonic, self._lease_s)
         return self._view.now
 
     def _set_lease(self, seconds: float) -> None:

@@ -10,10 +10,10 @@ from typing import Any
 from rclpy.node import Node
 
 from bt_agents.engine.run import RunResult
-from bt_agents.host.agent_registry import Roster
+from bt_agents.host.agent_registry import AgentRegistry
 from bt_agents.host.run_messages import OUTCOMES
 from bt_agents.host.run_server import RunServer
-from bt_agents.host.unreported_runs import UnheardRuns
+from bt_agents.host.unreported_runs import UnreportedRuns
 from bt_agents_core.lease import MarketLease
 from bt_agents_core.stall import LIMIT_S as HELD_UP_S
 from bt_agents_core.stop_words import CUT_OFF
@@ -21,7 +21,7 @@ from bt_agents_interfaces.msg import MarketHeartbeat, MarketStatus, Run
 from bt_agents_interfaces.srv import RegisterHost
 from bt_agents_ros import qos
 from bt_agents_ros.calls import Calls
-from bt_agents_ros.parameters import describe, follow
+from bt_agents_ros.parameters import declare_and_watch, describe
 from bt_agents_ros.timers import steady_timer
 
 MARKET_LEASE = "market_lease"
@@ -33,7 +33,7 @@ _LOOK_S = 0.02
 _TOLD_S = 30.0
 
 
-class Membership:
+class MarketRegistration:
     """Registers the agents of a host, and opens its action only while the market has them.
 
     A run whose market falls silent is cancelled. Its end, and that of every other run which its
@@ -56,7 +56,7 @@ class Membership:
     def __init__(
         self,
         node: Node,
-        roster: Roster,
+        roster: AgentRegistry,
         runs: RunServer,
         instance: str,
         heard: Callable[[], bool],
@@ -75,7 +75,7 @@ class Membership:
         self._stale = False
         self._asked = 0.0
         self._watched = time.monotonic()
-        self._unheard = UnheardRuns()
+        self._unheard = UnreportedRuns()
         self._lease = MarketLease(self._declare_lease())
         self._calls = Calls(node)
         self._client = node.create_client(
@@ -116,7 +116,7 @@ class Membership:
 
         meaning = "a tree is stopped when the market that started it is silent for this long [s]"
         limits = describe(meaning, minimum=0.3, maximum=10.0)
-        return float(follow(self._node, MARKET_LEASE, 1.0, limits, take))
+        return float(declare_and_watch(self._node, MARKET_LEASE, 1.0, limits, take))
 
     def _run_begins(self, goal: Any) -> None:
         self._lease.begin(goal.epoch, time.monotonic())

@@ -7,12 +7,12 @@ import uuid
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
-from bt_agents.host.agent_registry import Member, Roster
-from bt_agents.host.host_card import Introductions
+from bt_agents.host.agent_registry import AgentRegistry, HostedAgent
+from bt_agents.host.host_card import HostCardPublisher
 from bt_agents.host.live_scene import LiveScene
-from bt_agents.host.market_registration import Membership
-from bt_agents.host.reload.reload_actions import Act, Effect
-from bt_agents.host.reload.reload_service import Reloading
+from bt_agents.host.market_registration import MarketRegistration
+from bt_agents.host.reload.reload_actions import ReloadAction, ReloadEffect
+from bt_agents.host.reload.reload_service import ReloadService
 from bt_agents.host.reload.version_services import ReloadServices
 from bt_agents.host.reload.versions import AgentVersions
 from bt_agents.host.run_server import RunServer
@@ -28,11 +28,11 @@ from bt_agents_interfaces.srv import SetProfile
 from bt_agents_language.files.folder_reader import Trees as TreesFolder
 from bt_agents_language.files.folder_reader import read_trees
 from bt_agents_language.model.specs import AgentSpec, NodeSpec
-from bt_agents_language.model.walking import every_node
+from bt_agents_language.model.walking import iter_nodes
 from bt_agents_ros import qos
-from bt_agents_ros.base_node import GuardedNode
-from bt_agents_ros.bid_encoding import Saying
-from bt_agents_ros.discovery import hear_each_other
+from bt_agents_ros.base_node import BaseNode
+from bt_agents_ros.bid_encoding import BidEncoder
+from bt_agents_ros.discovery import is_matched
 from bt_agents_ros.installed import InstalledInterfaces
 from bt_agents_ros.messages import scene_from_msg, seconds
 from bt_agents_ros.spinner import run
@@ -43,7 +43,7 @@ HEARTBEAT_S = 0.1
 _NAMES_SHOWN = 20
 
 
-class HostNode(GuardedNode):
+class HostNode(BaseNode):
     """Offers the agents of a trees folder: registers them, bids for them, ticks the winner's tree.
 
     Args:
@@ -55,18 +55,18 @@ class HostNode(GuardedNode):
     def __init__(self, folder: TreesFolder, *, tunings: str = "", **node_kwargs: Any) -> None:
         super().__init__("agents", **node_kwargs)
         self.instance = uuid.uuid4().hex[:12]
-        self.roster = Roster(folder.scene.space, folder.agents)
+        self.roster = AgentRegistry(folder.scene.space, folder.agents)
         self._beats = 0
         for broken in folder.broken:
             self.get_logger().error(f"agent file left out, the others run:\n{broken.error.report}")
         for problem in folder.plugin_problems:
             self.get_logger().warning(f"a node of a package is left out: {problem}")
         self._bids = self.create_publisher(Bids, "bids", qos.EVENTS)
-        self._saying = Saying(self.host, self.instance)
+        self._saying = BidEncoder(self.host, self.instance)
         self._heartbeats = self.create_publisher(Heartbeat, "~/heartbeat", qos.EVENTS)
         stamp = seconds(self.get_clock().now().to_msg())
         self._versions = AgentVersions(folder, stamp)
-        self._introductions = Introductions(self, self.instance, self.roster, self._versions)
+        self._introductions = HostCardPublisher(self, self.instance, self.roster, self._versions)
         live = LiveScene(self, self.roster.space)
         self._runs = RunServer(
             self,
@@ -88,15 +88,15 @@ class HostNode(GuardedNode):
             SetProfile, "~/set_profile", self._set_profile, qos_profile=qos.SERVICE
         )
         self._calls = self.create_subscription(CallForBids, "calls", self._bid, qos.EVENTS)
-        self._membership = Membership(
+        self._membership = MarketRegistration(
             self,
             self.roster,
             self._runs,
             self.instance,
-            heard=lambda: hear_each_other(self, self._bids, self._calls, partner="market"),
+            heard=lambda: is_matched(self, self._bids, self._calls, partner="market"),
             changed=lambda: self._introductions.admit(self._membership.accepted),
         )
-        self._reloading = Reloading(
+        self._reloading = ReloadService(
             self, self._versions, self._runs, apply=self._change, applied=self._tell_changes
         )
         ReloadServices(self, self._reloading, self._runs)
@@ -146,13 +146,13 @@ class HostNode(GuardedNode):
             members = self.roster.members.values()
             self._runs.world.keep(node for member in members for node in _nodes(member.spec))
 
-    def _change(self, effect: Effect) -> None:
+    def _change(self, effect: ReloadEffect) -> None:
         """Change one agent, or leave it as it was; a tree that runs keeps what it began with."""
         name, agent = effect.name, effect.agent
-        if effect.act is Act.REMOVE:
+        if effect.act is ReloadAction.REMOVE:
             self.roster.remove(name)
             self._tunables.remove(name)
-        elif effect.act is Act.ADD and agent is not None:
+        elif effect.act is ReloadAction.ADD and agent is not None:
             self._add(agent)
         elif agent is not None:
             member = self.roster.members[name]
@@ -161,7 +161,7 @@ class HostNode(GuardedNode):
                     f"{name}: what it has learned (revision {member.revision}) counts until the "
                     "feedback node has recorded the profile of the file"
                 )
-            if effect.act is Act.SWAP:
+            if effect.act is ReloadAction.SWAP:
                 member.tunables = dict(member.tunables)
             self._replace(member, agent)
         if name in self.roster.members:
@@ -176,7 +176,7 @@ class HostNode(GuardedNode):
             raise
         self._prepare(agent)
 
-    def _replace(self, member: Member, agent: AgentSpec) -> None:
+    def _replace(self, member: HostedAgent, agent: AgentSpec) -> None:
         before = member.spec
         try:
             self._tunables.replace(member, agent)
@@ -185,12 +185,12 @@ class HostNode(GuardedNode):
             raise
         self._prepare(agent)
 
-    def _tell_changes(self, effects: Sequence[Effect]) -> None:
+    def _tell_changes(self, effects: Sequence[ReloadEffect]) -> None:
         """Tell everybody about changed agents, in one message each."""
         acts = {effect.act for effect in effects}
-        if acts & {Act.ADD, Act.REMOVE}:
+        if acts & {ReloadAction.ADD, ReloadAction.REMOVE}:
             self._membership.refresh()
-        if acts - {Act.NOTE}:
+        if acts - {ReloadAction.NOTE}:
             self._introductions.trees()
             self._introductions.files()
             self._changed = True
@@ -256,7 +256,7 @@ class HostNode(GuardedNode):
 
 def _nodes(agent: AgentSpec) -> Iterator[NodeSpec]:
     for root in filter(None, (agent.tree, agent.on_cancel)):
-        yield from every_node(root)
+        yield from iter_nodes(root)
 
 
 TAGS = StartParameter(

@@ -8,7 +8,7 @@ from typing import Any
 
 from py_trees.common import Status
 
-from bt_agents.engine.run import Outcome, Run, RunResult, StatusChange
+from bt_agents.engine.run import Run, RunResult, StatusChange, TreeOutcome
 from bt_agents_core.errors import Refused
 from bt_agents_interfaces.action import RunAgent
 from bt_agents_interfaces.msg import StatusChange as StatusChangeMsg
@@ -22,9 +22,9 @@ _STATUS = {
 }
 
 OUTCOMES = {
-    Outcome.SUCCEEDED: RunAgent.Result.SUCCEEDED,
-    Outcome.FAILED: RunAgent.Result.FAILED,
-    Outcome.CANCELLED: RunAgent.Result.CANCELLED,
+    TreeOutcome.SUCCEEDED: RunAgent.Result.SUCCEEDED,
+    TreeOutcome.FAILED: RunAgent.Result.FAILED,
+    TreeOutcome.CANCELLED: RunAgent.Result.CANCELLED,
 }
 """Outcomes of a run as messages have them."""
 
@@ -83,7 +83,7 @@ def not_begun(error: Exception) -> RunResult:
 def failed(reason: str) -> RunResult:
     """Return how a run has ended of which nothing but the reason is known."""
     return RunResult(
-        outcome=Outcome.FAILED,
+        outcome=TreeOutcome.FAILED,
         message=reason,
         tip="",
         orphans=(),

@@ -26,7 +26,7 @@ _WAIT_S = 0.5
 _SEED_BITS = 53
 
 
-class Records:
+class RunRecords:
     """Publishes the notes of runs on ``~/records``, several turns in one message.
 
     A run is recorded when somebody listens to both the records and the status of trees at its

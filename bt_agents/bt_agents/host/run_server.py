@@ -12,15 +12,15 @@ from rclpy.action import CancelResponse, GoalResponse
 from rclpy.node import Node
 from rclpy.task import Future
 
-from bt_agents.engine.run import Outcome, Overrun, Run, RunResult, StatusChange
-from bt_agents.engine.tick_scheduler import Pace
-from bt_agents.host.agent_registry import Roster
-from bt_agents.host.environment.ros_environment import RosWorld
+from bt_agents.engine.run import Overrun, Run, RunResult, StatusChange, TreeOutcome
+from bt_agents.engine.tick_scheduler import TickScheduler
+from bt_agents.host.agent_registry import AgentRegistry
+from bt_agents.host.environment.ros_environment import RosEnvironment
 from bt_agents.host.run_messages import failed, not_begun, run_result_to_msg, tree_status
-from bt_agents.host.run_records import Records
+from bt_agents.host.run_records import RunRecords
 from bt_agents_core.errors import Refused
 from bt_agents_core.scene import Scene
-from bt_agents_core.stall import Award, LastWord
+from bt_agents_core.stall import AwardMonitor, RunKey
 from bt_agents_core.stop_words import AS_TOLD
 from bt_agents_interfaces.action import RunAgent
 from bt_agents_interfaces.msg import MarketHeartbeat, TreeStatus
@@ -58,7 +58,7 @@ class RunServer:
     def __init__(
         self,
         node: Node,
-        roster: Roster,
+        roster: AgentRegistry,
         instance: str,
         live: Callable[[Scene], Callable[[], Scene]],
         version: Callable[[str], int],
@@ -78,13 +78,13 @@ class RunServer:
         self._stopping = False
         self._leaving = False
         self._free_since = 0.0
-        self._market = LastWord(time.monotonic())
+        self._market = AwardMonitor(time.monotonic())
         self._soon = False
         self._period_s = 0.05
-        self._pace = Pace(self._period_s, time.monotonic())
+        self._pace = TickScheduler(self._period_s, time.monotonic())
         self._at_begin: list[Callable[[Any], None]] = []
         self._at_end: list[Callable[[Any, RunResult], None]] = []
-        self.world = RosWorld(
+        self.world = RosEnvironment(
             node,
             self._take_news,
             space=roster.space,
@@ -92,7 +92,7 @@ class RunServer:
             scene=lambda: self.goal.scene if self.goal is not None else SceneMsg(),
         )
         self._status = node.create_publisher(TreeStatus, "~/status", qos.EVENTS)
-        self._records = Records(node, instance, self._status, version)
+        self._records = RunRecords(node, instance, self._status, version)
         # It is set anew for each tick: a timer that is late makes up for nothing.
         self._timer = steady_timer(node, self._period_s, self._tick, running=False)
         self._server: QuietActionServer | None = None
@@ -276,7 +276,7 @@ class RunServer:
             steady=time.monotonic,
         )
         self._run.period_s = self._period_s
-        self._pace = Pace(self._period_s, time.monotonic())
+        self._pace = TickScheduler(self._period_s, time.monotonic())
         self._tick()
         self._node.get_logger().info(f"round {goal.round}: {goal.agent} runs")
 
@@ -399,15 +399,15 @@ class RunServer:
         return tree_status(stamp, goal, self._instance, run, changes)
 
 
-def _award(message: Any) -> Award:
+def _award(message: Any) -> RunKey:
     """Return the award that a goal is for, or that a heartbeat names."""
-    return Award(epoch=message.epoch, round=message.round, agent=message.agent)
+    return RunKey(epoch=message.epoch, round=message.round, agent=message.agent)
 
 
 def _close(handle: Any, result: RunResult) -> None:
-    if result.outcome is Outcome.SUCCEEDED:
+    if result.outcome is TreeOutcome.SUCCEEDED:
         handle.succeed()
-    elif result.outcome is Outcome.CANCELLED and handle.is_cancel_requested:
+    elif result.outcome is TreeOutcome.CANCELLED and handle.is_cancel_requested:
         handle.canceled()
     else:
         handle.abort()

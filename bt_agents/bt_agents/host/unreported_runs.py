@@ -13,7 +13,7 @@ MOST = 10
 _REMEMBERED = 50
 
 
-class UnheardRuns:
+class UnreportedRuns:
     """The runs of a host that have ended and that their market has not yet closed.
 
     A market has closed a run when it has announced itself that it ended, was lost or was refused.

@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import asdict
 from random import Random
 
-from bt_agents.engine.environment import Clock, World
+from bt_agents.engine.environment import Clock, Environment
 from bt_agents.engine.run import Run, RunLimits, RunResult, StatusChange
 from bt_agents.recording.recording_world import Note, Notebook, NotedContext
 from bt_agents_core.scene import Scene, SceneSpace, Vector
@@ -72,7 +72,7 @@ class RecordingRun(Run):
         profile: Vector,
         live: Callable[[], Scene],
         tunables: Mapping[str, Plain],
-        world: World,
+        world: Environment,
         steady: Clock,
         seed: int,
         sink: Sink,

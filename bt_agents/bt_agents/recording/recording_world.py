@@ -11,12 +11,12 @@ from typing import Any
 from py_trees.common import Status
 
 from bt_agents.engine.context import RunContext
-from bt_agents.engine.environment import Clock, Goal, GoalRun, GoalState, Inbox, World
+from bt_agents.engine.environment import Clock, Environment, GoalRun, GoalState, Inbox, SkillGoal
 from bt_agents.engine.leaves import Leaf
 from bt_agents.engine.scope import RunScope, Scope
 from bt_agents.plugins.plugin_leaf import PluginLeaf
 from bt_agents_core.errors import Refused
-from bt_agents_core.feedback import Kind
+from bt_agents_core.feedback import FeedbackKind
 from bt_agents_core.scene import Scene
 from bt_agents_language.model.specs import NodeSpec, Plain
 
@@ -44,7 +44,7 @@ class Notebook:
 
     def __init__(
         self,
-        world: World,
+        world: Environment,
         live: Callable[[], Scene],
         tunables: Mapping[str, Plain],
         steady: Clock,
@@ -97,19 +97,19 @@ class Notebook:
         if not self.closed:
             self.note.setdefault(key, []).append(entry)
 
-    def send(self, goal: Goal) -> GoalRun:
-        """Send a goal; see :class:`World`."""
+    def send(self, goal: SkillGoal) -> GoalRun:
+        """Send a goal; see :class:`Environment`."""
         out = self._asked(goal)
         run = self._tried(lambda: self._world.send(goal), out)
         return self._opened(run)
 
-    def publish(self, goal: Goal) -> None:
-        """Publish a message; see :class:`World`."""
+    def publish(self, goal: SkillGoal) -> None:
+        """Publish a message; see :class:`Environment`."""
         out = self._asked(goal)
         self._tried(lambda: self._world.publish(goal), out)
 
     def watch(self, topic: str, type_name: str, *, latched: bool = False) -> Inbox:
-        """Listen; see :class:`World`."""
+        """Listen; see :class:`Environment`."""
         out = ["watch", topic, {}]
         self.add("out", out)
         inbox = self._tried(lambda: self._world.watch(topic, type_name, latched=latched), out)
@@ -120,8 +120,10 @@ class Notebook:
         """Write a line into the log."""
         self._world.log(level, text)
 
-    def give_feedback(self, kind: Kind, values: Mapping[str, float], reason: str) -> GoalRun:
-        """Ask for a change of the profile; see :class:`World`."""
+    def give_feedback(
+        self, kind: FeedbackKind, values: Mapping[str, float], reason: str
+    ) -> GoalRun:
+        """Ask for a change of the profile; see :class:`Environment`."""
         out = ["feedback", kind.name, {"values": dict(values), "reason": reason}]
         self.add("out", out)
         run = self._tried(lambda: self._world.give_feedback(kind, values, reason), out)
@@ -146,7 +148,7 @@ class Notebook:
         """Return the leaf of a behaviour from a package, whose answers are noted."""
         return _NotedPlugin(spec, context, scope, self)
 
-    def _asked(self, goal: Goal) -> list[Any]:
+    def _asked(self, goal: SkillGoal) -> list[Any]:
         out = [goal.kind.value, goal.name, goal.fields]
         self.add("out", out)
         return out
@@ -203,7 +205,7 @@ class NotedClock:
 class NotedContext(RunContext):
     """What the nodes of a recorded run share, in the world of a :class:`Notebook`."""
 
-    def __init__(self, world: World, scope: RunScope, random: Random) -> None:
+    def __init__(self, world: Environment, scope: RunScope, random: Random) -> None:
         super().__init__(world, scope, random)
         assert isinstance(world, Notebook)
         self._reached = world.clock.reached

@@ -14,14 +14,14 @@ from typing import Any, cast
 from py_trees.common import Status
 
 from bt_agents.engine.context import RunContext
-from bt_agents.engine.environment import Goal, GoalRun, GoalState, Inbox
+from bt_agents.engine.environment import GoalRun, GoalState, Inbox, SkillGoal
 from bt_agents.engine.leaves import Leaf
 from bt_agents.engine.run import Run, RunLimits, RunResult, StatusChange
 from bt_agents.engine.scope import Scope
 from bt_agents.recording.recording_run import FORMAT
 from bt_agents.recording.recording_world import at_first
 from bt_agents_core.errors import Refused
-from bt_agents_core.feedback import Kind
+from bt_agents_core.feedback import FeedbackKind
 from bt_agents_core.scene import Origin, Scene, SceneSpace, SceneValue
 from bt_agents_language.model.specs import AgentSpec, NodeSpec, Plain
 
@@ -233,12 +233,12 @@ class RecordedWorld:
         self.asked = []
         self._errors = deque(out[3] if len(out) > 3 else None for out in note.get("out", ()))
 
-    def send(self, goal: Goal) -> GoalRun:
+    def send(self, goal: SkillGoal) -> GoalRun:
         """Take a goal; it goes as it went."""
         self._ask(goal.kind.value, goal.name, goal.fields)
         return self._opened()
 
-    def publish(self, goal: Goal) -> None:
+    def publish(self, goal: SkillGoal) -> None:
         """Take a message."""
         self._ask(goal.kind.value, goal.name, goal.fields)
 
@@ -251,7 +251,9 @@ class RecordedWorld:
     def log(self, level: str, text: str) -> None:
         """Write nothing: what is repeated was logged once already."""
 
-    def give_feedback(self, kind: Kind, values: Mapping[str, float], reason: str) -> GoalRun:
+    def give_feedback(
+        self, kind: FeedbackKind, values: Mapping[str, float], reason: str
+    ) -> GoalRun:
         """Take feedback; it goes as it went."""
         self._ask("feedback", kind.name, {"values": dict(values), "reason": reason})
         return self._opened()

@@ -24,7 +24,12 @@ from bt_agents_core.trees_folder import experiments_folder, find_experiments, fi
 from bt_agents_lab.experiments.replicas import with_seed
 from bt_agents_language.files.experiment_reader import read_experiment
 from bt_agents_language.files.folder_reader import Trees, read_trees
-from bt_agents_language.model.experiment import ExperimentSpec, Record, deviation, difference
+from bt_agents_language.model.experiment import (
+    ExperimentSpec,
+    FeedbackRecord,
+    deviation,
+    difference,
+)
 from bt_agents_ros.signals import Interrupt
 from marketplace_node.settings import Settings
 
@@ -267,7 +272,7 @@ def _options(strategy: str, given: Sequence[str]) -> dict[str, float]:
     return found
 
 
-def _compare(core: Sequence[Record], real: Sequence[Record]) -> bool:
+def _compare(core: Sequence[FeedbackRecord], real: Sequence[FeedbackRecord]) -> bool:
     largest = difference(core, real)
     fine = largest <= TOLERANCE
     Console().print(
@@ -302,7 +307,7 @@ def _unwritten(path: Path, error: OSError) -> BtAgentsError:
     )
 
 
-def _write_csv(path: Path, records: Sequence[Record], space: SceneSpace) -> None:
+def _write_csv(path: Path, records: Sequence[FeedbackRecord], space: SceneSpace) -> None:
     try:
         with path.open("w", newline="") as file:
             writer = csv.writer(file)
@@ -321,7 +326,7 @@ def _write_csv(path: Path, records: Sequence[Record], space: SceneSpace) -> None
 
 
 def _report(
-    folder: Trees, spec: ExperimentSpec, records: Sequence[Record], seconds: float
+    folder: Trees, spec: ExperimentSpec, records: Sequence[FeedbackRecord], seconds: float
 ) -> bool:
     console = Console()
     starts = {agent.name: agent.profile for agent in folder.agents}

@@ -21,7 +21,7 @@ with loading():
         sense_of_it,
         show_problems,
     )
-    from bt_agents_lab.replay.recording_index import Story
+    from bt_agents_lab.replay.recording_index import RecordingIndex
     from bt_agents_lab.replay.scenes import named
 
 
@@ -49,7 +49,7 @@ def journal(files: tuple[Path, ...]) -> None:
         _show_rounds(console, story)
 
 
-def _show_topics(console: Console, story: Story) -> None:
+def _show_topics(console: Console, story: RecordingIndex) -> None:
     table = Table(box=None, pad_edge=False, show_header=False)
     table.add_column(justify="right")
     table.add_column()
@@ -58,7 +58,7 @@ def _show_topics(console: Console, story: Story) -> None:
     console.print(table)
 
 
-def _show_rounds(console: Console, story: Story) -> None:
+def _show_rounds(console: Console, story: RecordingIndex) -> None:
     for one in story.rounds:
         auction = one.auction
         winner = f"{auction.winner} wins" if auction.winner else "nobody"

@@ -13,7 +13,7 @@ from rich.console import Console
 from rich.markup import escape
 
 from bt_agents_core.errors import BtAgentsError
-from bt_agents_lab.replay.recording_index import Story, read
+from bt_agents_lab.replay.recording_index import RecordingIndex, read
 from bt_agents_tools.launcher.components import journal_folder
 from marketplace_node.strategies.plugins import add_installed
 
@@ -26,7 +26,7 @@ def files_argument(command: Command) -> Command:
     return files(command)
 
 
-def read_story(files: Sequence[Path]) -> Story:
+def read_story(files: Sequence[Path]) -> RecordingIndex:
     """Return what some files hold.
 
     Args:
@@ -74,7 +74,7 @@ def chosen(files: Sequence[Path]) -> list[Path]:
     return paths
 
 
-def show_problems(console: Console, story: Story) -> None:
+def show_problems(console: Console, story: RecordingIndex) -> None:
     """Print what cannot be read and what is lost."""
     for words in (*story.hints, *story.problems):
         console.print(f"[yellow]{escape(words)}[/]", highlight=False, soft_wrap=True)

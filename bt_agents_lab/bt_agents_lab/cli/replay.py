@@ -17,8 +17,8 @@ from bt_agents_ros.signals import loading
 with loading():
     from bt_agents_lab.cli.journals import files_argument, read_story, sense_of_it, show_problems
     from bt_agents_lab.replay import decisions, replay_learning, trees
-    from bt_agents_lab.replay.findings import Finding, Tally, Verdict, tally
-    from bt_agents_lab.replay.recording_index import Story
+    from bt_agents_lab.replay.findings import FindingCounts, ReplayFinding, ReplayVerdict, tally
+    from bt_agents_lab.replay.recording_index import RecordingIndex
 
 _MOST_SHOWN = 10
 _NAMES = 15
@@ -61,15 +61,18 @@ def replay(files: tuple[Path, ...], as_json: bool) -> None:
     sys.exit(0 if story.whole else _DAMAGED)
 
 
-def _show(console: Console, story: Story, found: Tally) -> None:
+def _show(console: Console, story: RecordingIndex, found: FindingCounts) -> None:
     show_problems(console, story)
-    heads = "".join(f"{verdict.value:>{_COLUMN}}" for verdict in Verdict)
+    heads = "".join(f"{verdict.value:>{_COLUMN}}" for verdict in ReplayVerdict)
     console.print(f"{'':{_NAMES}}{heads}", highlight=False)
     for kind, words in _KINDS:
-        numbers = "".join(f"{found.counts[kind, verdict]:>{_COLUMN}}" for verdict in Verdict)
+        numbers = "".join(f"{found.counts[kind, verdict]:>{_COLUMN}}" for verdict in ReplayVerdict)
         ticks = f"  {found.sizes[kind]} ticks" if kind == trees.KIND and found.sizes[kind] else ""
         console.print(f"{words:{_NAMES}}{numbers}{ticks}", highlight=False)
-    for verdict, style in ((Verdict.DIFFERENT, "red"), (Verdict.NOT_RECORDED, "yellow")):
+    for verdict, style in (
+        (ReplayVerdict.DIFFERENT, "red"),
+        (ReplayVerdict.NOT_RECORDED, "yellow"),
+    ):
         told = [finding for finding in found.told if finding.verdict is verdict]
         for finding in told[:_MOST_SHOWN]:
             _show_finding(console, finding, style)
@@ -87,7 +90,7 @@ def _show(console: Console, story: Story, found: Tally) -> None:
         console.print("[green]everything is equal[/]")
 
 
-def _show_finding(console: Console, finding: Finding, style: str) -> None:
+def _show_finding(console: Console, finding: ReplayFinding, style: str) -> None:
     console.print(
         f"[{style}]{finding.verdict.value}[/] {finding.kind}, {escape(finding.where)}: "
         f"{escape(finding.words)}",
@@ -96,10 +99,10 @@ def _show_finding(console: Console, finding: Finding, style: str) -> None:
     )
 
 
-def _as_data(story: Story, found: Tally) -> dict[str, object]:
+def _as_data(story: RecordingIndex, found: FindingCounts) -> dict[str, object]:
     return {
         "counts": {
-            words: {verdict.value: found.counts[kind, verdict] for verdict in Verdict}
+            words: {verdict.value: found.counts[kind, verdict] for verdict in ReplayVerdict}
             for kind, words in _KINDS
         },
         "ticks": found.sizes[trees.KIND],

@@ -17,7 +17,7 @@ from rich.progress import Progress
 from bt_agents_core.errors import BtAgentsError
 from bt_agents_core.scene import SceneSpace, Vector
 from bt_agents_language.files.folder_reader import Trees
-from bt_agents_language.model.experiment import ExperimentSpec, Record
+from bt_agents_language.model.experiment import ExperimentSpec, FeedbackRecord
 from bt_agents_ros.signals import Interrupt
 from bt_agents_tools.launcher import components
 from bt_agents_tools.launcher.domain_lock import reserve_domain
@@ -32,7 +32,7 @@ class _Recorder:
     """Joins decisions and feedback to one record a round."""
 
     def __init__(self) -> None:
-        self.records: list[Record] = []
+        self.records: list[FeedbackRecord] = []
         self._scenes: dict[int, Vector] = {}
 
     def auction(self, message: Any) -> None:
@@ -40,7 +40,7 @@ class _Recorder:
 
     def feedback(self, message: Any) -> None:
         self.records.append(
-            Record(
+            FeedbackRecord(
                 round=message.round,
                 scene=self._scenes.get(message.round, ()),
                 winner=message.agent,
@@ -52,7 +52,7 @@ class _Recorder:
 
 def through_ros(
     folder: Trees, spec: ExperimentSpec, settings: Settings, interrupt: Interrupt
-) -> list[Record]:
+) -> list[FeedbackRecord]:
     """Play a whole experiment and return its rounds; fewer when it was interrupted.
 
     Args:
@@ -93,7 +93,7 @@ def _record(
     agents: int,
     spec: ExperimentSpec,
     interrupt: Interrupt,
-) -> list[Record]:
+) -> list[FeedbackRecord]:
     from bt_agents_tools.client import system as client
     from bt_agents_tools.client.observer import Observer
 

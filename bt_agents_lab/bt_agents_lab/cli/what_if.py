@@ -19,7 +19,7 @@ from bt_agents_ros.signals import loading
 
 with loading():
     from bt_agents_lab.cli.journals import files_argument, read_story, sense_of_it, show_problems
-    from bt_agents_lab.replay.what_if import ASSUMED, OTHERS_ASSUMED, Case, Changes, Outlook
+    from bt_agents_lab.replay.what_if import ASSUMED, OTHERS_ASSUMED, Changes, Outlook, WhatIfCase
     from bt_agents_lab.replay.what_if import what_if as retell
     from bt_agents_language.files.folder_reader import read_trees
     from bt_agents_language.model.specs import AgentSpec
@@ -127,7 +127,7 @@ def _show(console: Console, outlook: Outlook, everything: bool) -> None:
         console.print(f"never chosen: {escape(', '.join(outlook.never))}", highlight=False)
 
 
-def _row(case: Case) -> tuple[str, ...]:
+def _row(case: WhatIfCase) -> tuple[str, ...]:
     now = f"[yellow]{escape(case.words)}[/]" if case.words else escape(case.now or _NOBODY)
     return (
         str(case.round),

@@ -12,7 +12,7 @@ import numpy as np
 from bt_agents_lab.experiments.measures import converged, right
 from bt_agents_lab.experiments.replicas import Replicas, replicas, with_errors, world_of
 from bt_agents_lab.experiments.simulated_world import Arm
-from bt_agents_lab.experiments.verdicts import Claim, Verdict, judged, percent
+from bt_agents_lab.experiments.verdicts import Claim, ClaimVerdict, judged, percent
 from bt_agents_language.files.folder_reader import Trees
 from bt_agents_language.model.experiment import ExperimentSpec
 from feedback_node.simulated_feedback import Errors
@@ -43,7 +43,7 @@ class Paper:
     spec: ExperimentSpec
 
 
-def first(experiment: Paper) -> list[Verdict]:
+def first(experiment: Paper) -> list[ClaimVerdict]:
     """Judge what Experiment 1 shows."""
     world = world_of(experiment.folder, experiment.spec)
     runs = {
@@ -84,7 +84,7 @@ def first(experiment: Paper) -> list[Verdict]:
     ]
 
 
-def second(arms: Mapping[str, Paper], seeds: Sequence[int]) -> list[Verdict]:
+def second(arms: Mapping[str, Paper], seeds: Sequence[int]) -> list[ClaimVerdict]:
     """Judge what Experiment 2 shows.
 
     Args:
@@ -119,7 +119,7 @@ def played_third(experiment: Paper, seeds: Sequence[int]) -> Replicas:
     return replicas(world_of(experiment.folder, spec), spec, seeds, Arm(tie_break="random"))
 
 
-def third(runs: Replicas) -> list[Verdict]:
+def third(runs: Replicas) -> list[ClaimVerdict]:
     """Judge what Experiment 3 shows."""
     world = runs.world
     correct = right(world, runs.luck, runs.course)
@@ -168,7 +168,7 @@ def third(runs: Replicas) -> list[Verdict]:
     ]
 
 
-def _conservative(runs: Replicas, quiet: Replicas) -> Verdict:
+def _conservative(runs: Replicas, quiet: Replicas) -> ClaimVerdict:
     late = _gap(runs)[:, -LATE:]
     slow = _arrival(_distance(quiet)[0])
     return judged(
@@ -188,7 +188,7 @@ def _conservative(runs: Replicas, quiet: Replicas) -> Verdict:
     )
 
 
-def _aggressive(often: Mapping[str, Replicas], regular: Mapping[str, Replicas]) -> Verdict:
+def _aggressive(often: Mapping[str, Replicas], regular: Mapping[str, Replicas]) -> ClaimVerdict:
     swing = {name: _swing(runs) for name, runs in often.items()}
     own = {name: float(_swing(runs)[0]) for name, runs in regular.items()}
     return judged(
@@ -208,7 +208,7 @@ def _aggressive(often: Mapping[str, Replicas], regular: Mapping[str, Replicas]) 
     )
 
 
-def _abrupt(runs: Replicas, errors: Errors) -> Verdict:
+def _abrupt(runs: Replicas, errors: Errors) -> ClaimVerdict:
     wrong = runs.luck.doubt[:, :, 0] == 0.0
     twice = wrong[:, :-1] & wrong[:, 1:]
     values = np.concatenate(
@@ -236,7 +236,7 @@ def _abrupt(runs: Replicas, errors: Errors) -> Verdict:
     )
 
 
-def _moderate(runs: Replicas) -> Verdict:
+def _moderate(runs: Replicas) -> ClaimVerdict:
     late = np.abs(_gap(runs)[:, -LATE:].mean(axis=1)).max(axis=-1)
     outer = np.abs(_gap(runs)[:, -LATE:]).max(axis=(1, 2))
     return judged(
@@ -256,7 +256,7 @@ def _moderate(runs: Replicas) -> Verdict:
     )
 
 
-def _balance(rare: Mapping[str, Replicas]) -> Verdict:
+def _balance(rare: Mapping[str, Replicas]) -> ClaimVerdict:
     squared = {n: (_gap(runs) ** 2).sum(axis=-1).mean(axis=1) for n, runs in rare.items()}
     plain = {n: _distance(runs).mean() for n, runs in rare.items()}
     best = (squared["moderate"] < squared["conservative"]) & (
@@ -281,7 +281,7 @@ def _balance(rare: Mapping[str, Replicas]) -> Verdict:
     )
 
 
-def _robust(often: Mapping[str, Replicas], regular: Mapping[str, Replicas]) -> Verdict:
+def _robust(often: Mapping[str, Replicas], regular: Mapping[str, Replicas]) -> ClaimVerdict:
     means = {n: runs.course.profiles[:, -LATE:, 0].mean(axis=1) for n, runs in often.items()}
     off = {n: np.abs(means[n] - often[n].world.best[0]).max(axis=-1) for n in RATES}
     exact = regular["moderate"].course.profiles[0, -99:, 0].mean(axis=0)
@@ -304,7 +304,7 @@ def _robust(often: Mapping[str, Replicas], regular: Mapping[str, Replicas]) -> V
     )
 
 
-def _stability(rare: Mapping[str, Replicas]) -> Verdict:
+def _stability(rare: Mapping[str, Replicas]) -> ClaimVerdict:
     spread = {
         n: runs.course.profiles[:, -LATE:, 0].std(axis=1).mean(axis=-1) for n, runs in rare.items()
     }

@@ -6,17 +6,17 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Mapping
 
-from bt_agents.host.agent_registry import Roster
+from bt_agents.host.agent_registry import AgentRegistry
 from bt_agents_core.errors import BtAgentsError
 from bt_agents_core.feedback import LearningRule
 from bt_agents_core.scene import MISSING, Origin, Scene, SceneSpace, SceneValue, Vector
 from bt_agents_lab.experiments.simulated_world import NOT_SIMULATED
 from bt_agents_language.files.folder_reader import Trees
-from bt_agents_language.model.experiment import ExperimentSpec, Record
-from feedback_node.learning.cards import AgentEntry, Card, LearningEntry
-from feedback_node.learning.feedback_controller import Teaching
+from bt_agents_language.model.experiment import ExperimentSpec, FeedbackRecord
+from feedback_node.learning.cards import AgentEntry, LearningCard, LearningEntry
+from feedback_node.learning.feedback_controller import FeedbackController
 from feedback_node.learning.profiles import Profiles
-from feedback_node.learning.runs import Run
+from feedback_node.learning.runs import AnnouncedRun
 from feedback_node.ledger.ledger import Ledger
 from feedback_node.ledger.ledger_file import MEMORY
 from marketplace_node.effects import Collect, Effect, OpenCall, RunOutcome, SendGoal
@@ -49,15 +49,15 @@ class Core:
     ) -> None:
         self.space = folder.scene.space
         self._market = Market(self.space, "core", settings or Settings())
-        self._roster = Roster(self.space, folder.agents)
+        self._roster = AgentRegistry(self.space, folder.agents)
         self._ledger = Ledger(MEMORY)
-        self._teaching = Teaching(
+        self._teaching = FeedbackController(
             Profiles(self.space, self._ledger),
             clock=lambda: _NOW,
             new_id=lambda: "",
             simulated=spec.feedback,
         )
-        self._records: list[Record] = []
+        self._records: list[FeedbackRecord] = []
         self._do(self._market.tick(_NOW))
         self._introduce()
 
@@ -65,7 +65,7 @@ class Core:
         """Close the ledger."""
         self._ledger.close()
 
-    def play(self, label: str, vector: Vector) -> Record:
+    def play(self, label: str, vector: Vector) -> FeedbackRecord:
         """Put a scene on the market and return what came of it.
 
         Args:
@@ -102,7 +102,7 @@ class Core:
         self._do(effects)
         self._beat(0)
         self._teaching.introduce(
-            Card(
+            LearningCard(
                 host=HOST,
                 instance=_INSTANCE,
                 parameters=self.space.names,
@@ -151,12 +151,14 @@ class Core:
 
     def _collect(self, effect: Collect) -> list[Effect]:
         goal = effect.goal
-        run = Run(epoch=self._market.epoch, round=goal.round, agent=goal.agent, scene=effect.scene)
+        run = AnnouncedRun(
+            epoch=self._market.epoch, round=goal.round, agent=goal.agent, scene=effect.scene
+        )
         change = self._teaching.collect(run)
         if change is not None:
             self._roster.set_profile(goal.agent, change.after, change.revision.revision)
             self._records.append(
-                Record(
+                FeedbackRecord(
                     round=goal.round,
                     scene=effect.scene.vector,
                     winner=goal.agent,
@@ -207,7 +209,7 @@ def through_core(
     folder: Trees,
     spec: ExperimentSpec,
     settings: Settings | None = None,
-) -> list[Record]:
+) -> list[FeedbackRecord]:
     """Play a whole experiment and return its rounds.
 
     Args:

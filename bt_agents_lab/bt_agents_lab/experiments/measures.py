@@ -9,8 +9,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from bt_agents_lab.experiments.random_streams import Bools, Luck
-from bt_agents_lab.experiments.simulated_world import World
+from bt_agents_lab.experiments.random_streams import Bools, RandomStreams
+from bt_agents_lab.experiments.simulated_world import SimulatedWorld
 from bt_agents_lab.experiments.simulation import Course
 from marketplace_node.strategies.arrays import Floats, Integers
 
@@ -86,19 +86,19 @@ class Measures:
     error: float
 
 
-def right(world: World, luck: Luck, course: Course) -> Bools:
+def right(world: SimulatedWorld, luck: RandomStreams, course: Course) -> Bools:
     """Return where the best suited agent got the scene, [R, T]."""
     return np.asarray(course.awarded == world.suited[luck.scene])
 
 
-def regret(world: World, luck: Luck, course: Course) -> Floats:
+def regret(world: SimulatedWorld, luck: RandomStreams, course: Course) -> Floats:
     """Return how much worse the chosen agent suits than the best one, [R, T]."""
     misfit = world.misfit[luck.scene]
     chosen = np.take_along_axis(misfit, course.awarded[..., None], axis=-1)[..., 0]
     return np.asarray(chosen - misfit.min(axis=-1))
 
 
-def of_runs(world: World, luck: Luck, course: Course) -> PerRun:
+def of_runs(world: SimulatedWorld, luck: RandomStreams, course: Course) -> PerRun:
     """Return what each run came to."""
     correct = right(world, luck, course)
     suits = np.unique(world.suited)
@@ -140,7 +140,7 @@ def summary(runs: PerRun) -> Measures:
     )
 
 
-def measure(world: World, luck: Luck, course: Course) -> Measures:
+def measure(world: SimulatedWorld, luck: RandomStreams, course: Course) -> Measures:
     """Return what the runs of one course came to."""
     return summary(of_runs(world, luck, course))
 

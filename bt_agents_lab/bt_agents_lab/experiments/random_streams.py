@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from bt_agents_core.scene import Vector
 from bt_agents_lab.experiments.seeding import sources
-from bt_agents_lab.experiments.simulated_world import World
+from bt_agents_lab.experiments.simulated_world import SimulatedWorld
 from marketplace_node.strategies.arrays import Floats, Integers
 
 Bools = npt.NDArray[np.bool_]
@@ -22,7 +22,7 @@ Said = Literal["any", "another"] | Vector
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Luck:
+class RandomStreams:
     """Chance of R runs of T rounds, with up to A attempts a round.
 
     Attributes:
@@ -62,7 +62,7 @@ class Luck:
         return values[runs]
 
 
-class Moment:
+class StreamMoment:
     """The chance of some runs in one attempt of one round.
 
     Args:
@@ -72,44 +72,46 @@ class Moment:
         attempt: From 0.
     """
 
-    def __init__(self, luck: Luck, runs: Integers, round_index: int, attempt: int) -> None:
+    def __init__(
+        self, luck: RandomStreams, runs: Integers, round_index: int, attempt: int
+    ) -> None:
         self.attempt = attempt
         self._luck = luck
         self._runs = runs
         self._round = round_index
 
-    def chance(self) -> Chances:
+    def chance(self) -> ReplicaRandomSource:
         """Return what a strategy draws from."""
-        return Chances(self._luck, self._runs, self._round, self.attempt)
+        return ReplicaRandomSource(self._luck, self._runs, self._round, self.attempt)
 
     @property
     def scene(self) -> Integers:
-        """As in :class:`Luck`, [runs]."""
+        """As in :class:`RandomStreams`, [runs]."""
         return np.asarray(self._luck.scene[self._runs, self._round])
 
     @property
     def doubt(self) -> Floats:
-        """As in :class:`Luck`, [runs]."""
+        """As in :class:`RandomStreams`, [runs]."""
         return np.asarray(self._luck.doubt[self._runs, self._round, self.attempt])
 
     @property
     def said(self) -> Floats:
-        """As in :class:`Luck`, [runs, n]."""
+        """As in :class:`RandomStreams`, [runs, n]."""
         return np.asarray(self._luck.said[self._runs, self._round])
 
     @property
     def whim(self) -> Floats:
-        """As in :class:`Luck`, [runs]."""
+        """As in :class:`RandomStreams`, [runs]."""
         return np.asarray(self._luck.whim[self._runs, self._round, self.attempt])
 
     @property
     def mood(self) -> npt.NDArray[np.float32]:
-        """As in :class:`Luck`, [runs, seconds]."""
+        """As in :class:`RandomStreams`, [runs, seconds]."""
         return np.asarray(self._luck.mood[self._runs, self._round, self.attempt])
 
     @property
     def ties(self) -> npt.NDArray[np.float32]:
-        """As in :class:`Luck`, [runs, N]."""
+        """As in :class:`RandomStreams`, [runs, N]."""
         return np.asarray(self._luck.ties[self._runs, self._round, self.attempt])
 
 
@@ -117,10 +119,12 @@ Calls = tuple[tuple[str, tuple[int, ...]], ...]
 """Draws one after the other: kind, and shape for one run."""
 
 
-class Chances:
+class ReplicaRandomSource:
     """Draws for many runs at once what each would draw alone: a ``strategies.Chance``."""
 
-    def __init__(self, luck: Luck, rows: Integers, round_index: int, attempt: int) -> None:
+    def __init__(
+        self, luck: RandomStreams, rows: Integers, round_index: int, attempt: int
+    ) -> None:
         self._luck = luck
         self._where = (rows, round_index, attempt)
         self._calls: Calls = ()
@@ -143,7 +147,9 @@ def seed_of(seed: int, round_index: int, attempt: int) -> str:
     return f"run {seed}/{round_index + 1}.{attempt}"
 
 
-def draw(world: World, seeds: Sequence[int], rounds: int, said: Said = "any") -> Luck:
+def draw(
+    world: SimulatedWorld, seeds: Sequence[int], rounds: int, said: Said = "any"
+) -> RandomStreams:
     """Draw the chance of some runs.
 
     Args:
@@ -177,4 +183,6 @@ def draw(world: World, seeds: Sequence[int], rounds: int, said: Said = "any") ->
         whim[row] = whims.uniform(-1.0, 1.0, (rounds, attempts))
         ties[row] = chances.random((rounds, attempts, agents), dtype=np.float32)
         mood[row] = moods.standard_normal((rounds, attempts, seconds), dtype=np.float32)
-    return Luck(seeds=seeds, scene=scene, doubt=doubt, said=wrong, whim=whim, mood=mood, ties=ties)
+    return RandomStreams(
+        seeds=seeds, scene=scene, doubt=doubt, said=wrong, whim=whim, mood=mood, ties=ties
+    )

@@ -9,8 +9,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from bt_agents_core.errors import BtAgentsError
-from bt_agents_lab.experiments.random_streams import Luck, draw
-from bt_agents_lab.experiments.simulated_world import Arm, World, vectors
+from bt_agents_lab.experiments.random_streams import RandomStreams, draw
+from bt_agents_lab.experiments.simulated_world import Arm, SimulatedWorld, vectors
 from bt_agents_lab.experiments.simulation import Course, simulate
 from bt_agents_language.files.folder_reader import Trees
 from bt_agents_language.model.experiment import ExperimentSpec
@@ -21,12 +21,12 @@ from feedback_node.simulated_feedback import Errors
 class Replicas:
     """Many runs of one experiment."""
 
-    world: World
-    luck: Luck
+    world: SimulatedWorld
+    luck: RandomStreams
     course: Course
 
 
-def world_of(folder: Trees, spec: ExperimentSpec) -> World:
+def world_of(folder: Trees, spec: ExperimentSpec) -> SimulatedWorld:
     """Return the world of an experiment.
 
     Raises:
@@ -39,7 +39,7 @@ def world_of(folder: Trees, spec: ExperimentSpec) -> World:
             f"{spec.title}: 'each' has no feedback for {', '.join(without)}; many runs at once "
             "need one for each agent"
         )
-    return World(
+    return SimulatedWorld(
         space=folder.scene.space,
         agents=tuple(agent.name for agent in agents),
         starts=vectors([agent.profile for agent in agents]),
@@ -49,7 +49,7 @@ def world_of(folder: Trees, spec: ExperimentSpec) -> World:
     )
 
 
-def luck_of(world: World, spec: ExperimentSpec, seeds: Sequence[int]) -> Luck:
+def luck_of(world: SimulatedWorld, spec: ExperimentSpec, seeds: Sequence[int]) -> RandomStreams:
     """Return the chance of some runs: each as the experiment has it with that seed."""
     luck = draw(world, seeds, spec.rounds)
     places = {tuple(scene): index for index, scene in enumerate(world.scenes.tolist())}
@@ -82,7 +82,7 @@ def with_errors(spec: ExperimentSpec, errors: Errors | None) -> ExperimentSpec:
 
 
 def replicas(
-    world: World, spec: ExperimentSpec, seeds: Sequence[int], arm: Arm | None = None
+    world: SimulatedWorld, spec: ExperimentSpec, seeds: Sequence[int], arm: Arm | None = None
 ) -> Replicas:
     """Play an experiment once for each seed.
 

@@ -47,7 +47,7 @@ class Person:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class World:
+class SimulatedWorld:
     """Who can be chosen, and for what.
 
     N agents, K scenes, n parameters.

@@ -8,11 +8,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from bt_agents_core.feedback import MOOD_RULE, Kind, Update
-from bt_agents_lab.experiments.random_streams import Bools, Luck, Moment
-from bt_agents_lab.experiments.simulated_world import Arm, Person, World
+from bt_agents_core.feedback import MOOD_RULE, FeedbackKind, Update
+from bt_agents_lab.experiments.random_streams import Bools, RandomStreams, StreamMoment
+from bt_agents_lab.experiments.simulated_world import Arm, Person, SimulatedWorld
 from feedback_node.learning import updates
-from marketplace_node.strategies import STRATEGIES, Field
+from marketplace_node.strategies import STRATEGIES, RoundArrays
 from marketplace_node.strategies.arrays import Floats, Integers
 
 NEVER = 1_000_000
@@ -44,7 +44,7 @@ class Course:
 class _State:
     """What R runs remember from round to round."""
 
-    def __init__(self, world: World, arm: Arm, runs: int) -> None:
+    def __init__(self, world: SimulatedWorld, arm: Arm, runs: int) -> None:
         agents, width = world.starts.shape
         self.profiles: Floats = np.repeat(world.starts[None], runs, axis=0)
         self.total = np.zeros(runs)
@@ -55,7 +55,9 @@ class _State:
         self.recent = np.full((runs, agents, window, width), np.nan)
 
 
-def simulate(world: World, arm: Arm, luck: Luck, wrong_share: float = 0.0) -> Course:
+def simulate(
+    world: SimulatedWorld, arm: Arm, luck: RandomStreams, wrong_share: float = 0.0
+) -> Course:
     """Play all runs of ``luck``.
 
     Args:
@@ -68,7 +70,7 @@ def simulate(world: World, arm: Arm, luck: Luck, wrong_share: float = 0.0) -> Co
 
 
 def simulate_shares(
-    world: World, arm: Arm, luck: Luck, wrong_shares: Sequence[float]
+    world: SimulatedWorld, arm: Arm, luck: RandomStreams, wrong_shares: Sequence[float]
 ) -> list[Course]:
     """Play all runs of ``luck`` once for each share of wrong feedback, which is faster together.
 
@@ -89,7 +91,12 @@ def simulate_shares(
 
 
 def _play(
-    world: World, arm: Arm, luck: Luck, wrong_shares: Sequence[float], *, history: bool
+    world: SimulatedWorld,
+    arm: Arm,
+    luck: RandomStreams,
+    wrong_shares: Sequence[float],
+    *,
+    history: bool,
 ) -> Course:
     """Play R runs of ``luck`` for each of S shares; rows are those of the first share first."""
     of_luck, rounds = luck.scene.shape
@@ -110,7 +117,7 @@ def _play(
         scene = world.scenes[luck.scene[rows % of_luck, index]]
         for attempt in range(world.attempts):
             tried = course.won[rows, index]
-            now = Moment(luck, rows % of_luck, index, attempt)
+            now = StreamMoment(luck, rows % of_luck, index, attempt)
             chosen = _award(world, arm, state, now, rows, scene, tried)
             if attempt == 0:
                 course.awarded[:, index] = chosen
@@ -121,14 +128,14 @@ def _play(
             wrong = now.doubt < share[rows]
             if world.person is None:
                 told = np.where(wrong[:, None], now.said, world.best[chosen])
-                _learn(world, rule, state, rows, chosen, Kind.DIRECT, told, 1.0)
+                _learn(world, rule, state, rows, chosen, FeedbackKind.DIRECT, told, 1.0)
                 break
             moods = _moods(world, world.person, now, scene, chosen, wrong)
             praised, blamed = _fired(world.person, moods)
             weight = arm.rule.weight(MOOD_RULE)
             for kind, at in (
-                (Kind.POSITIVE, praised < blamed),
-                (Kind.NEGATIVE, blamed < NEVER),
+                (FeedbackKind.POSITIVE, praised < blamed),
+                (FeedbackKind.NEGATIVE, blamed < NEVER),
             ):
                 _learn(world, rule, state, rows[at], chosen[at], kind, scene[at], weight)
             stopped = blamed < NEVER
@@ -145,10 +152,10 @@ def _play(
 
 
 def _award(
-    world: World,
+    world: SimulatedWorld,
     arm: Arm,
     state: _State,
-    now: Moment,
+    now: StreamMoment,
     rows: Integers,
     scene: Floats,
     tried: Bools,
@@ -164,7 +171,7 @@ def _award(
         profiles, runs, last_run = profiles[where], runs[where], last_run[where]
     spec = STRATEGIES[arm.strategy]
     score = spec.score(
-        Field(
+        RoundArrays(
             scene=scene,
             std=np.zeros(scene.shape),
             bids=profiles,
@@ -190,9 +197,9 @@ def _award(
 
 
 def _moods(
-    world: World,
+    world: SimulatedWorld,
     person: Person,
-    now: Moment,
+    now: StreamMoment,
     scene: Floats,
     chosen: Integers,
     wrong: Bools,
@@ -240,12 +247,12 @@ def _held(holds: Bools, hold_s: int) -> Integers:
 
 
 def _learn(
-    world: World,
+    world: SimulatedWorld,
     rule: updates.RuleArrays,
     state: _State,
     rows: Integers,
     chosen: Integers,
-    kind: Kind,
+    kind: FeedbackKind,
     target: Floats,
     weight: float,
 ) -> None:
@@ -273,6 +280,6 @@ def _learn(
         state.recent[rows, chosen] = np.concatenate([recent[:, 1:], asked[:, None]], axis=1)
 
 
-def _mood_place(world: World) -> int:
+def _mood_place(world: SimulatedWorld) -> int:
     assert world.space.mood is not None
     return world.space.names.index(world.space.mood)

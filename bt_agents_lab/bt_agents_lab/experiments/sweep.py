@@ -14,7 +14,7 @@ from bt_agents_core.errors import BtAgentsError
 from bt_agents_core.feedback import LearningRule, Update
 from bt_agents_lab.experiments.measures import PerRun, of_runs, together
 from bt_agents_lab.experiments.random_streams import Said, draw
-from bt_agents_lab.experiments.simulated_world import Arm, World
+from bt_agents_lab.experiments.simulated_world import Arm, SimulatedWorld
 from bt_agents_lab.experiments.simulation import simulate_shares
 
 PART = 1000
@@ -74,7 +74,7 @@ class SweepSpec:
     """
 
     title: str
-    world: World
+    world: SimulatedWorld
     runs: int
     rounds: int
     seed: int

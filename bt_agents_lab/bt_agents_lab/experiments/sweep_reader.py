@@ -11,13 +11,13 @@ from bt_agents_core.feedback import LearningRule, Update
 from bt_agents_core.scene import SceneSpace
 from bt_agents_lab.experiments.random_streams import Said
 from bt_agents_lab.experiments.replicas import world_of
-from bt_agents_lab.experiments.simulated_world import NOT_SIMULATED, Person, World
+from bt_agents_lab.experiments.simulated_world import NOT_SIMULATED, Person, SimulatedWorld
 from bt_agents_lab.experiments.sweep import Learning, Selection, SweepSpec
 from bt_agents_language.files.experiment_reader import read_experiment
 from bt_agents_language.files.folder_reader import read_trees
 from bt_agents_language.model.scene_values import read_vector
 from bt_agents_language.yaml.source import read_source
-from bt_agents_language.yaml.typed_reader import FileReading
+from bt_agents_language.yaml.typed_reader import TypedReader
 from bt_agents_language.yaml.yaml_reader import Mapping, Node
 from marketplace_node.strategies import STRATEGIES, TIE_BREAKS
 
@@ -33,7 +33,7 @@ def read_sweep(path: Path) -> SweepSpec:
         ReadError: There is a problem; it lists all of them.
         BtAgentsError: The experiment that it is about cannot be read.
     """
-    reading = FileReading.of(read_source(path))
+    reading = TypedReader.of(read_source(path))
     required = ("experiment", "runs", "rounds", "seed", "strategies", "updates")
     known = ("title", *required, "wrong", "person")
     fields = reading.document("a sweep", known, required)
@@ -72,7 +72,7 @@ def read_sweep(path: Path) -> SweepSpec:
     assert seed is not None
     return SweepSpec(
         title=title,
-        world=World(
+        world=SimulatedWorld(
             space=space,
             agents=world.agents,
             starts=world.starts,
@@ -91,7 +91,7 @@ def read_sweep(path: Path) -> SweepSpec:
     )
 
 
-def _world(folder: Path) -> World:
+def _world(folder: Path) -> SimulatedWorld:
     if not (folder / "experiment.yaml").is_file():
         raise BtAgentsError(
             f"'{folder}' is no experiment: it has no experiment.yaml; 'experiment:' of a sweep is "
@@ -103,7 +103,7 @@ def _world(folder: Path) -> World:
     return world_of(trees, read_experiment(folder / "experiment.yaml", trees.scene.space))
 
 
-def _selection(reading: FileReading, node: Node) -> Selection | None:
+def _selection(reading: TypedReader, node: Node) -> Selection | None:
     names = [name for name in STRATEGIES if name not in NOT_SIMULATED]
     if not isinstance(node, Mapping):
         name = reading.choice(node, "a strategy", names)
@@ -131,7 +131,7 @@ def _selection(reading: FileReading, node: Node) -> Selection | None:
     return Selection(strategy=name, options=given, tie_break=tie_break)
 
 
-def _learning(reading: FileReading, node: Node, space: SceneSpace) -> Learning | None:
+def _learning(reading: TypedReader, node: Node, space: SceneSpace) -> Learning | None:
     if not isinstance(node, Mapping):
         name = reading.choice(node, "an update", [str(update) for update in Update])
         return None if name is None else Learning(rule=LearningRule(update=Update(name)))
@@ -158,7 +158,7 @@ def _learning(reading: FileReading, node: Node, space: SceneSpace) -> Learning |
 
 
 def _wrong(
-    reading: FileReading, node: Node, space: SceneSpace
+    reading: TypedReader, node: Node, space: SceneSpace
 ) -> tuple[tuple[float, ...], Said | None]:
     fields = reading.fields(node, "'wrong'", ("shares", "says"), ("shares",))
     if fields is None:
@@ -174,7 +174,7 @@ def _wrong(
     return tuple(share for share in shares if share is not None), said
 
 
-def _person(reading: FileReading, node: Node) -> Person | None:
+def _person(reading: TypedReader, node: Node) -> Person | None:
     keys = ("seconds", "drift", "noise", "tolerance", "better", "worse", "hold")
     fields = reading.fields(node, "'person'", keys)
     if fields is None:

@@ -31,7 +31,7 @@ class Claim:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Verdict:
+class ClaimVerdict:
     """Whether a claim holds.
 
     Attributes:
@@ -72,7 +72,7 @@ def judged(
     found: str,
     reason: str = "",
     unit: str = "runs",
-) -> Verdict:
+) -> ClaimVerdict:
     """Return the verdict on a claim from one answer a run.
 
     Args:
@@ -83,7 +83,7 @@ def judged(
         unit: What is counted, when it is not runs.
     """
     runs, hits = len(held), int(np.count_nonzero(held))
-    return Verdict(
+    return ClaimVerdict(
         claim=claim,
         runs=runs,
         held=hits,
@@ -103,7 +103,7 @@ def percent(share: float) -> str:
     return f"{rounded:.6g} %"
 
 
-def as_markdown(title: str, verdicts: Iterable[Verdict]) -> str:
+def as_markdown(title: str, verdicts: Iterable[ClaimVerdict]) -> str:
     """Return verdicts as a document."""
     lines = [f"# {title}", ""]
     for verdict in verdicts:
@@ -122,7 +122,7 @@ def as_markdown(title: str, verdicts: Iterable[Verdict]) -> str:
     return "\n".join(lines)
 
 
-def as_json(verdicts: Iterable[Verdict]) -> str:
+def as_json(verdicts: Iterable[ClaimVerdict]) -> str:
     """Return verdicts as JSON, a list."""
     rows = [{**asdict(verdict), "verdict": verdict.words} for verdict in verdicts]
     return json.dumps(rows, indent=2, ensure_ascii=False) + "\n"

@@ -26,7 +26,7 @@ _NAME = re.compile(r"journal-(\d{4}-\d\d-\d\d)\.mcap")
 
 
 @dataclass(frozen=True, kw_only=True)
-class Topic:
+class RecordedTopic:
     """A topic that is kept.
 
     Attributes:
@@ -41,7 +41,7 @@ class Topic:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Said:
+class RecordedMessage:
     """One message.
 
     Attributes:
@@ -51,13 +51,13 @@ class Said:
         heard_ns: When it was heard [ns since 1970].
     """
 
-    topic: Topic
+    topic: RecordedTopic
     data: bytes
     sent_ns: int
     heard_ns: int
 
 
-class Journal:
+class DailyRecorder:
     """Keeps what is said; a full disk costs what is said meanwhile, and nothing else.
 
     Args:
@@ -86,7 +86,7 @@ class Journal:
         self._today = today
         self._tell = tell
         self._write = write
-        self._facts: dict[str, Said] = {}
+        self._facts: dict[str, RecordedMessage] = {}
         self._numbers: dict[str, int] = {}
         self._bytes = 0
         self._trouble = ""
@@ -98,7 +98,7 @@ class Journal:
         """The file of today."""
         return self._file.path
 
-    def take(self, said: Said, *, fact: str = "") -> None:
+    def take(self, said: RecordedMessage, *, fact: str = "") -> None:
         """Take a message.
 
         Args:
@@ -146,7 +146,7 @@ class Journal:
         self._file.flush()
         self._bytes = 0
 
-    def _add(self, said: Said) -> None:
+    def _add(self, said: RecordedMessage) -> None:
         # Lost messages leave a gap in the numbers.
         number = self._numbers[said.topic.name] = self._numbers.get(said.topic.name, 0) + 1
         if self._bytes + len(said.data) > MOST_WAITING:
@@ -193,7 +193,9 @@ class Journal:
         self._numbers.clear()
         for said in self._facts.values():
             self._add(
-                Said(topic=said.topic, data=said.data, sent_ns=said.sent_ns, heard_ns=now_ns)
+                RecordedMessage(
+                    topic=said.topic, data=said.data, sent_ns=said.sent_ns, heard_ns=now_ns
+                )
             )
 
     def _open(self) -> JournalFile:

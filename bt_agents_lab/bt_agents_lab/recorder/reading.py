@@ -23,7 +23,7 @@ _LARGEST_RECORD = 1 << 30
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class Entry:
+class JournalEntry:
     """One message of a journal.
 
     Attributes:
@@ -112,7 +112,7 @@ class JournalReader:
             except OSError as error:
                 raise BtAgentsError(f"no journal {path}: {error.strerror}") from None
 
-    def entries(self, types: Collection[str] | None = None) -> list[Entry]:
+    def entries(self, types: Collection[str] | None = None) -> list[JournalEntry]:
         """Return messages.
 
         Args:
@@ -129,7 +129,7 @@ class JournalReader:
                     found.append(entry)
         return sorted(found, key=lambda entry: entry.sent_ns)
 
-    def _of_file(self, path: Path, types: Collection[str] | None) -> Iterator[Entry]:
+    def _of_file(self, path: Path, types: Collection[str] | None) -> Iterator[JournalEntry]:
         with path.open("rb") as file:
             schemas: dict[int, Schema] = {}
             channels: dict[int, Channel] = {}
@@ -157,7 +157,7 @@ class JournalReader:
                             continue
                         if number not in decoders:
                             decoders[number] = _decoder(channel, schema, factory)
-                        yield Entry(
+                        yield JournalEntry(
                             topic=channel.topic,
                             type=schema.name,
                             sent_ns=record.publish_time,

@@ -9,12 +9,12 @@ from bt_agents_core.scene import SceneSpace
 from marketplace_node.explanation.explanation import explanation
 from marketplace_node.explanation.reason import reason
 from marketplace_node.round.decision import (
+    AuctionOutcome,
     ClosedBy,
     Decision,
-    Kind,
-    Outcome,
     Ranked,
     RefusedBid,
+    RoundKind,
     Terms,
 )
 from marketplace_node.settings import EXTERNAL
@@ -35,13 +35,13 @@ def words_difference(auction: Any, terms: Terms, ranked: Ranked, space: SceneSpa
         ranked: The bids, ranked again.
         space: The scene parameters.
     """
-    if auction.outcome != Outcome.AWARDED or auction.follows or auction.intervention:
+    if auction.outcome != AuctionOutcome.AWARDED or auction.follows or auction.intervention:
         return ""
     if auction.strategy == EXTERNAL:
         return ""
     decision = Decision(
         terms=terms,
-        outcome=Outcome.AWARDED,
+        outcome=AuctionOutcome.AWARDED,
         closed_by=ClosedBy(auction.closed_by),
         duration_s=auction.duration_s,
         ranked=ranked,
@@ -49,7 +49,7 @@ def words_difference(auction: Any, terms: Terms, ranked: Ranked, space: SceneSpa
             RefusedBid(
                 agent=bid.agent,
                 host=bid.host,
-                kind=Kind(bid.kind),
+                kind=RoundKind(bid.kind),
                 code=bid.code,
                 reason=bid.reason,
             )

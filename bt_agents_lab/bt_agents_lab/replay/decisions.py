@@ -12,11 +12,11 @@ from typing import Any
 from bt_agents_core.errors import BtAgentsError, Refused
 from bt_agents_core.scene import Scene, SceneSpace
 from bt_agents_lab.replay.compare_reasons import words_difference
-from bt_agents_lab.replay.findings import Finding, Verdict
+from bt_agents_lab.replay.findings import ReplayFinding, ReplayVerdict
 from bt_agents_lab.replay.recording_index import NO_MAKING, Round
 from bt_agents_lab.replay.scenes import bids_of, external_of, scene_of, terms_of
 from marketplace_node.explanation.calculation import calculation
-from marketplace_node.round.decision import ClosedBy, Outcome, Ranked, RankedBid
+from marketplace_node.round.decision import AuctionOutcome, ClosedBy, Ranked, RankedBid
 from marketplace_node.round.ranking import decide
 from marketplace_node.settings import EXTERNAL
 from marketplace_node.strategies import STRATEGIES
@@ -24,35 +24,35 @@ from marketplace_node.strategies import STRATEGIES
 KIND = "decision"
 
 
-def decisions_again(rounds: Iterable[Round]) -> Iterator[Finding]:
+def decisions_again(rounds: Iterable[Round]) -> Iterator[ReplayFinding]:
     """Decide each round again and say whether everything about it is equal, bit for bit."""
     for one in rounds:
         auction = one.auction
         where = f"round {auction.round}" + (f", {auction.winner}" if auction.winner else "")
         if one.making is None:
-            yield _finding(where, Verdict.NOT_RECORDED, NO_MAKING)
+            yield _finding(where, ReplayVerdict.NOT_RECORDED, NO_MAKING)
             continue
         try:
             yield _again(one, one.making.space, where)
         except Refused as refused:
-            yield _finding(where, Verdict.DIFFERENT, refused.reason)
+            yield _finding(where, ReplayVerdict.DIFFERENT, refused.reason)
         except BtAgentsError as error:
-            yield _finding(where, Verdict.NOT_RECORDED, str(error))
+            yield _finding(where, ReplayVerdict.NOT_RECORDED, str(error))
 
 
-def _again(one: Round, space: SceneSpace, where: str) -> Finding:
+def _again(one: Round, space: SceneSpace, where: str) -> ReplayFinding:
     auction = one.auction
     if not auction.ranking:
         words = f"nobody bid, but {auction.winner} won" if auction.winner else ""
         words = words or _outcome_difference(auction, None)
-        return _finding(where, Verdict.DIFFERENT if words else Verdict.EQUAL, words)
+        return _finding(where, ReplayVerdict.DIFFERENT if words else ReplayVerdict.EQUAL, words)
     if auction.strategy not in STRATEGIES:
         missing = f"the strategy {auction.strategy} is not installed here"
-        return _finding(where, Verdict.NOT_RECORDED, missing)
+        return _finding(where, ReplayVerdict.NOT_RECORDED, missing)
     scene = scene_of(auction.scene, space)
     if auction.shadow_strategy not in ("", *STRATEGIES):
         missing = f"the shadow strategy {auction.shadow_strategy} is not installed here"
-        return _finding(where, Verdict.NOT_RECORDED, missing)
+        return _finding(where, ReplayVerdict.NOT_RECORDED, missing)
     terms = terms_of(one, scene, one.runs or 0)
     ranked = decide(
         space,
@@ -69,11 +69,11 @@ def _again(one: Round, space: SceneSpace, where: str) -> Finding:
                 f"how many runs were before, on which {strategy} depends: the journal does not "
                 "begin with this market"
             )
-            return _finding(where, Verdict.NOT_RECORDED, missing)
+            return _finding(where, ReplayVerdict.NOT_RECORDED, missing)
         if words := difference():
-            return _finding(where, Verdict.DIFFERENT, words)
+            return _finding(where, ReplayVerdict.DIFFERENT, words)
     words = words_difference(auction, terms, ranked, space)
-    return _finding(where, Verdict.DIFFERENT if words else Verdict.EQUAL, words)
+    return _finding(where, ReplayVerdict.DIFFERENT if words else ReplayVerdict.EQUAL, words)
 
 
 def _difference(auction: Any, ranked: Ranked, scene: Scene) -> str:
@@ -115,9 +115,9 @@ def _outcome_difference(auction: Any, best: RankedBid | None) -> str:
         was = f"{auction.winner_id} of '{auction.host}'"
         return f"the winner was {was}, now {expected[0]} of '{expected[1]}'"
     fitting = (
-        (Outcome.AWARDED, Outcome.PREEMPTS, Outcome.WAITS)
+        (AuctionOutcome.AWARDED, AuctionOutcome.PREEMPTS, AuctionOutcome.WAITS)
         if best
-        else (Outcome.NO_BIDS, Outcome.WAITS)
+        else (AuctionOutcome.NO_BIDS, AuctionOutcome.WAITS)
     )
     if auction.outcome not in fitting:
         who = f"{best.agent} as winner" if best else "no winner"
@@ -144,5 +144,5 @@ def _differs(what: str, was: float, now: float) -> str:
     return f"{what} was {was!r}, now {now!r}"
 
 
-def _finding(where: str, verdict: Verdict, words: str = "") -> Finding:
-    return Finding(kind=KIND, where=where, verdict=verdict, words=words)
+def _finding(where: str, verdict: ReplayVerdict, words: str = "") -> ReplayFinding:
+    return ReplayFinding(kind=KIND, where=where, verdict=verdict, words=words)

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from enum import Enum
 
 
-class Verdict(Enum):
+class ReplayVerdict(Enum):
     """What is to be said about one thing that was done again; the value is the word for people."""
 
     EQUAL = "equal"
@@ -18,7 +18,7 @@ class Verdict(Enum):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Finding:
+class ReplayFinding:
     """One thing that was done again.
 
     Attributes:
@@ -31,13 +31,13 @@ class Finding:
 
     kind: str
     where: str
-    verdict: Verdict
+    verdict: ReplayVerdict
     words: str = ""
     size: int = 1
 
 
 @dataclass(kw_only=True)
-class Tally:
+class FindingCounts:
     """Findings counted.
 
     Attributes:
@@ -46,22 +46,24 @@ class Tally:
         told: Those that are not equal, in order.
     """
 
-    counts: Counter[tuple[str, Verdict]] = field(default_factory=Counter)
+    counts: Counter[tuple[str, ReplayVerdict]] = field(default_factory=Counter)
     sizes: Counter[str] = field(default_factory=Counter)
-    told: list[Finding] = field(default_factory=list)
+    told: list[ReplayFinding] = field(default_factory=list)
 
     @property
     def different(self) -> int:
         """How many are different."""
-        return sum(n for (_, verdict), n in self.counts.items() if verdict is Verdict.DIFFERENT)
+        return sum(
+            n for (_, verdict), n in self.counts.items() if verdict is ReplayVerdict.DIFFERENT
+        )
 
 
-def tally(findings: Iterable[Finding]) -> Tally:
+def tally(findings: Iterable[ReplayFinding]) -> FindingCounts:
     """Count findings."""
-    counted = Tally()
+    counted = FindingCounts()
     for finding in findings:
         counted.counts[finding.kind, finding.verdict] += 1
-        if finding.verdict is Verdict.EQUAL:
+        if finding.verdict is ReplayVerdict.EQUAL:
             counted.sizes[finding.kind] += finding.size
         else:
             counted.told.append(finding)

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from bt_agents_core.errors import BtAgentsError, Refused
-from bt_agents_lab.recorder.reading import Entry, JournalReader
+from bt_agents_lab.recorder.reading import JournalEntry, JournalReader
 from bt_agents_lab.replay.texts import Making, TextFiles
 from marketplace_node.effects import RunEventKind
 from marketplace_node.round.decision import EARLIER_RUNS
@@ -73,7 +73,7 @@ class Round:
 
 
 @dataclass(kw_only=True)
-class Lesson:
+class RecordedFeedback:
     """One change of a profile.
 
     Attributes:
@@ -90,7 +90,7 @@ class Lesson:
 
 
 @dataclass(kw_only=True)
-class Story:
+class RecordingIndex:
     """What a journal holds.
 
     Attributes:
@@ -106,7 +106,7 @@ class Story:
     """
 
     rounds: list[Round] = field(default_factory=list)
-    lessons: list[Lesson] = field(default_factory=list)
+    lessons: list[RecordedFeedback] = field(default_factory=list)
     runs: dict[RunKey, RunStory] = field(default_factory=dict)
     counts: Counter[str] = field(default_factory=Counter)
     lost: Counter[str] = field(default_factory=Counter)
@@ -121,7 +121,7 @@ class Story:
         return not self.problems and not self.lost
 
 
-def tell(entries: Iterable[Entry]) -> Story:
+def tell(entries: Iterable[JournalEntry]) -> RecordingIndex:
     """Return what messages hold.
 
     Args:
@@ -130,7 +130,7 @@ def tell(entries: Iterable[Entry]) -> Story:
     return _Teller().tell(entries)
 
 
-def read(paths: Sequence[Path]) -> Story:
+def read(paths: Sequence[Path]) -> RecordingIndex:
     """Return what some files hold; messages that nothing is made of are only counted.
 
     Args:
@@ -153,7 +153,7 @@ def read(paths: Sequence[Path]) -> Story:
 
 class _Teller:
     def __init__(self) -> None:
-        self.story = Story()
+        self.story = RecordingIndex()
         self._cards: dict[str, tuple[Any, tuple[str, ...]]] = {}
         self._texts: defaultdict[str, list[TextFiles]] = defaultdict(list)
         self._newest: TextFiles | None = None
@@ -161,7 +161,7 @@ class _Teller:
         self._whole: set[str] = set()
         self._last_runs: dict[str, RunStory] = {}
 
-    def tell(self, entries: Iterable[Entry]) -> Story:
+    def tell(self, entries: Iterable[JournalEntry]) -> RecordingIndex:
         story = self.story
         for entry in entries:
             story.counts[entry.topic] += 1
@@ -228,7 +228,7 @@ class _Teller:
         card, parameters = self._cards.get(message.agent, (None, ()))
         making = self._newest.making if self._newest is not None else None
         self.story.lessons.append(
-            Lesson(feedback=message, card=card, parameters=parameters, making=making)
+            RecordedFeedback(feedback=message, card=card, parameters=parameters, making=making)
         )
 
     def _record(self, message: Any) -> None:

@@ -9,35 +9,35 @@ from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 
 from bt_agents_core.errors import BtAgentsError, Refused
-from bt_agents_core.feedback import Kind, LearningRule, Update
+from bt_agents_core.feedback import FeedbackKind, LearningRule, Update
 from bt_agents_core.scene import SceneSpace, Vector
-from bt_agents_lab.replay.findings import Finding, Verdict
-from bt_agents_lab.replay.recording_index import Lesson
+from bt_agents_lab.replay.findings import ReplayFinding, ReplayVerdict
+from bt_agents_lab.replay.recording_index import RecordedFeedback
 from feedback_node.learning.learning_step import Evidence, Step, asked, step
 
 KIND = "profile change"
 
 
-def lessons_again(lessons: Iterable[Lesson]) -> Iterator[Finding]:
+def lessons_again(lessons: Iterable[RecordedFeedback]) -> Iterator[ReplayFinding]:
     """Learn each feedback again and say whether the profile after it is equal."""
-    history = History()
+    history = LearningHistory()
     for lesson in lessons:
         feedback = lesson.feedback
         where = f"revision {feedback.revision} of {_whose(feedback)}"
         if lesson.making is None or lesson.card is None:
             missing = "no host has introduced the agent before"
-            yield _finding(where, Verdict.NOT_RECORDED, missing)
+            yield _finding(where, ReplayVerdict.NOT_RECORDED, missing)
             continue
         try:
             yield _again(lesson, lesson.making.space, history, where)
             history.note(feedback)
         except Refused as refused:
-            yield _finding(where, Verdict.DIFFERENT, refused.reason)
+            yield _finding(where, ReplayVerdict.DIFFERENT, refused.reason)
         except BtAgentsError as error:
-            yield _finding(where, Verdict.NOT_RECORDED, str(error))
+            yield _finding(where, ReplayVerdict.NOT_RECORDED, str(error))
 
 
-class History:
+class LearningHistory:
     """What each profile was taught, as far as a journal tells."""
 
     def __init__(self) -> None:
@@ -48,8 +48,8 @@ class History:
         """Take a feedback that was learned."""
         key = (feedback.agent, feedback.layer)
         self._revisions[key].append(feedback.revision)
-        kind = Kind(feedback.kind)
-        if kind is not Kind.SET:
+        kind = FeedbackKind(feedback.kind)
+        if kind is not FeedbackKind.SET:
             before, target = tuple(feedback.before), tuple(feedback.target)
             self._asked[key].append(asked(kind, before, target))
 
@@ -91,7 +91,9 @@ def rule_of(card: Any, parameters: Sequence[str]) -> LearningRule:
     )
 
 
-def _again(lesson: Lesson, space: SceneSpace, history: History, where: str) -> Finding:
+def _again(
+    lesson: RecordedFeedback, space: SceneSpace, history: LearningHistory, where: str
+) -> ReplayFinding:
     feedback = lesson.feedback
     if list(feedback.parameters) != list(space.names):
         raise Refused(
@@ -101,7 +103,7 @@ def _again(lesson: Lesson, space: SceneSpace, history: History, where: str) -> F
         )
     rule = rule_of(lesson.card, lesson.parameters)
     again = step(
-        Kind(feedback.kind),
+        FeedbackKind(feedback.kind),
         tuple(feedback.before),
         tuple(feedback.target),
         rate=feedback.learning_rate,
@@ -117,8 +119,10 @@ def _again(lesson: Lesson, space: SceneSpace, history: History, where: str) -> F
     difference = _difference(feedback, again, space)
     if difference and rule.update is Update.MEDIAN and not history.is_whole(feedback):
         missing = "what the agent was taught before the journal began, or was undone"
-        return _finding(where, Verdict.NOT_RECORDED, missing)
-    return _finding(where, Verdict.DIFFERENT if difference else Verdict.EQUAL, difference)
+        return _finding(where, ReplayVerdict.NOT_RECORDED, missing)
+    return _finding(
+        where, ReplayVerdict.DIFFERENT if difference else ReplayVerdict.EQUAL, difference
+    )
 
 
 def _changes(feedback: Any, rule: LearningRule, space: SceneSpace) -> int:
@@ -148,5 +152,5 @@ def _whose(feedback: Any) -> str:
     return f"{feedback.agent}, {feedback.layer}" if feedback.layer else str(feedback.agent)
 
 
-def _finding(where: str, verdict: Verdict, words: str = "") -> Finding:
-    return Finding(kind=KIND, where=where, verdict=verdict, words=words)
+def _finding(where: str, verdict: ReplayVerdict, words: str = "") -> ReplayFinding:
+    return ReplayFinding(kind=KIND, where=where, verdict=verdict, words=words)

@@ -24,7 +24,7 @@ class _Side:
             self.last[agent] = self.total
 
 
-class RunCounts:
+class ReplayedRunCounts:
     """Counts the runs of markets as they would have been.
 
     Bids tell how often their agents had run. What a journal has not seen of that, as it begins

@@ -8,10 +8,10 @@ from collections.abc import Iterable, Iterator
 from itertools import zip_longest
 from typing import Any
 
-from bt_agents.engine.run import Outcome
+from bt_agents.engine.run import TreeOutcome
 from bt_agents.recording.replay_world import Record, Turn, read_record, repeat
 from bt_agents_core.errors import BtAgentsError, Refused
-from bt_agents_lab.replay.findings import Finding, Verdict
+from bt_agents_lab.replay.findings import ReplayFinding, ReplayVerdict
 from bt_agents_lab.replay.recording_index import RunStory
 from bt_agents_lab.replay.texts import Making
 from bt_agents_language.model.specs import AgentSpec
@@ -29,7 +29,7 @@ class _Missing(Exception):
     """Something was not recorded; the words say what."""
 
 
-def runs_again(runs: Iterable[RunStory]) -> Iterator[Finding]:
+def runs_again(runs: Iterable[RunStory]) -> Iterator[ReplayFinding]:
     """Tick each run again and say whether the changes of each tick are equal."""
     for run in runs:
         _, _, number, agent = run.key
@@ -37,17 +37,27 @@ def runs_again(runs: Iterable[RunStory]) -> Iterator[Finding]:
         try:
             turns = _again(run)
         except _Missing as missing:
-            yield Finding(kind=KIND, where=where, verdict=Verdict.NOT_RECORDED, words=str(missing))
+            yield ReplayFinding(
+                kind=KIND, where=where, verdict=ReplayVerdict.NOT_RECORDED, words=str(missing)
+            )
         except Refused as refused:
-            yield Finding(kind=KIND, where=where, verdict=Verdict.DIFFERENT, words=refused.reason)
+            yield ReplayFinding(
+                kind=KIND, where=where, verdict=ReplayVerdict.DIFFERENT, words=refused.reason
+            )
         else:
             if isinstance(turns, int):
-                yield Finding(kind=KIND, where=where, verdict=Verdict.EQUAL, size=turns)
+                yield ReplayFinding(
+                    kind=KIND, where=where, verdict=ReplayVerdict.EQUAL, size=turns
+                )
             elif run.torn:
                 words = "the journal has lost messages around it"
-                yield Finding(kind=KIND, where=where, verdict=Verdict.NOT_RECORDED, words=words)
+                yield ReplayFinding(
+                    kind=KIND, where=where, verdict=ReplayVerdict.NOT_RECORDED, words=words
+                )
             else:
-                yield Finding(kind=KIND, where=where, verdict=Verdict.DIFFERENT, words=turns)
+                yield ReplayFinding(
+                    kind=KIND, where=where, verdict=ReplayVerdict.DIFFERENT, words=turns
+                )
 
 
 def _again(run: RunStory) -> int | str:
@@ -152,7 +162,7 @@ def _end_difference(turn: Turn, folder: str, prefix: str) -> str:
         return f"it went on, now it ends: {turn.result.message}"
     result = turn.result
     pairs = {
-        "outcome": (Outcome(turn.end["outcome"]).value, result.outcome.value),
+        "outcome": (TreeOutcome(turn.end["outcome"]).value, result.outcome.value),
         "message": (turn.end["message"], result.message.replace(folder, prefix)),
         "tip": (turn.end["tip"], result.tip),
         "orphans": (list(turn.end["orphans"]), list(result.orphans)),

@@ -11,17 +11,17 @@ from typing import Any
 
 from bt_agents.host.agent_registry import unmet
 from bt_agents_core.errors import BtAgentsError, Refused
-from bt_agents_core.feedback import Kind, LearningRule, Update
+from bt_agents_core.feedback import FeedbackKind, LearningRule, Update
 from bt_agents_core.profile_layers import EVERYBODY, layers_of
 from bt_agents_core.scene import Scene, SceneSpace, Vector
-from bt_agents_lab.replay.recording_index import NO_MAKING, Lesson, Round, Story
+from bt_agents_lab.replay.recording_index import NO_MAKING, RecordedFeedback, RecordingIndex, Round
 from bt_agents_lab.replay.replay_learning import rule_of
-from bt_agents_lab.replay.run_counts import RunCounts
+from bt_agents_lab.replay.run_counts import ReplayedRunCounts
 from bt_agents_lab.replay.scenes import bids_of, external_of, named, scene_of, terms_of
 from bt_agents_language.model.specs import AgentSpec
 from bt_agents_language.yaml.diagnostics import did_you_mean
 from feedback_node.learning.learning_step import Evidence, asked, step
-from marketplace_node.round.decision import AcceptedBid, ClosedBy, Outcome, Terms
+from marketplace_node.round.decision import AcceptedBid, AuctionOutcome, ClosedBy, Terms
 from marketplace_node.round.ranking import decide
 from marketplace_node.settings import EXTERNAL
 from marketplace_node.strategies import STRATEGIES
@@ -90,7 +90,7 @@ class Changes:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Case:
+class WhatIfCase:
     """One round, as it was and as it would have been.
 
     Attributes:
@@ -126,7 +126,7 @@ class Outlook:
         profiles: Profile of each agent at the end, for everybody.
     """
 
-    cases: list[Case] = field(default_factory=list)
+    cases: list[WhatIfCase] = field(default_factory=list)
     bidders: set[str] = field(default_factory=set)
     given: int = 0
     withheld: int = 0
@@ -148,7 +148,7 @@ class Outlook:
         return sum(case.was != case.now for case in self.cases if not case.words)
 
 
-def what_if(story: Story, changes: Changes) -> Outlook:
+def what_if(story: RecordingIndex, changes: Changes) -> Outlook:
     """Decide and learn what a journal holds with some changes.
 
     Args:
@@ -167,10 +167,10 @@ class _Retold:
         self._was: dict[_Key, Vector] = {}
         self._now: dict[_Key, Vector] = {}
         self._asked: dict[_Key, list[Vector]] = {}
-        self._counts = RunCounts()
+        self._counts = ReplayedRunCounts()
         self._winners: dict[tuple[str, int], str] = {}
 
-    def tell(self, story: Story) -> Outlook:
+    def tell(self, story: RecordingIndex) -> Outlook:
         for event in _in_order(story):
             if isinstance(event, Round):
                 self._decide(event)
@@ -192,7 +192,7 @@ class _Retold:
             except BtAgentsError as error:
                 words = error.reason if isinstance(error, Refused) else str(error)
         self._outlook.cases.append(
-            Case(
+            WhatIfCase(
                 epoch=auction.epoch,
                 round=auction.round,
                 label=named(auction.scene),
@@ -203,7 +203,7 @@ class _Retold:
                 words=words,
             )
         )
-        if auction.outcome == Outcome.AWARDED:
+        if auction.outcome == AuctionOutcome.AWARDED:
             self._counts.note(auction.epoch, auction.winner, now)
             if now:
                 self._winners[auction.epoch, auction.round] = now
@@ -278,7 +278,7 @@ class _Retold:
                 return self._now[spec.name, layer]
         return self._now.setdefault((spec.name, ""), spec.profile)
 
-    def _learn(self, lesson: Lesson) -> None:
+    def _learn(self, lesson: RecordedFeedback) -> None:
         feedback = lesson.feedback
         key = (feedback.agent, feedback.layer)
         before = self._was.get(key, tuple(feedback.before))
@@ -295,11 +295,11 @@ class _Retold:
         if lesson.making is not None and lesson.card is not None:
             self._now[key] = self._moved(lesson, lesson.making.space, before)
 
-    def _moved(self, lesson: Lesson, space: SceneSpace, before: Vector) -> Vector:
+    def _moved(self, lesson: RecordedFeedback, space: SceneSpace, before: Vector) -> Vector:
         feedback, key = lesson.feedback, (lesson.feedback.agent, lesson.feedback.layer)
         spec = self._specs.get(feedback.agent)
         profile = self._now.get(key, spec.profile if spec is not None else before)
-        kind, target = Kind(feedback.kind), tuple(feedback.target)
+        kind, target = FeedbackKind(feedback.kind), tuple(feedback.target)
         rule, rate = self._learning(lesson, spec)
         taught = self._asked.setdefault(key, [])
         authored = spec.profile if spec is not None else tuple(lesson.card.profile)
@@ -313,17 +313,22 @@ class _Retold:
             weight=feedback.weight,
             evidence=Evidence(recent=tuple(taught), changes=len(taught), authored=authored),
         )
-        if kind is not Kind.SET:
+        if kind is not FeedbackKind.SET:
             taught.append(asked(kind, profile, target))
         return again.after
 
-    def _learning(self, lesson: Lesson, spec: AgentSpec | None) -> tuple[LearningRule, float]:
+    def _learning(
+        self, lesson: RecordedFeedback, spec: AgentSpec | None
+    ) -> tuple[LearningRule, float]:
         if spec is not None:
             rule, rate = spec.learning, spec.learning_rate
         else:
             rule = rule_of(lesson.card, lesson.parameters)
             rate = lesson.feedback.learning_rate
-        if self._changes.rate is not None and Kind(lesson.feedback.kind) is not Kind.SET:
+        if (
+            self._changes.rate is not None
+            and FeedbackKind(lesson.feedback.kind) is not FeedbackKind.SET
+        ):
             rate = self._changes.rate
         if self._changes.update is not None:
             rule = replace(rule, update=self._changes.update)
@@ -334,9 +339,9 @@ _KEPT_OUT = ("EXCLUDED", "VETOED", "NOT_PINNED", "NOT_AWARDED")
 """Codes of refusals that do not depend on what an agent bids."""
 
 
-def _in_order(story: Story) -> list[Round | Lesson]:
+def _in_order(story: RecordingIndex) -> list[Round | RecordedFeedback]:
     """Return what was decided and learned in the order in which it happened."""
-    events: list[tuple[int, int, Round | Lesson]] = []
+    events: list[tuple[int, int, Round | RecordedFeedback]] = []
     for number, one in enumerate(story.rounds):
         events.append((_ns(one.auction.stamp), number, one))
     for number, lesson in enumerate(story.lessons, len(story.rounds)):

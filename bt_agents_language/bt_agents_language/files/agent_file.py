@@ -12,7 +12,7 @@ from bt_agents_language.files.agent_reader import read_agent_text
 from bt_agents_language.files.libraries import FolderLibraries
 from bt_agents_language.model.specs import AgentSpec
 from bt_agents_language.model.symbols import Library
-from bt_agents_language.tree.tree_fingerprint import TreePrint, tree_print
+from bt_agents_language.tree.tree_fingerprint import TreeFingerprint, tree_fingerprint
 from bt_agents_language.yaml.source import read_source
 
 
@@ -37,10 +37,10 @@ class AgentFile:
     cause: str
 
     @cached_property
-    def prints(self) -> tuple[TreePrint, TreePrint]:
+    def prints(self) -> tuple[TreeFingerprint, TreeFingerprint]:
         """By which changes of the tree and of its clean-up can be told."""
         assert self.agent is not None
-        return tree_print(self.agent.tree), tree_print(self.agent.on_cancel)
+        return tree_fingerprint(self.agent.tree), tree_fingerprint(self.agent.on_cancel)
 
 
 def read_agent_file(path: Path, libraries: FolderLibraries, *, cause: str) -> AgentFile:

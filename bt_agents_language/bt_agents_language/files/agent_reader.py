@@ -12,16 +12,16 @@ from bt_agents_language.files.inputs import read_new_name
 from bt_agents_language.files.learning_reader import read_learning, read_weights
 from bt_agents_language.files.mood_rule_reader import read_mood_rules
 from bt_agents_language.files.tunable_reader import read_tunable
-from bt_agents_language.gc_pause import uncollected
+from bt_agents_language.gc_pause import gc_paused
 from bt_agents_language.model.scene_values import read_vector
-from bt_agents_language.model.scope import Names, scene_names
+from bt_agents_language.model.scope import NameScope, scene_names
 from bt_agents_language.model.specs import AgentSpec, FieldType, NodeSpec, Tunable, UnusedInput
-from bt_agents_language.model.symbols import Vocabulary
+from bt_agents_language.model.symbols import SymbolTable
 from bt_agents_language.model.values import read_condition
-from bt_agents_language.model.walking import every_node
+from bt_agents_language.model.walking import iter_nodes
 from bt_agents_language.tree.trees_reader import TreesReader
 from bt_agents_language.yaml.source import Source
-from bt_agents_language.yaml.typed_reader import FileReading
+from bt_agents_language.yaml.typed_reader import TypedReader
 from bt_agents_language.yaml.yaml_reader import entries_of
 
 _KEYS = (
@@ -31,26 +31,26 @@ _KEYS = (
 _REQUIRED = ("agent", "profile", "tree")
 
 
-def read_agent(path: Path, vocabulary: Vocabulary) -> AgentSpec:
+def read_agent(path: Path, vocabulary: SymbolTable) -> AgentSpec:
     """Return the agent of a file.
 
     Raises:
         ReadError: There is a problem; it lists all of them.
     """
-    with uncollected():
-        return _AgentFile(FileReading.of(path), vocabulary).read()
+    with gc_paused():
+        return _AgentFile(TypedReader.of(path), vocabulary).read()
 
 
-def read_agent_text(text: str, file: str, vocabulary: Vocabulary) -> AgentSpec:
+def read_agent_text(text: str, file: str, vocabulary: SymbolTable) -> AgentSpec:
     """Return the agent of a text; ``file`` is what messages call it. As :func:`read_agent`."""
-    with uncollected():
-        return _AgentFile(FileReading(Source(file, text)), vocabulary).read()
+    with gc_paused():
+        return _AgentFile(TypedReader(Source(file, text)), vocabulary).read()
 
 
 class _AgentFile:
     """One agent file while it is read."""
 
-    def __init__(self, reading: FileReading, vocabulary: Vocabulary) -> None:
+    def __init__(self, reading: TypedReader, vocabulary: SymbolTable) -> None:
         self._reading = reading
         self._vocabulary = vocabulary
         self._space = vocabulary.space
@@ -119,7 +119,7 @@ class _AgentFile:
         node = self._fields.get("requires")
         if node is None:
             return None
-        names = Names(scene_names(self._space, ("scene",)))
+        names = NameScope(scene_names(self._space, ("scene",)))
         return read_condition(self._reading, node, names, "'requires'")
 
     def _trees(
@@ -149,7 +149,7 @@ def _unoffered(*trees: NodeSpec | None) -> tuple[str, ...]:
     """Return the skills of trees that no robot offers, each with the reason."""
     found: dict[str, str] = {}
     for tree in filter(None, trees):
-        for spec in every_node(tree):
+        for spec in iter_nodes(tree):
             if spec.skill is not None and spec.skill.binding is None:
                 found[spec.skill.name] = f"skill '{spec.skill.name}': {spec.skill.unoffered}"
     return tuple(found[name] for name in sorted(found))

@@ -13,14 +13,14 @@ from bt_agents_language.model.interfaces import (
     read_ros_name,
     read_ros_type,
 )
-from bt_agents_language.model.scope import Names
+from bt_agents_language.model.scope import NameScope
 from bt_agents_language.model.server_timeouts import LIMIT_KEYS, read_heartbeat, read_timeouts
 from bt_agents_language.model.specs import Binding, BindingKind, MapValue, Plain
 from bt_agents_language.model.values import is_plain, plain, read_condition, read_map
-from bt_agents_language.yaml.mapping_reader import Fields
-from bt_agents_language.yaml.typed_reader import FileReading
-from bt_agents_language.yaml.yaml_reader import Entry, Node, Scalar, Sequence, entries_of
+from bt_agents_language.yaml.mapping_reader import MappingReader
+from bt_agents_language.yaml.typed_reader import TypedReader
 from bt_agents_language.yaml.yaml_reader import Mapping as MappingNode
+from bt_agents_language.yaml.yaml_reader import MappingEntry, Node, Scalar, Sequence, entries_of
 
 SENT = {
     BindingKind.ACTION: "goal",
@@ -63,7 +63,7 @@ class Outputs:
     result: dict[str, str] = field(default_factory=dict)
     feedback: dict[str, str] = field(default_factory=dict)
 
-    def read(self, reading: FileReading, name: str, node: Node, what: str, back: Back) -> None:
+    def read(self, reading: TypedReader, name: str, node: Node, what: str, back: Back) -> None:
         """Note where an output comes from, unless it is wrong, which is then reported.
 
         Args:
@@ -91,11 +91,11 @@ def binding_keys(kind: BindingKind, name_key: str = "name") -> tuple[str, ...]:
 
 
 def read_binding(
-    reading: FileReading,
+    reading: TypedReader,
     kind: BindingKind,
-    fields: Fields,
-    names: Names,
-    result_names: Names,
+    fields: MappingReader,
+    names: NameScope,
+    result_names: NameScope,
     interfaces: Interfaces | None,
     outputs: Outputs,
     name_key: str = "name",
@@ -167,7 +167,7 @@ def what_comes_back(
 
 
 def read_output(
-    reading: FileReading, node: Node, what: str, fields: MessageFields, message: str = "result"
+    reading: TypedReader, node: Node, what: str, fields: MessageFields, message: str = "result"
 ) -> str | None:
     """Return the path of a field of what comes back, the word for the message left out."""
     text = reading.text(node, what)
@@ -198,7 +198,7 @@ def read_output(
 
 
 def _check_fields(
-    reading: FileReading, node: Node, kind: BindingKind, type_name: str, interfaces: Interfaces
+    reading: TypedReader, node: Node, kind: BindingKind, type_name: str, interfaces: Interfaces
 ) -> None:
     open_nodes: list[tuple[Node, str]] = [(node, "")]
     while open_nodes:
@@ -210,8 +210,8 @@ def _check_fields(
 
 
 def _checked(
-    reading: FileReading,
-    entries: tuple[Entry, ...],
+    reading: TypedReader,
+    entries: tuple[MappingEntry, ...],
     prefix: str,
     kind: BindingKind,
     type_name: str,
@@ -230,7 +230,7 @@ def _checked(
 
 
 def _check_values(
-    reading: FileReading,
+    reading: TypedReader,
     node: Node,
     sent: MapValue,
     kind: BindingKind,

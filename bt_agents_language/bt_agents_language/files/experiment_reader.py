@@ -10,7 +10,7 @@ from bt_agents_core.scene import SceneSpace, Vector
 from bt_agents_language.model.experiment import ExperimentSpec
 from bt_agents_language.model.scene_values import read_values, read_vector
 from bt_agents_language.yaml.source import Source
-from bt_agents_language.yaml.typed_reader import FileReading
+from bt_agents_language.yaml.typed_reader import TypedReader
 from bt_agents_language.yaml.yaml_reader import Node, Sequence
 from feedback_node.simulated_feedback import Errors, SimulatedFeedback
 
@@ -27,7 +27,7 @@ def read_experiment(file: Path | Source, space: SceneSpace) -> ExperimentSpec:
     Raises:
         ReadError: There is a problem; it lists all of them.
     """
-    reading = FileReading.of(file)
+    reading = TypedReader.of(file)
     keys = ("title", "rounds", "seed", "scenes", "feedback")
     fields = reading.document("an experiment", keys, ("rounds", "seed", "scenes", "feedback"))
     title = fields.text("title")
@@ -60,7 +60,7 @@ def read_simulated_feedback(path: Path, space: SceneSpace) -> SimulatedFeedback:
 
 
 def _feedback(
-    reading: FileReading, node: Node, space: SceneSpace, seed: int
+    reading: TypedReader, node: Node, space: SceneSpace, seed: int
 ) -> SimulatedFeedback | None:
     fields = reading.fields(node, "'feedback'", ("each", "sequence", "repeat", "errors"))
     if fields is None:
@@ -89,7 +89,7 @@ def _feedback(
     )
 
 
-def _errors(reading: FileReading, node: Node, space: SceneSpace, seed: int) -> Errors | None:
+def _errors(reading: TypedReader, node: Node, space: SceneSpace, seed: int) -> Errors | None:
     fields = reading.fields(node, "'errors'", ("every", "share", "value"))
     if fields is None:
         return None
@@ -115,7 +115,7 @@ def _errors(reading: FileReading, node: Node, space: SceneSpace, seed: int) -> E
     )
 
 
-def _opinion(reading: FileReading, node: Node, space: SceneSpace) -> Vector | None:
+def _opinion(reading: TypedReader, node: Node, space: SceneSpace) -> Vector | None:
     """Return a feedback vector; a parameter that is left out is NaN, which means no opinion."""
     before = len(reading.problems)
     values = read_values(reading, node, "feedback", space)

@@ -17,7 +17,7 @@ from bt_agents_language.model.interfaces import Interfaces
 from bt_agents_language.model.plugins import installed_plugins
 from bt_agents_language.model.scene_specs import SceneSpec
 from bt_agents_language.model.specs import AgentSpec, Position
-from bt_agents_language.model.symbols import ImportProblem, Vocabulary
+from bt_agents_language.model.symbols import ImportProblem, SymbolTable
 from bt_agents_language.yaml.diagnostics import Diagnostics
 from bt_agents_language.yaml.source import Source, read_source
 
@@ -55,7 +55,7 @@ class Trees:
 
     folder: Path
     scene: SceneSpec
-    vocabulary: Vocabulary
+    vocabulary: SymbolTable
     agents: tuple[AgentSpec, ...]
     broken: tuple[BrokenFile, ...]
     plugin_problems: tuple[str, ...] = ()
@@ -127,7 +127,7 @@ def read_trees(folder: Path, interfaces: Interfaces | None = None, robot: str = 
 
 def read_vocabulary(
     folder: Path, scene: SceneSpec, interfaces: Interfaces | None = None, robot: str = ""
-) -> Vocabulary:
+) -> SymbolTable:
     """Return what the agents of a folder may speak of; as :func:`read_trees`.
 
     Raises:
@@ -140,7 +140,7 @@ def _libraries(
     folder: Path, scene: SceneSpec, interfaces: Interfaces | None, robot: str
 ) -> FolderLibraries:
     skills = read_skills(yaml_files(folder / "skills"), interfaces, robot)
-    vocabulary = Vocabulary(
+    vocabulary = SymbolTable(
         space=scene.space,
         skills=skills,
         interfaces=interfaces,

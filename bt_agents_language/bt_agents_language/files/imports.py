@@ -8,10 +8,10 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 from bt_agents_language.model.specs import SkillSpec, SubtreeSpec
-from bt_agents_language.model.symbols import ImportProblem, Library, Vocabulary
+from bt_agents_language.model.symbols import ImportProblem, Library, SymbolTable
 from bt_agents_language.yaml.diagnostics import shown
-from bt_agents_language.yaml.mapping_reader import Fields
-from bt_agents_language.yaml.typed_reader import FileReading
+from bt_agents_language.yaml.mapping_reader import MappingReader
+from bt_agents_language.yaml.typed_reader import TypedReader
 from bt_agents_language.yaml.yaml_reader import Node, Sequence
 
 SUFFIXES = (".yaml", ".yml")
@@ -19,8 +19,8 @@ SUFFIXES = (".yaml", ".yml")
 
 
 def read_imports(
-    reading: FileReading, fields: Fields, vocabulary: Vocabulary
-) -> tuple[Vocabulary, Mapping[str, SubtreeSpec]]:
+    reading: TypedReader, fields: MappingReader, vocabulary: SymbolTable
+) -> tuple[SymbolTable, Mapping[str, SubtreeSpec]]:
     """Return the vocabulary with imported skills, and the imported subtrees by name.
 
     What cannot be imported is reported where its path stands.
@@ -48,7 +48,7 @@ def read_imports(
 
 
 def _load(
-    reading: FileReading, node: Node, path: str, vocabulary: Vocabulary, seen: set[str]
+    reading: TypedReader, node: Node, path: str, vocabulary: SymbolTable, seen: set[str]
 ) -> Library | None:
     problem, hint = _path_problem(path)
     if problem:
@@ -84,7 +84,7 @@ def _path_problem(path: str) -> tuple[str, str]:
     return "", ""
 
 
-def _taken(reading: FileReading, node: Node, what: str, name: str, file: str) -> None:
+def _taken(reading: TypedReader, node: Node, what: str, name: str, file: str) -> None:
     reading.error(
         "name-taken",
         node,

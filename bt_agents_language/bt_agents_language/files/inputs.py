@@ -3,12 +3,12 @@
 
 from __future__ import annotations
 
-from bt_agents_language.model.scope import RESERVED, Names
+from bt_agents_language.model.scope import RESERVED, NameScope
 from bt_agents_language.model.specs import FieldSpec, FieldType, Plain
 from bt_agents_language.model.values import plain, read_value
 from bt_agents_language.yaml.diagnostics import did_you_mean, shown
-from bt_agents_language.yaml.typed_reader import FileReading
-from bt_agents_language.yaml.yaml_reader import Entry, Mapping, Node, Scalar
+from bt_agents_language.yaml.typed_reader import TypedReader
+from bt_agents_language.yaml.yaml_reader import Mapping, MappingEntry, Node, Scalar
 
 TYPES = tuple(one.value for one in FieldType)
 """Words for types in a file."""
@@ -23,7 +23,7 @@ _OTHER_WORDS = {
 
 
 def read_inputs(
-    reading: FileReading, node: Node, what: str, kind: str = "input"
+    reading: TypedReader, node: Node, what: str, kind: str = "input"
 ) -> tuple[FieldSpec, ...]:
     """Return declared inputs; what is wrong with one is reported, the input kept if possible.
 
@@ -40,7 +40,7 @@ def read_inputs(
     return tuple(one for one in inputs if one is not None)
 
 
-def _read_input(reading: FileReading, entry: Entry, kind: str) -> FieldSpec | None:
+def _read_input(reading: TypedReader, entry: MappingEntry, kind: str) -> FieldSpec | None:
     name = read_new_name(reading, entry.key, f"an {kind}")
     if name is None:
         return None
@@ -69,7 +69,7 @@ def _read_input(reading: FileReading, entry: Entry, kind: str) -> FieldSpec | No
     )
 
 
-def read_type(reading: FileReading, node: Node) -> FieldType | None:
+def read_type(reading: TypedReader, node: Node) -> FieldType | None:
     """Return a type."""
     text = reading.text(node, "the type")
     if text is None:
@@ -84,7 +84,7 @@ def read_type(reading: FileReading, node: Node) -> FieldType | None:
     return None
 
 
-def read_new_name(reading: FileReading, key: Scalar, what: str) -> str | None:
+def read_new_name(reading: TypedReader, key: Scalar, what: str) -> str | None:
     """Return a name that a file introduces; reserved words are refused."""
     name = reading.name(key, f"the name of {what}")
     if name is not None and name in RESERVED:
@@ -98,7 +98,7 @@ def read_new_name(reading: FileReading, key: Scalar, what: str) -> str | None:
     return name
 
 
-def read_constant(reading: FileReading, node: Node, field_type: FieldType, what: str) -> Plain:
+def read_constant(reading: TypedReader, node: Node, field_type: FieldType, what: str) -> Plain:
     """Return a value without names; None when it is wrong, which is then reported."""
     if isinstance(node, Scalar) and "${" in node.text:
         reading.error(
@@ -108,5 +108,5 @@ def read_constant(reading: FileReading, node: Node, field_type: FieldType, what:
             "write a plain value",
         )
         return None
-    value = read_value(reading, node, field_type, Names({}), what)
+    value = read_value(reading, node, field_type, NameScope({}), what)
     return None if value is None else plain(value)

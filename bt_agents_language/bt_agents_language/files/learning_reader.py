@@ -9,8 +9,8 @@ from bt_agents_core.feedback import LearningRule, Update
 from bt_agents_core.profile_layers import PERSON, PLACE
 from bt_agents_core.scene import MAX_WEIGHT, SceneParameter, SceneSpace
 from bt_agents_language.model.scene_values import read_parameter
-from bt_agents_language.yaml.mapping_reader import Fields
-from bt_agents_language.yaml.typed_reader import FileReading
+from bt_agents_language.yaml.mapping_reader import MappingReader
+from bt_agents_language.yaml.typed_reader import TypedReader
 from bt_agents_language.yaml.yaml_reader import Node, Scalar
 
 DEFAULT_LEARNING_RATE = 0.2
@@ -35,7 +35,7 @@ _ONLY_WITH = {"window": Update.MEDIAN, "width": Update.HUBER}
 
 
 def read_learning(
-    reading: FileReading, agent: Fields, space: SceneSpace
+    reading: TypedReader, agent: MappingReader, space: SceneSpace
 ) -> tuple[float, LearningRule]:
     """Return the learning rate of an agent and its rule; problems are reported."""
     node = agent.get("learning")
@@ -55,7 +55,9 @@ def read_learning(
     return usual if rate is None else rate, _Learning(reading, fields, space).rule()
 
 
-def read_weights(reading: FileReading, agent: Fields, space: SceneSpace) -> dict[str, float]:
+def read_weights(
+    reading: TypedReader, agent: MappingReader, space: SceneSpace
+) -> dict[str, float]:
     """Return how much parameters count for an agent; problems are reported."""
     node = agent.get("weights")
     if node is None:
@@ -66,7 +68,7 @@ def read_weights(reading: FileReading, agent: Fields, space: SceneSpace) -> dict
 class _Learning:
     """The keys of ``learning:`` while they are read."""
 
-    def __init__(self, reading: FileReading, fields: Fields, space: SceneSpace) -> None:
+    def __init__(self, reading: TypedReader, fields: MappingReader, space: SceneSpace) -> None:
         self._reading = reading
         self._fields = fields
         self._space = space
@@ -174,7 +176,7 @@ class _Learning:
 
 
 def _by_parameter(
-    reading: FileReading,
+    reading: TypedReader,
     node: Node,
     what: str,
     space: SceneSpace,

@@ -11,10 +11,10 @@ from pathlib import Path
 from bt_agents_core.errors import ReadError
 from bt_agents_language.files.imports import SUFFIXES, read_imports
 from bt_agents_language.files.skills_reader import FILE_KEYS, SkillsReader
-from bt_agents_language.model.symbols import ImportProblem, Library, Vocabulary
+from bt_agents_language.model.symbols import ImportProblem, Library, SymbolTable
 from bt_agents_language.tree.trees_reader import TreesReader
 from bt_agents_language.yaml.diagnostics import did_you_mean, shown
-from bt_agents_language.yaml.typed_reader import FileReading
+from bt_agents_language.yaml.typed_reader import TypedReader
 
 _KEYS = (*FILE_KEYS, "imports", "subtrees")
 MAX_CHAIN = 16
@@ -40,7 +40,7 @@ class FolderLibraries:
         imports: Path of a library → what it imports itself.
     """
 
-    def __init__(self, folder: Path, vocabulary: Vocabulary, robot: str = "") -> None:
+    def __init__(self, folder: Path, vocabulary: SymbolTable, robot: str = "") -> None:
         self.broken: dict[str, ReadError] = {}
         self.imports: dict[str, set[str]] = {}
         self._folder = folder
@@ -75,7 +75,7 @@ class FolderLibraries:
             file = self._inside(path)
             self._chain.append(path)
             try:
-                self._read[path] = self._library(FileReading.of(file))
+                self._read[path] = self._library(TypedReader.of(file))
                 return self._read[path]
             except ReadError as error:
                 self.broken[path] = error
@@ -149,7 +149,7 @@ class FolderLibraries:
                 found.append(path)
         return found
 
-    def _library(self, reading: FileReading) -> Library:
+    def _library(self, reading: TypedReader) -> Library:
         fields = reading.document("a library", _KEYS)
         if not any(fields.get(key) is not None for key in _CONTENTS):
             reading.error(

@@ -9,13 +9,13 @@ from pathlib import Path
 
 from bt_agents_core.scene import SceneSpace
 from bt_agents_language.expression.expressions import Expression
-from bt_agents_language.model.scope import Names, scene_names
+from bt_agents_language.model.scope import NameScope, scene_names
 from bt_agents_language.model.specs import Position
 from bt_agents_language.model.values import read_condition
 from bt_agents_language.yaml.diagnostics import Diagnostic, did_you_mean
-from bt_agents_language.yaml.mapping_reader import Fields
+from bt_agents_language.yaml.mapping_reader import MappingReader
 from bt_agents_language.yaml.source import Source
-from bt_agents_language.yaml.typed_reader import FileReading
+from bt_agents_language.yaml.typed_reader import TypedReader
 from bt_agents_language.yaml.yaml_reader import Node, Sequence
 
 MARKET_FILE = "market.yaml"
@@ -69,9 +69,9 @@ def read_market(file: Path | Source, space: SceneSpace) -> MarketSpec:
     Raises:
         ReadError: There is a problem; it lists all of them.
     """
-    reading = FileReading.of(file)
+    reading = TypedReader.of(file)
     fields = reading.document(MARKET_FILE, ("rules",), ("rules",))
-    names = Names(scene_names(space, ("scene",)))
+    names = NameScope(scene_names(space, ("scene",)))
     rules = [_rule(reading, node, names) for node in fields.items("rules")]
     reading.problems.raise_if_any()
     return MarketSpec(rules=tuple(rule for rule in rules if rule is not None))
@@ -90,7 +90,7 @@ def unknown_agents(market: MarketSpec, known: Collection[str]) -> Iterator[Diagn
                 )
 
 
-def _rule(reading: FileReading, node: Node, names: Names) -> MarketRule | None:
+def _rule(reading: TypedReader, node: Node, names: NameScope) -> MarketRule | None:
     fields = reading.fields(node, "a rule", ("when", "agents"), ("when", "agents"))
     if fields is None:
         return None
@@ -103,7 +103,7 @@ def _rule(reading: FileReading, node: Node, names: Names) -> MarketRule | None:
     return MarketRule(condition=condition, agents=tuple(agents), positions=tuple(agents.values()))
 
 
-def _agents(reading: FileReading, fields: Fields) -> dict[str, Position]:
+def _agents(reading: TypedReader, fields: MappingReader) -> dict[str, Position]:
     agents: dict[str, Position] = {}
     nodes = fields.items("agents")
     if not nodes and isinstance(fields.get("agents"), Sequence):

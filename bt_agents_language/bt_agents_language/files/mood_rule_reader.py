@@ -5,11 +5,11 @@ from __future__ import annotations
 
 from bt_agents_core.scene import SceneSpace
 from bt_agents_language.expression.expressions import Expression
-from bt_agents_language.model.scope import Names, mood_names, scene_names
+from bt_agents_language.model.scope import NameScope, mood_names, scene_names
 from bt_agents_language.model.specs import FeedbackRule
 from bt_agents_language.model.values import read_condition
-from bt_agents_language.yaml.mapping_reader import Fields
-from bt_agents_language.yaml.typed_reader import FileReading
+from bt_agents_language.yaml.mapping_reader import MappingReader
+from bt_agents_language.yaml.typed_reader import TypedReader
 from bt_agents_language.yaml.yaml_reader import Node
 
 KEYS = ("when", "for", "give", "then", "baseline", "release", "cooldown", "confidence")
@@ -19,14 +19,14 @@ _AGAIN = ("release", "cooldown")
 
 
 def read_mood_rules(
-    reading: FileReading, agent: Fields, space: SceneSpace
+    reading: TypedReader, agent: MappingReader, space: SceneSpace
 ) -> tuple[FeedbackRule, ...]:
     """Return the mood rules of an agent file; problems are reported."""
     rules = (_rule(reading, node, space) for node in agent.items("feedback"))
     return tuple(rule for rule in rules if rule is not None)
 
 
-def _rule(reading: FileReading, node: Node, space: SceneSpace) -> FeedbackRule | None:
+def _rule(reading: TypedReader, node: Node, space: SceneSpace) -> FeedbackRule | None:
     fields = reading.fields(node, "a feedback rule", KEYS, ("when", "give"))
     if fields is None:
         return None
@@ -71,8 +71,8 @@ def _rule(reading: FileReading, node: Node, space: SceneSpace) -> FeedbackRule |
 
 
 def _condition(
-    reading: FileReading, fields: Fields, key: str, space: SceneSpace
+    reading: TypedReader, fields: MappingReader, key: str, space: SceneSpace
 ) -> Expression | None:
     node = fields.get(key)
-    names = Names({**scene_names(space), **mood_names(space)})
+    names = NameScope({**scene_names(space), **mood_names(space)})
     return None if node is None else read_condition(reading, node, names, f"'{key}'")

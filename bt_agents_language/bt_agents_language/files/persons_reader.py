@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from bt_agents_language.files.source_reader import MAP_KEYS, TRACKED, SourceReader, Wanted
+from bt_agents_language.files.source_reader import MAP_KEYS, TRACKED, SourceContext, SourceReader
 from bt_agents_language.model.interfaces import Interfaces, MessageFields
 from bt_agents_language.model.scene_specs import (
     HOLD_S,
@@ -16,8 +16,8 @@ from bt_agents_language.model.scene_specs import (
     TrackedSpec,
 )
 from bt_agents_language.model.specs import FieldType
-from bt_agents_language.yaml.mapping_reader import Fields
-from bt_agents_language.yaml.typed_reader import FileReading
+from bt_agents_language.yaml.mapping_reader import MappingReader
+from bt_agents_language.yaml.typed_reader import TypedReader
 from bt_agents_language.yaml.yaml_reader import Node, Scalar
 
 _NO_IDS = {FieldType.NUMBER: "a number with a fraction", FieldType.BOOLEAN: "true or false"}
@@ -25,7 +25,7 @@ _ADDRESSEE_KEYS = ("rule", "source", "better_by", "for")
 
 
 def read_persons(
-    reading: FileReading, node: Node | None, interfaces: Interfaces | None
+    reading: TypedReader, node: Node | None, interfaces: Interfaces | None
 ) -> tuple[PersonsSpec | None, SourceReader]:
     """Return what ``persons`` says, and a reader of sources that may be about one person.
 
@@ -52,7 +52,7 @@ def read_persons(
                 "name-taken", entry.key, f"<{PERSON}> is the whole person", "choose another name"
             )
         names.append(entry.key.text)
-        wanted = Wanted(
+        wanted = SourceContext(
             name=entry.key.text,
             what=f"part '{entry.key.text[:40]}'",
             text=True,
@@ -64,7 +64,7 @@ def read_persons(
     sources = SourceReader(reading, interfaces, tracked, names)
     known_by = None
     if (node := fields.get("known")) is not None:
-        wanted = Wanted(name="known", what="'known'", must_be_per_person=True)
+        wanted = SourceContext(name="known", what="'known'", must_be_per_person=True)
         known_by = sources.read(node, fields.keys["known"], wanted)
     addressee = _addressee(reading, fields.get("addressee"), sources)
     if tracked is None:
@@ -73,14 +73,14 @@ def read_persons(
     return spec, sources
 
 
-def _tracked(reading: FileReading, node: Node | None, sources: SourceReader) -> TrackedSpec | None:
+def _tracked(reading: TypedReader, node: Node | None, sources: SourceReader) -> TrackedSpec | None:
     if node is None:
         return None
     fields = sources.topic_fields(node, f"'{TRACKED}'", ("id", "lost_after"))
     if fields is None:
         return None
     topic = sources.topic(
-        fields, Wanted(name=TRACKED, what=f"'{TRACKED}'", may_be_per_person=False)
+        fields, SourceContext(name=TRACKED, what=f"'{TRACKED}'", may_be_per_person=False)
     )
     type_name = sources.type_name(fields)
     whole = sources.message(type_name)
@@ -121,7 +121,7 @@ def _tracked(reading: FileReading, node: Node | None, sources: SourceReader) -> 
 
 
 def _check_ids(
-    reading: FileReading, node: Node, what: str, message: MessageFields, path: str
+    reading: TypedReader, node: Node, what: str, message: MessageFields, path: str
 ) -> None:
     """Report ids that are neither texts nor whole numbers, as far as their type is known."""
     found = message.nested(path) or _NO_IDS.get(message.type_of(path), "")
@@ -135,7 +135,7 @@ def _check_ids(
     )
 
 
-def _addressee(reading: FileReading, node: Node | None, sources: SourceReader) -> AddresseeSpec:
+def _addressee(reading: TypedReader, node: Node | None, sources: SourceReader) -> AddresseeSpec:
     first = AddresseeSpec(rule=AddresseeRule.FIRST)
     if node is None:
         return first
@@ -159,7 +159,7 @@ def _addressee(reading: FileReading, node: Node | None, sources: SourceReader) -
     hold_s = fields.duration("for")
     source = None
     if (written := fields.get("source")) is not None:
-        wanted = Wanted(
+        wanted = SourceContext(
             name="addressee",
             what="the source of 'addressee'",
             keys=MAP_KEYS,
@@ -190,7 +190,7 @@ def _addressee(reading: FileReading, node: Node | None, sources: SourceReader) -
     )
 
 
-def _better_by(reading: FileReading, fields: Fields, rule: str | None) -> float | None:
+def _better_by(reading: TypedReader, fields: MappingReader, rule: str | None) -> float | None:
     """Return how much better somebody else must be; of distances it may be written as a length."""
     node = fields.get("better_by")
     if node is None:

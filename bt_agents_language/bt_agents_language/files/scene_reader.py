@@ -7,7 +7,7 @@ from pathlib import Path
 
 from bt_agents_core.scene import MAX_WEIGHT, SceneParameter, SceneSpace
 from bt_agents_language.files.persons_reader import read_persons
-from bt_agents_language.files.source_reader import VALUE_KEYS, SourceReader, Wanted
+from bt_agents_language.files.source_reader import VALUE_KEYS, SourceContext, SourceReader
 from bt_agents_language.model.interfaces import Interfaces
 from bt_agents_language.model.scene_specs import (
     PERSON,
@@ -19,10 +19,10 @@ from bt_agents_language.model.scene_specs import (
 )
 from bt_agents_language.model.scene_values import read_values
 from bt_agents_language.yaml.diagnostics import did_you_mean, shown
-from bt_agents_language.yaml.mapping_reader import Fields
+from bt_agents_language.yaml.mapping_reader import MappingReader
 from bt_agents_language.yaml.source import Source
-from bt_agents_language.yaml.typed_reader import FileReading
-from bt_agents_language.yaml.yaml_reader import Entry, Mapping
+from bt_agents_language.yaml.typed_reader import TypedReader
+from bt_agents_language.yaml.yaml_reader import Mapping, MappingEntry
 
 MAX_PLACE = 64
 """Characters of the name of a place."""
@@ -44,15 +44,15 @@ def read_scene(path: Path, interfaces: Interfaces | None = None) -> SceneSpec:
     Raises:
         ReadError: There is a problem; it lists all of them.
     """
-    return _read(FileReading.of(path), interfaces)
+    return _read(TypedReader.of(path), interfaces)
 
 
 def read_scene_text(text: str, file: str, interfaces: Interfaces | None = None) -> SceneSpec:
     """Return the scene parameters and sources of a text; as :func:`read_scene`."""
-    return _read(FileReading(Source(file, text)), interfaces)
+    return _read(TypedReader(Source(file, text)), interfaces)
 
 
-def _read(reading: FileReading, interfaces: Interfaces | None) -> SceneSpec:
+def _read(reading: TypedReader, interfaces: Interfaces | None) -> SceneSpec:
     fields = reading.document("scene.yaml", _KEYS, ("parameters",))
     entries = fields.entries("parameters", "names and parameters")
     if not entries and isinstance(fields.get("parameters"), Mapping):
@@ -82,7 +82,7 @@ def _read(reading: FileReading, interfaces: Interfaces | None) -> SceneSpec:
     return spec
 
 
-def _check_types(reading: FileReading, spec: SceneSpec) -> None:
+def _check_types(reading: TypedReader, spec: SceneSpec) -> None:
     """Report topics that are named with more than one type: a process can hear only one."""
     tracked = (spec.persons.tracked,) if spec.persons is not None else ()
     named = sorted(
@@ -102,8 +102,8 @@ def _check_types(reading: FileReading, spec: SceneSpec) -> None:
 
 
 def _sources(
-    reading: FileReading,
-    fields: Fields,
+    reading: TypedReader,
+    fields: MappingReader,
     names: list[str],
     parameters: dict[str, SceneParameter],
     source_reader: SourceReader,
@@ -122,7 +122,7 @@ def _sources(
                     "'persons' says already whether somebody is there: when somebody is tracked",
                     "remove this source",
                 )
-            wanted = Wanted(name=name, what="source 'person'", may_be_per_person=False)
+            wanted = SourceContext(name=name, what="source 'person'", may_be_per_person=False)
             person = source_reader.read(entry.value, entry.key, wanted)
         elif name not in names:
             reading.error(
@@ -132,7 +132,7 @@ def _sources(
                 did_you_mean(name, [PERSON, *names]),
             )
         else:
-            wanted = Wanted(
+            wanted = SourceContext(
                 name=name,
                 what=f"source '{name}'",
                 keys=VALUE_KEYS,
@@ -142,12 +142,14 @@ def _sources(
     return sources, person
 
 
-def _place(reading: FileReading, fields: Fields, source_reader: SourceReader) -> str | SourceSpec:
+def _place(
+    reading: TypedReader, fields: MappingReader, source_reader: SourceReader
+) -> str | SourceSpec:
     node = fields.get("place")
     if node is None:
         return ""
     if isinstance(node, Mapping):
-        wanted = Wanted(name="place", what="'place'", text=True, may_be_per_person=False)
+        wanted = SourceContext(name="place", what="'place'", text=True, may_be_per_person=False)
         return source_reader.read(node, fields.keys["place"], wanted) or ""
     place = fields.text("place")
     if len(place) > MAX_PLACE:
@@ -161,7 +163,7 @@ def _place(reading: FileReading, fields: Fields, source_reader: SourceReader) ->
 
 
 def _no_person(
-    reading: FileReading, fields: Fields, space: SceneSpace, names: list[str]
+    reading: TypedReader, fields: MappingReader, space: SceneSpace, names: list[str]
 ) -> dict[str, float]:
     node = fields.get("no_person")
     if node is None or len(space) < len(names):
@@ -170,7 +172,7 @@ def _no_person(
 
 
 def _parameter(
-    reading: FileReading, entry: Entry, missing: dict[str, MissingRule]
+    reading: TypedReader, entry: MappingEntry, missing: dict[str, MissingRule]
 ) -> SceneParameter | None:
     """Return a parameter, and note what stands for it where nobody measures it."""
     name = reading.name(entry.key, "the name of a scene parameter")
@@ -209,7 +211,7 @@ def _parameter(
 
 
 def _labels(
-    reading: FileReading, fields: Fields, minimum: float | None, maximum: float | None
+    reading: TypedReader, fields: MappingReader, minimum: float | None, maximum: float | None
 ) -> dict[float, str]:
     labels: dict[float, str] = {}
     for entry in fields.entries("labels", "values and words"):
@@ -222,7 +224,7 @@ def _labels(
     return labels
 
 
-def _mood(reading: FileReading, fields: Fields, names: list[str]) -> str | None:
+def _mood(reading: TypedReader, fields: MappingReader, names: list[str]) -> str | None:
     node = fields.get("mood")
     mood = reading.text(node, "'mood'") if node is not None else None
     if node is None or mood is None or mood in names:

@@ -8,10 +8,10 @@ from pathlib import Path
 from bt_agents_core.scene import SceneSpace
 from bt_agents_language.model.interfaces import read_ros_name
 from bt_agents_language.model.scene_values import read_values
-from bt_agents_language.model.specs import Change, Script, Visit
-from bt_agents_language.yaml.mapping_reader import Fields
+from bt_agents_language.model.specs import SceneChange, Script, Visit
+from bt_agents_language.yaml.mapping_reader import MappingReader
 from bt_agents_language.yaml.source import Source
-from bt_agents_language.yaml.typed_reader import FileReading
+from bt_agents_language.yaml.typed_reader import TypedReader
 from bt_agents_language.yaml.yaml_reader import Node, Sequence
 
 _VISIT_KEYS = ("label", "person", "urgent", "scene", "changes", "answers", "buttons")
@@ -27,7 +27,7 @@ def read_script(file: Path | Source, space: SceneSpace) -> Script:
     Raises:
         ReadError: There is a problem; it lists all of them.
     """
-    reading = FileReading.of(file)
+    reading = TypedReader.of(file)
     fields = reading.document("a script", ("title", "visits"), ("visits",))
     title = fields.text("title")
     nodes = fields.items("visits")
@@ -38,7 +38,7 @@ def read_script(file: Path | Source, space: SceneSpace) -> Script:
     return Script(title=title, visits=tuple(visit for visit in visits if visit is not None))
 
 
-def _visit(reading: FileReading, node: Node, space: SceneSpace) -> Visit | None:
+def _visit(reading: TypedReader, node: Node, space: SceneSpace) -> Visit | None:
     fields = reading.fields(node, "a visit", _VISIT_KEYS, ("label",))
     if fields is None:
         return None
@@ -58,7 +58,7 @@ def _visit(reading: FileReading, node: Node, space: SceneSpace) -> Visit | None:
     )
 
 
-def _change(reading: FileReading, node: Node, space: SceneSpace) -> Change | None:
+def _change(reading: TypedReader, node: Node, space: SceneSpace) -> SceneChange | None:
     fields = reading.fields(node, "a change", ("after", "scene", "person"), ("after",))
     if fields is None:
         return None
@@ -70,10 +70,10 @@ def _change(reading: FileReading, node: Node, space: SceneSpace) -> Change | Non
         reading.error(
             "missing-key", node, "a change needs 'scene' or 'person'", "add 'scene: {…}'"
         )
-    return None if after_s is None else Change(after_s=after_s, values=values, person=person)
+    return None if after_s is None else SceneChange(after_s=after_s, values=values, person=person)
 
 
-def _answers(reading: FileReading, fields: Fields) -> dict[str, str]:
+def _answers(reading: TypedReader, fields: MappingReader) -> dict[str, str]:
     answers: dict[str, str] = {}
     for entry in fields.entries("answers", "words and answers"):
         text = reading.text(entry.value, "an answer")
@@ -82,7 +82,7 @@ def _answers(reading: FileReading, fields: Fields) -> dict[str, str]:
     return answers
 
 
-def _buttons(reading: FileReading, fields: Fields) -> dict[str, str]:
+def _buttons(reading: TypedReader, fields: MappingReader) -> dict[str, str]:
     buttons: dict[str, str] = {}
     for entry in fields.entries("buttons", "topics and words"):
         topic = read_ros_name(reading, entry.key, "the topic of a button")

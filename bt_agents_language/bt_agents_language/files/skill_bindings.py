@@ -14,17 +14,17 @@ from bt_agents_language.files.bindings import (
     what_comes_back,
 )
 from bt_agents_language.model.interfaces import Interfaces, package_of
-from bt_agents_language.model.scope import Names
+from bt_agents_language.model.scope import NameScope
 from bt_agents_language.model.specs import Binding, BindingKind, SkillSpec
 from bt_agents_language.yaml.diagnostics import did_you_mean, shown
-from bt_agents_language.yaml.mapping_reader import Fields
-from bt_agents_language.yaml.typed_reader import FileReading, listed
+from bt_agents_language.yaml.mapping_reader import MappingReader
+from bt_agents_language.yaml.typed_reader import TypedReader, listed
 from bt_agents_language.yaml.yaml_reader import Mapping as MappingNode
 from bt_agents_language.yaml.yaml_reader import Node, Scalar, entries_of
 
 
 @dataclass(frozen=True, kw_only=True)
-class Offer:
+class BindingCandidate:
     """What a robot has for a skill.
 
     Attributes:
@@ -38,9 +38,9 @@ class Offer:
     problem: str = ""
 
 
-def read_offer(
-    reading: FileReading,
-    fields: Fields,
+def read_candidate(
+    reading: TypedReader,
+    fields: MappingReader,
     key: Scalar,
     what: str,
     skill: SkillSpec,
@@ -48,7 +48,7 @@ def read_offer(
     interfaces: Interfaces | None,
     inline: bool = False,
     lenient: bool = False,
-) -> Offer | None:
+) -> BindingCandidate | None:
     """Return the offer of one robot; None when it is wrong, which is then reported.
 
     Args:
@@ -89,8 +89,8 @@ def read_offer(
         reading,
         kind,
         bound,
-        Names({one.name: one.type for one in skill.inputs}, lenient=lenient),
-        Names({}),
+        NameScope({one.name: one.type for one in skill.inputs}, lenient=lenient),
+        NameScope({}),
         known,
         outputs,
     )
@@ -98,13 +98,13 @@ def read_offer(
         return None
     if absent:
         problem = f"the ROS package '{package}' is not installed"
-        return Offer(robot=robot, binding=None, problem=problem)
-    return Offer(robot=robot, binding=binding)
+        return BindingCandidate(robot=robot, binding=None, problem=problem)
+    return BindingCandidate(robot=robot, binding=binding)
 
 
 def _outputs(
-    reading: FileReading,
-    fields: Fields,
+    reading: TypedReader,
+    fields: MappingReader,
     kind: BindingKind,
     type_name: str | None,
     skill: SkillSpec,
@@ -127,7 +127,7 @@ def _outputs(
     return _bound_outputs(reading, fields, back, skill, what)
 
 
-def _declared_outputs(reading: FileReading, fields: Fields, back: Back) -> Outputs:
+def _declared_outputs(reading: TypedReader, fields: MappingReader, back: Back) -> Outputs:
     outputs = Outputs()
     for entry in fields.entries("outputs", "names and fields"):
         source: Node = entry.key
@@ -138,7 +138,7 @@ def _declared_outputs(reading: FileReading, fields: Fields, back: Back) -> Outpu
 
 
 def _bound_outputs(
-    reading: FileReading, fields: Fields, back: Back, skill: SkillSpec, what: str
+    reading: TypedReader, fields: MappingReader, back: Back, skill: SkillSpec, what: str
 ) -> Outputs:
     declared = [one.name for one in skill.outputs]
     outputs = Outputs()

@@ -9,15 +9,15 @@ from pathlib import Path, PurePosixPath
 
 from bt_agents_core.errors import ReadError
 from bt_agents_language.files.inputs import read_inputs, read_new_name, read_type
-from bt_agents_language.files.skill_bindings import Offer, read_offer
+from bt_agents_language.files.skill_bindings import BindingCandidate, read_candidate
 from bt_agents_language.model.interfaces import Interfaces
 from bt_agents_language.model.specs import BindingKind, FieldSpec, FieldType, SkillSpec
 from bt_agents_language.nodes import WORDS
 from bt_agents_language.yaml.diagnostics import did_you_mean, joined, shown
-from bt_agents_language.yaml.mapping_reader import Fields
+from bt_agents_language.yaml.mapping_reader import MappingReader
 from bt_agents_language.yaml.source import Source
-from bt_agents_language.yaml.typed_reader import FileReading, found
-from bt_agents_language.yaml.yaml_reader import Entry, Scalar
+from bt_agents_language.yaml.typed_reader import TypedReader, found
+from bt_agents_language.yaml.yaml_reader import MappingEntry, Scalar
 
 BINDINGS = tuple(kind.value for kind in BindingKind)
 FILE_KEYS = ("description", "robot", "skills", "bindings")
@@ -42,10 +42,10 @@ def read_skills(
     """
     reader = SkillsReader(interfaces, robot)
     errors: list[ReadError] = []
-    files: list[tuple[FileReading, Fields]] = []
+    files: list[tuple[TypedReader, MappingReader]] = []
     for path in paths:
         try:
-            reading = FileReading.of(path)
+            reading = TypedReader.of(path)
             files.append((reading, reading.document("a skills file", FILE_KEYS)))
         except ReadError as error:
             errors.append(error)
@@ -56,7 +56,7 @@ def read_skills_text(
     text: str, file: str, interfaces: Interfaces | None = None
 ) -> Mapping[str, SkillSpec]:
     """Return the skills of one text; as :func:`read_skills`."""
-    reading = FileReading(Source(file, text))
+    reading = TypedReader(Source(file, text))
     fields = reading.document("a skills file", FILE_KEYS)
     return SkillsReader(interfaces).read([(reading, fields)])
 
@@ -66,7 +66,7 @@ class _Declared:
     """A skill that is declared, and the robots that offer it, in order."""
 
     skill: SkillSpec
-    offers: list[Offer]
+    offers: list[BindingCandidate]
 
 
 class SkillsReader:
@@ -83,7 +83,7 @@ class SkillsReader:
         self._declared: dict[str, _Declared] = {}
 
     def read(
-        self, files: Iterable[tuple[FileReading, Fields]], errors: Iterable[ReadError] = ()
+        self, files: Iterable[tuple[TypedReader, MappingReader]], errors: Iterable[ReadError] = ()
     ) -> dict[str, SkillSpec]:
         """Return the skills of files by name.
 
@@ -104,7 +104,7 @@ class SkillsReader:
             raise joined(refused)
         return self.skills()
 
-    def declare(self, reading: FileReading, fields: Fields) -> None:
+    def declare(self, reading: TypedReader, fields: MappingReader) -> None:
         """Read what stands under ``skills``."""
         robot = _robot(reading, fields)
         if fields.get("skills") is None and fields.get("bindings") is None:
@@ -121,7 +121,7 @@ class SkillsReader:
             if free and name is not None and declared is not None:
                 self._declared[name] = declared
 
-    def bind(self, reading: FileReading, fields: Fields) -> None:
+    def bind(self, reading: TypedReader, fields: MappingReader) -> None:
         """Read what stands under ``bindings``, for skills that are declared in any file."""
         robot = _robot(reading, fields)
         for entry in fields.entries("bindings", "skills and their bindings"):
@@ -139,7 +139,7 @@ class SkillsReader:
             bound = reading.fields(entry.value, what, ("outputs", *BINDINGS))
             if bound is None:
                 continue
-            offer = read_offer(
+            offer = read_candidate(
                 reading, bound, entry.key, what, declared.skill, robot, self._interfaces
             )
             if offer is not None:
@@ -156,7 +156,7 @@ class SkillsReader:
         why = "; ".join(f"{one.robot}: {one.problem}" for one in declared.offers)
         return replace(declared.skill, unoffered=why or "no robot is bound to it")
 
-    def _is_free(self, reading: FileReading, entry: Entry) -> bool:
+    def _is_free(self, reading: TypedReader, entry: MappingEntry) -> bool:
         name = entry.key.text
         if name in WORDS:
             reading.error(
@@ -178,7 +178,7 @@ class SkillsReader:
         return True
 
     def _declaration(
-        self, reading: FileReading, entry: Entry, name: str, robot: str
+        self, reading: TypedReader, entry: MappingEntry, name: str, robot: str
     ) -> _Declared | None:
         what = f"skill '{name}'"
         fields = reading.fields(entry.value, what, _SKILL_KEYS)
@@ -199,7 +199,7 @@ class SkillsReader:
         )
         declared = _Declared(skill, [])
         if any(fields.get(kind) is not None for kind in BINDINGS):
-            offer = read_offer(
+            offer = read_candidate(
                 reading,
                 fields,
                 entry.key,
@@ -215,11 +215,13 @@ class SkillsReader:
         return declared
 
 
-def _robot(reading: FileReading, fields: Fields) -> str:
+def _robot(reading: TypedReader, fields: MappingReader) -> str:
     return fields.name("robot") or PurePosixPath(reading.source.file).stem
 
 
-def _main(reading: FileReading, fields: Fields, inputs: tuple[FieldSpec, ...]) -> str | None:
+def _main(
+    reading: TypedReader, fields: MappingReader, inputs: tuple[FieldSpec, ...]
+) -> str | None:
     node = fields.get("main")
     main = reading.text(node, "'main'") if node is not None else None
     known = [one.name for one in inputs]
@@ -231,7 +233,7 @@ def _main(reading: FileReading, fields: Fields, inputs: tuple[FieldSpec, ...]) -
     return None
 
 
-def _outputs(reading: FileReading, fields: Fields) -> tuple[FieldSpec, ...]:
+def _outputs(reading: TypedReader, fields: MappingReader) -> tuple[FieldSpec, ...]:
     outputs: list[FieldSpec] = []
     for entry in fields.entries("outputs", "names and fields"):
         name = read_new_name(reading, entry.key, "an output")

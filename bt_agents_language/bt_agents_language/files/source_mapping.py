@@ -7,13 +7,13 @@ from bt_agents_core.scene import SceneParameter
 from bt_agents_language.expression.expressions import ValueKind
 from bt_agents_language.model import quantities
 from bt_agents_language.model.scene_specs import word_of
-from bt_agents_language.yaml.mapping_reader import Fields
-from bt_agents_language.yaml.typed_reader import FileReading
+from bt_agents_language.yaml.mapping_reader import MappingReader
+from bt_agents_language.yaml.typed_reader import TypedReader
 from bt_agents_language.yaml.yaml_reader import Mapping, Scalar
 
 
 def read_points(
-    reading: FileReading, fields: Fields, parameter: SceneParameter | None
+    reading: TypedReader, fields: MappingReader, parameter: SceneParameter | None
 ) -> tuple[tuple[float, float], ...]:
     """Return the linear map behind ``map`` as (reading, value) pairs, readings rising."""
     node = fields.get("map")
@@ -46,8 +46,8 @@ def read_points(
 
 
 def read_table(
-    reading: FileReading,
-    fields: Fields,
+    reading: TypedReader,
+    fields: MappingReader,
     parameter: SceneParameter | None,
     kind: ValueKind | None,
 ) -> tuple[tuple[str, float], ...]:
@@ -84,7 +84,7 @@ def read_table(
     return tuple(table.items())
 
 
-def _word(reading: FileReading, node: Scalar, kind: ValueKind | None) -> str | None:
+def _word(reading: TypedReader, node: Scalar, kind: ValueKind | None) -> str | None:
     """Return a word of a table as readings of a kind are looked up in it; None for a wrong one."""
     if kind is ValueKind.BOOLEAN:
         truth = reading.boolean(node, "a reading in 'table'")

@@ -25,13 +25,13 @@ from bt_agents_language.model.scene_specs import (
     TrackedSpec,
     path_of,
 )
-from bt_agents_language.model.scope import Names
+from bt_agents_language.model.scope import NameScope
 from bt_agents_language.model.specs import BindingKind
 from bt_agents_language.tree.references import read_expression
 from bt_agents_language.yaml.diagnostics import did_you_mean, shown
-from bt_agents_language.yaml.mapping_reader import Fields
+from bt_agents_language.yaml.mapping_reader import MappingReader
 from bt_agents_language.yaml.scalars import boolean
-from bt_agents_language.yaml.typed_reader import FileReading
+from bt_agents_language.yaml.typed_reader import TypedReader
 from bt_agents_language.yaml.yaml_reader import Mapping, Node, Scalar, Sequence
 
 TRACKED = "tracked"
@@ -50,7 +50,7 @@ _NUMBERS = (None, ValueKind.BOOLEAN, ValueKind.NUMBER)
 
 
 @dataclass(frozen=True, kw_only=True)
-class Wanted:
+class SourceContext:
     """What a source is for, and so how it may be written.
 
     Attributes:
@@ -84,7 +84,7 @@ class SourceReader:
 
     def __init__(
         self,
-        reading: FileReading,
+        reading: TypedReader,
         interfaces: Interfaces | None,
         tracked: TrackedSpec | None = None,
         placeholders: Collection[str] = (),
@@ -94,7 +94,7 @@ class SourceReader:
         self._tracked = tracked
         self._placeholders = placeholders
 
-    def read_all(self, node: Node, where: Node, wanted: Wanted) -> list[SourceSpec]:
+    def read_all(self, node: Node, where: Node, wanted: SourceContext) -> list[SourceSpec]:
         """Return one source or a list of them; what is wrong is reported and left out.
 
         Args:
@@ -110,7 +110,7 @@ class SourceReader:
         found = [self.read(item, item, wanted) for item in node.items]
         return [source for source in found if source is not None]
 
-    def read(self, node: Node, where: Node, wanted: Wanted) -> SourceSpec | None:
+    def read(self, node: Node, where: Node, wanted: SourceContext) -> SourceSpec | None:
         """Return a source; None when it is wrong, which is then reported."""
         if isinstance(node, Mapping) and any(e.key.text == "from" for e in node.entries):
             return self._of_tracked(node, where, wanted)
@@ -125,7 +125,7 @@ class SourceReader:
         )
         return self._spec(fields, where, wanted, origin, self.message(origin.type_name))
 
-    def _of_tracked(self, node: Mapping, where: Node, wanted: Wanted) -> SourceSpec | None:
+    def _of_tracked(self, node: Mapping, where: Node, wanted: SourceContext) -> SourceSpec | None:
         """Return a source that reads the item of a person in the list of tracked persons."""
         known = ("from", "field", "stale_after", *wanted.keys)
         fields = self._reading.fields(node, wanted.what, known, ("from", "field"))
@@ -156,7 +156,12 @@ class SourceReader:
         return self._spec(fields, where, wanted, origin, message)
 
     def _spec(
-        self, fields: Fields, where: Node, wanted: Wanted, origin: _Origin, message: MessageFields
+        self,
+        fields: MappingReader,
+        where: Node,
+        wanted: SourceContext,
+        origin: _Origin,
+        message: MessageFields,
     ) -> SourceSpec | None:
         reads = self._field(fields, wanted, message)
         points = read_points(self._reading, fields, wanted.parameter)
@@ -190,12 +195,12 @@ class SourceReader:
 
     # Topics
 
-    def topic_fields(self, node: Node, what: str, keys: Collection[str]) -> Fields | None:
+    def topic_fields(self, node: Node, what: str, keys: Collection[str]) -> MappingReader | None:
         """Return the keys of a topic, and some others; None for anything but a mapping."""
         required = ["topic", "type", "field", *([] if is_latched(node) else ["stale_after"])]
         return self._reading.fields(node, what, (*TOPIC_KEYS, *keys), required)
 
-    def topic(self, fields: Fields, wanted: Wanted) -> str | None:
+    def topic(self, fields: MappingReader, wanted: SourceContext) -> str | None:
         """Return the name of a topic, what stands in angle brackets in it checked."""
         node = fields.get("topic")
         if node is None:
@@ -214,7 +219,7 @@ class SourceReader:
             return None
         return topic if all(self._is_known(node, name, wanted) for name in named) else None
 
-    def _is_known(self, node: Node, name: str, wanted: Wanted) -> bool:
+    def _is_known(self, node: Node, name: str, wanted: SourceContext) -> bool:
         if wanted.may_be_per_person and name in self._placeholders:
             return True
         if not wanted.may_be_per_person:
@@ -228,7 +233,7 @@ class SourceReader:
         self._reading.error("unknown-name", node, message, hint)
         return False
 
-    def type_name(self, fields: Fields) -> str | None:
+    def type_name(self, fields: MappingReader) -> str | None:
         """Return the checked ROS type behind ``type``."""
         node = fields.get("type")
         if node is None:
@@ -241,7 +246,7 @@ class SourceReader:
             self._interfaces, BindingKind.TOPIC, type_name or "", "message", inside
         )
 
-    def stale_after(self, fields: Fields) -> float | None:
+    def stale_after(self, fields: MappingReader) -> float | None:
         """Return how long a reading counts [s], infinite where nothing is written; None if bad."""
         if "stale_after" not in fields.nodes:
             return math.inf if is_latched(fields.mapping) else None
@@ -275,7 +280,9 @@ class SourceReader:
             return None
         return text
 
-    def _field(self, fields: Fields, wanted: Wanted, message: MessageFields) -> Expression | None:
+    def _field(
+        self, fields: MappingReader, wanted: SourceContext, message: MessageFields
+    ) -> Expression | None:
         node = fields.get("field")
         if node is None:
             return None
@@ -326,7 +333,7 @@ class SourceReader:
         if text is None:
             return None
         assert isinstance(node, Scalar)
-        names = Names({}, messages={MESSAGE: message})
+        names = NameScope({}, messages={MESSAGE: message})
         plain = _PATH_LIKE.fullmatch(text) and not text.startswith(f"{MESSAGE}.")
         if plain and text not in ("true", "false"):
             path = self.path(node, what, message)
@@ -336,7 +343,7 @@ class SourceReader:
         return read_expression(self._reading, node, node.text, 0, what, names)
 
     def _certainty(
-        self, fields: Fields, key: str, message: MessageFields, largest: float
+        self, fields: MappingReader, key: str, message: MessageFields, largest: float
     ) -> Expression | None:
         """Return an expression for the confidence or the standard deviation of readings."""
         node = fields.get(key)

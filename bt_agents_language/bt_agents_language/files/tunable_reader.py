@@ -6,10 +6,10 @@ from __future__ import annotations
 from bt_agents_language.model import quantities
 from bt_agents_language.model.quantities import spoken
 from bt_agents_language.model.specs import FieldType, Tunable
-from bt_agents_language.yaml.mapping_reader import Fields
+from bt_agents_language.yaml.mapping_reader import MappingReader
 from bt_agents_language.yaml.scalars import boolean
-from bt_agents_language.yaml.typed_reader import FileReading, adding, found, listed
-from bt_agents_language.yaml.yaml_reader import Entry, Node, Scalar
+from bt_agents_language.yaml.typed_reader import TypedReader, adding, found, listed
+from bt_agents_language.yaml.yaml_reader import MappingEntry, Node, Scalar
 
 _KEYS = ("default", "min", "max", "step", "description")
 _RANGE = ("min", "max", "step")
@@ -18,7 +18,7 @@ _STEP_TOLERANCE = 1e-6
 _DIGITS = 6
 
 
-def read_tunable(reading: FileReading, entry: Entry, name: str) -> Tunable | None:
+def read_tunable(reading: TypedReader, entry: MappingEntry, name: str) -> Tunable | None:
     """Return a tunable; None when it is wrong, which is then reported.
 
     The default says the type: ``2`` is an integer, ``2.0`` a number, ``8 s`` a duration, ``1.5 m``
@@ -104,7 +104,9 @@ def _is_whole(text: str) -> bool:
     return text.strip().lstrip("+-").isdigit()
 
 
-def _refuse_range(reading: FileReading, fields: Fields, what: str, field_type: FieldType) -> None:
+def _refuse_range(
+    reading: TypedReader, fields: MappingReader, what: str, field_type: FieldType
+) -> None:
     keys = [key for key in _RANGE if fields.get(key) is not None]
     if keys:
         default = fields.nodes["default"]
@@ -118,7 +120,7 @@ def _refuse_range(reading: FileReading, fields: Fields, what: str, field_type: F
 
 
 def _default(
-    reading: FileReading, node: Scalar, field_type: FieldType, what: str
+    reading: TypedReader, node: Scalar, field_type: FieldType, what: str
 ) -> bool | int | float | str | None:
     label = f"the default of {what}"
     if field_type is FieldType.BOOLEAN:
@@ -129,7 +131,7 @@ def _default(
 
 
 def _amount(
-    reading: FileReading, node: Node, field_type: FieldType, what: str
+    reading: TypedReader, node: Node, field_type: FieldType, what: str
 ) -> int | float | None:
     match field_type:
         case FieldType.DURATION:
@@ -144,7 +146,11 @@ def _amount(
 
 
 def _range(
-    reading: FileReading, fields: Fields, entry: Entry, what: str, field_type: FieldType
+    reading: TypedReader,
+    fields: MappingReader,
+    entry: MappingEntry,
+    what: str,
+    field_type: FieldType,
 ) -> tuple[float | None, float | None, float] | None:
     """Return the smallest and largest value and the step, 0 for none.
 
@@ -184,7 +190,7 @@ def _range(
 
 
 def _check_default(
-    reading: FileReading,
+    reading: TypedReader,
     node: Scalar,
     what: str,
     field_type: FieldType,

@@ -41,7 +41,7 @@ class ExperimentSpec:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Record:
+class FeedbackRecord:
     """One round as it was observed: who won, and its profile before and after the feedback."""
 
     round: int
@@ -69,7 +69,7 @@ def closed_form(
 
 
 def deviation(
-    records: Iterable[Record],
+    records: Iterable[FeedbackRecord],
     targets: Mapping[str, Sequence[float]],
     starts: Mapping[str, Sequence[float]],
     rates: Mapping[str, float],
@@ -94,7 +94,7 @@ def deviation(
     return largest
 
 
-def difference(one: Sequence[Record], other: Sequence[Record]) -> float:
+def difference(one: Sequence[FeedbackRecord], other: Sequence[FeedbackRecord]) -> float:
     """Return the largest difference between two recordings of the same experiment.
 
     It is infinite when they differ in more than the values of profiles.

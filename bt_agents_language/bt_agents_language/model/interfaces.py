@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from bt_agents_language.model.specs import BindingKind, FieldType, Plain
-from bt_agents_language.yaml.typed_reader import FileReading
+from bt_agents_language.yaml.typed_reader import TypedReader
 from bt_agents_language.yaml.yaml_reader import Node
 
 MAX_ROS_NAME = 255
@@ -166,7 +166,7 @@ def package_of(type_name: str) -> str:
 
 
 def read_ros_name(
-    reading: FileReading, node: Node, what: str, *, brackets: bool = False
+    reading: TypedReader, node: Node, what: str, *, brackets: bool = False
 ) -> str | None:
     """Return the name of a topic, service or action, checked by the rules of ROS.
 
@@ -211,7 +211,7 @@ def read_ros_name(
 
 
 def read_ros_type(
-    reading: FileReading, node: Node, kind: BindingKind, interfaces: Interfaces | None
+    reading: TypedReader, node: Node, kind: BindingKind, interfaces: Interfaces | None
 ) -> str | None:
     """Return the name of a ROS type; with ``interfaces`` it must be installed."""
     what = f"the type of the {kind.value}"

@@ -66,7 +66,7 @@ class NodeField:
 
 
 @dataclass(frozen=True, kw_only=True)
-class NodeKind:
+class NodeType:
     """One kind of node.
 
     Attributes:
@@ -89,7 +89,7 @@ class NodeKind:
 
 
 @dataclass(frozen=True, kw_only=True)
-class ModifierKind:
+class DecoratorType:
     """One modifier: a key beside a node that wraps the node.
 
     Attributes:
@@ -108,7 +108,7 @@ class ModifierKind:
 
 
 @dataclass(frozen=True, kw_only=True)
-class BesideKey:
+class SiblingKey:
     """A key beside a node that is neither node nor modifier.
 
     Attributes:

@@ -12,7 +12,7 @@ from importlib.metadata import EntryPoint, entry_points
 from typing import TypeGuard
 
 from bt_agents_core.errors import BtAgentsError
-from bt_agents_language.model.node_type import Content, NodeField, NodeKind
+from bt_agents_language.model.node_type import Content, NodeField, NodeType
 from bt_agents_language.model.specs import SkillSpec
 from bt_agents_language.nodes import WORDS
 
@@ -37,7 +37,7 @@ class Plugins:
         problems: Why the others cannot be nodes, in words.
     """
 
-    kinds: Mapping[str, NodeKind]
+    kinds: Mapping[str, NodeType]
     origins: Mapping[str, str]
     problems: tuple[str, ...]
 
@@ -74,7 +74,7 @@ def read_plugins(points: Iterable[EntryPoint]) -> Plugins:
     start makes a new object, ``cls(name=…, **values)``. The first paragraph of the docstring
     describes the node.
     """
-    kinds: dict[str, NodeKind] = {}
+    kinds: dict[str, NodeType] = {}
     origins: dict[str, str] = {}
     problems: list[str] = []
     for point in sorted(points, key=lambda one: (one.name, one.value)):
@@ -89,7 +89,7 @@ def read_plugins(points: Iterable[EntryPoint]) -> Plugins:
     return Plugins(kinds=kinds, origins=origins, problems=tuple(problems))
 
 
-def _kind(point: EntryPoint) -> NodeKind:
+def _kind(point: EntryPoint) -> NodeType:
     whose = _whose(point)
     if not _KEY.fullmatch(point.name):
         raise PluginProblem(
@@ -120,7 +120,7 @@ def _kind(point: EntryPoint) -> NodeKind:
         raise PluginProblem(f"{whose}: 'main' is {main!r}, expected one of {', '.join(names)}")
     _check_constructor(behaviour, names, whose)
     summary = (inspect.getdoc(behaviour) or "").partition("\n\n")[0]
-    return NodeKind(
+    return NodeType(
         key=point.name,
         main=main,
         fields=fields,

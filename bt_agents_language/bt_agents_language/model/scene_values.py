@@ -6,12 +6,12 @@ from __future__ import annotations
 from bt_agents_core.errors import Refused
 from bt_agents_core.scene import SceneParameter, SceneSpace, Vector, check_value
 from bt_agents_language.yaml.diagnostics import did_you_mean, shown
-from bt_agents_language.yaml.typed_reader import FileReading, adding, listed
+from bt_agents_language.yaml.typed_reader import TypedReader, adding, listed
 from bt_agents_language.yaml.yaml_reader import Node
 
 
 def read_values(
-    reading: FileReading, node: Node, what: str, space: SceneSpace
+    reading: TypedReader, node: Node, what: str, space: SceneSpace
 ) -> dict[str, float]:
     """Return values of some scene parameters; what is wrong is reported and left out."""
     found: dict[str, float] = {}
@@ -27,7 +27,7 @@ def read_values(
     return found
 
 
-def read_vector(reading: FileReading, node: Node, what: str, space: SceneSpace) -> Vector | None:
+def read_vector(reading: TypedReader, node: Node, what: str, space: SceneSpace) -> Vector | None:
     """Return the values of all scene parameters; None when one is wrong or missing."""
     before = len(reading.problems)
     values = read_values(reading, node, what, space)
@@ -45,7 +45,7 @@ def read_vector(reading: FileReading, node: Node, what: str, space: SceneSpace) 
     return tuple(values[name] for name in space.names)
 
 
-def read_parameter(reading: FileReading, node: Node, space: SceneSpace) -> SceneParameter | None:
+def read_parameter(reading: TypedReader, node: Node, space: SceneSpace) -> SceneParameter | None:
     """Return the scene parameter that is named; None when there is none, which is reported."""
     name = reading.text(node, "a scene parameter")
     if name is None:

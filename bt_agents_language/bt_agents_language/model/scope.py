@@ -45,7 +45,7 @@ UNITS: Mapping[FieldType, Dimension] = {
 
 
 @dataclass(frozen=True, kw_only=True)
-class Written:
+class Assigned:
     """A name that nodes give a value while a tree runs.
 
     Attributes:
@@ -59,7 +59,7 @@ class Written:
     line: int
 
 
-class Names:
+class NameScope:
     """Names with their types; remembers which were asked for, and which have a value by now.
 
     Args:
@@ -78,7 +78,7 @@ class Names:
     def __init__(
         self,
         types: Mapping[str, FieldType],
-        written: Mapping[str, Written] | None = None,
+        written: Mapping[str, Assigned] | None = None,
         messages: Mapping[str, MessageFields] | None = None,
         hidden: Mapping[str, str] | None = None,
         lenient: bool = False,
@@ -91,10 +91,10 @@ class Names:
         self._hidden = dict(hidden or {})
         self._lenient = lenient
 
-    def and_message(self, name: str, fields: MessageFields) -> Names:
+    def and_message(self, name: str, fields: MessageFields) -> NameScope:
         """Return these names and the fields of a message; both remember together."""
         messages = {**self._messages, name: fields}
-        names = Names(self._types, self._written, messages, self._hidden, self._lenient)
+        names = NameScope(self._types, self._written, messages, self._hidden, self._lenient)
         names.used, names.given = self.used, self.given
         return names
 

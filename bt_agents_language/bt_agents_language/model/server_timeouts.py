@@ -5,8 +5,8 @@ from __future__ import annotations
 
 from bt_agents_language.model.interfaces import Interfaces, read_ros_name, read_ros_type
 from bt_agents_language.model.specs import BindingKind, HeartbeatSpec, Timeouts
-from bt_agents_language.yaml.mapping_reader import Fields
-from bt_agents_language.yaml.typed_reader import FileReading
+from bt_agents_language.yaml.mapping_reader import MappingReader
+from bt_agents_language.yaml.typed_reader import TypedReader
 
 LIMIT_KEYS = ("timeouts", "heartbeat")
 """Keys of a binding to an action or service."""
@@ -31,7 +31,7 @@ def timeout_keys(kind: BindingKind) -> tuple[str, ...]:
     return tuple(one for one in TIMEOUT_KEYS if one != "accept" or kind is BindingKind.ACTION)
 
 
-def read_timeouts(reading: FileReading, fields: Fields, kind: BindingKind) -> Timeouts:
+def read_timeouts(reading: TypedReader, fields: MappingReader, kind: BindingKind) -> Timeouts:
     """Return how long the server may take; what is not written or wrong is as usual."""
     usual = Timeouts()
     node = fields.get("timeouts")
@@ -47,7 +47,7 @@ def read_timeouts(reading: FileReading, fields: Fields, kind: BindingKind) -> Ti
 
 
 def read_heartbeat(
-    reading: FileReading, fields: Fields, interfaces: Interfaces | None
+    reading: TypedReader, fields: MappingReader, interfaces: Interfaces | None
 ) -> HeartbeatSpec | None:
     """Return by what the server's death is noticed; None for nothing, or what is wrong."""
     node = fields.get("heartbeat")
@@ -71,7 +71,7 @@ def read_heartbeat(
     return HeartbeatSpec(topic=topic, type=type_name, within_s=within_s)
 
 
-def _limit(reading: FileReading, fields: Fields, key: str) -> float | None:
+def _limit(reading: TypedReader, fields: MappingReader, key: str) -> float | None:
     """Return a time that is more than none [s]."""
     seconds = fields.duration(key)
     if seconds == 0:

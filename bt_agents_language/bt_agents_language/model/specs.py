@@ -388,7 +388,7 @@ class AgentSpec:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Change:
+class SceneChange:
     """Something that changes during a scripted visit.
 
     Attributes:
@@ -419,7 +419,7 @@ class Visit:
     label: str
     person: bool
     values: Mapping[str, float]
-    changes: tuple[Change, ...] = ()
+    changes: tuple[SceneChange, ...] = ()
     answers: Mapping[str, str] = field(default_factory=dict)
     buttons: Mapping[str, str] = field(default_factory=dict)
     urgent: bool = False

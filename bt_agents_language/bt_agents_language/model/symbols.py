@@ -11,7 +11,7 @@ from typing import Protocol
 from bt_agents_core.errors import BtAgentsError
 from bt_agents_core.scene import SceneSpace
 from bt_agents_language.model.interfaces import Interfaces
-from bt_agents_language.model.node_type import NodeKind
+from bt_agents_language.model.node_type import NodeType
 from bt_agents_language.model.specs import SkillSpec, SubtreeSpec, UnusedInput
 from bt_agents_language.nodes import KINDS
 
@@ -67,7 +67,7 @@ class Libraries(Protocol):
 
 
 @dataclass(frozen=True)
-class Vocabulary:
+class SymbolTable:
     """The words that files with trees are checked against.
 
     Attributes:
@@ -82,16 +82,16 @@ class Vocabulary:
     space: SceneSpace
     skills: Mapping[str, SkillSpec]
     interfaces: Interfaces | None = None
-    plugins: Mapping[str, NodeKind] = field(default_factory=dict)
+    plugins: Mapping[str, NodeType] = field(default_factory=dict)
     libraries: Libraries | None = None
     incomplete: bool = False
 
     @cached_property
-    def kinds(self) -> Mapping[str, NodeKind]:
+    def kinds(self) -> Mapping[str, NodeType]:
         """Every kind of node by key, those of plug-ins included."""
         return {**KINDS, **self.plugins}
 
-    def with_skills(self, skills: Mapping[str, SkillSpec]) -> Vocabulary:
+    def with_skills(self, skills: Mapping[str, SkillSpec]) -> SymbolTable:
         """Return the same with more skills; nodes of plug-ins with such a name give way."""
         plugins = {key: kind for key, kind in self.plugins.items() if key not in skills}
         return replace(self, skills={**self.skills, **skills}, plugins=plugins)

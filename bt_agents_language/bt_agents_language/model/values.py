@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from bt_agents_language.expression.expressions import Expression, ValueKind
 from bt_agents_language.model import quantities
-from bt_agents_language.model.scope import UNITS, Names
+from bt_agents_language.model.scope import UNITS, NameScope
 from bt_agents_language.model.specs import (
     Computed,
     FieldType,
@@ -19,7 +19,7 @@ from bt_agents_language.model.specs import (
 )
 from bt_agents_language.tree.references import Part, read_expression, read_parts
 from bt_agents_language.yaml.scalars import plain_value
-from bt_agents_language.yaml.typed_reader import FileReading
+from bt_agents_language.yaml.typed_reader import TypedReader
 from bt_agents_language.yaml.yaml_reader import Mapping, Node, Scalar, Sequence
 
 _NUMBERS = (FieldType.NUMBER, FieldType.INTEGER)
@@ -46,10 +46,10 @@ _EXPECTED = {
 
 
 def read_value(
-    reading: FileReading,
+    reading: TypedReader,
     node: Node,
     field_type: FieldType,
-    names: Names,
+    names: NameScope,
     what: str,
     minimum: float | None = None,
 ) -> Value | None:
@@ -91,7 +91,7 @@ def read_value(
 
 
 def _literal(
-    reading: FileReading, node: Scalar, field_type: FieldType, what: str, minimum: float | None
+    reading: TypedReader, node: Scalar, field_type: FieldType, what: str, minimum: float | None
 ) -> Literal | None:
     value: bool | int | float | None
     match field_type:
@@ -110,7 +110,7 @@ def _literal(
     return None if value is None else Literal(value=value, type=field_type)
 
 
-def _plain_text(reading: FileReading, node: Scalar, what: str) -> Literal | None:
+def _plain_text(reading: TypedReader, node: Scalar, what: str) -> Literal | None:
     # An empty text can be meant, but then it is in quotes.
     text = reading.text(node, what, empty=not node.plain)
     return None if text is None else Literal(value=text)
@@ -126,7 +126,7 @@ def _text(parts: tuple[Part, ...]) -> Value:
 
 
 def _fitting(
-    reading: FileReading,
+    reading: TypedReader,
     node: Scalar,
     part: Reference | Computed,
     field_type: FieldType,
@@ -154,7 +154,7 @@ def _fitting(
     return None
 
 
-def _read_any(reading: FileReading, node: Node, names: Names, what: str) -> Value | None:
+def _read_any(reading: TypedReader, node: Node, names: NameScope, what: str) -> Value | None:
     match node:
         case Sequence():
             items = [_read_any(reading, item, names, what) for item in node.items]
@@ -165,7 +165,9 @@ def _read_any(reading: FileReading, node: Node, names: Names, what: str) -> Valu
             return _read_any_scalar(reading, node, names, what)
 
 
-def _read_any_scalar(reading: FileReading, node: Scalar, names: Names, what: str) -> Value | None:
+def _read_any_scalar(
+    reading: TypedReader, node: Scalar, names: NameScope, what: str
+) -> Value | None:
     if node.empty:
         reading.error("missing-value", node, f"{what}: nothing is written here", "write a value")
         return None
@@ -185,7 +187,7 @@ def _read_any_scalar(reading: FileReading, node: Scalar, names: Names, what: str
         return None
 
 
-def read_map(reading: FileReading, node: Node, names: Names, what: str) -> MapValue:
+def read_map(reading: TypedReader, node: Node, names: NameScope, what: str) -> MapValue:
     """Return a mapping of values of any type; what is wrong in it is reported and left out."""
     values = {
         entry.key.text: _read_any(reading, entry.value, names, f"'{entry.key.text}'")
@@ -194,7 +196,9 @@ def read_map(reading: FileReading, node: Node, names: Names, what: str) -> MapVa
     return MapValue(items={key: value for key, value in values.items() if value is not None})
 
 
-def read_condition(reading: FileReading, node: Node, names: Names, what: str) -> Expression | None:
+def read_condition(
+    reading: TypedReader, node: Node, names: NameScope, what: str
+) -> Expression | None:
     """Return a condition; None when it is none, which is then reported."""
     if not isinstance(node, Scalar) or node.empty:
         reading.wrong_type(node, what, "a condition such as scene.age >= 4")

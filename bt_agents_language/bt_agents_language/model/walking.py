@@ -15,7 +15,7 @@ class _Parent(Protocol):
 _Node = TypeVar("_Node", bound=_Parent)
 
 
-def every_node(root: _Node) -> Iterator[_Node]:
+def iter_nodes(root: _Node) -> Iterator[_Node]:
     """Return a node and all nodes below it, parents before children."""
     waiting = [root]
     while waiting:

@@ -8,9 +8,15 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import Enum
 
-from bt_agents_language.model.node_type import Children, Content, ModifierKind, NodeField, NodeKind
+from bt_agents_language.model.node_type import (
+    Children,
+    Content,
+    DecoratorType,
+    NodeField,
+    NodeType,
+)
 from bt_agents_language.model.specs import FieldSpec, FieldType, Plain, SkillSpec, SubtreeSpec
-from bt_agents_language.model.symbols import Vocabulary
+from bt_agents_language.model.symbols import SymbolTable
 from bt_agents_language.nodes import BESIDE, KINDS, MODIFIERS
 from bt_agents_language.reference.node_examples import EXAMPLES, TEXTS
 
@@ -93,7 +99,7 @@ _CONTENT_WORDS = {
 }
 
 
-def node_page(key: str, vocabulary: Vocabulary) -> NodePage | None:
+def node_page(key: str, vocabulary: SymbolTable) -> NodePage | None:
     """Return what there is to say about a node, skill, modifier or other key beside a node.
 
     Returns:
@@ -120,7 +126,7 @@ def node_page(key: str, vocabulary: Vocabulary) -> NodePage | None:
     return None
 
 
-def node_pages(vocabulary: Vocabulary) -> tuple[NodePage, ...]:
+def node_pages(vocabulary: SymbolTable) -> tuple[NodePage, ...]:
     """Return the pages of all words, group by group."""
     keys = [*KINDS, *vocabulary.skills, *vocabulary.plugins, *MODIFIERS, *BESIDE]
     pages = [page for key in keys if (page := node_page(key, vocabulary)) is not None]
@@ -188,7 +194,7 @@ def written(value: Plain, field_type: FieldType = FieldType.ANY) -> str:
     return f"{{{', '.join(f'{key}: {written(item)}' for key, item in value.items())}}}"
 
 
-def _kind_page(kind: NodeKind) -> NodePage:
+def _kind_page(kind: NodeType) -> NodePage:
     fields = tuple(_entry(field, kind.main) for field in kind.fields)
     if kind.behaviour is not None:
         group = Group.PLUGIN
@@ -229,7 +235,7 @@ def _skill_page(skill: SkillSpec) -> NodePage:
     )
 
 
-def _modifier_page(modifier: ModifierKind) -> NodePage:
+def _modifier_page(modifier: DecoratorType) -> NodePage:
     fields = tuple(_entry(field, modifier.main) for field in modifier.fields)
     if modifier.handler:
         forms: tuple[str, ...] = (f"{modifier.key}: <node>",)

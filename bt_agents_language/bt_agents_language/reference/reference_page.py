@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from bt_agents_language.model.symbols import Vocabulary
+from bt_agents_language.model.symbols import SymbolTable
 from bt_agents_language.reference.node_pages import FieldEntry, Group, NodePage, node_pages
 
 _HEADINGS = {
@@ -39,7 +39,7 @@ unless the table says that the value is fixed. Each example is part of an agent 
 """
 
 
-def reference_page(vocabulary: Vocabulary) -> str:
+def reference_page(vocabulary: SymbolTable) -> str:
     """Return the page."""
     pages = node_pages(vocabulary)
     parts = [_TOP, _contents(pages)]

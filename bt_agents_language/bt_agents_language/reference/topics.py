@@ -16,7 +16,7 @@ Rows = tuple[tuple[str, str], ...]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Topic:
+class ReferenceTopic:
     """What there is to say about a part of the language that is no key of a file.
 
     Attributes:
@@ -46,7 +46,7 @@ MEANINGS: Mapping[int, str] = {
 """Strength of operators → what they say."""
 
 
-def topic(key: str, space: SceneSpace) -> Topic | None:
+def topic(key: str, space: SceneSpace) -> ReferenceTopic | None:
     """Return what there is to say about a topic.
 
     Args:
@@ -59,12 +59,12 @@ def topic(key: str, space: SceneSpace) -> Topic | None:
     return TOPICS[key](space) if key in TOPICS else None
 
 
-def _units(_: SceneSpace) -> Topic:
+def _units(_: SceneSpace) -> ReferenceTopic:
     rows = tuple(
         (one.name, f"{one.listed}, for example {one.example}; a bare number is in {one.si}")
         for one in DIMENSIONS
     )
-    return Topic(
+    return ReferenceTopic(
         key="units",
         description="A time, length or angle is one number with one unit.",
         tables={"": rows},
@@ -80,7 +80,7 @@ tree:
     )
 
 
-def _expressions(_: SceneSpace) -> Topic:
+def _expressions(_: SceneSpace) -> ReferenceTopic:
     written: dict[int, list[str]] = {one.strength: [] for one in PREFIXES.values()}
     for operator in BINARY.values():
         written.setdefault(operator.strength, []).append(operator.word)
@@ -91,7 +91,7 @@ def _expressions(_: SceneSpace) -> Topic:
         ("  ".join(words), MEANINGS[strength]) for strength, words in sorted(written.items())
     )
     functions = tuple((one.usage, "") for one in FUNCTIONS.values())
-    return Topic(
+    return ReferenceTopic(
         key="expressions",
         description="A condition is an expression; in any other value one stands in ${ }.",
         tables={
@@ -116,7 +116,7 @@ tree:
     )
 
 
-def _names(space: SceneSpace) -> Topic:
+def _names(space: SceneSpace) -> ReferenceTopic:
     def of(group: str) -> str:
         return "  ".join(scene_names(space, (group,)))
 
@@ -131,7 +131,7 @@ def _names(space: SceneSpace) -> Topic:
         ("msg.data", "a field of the message that 'wait_for' waits for"),
         ("result.answer", "a field of the result that 'succeed_when' is about"),
     )
-    return Topic(
+    return ReferenceTopic(
         key="names",
         description="A value that may be different each time has a name: ${name}.",
         tables={"": tuple((name, means) for name, means in rows if name)},
@@ -149,7 +149,7 @@ tree:
     )
 
 
-TOPICS: Mapping[str, Callable[[SceneSpace], Topic]] = {
+TOPICS: Mapping[str, Callable[[SceneSpace], ReferenceTopic]] = {
     "units": _units,
     "expressions": _expressions,
     "names": _names,

@@ -18,7 +18,7 @@ from bt_agents_language.files.testing.test_reader import read_test
 from bt_agents_language.model.interfaces import Interfaces, OfInstalledPackages
 from bt_agents_language.model.plugins import installed_plugins
 from bt_agents_language.model.specs import AgentSpec, Position
-from bt_agents_language.model.symbols import ImportProblem, Vocabulary
+from bt_agents_language.model.symbols import ImportProblem, SymbolTable
 from bt_agents_language.tools.linting.comment_truncation import cut_texts
 from bt_agents_language.tools.linting.lint import lint, unused_inputs
 from bt_agents_language.yaml.diagnostics import Diagnostic
@@ -162,7 +162,7 @@ class _FolderCheck:
         if not trees.broken:
             self._add(unknown_agents(market, [agent.name for agent in trees.agents]))
 
-    def _add_unused_inputs(self, vocabulary: Vocabulary, path: Path) -> None:
+    def _add_unused_inputs(self, vocabulary: SymbolTable, path: Path) -> None:
         if vocabulary.libraries is not None:
             # A library that cannot be read is among the broken files.
             with suppress(ImportProblem):

@@ -8,12 +8,12 @@ from collections.abc import Iterable, Iterator, Mapping
 from bt_agents_language.files.bindings import FEEDBACK
 from bt_agents_language.files.inputs import read_new_name
 from bt_agents_language.model.interfaces import Interfaces, MessageFields
-from bt_agents_language.model.scope import Written
+from bt_agents_language.model.scope import Assigned
 from bt_agents_language.model.specs import BindingKind, FieldSpec, FieldType, SubtreeSpec
-from bt_agents_language.tree.raw_nodes import Draft
+from bt_agents_language.tree.raw_nodes import RawNode
 from bt_agents_language.tree.references import ONE_NAME
 from bt_agents_language.yaml.scalars import scalar_type
-from bt_agents_language.yaml.typed_reader import FileReading
+from bt_agents_language.yaml.typed_reader import TypedReader
 from bt_agents_language.yaml.yaml_reader import Mapping as MappingNode
 from bt_agents_language.yaml.yaml_reader import Node, Scalar, entries_of
 
@@ -28,7 +28,7 @@ _WRITING = frozenset(("set", "subtree", *_WITH_OUTPUTS))
 """Kinds of nodes of which some give names values; skills come on top of these."""
 
 
-class WrittenNames:
+class AssignedNames:
     """Knows what each node of a file writes.
 
     Args:
@@ -39,7 +39,7 @@ class WrittenNames:
 
     def __init__(
         self,
-        reading: FileReading,
+        reading: TypedReader,
         subtrees: Mapping[str, SubtreeSpec],
         interfaces: Interfaces | None = None,
     ) -> None:
@@ -50,10 +50,10 @@ class WrittenNames:
 
     def of_trees(
         self,
-        drafts: Iterable[Draft | None],
+        drafts: Iterable[RawNode | None],
         taken: Mapping[str, str],
         types: Mapping[str, FieldType],
-    ) -> dict[str, Written]:
+    ) -> dict[str, Assigned]:
         """Return every name that some node of the trees gives a value.
 
         Args:
@@ -63,7 +63,7 @@ class WrittenNames:
             types: Type of each name that has a value from the start.
         """
         self._types = types
-        written: dict[str, Written] = {}
+        written: dict[str, Assigned] = {}
         nodes = (node for draft in drafts if draft is not None for node in draft.walk())
         for node in filter(may_write, nodes):
             for name, place, field_type in self._written_by(node):
@@ -79,14 +79,14 @@ class WrittenNames:
                     )
                 same = name not in written or written[name].type is field_type
                 first = written.get(name)
-                written[name] = Written(
+                written[name] = Assigned(
                     type=field_type if same else FieldType.ANY,
                     node=first.node if first else node.key.text,
                     line=first.line if first else place.position.line,
                 )
         return written
 
-    def below(self, draft: Draft) -> set[str]:
+    def below(self, draft: RawNode) -> set[str]:
         """Return the names that a node and all below it write."""
         return {
             name
@@ -95,11 +95,11 @@ class WrittenNames:
             for name, _, _ in self._written_by(node)
         }
 
-    def by(self, draft: Draft) -> set[str]:
+    def by(self, draft: RawNode) -> set[str]:
         """Return the names that a node writes itself."""
         return {name for name, _, _ in self._written_by(draft)}
 
-    def _written_by(self, node: Draft) -> Iterator[tuple[str, Scalar, FieldType]]:
+    def _written_by(self, node: RawNode) -> Iterator[tuple[str, Scalar, FieldType]]:
         key = node.word
         declared = self._declared(node)
         if declared is not None:
@@ -139,7 +139,7 @@ class WrittenNames:
             else:
                 yield item.key.text, item.key, message.type_of(path.removeprefix(f"{prefix}."))
 
-    def _declared(self, node: Draft) -> tuple[FieldSpec, ...] | None:
+    def _declared(self, node: RawNode) -> tuple[FieldSpec, ...] | None:
         """Return the outputs of a skill or subtree; None for other nodes."""
         if node.skill is not None:
             return node.skill.outputs
@@ -149,7 +149,7 @@ class WrittenNames:
         return called.outputs if called is not None else ()
 
 
-def may_write(node: Draft) -> bool:
+def may_write(node: RawNode) -> bool:
     """Return whether a node may give names values: most give none."""
     if node.skill is not None:
         return bool(node.skill.outputs) or "outputs" in node.beside

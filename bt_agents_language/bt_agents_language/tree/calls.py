@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from bt_agents_language.model.scope import Names
+from bt_agents_language.model.scope import NameScope
 from bt_agents_language.model.specs import (
     NOTHING,
     FieldSpec,
@@ -14,14 +14,14 @@ from bt_agents_language.model.specs import (
     SkillSpec,
     SubtreeSpec,
 )
-from bt_agents_language.model.symbols import Vocabulary
+from bt_agents_language.model.symbols import SymbolTable
 from bt_agents_language.model.values import read_value
 from bt_agents_language.nodes import STANDS_BESIDE
 from bt_agents_language.shortened import shortened
 from bt_agents_language.tree.node_fields import FieldValues
-from bt_agents_language.tree.raw_nodes import Draft
+from bt_agents_language.tree.raw_nodes import RawNode
 from bt_agents_language.yaml.diagnostics import did_you_mean, shown
-from bt_agents_language.yaml.typed_reader import FileReading, found, listed
+from bt_agents_language.yaml.typed_reader import TypedReader, found, listed
 from bt_agents_language.yaml.yaml_reader import Mapping as MappingNode
 from bt_agents_language.yaml.yaml_reader import Node, Scalar
 
@@ -38,9 +38,9 @@ class CallReader:
 
     def __init__(
         self,
-        reading: FileReading,
+        reading: TypedReader,
         subtrees: Mapping[str, SubtreeSpec],
-        vocabulary: Vocabulary,
+        vocabulary: SymbolTable,
     ) -> None:
         """Take the file.
 
@@ -54,7 +54,7 @@ class CallReader:
         self._reading = reading
         self._subtrees = subtrees
 
-    def skill(self, draft: Draft, path: str, names: Names) -> NodeSpec | None:
+    def skill(self, draft: RawNode, path: str, names: NameScope) -> NodeSpec | None:
         """Return the node of a skill; None when nothing can be made of it."""
         skill = draft.skill
         assert skill is not None
@@ -77,7 +77,7 @@ class CallReader:
         )
 
     def _skill_outputs(
-        self, draft: Draft, skill: SkillSpec
+        self, draft: RawNode, skill: SkillSpec
     ) -> tuple[Mapping[str, str], Mapping[str, str]]:
         """Return what names get of the result, and what of the feedback."""
         # Without a binding, what a rehearsal answers has the outputs by their own names.
@@ -90,7 +90,7 @@ class CallReader:
             {name: feedback[of] for name, of in written.items() if of in feedback} or NOTHING,
         )
 
-    def subtree(self, draft: Draft, path: str, names: Names) -> NodeSpec | None:
+    def subtree(self, draft: RawNode, path: str, names: NameScope) -> NodeSpec | None:
         """Return the node of a subtree, its body not in place yet."""
         name_node = draft.value
         if isinstance(name_node, MappingNode):
@@ -135,7 +135,7 @@ class CallReader:
             or "declare it under 'subtrees:', or import a library that has it"
         )
 
-    def _skill_fields(self, draft: Draft) -> Mapping[str, Node] | None:
+    def _skill_fields(self, draft: RawNode) -> Mapping[str, Node] | None:
         skill, value = draft.skill, draft.value
         assert skill is not None
         required = skill.required
@@ -169,8 +169,8 @@ class CallReader:
         self,
         inputs: tuple[FieldSpec, ...],
         nodes: Mapping[str, Node],
-        names: Names,
-        draft: Draft | None = None,
+        names: NameScope,
+        draft: RawNode | None = None,
     ) -> FieldValues:
         fields: FieldValues = {}
         for one in inputs:
@@ -186,7 +186,7 @@ class CallReader:
                 fields[one.name] = value
         return fields
 
-    def _given(self, draft: Draft, subtree: SubtreeSpec) -> Mapping[str, Node]:
+    def _given(self, draft: RawNode, subtree: SubtreeSpec) -> Mapping[str, Node]:
         """Return what is written behind ``with``."""
         required = [one.name for one in subtree.inputs if one.required]
         entry = draft.beside.get("with")
@@ -213,7 +213,9 @@ class CallReader:
         fields = self._reading.fields(entry.value, what, known, required)
         return fields.nodes if fields is not None else {}
 
-    def _outputs(self, draft: Draft, declared: tuple[FieldSpec, ...], what: str) -> dict[str, str]:
+    def _outputs(
+        self, draft: RawNode, declared: tuple[FieldSpec, ...], what: str
+    ) -> dict[str, str]:
         """Return name that is written → output whose value it gets."""
         entry = draft.beside.get("outputs")
         known = [one.name for one in declared]
@@ -243,7 +245,7 @@ def short(node: Node | None) -> str:
     return shortened(" ".join(node.text.split()), LABEL_LENGTH)
 
 
-def _skill_label(draft: Draft, nodes: Mapping[str, Node]) -> str:
+def _skill_label(draft: RawNode, nodes: Mapping[str, Node]) -> str:
     skill = draft.skill
     assert skill is not None
     shortened = short(nodes.get(skill.main or ""))

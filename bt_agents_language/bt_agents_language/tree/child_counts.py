@@ -6,13 +6,13 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from bt_agents_language.model.specs import Literal, NodeSpec, Plain
-from bt_agents_language.tree.raw_nodes import Draft
+from bt_agents_language.tree.raw_nodes import RawNode
 from bt_agents_language.yaml.diagnostics import did_you_mean, shown
-from bt_agents_language.yaml.typed_reader import FileReading
+from bt_agents_language.yaml.typed_reader import TypedReader
 from bt_agents_language.yaml.yaml_reader import Node, Scalar, Sequence
 
 
-def read_succeed_on(reading: FileReading, draft: Draft, node: Node) -> Plain:
+def read_succeed_on(reading: TypedReader, draft: RawNode, node: Node) -> Plain:
     """Return ``all``, ``one``, a number, or the places of the named children."""
     what = "'succeed_on'"
     if isinstance(node, Sequence):
@@ -35,7 +35,7 @@ def read_succeed_on(reading: FileReading, draft: Draft, node: Node) -> Plain:
     return count if count is not None else "all"
 
 
-def _place(reading: FileReading, draft: Draft, item: Node) -> int | None:
+def _place(reading: TypedReader, draft: RawNode, item: Node) -> int | None:
     name = reading.text(item, "the name of a child")
     if name is None:
         return None
@@ -55,7 +55,7 @@ def _place(reading: FileReading, draft: Draft, item: Node) -> int | None:
 
 
 def refuse_no_chance(
-    reading: FileReading, draft: Draft, children: Iterable[NodeSpec | None]
+    reading: TypedReader, draft: RawNode, children: Iterable[NodeSpec | None]
 ) -> None:
     """Report a ``random`` none of whose children can ever be chosen."""
     weights = [child.fields.get("weight") for child in children if child is not None]

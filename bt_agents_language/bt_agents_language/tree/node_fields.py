@@ -9,13 +9,13 @@ from bt_agents_language.expression.expressions import Expression
 from bt_agents_language.files.bindings import read_output
 from bt_agents_language.model.interfaces import MessageFields, read_ros_name, read_ros_type
 from bt_agents_language.model.node_type import Content, NodeField
-from bt_agents_language.model.scope import Names
+from bt_agents_language.model.scope import NameScope
 from bt_agents_language.model.specs import BindingKind, FieldType, Literal, MapValue, Value
-from bt_agents_language.model.symbols import Vocabulary
+from bt_agents_language.model.symbols import SymbolTable
 from bt_agents_language.model.values import read_condition, read_value
 from bt_agents_language.nodes import STANDS_BESIDE
 from bt_agents_language.yaml.diagnostics import did_you_mean, shown
-from bt_agents_language.yaml.typed_reader import FileReading, found
+from bt_agents_language.yaml.typed_reader import TypedReader, found
 from bt_agents_language.yaml.yaml_reader import Mapping as MappingNode
 from bt_agents_language.yaml.yaml_reader import Node, Scalar
 
@@ -30,7 +30,7 @@ class FieldReader:
         vocabulary: What it may speak of.
     """
 
-    def __init__(self, reading: FileReading, vocabulary: Vocabulary) -> None:
+    def __init__(self, reading: TypedReader, vocabulary: SymbolTable) -> None:
         self._reading = reading
         self._space = vocabulary.space
         self._interfaces = vocabulary.interfaces
@@ -39,7 +39,7 @@ class FieldReader:
         self,
         fields: tuple[NodeField, ...],
         nodes: Mapping[str, Node],
-        names: Names,
+        names: NameScope,
         main: str | None = None,
         what: str = "",
     ) -> FieldValues:
@@ -69,7 +69,7 @@ class FieldReader:
         self,
         field: NodeField,
         node: Node,
-        names: Names,
+        names: NameScope,
         what: str,
         beside: Mapping[str, Node],
     ) -> Value | Expression | None:
@@ -125,7 +125,7 @@ class FieldReader:
             return _literal(self._reading.text(node, what))
         return _literal(self._reading.boolean(node, what))
 
-    def _scene_values(self, node: Node, names: Names, what: str) -> MapValue:
+    def _scene_values(self, node: Node, names: NameScope, what: str) -> MapValue:
         """Return wanted values of scene parameters."""
         values: dict[str, Value] = {}
         for entry in self._reading.entries(node, what, "scene parameters and values"):
@@ -154,7 +154,7 @@ class FieldReader:
 
 
 def written_fields(
-    reading: FileReading,
+    reading: TypedReader,
     node: Node,
     what: str,
     fields: tuple[NodeField, ...],

@@ -8,14 +8,14 @@ import unicodedata
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, field
 
-from bt_agents_language.model.node_type import Children, Content, NodeKind
+from bt_agents_language.model.node_type import Children, Content, NodeType
 from bt_agents_language.model.specs import NOTHING, SkillSpec
-from bt_agents_language.model.symbols import Vocabulary
+from bt_agents_language.model.symbols import SymbolTable
 from bt_agents_language.nodes import BESIDE, MODIFIERS, STANDS_BESIDE
 from bt_agents_language.yaml.diagnostics import did_you_mean, nearest, shown
-from bt_agents_language.yaml.typed_reader import FileReading, found, listed
-from bt_agents_language.yaml.yaml_reader import Entry, Node, Scalar, Sequence
+from bt_agents_language.yaml.typed_reader import TypedReader, found, listed
 from bt_agents_language.yaml.yaml_reader import Mapping as MappingNode
+from bt_agents_language.yaml.yaml_reader import MappingEntry, Node, Scalar, Sequence
 
 _MAX_LABEL = 64
 _STANDS_BESIDE = frozenset(STANDS_BESIDE)
@@ -35,7 +35,7 @@ _OTHER_LANGUAGES = {
 
 
 @dataclass(slots=True, kw_only=True, eq=False)
-class Draft:
+class RawNode:
     """One node as written, its values not read yet.
 
     Attributes:
@@ -53,14 +53,14 @@ class Draft:
 
     key: Scalar
     value: Node
-    kind: NodeKind | None
+    kind: NodeType | None
     skill: SkillSpec | None
     name: str = ""
-    modifiers: Mapping[str, Entry] = field(default_factory=dict)
-    beside: Mapping[str, Entry] = field(default_factory=dict)
-    options: Mapping[str, Entry] = field(default_factory=dict)
-    children: tuple[Draft, ...] = ()
-    nodes: Mapping[str, Draft] = field(default_factory=dict)
+    modifiers: Mapping[str, MappingEntry] = field(default_factory=dict)
+    beside: Mapping[str, MappingEntry] = field(default_factory=dict)
+    options: Mapping[str, MappingEntry] = field(default_factory=dict)
+    children: tuple[RawNode, ...] = ()
+    nodes: Mapping[str, RawNode] = field(default_factory=dict)
 
     @property
     def word(self) -> str:
@@ -69,7 +69,7 @@ class Draft:
             return self.kind.key
         return self.skill.name if self.skill is not None else self.key.text
 
-    def walk(self) -> Iterator[Draft]:
+    def walk(self) -> Iterator[RawNode]:
         """Return this node and all below it, handlers included."""
         waiting = [self]
         while waiting:
@@ -81,7 +81,7 @@ class Draft:
                 waiting += reversed(draft.children)
 
 
-class DraftReader:
+class RawNodeReader:
     """Reads the structure of the trees of one file.
 
     Args:
@@ -91,7 +91,7 @@ class DraftReader:
     """
 
     def __init__(
-        self, reading: FileReading, vocabulary: Vocabulary, subtrees: Collection[str] = ()
+        self, reading: TypedReader, vocabulary: SymbolTable, subtrees: Collection[str] = ()
     ) -> None:
         self._reading = reading
         self._subtrees = subtrees
@@ -100,7 +100,7 @@ class DraftReader:
         self._words = {*vocabulary.kinds, *vocabulary.skills}
         self._incomplete = vocabulary.incomplete
 
-    def read(self, node: Node, where: str, parent: NodeKind | None = None) -> Draft | None:
+    def read(self, node: Node, where: str, parent: NodeType | None = None) -> RawNode | None:
         """Return the structure of a node; None when it is none, which is then reported.
 
         Args:
@@ -111,9 +111,9 @@ class DraftReader:
         if not isinstance(node, MappingNode) or not node.entries:
             self._not_a_node(node, where)
             return None
-        nodes: list[Entry] = []
-        unknown: list[Entry] = []
-        known: dict[str, Entry] = {}
+        nodes: list[MappingEntry] = []
+        unknown: list[MappingEntry] = []
+        known: dict[str, MappingEntry] = {}
         for entry in node.entries:
             word = entry.key.text
             if word in self._words:
@@ -141,12 +141,12 @@ class DraftReader:
 
     def _draft(
         self,
-        entry: Entry,
+        entry: MappingEntry,
         word: str,
-        known: dict[str, Entry],
-        parent: NodeKind | None,
+        known: dict[str, MappingEntry],
+        parent: NodeType | None,
         loose_children: bool = False,
-    ) -> Draft:
+    ) -> RawNode:
         """Return the draft of a node.
 
         Args:
@@ -159,18 +159,18 @@ class DraftReader:
         kind = self._kinds.get(word)
         skill = None if kind is not None else self._skills[word]
         label = known.pop("name", None)
-        beside: dict[str, Entry] = {}
+        beside: dict[str, MappingEntry] = {}
         if known:
             beside = {key: known.pop(key) for key in BESIDE if key in known}
         if beside:
             self._check_beside(beside, word, kind, parent)
         if parent is not None and parent.key == "choose":
             self._check_case(entry, known, label)
-        options: dict[str, Entry] = {}
-        children: tuple[Draft, ...] = ()
+        options: dict[str, MappingEntry] = {}
+        children: tuple[RawNode, ...] = ()
         if not (loose_children and isinstance(entry.value, Scalar) and entry.value.empty):
             options, children = self._children(entry, kind)
-        nodes: dict[str, Draft | None] = {}
+        nodes: dict[str, RawNode | None] = {}
         if options and kind is not None:
             nodes = {
                 one.name: self.read(options[one.name].value, f"'{one.name}'")
@@ -187,7 +187,7 @@ class DraftReader:
         handler = known.get("on_failure")
         if handler is not None:
             nodes["on_failure"] = self.read(handler.value, "'on_failure'")
-        return Draft(
+        return RawNode(
             key=entry.key,
             value=entry.value,
             kind=kind,
@@ -204,10 +204,10 @@ class DraftReader:
 
     def _check_beside(
         self,
-        beside: dict[str, Entry],
+        beside: dict[str, MappingEntry],
         word: str,
-        kind: NodeKind | None,
-        parent: NodeKind | None,
+        kind: NodeType | None,
+        parent: NodeType | None,
     ) -> None:
         fits = {
             "with": word == "subtree",
@@ -231,7 +231,9 @@ class DraftReader:
                 hint,
             )
 
-    def _check_case(self, entry: Entry, known: dict[str, Entry], label: Entry | None) -> None:
+    def _check_case(
+        self, entry: MappingEntry, known: dict[str, MappingEntry], label: MappingEntry | None
+    ) -> None:
         written = {**known, **({"name": label} if label is not None else {})}
         missing = [key for key in _CASE if key not in written]
         if missing:
@@ -246,13 +248,13 @@ class DraftReader:
             )
 
     def _children(
-        self, entry: Entry, kind: NodeKind | None
-    ) -> tuple[dict[str, Entry], tuple[Draft, ...]]:
+        self, entry: MappingEntry, kind: NodeType | None
+    ) -> tuple[dict[str, MappingEntry], tuple[RawNode, ...]]:
         if kind is None or kind.children is not Children.LIST:
             return {}, ()
         word = kind.key
         written: Node = entry.value
-        options: dict[str, Entry] = {}
+        options: dict[str, MappingEntry] = {}
         if isinstance(written, MappingNode):
             if any(self._is_word(e.key.text) for e in written.entries):
                 self._reading.error(
@@ -294,7 +296,7 @@ class DraftReader:
         drafts = [self.read(item, f"'{word}'", kind) for item in written.items]
         return options, tuple([draft for draft in drafts if draft is not None])
 
-    def _label(self, entry: Entry) -> str:
+    def _label(self, entry: MappingEntry) -> str:
         text = self._reading.text(entry.value, "'name'")
         if text is None:
             return ""
@@ -346,8 +348,8 @@ class DraftReader:
         return f"write '{word}: {value}', a ': ' between the two{more}"
 
     def _no_node(
-        self, node: MappingNode, unknown: list[Entry], where: str, parent: NodeKind | None
-    ) -> Draft | None:
+        self, node: MappingNode, unknown: list[MappingEntry], where: str, parent: NodeType | None
+    ) -> RawNode | None:
         """Report that there is no node; return the one that was meant, so that it is read on."""
         if not unknown:
             first = node.entries[0]
@@ -387,7 +389,7 @@ class DraftReader:
         }
         return self._draft(unknown[0], meant, known, parent)
 
-    def _meant(self, entry: Entry) -> str:
+    def _meant(self, entry: MappingEntry) -> str:
         """Return a hint for a key that is no node but means something."""
         text = entry.key.text
         word, colon, rest = text.partition(":")
@@ -400,7 +402,7 @@ class DraftReader:
             return f"it is a subtree: write 'subtree: {text}'{with_inputs}"
         return _OTHER_LANGUAGES.get(text.lower(), "")
 
-    def _unknown_beside(self, entry: Entry, node: Entry) -> None:
+    def _unknown_beside(self, entry: MappingEntry, node: MappingEntry) -> None:
         word, key = entry.key.text, node.key.text
         kind = self._kinds.get(key)
         fields = kind.fields if kind is not None else self._skills[key].inputs
@@ -414,6 +416,6 @@ class DraftReader:
         )
 
 
-def _is_on(known: Mapping[str, Entry], *switches: str) -> bool:
+def _is_on(known: Mapping[str, MappingEntry], *switches: str) -> bool:
     values = [known[switch].value for switch in switches]
     return all(isinstance(value, Scalar) and value.text == "true" for value in values)

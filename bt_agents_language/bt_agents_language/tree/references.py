@@ -8,10 +8,10 @@ from functools import lru_cache
 
 from bt_agents_language.expression.expression_tokens import NAME
 from bt_agents_language.expression.expressions import Expression, ExpressionError
-from bt_agents_language.model.scope import Names
+from bt_agents_language.model.scope import NameScope
 from bt_agents_language.model.specs import Computed, FieldType, Reference
 from bt_agents_language.yaml.diagnostics import shown
-from bt_agents_language.yaml.typed_reader import FileReading
+from bt_agents_language.yaml.typed_reader import TypedReader
 from bt_agents_language.yaml.yaml_reader import Scalar
 
 Part = str | Reference | Computed
@@ -25,7 +25,7 @@ ONE_NAME = re.compile(rf"\$\{{\s*({NAME})\s*\}}")
 """A text that is a name and nothing else."""
 
 
-def read_parts(reading: FileReading, node: Scalar, names: Names) -> tuple[Part, ...] | None:
+def read_parts(reading: TypedReader, node: Scalar, names: NameScope) -> tuple[Part, ...] | None:
     """Return the parts of a text; None when a ``${…}`` in it is wrong, which is then reported.
 
     ``$${`` stands for the plain text ``${``.
@@ -60,7 +60,7 @@ def read_parts(reading: FileReading, node: Scalar, names: Names) -> tuple[Part, 
 
 
 def _read_one(
-    reading: FileReading, node: Scalar, match: re.Match[str], names: Names
+    reading: TypedReader, node: Scalar, match: re.Match[str], names: NameScope
 ) -> Reference | Computed | None:
     inner = match[1].strip()
     offset = match.start(1) + len(match[1]) - len(match[1].lstrip())
@@ -92,7 +92,7 @@ def _reference(name: str, field_type: FieldType) -> Reference:
 
 
 def read_expression(
-    reading: FileReading, node: Scalar, text: str, offset: int, what: str, names: Names
+    reading: TypedReader, node: Scalar, text: str, offset: int, what: str, names: NameScope
 ) -> Expression | None:
     """Return the expression that stands in a part of a scalar's text.
 
@@ -134,7 +134,7 @@ def read_expression(
 
 
 def _report_name(
-    reading: FileReading,
+    reading: TypedReader,
     node: Scalar,
     name: str,
     offset: int,

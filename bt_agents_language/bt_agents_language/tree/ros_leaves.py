@@ -12,11 +12,11 @@ from bt_agents_language.files.bindings import (
     what_comes_back,
 )
 from bt_agents_language.model.interfaces import Interfaces
-from bt_agents_language.model.scope import Names
+from bt_agents_language.model.scope import NameScope
 from bt_agents_language.model.specs import BindingKind, FieldSpec, FieldType, SkillSpec
-from bt_agents_language.tree.raw_nodes import Draft
-from bt_agents_language.yaml.mapping_reader import Fields
-from bt_agents_language.yaml.typed_reader import FileReading
+from bt_agents_language.tree.raw_nodes import RawNode
+from bt_agents_language.yaml.mapping_reader import MappingReader
+from bt_agents_language.yaml.typed_reader import TypedReader
 from bt_agents_language.yaml.yaml_reader import Scalar
 
 RAW_LEAVES = {
@@ -28,10 +28,10 @@ RAW_LEAVES = {
 
 
 def read_raw_leaf(
-    reading: FileReading,
-    draft: Draft,
+    reading: TypedReader,
+    draft: RawNode,
     kind: BindingKind,
-    names: Names,
+    names: NameScope,
     interfaces: Interfaces | None,
 ) -> SkillSpec | None:
     """Return an unnamed skill for the leaf; None when the leaf is wrong."""
@@ -65,7 +65,7 @@ def read_raw_leaf(
 
 
 def _outputs(
-    reading: FileReading, fields: Fields, kind: BindingKind, interfaces: Interfaces | None
+    reading: TypedReader, fields: MappingReader, kind: BindingKind, interfaces: Interfaces | None
 ) -> Outputs:
     node = fields.get("type")
     type_name = node.text if isinstance(node, Scalar) else ""

@@ -7,7 +7,7 @@ import operator
 from collections.abc import Mapping
 
 from bt_agents_language.model.specs import NodeSpec, Position
-from bt_agents_language.yaml.typed_reader import FileReading
+from bt_agents_language.yaml.typed_reader import TypedReader
 
 MAX_NODES = 10_000
 """Nodes of all trees of an agent, modifiers counted, subtrees counted wherever they are used."""
@@ -28,7 +28,7 @@ class Expansion:
 
     def __init__(
         self,
-        reading: FileReading,
+        reading: TypedReader,
         bodies: Mapping[str, NodeSpec],
         calls: Mapping[Position, str],
     ) -> None:

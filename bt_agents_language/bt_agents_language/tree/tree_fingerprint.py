@@ -8,13 +8,13 @@ from dataclasses import dataclass, replace
 from hashlib import blake2b
 
 from bt_agents_language.model.specs import NodeSpec, Position
-from bt_agents_language.model.walking import every_node
+from bt_agents_language.model.walking import iter_nodes
 
 _NOWHERE = Position(file="", line=1, column=1)
 
 
 @dataclass(frozen=True, kw_only=True)
-class TreePrint:
+class TreeFingerprint:
     """A fingerprint of each node, parents before children.
 
     Attributes:
@@ -26,16 +26,16 @@ class TreePrint:
     places: tuple[tuple[str, int], ...]
 
 
-def tree_print(tree: NodeSpec | None) -> TreePrint:
+def tree_fingerprint(tree: NodeSpec | None) -> TreeFingerprint:
     """Return the fingerprints of a tree; none for no tree."""
-    specs = list(every_node(tree)) if tree is not None else []
-    return TreePrint(
+    specs = list(iter_nodes(tree)) if tree is not None else []
+    return TreeFingerprint(
         nodes=tuple(_print(spec) for spec in specs),
         places=tuple((spec.path, len(spec.children)) for spec in specs),
     )
 
 
-def difference(before: TreePrint, after: TreePrint) -> str:
+def difference(before: TreeFingerprint, after: TreeFingerprint) -> str:
     """Return in words how a tree has changed; empty when it does the same as before."""
     if before == after:
         return ""

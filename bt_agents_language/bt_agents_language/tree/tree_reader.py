@@ -6,8 +6,8 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Mapping
 
-from bt_agents_language.model.node_type import Children, ModifierKind
-from bt_agents_language.model.scope import Names
+from bt_agents_language.model.node_type import Children, DecoratorType
+from bt_agents_language.model.scope import NameScope
 from bt_agents_language.model.specs import (
     FieldType,
     Literal,
@@ -16,16 +16,16 @@ from bt_agents_language.model.specs import (
     SubtreeSpec,
     Value,
 )
-from bt_agents_language.model.symbols import Vocabulary
+from bt_agents_language.model.symbols import SymbolTable
 from bt_agents_language.model.values import read_value
 from bt_agents_language.nodes import FOREVER, MODIFIERS
-from bt_agents_language.tree.assigned_names import WrittenNames, may_write
+from bt_agents_language.tree.assigned_names import AssignedNames, may_write
 from bt_agents_language.tree.calls import LABEL_LENGTH, CallReader, short
 from bt_agents_language.tree.child_counts import read_succeed_on, refuse_no_chance
 from bt_agents_language.tree.node_fields import FieldReader, FieldValues, written_fields
-from bt_agents_language.tree.raw_nodes import Draft
+from bt_agents_language.tree.raw_nodes import RawNode
 from bt_agents_language.tree.ros_leaves import RAW_LEAVES, read_raw_leaf
-from bt_agents_language.yaml.typed_reader import FileReading, listed
+from bt_agents_language.yaml.typed_reader import TypedReader, listed
 from bt_agents_language.yaml.yaml_reader import Mapping as MappingNode
 from bt_agents_language.yaml.yaml_reader import Node, Scalar, entries_of
 
@@ -46,22 +46,24 @@ class TreeReader:
 
     def __init__(
         self,
-        reading: FileReading,
-        vocabulary: Vocabulary,
+        reading: TypedReader,
+        vocabulary: SymbolTable,
         subtrees: Mapping[str, SubtreeSpec],
     ) -> None:
         self._reading = reading
         self._interfaces = vocabulary.interfaces
         self._fields = FieldReader(reading, vocabulary)
         self._calls = CallReader(reading, subtrees, vocabulary)
-        self._written = WrittenNames(reading, subtrees, vocabulary.interfaces)
+        self._written = AssignedNames(reading, subtrees, vocabulary.interfaces)
 
     @property
     def calls(self) -> Mapping[Position, str]:
         """Place of each ``subtree`` node read so far → name of the subtree."""
         return self._calls.calls
 
-    def read(self, draft: Draft, path: str, names: Names, *, parent: str = "") -> NodeSpec | None:
+    def read(
+        self, draft: RawNode, path: str, names: NameScope, *, parent: str = ""
+    ) -> NodeSpec | None:
         """Return a node with everything below it; None when it is wrong, which is then reported.
 
         Args:
@@ -95,7 +97,7 @@ class TreeReader:
         return spec
 
     def _modifier_fields(
-        self, kind: ModifierKind, draft: Draft, names: Names, parent: str
+        self, kind: DecoratorType, draft: RawNode, names: NameScope, parent: str
     ) -> FieldValues | None:
         """Return the fields of a modifier; None when it is switched off or is part of a case."""
         node = draft.modifiers[kind.key].value
@@ -129,7 +131,12 @@ class TreeReader:
             )
 
     def _handled(
-        self, draft: Draft, position: Position, path: str, names: Names, spec: NodeSpec | None
+        self,
+        draft: RawNode,
+        position: Position,
+        path: str,
+        names: NameScope,
+        spec: NodeSpec | None,
     ) -> NodeSpec | None:
         written = draft.nodes.get("on_failure")
         if written is None:
@@ -146,7 +153,7 @@ class TreeReader:
             children=(spec, handler),
         )
 
-    def _node(self, draft: Draft, path: str, names: Names) -> NodeSpec | None:
+    def _node(self, draft: RawNode, path: str, names: NameScope) -> NodeSpec | None:
         if draft.skill is not None:
             return self._calls.skill(draft, path, names)
         assert draft.kind is not None
@@ -155,10 +162,10 @@ class TreeReader:
         read = _LEAVES.get(draft.kind.key, TreeReader._leaf)
         return read(self, draft, path, names)
 
-    def _subtree(self, draft: Draft, path: str, names: Names) -> NodeSpec | None:
+    def _subtree(self, draft: RawNode, path: str, names: NameScope) -> NodeSpec | None:
         return self._calls.subtree(draft, path, names)
 
-    def _composite(self, draft: Draft, path: str, names: Names) -> NodeSpec:
+    def _composite(self, draft: RawNode, path: str, names: NameScope) -> NodeSpec:
         assert draft.kind is not None
         key = draft.kind.key
         nodes = {name: entry.value for name, entry in draft.options.items()}
@@ -212,20 +219,20 @@ class TreeReader:
             children=tuple([child for child in children if child is not None]),
         )
 
-    def _case(self, child: Draft, names: Names) -> FieldValues:
+    def _case(self, child: RawNode, names: NameScope) -> FieldValues:
         entry = child.modifiers.get("when")
         if entry is None:
             return {}
         nodes = {"condition": entry.value}
         return self._fields.read_all(MODIFIERS["when"].fields, nodes, names, "condition", "'when'")
 
-    def _weight(self, child: Draft, names: Names) -> Value | None:
+    def _weight(self, child: RawNode, names: NameScope) -> Value | None:
         entry = child.beside.get("weight")
         if entry is None:
             return None
         return read_value(self._reading, entry.value, FieldType.NUMBER, names, "'weight'", 0.0)
 
-    def _leaf(self, draft: Draft, path: str, names: Names) -> NodeSpec | None:
+    def _leaf(self, draft: RawNode, path: str, names: NameScope) -> NodeSpec | None:
         kind = draft.kind
         assert kind is not None
         what = f"'{kind.key}'"
@@ -242,7 +249,7 @@ class TreeReader:
             plugin=kind.behaviour,
         )
 
-    def _wait_for(self, draft: Draft, path: str, names: Names) -> NodeSpec | None:
+    def _wait_for(self, draft: RawNode, path: str, names: NameScope) -> NodeSpec | None:
         kind = draft.kind
         assert kind is not None
         nodes = written_fields(self._reading, draft.value, "'wait_for'", kind.fields, kind.main)
@@ -275,7 +282,7 @@ class TreeReader:
             outputs=self._fields.outputs(nodes.get("outputs"), nodes),
         )
 
-    def _give_feedback(self, draft: Draft, path: str, names: Names) -> NodeSpec | None:
+    def _give_feedback(self, draft: RawNode, path: str, names: NameScope) -> NodeSpec | None:
         spec = self._leaf(draft, path, names)
         kind = spec.fields.get("kind") if spec is not None else None
         if spec is None or not isinstance(kind, Literal):
@@ -297,7 +304,7 @@ class TreeReader:
             )
         return spec
 
-    def _raw(self, draft: Draft, path: str, names: Names) -> NodeSpec | None:
+    def _raw(self, draft: RawNode, path: str, names: NameScope) -> NodeSpec | None:
         key = draft.word
         leaf = read_raw_leaf(self._reading, draft, RAW_LEAVES[key], names, self._interfaces)
         if leaf is None or leaf.binding is None:
@@ -312,7 +319,7 @@ class TreeReader:
             feedback=leaf.binding.feedback,
         )
 
-    def _set(self, draft: Draft, path: str, names: Names) -> NodeSpec | None:
+    def _set(self, draft: RawNode, path: str, names: NameScope) -> NodeSpec | None:
         entries = self._reading.entries(draft.value, "'set'", "names and values")
         if isinstance(draft.value, MappingNode) and not entries:
             self._reading.error(
@@ -334,7 +341,7 @@ class TreeReader:
         )
 
 
-_LEAVES: Mapping[str, Callable[[TreeReader, Draft, str, Names], NodeSpec | None]] = {
+_LEAVES: Mapping[str, Callable[[TreeReader, RawNode, str, NameScope], NodeSpec | None]] = {
     "set": TreeReader._set,
     "subtree": TreeReader._subtree,
     "wait_for": TreeReader._wait_for,
@@ -369,6 +376,6 @@ def _key(node: Node, name: str) -> Node:
     return next((entry.key for entry in entries_of(node) if entry.key.text == name), node)
 
 
-def _segment(index: int, draft: Draft) -> str:
+def _segment(index: int, draft: RawNode) -> str:
     word = _NOT_IN_PATH.sub("_", draft.name).strip("_") if draft.name else ""
     return f"{index}.{word or draft.key.text}"

@@ -7,16 +7,16 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 from bt_agents_language.files.inputs import read_inputs
-from bt_agents_language.model.scope import Names, Written, mood_names, scene_names
+from bt_agents_language.model.scope import Assigned, NameScope, mood_names, scene_names
 from bt_agents_language.model.specs import FieldSpec, FieldType, NodeSpec, SubtreeSpec, UnusedInput
-from bt_agents_language.model.symbols import Vocabulary
-from bt_agents_language.tree.assigned_names import WrittenNames
-from bt_agents_language.tree.raw_nodes import Draft, DraftReader
+from bt_agents_language.model.symbols import SymbolTable
+from bt_agents_language.tree.assigned_names import AssignedNames
+from bt_agents_language.tree.raw_nodes import RawNode, RawNodeReader
 from bt_agents_language.tree.subtrees import MAX_NODES, Expansion
 from bt_agents_language.tree.tree_reader import TreeReader
-from bt_agents_language.yaml.mapping_reader import Fields
-from bt_agents_language.yaml.typed_reader import FileReading
-from bt_agents_language.yaml.yaml_reader import Entry, Node, entries_of
+from bt_agents_language.yaml.mapping_reader import MappingReader
+from bt_agents_language.yaml.typed_reader import TypedReader
+from bt_agents_language.yaml.yaml_reader import MappingEntry, Node, entries_of
 
 _KEYS = ("description", "inputs", "outputs", "tree")
 
@@ -37,27 +37,27 @@ class TreesReader:
 
     def __init__(
         self,
-        reading: FileReading,
-        entries: tuple[Entry, ...],
-        vocabulary: Vocabulary,
+        reading: TypedReader,
+        entries: tuple[MappingEntry, ...],
+        vocabulary: SymbolTable,
         imported: Mapping[str, SubtreeSpec],
         tunables: Mapping[str, FieldType] | None,
     ) -> None:
         self.unused_inputs: list[UnusedInput] = []
         self._subtrees: dict[str, SubtreeSpec] = {}
         self._bodies: dict[str, NodeSpec] = {}
-        self._of_trees: Mapping[str, Written] = {}
+        self._of_trees: Mapping[str, Assigned] = {}
         self._reading = reading
         self._imported = imported
         self._tunables = tunables or {}
         self._lenient = tunables is None
-        self._fields: dict[str, Fields] = {}
+        self._fields: dict[str, MappingReader] = {}
         for entry in entries:
             self._declare(entry)
         known = {**imported, **self._subtrees}
-        self._drafts = DraftReader(reading, vocabulary, known)
+        self._drafts = RawNodeReader(reading, vocabulary, known)
         self._reader = TreeReader(reading, vocabulary, known)
-        self._written = WrittenNames(reading, known, vocabulary.interfaces)
+        self._written = AssignedNames(reading, known, vocabulary.interfaces)
         self._types = {
             **scene_names(vocabulary.space, ("scene", "live", "profile")),
             **mood_names(vocabulary.space),
@@ -82,7 +82,7 @@ class TreesReader:
             for subtree, draft in bodies.items()
             for name in (self._written.below(draft) if draft is not None else ())
         }
-        names = Names(self._types, self._of_trees, hidden=hidden, lenient=self._lenient)
+        names = NameScope(self._types, self._of_trees, hidden=hidden, lenient=self._lenient)
         first_spec = self._reader.read(first, "tree", names) if first is not None else None
         names.give_all()
         last_spec = self._reader.read(last, "on_cancel", names) if last is not None else None
@@ -107,7 +107,7 @@ class TreesReader:
                 found[name] = replace(self._subtrees[name], body=expanded[0])
         return found
 
-    def _declare(self, entry: Entry) -> None:
+    def _declare(self, entry: MappingEntry) -> None:
         name = self._reading.name(entry.key, "the name of a subtree")
         what = f"subtree '{entry.key.text[:40]}'"
         fields = self._reading.fields(entry.value, what, _KEYS, ("tree",))
@@ -146,16 +146,16 @@ class TreesReader:
             description=" ".join(description.split()),
         )
 
-    def _declared(self, fields: Fields, key: str, what: str) -> tuple[FieldSpec, ...]:
+    def _declared(self, fields: MappingReader, key: str, what: str) -> tuple[FieldSpec, ...]:
         node = fields.get(key)
         if node is None:
             return ()
         return read_inputs(self._reading, node, what, key.removesuffix("s"))
 
-    def _draft(self, node: Node | None, where: str) -> Draft | None:
+    def _draft(self, node: Node | None, where: str) -> RawNode | None:
         return None if node is None else self._drafts.read(node, where)
 
-    def _body(self, name: str, draft: Draft | None) -> NodeSpec | None:
+    def _body(self, name: str, draft: RawNode | None) -> NodeSpec | None:
         subtree, fields = self._subtrees[name], self._fields[name]
         if draft is None:
             return None
@@ -172,7 +172,7 @@ class TreesReader:
             f"the tree has it; declare it under 'inputs:' of subtree '{name}', and give it with "
             "'with:' where the subtree is used",
         )
-        names = Names(
+        names = NameScope(
             {**self._types, **inputs},
             written,
             hidden=hidden,
@@ -184,7 +184,7 @@ class TreesReader:
             self._refuse_unwritten(subtree, fields, written)
         return body
 
-    def _refuse_shadows(self, fields: Fields) -> None:
+    def _refuse_shadows(self, fields: MappingReader) -> None:
         for entry in entries_of(fields.get("inputs")):
             if entry.key.text in self._tunables:
                 self._reading.error(
@@ -194,7 +194,7 @@ class TreesReader:
                     "rename the input",
                 )
 
-    def _note_unused(self, subtree: SubtreeSpec, fields: Fields, names: Names) -> None:
+    def _note_unused(self, subtree: SubtreeSpec, fields: MappingReader, names: NameScope) -> None:
         keys = {entry.key.text: entry.key for entry in entries_of(fields.get("inputs"))}
         self.unused_inputs += (
             UnusedInput(name=one.name, subtree=subtree.name, position=keys[one.name].position)
@@ -203,7 +203,7 @@ class TreesReader:
         )
 
     def _refuse_unwritten(
-        self, subtree: SubtreeSpec, fields: Fields, written: Mapping[str, object]
+        self, subtree: SubtreeSpec, fields: MappingReader, written: Mapping[str, object]
     ) -> None:
         keys = {entry.key.text: entry.key for entry in entries_of(fields.get("outputs"))}
         for one in subtree.outputs:
@@ -215,13 +215,13 @@ class TreesReader:
                     f"give it one, for example with set: {{{one.name}: …}}",
                 )
 
-    def _body_drafts(self) -> dict[str, Draft | None]:
+    def _body_drafts(self) -> dict[str, RawNode | None]:
         return {
             name: self._draft(fields.get("tree"), f"subtree '{name}'")
             for name, fields in self._fields.items()
         }
 
-    def _expansion(self, drafts: Mapping[str, Draft | None]) -> Expansion | None:
+    def _expansion(self, drafts: Mapping[str, RawNode | None]) -> Expansion | None:
         """Read the bodies; return what puts them in place, None when one contains itself."""
         read = {name: self._body(name, draft) for name, draft in drafts.items()}
         self._bodies = {name: body for name, body in read.items() if body is not None}

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from bt_agents_language.yaml.diagnostics import shown
-from bt_agents_language.yaml.line_hints import Slip
+from bt_agents_language.yaml.line_hints import SyntaxHint
 from bt_agents_language.yaml.patched_source import Edit
 from bt_agents_language.yaml.source import Source
 from bt_agents_language.yaml.text_lines import end_above, indentation, line_at, line_start
@@ -15,12 +15,12 @@ _CLOSING = {"{": "}", "[": "]"}
 _DELIMITERS = " \t\r\n,;:{}[]"
 
 
-def in_brackets(source: Source, index: int, begun: int) -> Slip:
+def in_brackets(source: Source, index: int, begun: int) -> SyntaxHint:
     """Return what is wrong between an open bracket and where the parser stopped."""
     text = source.text
     found = text[index : index + 1]
     if found == "{" and text[max(0, index - 2) : index].endswith("$"):
-        return Slip(
+        return SyntaxHint(
             index=index - 1,
             message="${…} stands without quotes inside { … } or [ … ]",
             hint='quote it there: "${name}"',
@@ -32,7 +32,7 @@ def in_brackets(source: Source, index: int, begun: int) -> Slip:
     at_end = index >= len(text.rstrip())
     if at_end or (word and _no_deeper(source, at, begun)):
         end = end_above(source, at) if word else len(text.rstrip())
-        return Slip(
+        return SyntaxHint(
             index=begun,
             message=f"this '{bracket}' is not closed",
             hint=_COMMENT
@@ -42,7 +42,7 @@ def in_brackets(source: Source, index: int, begun: int) -> Slip:
         )
     if word:
         end = len(text[:at].rstrip())
-        return Slip(
+        return SyntaxHint(
             index=at,
             width=len(word),
             message=f"a ',' is expected before {shown(word)}",
@@ -50,14 +50,14 @@ def in_brackets(source: Source, index: int, begun: int) -> Slip:
             mend=_inserted(text, begun, end, ",") if _is_key(text, at, word) else None,
         )
     if found in _CLOSING.values():
-        return Slip(
+        return SyntaxHint(
             index=index,
             message=f"the '{bracket}' of column {source.position(begun).column} is closed by "
             f"'{found}'",
             hint=f"close it with '{closing}'",
             mend=Edit(start=index, stop=index + 1, text=closing),
         )
-    return Slip(
+    return SyntaxHint(
         index=index, message="a ',' or the closing bracket is expected here", hint=QUOTE_INSIDE
     )
 
@@ -85,13 +85,13 @@ def _no_deeper(source: Source, index: int, begun: int) -> bool:
     return source.position(index).column <= indentation(line) + 1
 
 
-def behind_value(source: Source, index: int) -> Slip:
+def behind_value(source: Source, index: int) -> SyntaxHint:
     """Return what is wrong where something stands behind the end of a value."""
     found = source.text[index : index + 1]
     message, hint = "something stands behind the end of a value", ""
     if found in _CLOSING.values():
         message, hint = f"there is no open bracket that this '{found}' could close", "remove it"
-        return Slip(
+        return SyntaxHint(
             index=index,
             message=message,
             hint=hint,
@@ -109,12 +109,12 @@ def behind_value(source: Source, index: int) -> Slip:
         message, hint = f"this quotation mark is closed only in line {line}", "close it before"
     else:
         hint = 'write the quotation marks inside of a text as \\"'
-    return Slip(index=index, message=message, hint=hint)
+    return SyntaxHint(index=index, message=message, hint=hint)
 
 
-def open_quote(source: Source, index: int, begun: int) -> Slip:
+def open_quote(source: Source, index: int, begun: int) -> SyntaxHint:
     """Return that a quotation mark is not closed."""
-    return Slip(
+    return SyntaxHint(
         index=begun,
         message="this quotation mark is not closed",
         hint="add one at the end of the text",

@@ -4,8 +4,8 @@
 from __future__ import annotations
 
 from bt_agents_language.yaml.diagnostics import Diagnostics
-from bt_agents_language.yaml.patched_source import MendedSource, without_section
-from bt_agents_language.yaml.precheck import is_readable
+from bt_agents_language.yaml.patched_source import PatchedSource, without_section
+from bt_agents_language.yaml.precheck import looks_like_yaml
 from bt_agents_language.yaml.source import Source
 from bt_agents_language.yaml.yaml_reader import Node, read_once
 
@@ -26,7 +26,7 @@ def read_document(source: Source, problems: Diagnostics) -> tuple[Source, Node |
         The text that the document's spans are about, and the document without what was refused
         in it; None when nothing can be made of it.
     """
-    if not is_readable(source, problems):
+    if not looks_like_yaml(source, problems):
         return source, None
     whole = True
     left = MAX_READ_AGAIN
@@ -38,7 +38,7 @@ def read_document(source: Source, problems: Diagnostics) -> tuple[Source, Node |
         if left < 0:
             break
         if slip.mend is not None:
-            source = MendedSource(source, slip.mend)
+            source = PatchedSource(source, slip.mend)
             continue
         whole = False
         rest = without_section(source, slip.index)

@@ -22,7 +22,7 @@ _COLON_LATER = re.compile(r":(\s|$)")
 
 
 @dataclass(frozen=True, kw_only=True)
-class Slip:
+class SyntaxHint:
     """What is wrong in a text.
 
     Attributes:
@@ -42,7 +42,7 @@ class Slip:
     code: str = "syntax"
 
 
-def line_slip(line: str, start: int) -> Slip | None:
+def line_hint(line: str, start: int) -> SyntaxHint | None:
     """Return the slip in a line; None when nothing in it looks like one.
 
     Args:
@@ -56,8 +56,8 @@ def line_slip(line: str, start: int) -> Slip | None:
     return None
 
 
-def key_slip(line: str, start: int) -> Slip | None:
-    """Return the slip that keeps a line from being ``key: value``; as :func:`line_slip`."""
+def key_hint(line: str, start: int) -> SyntaxHint | None:
+    """Return the slip that keeps a line from being ``key: value``; as :func:`line_hint`."""
     for find in (_wide_colon, _no_space, _one_word, _equals):
         slip = find(line, start)
         if slip is not None:
@@ -65,12 +65,12 @@ def key_slip(line: str, start: int) -> Slip | None:
     return None
 
 
-def _wide_colon(line: str, start: int) -> Slip | None:
+def _wide_colon(line: str, start: int) -> SyntaxHint | None:
     match = _WIDE_COLON.match(line)
     if match is None:
         return None
     at = start + match.start("colon")
-    return Slip(
+    return SyntaxHint(
         index=at,
         message=f"'{match['colon']}' looks like a colon, but is another character",
         hint=f"write '{shortened(match['key'])}: …'",
@@ -78,12 +78,12 @@ def _wide_colon(line: str, start: int) -> Slip | None:
     )
 
 
-def _no_space(line: str, start: int) -> Slip | None:
+def _no_space(line: str, start: int) -> SyntaxHint | None:
     match = _NO_SPACE.match(line)
     if match is None:
         return None
     at = start + match.end()
-    return Slip(
+    return SyntaxHint(
         index=at - 1,
         message=f"a space is missing behind '{shortened(match['key'])}:'",
         hint=f"write '{shortened(match['key'])}: {line[match.end() :].strip()[:30]}'",
@@ -91,12 +91,12 @@ def _no_space(line: str, start: int) -> Slip | None:
     )
 
 
-def _one_word(line: str, start: int) -> Slip | None:
+def _one_word(line: str, start: int) -> SyntaxHint | None:
     match = _ONE_WORD.match(line)
     if match is None:
         return None
     at = start + match.end("key")
-    return Slip(
+    return SyntaxHint(
         index=start + match.start("key"),
         width=len(match["key"]),
         message=f"a ':' is missing behind '{shortened(match['key'])}'",
@@ -105,12 +105,12 @@ def _one_word(line: str, start: int) -> Slip | None:
     )
 
 
-def _equals(line: str, start: int) -> Slip | None:
+def _equals(line: str, start: int) -> SyntaxHint | None:
     match = _EQUALS.match(line)
     if match is None:
         return None
     at = start + match.end() - 1
-    return Slip(
+    return SyntaxHint(
         index=at,
         message=f"'=' stands behind '{shortened(match['key'])}', expected ':'",
         hint=f"write '{shortened(match['key'])}: {line[match.end() :].strip()[:30]}'",
@@ -118,20 +118,20 @@ def _equals(line: str, start: int) -> Slip | None:
     )
 
 
-def _dash(line: str, start: int) -> Slip | None:
+def _dash(line: str, start: int) -> SyntaxHint | None:
     match = _DASH.match(line)
     if match is None:
         return None
     group = "dash" if match["dash"] else "other"
     at, mark = start + match.start(group), match[group]
     if mark == "-":
-        return Slip(
+        return SyntaxHint(
             index=at,
             message="a space is missing behind '-'",
             hint=f"write '- {line.strip()[1:31]}'",
             mend=Edit(start=at + 1, stop=at + 1, text=" "),
         )
-    return Slip(
+    return SyntaxHint(
         index=at,
         message=f"'{mark}' cannot start an item of a list",
         hint="write '- ', a minus sign and a space",
@@ -139,12 +139,12 @@ def _dash(line: str, start: int) -> Slip | None:
     )
 
 
-def _words(line: str, start: int) -> Slip | None:
+def _words(line: str, start: int) -> SyntaxHint | None:
     match = _NO_COLON.match(line)
     if match is None or _COLON_LATER.search(line):
         return None
     key, rest = shortened(match["key"]), match["rest"].strip()[:30]
-    return Slip(
+    return SyntaxHint(
         index=start + match.start("key"),
         width=len(line.rstrip()) - match.start("key"),
         message="this line is neither 'key: value' nor a '-' item",
@@ -152,7 +152,7 @@ def _words(line: str, start: int) -> Slip | None:
     )
 
 
-_FINDERS: tuple[Callable[[str, int], Slip | None], ...] = (
+_FINDERS: tuple[Callable[[str, int], SyntaxHint | None], ...] = (
     _dash,
     _wide_colon,
     _no_space,

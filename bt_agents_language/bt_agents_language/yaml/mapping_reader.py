@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, TypeVar
 
 from bt_agents_language.model import quantities
 from bt_agents_language.model.specs import FieldType
-from bt_agents_language.yaml.yaml_reader import Entry, Mapping, Node, Scalar
+from bt_agents_language.yaml.yaml_reader import Mapping, MappingEntry, Node, Scalar
 
 if TYPE_CHECKING:
-    from bt_agents_language.yaml.typed_reader import FileReading
+    from bt_agents_language.yaml.typed_reader import TypedReader
 
 MESSAGE_DIGITS = 6
 """Digits of a number in a message, more than rounding it for people would keep."""
@@ -19,7 +19,7 @@ MESSAGE_DIGITS = 6
 T = TypeVar("T")
 
 
-class Fields:
+class MappingReader:
     """The keys of one mapping, each readable as the type that is expected of it.
 
     Attributes:
@@ -30,7 +30,7 @@ class Fields:
 
     def __init__(
         self,
-        reading: FileReading,
+        reading: TypedReader,
         what: str,
         mapping: Mapping,
         nodes: dict[str, Node],
@@ -103,7 +103,7 @@ class Fields:
         """Return the items of a list, none when it is not there."""
         return self._read(key, self._reading.items) or ()
 
-    def entries(self, key: str, of: str) -> tuple[Entry, ...]:
+    def entries(self, key: str, of: str) -> tuple[MappingEntry, ...]:
         """Return the entries of a mapping of something, none when it is not there."""
         return self._read(key, lambda n, w: self._reading.entries(n, w, of)) or ()
 

@@ -27,7 +27,7 @@ class Edit:
     text: str
 
 
-class MendedSource(Source):
+class PatchedSource(Source):
     """A text with one edit made; places are still those of the file as it is.
 
     Args:
@@ -55,7 +55,7 @@ class MendedSource(Source):
         return self._source.line(number)
 
 
-def without_section(source: Source, index: int) -> MendedSource | None:
+def without_section(source: Source, index: int) -> PatchedSource | None:
     """Return a text without the key of the file, and all below it, that a character belongs to.
 
     Returns:
@@ -64,5 +64,5 @@ def without_section(source: Source, index: int) -> MendedSource | None:
     starts = [match.start() for match in _TOP_LEVEL.finditer(source.text)]
     start = max((one for one in starts if one <= index), default=0)
     stop = min((one for one in starts if one > index), default=len(source.text))
-    mended = MendedSource(source, Edit(start=start, stop=stop, text=""))
+    mended = PatchedSource(source, Edit(start=start, stop=stop, text=""))
     return mended if start < stop and mended.text.strip() else None

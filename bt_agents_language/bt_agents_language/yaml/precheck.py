@@ -32,7 +32,7 @@ _SIGNS = {
 _LOOKED_AT = 400
 
 
-def is_readable(source: Source, problems: Diagnostics) -> bool:
+def looks_like_yaml(source: Source, problems: Diagnostics) -> bool:
     """Return whether a text can be YAML at all; report what speaks against it when not."""
     if len(source.text.encode("utf-8", "replace")) > MAX_BYTES:
         problems.add("too-large", source.position(0), *TOO_LARGE)

@@ -7,8 +7,8 @@ import re
 import unicodedata
 from collections.abc import Collection, Mapping
 
-from bt_agents_language.yaml.yaml_reader import Entry, Node, Scalar
 from bt_agents_language.yaml.yaml_reader import Mapping as MappingNode
+from bt_agents_language.yaml.yaml_reader import MappingEntry, Node, Scalar
 
 _SKILLS = ("a skills file", "put it under skills/ or libraries/")
 _FILES = {
@@ -26,7 +26,7 @@ _FILES = {
 _HUMP = re.compile(r"(?<=[a-z0-9])(?=[A-Z])")
 
 
-def other_file(root: Node, known: Collection[str]) -> tuple[Entry, str, str] | None:
+def other_file(root: Node, known: Collection[str]) -> tuple[MappingEntry, str, str] | None:
     """Return the key that shows that a file is of another kind, that kind, and a hint.
 
     Args:
@@ -51,13 +51,13 @@ def name_meant(text: str) -> str:
     return re.sub(r"[^a-z0-9]+", "_", plain.lower()).strip("_")
 
 
-def without_value(entry: Entry) -> bool:
+def without_value(entry: MappingEntry) -> bool:
     """Return whether nothing at all is written behind a key."""
     start, end = entry.value.span
     return isinstance(entry.value, Scalar) and entry.value.plain and start == end
 
 
-def left_empty(node: MappingNode, entry: Entry, known: Mapping[str, Node]) -> str | None:
+def left_empty(node: MappingNode, entry: MappingEntry, known: Mapping[str, Node]) -> str | None:
     """Return the known key right above an entry when nothing is written behind it."""
     place = node.entries.index(entry)
     above = node.entries[place - 1] if place else None

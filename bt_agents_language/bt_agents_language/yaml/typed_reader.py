@@ -12,11 +12,11 @@ from bt_agents_language.model import quantities
 from bt_agents_language.model.specs import FieldType, Position
 from bt_agents_language.yaml.diagnostics import Diagnostics, did_you_mean, nearest, shown
 from bt_agents_language.yaml.document import read_document
-from bt_agents_language.yaml.mapping_reader import MESSAGE_DIGITS, Fields
+from bt_agents_language.yaml.mapping_reader import MESSAGE_DIGITS, MappingReader
 from bt_agents_language.yaml.scalars import boolean
 from bt_agents_language.yaml.source import Source, aligned, read_source
 from bt_agents_language.yaml.suggestions import left_empty, name_meant, other_file, without_value
-from bt_agents_language.yaml.yaml_reader import Entry, Mapping, Node, Scalar, Sequence
+from bt_agents_language.yaml.yaml_reader import Mapping, MappingEntry, Node, Scalar, Sequence
 
 FORMAT = 1
 """The version of the language that this package reads."""
@@ -35,7 +35,7 @@ _AN_ANGLE = quantities.expected(FieldType.ANGLE)
 T = TypeVar("T")
 
 
-class FileReading:
+class TypedReader:
     """One file while it is read: its source, its document and the problems found so far."""
 
     def __init__(self, source: Source) -> None:
@@ -46,7 +46,7 @@ class FileReading:
         self._aligned: list[int] = []
 
     @classmethod
-    def of(cls, file: Path | Source) -> FileReading:
+    def of(cls, file: Path | Source) -> TypedReader:
         """Open a file.
 
         Raises:
@@ -84,7 +84,7 @@ class FileReading:
 
     def document(
         self, what: str, known: Collection[str], required: Collection[str] = ()
-    ) -> Fields:
+    ) -> MappingReader:
         """Return the keys of the whole file, ``format`` checked.
 
         Raises:
@@ -122,7 +122,7 @@ class FileReading:
         required: Collection[str] = (),
         at_start: bool = False,
         beside: Collection[str] = (),
-    ) -> Fields | None:
+    ) -> MappingReader | None:
         """Return the keys of a mapping; unknown and missing ones become problems.
 
         Args:
@@ -138,7 +138,7 @@ class FileReading:
             return None
         nodes: dict[str, Node] = {}
         keys: dict[str, Scalar] = {}
-        unknown: list[Entry] = []
+        unknown: list[MappingEntry] = []
         for entry in node.entries:
             word = entry.key.text
             keys[word] = entry.key
@@ -148,7 +148,7 @@ class FileReading:
                 unknown.append(entry)
         missing = [key for key in required if key not in nodes]
         if not unknown and not missing:
-            return Fields(self, what, node, nodes, keys)
+            return MappingReader(self, what, node, nodes, keys)
         if unknown and not nodes and all(map(without_value, unknown)):
             self.error(
                 "wrong-type",
@@ -183,7 +183,7 @@ class FileReading:
                 f"{what} needs the key{'s' * (len(missing) > 1)} {listed(missing)}",
                 adding(missing),
             )
-        return Fields(self, what, node, nodes, keys)
+        return MappingReader(self, what, node, nodes, keys)
 
     def wrong_type(self, node: Node, what: str, expected: str) -> None:
         """Report that something else than expected stands here."""
@@ -344,7 +344,7 @@ class FileReading:
         self.wrong_type(node, what, "a list")
         return ()
 
-    def entries(self, node: Node, what: str, of: str) -> tuple[Entry, ...]:
+    def entries(self, node: Node, what: str, of: str) -> tuple[MappingEntry, ...]:
         """Return the entries of a mapping of something, none when it is no mapping."""
         if isinstance(node, Mapping):
             return node.entries

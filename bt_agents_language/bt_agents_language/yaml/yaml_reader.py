@@ -22,8 +22,8 @@ from yaml.events import (
 
 from bt_agents_language.model.specs import Position
 from bt_agents_language.yaml.diagnostics import Diagnostics, shown
-from bt_agents_language.yaml.line_hints import Slip
-from bt_agents_language.yaml.precheck import BAD_CHARACTER, is_readable
+from bt_agents_language.yaml.line_hints import SyntaxHint
+from bt_agents_language.yaml.precheck import BAD_CHARACTER, looks_like_yaml
 from bt_agents_language.yaml.source import Source
 from bt_agents_language.yaml.yaml_syntax import report_syntax
 
@@ -104,7 +104,7 @@ class Sequence(_Located):
 
 
 @dataclass(slots=True)
-class Entry:
+class MappingEntry:
     """One key of a mapping and what stands behind it."""
 
     key: Scalar
@@ -118,7 +118,7 @@ class Mapping(_Located):
     source: Source = field(compare=False)
     start: int
     end: int
-    entries: tuple[Entry, ...]
+    entries: tuple[MappingEntry, ...]
 
     def get(self, key: str) -> Node | None:
         """Return what stands behind a key, None when it is not there."""
@@ -128,7 +128,7 @@ class Mapping(_Located):
 Node = Scalar | Sequence | Mapping
 
 
-def entries_of(node: Node | None) -> tuple[Entry, ...]:
+def entries_of(node: Node | None) -> tuple[MappingEntry, ...]:
     """Return the entries of a mapping, none of anything else."""
     return node.entries if isinstance(node, Mapping) else ()
 
@@ -140,13 +140,13 @@ def read_yaml(source: Source, problems: Diagnostics) -> Node | None:
         The document without what was refused in it; None when nothing can be made of it, or it
         has a syntax error.
     """
-    if not is_readable(source, problems):
+    if not looks_like_yaml(source, problems):
         return None
     root, slip = read_once(source, problems)
     return root if slip is None else None
 
 
-def read_once(source: Source, problems: Diagnostics) -> tuple[Node | None, Slip | None]:
+def read_once(source: Source, problems: Diagnostics) -> tuple[Node | None, SyntaxHint | None]:
     """Return the document, and the slip that has kept it from being read."""
     builder = _Builder(source, problems)
     try:
@@ -183,7 +183,7 @@ class _Open:
         self.start = start
         self.is_list = is_list
         self.items: list[Node] = []
-        self.entries: dict[str, Entry] = {}
+        self.entries: dict[str, MappingEntry] = {}
         self.key: Scalar | None = None
         # A key that was refused still has a value, which must not be taken for the next key.
         self.value_is_next = False
@@ -258,7 +258,7 @@ class _Builder:
             elif parent.value_is_next:
                 parent.value_is_next = False
                 if parent.key is not None:
-                    parent.entries[parent.key.text] = Entry(parent.key, node)
+                    parent.entries[parent.key.text] = MappingEntry(parent.key, node)
             else:
                 parent.value_is_next = True
                 parent.key = self._key(parent.entries, node)
@@ -302,7 +302,7 @@ class _Builder:
             "move inner parts to subtrees",
         )
 
-    def _key(self, entries: dict[str, Entry], node: Node) -> Scalar | None:
+    def _key(self, entries: dict[str, MappingEntry], node: Node) -> Scalar | None:
         """Return a key, or None when it is refused and its value is to be left out."""
         if not isinstance(node, Scalar):
             template = self._source.text.startswith("{{", node.span[0] - 1)

@@ -16,7 +16,7 @@ from bt_agents_language.yaml.bracket_hints import (
     open_quote,
 )
 from bt_agents_language.yaml.diagnostics import Diagnostics, shown
-from bt_agents_language.yaml.line_hints import Slip, key_slip, line_slip
+from bt_agents_language.yaml.line_hints import SyntaxHint, key_hint, line_hint
 from bt_agents_language.yaml.patched_source import Edit
 from bt_agents_language.yaml.source import Source
 from bt_agents_language.yaml.text_lines import indentation, line_above, line_at, line_start
@@ -27,11 +27,13 @@ _FIT = "indent it like the key behind the '-' above, or start a new '-' item"
 _WRONG_QUOTES = re.compile("(?<=[:,\\-\\[{(] )[\u201c\u201d\u201e\u2018\u2019\u00ab]")
 _CONFLICT = ("<<<<<<<", "=======", ">>>>>>>")
 
-Explain = Callable[[Source, int, int], Slip]
+Explain = Callable[[Source, int, int], SyntaxHint]
 """Source, index where the parser stopped, index where the thing began that it was reading."""
 
 
-def report_syntax(source: Source, problems: Diagnostics, error: yaml.MarkedYAMLError) -> Slip:
+def report_syntax(
+    source: Source, problems: Diagnostics, error: yaml.MarkedYAMLError
+) -> SyntaxHint:
     """Add what a parser error means, and return it."""
     slip = _slip(source, error)
     end = source.position(slip.index + slip.width)
@@ -39,7 +41,7 @@ def report_syntax(source: Source, problems: Diagnostics, error: yaml.MarkedYAMLE
     return slip
 
 
-def _slip(source: Source, error: yaml.MarkedYAMLError) -> Slip:
+def _slip(source: Source, error: yaml.MarkedYAMLError) -> SyntaxHint:
     stopped = error.problem_mark or error.context_mark
     index = stopped.index if stopped is not None else 0
     begun = error.context_mark.index if error.context_mark is not None else index
@@ -47,7 +49,7 @@ def _slip(source: Source, error: yaml.MarkedYAMLError) -> Slip:
     start = line_start(source, index)
     tab = _INDENTED_TAB.match(line_at(source, start))
     if tab is not None and position.column <= tab.end():
-        return Slip(
+        return SyntaxHint(
             code="tab",
             index=start + tab.end() - 1,
             message="a tab indents this line",
@@ -58,23 +60,23 @@ def _slip(source: Source, error: yaml.MarkedYAMLError) -> Slip:
         if part in problem:
             return explain(source, index, begun)
     message = error.problem or "this is not valid YAML"
-    return Slip(index=index, message=message, hint="look at the line above")
+    return SyntaxHint(index=index, message=message, hint="look at the line above")
 
 
-def _second_colon(source: Source, index: int, begun: int) -> Slip:
+def _second_colon(source: Source, index: int, begun: int) -> SyntaxHint:
     start = line_start(source, index)
     line = line_at(source, start)
     before = source.text[start:index]
     if re.search(r":(\s|$)", before):
         wrong = _WRONG_QUOTES.search(before)
         if wrong is not None:
-            return Slip(
+            return SyntaxHint(
                 index=start + wrong.start(),
                 message=f"'{wrong[0]}' is no quotation mark in this language",
                 hint='use straight ones: "…"',
             )
         quoted = _quoted_value(source, start, line)
-        return Slip(
+        return SyntaxHint(
             index=index,
             message="a second ':' stands in this line",
             hint="quote a text with ': ' in it: \"…: …\"",
@@ -86,10 +88,10 @@ def _second_colon(source: Source, index: int, begun: int) -> Slip:
         slip = _of_key(source, above)
         if slip is not None:
             return slip
-    own = key_slip(before, start)
+    own = key_hint(before, start)
     if own is not None and ":" in before:
         return own
-    return Slip(
+    return SyntaxHint(
         index=start + len(before) - len(before.lstrip()),
         message="this line is indented deeper than the one it follows",
         hint="write it below the first letter of the line above",
@@ -107,55 +109,55 @@ def _quoted_value(source: Source, start: int, line: str) -> Edit | None:
     return Edit(start=at, stop=at + len(text), text=f"{mark}{text}{mark}")
 
 
-def _dash(source: Source, index: int, begun: int) -> Slip:
-    return Slip(
+def _dash(source: Source, index: int, begun: int) -> SyntaxHint:
+    return SyntaxHint(
         index=index,
         message="a '-' item starts in the middle of a line",
         hint="start it on a line of its own, or quote a text that starts with '- '",
     )
 
 
-def _no_colon(source: Source, index: int, begun: int) -> Slip:
+def _no_colon(source: Source, index: int, begun: int) -> SyntaxHint:
     if source.text.startswith(_CONFLICT, begun):
-        return Slip(
+        return SyntaxHint(
             index=begun,
             width=len(_CONFLICT[0]),
             message="two versions of the file were merged, and this place is not decided yet",
             hint="keep one of the two versions, and delete the lines <<<<<<<, ======= and >>>>>>>",
         )
     slip = _of_line(source, line_start(source, begun))
-    return slip or Slip(
+    return slip or SyntaxHint(
         index=begun,
         message="this line is neither 'key: value' nor a '-' item",
         hint="put a ': ' behind the key, or indent the line if it belongs to the text above",
     )
 
 
-def _misfit(source: Source, index: int, begun: int) -> Slip:
+def _misfit(source: Source, index: int, begun: int) -> SyntaxHint:
     start = line_start(source, index)
     line = line_at(source, start)
     before = source.text[start:index]
     if before.strip(" -"):
         return behind_value(source, index)
     if line.lstrip().startswith("- "):
-        return Slip(
+        return SyntaxHint(
             index=index,
             message="this '-' item does not line up with the block above",
             hint="indent it like the others",
         )
-    return Slip(index=index, message="this line fits no block above it", hint=_FIT)
+    return SyntaxHint(index=index, message="this line fits no block above it", hint=_FIT)
 
 
-def _no_item(source: Source, index: int, begun: int) -> Slip:
+def _no_item(source: Source, index: int, begun: int) -> SyntaxHint:
     start = line_start(source, index)
     line = line_at(source, start)
-    slip = line_slip(line, start)
+    slip = line_hint(line, start)
     if slip is not None and "'-'" in slip.message:
         return slip
     if source.position(index).column == source.position(
         begun
     ).column and not line.lstrip().startswith("-"):
-        return Slip(
+        return SyntaxHint(
             index=index,
             width=len(line.strip().partition(":")[0]) or 1,
             message="this line stands in a list of '-' items, but does not start with '- '",
@@ -164,24 +166,24 @@ def _no_item(source: Source, index: int, begun: int) -> Slip:
     return _misfit(source, index, begun)
 
 
-def _bad_start(source: Source, index: int, begun: int) -> Slip:
+def _bad_start(source: Source, index: int, begun: int) -> SyntaxHint:
     character = source.text[index : index + 1]
     if character == "\t":
-        return Slip(index=index, message="a tab stands here", hint="use spaces")
+        return SyntaxHint(index=index, message="a tab stands here", hint="use spaces")
     return _unquoted(source, index, character)
 
 
-def _mark_at_start(source: Source, index: int, begun: int) -> Slip:
+def _mark_at_start(source: Source, index: int, begun: int) -> SyntaxHint:
     return _unquoted(source, begun, source.text[begun : begun + 1])
 
 
-def _question(source: Source, index: int, begun: int) -> Slip:
+def _question(source: Source, index: int, begun: int) -> SyntaxHint:
     return _unquoted(source, index, source.text[index : index + 1] + " ")
 
 
-def _unquoted(source: Source, index: int, found: str) -> Slip:
+def _unquoted(source: Source, index: int, found: str) -> SyntaxHint:
     start = line_start(source, index)
-    return Slip(
+    return SyntaxHint(
         index=index,
         message=f"a text cannot start with {shown(found)}",
         hint='quote it: "…"',
@@ -197,12 +199,12 @@ def _quoted_rest(source: Source, start: int, index: int) -> Edit | None:
     return Edit(start=index, stop=index + len(text), text=f'"{text}"')
 
 
-def _escape(source: Source, index: int, begun: int) -> Slip:
+def _escape(source: Source, index: int, begun: int) -> SyntaxHint:
     backslash = source.text.find("\\", index)
     while backslash >= 0 and source.text[backslash + 1 : backslash + 2] in _KNOWN_ESCAPES:
         backslash = source.text.find("\\", backslash + 2)
     at = backslash if backslash >= 0 else index
-    return Slip(
+    return SyntaxHint(
         index=at,
         width=2,
         message=f"'{source.text[at : at + 2]}' means nothing inside \"…\"",
@@ -214,33 +216,33 @@ def _escape(source: Source, index: int, begun: int) -> Slip:
 _KNOWN_ESCAPES = set('0abt\tnvfre "/\\N_LPxuU\n\r')
 
 
-def _no_content(source: Source, index: int, begun: int) -> Slip:
+def _no_content(source: Source, index: int, begun: int) -> SyntaxHint:
     found = source.text[index : index + 1]
-    return Slip(
+    return SyntaxHint(
         index=index,
         message=f"a value is expected here, found '{found}'",
         hint=QUOTE_INSIDE if found not in ("]", "}", ",") else "remove it, or quote the text",
     )
 
 
-def _after_the_end(source: Source, index: int, begun: int) -> Slip:
-    return Slip(
+def _after_the_end(source: Source, index: int, begun: int) -> SyntaxHint:
+    return SyntaxHint(
         index=index,
         message="something stands behind the end of the file's one value",
         hint="remove a line '...' above; put quotes around a whole text",
     )
 
 
-def _directive(source: Source, index: int, begun: int) -> Slip:
-    return Slip(
+def _directive(source: Source, index: int, begun: int) -> SyntaxHint:
+    return SyntaxHint(
         index=begun,
         message="a line cannot start with '%'",
         hint="remove the line, or quote the text",
     )
 
 
-def _text_block(source: Source, index: int, begun: int) -> Slip:
-    return Slip(
+def _text_block(source: Source, index: int, begun: int) -> SyntaxHint:
+    return SyntaxHint(
         index=index,
         message="a text block ('|' or '>') starts wrongly",
         hint="write only '|' or '>' in that line",
@@ -274,17 +276,17 @@ _EXPLANATIONS: dict[str, Explain] = {
 """Part of the parser's message → what it means."""
 
 
-def _of_key(source: Source, start: int) -> Slip | None:
+def _of_key(source: Source, start: int) -> SyntaxHint | None:
     line = line_at(source, start)
-    return _sure(source, start, key_slip(line, start))
+    return _sure(source, start, key_hint(line, start))
 
 
-def _of_line(source: Source, start: int) -> Slip | None:
+def _of_line(source: Source, start: int) -> SyntaxHint | None:
     line = line_at(source, start)
-    return _sure(source, start, line_slip(line, start))
+    return _sure(source, start, line_hint(line, start))
 
 
-def _sure(source: Source, start: int, slip: Slip | None) -> Slip | None:
+def _sure(source: Source, start: int, slip: SyntaxHint | None) -> SyntaxHint | None:
     """Return a slip without its edit where a lonely word may be part of a text."""
     if slip is None or slip.mend is None:
         return slip

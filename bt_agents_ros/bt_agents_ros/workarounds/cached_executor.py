@@ -16,7 +16,7 @@ from rclpy.executors import Executor, ExternalShutdownException
 from rclpy.guard_condition import GuardCondition
 from rclpy.task import Future
 
-from bt_agents_ros.workarounds.cached_wait_set import KeptWaitSet
+from bt_agents_ros.workarounds.cached_wait_set import CachedWaitSet
 
 _MESSAGES = 32
 """So many messages of a queue are heard before it is looked what else there is to do."""
@@ -27,7 +27,7 @@ _QUEUES_S = 0.002
 _Call: TypeAlias = Callable[[], Coroutine[Any, Any, None]]
 
 
-class LeanExecutor(Executor):
+class CachedExecutor(Executor):
     """Calls one callback after the other, in the thread that turns it.
 
     What is called, when, and what becomes of an error is as with ``SingleThreadedExecutor``. That
@@ -45,7 +45,7 @@ class LeanExecutor(Executor):
     def __init__(self, *, context: Any = None) -> None:
         super().__init__(context=context)
         self._thread = get_ident()
-        self._wait_set: KeptWaitSet | None = None
+        self._wait_set: CachedWaitSet | None = None
         self._changed = False
         self._batch: deque[Callable[[], object]] = deque()
         self._begun: deque[_Task] = deque()
@@ -136,7 +136,7 @@ class LeanExecutor(Executor):
         if self._changed:
             self._let_go()
         if self._wait_set is None:
-            self._wait_set = KeptWaitSet(
+            self._wait_set = CachedWaitSet(
                 self.get_nodes(), (self._guard.handle, self._sigint_gc.handle), self._context
             )
         if self._begun or (self._has_moved and self._suspended):

@@ -20,7 +20,7 @@ There are two for each publisher and subscription, which hardly ever come.
 """
 
 
-class KeptWaitSet:
+class CachedWaitSet:
     """What some nodes wait for, which is not destroyed before it is let go.
 
     Args:

@@ -15,7 +15,7 @@ from rclpy.impl.implementation_singleton import rclpy_implementation
 rcutils_logger._internal_callers.append(str(Path(__file__).resolve()))
 
 
-class LogLines(rcutils_logger.RcutilsLogger):
+class QuickLogger(rcutils_logger.RcutilsLogger):
     """Writes a line in a thirtieth of the time that rclpy takes to find out where it is from.
 
     rclpy looks at the file system for each line, and at the source of each frame above it.

@@ -23,7 +23,7 @@ _MOOD_STEP = 0.25
 _TOLD_BY_THE_RUN = ("SUCCEEDED", "FAILED", "CANCELLED", "PREEMPTED", "NO_BIDS")
 
 
-class Story:
+class EventPrinter:
     """Prints events as they come and counts them for the summary.
 
     Args:

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from bt_agents_core.errors import BtAgentsError
-from bt_agents_core.trees_folder import find_trees, folder_around
+from bt_agents_core.trees_folder import enclosing_folder, find_trees
 from bt_agents_language.files.folder_reader import Trees, read_trees
 from bt_agents_language.model.specs import AgentSpec
 from bt_agents_language.yaml.diagnostics import did_you_mean
@@ -33,7 +33,7 @@ def named_agent(
     path = Path(word)
     if not path.is_file():
         raise BtAgentsError(f"there is no file '{word}'; name an agent file, or an agent")
-    trees = trees or read_trees(find_trees(directory) if directory else folder_around(path))
+    trees = trees or read_trees(find_trees(directory) if directory else enclosing_folder(path))
     return trees, _chosen(trees, word, path.samefile)
 
 

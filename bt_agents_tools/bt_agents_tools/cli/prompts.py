@@ -11,10 +11,15 @@ from rich.text import Text
 
 from bt_agents_core.errors import BtAgentsError, ReadError
 from bt_agents_language.expression.expressions import Expression
-from bt_agents_language.files.testing.scenarios import GoalEnd, Happening, Scenario, ScriptedAnswer
+from bt_agents_language.files.testing.scenarios import (
+    GoalEnd,
+    Scenario,
+    ScriptedAnswer,
+    ScriptedEvent,
+)
 from bt_agents_language.files.testing.test_reader import read_scenario_text
 from bt_agents_language.model.specs import AgentSpec, Literal, NodeSpec
-from bt_agents_language.model.symbols import Vocabulary
+from bt_agents_language.model.symbols import SymbolTable
 from bt_agents_tools.cli.scenario_options import Words, happens, typed_answer, typed_happening
 from bt_agents_tools.rehearsal import default_answers
 from bt_agents_tools.rehearsal.events import Use
@@ -23,10 +28,10 @@ from bt_agents_tools.rehearsal.transcript import value_text
 _INDENT = 13
 
 
-class Typist:
+class InteractiveAnswers:
     """Asks the author what the world does."""
 
-    def __init__(self, console: Console, agent: AgentSpec, vocabulary: Vocabulary) -> None:
+    def __init__(self, console: Console, agent: AgentSpec, vocabulary: SymbolTable) -> None:
         self._console = console
         self._agent = agent
         self._vocabulary = vocabulary
@@ -41,7 +46,7 @@ class Typist:
             return False
         return bool(outputs) or default_answers.duration_s(use.node, use.inputs, fails=False) > 0.0
 
-    def answer(self, use: Use) -> ScriptedAnswer | Happening | None:
+    def answer(self, use: Use) -> ScriptedAnswer | ScriptedEvent | None:
         """Ask how a skill ends, or what happens first."""
         if not self._explained:
             self._explained = True
@@ -65,7 +70,7 @@ class Typist:
         read = self._read(typed_answer(use.node.path, typed))
         return self.answer(use) if read is None else read.answers[0].answers[0]
 
-    def happening(self, reason: str, waits: Sequence[NodeSpec]) -> Happening | None:
+    def happening(self, reason: str, waits: Sequence[NodeSpec]) -> ScriptedEvent | None:
         """Ask what happens while the tree only waits."""
         self._console.print(Text(f"{'':{_INDENT}}{reason}", style="yellow"), soft_wrap=True)
         examples = [*map(_message_example, waits), self._mood_example(), "cancel"]
@@ -76,7 +81,7 @@ class Typist:
                 return happening
         return None
 
-    def _happening(self, typed: str) -> Happening | None:
+    def _happening(self, typed: str) -> ScriptedEvent | None:
         try:
             words = typed_happening(self._agent, typed)
         except BtAgentsError as error:

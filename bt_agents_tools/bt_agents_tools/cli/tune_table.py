@@ -7,7 +7,7 @@ import textwrap
 from collections.abc import Iterable, Iterator, Sequence
 from typing import Protocol
 
-from bt_agents.host.tuning.tunable import Knob, KnobKind, Setting, shown_value
+from bt_agents.host.tuning.tunable import Setting, TunableKind, TunableParameter, shown_value
 
 _LONGEST_SHOWN = 40
 _WIDEST = 22
@@ -22,7 +22,7 @@ class Stand(Protocol):
     """A knob and where it stands."""
 
     @property
-    def knob(self) -> Knob:
+    def knob(self) -> TunableParameter:
         """The knob."""
 
     @property
@@ -37,7 +37,9 @@ def table(states: Iterable[Stand], width: int) -> Iterator[str]:
         states: The knobs.
         width: Of the terminal, in columns.
     """
-    ordered = sorted(states, key=lambda one: (one.knob.agent, one.knob.kind is KnobKind.PROFILE))
+    ordered = sorted(
+        states, key=lambda one: (one.knob.agent, one.knob.kind is TunableKind.PROFILE)
+    )
     cells = [_cells(state) for state in ordered]
     widths = [
         min(max((len(row[column]) for row in cells), default=0), _WIDEST) for column in range(4)

@@ -9,7 +9,7 @@ from typing import Any
 from rclpy.client import Client
 from rclpy.node import Node
 
-from bt_agents.host.reload.host_card_diff import CardNews, News
+from bt_agents.host.reload.host_card_diff import CardDiff, CardDifference
 from bt_agents_interfaces.srv import ListVersions
 from bt_agents_ros import qos
 from bt_agents_ros.calls import Calls
@@ -28,7 +28,7 @@ class CardListener:
     def __init__(self, node: Node, tell: Callable[[str, bool], None]) -> None:
         self._node = node
         self._tell = tell
-        self._news = CardNews()
+        self._news = CardDiff()
         self._calls = Calls(node)
         self._clients: dict[str, Client] = {}
 
@@ -40,7 +40,7 @@ class CardListener:
             else:
                 self._tell(news.words, news.bad)
 
-    def _ask(self, host: str, news: News) -> None:
+    def _ask(self, host: str, news: CardDifference) -> None:
         if host not in self._clients:
             self._clients[host] = self._node.create_client(
                 ListVersions, f"{host}/versions", qos_profile=qos.SERVICE

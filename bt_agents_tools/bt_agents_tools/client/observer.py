@@ -29,7 +29,7 @@ from bt_agents_interfaces.msg import (
 )
 from bt_agents_interfaces.srv import Analyze, GiveFeedback
 from bt_agents_ros import qos
-from bt_agents_ros.spinner import Turner
+from bt_agents_ros.spinner import Spinner
 from bt_agents_ros.timers import steady_timer
 from bt_agents_tools.client.card_listener import CardListener
 
@@ -128,7 +128,7 @@ class Observer:
         self.cards: dict[str, Any] = {}
         self.profiles: Any = None
         self.visits_done = False
-        self._turner = Turner(self.node)
+        self._turner = Spinner(self.node)
         self._card_listener: CardListener | None = None
         self._subscribe(MarketStatus, "market", self._take_market, qos.FACT)
         self._subscribe(HostCard, "cards", self._take_card, qos.FACTS)

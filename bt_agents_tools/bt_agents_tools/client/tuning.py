@@ -11,7 +11,7 @@ from typing import Any
 from rcl_interfaces.srv import DescribeParameters, GetParameters, ListParameters
 from rclpy.parameter import parameter_value_to_python
 
-from bt_agents.host.tuning.tunable import TICK_RATE, Knob, KnobKind, Setting
+from bt_agents.host.tuning.tunable import TICK_RATE, Setting, TunableKind, TunableParameter
 from bt_agents.host.tuning.tunable_parameters import DEFAULT
 from bt_agents_core.errors import BtAgentsError
 from bt_agents_interfaces.msg import Tunings
@@ -42,7 +42,7 @@ _TYPES = {bool: FieldType.BOOLEAN, int: FieldType.INTEGER, str: FieldType.TEXT}
 class KnobState:
     """A knob of a running host and where it stands."""
 
-    knob: Knob
+    knob: TunableParameter
     value: Setting
 
 
@@ -116,20 +116,20 @@ def _parts(names: Sequence[str]) -> Iterator[Sequence[str]]:
     return (names[start : start + _MOST] for start in range(0, len(names), _MOST))
 
 
-def _knob(descriptor: Any, value: Setting) -> Knob:
+def _knob(descriptor: Any, value: Setting) -> TunableParameter:
     """Return the knob that a parameter describes."""
     agent, _, rest = descriptor.name.partition(".")
-    kind, key = KnobKind.TUNABLE, rest
+    kind, key = TunableKind.TUNABLE, rest
     if not rest:
-        kind, key, agent = KnobKind.TICK_RATE, TICK_RATE.key, ""
+        kind, key, agent = TunableKind.TICK_RATE, TICK_RATE.key, ""
     elif rest == "learning_rate":
-        kind = KnobKind.LEARNING_RATE
+        kind = TunableKind.LEARNING_RATE
     elif rest.startswith("profile."):
-        kind, key = KnobKind.PROFILE, rest.partition(".")[2]
+        kind, key = TunableKind.PROFILE, rest.partition(".")[2]
     unit = _UNIT.fullmatch(descriptor.description) if isinstance(value, float) else None
     field_type = _UNITS[unit[2]] if unit else _TYPES.get(type(value), FieldType.NUMBER)
     [limits] = [*descriptor.integer_range, *descriptor.floating_point_range][:1] or [None]
-    knob = Knob(
+    knob = TunableParameter(
         name=descriptor.name,
         agent=agent,
         key=key,
@@ -144,7 +144,7 @@ def _knob(descriptor: Any, value: Setting) -> Knob:
     return _with_default(knob, descriptor.additional_constraints[len(DEFAULT) :])
 
 
-def _with_default(knob: Knob, text: str) -> Knob:
+def _with_default(knob: TunableParameter, text: str) -> TunableParameter:
     try:
         return replace(knob, default=knob.meant(text))
     except QuantityError:

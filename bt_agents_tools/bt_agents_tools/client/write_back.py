@@ -8,7 +8,7 @@ import re
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
-from bt_agents.host.tuning.tunable import Knob, KnobKind, Setting, knobs_of
+from bt_agents.host.tuning.tunable import Setting, TunableKind, TunableParameter, tunables_of
 from bt_agents_core.errors import ReadError, Refused
 from bt_agents_core.scene import SceneSpace
 from bt_agents_language.model.quantities import QuantityError
@@ -25,7 +25,7 @@ _CLOSE = 1e-5
 
 
 @dataclass(frozen=True, kw_only=True)
-class Tuned:
+class TunedValue:
     """A value of a robot that differs from the file.
 
     Attributes:
@@ -33,12 +33,15 @@ class Tuned:
         value: In force on the robot.
     """
 
-    knob: Knob
+    knob: TunableParameter
     value: Setting
 
 
-def keep(
-    source: Source, tuned: Sequence[Tuned], space: SceneSpace, read: Callable[[str], AgentSpec]
+def write_defaults(
+    source: Source,
+    tuned: Sequence[TunedValue],
+    space: SceneSpace,
+    read: Callable[[str], AgentSpec],
 ) -> str:
     """Return the text of an agent file with tuned values as its defaults.
 
@@ -62,11 +65,11 @@ def keep(
     return text
 
 
-def _knobs(spec: AgentSpec, space: SceneSpace) -> dict[str, Knob]:
-    return {knob.name: knob for knob in knobs_of(spec, space)}
+def _knobs(spec: AgentSpec, space: SceneSpace) -> dict[str, TunableParameter]:
+    return {knob.name: knob for knob in tunables_of(spec, space)}
 
 
-def _check_same(source: Source, tuned: Tuned, here: Knob | None) -> None:
+def _check_same(source: Source, tuned: TunedValue, here: TunableParameter | None) -> None:
     name = tuned.knob.name
     if here is None:
         raise Refused(
@@ -84,8 +87,8 @@ def _check_same(source: Source, tuned: Tuned, here: Knob | None) -> None:
 
 def _with_value(
     source: Source,
-    tuned: Tuned,
-    knob: Knob,
+    tuned: TunedValue,
+    knob: TunableParameter,
     space: SceneSpace,
     read: Callable[[str], AgentSpec],
 ) -> str:
@@ -107,18 +110,18 @@ def _with_value(
     )
 
 
-def _is(knob: Knob, value: Setting) -> bool:
-    if knob.kind is KnobKind.PROFILE and isinstance(value, float):
+def _is(knob: TunableParameter, value: Setting) -> bool:
+    if knob.kind is TunableKind.PROFILE and isinstance(value, float):
         assert isinstance(knob.default, float)
         return math.isclose(knob.default, value, rel_tol=_CLOSE, abs_tol=_CLOSE)
     return knob.default == value
 
 
-def _texts(source: Source, value: Setting, knob: Knob) -> Iterator[str]:
+def _texts(source: Source, value: Setting, knob: TunableParameter) -> Iterator[str]:
     root = read_yaml(source, Diagnostics(None))
     node = _place(root, knob)
     if node is None:
-        if knob.kind is KnobKind.LEARNING_RATE and isinstance(root, Mapping):
+        if knob.kind is TunableKind.LEARNING_RATE and isinstance(root, Mapping):
             yield from _with_learning_rate(source, root, value, knob)
         return
     for written in _writings(node.text, value, knob):
@@ -131,18 +134,18 @@ def _texts(source: Source, value: Setting, knob: Knob) -> Iterator[str]:
         yield f"{source.text[:start]}{quoted(value)}{source.text[end:]}"
 
 
-def default_text(source: Source, knob: Knob) -> str:
+def default_text(source: Source, knob: TunableParameter) -> str:
     """Return how a file writes the default of a knob; empty when it does not."""
     node = _place(read_yaml(source, Diagnostics(None)), knob)
     return node.text if node is not None else ""
 
 
-def _place(root: Node | None, knob: Knob) -> Scalar | None:
+def _place(root: Node | None, knob: TunableParameter) -> Scalar | None:
     """Return where the file says a default."""
     paths: tuple[tuple[str, ...], ...] = {
-        KnobKind.TUNABLE: (("tunables", knob.key, "default"),),
-        KnobKind.LEARNING_RATE: (("learning_rate",), ("learning", "rate")),
-        KnobKind.PROFILE: (("profile", knob.key),),
+        TunableKind.TUNABLE: (("tunables", knob.key, "default"),),
+        TunableKind.LEARNING_RATE: (("learning_rate",), ("learning", "rate")),
+        TunableKind.PROFILE: (("profile", knob.key),),
     }.get(knob.kind, ())
     for path in paths:
         node = root
@@ -153,18 +156,18 @@ def _place(root: Node | None, knob: Knob) -> Scalar | None:
     return None
 
 
-def _writings(old: str, value: Setting, knob: Knob) -> list[str]:
+def _writings(old: str, value: Setting, knob: TunableParameter) -> list[str]:
     """Return how a value may be written instead of another one, the most like it first."""
     if isinstance(value, bool | str | int):
         return [knob.written(value)]
-    if knob.kind is KnobKind.PROFILE:
+    if knob.kind is TunableKind.PROFILE:
         return [f"{value:.{_PROFILE_DIGITS}g}"]
     if knob.unit:
         return [*_in_unit_of(old, value, knob), knob.written(value)]
     return [repr(value), knob.written(value)] if "." in old else [knob.written(value), repr(value)]
 
 
-def _in_unit_of(old: str, value: float, knob: Knob) -> Iterator[str]:
+def _in_unit_of(old: str, value: float, knob: TunableParameter) -> Iterator[str]:
     """Return a quantity in the unit of another one, if that takes only a few digits."""
     match = _WITH_UNIT.fullmatch(old)
     space, unit = match.groups() if match else ("", "")
@@ -181,7 +184,7 @@ def _in_unit_of(old: str, value: float, knob: Knob) -> Iterator[str]:
 
 
 def _with_learning_rate(
-    source: Source, root: Mapping, value: Setting, knob: Knob
+    source: Source, root: Mapping, value: Setting, knob: TunableParameter
 ) -> Iterator[str]:
     """Return the text with one line more, behind the profile."""
     profile = root.get("profile")

@@ -10,27 +10,27 @@ from typing import Protocol
 
 from bt_agents.engine.environment import GoalState
 from bt_agents.engine.scope import MessageNames, holds, not_so
-from bt_agents.engine.scripted_environment import Answer
+from bt_agents.engine.scripted_environment import ScriptedReply
 from bt_agents_language.expression.expressions import EvaluationError, MissingValue
 from bt_agents_language.files.testing.path_patterns import is_path, matches
 from bt_agents_language.files.testing.scenarios import (
     AnswerRule,
     GoalEnd,
-    Happening,
     ScriptedAnswer,
+    ScriptedEvent,
 )
 from bt_agents_language.model.specs import NodeSpec, Plain
 from bt_agents_tools.rehearsal import default_answers
 from bt_agents_tools.rehearsal.events import Use
 
 
-class Typist(Protocol):
+class AnswerSource(Protocol):
     """A person who answers skills in place of the script."""
 
     def asks(self, use: Use) -> bool:
         """Return whether the person wants to answer a use of a skill."""
 
-    def answer(self, use: Use) -> ScriptedAnswer | Happening | None:
+    def answer(self, use: Use) -> ScriptedAnswer | ScriptedEvent | None:
         """Return how a use of a skill goes, or what happens first; None leaves it as it is."""
 
 
@@ -44,10 +44,10 @@ _STATES = {
 
 
 @dataclass(frozen=True, kw_only=True)
-class Performance:
+class PlayedSkill:
     """How one use of a skill goes: for the leaf, and its outputs by name for people."""
 
-    answer: Answer
+    answer: ScriptedReply
     outputs: Mapping[str, Plain]
 
 
@@ -58,7 +58,7 @@ class Answers:
         self._rules = sorted(rules, key=lambda rule: not is_path(rule.key))
         self._turns = dict.fromkeys(range(len(self._rules)), 0)
 
-    def perform(self, use: Use, typed: ScriptedAnswer | None = None) -> Performance:
+    def perform(self, use: Use, typed: ScriptedAnswer | None = None) -> PlayedSkill:
         """Return how a use of a skill goes: as was typed, as is scripted, or as is likely."""
         scripted = typed or self._scripted(use.node) or ScriptedAnswer()
         outputs = {**default_answers.outputs(use.node, use.inputs), **scripted.outputs}
@@ -75,14 +75,14 @@ class Answers:
             after_s = 0.0
         elif after_s is None:
             after_s = default_answers.duration_s(use.node, use.inputs, fails=fails)
-        answer = Answer(
+        answer = ScriptedReply(
             state=state,
             result=result,
             message=reason,
             after_s=after_s,
             feedback=((0.0, feedback),) if feedback else (),
         )
-        return Performance(answer=answer, outputs={} if fails else outputs)
+        return PlayedSkill(answer=answer, outputs={} if fails else outputs)
 
     def _scripted(self, node: NodeSpec) -> ScriptedAnswer | None:
         for number, rule in enumerate(self._rules):

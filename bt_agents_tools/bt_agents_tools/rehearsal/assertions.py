@@ -7,17 +7,17 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import TypeVar
 
-from bt_agents.engine.run import Outcome
+from bt_agents.engine.run import TreeOutcome
 from bt_agents_language.files.testing.path_patterns import matches
 from bt_agents_language.files.testing.scenarios import (
+    AgentTestCase,
     Because,
-    Bids,
     CancelledBy,
-    Case,
     Does,
     DoesNot,
     Ends,
     Expectation,
+    ExpectedBids,
     Says,
     SkillUse,
     Teaches,
@@ -40,7 +40,7 @@ _TOLERANCE_S = 1e-6
 
 
 @dataclass(frozen=True, kw_only=True)
-class Finding:
+class AssertionFailure:
     """An expectation that was not fulfilled.
 
     Attributes:
@@ -54,19 +54,19 @@ class Finding:
     rows: tuple[Row, ...] = ()
 
 
-def findings(case: Case, rehearsed: Rehearsed) -> tuple[Finding, ...]:
+def findings(case: AgentTestCase, rehearsed: Rehearsed) -> tuple[AssertionFailure, ...]:
     """Return the expectations of a case that were not fulfilled."""
     wanted = {type(one) for one in case.expectations}
-    found: list[Finding] = []
-    if rehearsed.declined and Bids not in wanted:
+    found: list[AssertionFailure] = []
+    if rehearsed.declined and ExpectedBids not in wanted:
         message = (
             f"the agent does not bid for this scene, it {rehearsed.declined}; change the scene, "
             "or expect 'bids: false'"
         )
-        return (Finding(position=case.position, message=message),)
+        return (AssertionFailure(position=case.position, message=message),)
     if rehearsed.outcome is None and not rehearsed.declined and Ends not in wanted:
         message = f"the run did not end: {rehearsed.message}"
-        found.append(Finding(position=case.position, message=message))
+        found.append(AssertionFailure(position=case.position, message=message))
     for one in case.expectations:
         finding = _check(one, rehearsed)
         if finding is not None:
@@ -74,9 +74,9 @@ def findings(case: Case, rehearsed: Rehearsed) -> tuple[Finding, ...]:
     return tuple(found)
 
 
-def _check(wanted: Expectation, rehearsed: Rehearsed) -> Finding | None:
+def _check(wanted: Expectation, rehearsed: Rehearsed) -> AssertionFailure | None:
     match wanted:
-        case Bids():
+        case ExpectedBids():
             if wanted.wanted == (not rehearsed.declined):
                 return None
             if wanted.wanted:
@@ -96,14 +96,14 @@ def _check(wanted: Expectation, rehearsed: Rehearsed) -> Finding | None:
             if outcome == wanted.outcome:
                 return None
             message = f"ends: expected {wanted.outcome}, found {outcome}"
-            if rehearsed.outcome is not Outcome.SUCCEEDED:
+            if rehearsed.outcome is not TreeOutcome.SUCCEEDED:
                 message += f" ({rehearsed.message})"
             return _finding(wanted, message)
         case Because():
             if wanted.words.casefold() in rehearsed.message.casefold():
                 return None
             found = f"found '{rehearsed.message}'"
-            if rehearsed.outcome is Outcome.SUCCEEDED:
+            if rehearsed.outcome is TreeOutcome.SUCCEEDED:
                 found = "but the tree succeeded"
             return _finding(wanted, f"because: expected a reason with '{wanted.words}', {found}")
         case Within():
@@ -128,11 +128,11 @@ def _check(wanted: Expectation, rehearsed: Rehearsed) -> Finding | None:
             )
 
 
-def _finding(wanted: Expectation, message: str, rows: Sequence[Row] = ()) -> Finding:
-    return Finding(position=wanted.position, message=message, rows=tuple(rows))
+def _finding(wanted: Expectation, message: str, rows: Sequence[Row] = ()) -> AssertionFailure:
+    return AssertionFailure(position=wanted.position, message=message, rows=tuple(rows))
 
 
-def _visits(wanted: Visits, rehearsed: Rehearsed) -> Finding | None:
+def _visits(wanted: Visits, rehearsed: Rehearsed) -> AssertionFailure | None:
     ticked = sorted(
         path
         for path, marks in rehearsed.marks.items()
@@ -145,7 +145,7 @@ def _visits(wanted: Visits, rehearsed: Rehearsed) -> Finding | None:
     return _finding(wanted, f"not_visited: {ticked[0]} was ticked")
 
 
-def _says(wanted: Says, said: Sequence[Use]) -> Finding | None:
+def _says(wanted: Says, said: Sequence[Use]) -> AssertionFailure | None:
     texts = [value_text(use.main) for use in said]
 
     def same(expected: str, found: str) -> bool:
@@ -158,7 +158,7 @@ def _says(wanted: Says, said: Sequence[Use]) -> Finding | None:
     return _compared(wanted, "says", rows, wanted.exact)
 
 
-def _does(wanted: Does, uses: Sequence[Use]) -> Finding | None:
+def _does(wanted: Does, uses: Sequence[Use]) -> AssertionFailure | None:
     rows = [
         (
             _NOTHING if expected is None else _use_text(expected),
@@ -170,7 +170,7 @@ def _does(wanted: Does, uses: Sequence[Use]) -> Finding | None:
     return _compared(wanted, "does", rows, wanted.exact)
 
 
-def _does_not(wanted: DoesNot, uses: Sequence[Use]) -> Finding | None:
+def _does_not(wanted: DoesNot, uses: Sequence[Use]) -> AssertionFailure | None:
     for one in wanted.uses:
         found = next((use for use in uses if _fits(one, use)), None)
         if found is not None:
@@ -179,7 +179,9 @@ def _does_not(wanted: DoesNot, uses: Sequence[Use]) -> Finding | None:
     return None
 
 
-def _compared(wanted: Expectation, key: str, rows: list[Row], exact: bool) -> Finding | None:
+def _compared(
+    wanted: Expectation, key: str, rows: list[Row], exact: bool
+) -> AssertionFailure | None:
     rows = _side_by_side(rows)
     different = [row for row in rows if not row[2]]
     if not different:

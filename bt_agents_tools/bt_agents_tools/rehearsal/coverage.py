@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from enum import Enum
 
 from bt_agents_language.model.specs import AgentSpec, NodeSpec, Position
-from bt_agents_language.tools.linting.outcomes import Outcome, outcomes
+from bt_agents_language.tools.linting.outcomes import NodeOutcome, outcomes
 
 
 class Mark(Enum):
@@ -36,7 +36,7 @@ _BRANCHES: Mapping[str, tuple[tuple[Mark, str], ...]] = {
 }
 
 
-_OUTCOMES = {Mark.SUCCEEDED: Outcome.SUCCESS, Mark.FAILED: Outcome.FAILURE}
+_OUTCOMES = {Mark.SUCCEEDED: NodeOutcome.SUCCESS, Mark.FAILED: NodeOutcome.FAILURE}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -119,11 +119,11 @@ def _branches(node: NodeSpec) -> Iterator[tuple[NodeSpec, Mark, str]]:
     """Return what must have been seen of a node besides a tick, as far as it is possible."""
     possible = outcomes(node)
     for mark, words in _BRANCHES.get(node.kind, ()):
-        if _OUTCOMES.get(mark, Outcome.FAILURE) in possible or mark is Mark.LEFT_OUT:
+        if _OUTCOMES.get(mark, NodeOutcome.FAILURE) in possible or mark is Mark.LEFT_OUT:
             yield node, mark, words
     if node.kind in ("selector", "on_failure"):
         for child in node.children[: 1 if node.kind == "on_failure" else None]:
-            if Outcome.SUCCESS in outcomes(child):
+            if NodeOutcome.SUCCESS in outcomes(child):
                 yield child, Mark.SUCCEEDED, "never succeeded"
 
 

@@ -14,7 +14,7 @@ from bt_agents_tools.rehearsal.events import Event, EventKind
 _LIMITS = ("timeout", "while", "retry")
 
 
-class Teller:
+class EventOrder:
     """Turns the ticks of one rehearsal into events.
 
     Args:

@@ -7,8 +7,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import Enum, auto
 
-from bt_agents.engine.run import Outcome, StatusChange
-from bt_agents_core.feedback import Kind
+from bt_agents.engine.run import StatusChange, TreeOutcome
+from bt_agents_core.feedback import FeedbackKind
 from bt_agents_language.files.testing.scenarios import SPOKEN
 from bt_agents_language.model.specs import NodeSpec, Plain
 from bt_agents_tools.rehearsal.coverage import Marks
@@ -57,7 +57,7 @@ class Event:
     outputs: Mapping[str, Plain] = field(default_factory=dict)
     takes_s: float = 0.0
     words: str = ""
-    outcome: Outcome | None = None
+    outcome: TreeOutcome | None = None
     change: StatusChange | None = None
 
 
@@ -102,13 +102,13 @@ class Rehearsed:
         marks: Which nodes were ticked, and to what end.
     """
 
-    outcome: Outcome | None
+    outcome: TreeOutcome | None
     message: str
     duration_s: float
     ticks: int
     events: tuple[Event, ...]
     uses: tuple[Use, ...]
-    feedback: tuple[Kind, ...]
+    feedback: tuple[FeedbackKind, ...]
     cancelled_by: str
     declined: str
     marks: Marks

@@ -12,14 +12,14 @@ from typing import TYPE_CHECKING
 import pytest
 
 from bt_agents_core.errors import BtAgentsError
-from bt_agents_core.trees_folder import folder_around
+from bt_agents_core.trees_folder import enclosing_folder
 
 # The rest is imported when there is a case: pytest loads this module in every project.
 if TYPE_CHECKING:
     from _pytest._code.code import TerminalRepr, TracebackStyle
 
     from bt_agents_core.scene import SceneSpace
-    from bt_agents_language.files.testing.scenarios import Case
+    from bt_agents_language.files.testing.scenarios import AgentTestCase
     from bt_agents_language.model.specs import AgentSpec
     from bt_agents_tools.rehearsal.suite import TreesFolders
 
@@ -43,7 +43,7 @@ def pytest_collect_file(file_path: Path, parent: pytest.Collector) -> pytest.Col
 
 def _is_ours(path: Path) -> bool:
     with suppress(BtAgentsError):
-        if (folder_around(path) / "agents").is_dir():
+        if (enclosing_folder(path) / "agents").is_dir():
             return True
     try:
         with path.open("rb") as file:
@@ -82,7 +82,9 @@ class AgentTestFile(pytest.File):
 class AgentCase(pytest.Item):
     """One case."""
 
-    def __init__(self, *, agent: AgentSpec, space: SceneSpace, case: Case, **more: object) -> None:
+    def __init__(
+        self, *, agent: AgentSpec, space: SceneSpace, case: AgentTestCase, **more: object
+    ) -> None:
         super().__init__(**more)  # type: ignore[arg-type]
         self._agent = agent
         self._space = space

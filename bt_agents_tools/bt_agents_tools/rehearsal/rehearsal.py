@@ -14,20 +14,20 @@ from random import Random
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
-from bt_agents.engine.run import Outcome, Run, RunResult, StatusChange
+from bt_agents.engine.run import Run, RunResult, StatusChange, TreeOutcome
 from bt_agents.host.agent_registry import unmet
-from bt_agents_core.feedback import Kind
+from bt_agents_core.feedback import FeedbackKind
 from bt_agents_core.live_scene_view import LEASE_S
 from bt_agents_core.scene import SceneSpace
 from bt_agents_language.files.testing.path_patterns import matches, nodes_of
-from bt_agents_language.files.testing.scenarios import Happening, Scenario, ScriptedAnswer
+from bt_agents_language.files.testing.scenarios import Scenario, ScriptedAnswer, ScriptedEvent
 from bt_agents_language.model.specs import AgentSpec, NodeSpec, Plain
-from bt_agents_tools.rehearsal.answers import Answers, Typist
+from bt_agents_tools.rehearsal.answers import Answers, AnswerSource
 from bt_agents_tools.rehearsal.coverage import Mark
-from bt_agents_tools.rehearsal.event_order import Teller
+from bt_agents_tools.rehearsal.event_order import EventOrder
 from bt_agents_tools.rehearsal.events import Event, EventKind, Rehearsed, Use
 from bt_agents_tools.rehearsal.instrument import replaced, with_open_bindings, with_replacements
-from bt_agents_tools.rehearsal.rehearsal_environment import RehearsalWorld
+from bt_agents_tools.rehearsal.rehearsal_environment import RehearsalEnvironment
 from bt_agents_tools.rehearsal.rehearsal_scenes import RehearsedLive, awarded, change_text, watched
 from bt_agents_tools.rehearsal.tick_analysis import at_rest, limit_of, mark, running_leaves
 from bt_agents_tools.rehearsal.transcript import time_text, tuned_text
@@ -45,7 +45,7 @@ _PLACED = re.compile(r"\((?:tree|on_cancel)\S*, \S.*:\d+:\d+\)$")
 _NUDGE_S = 1e-6
 """Time is moved on by so little when a sum of times falls short by a rounding error [s]."""
 
-Prompt = Callable[[str, Sequence[NodeSpec]], Happening | None]
+Prompt = Callable[[str, Sequence[NodeSpec]], ScriptedEvent | None]
 """Is asked what happens while a tree only waits: why, in words, and the nodes that do.
 
 None is for nothing: then a time limit runs out, or, where there is none, the rehearsal ends.
@@ -71,7 +71,7 @@ def rehearse(
     scenario: Scenario,
     *,
     tell: Callable[[Event], None] | None = None,
-    typist: Typist | None = None,
+    typist: AnswerSource | None = None,
     prompt: Prompt | None = None,
     limits: Limits | None = None,
     against_its_bid: bool = False,
@@ -101,7 +101,7 @@ class _Rehearsal:
         space: SceneSpace,
         scenario: Scenario,
         tell: Callable[[Event], None] | None,
-        typist: Typist | None,
+        typist: AnswerSource | None,
         prompt: Prompt | None,
         limits: Limits,
     ) -> None:
@@ -119,16 +119,16 @@ class _Rehearsal:
         # number of changes before it.
         self._held: list[tuple[int, Event]] | None = None
         self._noted = 0
-        self._teller = Teller(self._nodes)
+        self._teller = EventOrder(self._nodes)
         # Nodes of the last tick in the order in which they answered, and how.
         self._ticked: list[tuple[Behaviour, Status]] = []
         self._marks: dict[str, set[Mark]] = {}
-        self._given: list[Kind] = []
+        self._given: list[FeedbackKind] = []
         self._cancelled_by = ""
         self._order = itertools.count()
-        self._agenda: list[tuple[float, int, Happening]] = []
+        self._agenda: list[tuple[float, int, ScriptedEvent]] = []
         self._awaited = [one for one in scenario.during if one.at]
-        self._world = RehearsalWorld(
+        self._world = RehearsalEnvironment(
             self._nodes,
             Answers(scenario.answers),
             ask=self._question,
@@ -177,7 +177,7 @@ class _Rehearsal:
         """Return why the run ended, and where it failed."""
         words = result.message
         tip = self._nodes.get(result.tip)
-        if result.outcome is Outcome.FAILED and tip is not None and not _PLACED.search(words):
+        if result.outcome is TreeOutcome.FAILED and tip is not None and not _PLACED.search(words):
             words += f" ({tip.path}, {tip.position})"
         if result.orphans:
             words += f" (still under way: {', '.join(result.orphans)})"
@@ -234,7 +234,7 @@ class _Rehearsal:
         waiting = "; ".join(f"{one.path}, {one.position}" for one in leaves)
         return f"it waits for ever: nothing more will happen ({waiting})"
 
-    def _asked_while_waiting(self, until: float) -> Happening | None:
+    def _asked_while_waiting(self, until: float) -> ScriptedEvent | None:
         """Return what the person who types lets happen while the tree waits for something.
 
         Args:
@@ -259,7 +259,7 @@ class _Rehearsal:
             self._left_alone |= {one.path for one in waits}
         return happening
 
-    def _plan(self, happening: Happening, at: float) -> None:
+    def _plan(self, happening: ScriptedEvent, at: float) -> None:
         heapq.heappush(self._agenda, (at, next(self._order), happening))
 
     def _happen(self) -> None:
@@ -270,7 +270,7 @@ class _Rehearsal:
                 self._live.change(one)
                 if one.silent:
                     # The tree notices when the lease ends, even one that only waits.
-                    self._plan(Happening(after_s=0.0), self._clock.now + LEASE_S + _NUDGE_S)
+                    self._plan(ScriptedEvent(after_s=0.0), self._clock.now + LEASE_S + _NUDGE_S)
                 self._event(EventKind.SCENE, change_text(one))
             if one.tunables:
                 self._tunables |= one.tunables
@@ -310,7 +310,7 @@ class _Rehearsal:
         self._note(self._run.cancel(reason))
         self._held = None
 
-    def _feedback(self, kind: Kind, words: str) -> None:
+    def _feedback(self, kind: FeedbackKind, words: str) -> None:
         self._given.append(kind)
         self._event(EventKind.FEEDBACK, f"{kind.name.lower()}: {words}")
 
@@ -340,13 +340,13 @@ class _Rehearsal:
 
         def ask() -> ScriptedAnswer | None:
             self._note(self._run.changes)
-            while isinstance(typed := typist.answer(use), Happening):
+            while isinstance(typed := typist.answer(use), ScriptedEvent):
                 self._plan(typed, self._clock.now + typed.after_s)
             return typed
 
         return ask
 
-    def _rehearsed(self, outcome: Outcome | None, message: str) -> Rehearsed:
+    def _rehearsed(self, outcome: TreeOutcome | None, message: str) -> Rehearsed:
         self._tell(
             Event(at_s=self._clock.now, kind=EventKind.ENDS, words=message, outcome=outcome)
         )

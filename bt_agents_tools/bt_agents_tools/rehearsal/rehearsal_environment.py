@@ -6,12 +6,12 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
-from bt_agents.engine.environment import Goal, GoalState
-from bt_agents.engine.scripted_environment import ManualClock, ScriptedGoal, ScriptedWorld
-from bt_agents_core.feedback import Kind
+from bt_agents.engine.environment import GoalState, SkillGoal
+from bt_agents.engine.scripted_environment import ManualClock, ScriptedEnvironment, ScriptedGoal
+from bt_agents_core.feedback import FeedbackKind
 from bt_agents_language.files.testing.scenarios import ScriptedAnswer
 from bt_agents_language.model.specs import NodeSpec, Plain
-from bt_agents_tools.rehearsal.answers import Answers, Performance
+from bt_agents_tools.rehearsal.answers import Answers, PlayedSkill
 from bt_agents_tools.rehearsal.events import Event, EventKind, Use
 
 
@@ -19,10 +19,10 @@ from bt_agents_tools.rehearsal.events import Event, EventKind, Use
 class _Open:
     run: ScriptedGoal
     use: Use
-    performance: Performance
+    performance: PlayedSkill
 
 
-class RehearsalWorld(ScriptedWorld):
+class RehearsalEnvironment(ScriptedEnvironment):
     """Answers from a script.
 
     Args:
@@ -45,7 +45,7 @@ class RehearsalWorld(ScriptedWorld):
         *,
         ask: Callable[[Use], Callable[[], ScriptedAnswer | None] | None],
         tell: Callable[[Event], None],
-        feedback: Callable[[Kind, str], None],
+        feedback: Callable[[FeedbackKind, str], None],
     ) -> None:
         super().__init__(clock=ManualClock())
         self.uses: list[Use] = []
@@ -57,7 +57,7 @@ class RehearsalWorld(ScriptedWorld):
         self._feedback = feedback
         self._under_way: list[_Open] = []
 
-    def send(self, goal: Goal) -> ScriptedGoal:
+    def send(self, goal: SkillGoal) -> ScriptedGoal:
         """Take a goal or request."""
         self.active = True
         self.report_ended()
@@ -73,7 +73,7 @@ class RehearsalWorld(ScriptedWorld):
             self._event(EventKind.BEGINS, use, takes_s=performance.answer.after_s)
         return run
 
-    def publish(self, goal: Goal) -> None:
+    def publish(self, goal: SkillGoal) -> None:
         """Take a message."""
         self.active = True
         self._event(EventKind.SENDS, self._use(goal))
@@ -83,7 +83,9 @@ class RehearsalWorld(ScriptedWorld):
         self.active = True
         self._tell(Event(at_s=self.clock(), kind=EventKind.LOGS, words=f"{level}: {text}"))
 
-    def give_feedback(self, kind: Kind, values: Mapping[str, float], reason: str) -> ScriptedGoal:
+    def give_feedback(
+        self, kind: FeedbackKind, values: Mapping[str, float], reason: str
+    ) -> ScriptedGoal:
         """Take feedback; it is always accepted."""
         self.active = True
         words = ", ".join(f"{name} {value:g}" for name, value in values.items())
@@ -111,7 +113,7 @@ class RehearsalWorld(ScriptedWorld):
                 words = f"{state.value}: {reason}" if reason else state.value
                 self._event(EventKind.FAILS, one.use, words=words)
 
-    def _use(self, goal: Goal) -> Use:
+    def _use(self, goal: SkillGoal) -> Use:
         use = Use(node=self._nodes[goal.sender], inputs=goal.fields)
         self.uses.append(use)
         return use

@@ -6,10 +6,10 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 
-from bt_agents_core.feedback import Kind
+from bt_agents_core.feedback import FeedbackKind
 from bt_agents_core.live_scene_view import LEASE_S
 from bt_agents_core.scene import Origin, Scene, SceneSpace, SceneValue
-from bt_agents_language.files.testing.scenarios import Happening, Scenario
+from bt_agents_language.files.testing.scenarios import Scenario, ScriptedEvent
 from bt_agents_language.model.specs import FeedbackRule
 from feedback_node.rules import Rule
 
@@ -49,7 +49,7 @@ class RehearsedLive:
         """True when nothing new is known."""
         return self._silent_since is not None
 
-    def change(self, happening: Happening) -> None:
+    def change(self, happening: ScriptedEvent) -> None:
         """Let something happen; what happens in silence is known once it is over."""
         self._scene = changed(self._scene, happening)
         if happening.silent is False:
@@ -64,7 +64,7 @@ class RehearsedLive:
         return self._seen if silent_s <= LEASE_S else replace(self._seen, stale_s=silent_s)
 
 
-def changed(scene: Scene, happening: Happening) -> Scene:
+def changed(scene: Scene, happening: ScriptedEvent) -> Scene:
     """Return a scene after something has happened."""
     values = tuple(
         SceneValue(name=one.name, value=happening.values[one.name], origin=Origin.MEASURED)
@@ -76,7 +76,7 @@ def changed(scene: Scene, happening: Happening) -> Scene:
     return replace(scene, values=values, person=person)
 
 
-def change_text(happening: Happening) -> str:
+def change_text(happening: ScriptedEvent) -> str:
     """Return in words how a scene changes."""
     words = [f"{name} {value:g}" for name, value in happening.values.items()]
     if happening.person is not None:
@@ -92,7 +92,7 @@ def watched(rule: FeedbackRule) -> Rule:
         text=rule.when.text,
         condition=rule.when,
         hold_s=rule.hold_s,
-        kind=Kind.POSITIVE if rule.positive else Kind.NEGATIVE,
+        kind=FeedbackKind.POSITIVE if rule.positive else FeedbackKind.NEGATIVE,
         cancel=rule.cancel,
         baseline_s=rule.baseline_s,
         release=rule.release,

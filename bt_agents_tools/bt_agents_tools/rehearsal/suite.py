@@ -10,12 +10,12 @@ from pathlib import Path
 
 from bt_agents_core.errors import BtAgentsError, ReadError
 from bt_agents_core.scene import SceneSpace
-from bt_agents_core.trees_folder import folder_around
+from bt_agents_core.trees_folder import enclosing_folder
 from bt_agents_language.files.folder_reader import TEST_SUFFIXES, Trees, read_trees
-from bt_agents_language.files.testing.scenarios import AgentTest, Case
+from bt_agents_language.files.testing.scenarios import AgentTest, AgentTestCase
 from bt_agents_language.files.testing.test_reader import read_test
 from bt_agents_language.model.specs import AgentSpec
-from bt_agents_tools.rehearsal.assertions import Finding, findings
+from bt_agents_tools.rehearsal.assertions import AssertionFailure, findings
 from bt_agents_tools.rehearsal.coverage import Coverage, coverage
 from bt_agents_tools.rehearsal.events import Rehearsed
 from bt_agents_tools.rehearsal.rehearsal import rehearse
@@ -30,9 +30,9 @@ class CaseResult:
         elapsed_s: Real time that it took [s].
     """
 
-    case: Case
+    case: AgentTestCase
     rehearsed: Rehearsed
-    findings: tuple[Finding, ...]
+    findings: tuple[AssertionFailure, ...]
     elapsed_s: float
 
     @property
@@ -64,7 +64,7 @@ class TreesFolders:
             BtAgentsError: It lies in none.
             ReadError: The scene or the skills of the folder are broken.
         """
-        folder = folder_around(path)
+        folder = enclosing_folder(path)
         if folder not in self._trees:
             self._trees[folder] = read_trees(folder)
         return self._trees[folder]
@@ -101,7 +101,7 @@ def find_tests(paths: Iterable[Path]) -> list[Path]:
     return list(found)
 
 
-def run_case(agent: AgentSpec, space: SceneSpace, case: Case) -> CaseResult:
+def run_case(agent: AgentSpec, space: SceneSpace, case: AgentTestCase) -> CaseResult:
     """Return how a case goes."""
     start = time.perf_counter()
     rehearsed = rehearse(agent, space, case.scenario)

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 from py_trees.common import Status
 
-from bt_agents.engine.run import TREE_SUCCEEDED, Outcome, StatusChange
+from bt_agents.engine.run import TREE_SUCCEEDED, StatusChange, TreeOutcome
 from bt_agents.engine.scope import spoken
 from bt_agents_language.model.specs import BindingKind, FieldType, NodeSpec, Plain, Tunable
 from bt_agents_language.yaml.renderers import columns
@@ -54,9 +54,9 @@ _STYLES = {
     EventKind.TICK: "dim",
 }
 _OUTCOMES = {
-    Outcome.SUCCEEDED: "bold green",
-    Outcome.FAILED: "bold red",
-    Outcome.CANCELLED: "bold yellow",
+    TreeOutcome.SUCCEEDED: "bold green",
+    TreeOutcome.FAILED: "bold red",
+    TreeOutcome.CANCELLED: "bold yellow",
     None: "bold red",
 }
 _UNITS = {FieldType.DURATION: " s", FieldType.LENGTH: " m", FieldType.ANGLE: " rad"}
@@ -64,7 +64,7 @@ _STATUS = {Status.INVALID: "■", Status.RUNNING: "▷", Status.SUCCESS: "✔", 
 
 
 @dataclass(frozen=True, kw_only=True)
-class Line:
+class TranscriptLine:
     """One line for a terminal, with a style of rich."""
 
     text: str
@@ -76,7 +76,7 @@ def transcript(events: Iterable[Event], *, ticks: bool = False, width: int = WID
     return "\n".join(line.text for event in events for line in lines(event, ticks, width))
 
 
-def lines(event: Event, ticks: bool, width: int = WIDTH) -> list[Line]:
+def lines(event: Event, ticks: bool, width: int = WIDTH) -> list[TranscriptLine]:
     """Return how an event is shown; one that says nothing new is not shown.
 
     Args:
@@ -96,7 +96,7 @@ def lines(event: Event, ticks: bool, width: int = WIDTH) -> list[Line]:
     shown = [f"{head}{folded[0]}", *(f"{'':{len(head)}}{one}" for one in folded[1:])]
     if aside:
         shown[0] += " " * max(2, width - columns(shown[0]) - len(aside)) + aside
-    return [Line(text=one, style=style) for one in shown]
+    return [TranscriptLine(text=one, style=style) for one in shown]
 
 
 def _folded(words: str, room: int) -> list[str]:

@@ -66,7 +66,7 @@ class AgentEntry:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Card:
+class LearningCard:
     """One host's card as received, unchecked; see ``HostCard.msg``."""
 
     host: str
@@ -114,7 +114,7 @@ class Agent:
 
 
 def read_card(
-    card: Card, space: SceneSpace, known: Mapping[str, Agent] = MappingProxyType({})
+    card: LearningCard, space: SceneSpace, known: Mapping[str, Agent] = MappingProxyType({})
 ) -> tuple[tuple[Agent, ...], tuple[str, ...]]:
     """Check a card; one bad agent or rule does not spoil the others.
 

@@ -8,11 +8,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from bt_agents_core.scene import SceneSpace, Vector
-from feedback_node.ledger.ledger_rows import Revision
+from feedback_node.ledger.ledger_rows import ProfileRevision
 
 
 @dataclass(frozen=True, kw_only=True)
-class Change:
+class ProfileChange:
     """A change that is recorded; vectors in the order of the space, NaN for what was not there.
 
     Attributes:
@@ -29,7 +29,7 @@ class Change:
         others: What the same feedback has changed in other layers.
     """
 
-    revision: Revision
+    revision: ProfileRevision
     before: Vector
     after: Vector
     target: Vector
@@ -37,10 +37,10 @@ class Change:
     false_rate: float = math.nan
     fresh: bool
     words: str
-    others: tuple[Change, ...] = ()
+    others: tuple[ProfileChange, ...] = ()
 
     @property
-    def all(self) -> tuple[Change, ...]:
+    def all(self) -> tuple[ProfileChange, ...]:
         """This one and the others."""
         return (self, *self.others)
 
@@ -71,17 +71,17 @@ Table = tuple[tuple[str, str, int, Vector], ...]
 
 
 def changed(
-    revision: Revision,
-    before: Revision,
+    revision: ProfileRevision,
+    before: ProfileRevision,
     space: SceneSpace,
     *,
     fresh: bool,
     words: str,
     false_rate: float = math.nan,
-) -> Change:
-    """Return a recorded change as vectors; see :class:`Change`."""
+) -> ProfileChange:
+    """Return a recorded change as vectors; see :class:`ProfileChange`."""
     rates = revision.cause.rates
-    return Change(
+    return ProfileChange(
         revision=revision,
         before=space.ordered(before.profile),
         after=space.ordered(revision.profile),
@@ -93,7 +93,7 @@ def changed(
     )
 
 
-def moved(before: Revision, after: Revision) -> str:
+def moved(before: ProfileRevision, after: ProfileRevision) -> str:
     """Return the difference of two revisions in words and numbers."""
     moves = [
         f"{name} {before.profile.get(name, math.nan):.4g} → {value:.4g}"
@@ -103,7 +103,7 @@ def moved(before: Revision, after: Revision) -> str:
     return ", ".join(moves) or "the profile stays as it is"
 
 
-def together(changes: Sequence[Change]) -> Change:
+def together(changes: Sequence[ProfileChange]) -> ProfileChange:
     """Return the changes of one feedback as one, the words of all in it."""
     first, *others = changes
     more = [one.words if one.revision.layer else f"for everybody {one.words}" for one in others]

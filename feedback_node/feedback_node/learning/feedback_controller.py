@@ -9,16 +9,16 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from bt_agents_core.errors import STORAGE_FULL, Refused
-from bt_agents_core.feedback import MOOD_RULE, Kind
+from bt_agents_core.feedback import MOOD_RULE, FeedbackKind
 from bt_agents_core.live_scene_view import LEASE_S
 from bt_agents_core.scene import Scene, Vector
-from feedback_node.learning.cards import Card
-from feedback_node.learning.changes import Change, Delivery
+from feedback_node.learning.cards import LearningCard
+from feedback_node.learning.changes import Delivery, ProfileChange
 from feedback_node.learning.profiles import Profiles
-from feedback_node.learning.runs import Run, Runs
+from feedback_node.learning.runs import AnnouncedRun, AnnouncedRuns
 from feedback_node.ledger.ledger_file import LedgerError
 from feedback_node.ledger.ledger_rows import FORGOTTEN
-from feedback_node.mood_trace import MoodTrace, Told
+from feedback_node.mood_trace import MoodTrace, ReportedMood
 from feedback_node.rules import Fired, Watch
 from feedback_node.simulated_feedback import SimulatedFeedback
 
@@ -30,7 +30,7 @@ MOST_UNRECORDED = 100
 
 
 @dataclass(frozen=True, kw_only=True)
-class Given:
+class FeedbackRequest:
     """Feedback from outside, unchecked; see ``GiveFeedback.srv``."""
 
     feedback_id: str = ""
@@ -44,16 +44,16 @@ class Given:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Stop:
+class RuleStop:
     """The market is to stop a run and to ask again for the scene as it is now."""
 
-    run: Run
+    run: AnnouncedRun
     reason: str
     live: Scene
 
 
 @dataclass(frozen=True, kw_only=True)
-class Lesson:
+class RuleOutcome:
     """What follows from a rule that fired.
 
     Attributes:
@@ -62,21 +62,21 @@ class Lesson:
         stop: Set when the rule also stops the run, whether or not the profile could move.
     """
 
-    change: Change | None = None
+    change: ProfileChange | None = None
     problem: str = ""
-    stop: Stop | None = None
+    stop: RuleStop | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
 class _Unrecorded:
     """What a rule teaches, until it is recorded."""
 
-    run: Run
+    run: AnnouncedRun
     fired: Fired
     leaf: str
 
 
-class Teaching:
+class FeedbackController:
     """Turns what happens around a run into changes of profiles."""
 
     def __init__(
@@ -103,7 +103,7 @@ class Teaching:
         self._new_id = new_id
         self._simulated = simulated
         self._resumed = False
-        self._runs = Runs()
+        self._runs = AnnouncedRuns()
         self._watch: Watch | None = None
         self._trace: MoodTrace | None = None
         self._tip: tuple[tuple[str, int, str], str] | None = None
@@ -119,7 +119,7 @@ class Teaching:
         if self._trace is not None:
             self._trace.lease_s = seconds
 
-    def runs(self, run: Run) -> bool:
+    def runs(self, run: AnnouncedRun) -> bool:
         """Return True while a run goes on."""
         return self._runs.current is not None and self._runs.current.key == run.key
 
@@ -143,13 +143,13 @@ class Teaching:
         run = self._runs.current
         return self.following and run is not None and run.scene.scene_id == scene_id
 
-    def introduce(self, card: Card) -> tuple[tuple[Delivery, ...], tuple[str, ...]]:
+    def introduce(self, card: LearningCard) -> tuple[tuple[Delivery, ...], tuple[str, ...]]:
         """Take a host's card; see :meth:`Profiles.introduce`."""
         result = self.profiles.introduce(card)
         self._begin()
         return result
 
-    def started(self, run: Run, *, replayed: bool = False) -> None:
+    def started(self, run: AnnouncedRun, *, replayed: bool = False) -> None:
         """Watch a run; one that is known to be over is not watched.
 
         Args:
@@ -164,12 +164,12 @@ class Teaching:
             self._card_awaited = True
             self._begin()
 
-    def cancelling(self, run: Run) -> None:
+    def cancelling(self, run: AnnouncedRun) -> None:
         """Watch a run no more: what the person does while it is being stopped teaches nothing."""
         if self.runs(run):
             self._stop_watching()
 
-    def ended(self, run: Run) -> Told | None:
+    def ended(self, run: AnnouncedRun) -> ReportedMood | None:
         """Note the end of a run, including one that never started for this node.
 
         Returns:
@@ -180,17 +180,17 @@ class Teaching:
         self._stop_watching()
         trace, self._trace = self._trace, None
         leaves = trace.so_far() if trace is not None else ()
-        return Told(run=run, leaves=leaves) if leaves else None
+        return ReportedMood(run=run, leaves=leaves) if leaves else None
 
     def ticked(self, key: tuple[str, int, str], leaf: str) -> None:
-        """Take the path of the node that is at work in a run; see :attr:`Run.key`.
+        """Take the path of the node that is at work in a run; see :attr:`AnnouncedRun.key`.
 
         It may be heard before the start of the run, which somebody else tells.
         """
         self._tip = (key, leaf)
         self._follow_tip()
 
-    def see(self, live: Scene) -> tuple[Lesson, ...]:
+    def see(self, live: Scene) -> tuple[RuleOutcome, ...]:
         """Take a live scene; one of another scene than the run's is ignored."""
         run = self._runs.current
         if run is None or live.scene_id != run.scene.scene_id:
@@ -199,28 +199,30 @@ class Teaching:
             self._trace.see(live)
         return () if self._watch is None else self._lessons(run, self._watch.see(live))
 
-    def tick(self) -> tuple[Lesson, ...]:
+    def tick(self) -> tuple[RuleOutcome, ...]:
         """Let time pass."""
         run = self._runs.current
         if run is None or self._watch is None:
             return ()
         return self._lessons(run, self._watch.tick())
 
-    def again(self) -> tuple[Lesson, ...]:
+    def again(self) -> tuple[RuleOutcome, ...]:
         """Try once more to record what rules have taught while the disk was full."""
         lessons = []
         while self._unrecorded:
             one = self._unrecorded[0]
             try:
-                lessons.append(Lesson(change=self._learn(one)))
+                lessons.append(RuleOutcome(change=self._learn(one)))
             except Refused as refusal:
                 if refusal.code == STORAGE_FULL:
                     break
-                lessons.append(Lesson(problem=f"{one.run.agent}: {one.fired.reason}: {refusal}"))
+                lessons.append(
+                    RuleOutcome(problem=f"{one.run.agent}: {one.fired.reason}: {refusal}")
+                )
             self._unrecorded.popleft()
         return tuple(lessons)
 
-    def give(self, given: Given) -> Change:
+    def give(self, given: FeedbackRequest) -> ProfileChange:
         """Apply feedback from a person, a button or a program.
 
         Feedback may come late, so it counts for the scene that it names; without one for that of
@@ -236,7 +238,7 @@ class Teaching:
         agent = given.agent or self._agent()
         self.profiles.agent(agent)
         try:
-            kind = Kind(given.kind)
+            kind = FeedbackKind(given.kind)
         except ValueError:
             raise Refused(
                 "UNKNOWN_KIND",
@@ -245,11 +247,13 @@ class Teaching:
             ) from None
         run = self._runs.last(agent)
         if given.scene is not None and (run is None or run.scene.scene_id != given.scene.scene_id):
-            run = Run(epoch="", round=0, agent=agent, scene=given.scene)
+            run = AnnouncedRun(epoch="", round=0, agent=agent, scene=given.scene)
         return self.profiles.apply(
             agent,
             kind,
-            given.values if kind in (Kind.DIRECT, Kind.SET) else _scene(given, agent, run),
+            given.values
+            if kind in (FeedbackKind.DIRECT, FeedbackKind.SET)
+            else _scene(given, agent, run),
             feedback_id=given.feedback_id or self._new_id(),
             source=given.source,
             reason=given.reason,
@@ -257,7 +261,7 @@ class Teaching:
             leaf=given.leaf or self._leaf(run),
         )
 
-    def collect(self, run: Run) -> Change | None:
+    def collect(self, run: AnnouncedRun) -> ProfileChange | None:
         """Apply the simulated feedback for a run that has ended; None when there is none.
 
         Raises:
@@ -285,7 +289,7 @@ class Teaching:
         try:
             return self.profiles.apply(
                 run.agent,
-                Kind.DIRECT,
+                FeedbackKind.DIRECT,
                 wanted,
                 feedback_id=feedback_id,
                 source="simulated",
@@ -321,15 +325,17 @@ class Teaching:
         self._watch = None
         self._card_awaited = False
 
-    def _lessons(self, run: Run, fired: tuple[Fired, ...]) -> tuple[Lesson, ...]:
+    def _lessons(self, run: AnnouncedRun, fired: tuple[Fired, ...]) -> tuple[RuleOutcome, ...]:
         return tuple(self._lesson(run, one) for one in fired)
 
-    def _lesson(self, run: Run, fired: Fired) -> Lesson:
-        stop = Stop(run=run, reason=fired.reason, live=fired.live) if fired.rule.cancel else None
+    def _lesson(self, run: AnnouncedRun, fired: Fired) -> RuleOutcome:
+        stop = (
+            RuleStop(run=run, reason=fired.reason, live=fired.live) if fired.rule.cancel else None
+        )
         leaf = self._trace.leaf_at(fired.since) if self._trace is not None else ""
         unrecorded = _Unrecorded(run=run, fired=fired, leaf=leaf)
         try:
-            return Lesson(change=self._learn(unrecorded), stop=stop)
+            return RuleOutcome(change=self._learn(unrecorded), stop=stop)
         except Refused as refusal:
             problem = f"{run.agent}: {fired.reason}, but {refusal}"
             if refusal.code == STORAGE_FULL:
@@ -338,9 +344,9 @@ class Teaching:
                     lost = self._unrecorded[0]
                     problem += f"; lost is that of {lost.run.agent} in round {lost.run.round}"
                 self._unrecorded.append(unrecorded)
-            return Lesson(problem=problem, stop=stop)
+            return RuleOutcome(problem=problem, stop=stop)
 
-    def _learn(self, one: _Unrecorded) -> Change:
+    def _learn(self, one: _Unrecorded) -> ProfileChange:
         rule = one.fired.rule
         return self.profiles.apply(
             one.run.agent,
@@ -354,7 +360,7 @@ class Teaching:
             leaf=one.leaf,
         )
 
-    def _leaf(self, run: Run | None) -> str:
+    def _leaf(self, run: AnnouncedRun | None) -> str:
         """Return which node of a run is at work now; empty when it does not go on."""
         if run is None or self._trace is None or not self.runs(run):
             return ""
@@ -369,7 +375,7 @@ class Teaching:
         return run.agent
 
 
-def _scene(given: Given, agent: str, run: Run | None) -> Vector:
+def _scene(given: FeedbackRequest, agent: str, run: AnnouncedRun | None) -> Vector:
     if given.values:
         raise Refused(
             "WRONG_LENGTH",
@@ -385,13 +391,13 @@ def _scene(given: Given, agent: str, run: Run | None) -> Vector:
     return run.scene.observed
 
 
-def _rule_id(run: Run, fired: Fired) -> str:
+def _rule_id(run: AnnouncedRun, fired: Fired) -> str:
     """Return the id of what a rule teaches: the same after a restart of this node."""
     again = f"/{fired.count}" if fired.count else ""
     return f"rule/{run.epoch}/{run.round}/{run.agent}/{fired.index}{again}"
 
 
-def _same(given: Given, known: Change) -> Change:
+def _same(given: FeedbackRequest, known: ProfileChange) -> ProfileChange:
     agent, kind = known.revision.agent, known.revision.cause.kind
     # What has been forgotten does not say any more which kind it was.
     other_kind = known.revision.cause.cause != FORGOTTEN and given.kind != kind

@@ -5,13 +5,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-from bt_agents_core.feedback import Kind, LearningRule
+from bt_agents_core.feedback import FeedbackKind, LearningRule
 from bt_agents_core.profile_layers import EVERYBODY, checked_layer, layers_of
 from bt_agents_core.scene import Scene, SceneSpace, Vector
 from feedback_node.learning import learning_step
 from feedback_node.learning.cards import Agent
 from feedback_node.ledger.ledger import Ledger
-from feedback_node.ledger.ledger_rows import Cause, Revision, hidden
+from feedback_node.ledger.ledger_rows import ProfileRevision, RevisionCause, hidden
 
 _RECENT = 30
 """Feedbacks from which the share of wrong ones is estimated."""
@@ -34,13 +34,15 @@ class LayerStep:
         recent: What the layer was taught last, this included; see :func:`taught`.
     """
 
-    cause: Cause
+    cause: RevisionCause
     step: learning_step.Step
     false_rate: float
     recent: tuple[Vector, ...]
 
 
-def shares(rule: LearningRule, kind: Kind, scene: Scene | None) -> tuple[tuple[str, float], ...]:
+def shares(
+    rule: LearningRule, kind: FeedbackKind, scene: Scene | None
+) -> tuple[tuple[str, float], ...]:
     """Return the layers that a feedback teaches, each with how much of it, 0..1.
 
     Without the layer of a person or a place that is the profile for everybody, alone and in full;
@@ -49,7 +51,7 @@ def shares(rule: LearningRule, kind: Kind, scene: Scene | None) -> tuple[tuple[s
     Raises:
         Refused: ``BAD_LAYER`` for a person or a place whose name is none of a layer.
     """
-    of_scene = {} if scene is None or kind is Kind.SET else layers_of(scene)
+    of_scene = {} if scene is None or kind is FeedbackKind.SET else layers_of(scene)
     own = tuple(
         (checked_layer(layer), 1.0) for one, layer in of_scene.items() if one in rule.layers
     )
@@ -58,7 +60,7 @@ def shares(rule: LearningRule, kind: Kind, scene: Scene | None) -> tuple[tuple[s
     return (*own, (EVERYBODY, rule.general)) if rule.general > 0.0 else own
 
 
-def anonymous(cause: Cause) -> Cause:
+def anonymous(cause: RevisionCause) -> RevisionCause:
     """Return a cause without what leads back to the person whose layer was taught as well."""
     assert cause.feedback_id is not None
     feedback_id = hidden(cause.feedback_id)
@@ -66,13 +68,13 @@ def anonymous(cause: Cause) -> Cause:
 
 
 def layer_step(
-    kind: Kind,
+    kind: FeedbackKind,
     profile: Vector,
     target: Vector,
     *,
     agent: Agent,
     share: float,
-    cause: Cause,
+    cause: RevisionCause,
     changes: int,
     recent: tuple[Vector, ...],
     space: SceneSpace,
@@ -106,7 +108,9 @@ def layer_step(
             recent=recent[-rule.window :], changes=changes, authored=agent.authored
         ),
     )
-    asked = () if kind is Kind.SET else (learning_step.asked(kind, step.before, step.target),)
+    asked = (
+        () if kind is FeedbackKind.SET else (learning_step.asked(kind, step.before, step.target),)
+    )
     of_rate = all(rate == step.rate for rate in step.rates)
     return LayerStep(
         cause=replace(
@@ -115,7 +119,7 @@ def layer_step(
             weight=step.weight,
             rates={} if of_rate else space.named(step.rates),
             target=space.named(step.target),
-            changes=changes + (kind is not Kind.SET),
+            changes=changes + (kind is not FeedbackKind.SET),
         ),
         step=step,
         false_rate=learning_step.false_rate((*recent[-_RECENT:], *asked), space),
@@ -134,25 +138,27 @@ def taught(
     found = []
     for row in ledger.taught(agent, layer, newest=max(window, _RECENT)):
         target = space.ordered(row.cause.target)
-        if row.cause.kind == Kind.NEGATIVE:
+        if row.cause.kind == FeedbackKind.NEGATIVE:
             before = ledger.before(row)
-            target = learning_step.asked(Kind.NEGATIVE, space.ordered(before.profile), target)
+            target = learning_step.asked(
+                FeedbackKind.NEGATIVE, space.ordered(before.profile), target
+            )
         found.append(target)
     return tuple(found)
 
 
-class Lessons:
+class LayerFeedback:
     """Remembers what was taught last, so that a feedback need not read the rows before it."""
 
     def __init__(self) -> None:
         self._known: dict[tuple[str, str], tuple[int, int, tuple[Vector, ...]]] = {}
 
-    def known(self, current: Revision, window: int) -> tuple[Vector, ...] | None:
+    def known(self, current: ProfileRevision, window: int) -> tuple[Vector, ...] | None:
         """Return what has led to a revision, as of :func:`taught`; None when it is not known."""
         number, reach, recent = self._known.get((current.agent, current.layer), (-1, 0, ()))
         return recent if (number, reach) == (current.revision, window) else None
 
-    def keep(self, revision: Revision, window: int, recent: tuple[Vector, ...]) -> None:
+    def keep(self, revision: ProfileRevision, window: int, recent: tuple[Vector, ...]) -> None:
         """Take what has led to a revision that was just recorded."""
         key = (revision.agent, revision.layer)
         self._known.pop(key, None)

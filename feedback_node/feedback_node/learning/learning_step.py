@@ -17,7 +17,7 @@ from statistics import median
 import numpy as np
 
 from bt_agents_core.errors import Refused
-from bt_agents_core.feedback import Kind, LearningRule, Update
+from bt_agents_core.feedback import FeedbackKind, LearningRule, Update
 from bt_agents_core.scene import SceneSpace, Vector
 from feedback_node.learning import updates
 
@@ -69,7 +69,7 @@ class Step:
         words: The move in words and numbers; says why when nothing has moved.
     """
 
-    kind: Kind
+    kind: FeedbackKind
     before: Vector
     target: Vector
     rate: float
@@ -80,7 +80,7 @@ class Step:
 
 
 def step(
-    kind: Kind,
+    kind: FeedbackKind,
     profile: Vector,
     target: Vector,
     *,
@@ -112,7 +112,7 @@ def step(
     checked_rate(rate)
     checked_weight(weight)
     of_rule = updates.arrays(rule, space)
-    at_once = kind is Kind.SET
+    at_once = kind is FeedbackKind.SET
     rates = (
         np.ones(len(space)) if at_once else updates.rates(of_rule, rate, weight, evidence.changes)
     )
@@ -145,7 +145,7 @@ def step(
     )
 
 
-def asked(kind: Kind, profile: Vector, target: Vector) -> Vector:
+def asked(kind: FeedbackKind, profile: Vector, target: Vector) -> Vector:
     """Return the profile that a feedback asked for, which is the ``recent`` of later ones.
 
     Args:
@@ -210,8 +210,8 @@ def checked_weight(weight: float) -> float:
     return weight
 
 
-def _target(kind: Kind, target: Vector, space: SceneSpace) -> Vector:
-    of_scene = kind in (Kind.POSITIVE, Kind.NEGATIVE)
+def _target(kind: FeedbackKind, target: Vector, space: SceneSpace) -> Vector:
+    of_scene = kind in (FeedbackKind.POSITIVE, FeedbackKind.NEGATIVE)
     vector = space.vector(target, missing=True, what="scene" if of_scene else "feedback")
     if not all(math.isnan(value) for value in vector):
         return vector
@@ -229,7 +229,7 @@ def _target(kind: Kind, target: Vector, space: SceneSpace) -> Vector:
 
 
 def _why_not(
-    kind: Kind,
+    kind: FeedbackKind,
     before: Vector,
     target: Vector,
     rates: Vector,
@@ -240,7 +240,7 @@ def _why_not(
     if all(rates[i] == 0.0 for i in opinions):
         return "the learning rate is 0"
     if all(target[i] == before[i] for i in opinions):
-        if kind is Kind.NEGATIVE:
+        if kind is FeedbackKind.NEGATIVE:
             return "it lies exactly on the scene, so no direction leads away"
         return "it is there already"
     if rule.update is Update.MEDIAN:
@@ -249,7 +249,7 @@ def _why_not(
         abs(before[i] - evidence.authored[i]) >= rule.drift[i] for i in opinions
     ):
         return "it may not get farther from its file"
-    if kind is Kind.NEGATIVE:
+    if kind is FeedbackKind.NEGATIVE:
         return "it is at the edge of the ranges"
     return "the step is too small"
 

@@ -9,18 +9,25 @@ from contextlib import suppress
 from dataclasses import replace
 
 from bt_agents_core.errors import Refused
-from bt_agents_core.feedback import Kind
+from bt_agents_core.feedback import FeedbackKind
 from bt_agents_core.profile_layers import MOST_LAYERS
 from bt_agents_core.scene import SceneSpace, Vector
 from feedback_node.learning import learning_step
-from feedback_node.learning.cards import Agent, Card, read_card
-from feedback_node.learning.changes import Change, Delivery, Table, changed, moved, together
-from feedback_node.learning.layers import LayerStep, Lessons, anonymous, layer_step, shares, taught
-from feedback_node.learning.runs import Run
+from feedback_node.learning.cards import Agent, LearningCard, read_card
+from feedback_node.learning.changes import Delivery, ProfileChange, Table, changed, moved, together
+from feedback_node.learning.layers import (
+    LayerFeedback,
+    LayerStep,
+    anonymous,
+    layer_step,
+    shares,
+    taught,
+)
+from feedback_node.learning.runs import AnnouncedRun
 from feedback_node.learning.texts import check_texts, one_line
-from feedback_node.ledger.ledger import Entry, Ledger
+from feedback_node.ledger.ledger import Ledger, LedgerEntry
 from feedback_node.ledger.ledger_file import LedgerError
-from feedback_node.ledger.ledger_rows import FORGOTTEN, LAYER, Cause, Revision
+from feedback_node.ledger.ledger_rows import FORGOTTEN, LAYER, ProfileRevision, RevisionCause
 
 MOST_HOSTS = 100
 """Hosts whose agents are known at once."""
@@ -36,11 +43,11 @@ class Profiles:
         self._ledger = ledger
         self._agents: dict[str, Agent] = {}
         self._starts: dict[str, str] = {}
-        self._current: dict[tuple[str, str], Revision] = {}
+        self._current: dict[tuple[str, str], ProfileRevision] = {}
         self._false_rates: dict[tuple[str, str], tuple[int, float]] = {}
-        self._lessons = Lessons()
+        self._lessons = LayerFeedback()
 
-    def introduce(self, card: Card) -> tuple[tuple[Delivery, ...], tuple[str, ...]]:
+    def introduce(self, card: LearningCard) -> tuple[tuple[Delivery, ...], tuple[str, ...]]:
         """Take a host's card.
 
         One without agents is of a start that the market does not have: it takes nothing away from
@@ -149,7 +156,7 @@ class Profiles:
             if layer and self._agents[name].host == host
         )
 
-    def deliveries(self, changes: Iterable[Change]) -> tuple[Delivery, ...]:
+    def deliveries(self, changes: Iterable[ProfileChange]) -> tuple[Delivery, ...]:
         """Return what the hosts of those agents that are known are to be told of changes."""
         return tuple(
             self.delivery(change.revision.agent, change.revision.layer)
@@ -168,7 +175,7 @@ class Profiles:
         """Return agent → how many of its changes have a feedback id that begins so."""
         return self._ledger.count(prefix)
 
-    def recorded(self, feedback_id: str) -> Change | None:
+    def recorded(self, feedback_id: str) -> ProfileChange | None:
         """Return the change that a feedback led to; None for a new id."""
         found = self._ledger.found(feedback_id)
         if not found:
@@ -186,16 +193,16 @@ class Profiles:
     def apply(
         self,
         name: str,
-        kind: Kind,
+        kind: FeedbackKind,
         target: Vector,
         *,
         feedback_id: str,
         source: str,
         reason: str,
-        run: Run | None,
+        run: AnnouncedRun | None,
         cancels: bool = False,
         leaf: str = "",
-    ) -> Change:
+    ) -> ProfileChange:
         """Move an agent's profile and record it; the same id is applied once.
 
         Where the agent learns apart for the person or the place of the run's scene, their layers
@@ -222,7 +229,7 @@ class Profiles:
         agent = self.agent(name)
         reason = one_line(reason)
         check_texts(feedback_id=feedback_id, source=source, reason=reason, leaf=leaf)
-        cause = Cause(
+        cause = RevisionCause(
             kind=kind,
             source=source,
             reason=reason,
@@ -233,7 +240,7 @@ class Profiles:
             leaf=leaf,
             cancels=cancels,
         )
-        entries: list[Entry] = []
+        entries: list[LedgerEntry] = []
         steps: dict[str, LayerStep] = {}
         crowded: list[Refused] = []
         scene = run.scene if run else None
@@ -261,7 +268,7 @@ class Profiles:
             )
             steps[layer] = one
             after = self.space.named(one.step.after)
-            entries.append(Entry(agent=name, layer=layer, profile=after, cause=one.cause))
+            entries.append(LedgerEntry(agent=name, layer=layer, profile=after, cause=one.cause))
         if crowded and not steps:
             raise crowded[0]
         try:
@@ -279,8 +286,8 @@ class Profiles:
         return change
 
     def taken(
-        self, revisions: Iterable[Revision], steps: Mapping[str, LayerStep] | None = None
-    ) -> Change:
+        self, revisions: Iterable[ProfileRevision], steps: Mapping[str, LayerStep] | None = None
+    ) -> ProfileChange:
         """Take over what the ledger has recorded for agents, known or not.
 
         Args:
@@ -326,7 +333,7 @@ class Profiles:
         return tuple(told)
 
     def false_rate(self, name: str, layer: str = "") -> float:
-        """Return how much of what a profile was taught seems to be wrong; see :class:`Change`.
+        """Return how much of what a profile was taught seems to be wrong; see :class:`ProfileChange`.
 
         Raises:
             LedgerError: ``LEDGER_CORRUPT`` or ``LEDGER_UNREADABLE``.
@@ -339,7 +346,7 @@ class Profiles:
         known = self._lessons.known(current, window) if current is not None else None
         return taught(self._ledger, name, layer, self.space, window) if known is None else known
 
-    def _false_rate_of(self, revision: Revision, step: LayerStep | None) -> float:
+    def _false_rate_of(self, revision: ProfileRevision, step: LayerStep | None) -> float:
         """Return it for the current revision of a profile; estimated once for each."""
         key = (revision.agent, revision.layer)
         number, rate = self._false_rates.get(key, (-1, math.nan))
@@ -350,7 +357,7 @@ class Profiles:
         self._false_rates[key] = (revision.revision, rate)
         return rate
 
-    def beginning(self, name: str, layer: str) -> Entry:
+    def beginning(self, name: str, layer: str) -> LedgerEntry:
         """Return how a layer of an agent that the ledger knows begins.
 
         Raises:
@@ -365,10 +372,10 @@ class Profiles:
                 f"{MOST_LAYERS} at most; 'bt-agents profile expire' forgets those that have not "
                 "changed for long",
             )
-        cause = Cause(cause=LAYER, source="feedback", reason=_BEGINS)
+        cause = RevisionCause(cause=LAYER, source="feedback", reason=_BEGINS)
         everybody = self._ledger.current(name)
         profile = everybody.profile if everybody is not None else {}
-        return Entry(agent=name, layer=layer, profile=profile, cause=cause)
+        return LedgerEntry(agent=name, layer=layer, profile=profile, cause=cause)
 
     def reload(self) -> None:
         """Take over what the ledger has, after it could not say whether something is recorded."""

@@ -13,7 +13,7 @@ _REMEMBERED_AGENTS = 10_000
 
 
 @dataclass(frozen=True, kw_only=True)
-class Run:
+class AnnouncedRun:
     """One run of one agent.
 
     Attributes:
@@ -34,7 +34,7 @@ class Run:
         return self.epoch, self.round, self.agent
 
 
-class Runs:
+class AnnouncedRuns:
     """Follows the events of runs; exactly one runs at a time.
 
     Events may be replayed from the history of their topic, so a start can arrive for a run that is
@@ -42,12 +42,12 @@ class Runs:
     """
 
     def __init__(self) -> None:
-        self.current: Run | None = None
-        self._last: Run | None = None
-        self._of_agent: dict[str, Run] = {}
+        self.current: AnnouncedRun | None = None
+        self._last: AnnouncedRun | None = None
+        self._of_agent: dict[str, AnnouncedRun] = {}
         self._ended: deque[tuple[str, int, str]] = deque(maxlen=_REMEMBERED_ENDS)
 
-    def started(self, run: Run) -> bool:
+    def started(self, run: AnnouncedRun) -> bool:
         """Note a start; return True when this run is now the current one and was not before."""
         if run.key in self._ended or (self.current is not None and self.current.key == run.key):
             return False
@@ -55,7 +55,7 @@ class Runs:
         self._remember(run)
         return True
 
-    def ended(self, run: Run) -> bool:
+    def ended(self, run: AnnouncedRun) -> bool:
         """Note an end; return True when it was the current run."""
         news = run.key not in self._ended
         if news:
@@ -67,11 +67,11 @@ class Runs:
             self._remember(run)
         return False
 
-    def last(self, agent: str = "") -> Run | None:
+    def last(self, agent: str = "") -> AnnouncedRun | None:
         """Return the current or last run, of ``agent`` or of anybody; None when there was none."""
         return self._of_agent.get(agent) if agent else self._last
 
-    def _remember(self, run: Run) -> None:
+    def _remember(self, run: AnnouncedRun) -> None:
         self._last = run
         self._of_agent.pop(run.agent, None)
         self._of_agent[run.agent] = run

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from bt_agents_core.feedback import Kind, LearningRule, Update
+from bt_agents_core.feedback import FeedbackKind, LearningRule, Update
 from bt_agents_core.scene import SceneSpace
 
 Array = NDArray[np.float64]
@@ -84,11 +84,11 @@ def asked(kind: ArrayLike, profile: Array, target: Array) -> Array:
     of the ranges.
 
     Args:
-        kind: [...], as :class:`bt_agents_core.feedback.Kind`.
+        kind: [...], as :class:`bt_agents_core.feedback.FeedbackKind`.
         profile: [..., n].
         target: [..., n]; NaN for no opinion.
     """
-    negative = np.asarray(kind)[..., None] == Kind.NEGATIVE
+    negative = np.asarray(kind)[..., None] == FeedbackKind.NEGATIVE
     return np.where(negative, profile - (target - profile), target)
 
 
@@ -113,7 +113,7 @@ def moved(
     nearer or stays.
 
     Args:
-        kind: [...], as :class:`bt_agents_core.feedback.Kind`.
+        kind: [...], as :class:`bt_agents_core.feedback.FeedbackKind`.
         profile: [..., n], inside the ranges.
         target: [..., n]; NaN leaves its parameter alone.
         rate: [..., n], as of :func:`rates`.
@@ -126,7 +126,7 @@ def moved(
     """
     kinds = np.asarray(kind)[..., None]
     pull = target - profile
-    pull = np.where(kinds == Kind.NEGATIVE, -pull, pull)
+    pull = np.where(kinds == FeedbackKind.NEGATIVE, -pull, pull)
     goal = target
     if rule.update == Update.HUBER:
         pull = np.clip(pull, -rule.width, rule.width)
@@ -136,9 +136,9 @@ def moved(
     after = profile + rate * pull
     # Rounding may carry the sum one digit past the target, which would be an overshoot.
     nearer = np.clip(after, np.minimum(profile, goal), np.maximum(profile, goal))
-    mirrored = (kinds == Kind.NEGATIVE) & (rule.update != Update.MEDIAN)
+    mirrored = (kinds == FeedbackKind.NEGATIVE) & (rule.update != Update.MEDIAN)
     after = _bounded(np.where(mirrored, after, nearer), profile, authored, rule.drift)
-    after = np.clip(np.where(kinds == Kind.SET, target, after), low, high)
+    after = np.clip(np.where(kinds == FeedbackKind.SET, target, after), low, high)
     return np.where(np.isnan(target), profile, after)
 
 

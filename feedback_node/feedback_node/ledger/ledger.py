@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TextIO
 
 from bt_agents_core.errors import STORAGE_FULL, Refused
-from bt_agents_core.feedback import Kind
+from bt_agents_core.feedback import FeedbackKind
 from feedback_node.ledger.commit_marker import Head
 from feedback_node.ledger.erasure import Scrubber, redact
 from feedback_node.ledger.ledger_file import (
@@ -33,21 +33,21 @@ from feedback_node.ledger.ledger_rows import (
     RESET,
     STARTS,
     UNDO,
-    Cause,
-    Revision,
+    ProfileRevision,
+    RevisionCause,
     name_of,
     row_of,
 )
 
 
 @dataclass(frozen=True, kw_only=True)
-class Entry:
+class LedgerEntry:
     """A revision to be recorded."""
 
     agent: str
     layer: str = ""
     profile: Mapping[str, float]
-    cause: Cause
+    cause: RevisionCause
 
 
 class Ledger(LedgerReader):
@@ -131,7 +131,7 @@ class Ledger(LedgerReader):
 
     # What is written
 
-    def enter(self, profiles: Mapping[str, Mapping[str, float]]) -> dict[str, Revision]:
+    def enter(self, profiles: Mapping[str, Mapping[str, float]]) -> dict[str, ProfileRevision]:
         """Record what the agents' files say and return the current revision of each.
 
         A new agent starts at revision 0. Where the author has edited a value since the last
@@ -150,13 +150,13 @@ class Ledger(LedgerReader):
             return {agent: self._enter(agent, profile) for agent, profile in profiles.items()}
 
     def append(
-        self, agent: str, profile: Mapping[str, float], cause: Cause, *, layer: str = ""
-    ) -> Revision:
+        self, agent: str, profile: Mapping[str, float], cause: RevisionCause, *, layer: str = ""
+    ) -> ProfileRevision:
         """Record a new profile of an agent; see :meth:`record`."""
-        entry = Entry(agent=agent, layer=layer, profile=profile, cause=cause)
+        entry = LedgerEntry(agent=agent, layer=layer, profile=profile, cause=cause)
         return self.record([entry])[0]
 
-    def record(self, entries: Sequence[Entry]) -> tuple[Revision, ...]:
+    def record(self, entries: Sequence[LedgerEntry]) -> tuple[ProfileRevision, ...]:
         """Record revisions together; a known ``feedback_id`` returns its old ones instead.
 
         Raises:
@@ -174,7 +174,9 @@ class Ledger(LedgerReader):
                 recorded.append(self._append(entry))
             return tuple(recorded)
 
-    def undo(self, agent: str, layer: str = "", *, source: str = "", reason: str = "") -> Revision:
+    def undo(
+        self, agent: str, layer: str = "", *, source: str = "", reason: str = ""
+    ) -> ProfileRevision:
         """Bring back the profile before the last change, as a new revision.
 
         Again and again it goes further back, down to the last profile that the author wrote, or
@@ -198,20 +200,22 @@ class Ledger(LedgerReader):
                     ),
                 )
             back = self._restored(self._row(agent, layer, undone.revision - 1))
-            cause = Cause(
+            cause = RevisionCause(
                 cause=UNDO,
-                kind=Kind.SET,
+                kind=FeedbackKind.SET,
                 source=source,
                 reason=reason or f"undoes revision {undone.revision}",
                 target=back.profile,
                 restores=back.revision,
                 changes=back.cause.changes,
             )
-            return self._append(Entry(agent=agent, layer=layer, profile=back.profile, cause=cause))
+            return self._append(
+                LedgerEntry(agent=agent, layer=layer, profile=back.profile, cause=cause)
+            )
 
     def reset(
         self, agent: str, layer: str = "", *, source: str = "", reason: str = ""
-    ) -> Revision:
+    ) -> ProfileRevision:
         """Bring back the profile that the author wrote last, as a new revision.
 
         Raises:
@@ -221,14 +225,16 @@ class Ledger(LedgerReader):
         with self._writing():
             self._last(agent, layer)
             authored = self.authored(agent)
-            cause = Cause(
+            cause = RevisionCause(
                 cause=RESET,
-                kind=Kind.SET,
+                kind=FeedbackKind.SET,
                 source=source,
                 reason=reason or "back to the profile of its file",
                 target=authored,
             )
-            return self._append(Entry(agent=agent, layer=layer, profile=authored, cause=cause))
+            return self._append(
+                LedgerEntry(agent=agent, layer=layer, profile=authored, cause=cause)
+            )
 
     def forget(self, profiles: Iterable[tuple[str, str]], *, source: str = "") -> str:
         """Take the content of layers out of the file; a row for each says that it was there.
@@ -259,22 +265,22 @@ class Ledger(LedgerReader):
                 stays = f"{FORGOTTEN_LAYER}{self._pending.number + 1}"
                 seal = redact(self._database, agent, layer, stays)
                 self._append(
-                    Entry(
+                    LedgerEntry(
                         agent=agent,
                         layer=stays,
                         profile={},
-                        cause=Cause(cause=FORGOTTEN, source=source, seal=seal),
+                        cause=RevisionCause(cause=FORGOTTEN, source=source, seal=seal),
                     ),
                     revision=last.revision + 1,
                 )
         self._scrubber.due()
         return self._scrubber.scrub()
 
-    def _enter(self, agent: str, authored: Mapping[str, float]) -> Revision:
+    def _enter(self, agent: str, authored: Mapping[str, float]) -> ProfileRevision:
         last = self.current(agent)
-        cause = Cause(cause=AUTHORED, source="file", reason="first seen", target=authored)
+        cause = RevisionCause(cause=AUTHORED, source="file", reason="first seen", target=authored)
         if last is None:
-            return self._append(Entry(agent=agent, profile=authored, cause=cause))
+            return self._append(LedgerEntry(agent=agent, profile=authored, cause=cause))
         written = self.authored(agent)
         edited = [name for name in authored if name in written and authored[name] != written[name]]
         if not edited and authored.keys() == written.keys():
@@ -288,10 +294,10 @@ class Ledger(LedgerReader):
         for row in self.layers(agent):
             learned = {k: v for k, v in row.profile.items() if k not in edited}
             profile = {name: learned.get(name, value) for name, value in authored.items()}
-            self._append(Entry(agent=agent, layer=row.layer, profile=profile, cause=cause))
+            self._append(LedgerEntry(agent=agent, layer=row.layer, profile=profile, cause=cause))
         kept = {} if edited else last.profile
         profile = {name: kept.get(name, value) for name, value in authored.items()}
-        return self._append(Entry(agent=agent, profile=profile, cause=cause))
+        return self._append(LedgerEntry(agent=agent, profile=profile, cause=cause))
 
     def _newest(self, agent: str, layer: str) -> int | None:
         """Return the number of the latest revision of an agent; None for an unknown one."""
@@ -302,11 +308,11 @@ class Ledger(LedgerReader):
             self._numbers[agent, layer] = last.revision
         return self._numbers[agent, layer]
 
-    def _append(self, entry: Entry, revision: int | None = None) -> Revision:
+    def _append(self, entry: LedgerEntry, revision: int | None = None) -> ProfileRevision:
         if revision is None:
             newest = self._newest(entry.agent, entry.layer)
             revision = 0 if newest is None else newest + 1
-        appended = Revision(
+        appended = ProfileRevision(
             agent=entry.agent,
             layer=entry.layer,
             revision=revision,

@@ -41,7 +41,7 @@ MEND = (
 
 
 @dataclass(frozen=True, kw_only=True)
-class Verdict:
+class LedgerReport:
     """What a check of a ledger has found.
 
     Attributes:
@@ -145,7 +145,7 @@ def is_out_of_reach(error: Exception) -> bool:
     return isinstance(error, sqlite3.OperationalError) and hasattr(error, "sqlite_errorcode")
 
 
-def check(database: sqlite3.Connection, head: Head | str | None) -> Verdict:
+def check(database: sqlite3.Connection, head: Head | str | None) -> LedgerReport:
     """Check an open ledger of this format; a writer may have it open as well.
 
     Args:
@@ -164,13 +164,13 @@ def check(database: sqlite3.Connection, head: Head | str | None) -> Verdict:
     except sqlite3.DatabaseError as error:
         if is_out_of_reach(error):
             raise
-        return Verdict(code=CORRUPT, problem=str(error))
+        return LedgerReport(code=CORRUPT, problem=str(error))
     finally:
         if database.in_transaction:
             database.execute("ROLLBACK")
 
 
-def _rows(database: sqlite3.Connection) -> Verdict:
+def _rows(database: sqlite3.Connection) -> LedgerReport:
     chain, code, problem = Chain(), "", ""
     try:
         for values in database.execute(f"SELECT {COLUMNS} FROM revision ORDER BY number"):
@@ -182,12 +182,14 @@ def _rows(database: sqlite3.Connection) -> Verdict:
             raise
         behind = f"{chain.last} (row {chain.good})" if chain.good else "the beginning"
         code, problem = CORRUPT, f"row {chain.good + 1}, behind {behind}: {error}"
-    return Verdict(
+    return LedgerReport(
         good=chain.good, last=chain.last, forgotten=chain.forgotten, code=code, problem=problem
     )
 
 
-def _of_head(database: sqlite3.Connection, verdict: Verdict, head: Head | str | None) -> Verdict:
+def _of_head(
+    database: sqlite3.Connection, verdict: LedgerReport, head: Head | str | None
+) -> LedgerReport:
     if isinstance(head, str):
         return replace(verdict, code=CORRUPT, problem=f"its -head file is damaged: {head}")
     if head is None:

@@ -10,9 +10,9 @@ from feedback_node.ledger.ledger_layout import lay_out
 from feedback_node.ledger.ledger_rows import (
     INSERT,
     NO_CHAIN,
-    Cause,
     Damaged,
-    Revision,
+    ProfileRevision,
+    RevisionCause,
     row_of,
     rows,
 )
@@ -46,29 +46,29 @@ def migrate(database: sqlite3.Connection) -> None:
         raise Damaged("a revision was not read back as it was")
 
 
-def _revisions(found: list[tuple[object, ...]]) -> list[Revision]:
-    revisions: list[Revision] = []
+def _revisions(found: list[tuple[object, ...]]) -> list[ProfileRevision]:
+    revisions: list[ProfileRevision] = []
     try:
         for row in found:
             revision = _revision(row)
             _check_place(revision, revisions)
             changes = _changes(revision, revisions)
-            cause = Cause(**{**vars(revision.cause), "changes": changes})
-            revisions.append(Revision(**{**vars(revision), "cause": cause}))
+            cause = RevisionCause(**{**vars(revision.cause), "changes": changes})
+            revisions.append(ProfileRevision(**{**vars(revision), "cause": cause}))
     except (ValueError, TypeError, AttributeError, IndexError) as error:
         raise Damaged(f"row {len(revisions) + 1}: {error}") from error
     return revisions
 
 
-def _check_place(revision: Revision, before: list[Revision]) -> None:
+def _check_place(revision: ProfileRevision, before: list[ProfileRevision]) -> None:
     last = before[-1] if before and before[-1].agent == revision.agent else None
     expected = last.revision + 1 if last else 0
     if revision.revision != expected:
         raise Damaged(f"revision {expected} of {revision.agent} is not there")
 
 
-def _changes(revision: Revision, before: list[Revision]) -> int:
-    """Return how many feedbacks have led to a profile; see :class:`Cause`."""
+def _changes(revision: ProfileRevision, before: list[ProfileRevision]) -> int:
+    """Return how many feedbacks have led to a profile; see :class:`RevisionCause`."""
     cause = revision.cause
     if cause.restores is not None:
         return before[cause.restores - revision.revision].cause.changes
@@ -77,14 +77,14 @@ def _changes(revision: Revision, before: list[Revision]) -> int:
     return before[-1].cause.changes + (cause.kind in _FEEDBACK_KINDS)
 
 
-def _revision(row: tuple[object, ...]) -> Revision:
+def _revision(row: tuple[object, ...]) -> ProfileRevision:
     agent, number, profile, cause, kind, source, reason, feedback_id, epoch, round_ = row[:10]
     rate, target, scene_id, cancels, restores, stamp = row[10:]
-    return Revision(
+    return ProfileRevision(
         agent=str(agent),
         revision=int(str(number)),
         profile=_values(profile),
-        cause=Cause(
+        cause=RevisionCause(
             cause=str(cause),
             kind=int(str(kind)),
             source=str(source),

@@ -37,7 +37,7 @@ _SALT_BYTES = 16
 
 
 @dataclass(frozen=True, kw_only=True)
-class Cause:
+class RevisionCause:
     """Why a profile has changed.
 
     Attributes:
@@ -82,7 +82,7 @@ class Cause:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Revision:
+class ProfileRevision:
     """One row of the ledger.
 
     Attributes:
@@ -99,7 +99,7 @@ class Revision:
     layer: str = ""
     revision: int
     profile: Mapping[str, float]
-    cause: Cause
+    cause: RevisionCause
     stamp: float
 
 
@@ -134,13 +134,13 @@ class Damaged(ValueError):
     """A row is not what was written."""
 
 
-_PLAIN = vars(Cause())
+_PLAIN = vars(RevisionCause())
 _CAUSE_NAMES = _PLAIN.keys() - {"feedback_id"}
 _MAPPINGS = ("rates", "target")
 _JSON = json.JSONEncoder(allow_nan=False, separators=(",", ":"))
 
 
-def row_of(number: int, revision: Revision, chain: bytes) -> Row:
+def row_of(number: int, revision: ProfileRevision, chain: bytes) -> Row:
     """Return a revision as a row behind the one whose chain value is given.
 
     Raises:
@@ -173,7 +173,7 @@ def check_content(row: Row) -> None:
         raise Damaged(f"revision {revision} of {name_of(agent, layer)} is not what was written")
 
 
-def read_row(row: Row) -> Revision:
+def read_row(row: Row) -> ProfileRevision:
     """Return a row of the table as it was written; a forgotten one without its content.
 
     Raises:
@@ -182,8 +182,8 @@ def read_row(row: Row) -> Revision:
     _, agent, layer, revision, feedback_id, content, _, _, _ = row
     try:
         if content is None:
-            cause = Cause(cause=FORGOTTEN, feedback_id=feedback_id)
-            return Revision(
+            cause = RevisionCause(cause=FORGOTTEN, feedback_id=feedback_id)
+            return ProfileRevision(
                 agent=agent, layer=layer, revision=revision, profile={}, cause=cause, stamp=0.0
             )
         check_content(row)
@@ -193,12 +193,12 @@ def read_row(row: Row) -> Revision:
             raise Damaged(f"revision {revision} of {name_of(agent, layer)} has unknown fields")
         for name in _MAPPINGS:
             told[name] = _numbers(told.get(name, {}))
-        return Revision(
+        return ProfileRevision(
             agent=agent,
             layer=layer,
             revision=revision,
             profile=profile,
-            cause=Cause(feedback_id=feedback_id, **told),
+            cause=RevisionCause(feedback_id=feedback_id, **told),
             stamp=stamp,
         )
     except (ValueError, TypeError, KeyError, AttributeError) as error:
@@ -248,7 +248,7 @@ def name_of(agent: str, layer: str) -> str:
     return f"{agent} for {layer}" if layer else agent
 
 
-def rows(database: sqlite3.Connection, where: str, *values: str | int) -> list[Revision]:
+def rows(database: sqlite3.Connection, where: str, *values: str | int) -> list[ProfileRevision]:
     """Select revisions.
 
     Raises:

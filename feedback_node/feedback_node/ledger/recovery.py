@@ -12,22 +12,29 @@ from typing import Any
 
 from bt_agents_core.errors import Refused
 from feedback_node.ledger.commit_marker import Head, HeadFile, head_path
-from feedback_node.ledger.ledger_check import CORRUPT, Chain, Verdict, check, newest, read_only
+from feedback_node.ledger.ledger_check import (
+    CORRUPT,
+    Chain,
+    LedgerReport,
+    check,
+    newest,
+    read_only,
+)
 from feedback_node.ledger.ledger_file import LedgerError, damaged, examine_format, unreadable
 from feedback_node.ledger.ledger_layout import FORMAT, lay_out
 from feedback_node.ledger.ledger_rows import (
     COLUMNS,
     FORGOTTEN,
     INSERT,
-    Cause,
     Damaged,
-    Revision,
+    ProfileRevision,
+    RevisionCause,
     Row,
     row_of,
 )
 
 
-def inspect(path: str | Path) -> Verdict:
+def inspect(path: str | Path) -> LedgerReport:
     """Check a ledger, which a feedback node may have open, and change nothing.
 
     Raises:
@@ -112,8 +119,8 @@ def _good(old: sqlite3.Connection, chain: Chain) -> Iterator[tuple[Any, ...]]:
 
 
 def _seal(end: Head, agent: str, layer: str, revision: int, seal: str) -> Row:
-    cause = Cause(cause=FORGOTTEN, source="recovery", seal=seal)
-    told = Revision(
+    cause = RevisionCause(cause=FORGOTTEN, source="recovery", seal=seal)
+    told = ProfileRevision(
         agent=agent, layer=layer, revision=revision, profile={}, cause=cause, stamp=time.time()
     )
     return row_of(end.number + 1, told, end.chain)

@@ -12,7 +12,7 @@ from typing import Any, TypeGuard
 from bt_agents_core.errors import Refused
 from bt_agents_core.profile_layers import checked_layer
 from bt_agents_core.scene import SceneSpace, Vector
-from feedback_node.ledger.ledger_rows import Revision
+from feedback_node.ledger.ledger_rows import ProfileRevision
 
 FORMAT = 1
 LONGEST = 4_000_000
@@ -23,7 +23,7 @@ _LONGEST_NAME = 200
 
 
 @dataclass(frozen=True, kw_only=True)
-class Imported:
+class ImportedProfiles:
     """One profile of a document."""
 
     agent: str
@@ -33,7 +33,10 @@ class Imported:
 
 
 def to_document(
-    profiles: Iterable[Mapping[str, Any]], revisions: Iterable[Revision], *, document_id: str
+    profiles: Iterable[Mapping[str, Any]],
+    revisions: Iterable[ProfileRevision],
+    *,
+    document_id: str,
 ) -> str:
     """Return a document.
 
@@ -53,7 +56,7 @@ def to_document(
     )
 
 
-def from_document(text: str, space: SceneSpace) -> tuple[str, tuple[Imported, ...]]:
+def from_document(text: str, space: SceneSpace) -> tuple[str, tuple[ImportedProfiles, ...]]:
     """Read a document from outside; return its id and its profiles.
 
     Raises:
@@ -73,7 +76,7 @@ def from_document(text: str, space: SceneSpace) -> tuple[str, tuple[Imported, ..
         raise _bad(f"its id is no printable text of 1 to {_LONGEST_NAME} characters")
     if not isinstance(profiles, list) or not 1 <= len(profiles) <= _MOST:
         raise _bad(f"expected 1 to {_MOST} profiles")
-    found: dict[tuple[str, str], Imported] = {}
+    found: dict[tuple[str, str], ImportedProfiles] = {}
     for index, one in enumerate(profiles):
         imported = _imported(one, f"profiles[{index}]", space)
         if (imported.agent, imported.layer) in found:
@@ -87,7 +90,7 @@ def number(value: float) -> float | None:
     return None if math.isnan(value) else value
 
 
-def _imported(told: Any, what: str, space: SceneSpace) -> Imported:
+def _imported(told: Any, what: str, space: SceneSpace) -> ImportedProfiles:
     if not isinstance(told, dict):
         raise _bad(f"{what}: expected a mapping")
     agent, layer, values = told.get("agent"), told.get("layer", ""), told.get("values")
@@ -100,7 +103,7 @@ def _imported(told: Any, what: str, space: SceneSpace) -> Imported:
         raise _bad(f"{what}: expected a layer, which may be empty, and values by parameter")
     if any(isinstance(v, bool) or not isinstance(v, int | float) for v in values.values()):
         raise _bad(f"{what}: a value is no number")
-    return Imported(
+    return ImportedProfiles(
         agent=agent,
         layer=checked_layer(layer) if layer else "",
         values=space.from_mapping(values, what=f"document: {what}"),
@@ -112,7 +115,7 @@ def _is_name(told: Any) -> TypeGuard[str]:
     return isinstance(told, str) and 1 <= len(told) <= _LONGEST_NAME and told.isprintable()
 
 
-def _revision(revision: Revision) -> dict[str, Any]:
+def _revision(revision: ProfileRevision) -> dict[str, Any]:
     cause = revision.cause
     told = {name: value for name, value in vars(cause).items() if value or name == "cause"}
     for name in ("rates", "target"):

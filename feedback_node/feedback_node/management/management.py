@@ -9,15 +9,15 @@ from enum import IntEnum
 from typing import Any
 
 from bt_agents_core.errors import Refused
-from bt_agents_core.feedback import Kind
+from bt_agents_core.feedback import FeedbackKind
 from bt_agents_core.profile_layers import MOST_LAYERS, PERSON, PLACE, checked_layer
-from feedback_node.learning.changes import Change, Delivery
+from feedback_node.learning.changes import Delivery, ProfileChange
 from feedback_node.learning.profiles import Profiles
 from feedback_node.learning.texts import check_texts
-from feedback_node.ledger.ledger import Entry, Ledger
+from feedback_node.ledger.ledger import Ledger, LedgerEntry
 from feedback_node.ledger.ledger_file import LedgerError
-from feedback_node.ledger.ledger_rows import IMPORT, Cause, Revision
-from feedback_node.management.documents import Imported, from_document, number, to_document
+from feedback_node.ledger.ledger_rows import IMPORT, ProfileRevision, RevisionCause
+from feedback_node.management.documents import ImportedProfiles, from_document, number, to_document
 
 MOST_REVISIONS = 5000
 """Newest revisions that one document tells."""
@@ -25,7 +25,7 @@ MOST_REVISIONS = 5000
 _TOLD = 3
 
 
-class Action(IntEnum):
+class ManagementAction(IntEnum):
     """What is to be done; the numbers are those of ``ManageProfiles.srv``."""
 
     HISTORY = 0
@@ -38,7 +38,7 @@ class Action(IntEnum):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Order:
+class ManagementCommand:
     """A request as received, unchecked; see ``ManageProfiles.srv``."""
 
     action: int
@@ -64,7 +64,7 @@ class Done:
 
     message: str
     document: str = ""
-    changes: tuple[Change, ...] = ()
+    changes: tuple[ProfileChange, ...] = ()
     deliveries: tuple[Delivery, ...] = ()
     forgets: bool = False
 
@@ -92,7 +92,7 @@ class Management:
         self._wall = wall
         self._new_id = new_id
 
-    def do(self, order: Order) -> Done:
+    def do(self, order: ManagementCommand) -> Done:
         """Do what is ordered.
 
         Raises:
@@ -101,22 +101,22 @@ class Management:
                 :func:`from_document` and :meth:`Ledger.enter`; nothing has changed.
         """
         try:
-            action = Action(order.action)
+            action = ManagementAction(order.action)
         except ValueError:
             raise Refused(
-                "UNKNOWN_ACTION", f"action {order.action}, expected 0 to {max(Action)}"
+                "UNKNOWN_ACTION", f"action {order.action}, expected 0 to {max(ManagementAction)}"
             ) from None
         check_texts(agent=order.agent, author=order.author, reason=order.reason)
-        if order.layer and action is not Action.EXPIRE:
+        if order.layer and action is not ManagementAction.EXPIRE:
             checked_layer(order.layer)
         act = {
-            Action.HISTORY: self._history,
-            Action.UNDO: self._undo,
-            Action.RESET: self._reset,
-            Action.EXPORT: self._export,
-            Action.IMPORT: self._import,
-            Action.EXPIRE: self._expire,
-            Action.FORGET: self._forget,
+            ManagementAction.HISTORY: self._history,
+            ManagementAction.UNDO: self._undo,
+            ManagementAction.RESET: self._reset,
+            ManagementAction.EXPORT: self._export,
+            ManagementAction.IMPORT: self._import,
+            ManagementAction.EXPIRE: self._expire,
+            ManagementAction.FORGET: self._forget,
         }[action]
         try:
             return act(order)
@@ -125,30 +125,32 @@ class Management:
             self._profiles.reload()
             raise
 
-    def _history(self, order: Order) -> Done:
+    def _history(self, order: ManagementCommand) -> Done:
         if not order.agent:
             return self._told(self._selected(order), ())
         one = self._known(order.agent, order.layer)
         revisions = self._ledger.history(order.agent, order.layer, newest=MOST_REVISIONS)
         return self._told([one], revisions)
 
-    def _export(self, order: Order) -> Done:
+    def _export(self, order: ManagementCommand) -> Done:
         selected = self._selected(order)
         if not selected:
             raise self._unknown(order.agent, order.layer)
-        revisions: list[Revision] = []
+        revisions: list[ProfileRevision] = []
         for one in selected:
             room = MOST_REVISIONS - len(revisions)
             revisions += self._ledger.history(one.agent, one.layer, newest=room)
         return self._told(selected, revisions)
 
-    def _told(self, selected: Sequence[Revision], revisions: Iterable[Revision]) -> Done:
+    def _told(
+        self, selected: Sequence[ProfileRevision], revisions: Iterable[ProfileRevision]
+    ) -> Done:
         profiles = [self._summary(one) for one in selected]
         document = to_document(profiles, revisions, document_id=self._new_id())
         count = len(profiles)
         return Done(message=f"{count} profile{'s' if count != 1 else ''}", document=document)
 
-    def _summary(self, one: Revision) -> dict[str, Any]:
+    def _summary(self, one: ProfileRevision) -> dict[str, Any]:
         return {
             "agent": one.agent,
             "layer": one.layer,
@@ -159,21 +161,21 @@ class Management:
             "values": dict(one.profile),
         }
 
-    def _undo(self, order: Order) -> Done:
+    def _undo(self, order: ManagementCommand) -> Done:
         self._known(order.agent, order.layer)
         revision = self._ledger.undo(
             order.agent, order.layer, source=order.author, reason=order.reason
         )
         return self._changed((revision,))
 
-    def _reset(self, order: Order) -> Done:
+    def _reset(self, order: ManagementCommand) -> Done:
         self._known(order.agent, order.layer)
         revision = self._ledger.reset(
             order.agent, order.layer, source=order.author, reason=order.reason
         )
         return self._changed((revision,))
 
-    def _import(self, order: Order) -> Done:
+    def _import(self, order: ManagementCommand) -> Done:
         document_id, found = from_document(order.document, self._profiles.space)
         unknown = sorted({one.agent for one in found} - set(self._ledger.agents()))
         if unknown:
@@ -187,13 +189,13 @@ class Management:
         begun = (one for one in found if one.layer and (one.agent, one.layer) not in known)
         entries = [self._profiles.beginning(one.agent, one.layer) for one in begun]
         entries += [
-            Entry(
+            LedgerEntry(
                 agent=one.agent,
                 layer=one.layer,
                 profile=self._profiles.space.named(one.values),
-                cause=Cause(
+                cause=RevisionCause(
                     cause=IMPORT,
-                    kind=Kind.SET,
+                    kind=FeedbackKind.SET,
                     source=order.author,
                     reason=order.reason or "taken in from a document",
                     feedback_id=f"import/{document_id}/{one.agent}/{one.layer}",
@@ -209,7 +211,7 @@ class Management:
         recorded = self._ledger.record(entries)
         return self._changed([one for one in recorded if one.cause.cause == IMPORT])
 
-    def _check_room(self, found: Iterable[Imported]) -> None:
+    def _check_room(self, found: Iterable[ImportedProfiles]) -> None:
         layers: dict[str, set[str]] = {}
         for one in found:
             if one.layer:
@@ -222,7 +224,7 @@ class Management:
                     f"document: {agent} would have {count} layers, expected {MOST_LAYERS} at most",
                 )
 
-    def _expire(self, order: Order) -> Done:
+    def _expire(self, order: ManagementCommand) -> Done:
         if not order.older_s > 0.0:
             raise Refused("BAD_AGE", f"older than {order.older_s:g} s, expected more than 0")
         if order.layer not in ("", PERSON, PLACE):
@@ -235,7 +237,7 @@ class Management:
         ]
         return self._gone(old, order.author)
 
-    def _forget(self, order: Order) -> Done:
+    def _forget(self, order: ManagementCommand) -> Done:
         if not order.layer:
             raise Refused(
                 "BAD_LAYER",
@@ -247,7 +249,7 @@ class Management:
             raise self._unknown(order.agent, order.layer)
         return self._gone(found, order.author)
 
-    def _gone(self, found: Sequence[Revision], author: str) -> Done:
+    def _gone(self, found: Sequence[ProfileRevision], author: str) -> Done:
         if not found:
             return Done(message="nothing to forget")
         keys = [(one.agent, one.layer) for one in found]
@@ -260,7 +262,7 @@ class Management:
             )
         return Done(message=message, deliveries=self._profiles.gone(keys), forgets=True)
 
-    def _changed(self, revisions: Sequence[Revision]) -> Done:
+    def _changed(self, revisions: Sequence[ProfileRevision]) -> Done:
         changes = tuple(self._profiles.taken([one]) for one in revisions)
         message = "; ".join(
             f"{one.revision.agent}: {one.words} (revision {one.revision.revision})"
@@ -270,7 +272,7 @@ class Management:
             message += f"; and {len(changes) - _TOLD} more"
         return Done(message=message, changes=changes)
 
-    def _selected(self, order: Order) -> list[Revision]:
+    def _selected(self, order: ManagementCommand) -> list[ProfileRevision]:
         """Return the current revisions that an order is about."""
         names = [order.agent] if order.agent else self._ledger.agents()
         own = (self._ledger.current(name) for name in names) if not order.layer else ()
@@ -280,11 +282,11 @@ class Management:
                 found.append(one)
         return sorted(found, key=lambda one: (one.agent, one.layer))
 
-    def _layers_of(self, agent: str) -> list[Revision]:
+    def _layers_of(self, agent: str) -> list[ProfileRevision]:
         names = [agent] if agent else self._ledger.agents()
         return [one for name in names for one in self._ledger.layers(name)]
 
-    def _known(self, agent: str, layer: str) -> Revision:
+    def _known(self, agent: str, layer: str) -> ProfileRevision:
         if not agent:
             raise Refused("UNKNOWN_AGENT", "no agent is named; name one")
         current = self._ledger.current(agent, layer)

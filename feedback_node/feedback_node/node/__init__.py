@@ -27,21 +27,21 @@ from bt_agents_interfaces.srv import CollectFeedback, GiveFeedback
 from bt_agents_language.files.experiment_reader import read_simulated_feedback
 from bt_agents_language.files.scene_reader import read_scene
 from bt_agents_ros import qos
-from bt_agents_ros.base_node import GuardedNode
+from bt_agents_ros.base_node import BaseNode
 from bt_agents_ros.calls import Calls
 from bt_agents_ros.messages import scene_from_msg
 from bt_agents_ros.spinner import run
 from bt_agents_ros.startup import TREES, StartParameter, make_from_parameters
 from bt_agents_ros.timers import OneShot, steady_timer
-from feedback_node.learning.changes import Change, Table
-from feedback_node.learning.feedback_controller import Lesson, Teaching
+from feedback_node.learning.changes import ProfileChange, Table
+from feedback_node.learning.feedback_controller import FeedbackController, RuleOutcome
 from feedback_node.learning.profiles import Profiles
 from feedback_node.ledger.ledger import Ledger
 from feedback_node.ledger.ledger_file import LedgerError, ledger_path
 from feedback_node.management.management import Done, Management
-from feedback_node.node.active_leaves import Tips
-from feedback_node.node.cancel_requests import Stops
-from feedback_node.node.hosts import Hosts
+from feedback_node.node.active_leaves import ActiveLeaves
+from feedback_node.node.cancel_requests import CancelRequests
+from feedback_node.node.hosts import HostProfiles
 from feedback_node.node.management_service import ManagementService
 from feedback_node.node.messages import (
     card_from_msg,
@@ -66,7 +66,7 @@ _MOST_PROBLEMS = 100
 ResultT = TypeVar("ResultT")
 
 
-class FeedbackNode(GuardedNode):
+class FeedbackNode(BaseNode):
     """Learns from moods, people and lists, and tells the hosts what their agents are now."""
 
     def __init__(
@@ -89,7 +89,7 @@ class FeedbackNode(GuardedNode):
         self._ledger = ledger
         self._untidy = True
         self._profiles = Profiles(space, ledger)
-        self._teaching = Teaching(
+        self._teaching = FeedbackController(
             self._profiles,
             clock=time.monotonic,
             new_id=lambda: f"given/{uuid.uuid4()}",
@@ -100,14 +100,14 @@ class FeedbackNode(GuardedNode):
         self._cards_until = time.monotonic() + CARDS_S
         self._card_awaited: list[Future] = []
         self._calls = Calls(self)
-        self._hosts = Hosts(self, self._calls, self._profiles)
-        self._tips = Tips(self, self._on_status)
+        self._hosts = HostProfiles(self, self._calls, self._profiles)
+        self._tips = ActiveLeaves(self, self._on_status)
         self._problems: dict[str, tuple[str, ...]] = {}
         self._untaken: dict[str, HostCard] = {}
         self._table: Table = ()
         self._live: SceneMsg | None = None
         self._looked = -math.inf
-        self._stops = Stops(self, self._calls, self._teaching.runs)
+        self._stops = CancelRequests(self, self._calls, self._teaching.runs)
         self._tell_from_now()
         self._current = self.create_publisher(ProfilesMsg, "profiles", qos.FACT)
         self._timer = OneShot(self, self._look)
@@ -211,7 +211,7 @@ class FeedbackNode(GuardedNode):
         if self._untidy and not self._teaching.watching:
             self._untidy = not self._ledger.tidy()
 
-    def _follow(self, lessons: Iterable[Lesson]) -> None:
+    def _follow(self, lessons: Iterable[RuleOutcome]) -> None:
         for lesson in lessons:
             if lesson.problem:
                 self.get_logger().error(lesson.problem)
@@ -288,7 +288,7 @@ class FeedbackNode(GuardedNode):
         for card in awaited:
             card.set_result(None)
 
-    def _announce(self, change: Change) -> Feedback:
+    def _announce(self, change: ProfileChange) -> Feedback:
         """Publish a change unless it was published when it was new; return its message."""
         messages = [feedback_to_msg(one, self._space) for one in change.all]
         if change.fresh:
@@ -303,7 +303,7 @@ class FeedbackNode(GuardedNode):
             )
         return messages[0]
 
-    def _tell(self, change: Change) -> list[Future]:
+    def _tell(self, change: ProfileChange) -> list[Future]:
         """Tell the hosts what their agents are now; each of the futures gets a problem or ""."""
         answers = []
         for delivery in self._profiles.deliveries(change.all):
@@ -311,7 +311,7 @@ class FeedbackNode(GuardedNode):
             self._hosts.deliver(delivery, answers[-1])
         return answers
 
-    async def _told(self, change: Change, answers: list[Future]) -> str:
+    async def _told(self, change: ProfileChange, answers: list[Future]) -> str:
         """Wait until the host bids with the profile or has not answered in time; say which."""
         words = f"{change.revision.agent}: {change.words}"
         problems = [await answer for answer in answers]

@@ -12,7 +12,7 @@ from bt_agents_interfaces.msg import TreeStatus
 from bt_agents_ros import qos
 
 
-class Tips:
+class ActiveLeaves:
     """Listens to the trees of all hosts that have introduced agents.
 
     Args:

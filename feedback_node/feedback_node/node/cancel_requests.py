@@ -11,13 +11,13 @@ from bt_agents_interfaces.srv import CancelRun
 from bt_agents_ros import qos
 from bt_agents_ros.calls import Calls
 from bt_agents_ros.messages import scene_to_msg
-from feedback_node.learning.feedback_controller import Stop
-from feedback_node.learning.runs import Run
+from feedback_node.learning.feedback_controller import RuleStop
+from feedback_node.learning.runs import AnnouncedRun
 
 _LIMIT_S = 1.0
 
 
-class Stops:
+class CancelRequests:
     """Sends the requests; one without an answer is sent again as long as its run goes on.
 
     Args:
@@ -26,11 +26,11 @@ class Stops:
         runs: Returns whether a run goes on.
     """
 
-    def __init__(self, node: Node, calls: Calls, runs: Callable[[Run], bool]) -> None:
+    def __init__(self, node: Node, calls: Calls, runs: Callable[[AnnouncedRun], bool]) -> None:
         self._node = node
         self._calls = calls
         self._runs = runs
-        self._unanswered: list[Stop] = []
+        self._unanswered: list[RuleStop] = []
         self._client = node.create_client(CancelRun, "marketplace/cancel", qos_profile=qos.SERVICE)
 
     def again(self) -> None:
@@ -40,7 +40,7 @@ class Stops:
             if self._runs(stop.run):
                 self.ask(stop)
 
-    def ask(self, stop: Stop) -> None:
+    def ask(self, stop: RuleStop) -> None:
         """Have a run stopped, and its scene asked for again as it is now."""
         what = f"{stop.run.agent} in round {stop.run.round} was to be stopped ({stop.reason})"
 

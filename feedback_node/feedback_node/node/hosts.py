@@ -20,7 +20,7 @@ _LIMIT_S = 1.0
 _MOST_UNDER_WAY = 200
 
 
-class Hosts:
+class HostProfiles:
     """Delivers profiles; one that its host has not answered is delivered again.
 
     Args:

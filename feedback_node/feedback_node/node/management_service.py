@@ -10,7 +10,7 @@ from rclpy.node import Node
 from bt_agents_core.errors import Refused
 from bt_agents_interfaces.srv import ManageProfiles
 from bt_agents_ros import qos
-from feedback_node.management.management import Done, Management, Order
+from feedback_node.management.management import Done, Management, ManagementCommand
 
 
 class ManagementService:
@@ -30,7 +30,7 @@ class ManagementService:
     def _answer(
         self, request: ManageProfiles.Request, response: ManageProfiles.Response
     ) -> ManageProfiles.Response:
-        order = Order(
+        order = ManagementCommand(
             action=request.action,
             agent=request.agent,
             layer=request.layer,

@@ -13,11 +13,11 @@ from bt_agents_interfaces.msg import Profiles as ProfilesMsg
 from bt_agents_interfaces.msg import Run as RunMsg
 from bt_agents_interfaces.srv import CollectFeedback, GiveFeedback
 from bt_agents_ros.messages import scene_from_msg, to_time
-from feedback_node.learning.cards import AgentEntry, Card, LearningEntry, RuleEntry
-from feedback_node.learning.changes import Change, Table
-from feedback_node.learning.feedback_controller import Given
-from feedback_node.learning.runs import Run
-from feedback_node.mood_trace import Told
+from feedback_node.learning.cards import AgentEntry, LearningCard, LearningEntry, RuleEntry
+from feedback_node.learning.changes import ProfileChange, Table
+from feedback_node.learning.feedback_controller import FeedbackRequest
+from feedback_node.learning.runs import AnnouncedRun
+from feedback_node.mood_trace import ReportedMood
 
 _OUTCOMES = (RunMsg.SUCCEEDED, RunMsg.FAILED, RunMsg.CANCELLED, RunMsg.LOST)
 
@@ -27,7 +27,7 @@ def set_profile_name(host: str) -> str:
     return f"{host}/set_profile"
 
 
-def card_from_msg(message: HostCard) -> Card:
+def card_from_msg(message: HostCard) -> LearningCard:
     """Return the card of a host.
 
     Raises:
@@ -39,7 +39,7 @@ def card_from_msg(message: HostCard) -> Card:
         raise Refused(
             "BAD_NAME", f"card of '{message.host}': {error}; expected a full name like /agents"
         ) from None
-    return Card(
+    return LearningCard(
         host=message.host,
         instance=message.host_instance,
         parameters=tuple(message.parameters),
@@ -85,13 +85,13 @@ def _rule_from_msg(message: MoodRule) -> RuleEntry:
     )
 
 
-def run_from_msg(message: RunMsg | CollectFeedback.Request, space: SceneSpace) -> Run:
+def run_from_msg(message: RunMsg | CollectFeedback.Request, space: SceneSpace) -> AnnouncedRun:
     """Return the run of an event.
 
     Raises:
         Refused: As in :func:`scene_from_msg`.
     """
-    return Run(
+    return AnnouncedRun(
         epoch=message.epoch,
         round=message.round,
         agent=message.agent,
@@ -99,7 +99,7 @@ def run_from_msg(message: RunMsg | CollectFeedback.Request, space: SceneSpace) -
     )
 
 
-def collected_from_msg(request: CollectFeedback.Request, space: SceneSpace) -> Run:
+def collected_from_msg(request: CollectFeedback.Request, space: SceneSpace) -> AnnouncedRun:
     """Return the run that feedback is collected for.
 
     Raises:
@@ -110,13 +110,13 @@ def collected_from_msg(request: CollectFeedback.Request, space: SceneSpace) -> R
     return run_from_msg(request, space)
 
 
-def given_from_msg(request: GiveFeedback.Request, space: SceneSpace) -> Given:
+def given_from_msg(request: GiveFeedback.Request, space: SceneSpace) -> FeedbackRequest:
     """Return what somebody gives.
 
     Raises:
         Refused: As in :func:`scene_from_msg` when it names a scene.
     """
-    return Given(
+    return FeedbackRequest(
         feedback_id=request.feedback_id,
         agent=request.agent,
         kind=request.kind,
@@ -128,7 +128,7 @@ def given_from_msg(request: GiveFeedback.Request, space: SceneSpace) -> Given:
     )
 
 
-def feedback_to_msg(change: Change, space: SceneSpace) -> Feedback:
+def feedback_to_msg(change: ProfileChange, space: SceneSpace) -> Feedback:
     """Return the message of a recorded change."""
     cause = change.revision.cause
     return Feedback(
@@ -155,7 +155,7 @@ def feedback_to_msg(change: Change, space: SceneSpace) -> Feedback:
     )
 
 
-def mood_trace_to_msg(told: Told, stamp: float) -> MoodTrace:
+def mood_trace_to_msg(told: ReportedMood, stamp: float) -> MoodTrace:
     """Return the message of how the mood went in a run that ended at a time [s since 1970]."""
     run = told.run
     return MoodTrace(

@@ -12,9 +12,9 @@ import numpy.typing as npt
 
 from bt_agents_core.errors import Refused
 from bt_agents_core.scene import SceneSpace
-from marketplace_node.explanation.piecewise_linear import Intervals, losing
-from marketplace_node.round.decision import Change
-from marketplace_node.round.round_model import Contest
+from marketplace_node.explanation.piecewise_linear import Intervals, losing_intervals
+from marketplace_node.round.decision import Counterfactual
+from marketplace_node.round.round_model import RoundModel
 from marketplace_node.settings import EXTERNAL, RULES
 from marketplace_node.strategies.arrays import Floats, Integers
 
@@ -42,7 +42,9 @@ _FINEST = 1e-7
 _ROUNDINGS = 6
 
 
-def smallest_change(contest: Contest, places: Integers, space: SceneSpace) -> Change | None:
+def smallest_change(
+    contest: RoundModel, places: Integers, space: SceneSpace
+) -> Counterfactual | None:
     """Return the change of one parameter if one does it, else one of several; None without rivals.
 
     For scores made of straight lines (``StrategySpec.lines``) the change of one parameter is exact
@@ -62,11 +64,11 @@ def smallest_change(contest: Contest, places: Integers, space: SceneSpace) -> Ch
         search = _Search(contest, places, space)
         obstacle = search.obstacle()
         found = None if obstacle else search.one() or search.several()
-        return found or Change(obstacle=obstacle or search.nothing_found())
+        return found or Counterfactual(obstacle=obstacle or search.nothing_found())
     except _TooMuch:
-        return Change(obstacle="the search for it would have taken too long")
+        return Counterfactual(obstacle="the search for it would have taken too long")
     except Refused as refused:
-        return Change(obstacle=refused.reason)
+        return Counterfactual(obstacle=refused.reason)
 
 
 class _TooMuch(Exception):
@@ -74,7 +76,7 @@ class _TooMuch(Exception):
 
 
 class _Search:
-    def __init__(self, contest: Contest, places: Integers, space: SceneSpace) -> None:
+    def __init__(self, contest: RoundModel, places: Integers, space: SceneSpace) -> None:
         self._contest = contest
         self._space = space
         self._winner, self._one = int(places[0]), int(places[1])
@@ -108,7 +110,7 @@ class _Search:
             return "chance alone ranked, whatever the scene"
         return "no change of the scene within its ranges was found"
 
-    def one(self) -> Change | None:
+    def one(self) -> Counterfactual | None:
         """Return the smallest change of one parameter by which the bid wins."""
         found = self._exact() if self._lines is not None else self._searched()
         if found is None:
@@ -116,7 +118,7 @@ class _Search:
         parameter, value = found
         return self._change((parameter,), self._with(parameter, value))
 
-    def several(self) -> Change | None:
+    def several(self) -> Counterfactual | None:
         """Return a change of several parameters of which no part can be left out."""
         goal = self._start.copy()
         goal[self._known] = self._contest.table.vectors[self._one][self._known]
@@ -185,7 +187,7 @@ class _Search:
             others = np.array(self._rivals)
             behind = self._turn[self._one] > self._turn[others]
             limits = (float(self._low[parameter]), float(self._high[parameter]))
-            self._lost[parameter] = losing(
+            self._lost[parameter] = losing_intervals(
                 self._lines, self._start, parameter, limits, self._one, others, behind
             )
         return self._lost[parameter]
@@ -276,7 +278,7 @@ class _Search:
             near, far = float(at[first - 1]), float(at[first])
         return far
 
-    def _change(self, moved: tuple[int, ...], scene: Floats) -> Change:
+    def _change(self, moved: tuple[int, ...], scene: Floats) -> Counterfactual:
         names = tuple(self._space.names[index] for index in moved)
         values = tuple(float(scene[index]) for index in moved)
         tried = np.repeat(scene[None], 2 * _ROUNDINGS, axis=0)
@@ -296,7 +298,7 @@ class _Search:
                     break
         except _TooMuch:
             shown = scene
-        return Change(
+        return Counterfactual(
             names=names, values=values, shown=tuple(float(shown[index]) for index in moved)
         )
 
@@ -342,7 +344,7 @@ class _Search:
         wins: npt.NDArray[np.bool_] = self._scored(self._among, scenes) == self._one_among
         return wins
 
-    def _scored(self, contest: Contest, scenes: Floats) -> Integers:
+    def _scored(self, contest: RoundModel, scenes: Floats) -> Integers:
         self._spend(_LOOK + len(scenes) * contest.field.bids.size)
         if contest.spec.name == RULES:
             self._spend(len(scenes) * len(contest.terms.rules) * _RULE)

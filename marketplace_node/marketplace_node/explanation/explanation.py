@@ -9,7 +9,13 @@ from collections.abc import Iterator, Sequence
 from bt_agents_core.scene import Origin, SceneParameter, SceneSpace, SceneValue
 from marketplace_node.explanation.formatting import FEW, distance, joined, listed, number, percent
 from marketplace_node.explanation.reason import declined, nobody, tie_rule
-from marketplace_node.round.decision import ClosedBy, Decision, Kind, Outcome, RankedBid
+from marketplace_node.round.decision import (
+    AuctionOutcome,
+    ClosedBy,
+    Decision,
+    RankedBid,
+    RoundKind,
+)
 from marketplace_node.settings import RULES
 from marketplace_node.strategies import STRATEGIES
 
@@ -65,9 +71,9 @@ def _head(decision: Decision) -> str:
         return f"Nobody gets {which}. {_sentence('; '.join(nobody(decision)))}"
     if terms.preview:
         return f"{winner.agent} would get the run."
-    if decision.outcome is Outcome.PREEMPTS:
+    if decision.outcome is AuctionOutcome.PREEMPTS:
         return f"{winner.agent} suits {which} best, so the run under way is stopped."
-    if decision.outcome is Outcome.WAITS:
+    if decision.outcome is AuctionOutcome.WAITS:
         return f"{winner.agent} suits {which} best, but the run under way goes on."
     return f"{winner.agent} gets {which}."
 
@@ -262,7 +268,7 @@ def _others(decision: Decision) -> Iterator[str]:
     refused = [
         f"Refused: {bid.reason}."
         for bid in decision.refused
-        if bid.kind is Kind.REFUSED and bid.agent not in no_news
+        if bid.kind is RoundKind.REFUSED and bid.agent not in no_news
     ]
     yield from refused[:_REFUSED_SHOWN]
     if len(refused) > _REFUSED_SHOWN:

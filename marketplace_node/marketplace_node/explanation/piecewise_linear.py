@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from marketplace_node.strategies import Lines
+from marketplace_node.strategies import LinearScores
 from marketplace_node.strategies.arrays import Floats, Integers
 
 _STRICTLY = 1e-9
@@ -41,7 +41,7 @@ class Intervals:
         return direction * at
 
 
-def gaps_between(lines: Lines, scene: Floats, one: int, others: Integers) -> Floats:
+def gaps_between(lines: LinearScores, scene: Floats, one: int, others: Integers) -> Floats:
     """Return the score of one bid minus those of others, [K]; missing values do not count."""
     known = ~np.isnan(scene)
     rows = np.append(others, one)
@@ -52,8 +52,8 @@ def gaps_between(lines: Lines, scene: Floats, one: int, others: Integers) -> Flo
     return gap
 
 
-def losing(
-    lines: Lines,
+def losing_intervals(
+    lines: LinearScores,
     scene: Floats,
     parameter: int,
     limits: tuple[float, float],

@@ -7,7 +7,13 @@ from collections.abc import Sequence
 
 from marketplace_node.explanation.calculation import calculation
 from marketplace_node.explanation.formatting import ALL_DIGITS, FEW, distance, listed
-from marketplace_node.round.decision import ClosedBy, Decision, Kind, Outcome, RankedBid
+from marketplace_node.round.decision import (
+    AuctionOutcome,
+    ClosedBy,
+    Decision,
+    RankedBid,
+    RoundKind,
+)
 from marketplace_node.settings import RULES
 
 
@@ -50,7 +56,7 @@ def challenge(
     goes_on = f"{running} goes on, " + (f"but {line}" if line else "the scene waits")
     if decision.winner is None:
         return "; ".join([*nobody(decision), goes_on])
-    verdict = f"{running} is stopped" if decision.outcome is Outcome.PREEMPTS else goes_on
+    verdict = f"{running} is stopped" if decision.outcome is AuctionOutcome.PREEMPTS else goes_on
     parts = [_comparison(decision, running, margin), obstacle, verdict]
     return "; ".join([": ".join(part for part in parts if part), *_not_taken(decision)])
 
@@ -89,7 +95,7 @@ def declined(decision: Decision) -> dict[str, list[str]]:
     """Return who does not want the scene, by the reason."""
     groups: dict[str, list[str]] = {}
     for bid in decision.refused:
-        if bid.kind is Kind.DECLINED and bid.agent not in decision.terms.excluded:
+        if bid.kind is RoundKind.DECLINED and bid.agent not in decision.terms.excluded:
             groups.setdefault(bid.reason, []).append(bid.agent)
     return groups
 
@@ -113,7 +119,7 @@ def _comparison(decision: Decision, running: str, margin: float) -> str:
 def _silence(decision: Decision, agent: str) -> str:
     for bid in decision.refused:
         if bid.agent == agent:
-            verb = "declines" if bid.kind is Kind.DECLINED else "is refused"
+            verb = "declines" if bid.kind is RoundKind.DECLINED else "is refused"
             return f"{verb} ({bid.reason})"
     return "does not bid"
 
@@ -157,7 +163,7 @@ def _not_taken(decision: Decision) -> list[str]:
     refused = [
         f"{bid.agent or bid.host} ({bid.code}: {bid.reason})"
         for bid in decision.refused
-        if bid.kind is Kind.REFUSED and bid.agent not in people
+        if bid.kind is RoundKind.REFUSED and bid.agent not in people
     ]
     parts = [f"refused: {listed(refused)}"] if refused else []
     if decision.silent_hosts:

@@ -6,7 +6,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from bt_agents_core.scene import Scene
-from marketplace_node.effects import AnnounceRun, Goal, RunEventKind, RunOutcome
+from marketplace_node.effects import AnnounceRun, RunEventKind, RunGoal, RunOutcome
 
 STOPPED = "STOPPED"
 SHUTTING_DOWN = "SHUTTING_DOWN"
@@ -14,7 +14,7 @@ PREEMPTED = "PREEMPTED"
 
 
 @dataclass(frozen=True, kw_only=True)
-class Stop:
+class StopRequest:
     """Why a run is told to stop, and whether to ask again afterwards.
 
     Attributes:
@@ -61,12 +61,12 @@ class Award:
         unheard_since: Since when the host's heartbeat names another run or none.
     """
 
-    goal: Goal
+    goal: RunGoal
     scene: Scene
     held: str = ""
     accepted: bool = False
     started: float | None = None
-    stop: Stop | None = None
+    stop: StopRequest | None = None
     unheard_since: float | None = None
 
     @property

@@ -12,19 +12,19 @@ from bt_agents_core.stop_words import AS_TOLD
 from marketplace_node.effects import (
     CancelGoal,
     Collect,
-    Goal,
     RunEventKind,
+    RunGoal,
     RunOutcome,
     SceneEnded,
     SendGoal,
     State,
 )
 from marketplace_node.explanation import reason as explain
-from marketplace_node.interaction.award import Award, RunEnd, Stop
-from marketplace_node.interaction.scene_queue import Waiting
-from marketplace_node.market_state import Floor
+from marketplace_node.interaction.award import Award, RunEnd, StopRequest
+from marketplace_node.interaction.scene_queue import QueuedScene
+from marketplace_node.market_state import MarketState
 from marketplace_node.operators.operator_overrides import VETOED
-from marketplace_node.round.decision import ClosedBy, Decision, Outcome
+from marketplace_node.round.decision import AuctionOutcome, ClosedBy, Decision
 from marketplace_node.round.open_round import OpenRound
 
 NO_BIDS = "NO_BIDS"
@@ -47,7 +47,7 @@ class Interaction:
         over: The end of the scene; None before.
     """
 
-    def __init__(self, floor: Floor, waiting: Waiting, now: float) -> None:
+    def __init__(self, floor: MarketState, waiting: QueuedScene, now: float) -> None:
         self.origin = waiting.scene
         self.state = State.BIDDING
         self.round = 0
@@ -68,7 +68,7 @@ class Interaction:
         self._open(self.origin, now, follows=0, drawn=waiting.drawn)
 
     @property
-    def goal(self) -> Goal | None:
+    def goal(self) -> RunGoal | None:
         """The award of the moment."""
         return self._award.goal if self._award else None
 
@@ -99,7 +99,7 @@ class Interaction:
         if by is not None:
             self._close(by, now)
 
-    def accepted(self, goal: Goal, now: float) -> None:
+    def accepted(self, goal: RunGoal, now: float) -> None:
         """The host has taken the goal; one that nobody waits for any more is cancelled."""
         award = self._waiting(goal)
         if award is None:
@@ -118,13 +118,13 @@ class Interaction:
             else:
                 self._cancel(award, now)
 
-    def refused(self, goal: Goal, reason: str, now: float) -> None:
+    def refused(self, goal: RunGoal, reason: str, now: float) -> None:
         """The host does not take the goal, or it could not be sent."""
         award = self._waiting(goal)
         if award is not None and not award.accepted:
             self._not_taken(award, reason, now)
 
-    def ended(self, goal: Goal, end: RunEnd, now: float) -> None:
+    def ended(self, goal: RunGoal, end: RunEnd, now: float) -> None:
         """The host reports the end of a run."""
         award = self._waiting(goal)
         if award is None or not award.accepted:
@@ -167,7 +167,7 @@ class Interaction:
         """The feedback service is away, and its answer is not waited for."""
         self.collected("feedback is kept until the feedback node is back")
 
-    def stop(self, stop: Stop, now: float) -> tuple[bool, str]:
+    def stop(self, stop: StopRequest, now: float) -> tuple[bool, str]:
         """Stop what is going on; return whether it will, and the answer in words."""
         award = self._award
         self._hurries = self._hurries or stop.hurries
@@ -252,12 +252,12 @@ class Interaction:
         self.round = self.open_round.number
         self.close_when_due(now)
 
-    def _close(self, by: ClosedBy, now: float, *, stop: Stop | None = None) -> None:
+    def _close(self, by: ClosedBy, now: float, *, stop: StopRequest | None = None) -> None:
         assert self.open_round is not None, "only an open round can be closed"
         decision = self.open_round.close(by, now, stopped=stop.reason if stop else "")
         say = partial(explain.reason, decision)
         self.open_round = None
-        if decision.outcome is Outcome.AWARDED:
+        if decision.outcome is AuctionOutcome.AWARDED:
             self._decision, self._next_rank, self._not_taken_by = decision, 0, []
             self._award_next(decision, now)
         else:
@@ -269,7 +269,7 @@ class Interaction:
         while self._next_rank < len(decision.ranking):
             bid = decision.ranking[self._next_rank]
             self._next_rank += 1
-            goal = Goal(
+            goal = RunGoal(
                 round=decision.terms.round,
                 agent=bid.agent,
                 agent_id=bid.agent_id,
@@ -350,7 +350,7 @@ class Interaction:
             scene_id = f"{self.origin.scene_id}+{self._follow_ups}"
             self._again = (award.stop.scene or award.scene).with_id(scene_id)
 
-    def _stop_collecting(self, stop: Stop) -> tuple[bool, str]:
+    def _stop_collecting(self, stop: StopRequest) -> tuple[bool, str]:
         may_follow = self._again is not None and not stop.again
         if may_follow:
             self._again = None
@@ -380,7 +380,7 @@ class Interaction:
             agent=agent,
         )
 
-    def _waiting(self, goal: Goal) -> Award | None:
+    def _waiting(self, goal: RunGoal) -> Award | None:
         award = self._award
         over = award is None or award.goal != goal or self.state is State.COLLECTING
         return None if over else award

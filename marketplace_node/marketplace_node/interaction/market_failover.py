@@ -15,7 +15,7 @@ from marketplace_node.effects import (
     RunOutcome,
     SceneEnded,
 )
-from marketplace_node.market_state import Floor
+from marketplace_node.market_state import MarketState
 
 MAX_RUNS = 10
 """As many runs a host may hand over at once."""
@@ -30,14 +30,14 @@ _FOLLOW_UP = re.compile(r"\+\d+$")
 _REMEMBERED = 400
 
 
-class EarlierRuns:
+class InheritedRuns:
     """Takes each run once and ends each scene of an earlier market once.
 
     Args:
         floor: Shared by all rounds.
     """
 
-    def __init__(self, floor: Floor) -> None:
+    def __init__(self, floor: MarketState) -> None:
         self._floor = floor
         self._runs: deque[tuple[str, int, str]] = deque(maxlen=_REMEMBERED)
         self._scenes: deque[tuple[str, str]] = deque(maxlen=_REMEMBERED)

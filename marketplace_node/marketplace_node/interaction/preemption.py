@@ -8,14 +8,14 @@ from dataclasses import replace
 from functools import partial
 
 from marketplace_node.explanation import reason as explain
-from marketplace_node.interaction.scene_queue import Waiting
-from marketplace_node.market_state import Floor
-from marketplace_node.round.decision import ClosedBy, Decision, Outcome
+from marketplace_node.interaction.scene_queue import QueuedScene
+from marketplace_node.market_state import MarketState
+from marketplace_node.round.decision import AuctionOutcome, ClosedBy, Decision
 from marketplace_node.round.open_round import OpenRound
 from marketplace_node.settings import EXTERNAL, Settings
 
 
-class Challenge:
+class PreemptionRound:
     """Calls for bids on a scene that waits, while another agent runs.
 
     Args:
@@ -29,7 +29,7 @@ class Challenge:
         open_round: Its call for bids.
     """
 
-    def __init__(self, floor: Floor, waiting: Waiting, running: str, now: float) -> None:
+    def __init__(self, floor: MarketState, waiting: QueuedScene, running: str, now: float) -> None:
         self.waiting = waiting
         # For an urgent scene the run is stopped whoever is best, so nobody is waited for.
         self.open_round = OpenRound(
@@ -53,7 +53,7 @@ class Challenge:
         """
         settings = self._floor.settings
         decision = self.open_round.close(by, now)
-        worth = worth_a_stop(decision, self._running, settings)
+        worth = justifies_preemption(decision, self._running, settings)
         obstacle = ""
         if worth and cooldown_left_s > 0 and not decision.terms.scene.urgent:
             obstacle = f"the next stop may come in {cooldown_left_s:.1f} s at the earliest"
@@ -61,7 +61,9 @@ class Challenge:
         if stops:
             self.waiting.drawn = self.open_round.number
             self.waiting.excluded = self._no_more(decision)
-        decision = replace(decision, outcome=Outcome.PREEMPTS if stops else Outcome.WAITS)
+        decision = replace(
+            decision, outcome=AuctionOutcome.PREEMPTS if stops else AuctionOutcome.WAITS
+        )
         reason = explain.challenge(
             decision, self._running, settings.preempt_margin, obstacle=obstacle, line=line
         )
@@ -82,11 +84,11 @@ class Challenge:
     def give_up(self, reason: str, now: float) -> None:
         """Close the round without a decision, as the run is ending anyway."""
         decision = self.open_round.close(ClosedBy.STOPPED, now, stopped=reason)
-        decision = replace(decision, outcome=Outcome.WAITS)
+        decision = replace(decision, outcome=AuctionOutcome.WAITS)
         self._floor.publish(decision, partial(explain.challenge, decision, self._running, 0.0))
 
 
-def worth_a_stop(decision: Decision, running: str, settings: Settings) -> bool:
+def justifies_preemption(decision: Decision, running: str, settings: Settings) -> bool:
     """Return True when the bids for a scene are reason enough to stop the running agent.
 
     An urgent scene is worth it once anybody bids. Any other needs another agent that is nearer by

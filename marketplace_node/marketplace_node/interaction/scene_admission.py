@@ -8,18 +8,18 @@ from collections import deque
 from bt_agents_core.errors import Refused
 from bt_agents_core.scene import Scene
 from marketplace_node.effects import SceneEnded, State
-from marketplace_node.interaction.award import PREEMPTED, SHUTTING_DOWN, STOPPED, Stop
+from marketplace_node.interaction.award import PREEMPTED, SHUTTING_DOWN, STOPPED, StopRequest
 from marketplace_node.interaction.interaction import Interaction
-from marketplace_node.interaction.preemption import Challenge
-from marketplace_node.interaction.scene_queue import Line, Waiting
-from marketplace_node.market_state import Floor
+from marketplace_node.interaction.preemption import PreemptionRound
+from marketplace_node.interaction.scene_queue import QueuedScene, SceneQueue
+from marketplace_node.market_state import MarketState
 from marketplace_node.round.open_round import OpenRound
 from marketplace_node.settings import MAX_QUEUE
 
 _REMEMBERED_SCENES = 4 * MAX_QUEUE
 
 
-class Arrivals:
+class SceneAdmission:
     """Lets scenes wait in line; where new scenes preempt, asks for each whether it is worth it.
 
     One challenge is open at a time, and only while a tree runs: scenes that come earlier, or
@@ -32,12 +32,12 @@ class Arrivals:
         shut: Why no more scenes are taken; empty while they are.
     """
 
-    def __init__(self, floor: Floor) -> None:
+    def __init__(self, floor: MarketState) -> None:
         self.shut = ""
         self._floor = floor
-        self._line = Line()
+        self._line = SceneQueue()
         self._known: deque[str] = deque(maxlen=_REMEMBERED_SCENES)
-        self._challenge: Challenge | None = None
+        self._challenge: PreemptionRound | None = None
         self._preempted_at: float | None = None
 
     def __len__(self) -> int:
@@ -72,7 +72,7 @@ class Arrivals:
             SceneEnded(scene_id=scene_id, code=code, message=message, round=round_number)
         )
 
-    def next(self) -> Waiting | None:
+    def next(self) -> QueuedScene | None:
         """Take the scene whose turn it is; None when none waits."""
         return self._line.next() if len(self._line) else None
 
@@ -105,7 +105,9 @@ class Arrivals:
                 waiting = self._line.unasked() if self._preempts else None
                 if waiting is None or interaction.goal is None:
                     return
-                self._challenge = Challenge(self._floor, waiting, interaction.goal.agent, now)
+                self._challenge = PreemptionRound(
+                    self._floor, waiting, interaction.goal.agent, now
+                )
             if not self._judge(self._challenge, interaction, now):
                 return
 
@@ -138,7 +140,7 @@ class Arrivals:
         others = (waiting for waiting in self._line if not waiting.asked)
         return self._preempts and scene.urgent and not any(w.scene.urgent for w in others)
 
-    def _judge(self, challenge: Challenge, interaction: Interaction, now: float) -> bool:
+    def _judge(self, challenge: PreemptionRound, interaction: Interaction, now: float) -> bool:
         by = challenge.open_round.closing(now)
         if by is None:
             return False
@@ -151,7 +153,7 @@ class Arrivals:
             self._preempted_at = now
             self._line.put_first(waiting)
             words = f"preempted by scene '{waiting.scene.scene_id}': {reason}"
-            interaction.stop(Stop(reason=words, code=PREEMPTED), now)
+            interaction.stop(StopRequest(reason=words, code=PREEMPTED), now)
         elif line:
             self._line.leave(waiting)
             self.refuse(waiting.scene.scene_id, "QUEUE_FULL", reason, waiting.round)

@@ -10,7 +10,7 @@ from bt_agents_core.scene import Scene
 
 
 @dataclass(eq=False, kw_only=True)
-class Waiting:
+class QueuedScene:
     """A scene that waits.
 
     Attributes:
@@ -29,16 +29,16 @@ class Waiting:
     excluded: Mapping[str, str] = field(default_factory=dict)
 
 
-class Line:
+class SceneQueue:
     """Scenes in the order of their coming, but for those that were put ahead."""
 
     def __init__(self) -> None:
-        self._waiting: list[Waiting] = []
+        self._waiting: list[QueuedScene] = []
 
     def __len__(self) -> int:
         return len(self._waiting)
 
-    def __iter__(self) -> Iterator[Waiting]:
+    def __iter__(self) -> Iterator[QueuedScene]:
         return iter(self._waiting)
 
     def join(self, scene: Scene, *, urgent_first: bool) -> None:
@@ -47,21 +47,21 @@ class Line:
         if urgent_first and scene.urgent:
             urgent = [index for index, other in enumerate(self._waiting) if other.scene.urgent]
             place = urgent[-1] + 1 if urgent else 0
-        self._waiting.insert(place, Waiting(scene=scene))
+        self._waiting.insert(place, QueuedScene(scene=scene))
 
-    def unasked(self) -> Waiting | None:
+    def unasked(self) -> QueuedScene | None:
         """Return the first scene for which no challenge has been opened."""
         return next((waiting for waiting in self._waiting if not waiting.asked), None)
 
-    def put_first(self, waiting: Waiting) -> None:
+    def put_first(self, waiting: QueuedScene) -> None:
         """Put a scene of the line before all others."""
         self._waiting.remove(waiting)
         self._waiting.insert(0, waiting)
 
-    def leave(self, waiting: Waiting) -> None:
+    def leave(self, waiting: QueuedScene) -> None:
         """Take a scene out of the line."""
         self._waiting.remove(waiting)
 
-    def next(self) -> Waiting:
+    def next(self) -> QueuedScene:
         """Take the first scene out of the line."""
         return self._waiting.pop(0)

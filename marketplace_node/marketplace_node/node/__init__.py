@@ -23,7 +23,7 @@ from bt_agents_interfaces.srv import CancelRun, CollectFeedback
 from bt_agents_language.files.market_reader import MarketRule, market_of
 from bt_agents_language.files.scene_reader import read_scene
 from bt_agents_ros import qos
-from bt_agents_ros.base_node import GuardedNode
+from bt_agents_ros.base_node import BaseNode
 from bt_agents_ros.messages import scene_from_msg, scene_to_msg
 from bt_agents_ros.outbox import Outbox
 from bt_agents_ros.spinner import run
@@ -33,29 +33,29 @@ from marketplace_node.effects import (
     Alarm,
     AnnounceEarlierRun,
     AnnounceRun,
-    AskOutside,
     CancelAll,
     CancelGoal,
     Collect,
     Connect,
     Disconnect,
     Effect,
-    KeepOrders,
     Note,
     OpenCall,
     PreviewEnded,
     PublishAuction,
+    RequestRanking,
     SceneEnded,
     SendGoal,
     State,
     StatusChanged,
+    StoreOverrides,
 )
 from marketplace_node.explanation.formatting import listed
-from marketplace_node.interaction.award import Stop
+from marketplace_node.interaction.award import StopRequest
 from marketplace_node.market import Market
-from marketplace_node.node.bid_decoder import Hearing
-from marketplace_node.node.external_ranking_client import AskingOutside
-from marketplace_node.node.hosts import Hosts
+from marketplace_node.node.bid_decoder import BidDecoder
+from marketplace_node.node.external_ranking_client import ExternalRankingClient
+from marketplace_node.node.hosts import HostConnections
 from marketplace_node.node.messages import (
     auction_to_msg,
     call_to_msg,
@@ -64,10 +64,10 @@ from marketplace_node.node.messages import (
     scene_end_to_msg,
     status_to_msg,
 )
-from marketplace_node.node.operator_services import Operators
-from marketplace_node.node.overrides_file import OrdersFile
+from marketplace_node.node.operator_services import OperatorServices
+from marketplace_node.node.overrides_file import OverridesFile
 from marketplace_node.node.parameters import declare_settings, follow_settings
-from marketplace_node.node.registration_service import Registering
+from marketplace_node.node.registration_service import RegistrationService
 from marketplace_node.registry import HostEntry
 from marketplace_node.settings import RULES, Settings
 from marketplace_node.strategies.plugins import add_installed
@@ -85,7 +85,7 @@ _SHOWN = 200  # characters of what is malformed
 _CALL_WAITS = 0.5  # at most this part of the bid deadline, for hosts that are just connecting
 
 
-class MarketplaceNode(GuardedNode):
+class MarketplaceNode(BaseNode):
     """Calls for bids on every scene, awards the run to the best and watches over it.
 
     Args:
@@ -115,7 +115,7 @@ class MarketplaceNode(GuardedNode):
         self._carrying = False
         self._state_entered: tuple[tuple[State, int], Any] | None = None
         self._market = Market(space, epoch or uuid.uuid4().hex[:12], declare_settings(self), rules)
-        self._hosts = Hosts(self, self._market, self._carry_out)
+        self._hosts = HostConnections(self, self._market, self._carry_out)
         follow_settings(self, lambda: self._market.settings, self._configure)
         self._calls = self.create_publisher(CallForBids, "calls", qos.EVENTS)
         self._auctions = self.create_publisher(AuctionMsg, "auctions", qos.HISTORY)
@@ -128,16 +128,16 @@ class MarketplaceNode(GuardedNode):
             self,
             self.create_client(CollectFeedback, "feedback/collect", qos_profile=qos.SERVICE),
         )
-        self.outside = AskingOutside(self, self._market, self._carry_out)
-        self._operators = Operators(self, self._market, space, self._carry_out)
-        self._orders = OrdersFile(self, orders) if orders is not None else None
+        self.outside = ExternalRankingClient(self, self._market, self._carry_out)
+        self._operators = OperatorServices(self, self._market, space, self._carry_out)
+        self._orders = OverridesFile(self, orders) if orders is not None else None
         self._ticked = time.monotonic()
         self._deadline = OneShot(self, self._tick)
         self._look = steady_timer(self, _LOOK_S, self._tick, running=False)
         steady_timer(self, _HEARTBEAT_S, self._beat)
-        Registering(self, self._market, self._hosts, space, self._carry_out)
+        RegistrationService(self, self._market, self._hosts, space, self._carry_out)
         self.create_service(CancelRun, "~/cancel", self._cancel, qos_profile=qos.SERVICE)
-        self._hearing = Hearing(self._market.epoch, self._hosts.reaches)
+        self._hearing = BidDecoder(self._market.epoch, self._hosts.reaches)
         self._bids = self.create_subscription(
             BidsMsg, "bids", self._take_bids, qos.EVENTS, raw=True
         )
@@ -215,7 +215,7 @@ class MarketplaceNode(GuardedNode):
         response.accepted, message, effects = self._market.cancel(
             request.epoch,
             request.round,
-            Stop(reason=reason, again=request.again, scene=scene),
+            StopRequest(reason=reason, again=request.again, scene=scene),
             time.monotonic(),
         )
         response.message = message + (remark if response.accepted else "")
@@ -274,7 +274,7 @@ class MarketplaceNode(GuardedNode):
                 latest = now + _CALL_WAITS * effect.deadline_s
                 self._due_calls[effect.round] = (effect, latest)
                 self._publish_calls(now)
-            case AskOutside():
+            case RequestRanking():
                 self.outside.ask(effect)
             case PreviewEnded():
                 self._due_calls.pop(effect.number, None)
@@ -303,7 +303,7 @@ class MarketplaceNode(GuardedNode):
             case SceneEnded():
                 self._ends.publish(scene_end_to_msg(effect, self._market.epoch, self._now()))
                 log.info(f"scene '{effect.scene_id}' {effect.code}: {effect.message}")
-            case KeepOrders():
+            case StoreOverrides():
                 if self._orders is not None:
                     self._orders.keep(effect.text)
             case Note():

@@ -15,7 +15,7 @@ from marketplace_node.node.messages import bids_from_msg
 from marketplace_node.round.decision import Bids
 
 
-class Hearing:
+class BidDecoder:
     """Remembers the last answer of each host.
 
     Args:
@@ -35,7 +35,7 @@ class Hearing:
             Refused: ``MALFORMED``.
         """
         for last, bids in self._last.values():
-            number = bid_encoding.number_of(message, last, self._epoch)
+            number = bid_encoding.round_of(message, last, self._epoch)
             if number is not None:
                 return replace(bids, round=number)
         try:

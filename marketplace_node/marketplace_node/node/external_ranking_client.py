@@ -12,13 +12,13 @@ from rclpy.node import Node
 from bt_agents_interfaces.srv import SelectAgent
 from bt_agents_ros import qos
 from bt_agents_ros.calls import Calls
-from marketplace_node.effects import AskOutside, Effect
+from marketplace_node.effects import Effect, RequestRanking
 from marketplace_node.market import Market
 from marketplace_node.node.messages import selection_from_msg, selection_to_msg
 from marketplace_node.round.decision import External
 
 
-class AskingOutside:
+class ExternalRankingClient:
     """Sends each question once; the market owns the deadline.
 
     Args:
@@ -41,7 +41,7 @@ class AskingOutside:
         """True when somebody answers questions."""
         return bool(self._client.service_is_ready())
 
-    def ask(self, effect: AskOutside) -> None:
+    def ask(self, effect: RequestRanking) -> None:
         """Ask for the ranking of a round."""
 
         def answered(answer: Any) -> None:
@@ -61,5 +61,5 @@ class AskingOutside:
             on_failure=lambda words: self._report(effect, External(failure=words)),
         )
 
-    def _report(self, effect: AskOutside, external: External) -> None:
+    def _report(self, effect: RequestRanking, external: External) -> None:
         self._carry_out(self._market.ranked(effect.round, external, time.monotonic()))

@@ -17,7 +17,7 @@ from bt_agents_core.errors import Refused
 from bt_agents_interfaces.action import RunAgent
 from bt_agents_interfaces.msg import Heartbeat
 from bt_agents_ros import qos
-from marketplace_node.effects import Effect, Goal, SendGoal
+from marketplace_node.effects import Effect, RunGoal, SendGoal
 from marketplace_node.market import Market
 from marketplace_node.node.messages import goal_to_msg, run_end_from_msg
 from marketplace_node.registry import HostEntry
@@ -49,7 +49,7 @@ class _Sending:
     sent: bool = False
 
 
-class Hosts:
+class HostConnections:
     """Sends goals to hosts and reports to the market what becomes of them.
 
     A goal waits for its server until the market gives it up; the market owns every deadline. The
@@ -69,7 +69,7 @@ class Hosts:
         self._market = market
         self._carry_out = carry_out
         self._links: dict[str, _Link] = {}
-        self._goals: dict[Goal, _Sending] = {}
+        self._goals: dict[RunGoal, _Sending] = {}
 
     @property
     def is_looking(self) -> bool:
@@ -153,7 +153,7 @@ class Hosts:
                     lambda done, goal=goal, sending=sending: self._answered(goal, sending, done)
                 )
 
-    def cancel(self, goal: Goal) -> None:
+    def cancel(self, goal: RunGoal) -> None:
         """Cancel a goal, or drop it unsent.
 
         One that is not answered yet is cancelled all the same: a host that was held up finds the
@@ -191,7 +191,7 @@ class Hosts:
             )
         )
 
-    def _answered(self, goal: Goal, sending: _Sending, future: Any) -> None:
+    def _answered(self, goal: RunGoal, sending: _Sending, future: Any) -> None:
         if self._goals.get(goal) is not sending:
             return
         if not future.result().accepted:
@@ -204,7 +204,7 @@ class Hosts:
         )
         self._carry_out(self._market.goal_accepted(goal, time.monotonic()))
 
-    def _ended(self, goal: Goal, sending: _Sending, future: Any) -> None:
+    def _ended(self, goal: RunGoal, sending: _Sending, future: Any) -> None:
         if self._goals.get(goal) is sending:
             answer = future.result()
             if answer.status == GoalStatus.STATUS_UNKNOWN:
@@ -213,5 +213,5 @@ class Hosts:
             end = run_end_from_msg(answer.result)
             self._carry_out(self._market.run_ended(goal, end, time.monotonic()))
 
-    def _refuse(self, goal: Goal, reason: str) -> None:
+    def _refuse(self, goal: RunGoal, reason: str) -> None:
         self._carry_out(self._market.goal_refused(goal, reason, time.monotonic()))

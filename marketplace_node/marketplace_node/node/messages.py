@@ -22,12 +22,12 @@ from bt_agents_interfaces.srv import OperateMarket, RegisterHost, SelectAgent
 from bt_agents_ros.messages import scene_from_msg, scene_to_msg, seconds
 from marketplace_node.effects import (
     AnnounceRun,
-    AskOutside,
     EarlierRun,
-    Goal,
     OpenCall,
     PublishAuction,
+    RequestRanking,
     RunEventKind,
+    RunGoal,
     RunOutcome,
     SceneEnded,
     SendGoal,
@@ -36,7 +36,7 @@ from marketplace_node.effects import (
 from marketplace_node.explanation.calculation import calculation
 from marketplace_node.external_ranking.external_ranking_check import check_ranking, shown
 from marketplace_node.interaction.award import RunEnd
-from marketplace_node.operators.operator_overrides import Act, Order
+from marketplace_node.operators.operator_overrides import OperatorAction, OperatorCommand
 from marketplace_node.registry import Registration
 from marketplace_node.round.decision import (
     EARLIER_RUNS,
@@ -115,7 +115,7 @@ def earlier_run_from_msg(message: RunMsg, space: SceneSpace, now_s: float) -> Ea
         raise Refused("NOT_FINITE", f"duration_s is {message.duration_s}, expected seconds")
     return EarlierRun(
         epoch=message.epoch,
-        goal=Goal(
+        goal=RunGoal(
             round=message.round,
             agent=message.agent,
             agent_id=message.agent_id,
@@ -231,7 +231,7 @@ def auction_to_msg(effect: PublishAuction, stamp: Any) -> AuctionMsg:
     )
 
 
-def selection_to_msg(effect: AskOutside, epoch: str) -> SelectAgent.Request:
+def selection_to_msg(effect: RequestRanking, epoch: str) -> SelectAgent.Request:
     """Return the question how to rank the bids of a round."""
     return SelectAgent.Request(
         epoch=epoch,
@@ -255,21 +255,21 @@ def selection_from_msg(answer: SelectAgent.Response, bidders: Sequence[str]) -> 
         return External(failure=f"the selector's answer is of no use: {refused.reason}")
 
 
-def order_from_msg(request: OperateMarket.Request, space: SceneSpace) -> Order:
+def order_from_msg(request: OperateMarket.Request, space: SceneSpace) -> OperatorCommand:
     """Check what an operator asks for and return it.
 
     Raises:
         Refused: ``UNKNOWN_ACTION``, or as in :func:`scene_from_msg`.
     """
-    if request.action not in set(Act):
+    if request.action not in set(OperatorAction):
         raise Refused("UNKNOWN_ACTION", f"action is {request.action}, expected 0 to 4")
-    act = Act(request.action)
-    return Order(
+    act = OperatorAction(request.action)
+    return OperatorCommand(
         act=act,
         agent=request.agent,
         author=shown(request.author),
         reason=shown(request.reason),
-        scene=scene_or_last(request.scene, space) if act is Act.AWARD else None,
+        scene=scene_or_last(request.scene, space) if act is OperatorAction.AWARD else None,
     )
 
 

@@ -19,7 +19,7 @@ from marketplace_node.market import Market
 from marketplace_node.node.messages import auction_to_msg, order_from_msg, scene_or_last
 
 
-class Operators:
+class OperatorServices:
     """Answers operators; who waits for a preview holds nothing up.
 
     Args:

@@ -9,10 +9,10 @@ from rclpy.node import Node
 
 from bt_agents_core.atomic_file import write_atomically
 from bt_agents_core.worker_thread import WorkerThread
-from bt_agents_ros.future_poller import Jobs
+from bt_agents_ros.future_poller import FuturePoller
 
 
-class OrdersFile:
+class OverridesFile:
     """A file that is read once and written by a thread of its own.
 
     Args:
@@ -23,7 +23,7 @@ class OrdersFile:
     def __init__(self, node: Node, path: Path) -> None:
         self._node = node
         self._path = path
-        self._jobs = Jobs(node)
+        self._jobs = FuturePoller(node)
         self._worker = WorkerThread("orders")
 
     def read(self) -> str:

@@ -16,13 +16,13 @@ from bt_agents_ros.messages import seconds
 from marketplace_node.effects import Effect
 from marketplace_node.interaction.market_failover import MAX_RUNS
 from marketplace_node.market import Market
-from marketplace_node.node.hosts import Hosts
+from marketplace_node.node.hosts import HostConnections
 from marketplace_node.node.messages import earlier_run_from_msg, registration_from_msg
 
 _SHOWN = 200  # characters of what is malformed
 
 
-class Registering:
+class RegistrationService:
     """Answers hosts that register.
 
     Args:
@@ -37,7 +37,7 @@ class Registering:
         self,
         node: Node,
         market: Market,
-        hosts: Hosts,
+        hosts: HostConnections,
         space: SceneSpace,
         carry_out: Callable[[list[Effect]], None],
     ) -> None:

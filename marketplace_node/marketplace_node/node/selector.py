@@ -22,7 +22,7 @@ from bt_agents_interfaces.msg import HostCard
 from bt_agents_interfaces.srv import SelectAgent
 from bt_agents_language.files.scene_reader import read_scene
 from bt_agents_ros import qos
-from bt_agents_ros.base_node import GuardedNode
+from bt_agents_ros.base_node import BaseNode
 from bt_agents_ros.messages import scene_from_msg
 from bt_agents_ros.spinner import run
 from bt_agents_ros.startup import TREES, StartParameter, make_from_parameters
@@ -54,7 +54,7 @@ _MOST_WAITING = 4
 """Questions that may wait for the server; a later one is refused at once."""
 
 
-class SelectorNode(GuardedNode):
+class SelectorNode(BaseNode):
     """Serves ``select`` by asking a server that speaks the chat-completions protocol.
 
     Args:

@@ -10,16 +10,16 @@ from bt_agents_core.errors import Refused
 from bt_agents_core.scene import Scene
 from bt_agents_language.yaml.diagnostics import did_you_mean
 from marketplace_node.effects import State
-from marketplace_node.interaction.award import Stop
+from marketplace_node.interaction.award import StopRequest
 from marketplace_node.interaction.interaction import Interaction
-from marketplace_node.interaction.scene_admission import Arrivals
-from marketplace_node.market_state import Floor
-from marketplace_node.operators.operator_overrides import VETOED, Act, Order
+from marketplace_node.interaction.scene_admission import SceneAdmission
+from marketplace_node.market_state import MarketState
+from marketplace_node.operators.operator_overrides import VETOED, OperatorAction, OperatorCommand
 
 _AWARDED = re.compile(r"\+award\d+$")
 
 
-class Operating:
+class OperatorCommands:
     """Changes the say of people, stops whom they veto, and puts scenes in line that they award.
 
     Args:
@@ -27,27 +27,27 @@ class Operating:
         arrivals: Takes the scenes.
     """
 
-    def __init__(self, floor: Floor, arrivals: Arrivals) -> None:
+    def __init__(self, floor: MarketState, arrivals: SceneAdmission) -> None:
         self._floor = floor
         self._arrivals = arrivals
         self._awards = 0
 
-    def take(self, order: Order, interaction: Interaction | None, now: float) -> str:
+    def take(self, order: OperatorCommand, interaction: Interaction | None, now: float) -> str:
         """Do what is asked for; return it in words.
 
         Raises:
             Refused: Nothing is changed.
         """
         say = self._floor.say
-        if order.act is Act.UNPIN:
+        if order.act is OperatorAction.UNPIN:
             return say.unpin()
-        if order.act is Act.ALLOW:
+        if order.act is OperatorAction.ALLOW:
             return say.allow(order)
         self._check_known(order.agent)
         match order.act:
-            case Act.PIN:
+            case OperatorAction.PIN:
                 return say.pin(order) + _runs_on(order.agent, interaction)
-            case Act.VETO:
+            case OperatorAction.VETO:
                 return say.veto(order) + self._stop(order, interaction, now)
             case _:
                 return self._award(order, interaction)
@@ -82,7 +82,7 @@ class Operating:
                 f"no agent '{agent}' is registered; {hint or 'no host is there'}",
             )
 
-    def _stop(self, order: Order, interaction: Interaction | None, now: float) -> str:
+    def _stop(self, order: OperatorCommand, interaction: Interaction | None, now: float) -> str:
         """Stop the agent when it has the run, and let the others be asked; return it in words."""
         goal = interaction.goal if interaction is not None else None
         if interaction is None or goal is None or goal.agent != order.agent:
@@ -90,11 +90,11 @@ class Operating:
         if interaction.state is State.COLLECTING:
             return ""
         stopping = interaction.state is State.CANCELLING
-        stop = Stop(reason=f"{order.who} vetoes it{order.because}", again=True, code=VETOED)
+        stop = StopRequest(reason=f"{order.who} vetoes it{order.because}", again=True, code=VETOED)
         _, message = interaction.stop(stop, now)
         return f"; {message}" + ("" if stopping else ", and the others are asked")
 
-    def _award(self, order: Order, interaction: Interaction | None) -> str:
+    def _award(self, order: OperatorCommand, interaction: Interaction | None) -> str:
         self._floor.say.check_award(order)
         scene = self.scene(order.scene)
         if order.scene is None:

@@ -11,14 +11,14 @@ from typing import Any
 from bt_agents_core.errors import Refused
 from bt_agents_core.scene import Scene
 from marketplace_node.registry import HostEntry
-from marketplace_node.round.decision import Kind, RefusedBid
+from marketplace_node.round.decision import RefusedBid, RoundKind
 
 VETOED = "VETOED"
 NOT_PINNED = "NOT_PINNED"
 NOT_AWARDED = "NOT_AWARDED"
 
 
-class Act(IntEnum):
+class OperatorAction(IntEnum):
     """What an operator wants; the numbers are those of ``OperateMarket.srv``."""
 
     PIN = 0
@@ -29,7 +29,7 @@ class Act(IntEnum):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Order:
+class OperatorCommand:
     """What an operator asks for; fields as in ``OperateMarket.srv``.
 
     Attributes:
@@ -40,7 +40,7 @@ class Order:
         scene: Of ``AWARD``; None means the last scene.
     """
 
-    act: Act
+    act: OperatorAction
     agent: str = ""
     author: str = ""
     reason: str = ""
@@ -65,7 +65,7 @@ class _Standing:
     words: str
 
 
-class Say:
+class OperatorOverrides:
     """Keeps what people have ordered, for the life of the market."""
 
     def __init__(self) -> None:
@@ -106,7 +106,7 @@ class Say:
         """Return who has vetoed an agent and why; empty when nobody has."""
         return self._vetoes.get(agent, "")
 
-    def pin(self, order: Order) -> str:
+    def pin(self, order: OperatorCommand) -> str:
         """Let only one agent bid; return it in words.
 
         Raises:
@@ -129,13 +129,13 @@ class Say:
         agent, self._pin = self._pin.agent, None
         return f"{agent} is not pinned any more: all agents may bid from the next round on"
 
-    def veto(self, order: Order) -> str:
+    def veto(self, order: OperatorCommand) -> str:
         """Let an agent bid no more; return it in words."""
         self._vetoes[order.agent] = f"{order.who} vetoes {order.agent}{order.because}"
         also = f"; it is pinned, too, so nobody may bid: unpin {order.agent}"
         return f"{order.agent} may not bid" + (also if order.agent == self.pinned else "")
 
-    def allow(self, order: Order) -> str:
+    def allow(self, order: OperatorCommand) -> str:
         """Let an agent bid again; return it in words.
 
         Raises:
@@ -147,7 +147,7 @@ class Say:
         del self._vetoes[order.agent]
         return f"{order.agent} may bid again from the next round on"
 
-    def check_award(self, order: Order) -> None:
+    def check_award(self, order: OperatorCommand) -> None:
         """Check that the run for a scene may be given to an agent.
 
         Raises:
@@ -161,7 +161,7 @@ class Say:
                 "given a run",
             )
 
-    def award(self, order: Order, scene_id: str) -> None:
+    def award(self, order: OperatorCommand, scene_id: str) -> None:
         """Give the run for a scene that waits to one agent."""
         self._awards[scene_id] = _Standing(
             agent=order.agent,
@@ -184,7 +184,9 @@ class Say:
         if award is None and self._pin is None and not self._vetoes:
             return ()
         return tuple(
-            RefusedBid(agent=agent, host=entry.host, kind=Kind.REFUSED, code=code, reason=reason)
+            RefusedBid(
+                agent=agent, host=entry.host, kind=RoundKind.REFUSED, code=code, reason=reason
+            )
             for entry in hosts
             for agent in entry.agents
             for code, reason in self._bars(agent, award)

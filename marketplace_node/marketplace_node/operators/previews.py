@@ -9,7 +9,7 @@ from bt_agents_core.errors import Refused
 from bt_agents_core.scene import Scene
 from marketplace_node.effects import PreviewEnded
 from marketplace_node.explanation import reason as explain
-from marketplace_node.market_state import Floor
+from marketplace_node.market_state import MarketState
 from marketplace_node.round.decision import ClosedBy
 from marketplace_node.round.open_round import OpenRound
 from marketplace_node.settings import check_strategy
@@ -25,7 +25,7 @@ class Previews:
         floor: Shared by all rounds.
     """
 
-    def __init__(self, floor: Floor) -> None:
+    def __init__(self, floor: MarketState) -> None:
         self._floor = floor
         self._open: list[OpenRound] = []
 

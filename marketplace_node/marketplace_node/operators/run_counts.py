@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 
-class Tally:
+class RunCounts:
     """Counts runs, also those of earlier starts of the market.
 
     Attributes:

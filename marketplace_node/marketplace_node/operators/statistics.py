@@ -4,10 +4,10 @@
 from __future__ import annotations
 
 from marketplace_node.operators.starvation import Starvation
-from marketplace_node.round.decision import Decision, Outcome
+from marketplace_node.round.decision import AuctionOutcome, Decision
 
 
-class Record:
+class MarketStatistics:
     """Counts over the rounds of a market.
 
     Attributes:
@@ -26,7 +26,7 @@ class Record:
     def take(self, decision: Decision) -> None:
         """Count a decision; one that only foretells is not to be counted."""
         winner, terms = decision.winner, decision.terms
-        if winner is None or decision.outcome is not Outcome.AWARDED:
+        if winner is None or decision.outcome is not AuctionOutcome.AWARDED:
             return
         if (terms.strategy, terms.shadow) != self._compared:
             self._compared = (terms.strategy, terms.shadow)

@@ -12,15 +12,15 @@ from marketplace_node.registry import HostEntry
 from marketplace_node.round.bid_rows import BidRows
 from marketplace_node.round.bid_table import BidColumns
 from marketplace_node.round.decision import (
+    AuctionOutcome,
     Bids,
     ClosedBy,
     Decision,
     External,
-    Kind,
-    Outcome,
     Ranked,
     RankedBid,
     RefusedBid,
+    RoundKind,
     Terms,
 )
 from marketplace_node.round.ranking import decide, nearest
@@ -83,7 +83,9 @@ class Auction:
                 continue
             try:
                 self._check_agent(agent, entry, named)
-                self._record(bids, agent, Kind.DECLINED, "DECLINED", reason or "gives no reason")
+                self._record(
+                    bids, agent, RoundKind.DECLINED, "DECLINED", reason or "gives no reason"
+                )
             except Refused as refused:
                 self._refuse(bids, agent, refused)
             named.add(agent)
@@ -116,7 +118,7 @@ class Auction:
         awarded = bool(ranked.bids) and by is not ClosedBy.STOPPED
         return Decision(
             terms=self.terms,
-            outcome=Outcome.AWARDED if awarded else Outcome.NO_BIDS,
+            outcome=AuctionOutcome.AWARDED if awarded else AuctionOutcome.NO_BIDS,
             closed_by=by,
             duration_s=duration_s,
             ranked=ranked,
@@ -235,13 +237,17 @@ class Auction:
         for agent in entry.agents:
             if agent not in named and agent not in self._may_be_silent:
                 self._record(
-                    bids, agent, Kind.REFUSED, "NO_ANSWER", f"{entry.host} says nothing about it"
+                    bids,
+                    agent,
+                    RoundKind.REFUSED,
+                    "NO_ANSWER",
+                    f"{entry.host} says nothing about it",
                 )
 
     def _refuse(self, bids: Bids, agent: str, refused: Refused) -> None:
-        self._record(bids, agent, Kind.REFUSED, refused.code, refused.reason)
+        self._record(bids, agent, RoundKind.REFUSED, refused.code, refused.reason)
 
-    def _record(self, bids: Bids, agent: str, kind: Kind, code: str, reason: str) -> None:
+    def _record(self, bids: Bids, agent: str, kind: RoundKind, code: str, reason: str) -> None:
         self._refused.append(
             RefusedBid(agent=agent, host=bids.host, kind=kind, code=code, reason=reason)
         )

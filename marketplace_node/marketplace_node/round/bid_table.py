@@ -11,7 +11,7 @@ import numpy as np
 
 from bt_agents_core.scene import SceneSpace, Vector
 from marketplace_node.round.decision import AcceptedBid, Terms
-from marketplace_node.strategies import Field
+from marketplace_node.strategies import RoundArrays
 from marketplace_node.strategies.arrays import Floats
 
 T = TypeVar("T")
@@ -61,9 +61,9 @@ class BidTable:
             return np.zeros(len(self))
         return np.array([of_agents.get(agent, 0) for agent in self.agents], dtype=np.float64)
 
-    def field(self, space: SceneSpace, terms: Terms) -> Field:
+    def field(self, space: SceneSpace, terms: Terms) -> RoundArrays:
         """Return what a strategy is given; nothing in it can be written to."""
-        field = Field(
+        field = RoundArrays(
             scene=np.array(terms.scene.vector),
             std=np.nan_to_num(np.array(terms.scene.std), nan=0.0),
             bids=self.vectors.view(),

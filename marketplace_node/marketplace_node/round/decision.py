@@ -20,7 +20,7 @@ EARLIER_RUNS = "market.earlier_runs"
 """Stands with the options when counts of runs were taken over from an earlier start."""
 
 
-class Outcome(IntEnum):
+class AuctionOutcome(IntEnum):
     """How a round ends; the numbers are those of ``Auction.msg``."""
 
     AWARDED = 1
@@ -37,7 +37,7 @@ class ClosedBy(IntEnum):
     STOPPED = 3
 
 
-class Kind(IntEnum):
+class RoundKind(IntEnum):
     """Who does not want a bid; the numbers are those of ``RefusedBid.msg``."""
 
     DECLINED = 0
@@ -110,7 +110,7 @@ class RefusedBid:
 
     agent: str
     host: str
-    kind: Kind
+    kind: RoundKind
     code: str
     reason: str
 
@@ -181,7 +181,7 @@ class Terms:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Change:
+class Counterfactual:
     """The smallest change of the scene by which the runner-up would have won.
 
     Attributes:
@@ -197,7 +197,7 @@ class Change:
     obstacle: str = ""
 
 
-def _no_change() -> Change | None:
+def _no_change() -> Counterfactual | None:
     return None
 
 
@@ -227,10 +227,12 @@ class Ranked:
     placed: int = 0
     shadow_winner: str = ""
     shadow_failure: str = ""
-    find_change: Callable[[], Change | None] = field(default=_no_change, compare=False, repr=False)
+    find_change: Callable[[], Counterfactual | None] = field(
+        default=_no_change, compare=False, repr=False
+    )
 
     @cached_property
-    def change(self) -> Change | None:
+    def change(self) -> Counterfactual | None:
         """By which the runner-up would have won; None without a runner-up.
 
         It is searched for when it is first asked for, so that no award waits for it.
@@ -255,7 +257,7 @@ class Decision:
     """
 
     terms: Terms
-    outcome: Outcome
+    outcome: AuctionOutcome
     closed_by: ClosedBy
     duration_s: float
     ranked: Ranked
@@ -274,7 +276,7 @@ class Decision:
         return self.ranked.shadow_winner
 
     @property
-    def change(self) -> Change | None:
+    def change(self) -> Counterfactual | None:
         """By which the runner-up would have won; None without a runner-up."""
         return self.ranked.change
 

@@ -10,7 +10,7 @@ from typing import overload
 from marketplace_node.round.decision import RankedBid
 
 
-class Standings(Sequence[RankedBid]):
+class LazyRanking(Sequence[RankedBid]):
     """Bids in order, best first; equal to any sequence of equal bids.
 
     Args:

@@ -6,8 +6,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from bt_agents_core.scene import Scene
-from marketplace_node.effects import AskOutside, OpenCall
-from marketplace_node.market_state import Floor
+from marketplace_node.effects import OpenCall, RequestRanking
+from marketplace_node.market_state import MarketState
 from marketplace_node.round.auction import Auction
 from marketplace_node.round.decision import Bids, ClosedBy, Decision, External
 from marketplace_node.settings import EXTERNAL
@@ -38,7 +38,7 @@ class OpenRound:
 
     def __init__(
         self,
-        floor: Floor,
+        floor: MarketState,
         scene: Scene,
         now: float,
         *,
@@ -144,7 +144,7 @@ class OpenRound:
         self._bids_closed_by = by
         self._deadline = now + limit_s
         self._floor.effects.append(
-            AskOutside(
+            RequestRanking(
                 round=self.number,
                 scene=self.scene,
                 agents=tuple(bid.agent for bid in bids),

@@ -13,7 +13,7 @@ from bt_agents_language.files.market_reader import MarketRule
 from marketplace_node.strategies import Scores
 
 
-def first_rule(
+def applicable_rule(
     rules: Sequence[MarketRule],
     values: Mapping[str, float],
     person: bool,
@@ -46,7 +46,7 @@ def first_rule(
     return None
 
 
-def placed(scores: Scores, places: Sequence[int]) -> Scores:
+def apply_precedence(scores: Scores, places: Sequence[int]) -> Scores:
     """Put bids before all others; what is left is ranked by its distance.
 
     The score of the k-th of m such bids is k - m, below every distance. That is a place and no

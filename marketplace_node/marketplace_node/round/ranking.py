@@ -13,9 +13,16 @@ from bt_agents_core.errors import Refused
 from bt_agents_core.scene import SceneSpace
 from marketplace_node.explanation.counterfactual import smallest_change
 from marketplace_node.round.bid_table import BidTable, weights_of
-from marketplace_node.round.decision import AcceptedBid, Change, External, Ranked, RankedBid, Terms
-from marketplace_node.round.lazy_ranking import Standings
-from marketplace_node.round.round_model import Contest, Measured
+from marketplace_node.round.decision import (
+    AcceptedBid,
+    Counterfactual,
+    External,
+    Ranked,
+    RankedBid,
+    Terms,
+)
+from marketplace_node.round.lazy_ranking import LazyRanking
+from marketplace_node.round.round_model import RoundModel, Scored
 from marketplace_node.strategies import STRATEGIES, StrategySpec
 from marketplace_node.strategies.arrays import Integers, Sum
 from marketplace_node.strategies.nearest import MANHATTAN, measure
@@ -66,7 +73,7 @@ def decide(
     places = contest.order(measured.scores.score)
     shadow_winner, shadow_failure = _shadow(contest)
     return Ranked(
-        bids=Standings(
+        bids=LazyRanking(
             _ranked(space, terms, table, measured, places[:1])[0],
             len(table),
             partial(_ranked, space, terms, table, measured, places),
@@ -95,12 +102,12 @@ def _led(
     """Find the winner alone; the others when somebody looks at them."""
 
     @cache
-    def rest() -> tuple[Contest, Measured, Integers]:
+    def rest() -> tuple[RoundModel, Scored, Integers]:
         contest = _contest(space, terms, table, None)
         measured = contest.measure()
         return contest, measured, contest.order(measured.scores.score)
 
-    def change() -> Change | None:
+    def change() -> Counterfactual | None:
         contest, _, places = rest()
         return smallest_change(contest, places, space)
 
@@ -116,7 +123,7 @@ def _led(
     if terms.shadow:
         shadow_winner, shadow_failure = _shadow(_contest(space, terms, table, None))
     return Ranked(
-        bids=Standings(_bid(space, terms, table, distance, best), len(table), ranked),
+        bids=LazyRanking(_bid(space, terms, table, distance, best), len(table), ranked),
         bidders=table.agents,
         by=spec.name,
         shadow_winner=shadow_winner,
@@ -174,8 +181,8 @@ def _spec(name: str) -> StrategySpec:
 
 def _contest(
     space: SceneSpace, terms: Terms, table: BidTable, external: External | None
-) -> Contest:
-    return Contest(
+) -> RoundModel:
+    return RoundModel(
         terms=terms,
         table=table,
         field=table.field(space, terms),
@@ -187,7 +194,7 @@ def _contest(
 
 
 def _ranked(
-    space: SceneSpace, terms: Terms, table: BidTable, measured: Measured, places: Integers
+    space: SceneSpace, terms: Terms, table: BidTable, measured: Scored, places: Integers
 ) -> tuple[RankedBid, ...]:
     scores = measured.scores
     columns = zip(
@@ -231,7 +238,7 @@ def _weights(space: SceneSpace, table: BidTable, places: Integers) -> list[tuple
     ]
 
 
-def _shadow(contest: Contest) -> tuple[str, str]:
+def _shadow(contest: RoundModel) -> tuple[str, str]:
     """Return who would have won by the shadow strategy, and why nobody, in words."""
     terms = contest.terms
     if not terms.shadow:

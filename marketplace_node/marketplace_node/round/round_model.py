@@ -13,17 +13,25 @@ from bt_agents_core.errors import Refused
 from marketplace_node.external_ranking.external_ranking_check import shown
 from marketplace_node.round.bid_table import BidTable
 from marketplace_node.round.decision import External, Terms
-from marketplace_node.round.precedence import first_rule, placed
+from marketplace_node.round.precedence import applicable_rule, apply_precedence
 from marketplace_node.settings import EXTERNAL, RULES
-from marketplace_node.strategies import Chance, Field, Lines, Scores, StrategySpec, chance, order
+from marketplace_node.strategies import (
+    LinearScores,
+    RandomSource,
+    RoundArrays,
+    Scores,
+    StrategySpec,
+    order,
+    round_rng,
+)
 from marketplace_node.strategies.arrays import Floats, Integers
 
-_UNUSED = chance("")
+_UNUSED = round_rng("")
 """For strategies that surely draw nothing, as to seed one takes longer than to rank a few."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class Measured:
+class Scored:
     """Scores of one round, and why some bids come before nearer ones.
 
     Attributes:
@@ -34,11 +42,11 @@ class Measured:
 
     scores: Scores
     precedence: str = ""
-    placed: int = 0
+    apply_precedence: int = 0
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Contest:
+class RoundModel:
     """Bids, and what ranks them.
 
     Attributes:
@@ -53,24 +61,24 @@ class Contest:
 
     terms: Terms
     table: BidTable
-    field: Field
+    field: RoundArrays
     spec: StrategySpec
     options: Mapping[str, float]
     seed: str
     external: External | None = None
 
-    def measure(self) -> Measured:
+    def measure(self) -> Scored:
         """Return the scores for the scene of the round.
 
         Raises:
-            Refused: ``STRATEGY_FAILED``; see :func:`measured`.
+            Refused: ``STRATEGY_FAILED``; see :func:`scored`.
         """
-        scores = measured(self.spec, self.field, self.options, self._chance())
+        scores = scored(self.spec, self.field, self.options, self._chance())
         agents, why = self._first(self.field.scene)
         places = [self.table.agents.index(agent) for agent in agents]
         if not places:
-            return Measured(scores=scores)
-        return Measured(scores=placed(scores, places), precedence=why, placed=len(places))
+            return Scored(scores=scores)
+        return Scored(scores=apply_precedence(scores, places), precedence=why, placed=len(places))
 
     def order(self, scores: Floats) -> Integers:
         """Return indices of the bids, best first; [..., N] to [..., N]."""
@@ -85,7 +93,7 @@ class Contest:
         """
         field = replace(self.field, scene=scenes)
         same = _SameForAll(self._chance())
-        scores = measured(self.spec, field, self.options, same).score
+        scores = scored(self.spec, field, self.options, same).score
         winners = self.order(scores)[:, 0].copy()
         if self.spec.name == RULES:
             for row, values in enumerate(scenes):
@@ -94,11 +102,11 @@ class Contest:
                     winners[row] = self.table.agents.index(agents[0])
         return winners
 
-    def lines(self) -> Lines | None:
+    def lines(self) -> LinearScores | None:
         """Return the scores as a function of the scene; None where they are no straight lines.
 
         Raises:
-            Refused: ``STRATEGY_FAILED``, as in :func:`measured`.
+            Refused: ``STRATEGY_FAILED``, as in :func:`scored`.
         """
         if self.spec.lines is None:
             return None
@@ -107,13 +115,13 @@ class Contest:
             lines = self.spec.lines(self.field, self.spec.values(self.options), self._chance())
             weights = np.asarray(lines.weights, dtype=np.float64)
             by_bid = (width,) if weights.ndim == 1 else (count, width)
-            return Lines(
+            return LinearScores(
                 profiles=_checked("profiles of lines", lines.profiles, (count, width)),
                 weights=_checked("weights of lines", weights, by_bid),
                 offsets=_checked("offsets of lines", lines.offsets, (count,)),
             )
 
-    def among(self, rows: Sequence[int]) -> Contest:
+    def among(self, rows: Sequence[int]) -> RoundModel:
         """Return the contest of some of the bids, which come in their order by name.
 
         Not for a strategy that draws chance: fewer bids draw another one.
@@ -141,7 +149,7 @@ class Contest:
 
     def _chance(self) -> np.random.Generator:
         """Return what the strategy draws from."""
-        return _UNUSED if self.spec.sum is not None else chance(self.seed)
+        return _UNUSED if self.spec.sum is not None else round_rng(self.seed)
 
     def _first(self, values: Floats) -> tuple[list[str], str]:
         """Return the bidders that come before nearer ones in a scene, and why."""
@@ -149,7 +157,7 @@ class Contest:
         if self.spec.name == RULES:
             names = (value.name for value in scene.values)
             named = dict(zip(names, values.tolist(), strict=True))
-            found = first_rule(self.terms.rules, named, scene.person, bidders)
+            found = applicable_rule(self.terms.rules, named, scene.person, bidders)
             if found is not None:
                 number, rule = found
                 ours = [agent for agent in rule.agents if agent in bidders]
@@ -159,8 +167,8 @@ class Contest:
         return [], ""
 
 
-def measured(
-    spec: StrategySpec, field: Field, options: Mapping[str, float], random: Chance
+def scored(
+    spec: StrategySpec, field: RoundArrays, options: Mapping[str, float], random: RandomSource
 ) -> Scores:
     """Return the scores of a strategy, which may be anybody's, checked.
 

@@ -15,7 +15,7 @@ Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]
 
 
-class Chance(Protocol):
+class RandomSource(Protocol):
     """Where a strategy draws chance from; a ``numpy.random.Generator`` is one."""
 
     def random(self, size: tuple[int, ...], /) -> Floats:
@@ -28,7 +28,7 @@ class Chance(Protocol):
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Field:
+class RoundArrays:
     """The bids of a round, or of many rounds along leading axes (written ``...``).
 
     N is the number of bids and n that of the scene parameters. Leading axes of different
@@ -81,7 +81,7 @@ class Scores:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Lines:
+class LinearScores:
     """Scores as a function of the scene x, where ``offset + sum(weight * |profile - x|)`` says it.
 
     Attributes:
@@ -114,7 +114,7 @@ class Option:
     description: str
 
 
-Score = Callable[[Field, Mapping[str, float], Chance], Scores]
+Score = Callable[[RoundArrays, Mapping[str, float], RandomSource], Scores]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -153,7 +153,7 @@ class StrategySpec:
     options: tuple[Option, ...] = ()
     draws: bool = False
     counts: bool = False
-    lines: Callable[[Field, Mapping[str, float], Chance], Lines] | None = None
+    lines: Callable[[RoundArrays, Mapping[str, float], RandomSource], LinearScores] | None = None
     sum: Sum | None = None
 
     def values(self, given: Mapping[str, float]) -> dict[str, float]:
@@ -161,7 +161,7 @@ class StrategySpec:
         return {option.name: given.get(option.name, option.default) for option in self.options}
 
 
-def chance(seed: str) -> np.random.Generator:
+def round_rng(seed: str) -> np.random.Generator:
     """Return the source of chance of a round: PCG64, seeded by the SHA-256 of ``seed``.
 
     NumPy takes the digest as eight words of 32 bits, the last of them first.
@@ -170,7 +170,7 @@ def chance(seed: str) -> np.random.Generator:
     return np.random.Generator(np.random.PCG64(np.random.SeedSequence(words.astype(np.uint32))))
 
 
-class Chances:
+class BatchRandomSource:
     """Draws for many rounds at once what each would draw alone.
 
     Args:
@@ -201,13 +201,13 @@ def total(parts: Floats) -> Floats:
     return np.asarray(added)
 
 
-def gaps(field: Field) -> Floats:
+def differences(field: RoundArrays) -> Floats:
     """Return bid minus scene, [..., N, n]; 0 where the value of the scene is missing."""
     gap: Floats = field.bids - field.scene[..., None, :]
-    return filled(field, gap)
+    return mask_missing(field, gap)
 
 
-def filled(field: Field, parts: Floats) -> Floats:
+def mask_missing(field: RoundArrays, parts: Floats) -> Floats:
     """Set parts [..., N, n] to 0 in place where the value of the scene is missing."""
     missing = np.isnan(field.scene)
     if missing.any():
@@ -215,7 +215,7 @@ def filled(field: Field, parts: Floats) -> Floats:
     return parts
 
 
-def plain(field: Field, contributions: Floats) -> Scores:
+def scores_of(field: RoundArrays, contributions: Floats) -> Scores:
     """Return the scores of a strategy without exploration, whose distance is the sum of parts."""
     distance = np.broadcast_to(total(contributions), field.shape)
     return Scores(
@@ -226,7 +226,7 @@ def plain(field: Field, contributions: Floats) -> Scores:
     )
 
 
-def explored(scores: Scores, bonus: Floats) -> Scores:
+def with_bonus(scores: Scores, bonus: Floats) -> Scores:
     """Return the scores with an exploration bonus taken off."""
     return Scores(
         distance=scores.distance,

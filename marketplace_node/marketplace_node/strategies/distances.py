@@ -9,56 +9,64 @@ from collections.abc import Mapping
 import numpy as np
 
 from marketplace_node.strategies.arrays import (
-    Chance,
-    Field,
     Floats,
-    Lines,
+    LinearScores,
+    RandomSource,
+    RoundArrays,
     Scores,
-    filled,
-    gaps,
-    plain,
+    differences,
+    mask_missing,
+    scores_of,
     total,
 )
 from marketplace_node.strategies.error_function import erf
 
 
-def manhattan(field: Field, options: Mapping[str, float], random: Chance) -> Scores:
+def manhattan(field: RoundArrays, options: Mapping[str, float], random: RandomSource) -> Scores:
     """Measure by the sum of ``|bid - scene|``, formula (1) of the paper, to the last digit.
 
     A missing value of the scene is left out; without any value every distance is 0.
     """
     del options, random
-    parts = gaps(field)
-    return plain(field, np.abs(parts, out=parts))
+    parts = differences(field)
+    return scores_of(field, np.abs(parts, out=parts))
 
 
-def manhattan_lines(field: Field, options: Mapping[str, float], random: Chance) -> Lines:
+def manhattan_lines(
+    field: RoundArrays, options: Mapping[str, float], random: RandomSource
+) -> LinearScores:
     """Return ``manhattan`` as a function of the scene."""
     del options, random
     count, width = field.bids.shape
-    return Lines(profiles=field.bids, weights=np.ones(width), offsets=np.zeros(count))
+    return LinearScores(profiles=field.bids, weights=np.ones(width), offsets=np.zeros(count))
 
 
-def weighted_manhattan(field: Field, options: Mapping[str, float], random: Chance) -> Scores:
+def weighted_manhattan(
+    field: RoundArrays, options: Mapping[str, float], random: RandomSource
+) -> Scores:
     """Measure by the sum of ``weight * |bid - scene|``; with weights of 1 as ``manhattan``."""
     del options, random
-    return plain(field, np.abs(gaps(field)) * field.weights)
+    return scores_of(field, np.abs(differences(field)) * field.weights)
 
 
-def weighted_lines(field: Field, options: Mapping[str, float], random: Chance) -> Lines:
+def weighted_lines(
+    field: RoundArrays, options: Mapping[str, float], random: RandomSource
+) -> LinearScores:
     """Return ``weighted_manhattan`` as a function of the scene."""
     del options, random
-    return Lines(profiles=field.bids, weights=field.weights, offsets=np.zeros(field.bids.shape[0]))
+    return LinearScores(
+        profiles=field.bids, weights=field.weights, offsets=np.zeros(field.bids.shape[0])
+    )
 
 
-def euclidean(field: Field, options: Mapping[str, float], random: Chance) -> Scores:
+def euclidean(field: RoundArrays, options: Mapping[str, float], random: RandomSource) -> Scores:
     """Measure by the straight line, the root of the sum of ``(bid - scene)^2``.
 
     A parameter contributes its share of the length, ``(bid - scene)^2 / distance``, so that the
     contributions add up to the distance.
     """
     del options, random
-    squares = gaps(field) ** 2
+    squares = differences(field) ** 2
     distance = np.sqrt(total(squares))
     length = np.where(distance > 0.0, distance, 1.0)[..., None]
     return Scores(
@@ -69,7 +77,9 @@ def euclidean(field: Field, options: Mapping[str, float], random: Chance) -> Sco
     )
 
 
-def expected_manhattan(field: Field, options: Mapping[str, float], random: Chance) -> Scores:
+def expected_manhattan(
+    field: RoundArrays, options: Mapping[str, float], random: RandomSource
+) -> Scores:
     """Measure by the Manhattan distance to be expected when each value of the scene is Gaussian.
 
     With ``X ~ N(scene, std^2)`` and ``a = bid - scene``, the mean of the folded normal
@@ -77,8 +87,8 @@ def expected_manhattan(field: Field, options: Mapping[str, float], random: Chanc
     (Leone, Nelson and Nottingham, 1961). Without any std it is ``manhattan`` to the last digit.
     """
     del options, random
-    gap = gaps(field)
-    return plain(field, filled(field, folded_mean(gap, field.std[..., None, :])))
+    gap = differences(field)
+    return scores_of(field, mask_missing(field, folded_mean(gap, field.std[..., None, :])))
 
 
 def folded_mean(gap: Floats, std: Floats) -> Floats:

@@ -8,15 +8,15 @@ from collections.abc import Mapping
 import numpy as np
 
 from marketplace_node.strategies.arrays import (
-    Chance,
-    Field,
     Floats,
-    Lines,
+    LinearScores,
     Option,
+    RandomSource,
+    RoundArrays,
     Scores,
-    explored,
-    filled,
+    mask_missing,
     total,
+    with_bonus,
 )
 from marketplace_node.strategies.distances import manhattan
 
@@ -52,7 +52,7 @@ SIGMA = Option(
 _LEAST = float(np.finfo(np.float64).tiny)
 
 
-def softmax(field: Field, options: Mapping[str, float], random: Chance) -> Scores:
+def softmax(field: RoundArrays, options: Mapping[str, float], random: RandomSource) -> Scores:
     """Draw the order with chances ``exp(-distance / temperature)``.
 
     Gumbel noise times the temperature is taken off the distance; the smallest of such sums is
@@ -60,10 +60,12 @@ def softmax(field: Field, options: Mapping[str, float], random: Chance) -> Score
     """
     even = np.maximum(random.random(field.shape), _LEAST)
     gumbel = -np.log(-np.log(even))
-    return explored(manhattan(field, options, random), options["temperature"] * gumbel)
+    return with_bonus(manhattan(field, options, random), options["temperature"] * gumbel)
 
 
-def epsilon_greedy(field: Field, options: Mapping[str, float], random: Chance) -> Scores:
+def epsilon_greedy(
+    field: RoundArrays, options: Mapping[str, float], random: RandomSource
+) -> Scores:
     """Rank by ``manhattan``, but with probability epsilon in an order left to chance.
 
     The score is then the place in that order, from 0.
@@ -81,25 +83,25 @@ def epsilon_greedy(field: Field, options: Mapping[str, float], random: Chance) -
     )
 
 
-def ucb(field: Field, options: Mapping[str, float], random: Chance) -> Scores:
+def ucb(field: RoundArrays, options: Mapping[str, float], random: RandomSource) -> Scores:
     """Take off ``c sqrt(ln(1 + t) / (1 + n))``: the less an agent ran (n of t), the more.
 
     After UCB1 (Auer, Cesa-Bianchi and Fischer, 2002).
     """
     bonus = options["c"] * np.sqrt(np.log1p(field.rounds)[..., None] / (1.0 + field.runs))
-    return explored(
+    return with_bonus(
         manhattan(field, options, random), np.array(np.broadcast_to(bonus, field.shape))
     )
 
 
-def thompson(field: Field, options: Mapping[str, float], random: Chance) -> Scores:
+def thompson(field: RoundArrays, options: Mapping[str, float], random: RandomSource) -> Scores:
     """Measure the distance to a profile drawn from ``N(bid, (sigma * range / sqrt(1 + n))^2)``.
 
     The more often an agent ran (n), the surer its profile is (Thompson, 1933).
     """
     scores = manhattan(field, options, random)
     gap = _drawn(field, options, random) - field.scene[..., None, :]
-    drawn = total(filled(field, np.abs(gap)))
+    drawn = total(mask_missing(field, np.abs(gap)))
     return Scores(
         distance=scores.distance,
         bonus=scores.distance - drawn,
@@ -108,38 +110,46 @@ def thompson(field: Field, options: Mapping[str, float], random: Chance) -> Scor
     )
 
 
-def softmax_lines(field: Field, options: Mapping[str, float], random: Chance) -> Lines:
+def softmax_lines(
+    field: RoundArrays, options: Mapping[str, float], random: RandomSource
+) -> LinearScores:
     """Return ``softmax`` as a function of the scene."""
     return _less(field, softmax(field, options, random).bonus)
 
 
-def ucb_lines(field: Field, options: Mapping[str, float], random: Chance) -> Lines:
+def ucb_lines(
+    field: RoundArrays, options: Mapping[str, float], random: RandomSource
+) -> LinearScores:
     """Return ``ucb`` as a function of the scene."""
     return _less(field, ucb(field, options, random).bonus)
 
 
-def epsilon_greedy_lines(field: Field, options: Mapping[str, float], random: Chance) -> Lines:
+def epsilon_greedy_lines(
+    field: RoundArrays, options: Mapping[str, float], random: RandomSource
+) -> LinearScores:
     """Return ``epsilon_greedy`` as a function of the scene, which does not count by chance."""
     scores = epsilon_greedy(field, options, random)
     width = field.bids.shape[-1]
     if np.array_equal(scores.score, scores.distance):
         return _less(field, np.zeros(field.shape))
-    return Lines(profiles=field.bids, weights=np.zeros(width), offsets=scores.score)
+    return LinearScores(profiles=field.bids, weights=np.zeros(width), offsets=scores.score)
 
 
-def thompson_lines(field: Field, options: Mapping[str, float], random: Chance) -> Lines:
+def thompson_lines(
+    field: RoundArrays, options: Mapping[str, float], random: RandomSource
+) -> LinearScores:
     """Return ``thompson`` as a function of the scene."""
     drawn = _drawn(field, options, random)
-    return Lines(
+    return LinearScores(
         profiles=drawn, weights=np.ones(drawn.shape[-1]), offsets=np.zeros(drawn.shape[0])
     )
 
 
-def _less(field: Field, bonus: Floats) -> Lines:
-    return Lines(profiles=field.bids, weights=np.ones(field.bids.shape[-1]), offsets=-bonus)
+def _less(field: RoundArrays, bonus: Floats) -> LinearScores:
+    return LinearScores(profiles=field.bids, weights=np.ones(field.bids.shape[-1]), offsets=-bonus)
 
 
-def _drawn(field: Field, options: Mapping[str, float], random: Chance) -> Floats:
+def _drawn(field: RoundArrays, options: Mapping[str, float], random: RandomSource) -> Floats:
     noise = random.standard_normal((*field.shape, field.bids.shape[-1]))
     spread = options["sigma"] * field.widths / np.sqrt(1.0 + field.runs)[..., None]
     profiles: Floats = field.bids + noise * spread

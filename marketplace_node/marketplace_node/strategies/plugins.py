@@ -19,7 +19,7 @@ GROUP = "bt_agents.strategies"
 _NAME = re.compile(r"[a-z][a-z0-9_]{0,63}")
 
 
-class PluginProblem(BtAgentsError):
+class StrategyPluginProblem(BtAgentsError):
     """A package brings a strategy that cannot be one."""
 
 
@@ -53,10 +53,12 @@ def read_plugins(
     for point in sorted(points, key=lambda one: (one.name, one.value)):
         try:
             if point.name in names:
-                raise PluginProblem(f"{_whose(point)}: there is a strategy of this name already")
+                raise StrategyPluginProblem(
+                    f"{_whose(point)}: there is a strategy of this name already"
+                )
             found[point.name] = _spec(point)
             names.add(point.name)
-        except PluginProblem as problem:
+        except StrategyPluginProblem as problem:
             problems.append(str(problem))
     return found, tuple(problems)
 
@@ -64,36 +66,38 @@ def read_plugins(
 def _spec(point: EntryPoint) -> StrategySpec:
     whose = _whose(point)
     if not _NAME.fullmatch(point.name):
-        raise PluginProblem(
+        raise StrategyPluginProblem(
             f"{whose}: '{point.name}' cannot be the name of a strategy; expected small letters, "
             "digits and '_'"
         )
     try:
         spec = point.load()
     except (Exception, SystemExit) as error:
-        raise PluginProblem(
+        raise StrategyPluginProblem(
             f"{whose} cannot be loaded: {type(error).__name__}: {' '.join(str(error).split())}"
         ) from error
     if not isinstance(spec, StrategySpec):
-        raise PluginProblem(
+        raise StrategyPluginProblem(
             f"{whose} is a {type(spec).__name__}, expected a "
             "marketplace_node.strategies.StrategySpec"
         )
     if spec.name != point.name:
-        raise PluginProblem(f"{whose} calls itself '{spec.name}'; both names must be the same")
+        raise StrategyPluginProblem(
+            f"{whose} calls itself '{spec.name}'; both names must be the same"
+        )
     if not isinstance(spec.description, str):
-        raise PluginProblem(f"{whose}: 'description' is no text")
+        raise StrategyPluginProblem(f"{whose}: 'description' is no text")
     if not callable(spec.score):
-        raise PluginProblem(f"{whose}: 'score' is no function")
+        raise StrategyPluginProblem(f"{whose}: 'score' is no function")
     if spec.lines is not None and not callable(spec.lines):
-        raise PluginProblem(f"{whose}: 'lines' is no function")
+        raise StrategyPluginProblem(f"{whose}: 'lines' is no function")
     if not isinstance(spec.options, tuple) or not all(_is_option(one) for one in spec.options):
-        raise PluginProblem(
+        raise StrategyPluginProblem(
             f"{whose}: 'options' must be a tuple of Option with name and description as texts, "
             "and whose default lies between minimum and maximum"
         )
     if len({option.name for option in spec.options}) < len(spec.options):
-        raise PluginProblem(f"{whose}: two options have the same name")
+        raise StrategyPluginProblem(f"{whose}: two options have the same name")
     return spec
 
 

@@ -23,18 +23,18 @@ from bt_agents_language.files.script_reader import read_script
 from bt_agents_language.model.scene_specs import SceneSpec
 from bt_agents_language.model.specs import Script
 from bt_agents_ros import qos
-from bt_agents_ros.base_node import GuardedNode
+from bt_agents_ros.base_node import BaseNode
 from bt_agents_ros.messages import scene_from_msg, scene_to_msg, to_time
-from bt_agents_ros.parameters import describe, follow
+from bt_agents_ros.parameters import declare_and_watch, describe
 from bt_agents_ros.spinner import run
 from bt_agents_ros.startup import TREES, StartParameter, make_from_parameters
 from bt_agents_ros.timers import steady_timer
 from scene_layer.memory import Memory
-from scene_layer.node.memory_store import Remembering
-from scene_layer.node.script_player import Playing
-from scene_layer.node.source_subscriptions import Listening
-from scene_layer.run_tracker import Following, LiveRun
-from scene_layer.scene_estimator import Estimate, check_given
+from scene_layer.node.memory_store import MemoryStore
+from scene_layer.node.script_player import ScriptPlayer
+from scene_layer.node.source_subscriptions import SourceSubscriptions
+from scene_layer.run_tracker import LiveRun, RunTracker
+from scene_layer.scene_estimator import SceneEstimator, check_given
 from scene_layer.sources import Sources
 
 SHORTEST_S = 0.02
@@ -50,7 +50,7 @@ _PERSON = {
 }
 
 
-class SceneLayerNode(GuardedNode):
+class SceneLayerNode(BaseNode):
     """Listens to the sources, or plays a script in their stead, and publishes scenes.
 
     Args:
@@ -80,13 +80,13 @@ class SceneLayerNode(GuardedNode):
         self._ids = ids or (lambda: uuid.uuid4().hex)
         self._sources = Sources(spec)
         known = Memory(spec.space)
-        self._estimate = Estimate(spec, self._sources, known)
-        self._following = Following()
+        self._estimate = SceneEstimator(spec, self._sources, known)
+        self._following = RunTracker()
         self._announced_id = ""
         self._live_at = 0.0
         self._persons_at = 0.0
         self._shown: object = None
-        self._remembering = Remembering(
+        self._remembering = MemoryStore(
             self, known, spec.space, memory, lambda: self._estimate.encounters.known
         )
         self._scene = self.create_publisher(SceneMsg, "scene", qos.FACT)
@@ -97,14 +97,16 @@ class SceneLayerNode(GuardedNode):
         self.create_subscription(MarketStatus, "market", self._on_market, qos.FACT)
         self.create_subscription(Empty, "~/trigger", self._on_trigger, qos.EVENTS)
         self.create_service(Analyze, "~/analyze", self._on_analyze, qos_profile=qos.SERVICE)
-        self._playing: Playing | None = None
-        self._listening: Listening | None = None
+        self._playing: ScriptPlayer | None = None
+        self._listening: SourceSubscriptions | None = None
         if script is None:
             encounters = self._estimate.encounters
-            self._listening = Listening(self, spec, self._sources, encounters, self._on_change)
+            self._listening = SourceSubscriptions(
+                self, spec, self._sources, encounters, self._on_change
+            )
         else:
             listened = self._market_listens
-            self._playing = Playing(self, script, self._announce, self._give, listened)
+            self._playing = ScriptPlayer(self, script, self._announce, self._give, listened)
 
     def request_stop(self) -> None:
         """Save what is known of persons and places."""
@@ -120,7 +122,7 @@ class SceneLayerNode(GuardedNode):
         super().destroy_node()
 
     def _make_timers(self) -> None:
-        rate = follow(
+        rate = declare_and_watch(
             self,
             "live_rate",
             10.0,

@@ -19,7 +19,7 @@ from bt_agents_core.scene import SceneSpace
 from bt_agents_core.worker_thread import WorkerThread
 from bt_agents_interfaces.srv import ManageProfiles
 from bt_agents_ros import qos
-from bt_agents_ros.future_poller import Jobs
+from bt_agents_ros.future_poller import FuturePoller
 from bt_agents_ros.timers import steady_timer
 from scene_layer import memory_file
 from scene_layer.memory import Memory
@@ -30,7 +30,7 @@ SAVE_S = 10.0
 _SHOWN = 100
 
 
-class Remembering:
+class MemoryStore:
     """Reads the memory at the start, saves it now and then, and serves ``~/manage``.
 
     Args:
@@ -60,7 +60,7 @@ class Remembering:
         if path is not None:
             self._read(path)
         self._disk = WorkerThread("memory")
-        self._jobs = Jobs(node)
+        self._jobs = FuturePoller(node)
         self._saved = memory.changes
         self._saving: Job[None] | None = None
         if path is not None:

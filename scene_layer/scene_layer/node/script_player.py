@@ -14,7 +14,7 @@ from bt_agents_interfaces.msg import MarketStatus
 from bt_agents_language.model.specs import Script, Visit
 from bt_agents_ros.parameters import declare, describe
 from bt_agents_ros.timers import steady_timer
-from scene_layer.script import Market, Performance
+from scene_layer.script import MarketView, ScriptPerformance
 
 _PERIOD_S = 0.02
 
@@ -28,7 +28,7 @@ class Announce(Protocol):
         """Do so."""
 
 
-class Playing:
+class ScriptPlayer:
     """Announces the visits of a script and gives their changes.
 
     Args:
@@ -63,7 +63,7 @@ class Playing:
                 read_only=True,
             ),
         )
-        self._performance = Performance(script, wait_for_agents=int(wait_for_agents))
+        self._performance = ScriptPerformance(script, wait_for_agents=int(wait_for_agents))
         self._timer = steady_timer(node, _PERIOD_S, self.play)
 
     def started(self, scene_id: str) -> None:
@@ -73,7 +73,7 @@ class Playing:
 
     def market(self, message: Any) -> None:
         """Take the state of the market."""
-        market = Market(
+        market = MarketView(
             epoch=message.epoch,
             idle=message.state == MarketStatus.IDLE,
             agents=message.agents,

@@ -39,7 +39,7 @@ class _Key:
     person: str = ""
 
 
-class Listening:
+class SourceSubscriptions:
     """Hands the messages of all sources to their readings.
 
     Args:

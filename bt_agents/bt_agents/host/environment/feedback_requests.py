@@ -11,7 +11,7 @@ from typing import Any
 from rclpy.node import Node
 
 from bt_agents.engine.environment import GIVE_FEEDBACK, GoalState
-from bt_agents_core.feedback import Kind
+from bt_agents_core.feedback import FeedbackKind
 from bt_agents_core.scene import SceneSpace
 from bt_agents_interfaces.msg import Scene as SceneMsg
 from bt_agents_interfaces.srv import GiveFeedback
@@ -54,9 +54,9 @@ class FeedbackRequests:
         client = node.create_client(GiveFeedback, GIVE_FEEDBACK, qos_profile=qos.SERVICE)
         self.outbox = Outbox(node, client)
 
-    def give(self, kind: Kind, values: Mapping[str, float], reason: str) -> FeedbackRun:
+    def give(self, kind: FeedbackKind, values: Mapping[str, float], reason: str) -> FeedbackRun:
         """Ask for a change of the running agent's profile; see ``World.give_feedback``."""
-        direct = kind is Kind.DIRECT
+        direct = kind is FeedbackKind.DIRECT
         request = GiveFeedback.Request(
             feedback_id=f"tree/{uuid.uuid4()}",
             agent=self._agent(),

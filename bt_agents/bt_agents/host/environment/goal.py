@@ -146,7 +146,7 @@ class _Sent:
         future.add_done_callback(answered)
 
 
-class RosGoal(_Sent):
+class RosGoalRun(_Sent):
     """A goal of an action.
 
     Args:
@@ -259,7 +259,7 @@ class RosRequest(_Sent):
             self._track.ended(GoalState.SUCCEEDED)
 
 
-def _listener(goal: RosGoal) -> Callable[[Any], None]:
+def _listener(goal: RosGoalRun) -> Callable[[Any], None]:
     """Return a callback for feedback, which rclpy keeps for ever when a goal is rejected."""
     known = weakref.ref(goal)
 

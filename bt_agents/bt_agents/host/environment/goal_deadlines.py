@@ -22,7 +22,7 @@ MOST_UNCONFIRMED = 100
 _SHORTEST_S = 0.001
 
 
-class Watched(Protocol):
+class WatchedGoal(Protocol):
     """A goal or request on its way.
 
     Attributes:
@@ -46,7 +46,7 @@ class Watched(Protocol):
         """Wait for no word of its server any more."""
 
 
-class Lookout:
+class GoalDeadlines:
     """Keeps the goals that are under way, and one steady timer for the first that is due.
 
     Args:
@@ -56,11 +56,11 @@ class Lookout:
 
     def __init__(self, node: Node, steady: SteadyClock) -> None:
         self._steady = steady
-        self._under_way: list[Watched] = []
-        self._unconfirmed: deque[Watched] = deque()
+        self._under_way: list[WatchedGoal] = []
+        self._unconfirmed: deque[WatchedGoal] = deque()
         self._timer = steady_timer(node, 1.0, self._look, running=False)
 
-    def add(self, goal: Watched) -> None:
+    def add(self, goal: WatchedGoal) -> None:
         """Look after a goal from now on."""
         self._under_way.append(goal)
         self.rearm()

@@ -6,7 +6,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 
-from bt_agents.engine.environment import Clock, Goal, GoalState
+from bt_agents.engine.environment import Clock, GoalState, SkillGoal
 from bt_agents_language.model.specs import REPLY_LIMIT_S, BindingKind, Timeouts
 
 SECOND_LOOK_S = 0.02
@@ -61,7 +61,7 @@ class GoalTrack:
     """
 
     def __init__(
-        self, goal: Goal, steady: Clock, last_beat: Callable[[], float] | None = None
+        self, goal: SkillGoal, steady: Clock, last_beat: Callable[[], float] | None = None
     ) -> None:
         self.state = GoalState.PENDING
         self.message = ""

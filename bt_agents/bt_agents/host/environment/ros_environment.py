@@ -10,14 +10,14 @@ from typing import Any
 from rclpy.action import ActionClient
 from rclpy.node import Node
 
-from bt_agents.engine.environment import Clock, Goal, GoalRun, Inbox
+from bt_agents.engine.environment import Clock, GoalRun, Inbox, SkillGoal
 from bt_agents.host.environment.feedback_requests import FeedbackRequests
-from bt_agents.host.environment.goal import RosGoal, RosRequest
-from bt_agents.host.environment.goal_deadlines import Heartbeats, Lookout
+from bt_agents.host.environment.goal import RosGoalRun, RosRequest
+from bt_agents.host.environment.goal_deadlines import GoalDeadlines, Heartbeats
 from bt_agents.host.environment.goal_track import GoalTrack
 from bt_agents.host.environment.inbox import LatchedTopic, open_inbox
 from bt_agents.host.environment.tree_clock import TreeClock
-from bt_agents_core.feedback import Kind
+from bt_agents_core.feedback import FeedbackKind
 from bt_agents_core.scene import SceneSpace
 from bt_agents_interfaces.msg import Scene as SceneMsg
 from bt_agents_language.model.specs import Binding, BindingKind, Literal, NodeSpec
@@ -25,7 +25,7 @@ from bt_agents_ros import qos
 from bt_agents_ros.types import fill, load_type
 
 
-class RosWorld:
+class RosEnvironment:
     """What the trees of one host reach through its node.
 
     Args:
@@ -57,7 +57,7 @@ class RosWorld:
         self._agent = agent
         self._scene = scene
         self._steady = steady
-        self._lookout = Lookout(node, steady)
+        self._lookout = GoalDeadlines(node, steady)
         self._heartbeats = Heartbeats(node, steady)
         self._clients: dict[tuple[BindingKind, str, str], Any] = {}
         self._publishers: dict[tuple[str, str], Any] = {}
@@ -106,7 +106,7 @@ class RosWorld:
             self._latched.pop(name).close()
         self._heartbeats.keep(beats)
 
-    def send(self, goal: Goal) -> GoalRun:
+    def send(self, goal: SkillGoal) -> GoalRun:
         """Send a goal or request.
 
         Raises:
@@ -119,9 +119,9 @@ class RosWorld:
         fill(message, goal.fields)
         beat = self._heartbeats.listen(goal.heartbeat) if goal.heartbeat is not None else None
         track = GoalTrack(goal, self._steady, beat)
-        run: RosGoal | RosRequest
+        run: RosGoalRun | RosRequest
         if is_action:
-            run = RosGoal(
+            run = RosGoalRun(
                 client,
                 message,
                 track,
@@ -135,7 +135,7 @@ class RosWorld:
         self._lookout.add(run)
         return run
 
-    def publish(self, goal: Goal) -> None:
+    def publish(self, goal: SkillGoal) -> None:
         """Publish a message.
 
         Raises:
@@ -167,7 +167,9 @@ class RosWorld:
             case _:
                 logger.info(text)
 
-    def give_feedback(self, kind: Kind, values: Mapping[str, float], reason: str) -> GoalRun:
+    def give_feedback(
+        self, kind: FeedbackKind, values: Mapping[str, float], reason: str
+    ) -> GoalRun:
         """Ask the feedback node for a change of the running agent's profile."""
         return self._feedback_requests().give(kind, values, reason)
 

@@ -17,7 +17,7 @@ _DIGITS = 6
 
 
 @dataclass(frozen=True, kw_only=True)
-class Change:
+class AgentChange:
     """What differs.
 
     Attributes:
@@ -30,7 +30,7 @@ class Change:
     structure: bool
 
 
-def compare(before: AgentFile, after: AgentFile, space: SceneSpace) -> Change:
+def compare(before: AgentFile, after: AgentFile, space: SceneSpace) -> AgentChange:
     """Return what differs between two good versions."""
     old, new = before.agent, after.agent
     assert old is not None
@@ -55,7 +55,7 @@ def compare(before: AgentFile, after: AgentFile, space: SceneSpace) -> Change:
     joined = "; ".join(words)
     if len(joined) > _LONGEST:
         joined = joined[: _LONGEST - 1] + "…"
-    return Change(words=joined, structure=bool(tree or clean_up or typed))
+    return AgentChange(words=joined, structure=bool(tree or clean_up or typed))
 
 
 def _types(spec: AgentSpec) -> dict[str, object]:

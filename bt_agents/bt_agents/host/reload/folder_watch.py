@@ -8,10 +8,10 @@ from collections.abc import Callable, Collection
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from bt_agents.host.reload.incremental_reader import Known, adopted, known, reread
+from bt_agents.host.reload.incremental_reader import KnownFiles, adopted, known_files, reread
 from bt_agents_core.atomic_file import write_atomically
 from bt_agents_core.errors import BtAgentsError
-from bt_agents_core.file_watch import Look, Stamp, differing, look_at
+from bt_agents_core.file_watch import Look, Stamp, differing, poll
 from bt_agents_language.files.agent_file import AgentFile
 from bt_agents_language.files.folder_reader import SUFFIXES, Trees, text_of
 
@@ -19,12 +19,12 @@ PATIENCE_LOOKS = 6
 """Looks after which files are read although some file of the folder changes all the time."""
 
 
-class Stopped(BtAgentsError):
+class WatchStopped(BtAgentsError):
     """Nobody wants to know any more what the folder says."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class Written:
+class FileWrite:
     """What has become of a text that was to be written into an agent file.
 
     Attributes:
@@ -51,9 +51,9 @@ class FolderWatch:
         self, trees: Trees, pause: Callable[[], None] = lambda: None, look: Look | None = None
     ) -> None:
         self._folder = trees.folder
-        self._known: Known = known(trees)
+        self._known: KnownFiles = known_files(trees)
         self._pause = pause
-        self._look = look or (lambda: look_at([self._folder], SUFFIXES))
+        self._look = look or (lambda: poll([self._folder], SUFFIXES))
         self._stopped = False
         self._seen: dict[str, Stamp] | None = None
         self._read: dict[str, Stamp] = {}
@@ -61,7 +61,7 @@ class FolderWatch:
         self._gone = ""
 
     def stop(self) -> None:
-        """Let a reading that is under way raise :class:`Stopped`; for any thread."""
+        """Let a reading that is under way raise :class:`WatchStopped`; for any thread."""
         self._stopped = True
 
     def look(self, *, settle: bool = True) -> Trees | None:
@@ -94,7 +94,7 @@ class FolderWatch:
         self._read = now
         return self._answer() if back or self._known is not before else None
 
-    def write(self, path: Path, version: AgentFile, known_texts: Collection[str]) -> Written:
+    def write(self, path: Path, version: AgentFile, known_texts: Collection[str]) -> FileWrite:
         """Write an earlier text of an agent into its file, which counts as read with that.
 
         A text that would be lost is kept beside it, in a file with a ``~`` behind its name.
@@ -116,13 +116,13 @@ class FolderWatch:
                 write_atomically(path, version.text)
             except OSError as error:
                 words = f"{path} could not be written ({error.strerror}) and holds another text"
-                return Written(trees=self._answer(), file=None, words=words)
+                return FileWrite(trees=self._answer(), file=None, words=words)
         agent = replace(version.agent, file=str(path))
         file = replace(version, file=path, agent=agent)
         # Worked out here, where nobody waits for it.
         assert file.prints
         self._known = adopted(self._known, file)
-        return Written(trees=self._answer(), file=file, words=words)
+        return FileWrite(trees=self._answer(), file=file, words=words)
 
     def _missing(self) -> str:
         trees, skills = self._known.trees, self._folder / "skills"
@@ -147,5 +147,5 @@ class FolderWatch:
 
     def _turn(self) -> None:
         if self._stopped:
-            raise Stopped("reading was stopped")
+            raise WatchStopped("reading was stopped")
         self._pause()

@@ -22,7 +22,7 @@ class AgentOnCard(Protocol):
     problems: Sequence[str]
 
 
-class Card(Protocol):
+class CardContent(Protocol):
     """A host's card, as ``HostCard.msg`` has it."""
 
     host: str
@@ -32,7 +32,7 @@ class Card(Protocol):
 
 
 @dataclass(frozen=True, kw_only=True)
-class News:
+class CardDifference:
     """One thing that is new.
 
     Attributes:
@@ -46,13 +46,13 @@ class News:
     bad: bool = False
 
 
-class CardNews:
+class CardDiff:
     """Compares each card with the one before of the same start of the same host."""
 
     def __init__(self) -> None:
-        self._last: dict[str, Card] = {}
+        self._last: dict[str, CardContent] = {}
 
-    def take(self, card: Card) -> list[News]:
+    def take(self, card: CardContent) -> list[CardDifference]:
         """Return what is new on a card; nothing on the first one of a host's start."""
         before = self._last.get(card.host)
         self._last[card.host] = card
@@ -60,10 +60,14 @@ class CardNews:
             return []
         had = {agent.name: agent for agent in before.agents}
         has = {agent.name: agent for agent in card.agents}
-        news = [News(words=f"{name} does not bid any more") for name in had if name not in has]
+        news = [
+            CardDifference(words=f"{name} does not bid any more")
+            for name in had
+            if name not in has
+        ]
         if had:
             # A host that the market has just taken brings all of them.
-            news += [News(words=f"{name} bids now") for name in has if name not in had]
+            news += [CardDifference(words=f"{name} bids now") for name in has if name not in had]
         for name in has:
             if name in had:
                 news += _of_agent(had[name], has[name])
@@ -82,17 +86,17 @@ def why_kept(agent: AgentOnCard) -> str:
     return f"broken: {Path(place[1]).name}:{place[2]}{others}"
 
 
-def _of_agent(before: AgentOnCard, now: AgentOnCard) -> list[News]:
+def _of_agent(before: AgentOnCard, now: AgentOnCard) -> list[CardDifference]:
     name = now.name
     news = []
     if now.version != before.version:
-        news.append(News(words=f"{name}: version {now.version} in force", agent=name))
+        news.append(CardDifference(words=f"{name}: version {now.version} in force", agent=name))
     if now.waiting and not before.waiting:
-        news.append(News(words=f"{name}: a newer version waits for the end of its run"))
+        news.append(CardDifference(words=f"{name}: a newer version waits for the end of its run"))
     if now.degraded and list(now.problems) != list(before.problems):
-        news.append(News(words=_degraded(now), bad=True))
+        news.append(CardDifference(words=_degraded(now), bad=True))
     if before.degraded and not now.degraded and now.version == before.version:
-        news.append(News(words=f"{name}: its file is good again"))
+        news.append(CardDifference(words=f"{name}: its file is good again"))
     return news
 
 
@@ -110,16 +114,22 @@ def _degraded(now: AgentOnCard) -> str:
     return f"{now.name}: {stays}, as its file is broken: {first}{others}"
 
 
-def _of_folder(before: Card, card: Card, agents: Mapping[str, AgentOnCard]) -> list[News]:
+def _of_folder(
+    before: CardContent, card: CardContent, agents: Mapping[str, AgentOnCard]
+) -> list[CardDifference]:
     told = {form for agent in agents.values() for form in _told(agent)}
     known = {*before.problems, *told}
-    news = [News(words=problem, bad=True) for problem in card.problems if problem not in known]
+    news = [
+        CardDifference(words=problem, bad=True)
+        for problem in card.problems
+        if problem not in known
+    ]
     own = {form for agent in before.agents for form in _told(agent)}
     gone = [one for one in before.problems if one not in own and one not in card.problems]
     mended = _files(gone) - _files([*card.problems, *own])
     over = [f"no longer: {one}" for one in gone if _PLACE.match(one) is None]
     words = [*(f"{file} is good again" for file in sorted(mended)), *over]
-    return [*news, *(News(words=one) for one in words)]
+    return [*news, *(CardDifference(words=one) for one in words)]
 
 
 def _told(agent: AgentOnCard) -> Iterator[str]:

@@ -22,7 +22,7 @@ from bt_agents_language.files.folder_reader import (
 from bt_agents_language.files.libraries import FolderLibraries
 from bt_agents_language.files.skills_reader import read_skills
 from bt_agents_language.model.plugins import installed_plugins
-from bt_agents_language.model.symbols import Vocabulary
+from bt_agents_language.model.symbols import SymbolTable
 
 FILE_CHANGED = "file changed"
 NEW_FILE = "new file"
@@ -31,7 +31,7 @@ LIBRARY_CHANGED = "library changed"
 
 
 @dataclass(frozen=True, kw_only=True)
-class Known:
+class KnownFiles:
     """A folder as it was read last, and what its agents were read with.
 
     Attributes:
@@ -45,14 +45,17 @@ class Known:
     broken_skills: tuple[BrokenFile, ...] = ()
 
 
-def known(trees: Trees) -> Known:
+def known_files(trees: Trees) -> KnownFiles:
     """Return a folder that was just read."""
-    return Known(trees=trees, libraries=_libraries(trees, trees.vocabulary))
+    return KnownFiles(trees=trees, libraries=_libraries(trees, trees.vocabulary))
 
 
 def reread(
-    before: Known, listed: Collection[Path], changed: Collection[Path], pause: Callable[[], None]
-) -> Known:
+    before: KnownFiles,
+    listed: Collection[Path],
+    changed: Collection[Path],
+    pause: Callable[[], None],
+) -> KnownFiles:
     """Return a folder as it is now; the same object when nothing differs.
 
     Files and agents that say the same as before are the same objects as before.
@@ -66,7 +69,7 @@ def reread(
     return _Pass(before, listed, changed, pause).result()
 
 
-def adopted(before: Known, file: AgentFile) -> Known:
+def adopted(before: KnownFiles, file: AgentFile) -> KnownFiles:
     """Return a folder with an agent file in the place of another, without reading it."""
     trees = before.trees
     files = [file if one.file == file.file else one for one in trees.files]
@@ -83,7 +86,7 @@ class _Pass:
 
     def __init__(
         self,
-        before: Known,
+        before: KnownFiles,
         listed: Collection[Path],
         changed: Collection[Path],
         pause: Callable[[], None],
@@ -96,7 +99,7 @@ class _Pass:
         self._differing: frozenset[Path] = frozenset()
         self._skills_changed = False
 
-    def result(self) -> Known:
+    def result(self) -> KnownFiles:
         """Read."""
         before, trees = self._before, self._before.trees
         texts = self._texts()
@@ -136,7 +139,7 @@ class _Pass:
             return ()
         return (f"{scene} has changed; restart everything to use it",)
 
-    def _with_skills(self, before: Known) -> Known:
+    def _with_skills(self, before: KnownFiles) -> KnownFiles:
         trees = before.trees
         folder = self._folder / "skills"
         paths = sorted(
@@ -156,7 +159,7 @@ class _Pass:
         )
         return replace(before, trees=replace(trees, vocabulary=vocabulary), broken_skills=())
 
-    def _files(self, before: Known) -> list[AgentFile]:
+    def _files(self, before: KnownFiles) -> list[AgentFile]:
         had = {one.file: one for one in self._before.trees.files}
         shared = frozenset(path.relative_to(self._folder).as_posix() for path in self._differing)
         paths = sorted(path for path in self._listed if is_agent_file(self._folder, path))
@@ -189,12 +192,12 @@ class _Pass:
         return after
 
 
-def _libraries(trees: Trees, vocabulary: Vocabulary) -> FolderLibraries:
+def _libraries(trees: Trees, vocabulary: SymbolTable) -> FolderLibraries:
     return FolderLibraries(trees.folder, replace(vocabulary, libraries=None), trees.robot)
 
 
 def _with_files(
-    before: Known, files: list[AgentFile], libraries: FolderLibraries, vocabulary: Vocabulary
+    before: KnownFiles, files: list[AgentFile], libraries: FolderLibraries, vocabulary: SymbolTable
 ) -> Trees:
     trees = before.trees
     agents, given, holders = named(files, trees.holders)

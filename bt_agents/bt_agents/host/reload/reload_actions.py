@@ -9,7 +9,7 @@ from enum import Enum
 from bt_agents_language.model.specs import AgentSpec
 
 
-class Act(Enum):
+class ReloadAction(Enum):
     """What is to be done with an agent."""
 
     ADD = "add"
@@ -23,7 +23,7 @@ class Act(Enum):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Effect:
+class ReloadEffect:
     """What a change of a file leads to.
 
     Attributes:
@@ -34,7 +34,7 @@ class Effect:
         bad: True when somebody has to mend something.
     """
 
-    act: Act
+    act: ReloadAction
     name: str
     words: str
     agent: AgentSpec | None = None

@@ -13,8 +13,8 @@ from typing import Any
 
 from rclpy.node import Node
 
-from bt_agents.host.reload.folder_watch import FolderWatch, Stopped, Written
-from bt_agents.host.reload.reload_actions import Effect
+from bt_agents.host.reload.folder_watch import FileWrite, FolderWatch, WatchStopped
+from bt_agents.host.reload.reload_actions import ReloadEffect
 from bt_agents.host.reload.version_history import Version
 from bt_agents.host.reload.versions import AgentVersions
 from bt_agents.host.run_server import RunServer
@@ -23,7 +23,7 @@ from bt_agents_core.file_watch import PERIOD_S
 from bt_agents_core.worker_thread import WorkerThread
 from bt_agents_language.files.folder_reader import Trees
 from bt_agents_ros.messages import seconds
-from bt_agents_ros.parameters import describe, follow
+from bt_agents_ros.parameters import declare_and_watch, describe
 from bt_agents_ros.timers import steady_timer
 
 _TURN_S = 0.05
@@ -60,7 +60,7 @@ class _Reading:
     request: Request | None
 
 
-class Reloading:
+class ReloadService:
     """Watches the trees folder of a host, and says what is to be done with which agent.
 
     One thread looks at the files, for which it may take its time. Its results are taken here in
@@ -80,8 +80,8 @@ class Reloading:
         versions: AgentVersions,
         runs: RunServer,
         *,
-        apply: Callable[[Effect], None],
-        applied: Callable[[list[Effect]], None],
+        apply: Callable[[ReloadEffect], None],
+        applied: Callable[[list[ReloadEffect]], None],
     ) -> None:
         self.versions = versions
         self._node = node
@@ -92,13 +92,13 @@ class Reloading:
         self._thread = WorkerThread("reload")
         self._readings: deque[_Reading] = deque()
         self._unsettled: deque[str] = deque()
-        self._effects: list[Effect] = []
+        self._effects: list[ReloadEffect] = []
         self._news = False
         self._requests: list[Request] = []
         self._next_look = time.monotonic() + PERIOD_S
         self._trouble = ""
         what = "take changed files of agents over by itself"
-        self._on = bool(follow(node, "reload", True, describe(what), self._switch))
+        self._on = bool(declare_and_watch(node, "reload", True, describe(what), self._switch))
         runs.on_end(lambda goal, _result: self.run_ended(goal.agent))
         self._timer = steady_timer(node, PERIOD_S, self._turn)
 
@@ -125,7 +125,7 @@ class Reloading:
         file = self.versions.file(name).file
         texts = {one.file.text for one in self.versions.versions(name) if one.file.text}
 
-        def take(written: Written) -> None:
+        def take(written: FileWrite) -> None:
             now = self._now()
             running = self._runs.running
             self._do(self.versions.roll_back(name, version, written.file, running, now))
@@ -164,7 +164,7 @@ class Reloading:
                 break
         self._tell()
 
-    def _do(self, effect: Effect) -> None:
+    def _do(self, effect: ReloadEffect) -> None:
         log = self._node.get_logger()
         try:
             self._apply(effect)
@@ -220,7 +220,7 @@ class Reloading:
         try:
             reading.take(reading.job.result())
             self._trouble = ""
-        except Stopped:
+        except WatchStopped:
             return
         except Exception as error:
             self._report(error, reading.request)

@@ -21,7 +21,7 @@ _TYPE = re.compile(rf"\b([a-z][a-z0-9_]*)/(?:{'|'.join(FOLDERS.values())})/[A-Z]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Texts:
+class SourceBundle:
     """What the agents in force are made from.
 
     Attributes:
@@ -33,7 +33,7 @@ class Texts:
     versions: dict[str, int]
 
 
-def texts(versions: AgentVersions, has_package: Callable[[str], bool]) -> Texts:
+def texts(versions: AgentVersions, has_package: Callable[[str], bool]) -> SourceBundle:
     """Return what the agents in force are made from.
 
     Args:
@@ -58,4 +58,4 @@ def texts(versions: AgentVersions, has_package: Callable[[str], bool]) -> Texts:
     named = sorted({package for text in files.values() for package in _TYPE.findall(text)})
     packages = [package for package in named if has_package(package)]
     files[HOST] = json.dumps({"robot": trees.robot, "packages": packages})
-    return Texts(files=files, versions=in_force)
+    return SourceBundle(files=files, versions=in_force)

@@ -38,7 +38,7 @@ class Version:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Standing:
+class AgentStatus:
     """How an agent stands.
 
     Attributes:
@@ -55,7 +55,7 @@ class Standing:
 
 
 @dataclass(kw_only=True, slots=True)
-class Shelf:
+class VersionHistory:
     """The versions of one agent.
 
     Attributes:
@@ -88,7 +88,7 @@ class Shelf:
         return version
 
 
-def first_shelf(file: AgentFile, stamp: float) -> Shelf:
+def first_versions(file: AgentFile, stamp: float) -> VersionHistory:
     """Return the versions of an agent that is new here.
 
     Args:
@@ -96,4 +96,4 @@ def first_shelf(file: AgentFile, stamp: float) -> Shelf:
         stamp: When it was read [s].
     """
     version = Version(number=1, file=file, cause=file.cause, change="", stamp=stamp)
-    return Shelf(current=version, seen=file, kept=[version])
+    return VersionHistory(current=version, seen=file, kept=[version])

@@ -9,7 +9,7 @@ from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from rclpy.node import Node
 from rclpy.task import Future
 
-from bt_agents.host.reload.reload_service import Reloading, Request
+from bt_agents.host.reload.reload_service import ReloadService, Request
 from bt_agents.host.reload.report import problems_of, report
 from bt_agents.host.reload.versions import AgentVersions
 from bt_agents.host.run_server import RunServer
@@ -29,7 +29,7 @@ class ReloadServices:
         runs: The host's action, whose run is cancelled for who does not want to wait.
     """
 
-    def __init__(self, node: Node, reloading: Reloading, runs: RunServer) -> None:
+    def __init__(self, node: Node, reloading: ReloadService, runs: RunServer) -> None:
         self._node = node
         self._reloading = reloading
         self._versions: AgentVersions = reloading.versions

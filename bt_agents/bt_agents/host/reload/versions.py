@@ -6,8 +6,13 @@ from __future__ import annotations
 from collections import OrderedDict
 
 from bt_agents.host.reload.changes import compare
-from bt_agents.host.reload.reload_actions import Act, Effect
-from bt_agents.host.reload.version_history import Shelf, Standing, Version, first_shelf
+from bt_agents.host.reload.reload_actions import ReloadAction, ReloadEffect
+from bt_agents.host.reload.version_history import (
+    AgentStatus,
+    Version,
+    VersionHistory,
+    first_versions,
+)
 from bt_agents_core.errors import Refused
 from bt_agents_language.files.agent_file import AgentFile
 from bt_agents_language.files.folder_reader import Trees
@@ -31,10 +36,10 @@ class AgentVersions:
         self.trees = trees
         self._good = _good(trees)
         self._space = trees.scene.space
-        self._shelves: dict[str, Shelf] = {}
-        self._departed: OrderedDict[str, Shelf] = OrderedDict()
+        self._shelves: dict[str, VersionHistory] = {}
+        self._departed: OrderedDict[str, VersionHistory] = OrderedDict()
         for name, file in self._good.items():
-            self._shelves[name] = first_shelf(file, stamp)
+            self._shelves[name] = first_versions(file, stamp)
 
     def take(self, trees: Trees) -> list[str]:
         """Take the folder as it is now; return the agents that are to be settled, in order."""
@@ -48,7 +53,7 @@ class AgentVersions:
                 affected.append(name)
         return affected
 
-    def settle(self, name: str, running: str, stamp: float) -> Effect | None:
+    def settle(self, name: str, running: str, stamp: float) -> ReloadEffect | None:
         """Decide what becomes of an agent; None when nothing changes.
 
         Args:
@@ -63,7 +68,7 @@ class AgentVersions:
             return self._add(name, file, stamp)
         return self._renew(name, shelf, file, running, stamp)
 
-    def ended(self, name: str) -> Effect | None:
+    def ended(self, name: str) -> ReloadEffect | None:
         """Decide what becomes of an agent whose run has ended; None when nothing waits for it."""
         shelf = self._shelves.get(name)
         if shelf is None:
@@ -73,9 +78,9 @@ class AgentVersions:
         if shelf.waiting is None:
             return None
         shelf.current, shelf.waiting = shelf.waiting, None
-        return self._in_force(name, shelf.current, Act.SWAP)
+        return self._in_force(name, shelf.current, ReloadAction.SWAP)
 
-    def failed(self, effect: Effect, error: str) -> Effect:
+    def failed(self, effect: ReloadEffect, error: str) -> ReloadEffect:
         """Take back a version that could not be brought into force; return what to tell.
 
         It is tried again when the folder is read the next time.
@@ -87,7 +92,7 @@ class AgentVersions:
         name = effect.name
         shelf = self._shelves.get(name)
         words = f"{effect.words}; this failed: {error}"
-        if shelf is not None and effect.act is Act.ADD:
+        if shelf is not None and effect.act is ReloadAction.ADD:
             del self._shelves[name]
             if len(shelf.kept) > 1:
                 self._departed[name] = shelf
@@ -101,12 +106,12 @@ class AgentVersions:
                 f"{shelf.current.number} stays: {error}"
             )
             shelf.problems = (words,)
-        return Effect(act=Act.NOTE, name=name, words=words, bad=True)
+        return ReloadEffect(act=ReloadAction.NOTE, name=name, words=words, bad=True)
 
-    def standing(self, name: str) -> Standing:
+    def standing(self, name: str) -> AgentStatus:
         """Return how an agent stands."""
         shelf = self._shelves[name]
-        return Standing(
+        return AgentStatus(
             version=shelf.current.number,
             waiting=shelf.waiting is not None,
             leaving=shelf.leaving,
@@ -181,7 +186,7 @@ class AgentVersions:
 
     def roll_back(
         self, name: str, version: Version, file: AgentFile | None, running: str, stamp: float
-    ) -> Effect:
+    ) -> ReloadEffect:
         """Make an earlier version the newest.
 
         Args:
@@ -201,11 +206,11 @@ class AgentVersions:
             self._good[name] = file
         if version is shelf.newest:
             words = f"{name}: version {version.number} stays"
-            return Effect(act=Act.NOTE, name=name, words=words)
+            return ReloadEffect(act=ReloadAction.NOTE, name=name, words=words)
         file = file or version.file
         return self._newer(name, shelf, file, f"roll back to {version.number}", running, stamp)
 
-    def _shelf(self, name: str) -> Shelf:
+    def _shelf(self, name: str) -> VersionHistory:
         if name not in self._shelves:
             known = ", ".join(sorted(self._shelves)) or "none"
             raise Refused("UNKNOWN_AGENT", f"no agent '{name}' here; there are: {known}")
@@ -225,7 +230,7 @@ class AgentVersions:
                 return as_hinted_lines(file.error.diagnostics)
         return ()
 
-    def _without(self, name: str, shelf: Shelf, running: str) -> Effect | None:
+    def _without(self, name: str, shelf: VersionHistory, running: str) -> ReloadEffect | None:
         problems = self._problems(name)
         if problems:
             shelf.problems = problems
@@ -234,16 +239,16 @@ class AgentVersions:
             if shelf.waiting is not None:
                 stays = f"version {shelf.waiting.number} still waits for the end of its run"
             words = f"{name}: {shelf.seen.file.name} is broken, {stays}: {problems[0]}{more}"
-            return Effect(act=Act.NOTE, name=name, words=words, bad=True)
+            return ReloadEffect(act=ReloadAction.NOTE, name=name, words=words, bad=True)
         reason = self._why_gone(name, shelf)
         if name != running:
             return self._remove(name, shelf, reason)
         shelf.leaving, shelf.waiting = reason, None
         shelf.problems = (reason,)
         words = f"{name}: {reason}; it leaves at the end of its run"
-        return Effect(act=Act.NOTE, name=name, words=words)
+        return ReloadEffect(act=ReloadAction.NOTE, name=name, words=words)
 
-    def _why_gone(self, name: str, shelf: Shelf) -> str:
+    def _why_gone(self, name: str, shelf: VersionHistory) -> str:
         file = shelf.seen.file
         now = next((one for one in self.trees.files if one.file == file), None)
         if now is None:
@@ -252,18 +257,18 @@ class AgentVersions:
             return f"{file.name} calls it '{now.agent.name}' now"
         return f"it has none of the tags {', '.join(self.trees.tags)} any more"
 
-    def _remove(self, name: str, shelf: Shelf, reason: str) -> Effect:
+    def _remove(self, name: str, shelf: VersionHistory, reason: str) -> ReloadEffect:
         del self._shelves[name]
         shelf.leaving, shelf.problems = "", ()
         self._departed[name] = shelf
         while len(self._departed) > _DEPARTED_KEPT:
             self._departed.popitem(last=False)
-        return Effect(act=Act.REMOVE, name=name, words=f"{name}: removed, {reason}")
+        return ReloadEffect(act=ReloadAction.REMOVE, name=name, words=f"{name}: removed, {reason}")
 
-    def _add(self, name: str, file: AgentFile, stamp: float) -> Effect:
+    def _add(self, name: str, file: AgentFile, stamp: float) -> ReloadEffect:
         shelf = self._departed.pop(name, None)
         if shelf is None:
-            shelf = first_shelf(file, stamp)
+            shelf = first_versions(file, stamp)
             words = f"{name}: new agent from {file.file.name}, version 1 in force"
         else:
             shelf.seen = file
@@ -271,30 +276,38 @@ class AgentVersions:
                 shelf.current = self._version(shelf, file, "file is back", stamp)
             words = f"{name}: back again, version {shelf.current.number} in force"
         self._shelves[name] = shelf
-        return Effect(act=Act.ADD, name=name, agent=shelf.current.agent, words=words)
+        return ReloadEffect(
+            act=ReloadAction.ADD, name=name, agent=shelf.current.agent, words=words
+        )
 
     def _renew(
-        self, name: str, shelf: Shelf, file: AgentFile, running: str, stamp: float
-    ) -> Effect | None:
+        self, name: str, shelf: VersionHistory, file: AgentFile, running: str, stamp: float
+    ) -> ReloadEffect | None:
         mended = bool(shelf.problems)
         shelf.seen, shelf.problems, shelf.leaving = file, (), ""
         if _same(shelf.newest.file, file):
             if not mended:
                 return None
             words = f"{name}: {file.file.name} is good again, version {shelf.newest.number} stays"
-            return Effect(act=Act.NOTE, name=name, words=words)
+            return ReloadEffect(act=ReloadAction.NOTE, name=name, words=words)
         if shelf.waiting is not None and _same(shelf.current.file, file):
             dropped, shelf.waiting = shelf.waiting, None
             words = (
                 f"{name}: version {shelf.current.number} stays in force, {dropped.number} does "
                 "not wait any more"
             )
-            return Effect(act=Act.NOTE, name=name, words=words)
+            return ReloadEffect(act=ReloadAction.NOTE, name=name, words=words)
         return self._newer(name, shelf, file, file.cause, running, stamp)
 
     def _newer(
-        self, name: str, shelf: Shelf, file: AgentFile, cause: str, running: str, stamp: float
-    ) -> Effect:
+        self,
+        name: str,
+        shelf: VersionHistory,
+        file: AgentFile,
+        cause: str,
+        running: str,
+        stamp: float,
+    ) -> ReloadEffect:
         version = self._version(shelf, file, cause, stamp)
         structure = compare(shelf.current.file, file, self._space).structure
         if structure and name == running:
@@ -302,20 +315,24 @@ class AgentVersions:
             words = (
                 f"{name}: version {version.number} waits for the end of its run ({version.change})"
             )
-            return Effect(act=Act.NOTE, name=name, words=words)
+            return ReloadEffect(act=ReloadAction.NOTE, name=name, words=words)
         shelf.current, shelf.waiting = version, None
-        return self._in_force(name, version, Act.SWAP if structure else Act.RETUNE)
+        return self._in_force(
+            name, version, ReloadAction.SWAP if structure else ReloadAction.RETUNE
+        )
 
-    def _version(self, shelf: Shelf, file: AgentFile, cause: str, stamp: float) -> Version:
+    def _version(
+        self, shelf: VersionHistory, file: AgentFile, cause: str, stamp: float
+    ) -> Version:
         change = compare(shelf.newest.file, file, self._space).words
         number = shelf.kept[-1].number + 1
         return shelf.keep(
             Version(number=number, file=file, cause=cause, change=change, stamp=stamp)
         )
 
-    def _in_force(self, name: str, version: Version, act: Act) -> Effect:
+    def _in_force(self, name: str, version: Version, act: ReloadAction) -> ReloadEffect:
         words = f"{name}: version {version.number} in force ({version.change})"
-        return Effect(act=act, name=name, agent=version.agent, words=words)
+        return ReloadEffect(act=act, name=name, agent=version.agent, words=words)
 
 
 def _good(trees: Trees) -> dict[str, AgentFile]:

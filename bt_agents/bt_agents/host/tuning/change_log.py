@@ -17,8 +17,8 @@ from bt_agents.host.tuning.change_log_lines import (
     state_line,
     take_line,
 )
-from bt_agents.host.tuning.history import Revision
-from bt_agents.host.tuning.overrides import Remembered
+from bt_agents.host.tuning.history import TuningRevision
+from bt_agents.host.tuning.overrides import Overrides
 from bt_agents.host.tuning.tunable import Setting
 from bt_agents_core.errors import BtAgentsError, Refused
 
@@ -107,7 +107,7 @@ class Journal:
         except OSError as error:
             raise BtAgentsError(f"{path} cannot be opened: {error.strerror or error}") from error
 
-    def append(self, revision: Revision, defaults: Mapping[str, Setting]) -> None:
+    def append(self, revision: TuningRevision, defaults: Mapping[str, Setting]) -> None:
         """Write a revision; when this returns, it outlives the process.
 
         Raises:
@@ -164,7 +164,7 @@ class Journal:
         """True when the file is to be written anew, see :meth:`shorten`."""
         return self._count > MOST_LINES and self._renewal is None
 
-    def shorten(self, remembered: Remembered) -> None:
+    def shorten(self, remembered: Overrides) -> None:
         """Begin to write the file anew, as one line; until then the old file is there.
 
         Raises:
@@ -222,14 +222,14 @@ class Journal:
         for file in self._files:
             os.close(file.descriptor)
 
-    def _read(self, file: _Lines) -> Remembered:
+    def _read(self, file: _Lines) -> Overrides:
         content = os.pread(file.descriptor, file.size, 0)
         whole = content.rfind(b"\n") + 1
         if whole < len(content):
             self._problem(content.count(b"\n") + 1, "its end is missing; it is left out")
             os.ftruncate(file.descriptor, whole)
             file.size = whole
-        remembered = Remembered()
+        remembered = Overrides()
         for number, line in enumerate(content[:whole].split(b"\n")[:-1], start=1):
             self._count += 1
             try:

@@ -8,8 +8,14 @@ import math
 from collections.abc import Iterable, Mapping
 from typing import Any
 
-from bt_agents.host.tuning.history import Action, Cause, Change, History, Revision
-from bt_agents.host.tuning.overrides import Kept, Remembered
+from bt_agents.host.tuning.history import (
+    TuningAction,
+    TuningCause,
+    TuningChange,
+    TuningHistory,
+    TuningRevision,
+)
+from bt_agents.host.tuning.overrides import Override, Overrides
 from bt_agents.host.tuning.tunable import LONGEST_TEXT, Setting
 from bt_agents_core.errors import Refused
 
@@ -19,7 +25,7 @@ _LARGEST = 2**63 - 1
 _LONGEST_NAME = 300
 
 
-def revision_line(revision: Revision, defaults: Mapping[str, Setting]) -> str:
+def revision_line(revision: TuningRevision, defaults: Mapping[str, Setting]) -> str:
     """Return one revision as a line."""
     return _line(_revision(revision) | {"defaults": dict(defaults)})
 
@@ -29,7 +35,7 @@ def agreed_line(name: str) -> str:
     return _line({"agreed": name})
 
 
-def state_line(remembered: Remembered) -> str:
+def state_line(remembered: Overrides) -> str:
     """Return everything that is known as one line, which stands for all lines before it."""
     history = remembered.history
     shown = dict.fromkeys(revision.number for revision, _ in history.shown)
@@ -49,11 +55,11 @@ def state_line(remembered: Remembered) -> str:
     )
 
 
-def take_line(text: str, remembered: Remembered) -> Remembered:
+def take_line(text: str, remembered: Overrides) -> Overrides:
     """Return what is known with one more line.
 
     Raises:
-        Refused: ``NOT_A_LINE``, or as in :meth:`Remembered.take`; then nothing is changed.
+        Refused: ``NOT_A_LINE``, or as in :meth:`Overrides.take`; then nothing is changed.
     """
     try:
         found = json.loads(text, parse_constant=_no_number)
@@ -78,7 +84,7 @@ def _line(content: Mapping[str, Any]) -> str:
     return json.dumps(content, ensure_ascii=False, separators=(",", ":")) + "\n"
 
 
-def _revision(revision: Revision) -> dict[str, Any]:
+def _revision(revision: TuningRevision) -> dict[str, Any]:
     cause = revision.cause
     return {
         "revision": revision.number,
@@ -94,31 +100,31 @@ def _revision(revision: Revision) -> dict[str, Any]:
     }
 
 
-def _state_of(found: Mapping[str, Any]) -> Remembered:
+def _state_of(found: Mapping[str, Any]) -> Overrides:
     if found["format"] != FORMAT:
         raise Refused("NOT_A_LINE", f"format {found['format']!r}, expected {FORMAT}")
     kept = {}
     for name, value in _mapping(found.get("kept"), "'kept'").items():
         pair = _mapping(value, "a kept value")
-        kept[_name(name)] = Kept(
+        kept[_name(name)] = Override(
             value=_setting(pair.get("value")), default=_setting(pair.get("default"))
         )
-    history = History(
+    history = TuningHistory(
         _count(found.get("revision"), "'revision'"),
         _revisions(found.get("undoable")),
         _revisions(found.get("redoable")),
         _revisions(found.get("shown")),
     )
-    return Remembered(history=history, kept=kept)
+    return Overrides(history=history, kept=kept)
 
 
-def _revisions(found: Any) -> Iterable[Revision]:
+def _revisions(found: Any) -> Iterable[TuningRevision]:
     return [_revision_of(_mapping(one, "a revision")) for one in _list(found, "the revisions")]
 
 
-def _revision_of(found: Mapping[str, Any]) -> Revision:
+def _revision_of(found: Mapping[str, Any]) -> TuningRevision:
     try:
-        action = Action(found.get("action"))
+        action = TuningAction(found.get("action"))
     except ValueError:
         raise Refused(
             "NOT_A_LINE", f"action {found.get('action')!r}, expected set, undo or redo"
@@ -126,21 +132,21 @@ def _revision_of(found: Mapping[str, Any]) -> Revision:
     stamp = found.get("stamp")
     if isinstance(stamp, bool) or not isinstance(stamp, int | float) or not 0 <= stamp < 2**31:
         raise Refused("NOT_A_LINE", f"stamp {stamp!r}, expected seconds since 1970")
-    cause = Cause(
+    cause = TuningCause(
         author=_text(found.get("author"), "'author'"),
         reason=_text(found.get("reason"), "'reason'"),
         action=action,
         of=_count(found.get("of"), "'of'"),
     )
     changes = tuple(
-        Change(
+        TuningChange(
             name=_name(one.get("name")),
             before=_setting(one.get("before")),
             after=_setting(one.get("after")),
         )
         for one in (_mapping(o, "a change") for o in _list(found.get("changes"), "'changes'"))
     )
-    return Revision(
+    return TuningRevision(
         number=_count(found.get("revision"), "'revision'"),
         stamp=float(stamp),
         cause=cause,

@@ -19,7 +19,7 @@ MOST_SHOWN = 100
 
 
 @dataclass(frozen=True, kw_only=True)
-class Change:
+class TuningChange:
     """One value that has changed."""
 
     name: str
@@ -27,7 +27,7 @@ class Change:
     after: Setting
 
 
-class Action(Enum):
+class TuningAction(Enum):
     """How a revision came to be."""
 
     SET = "set"
@@ -36,7 +36,7 @@ class Action(Enum):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Cause:
+class TuningCause:
     """Who wants a change, and why.
 
     Attributes:
@@ -48,12 +48,12 @@ class Cause:
 
     author: str
     reason: str = ""
-    action: Action = Action.SET
+    action: TuningAction = TuningAction.SET
     of: int = 0
 
 
 @dataclass(frozen=True, kw_only=True)
-class Revision:
+class TuningRevision:
     """Values that have changed together.
 
     Attributes:
@@ -65,8 +65,8 @@ class Revision:
 
     number: int
     stamp: float
-    cause: Cause
-    changes: tuple[Change, ...]
+    cause: TuningCause
+    changes: tuple[TuningChange, ...]
 
     @property
     def names(self) -> frozenset[str]:
@@ -78,61 +78,61 @@ Possible = Callable[[str, Setting], bool]
 """Whether something of this name can have this value now."""
 
 
-class History:
+class TuningHistory:
     """The changes so far: those that can be undone, those that can be redone, the last to show."""
 
     def __init__(
         self,
         revision: int = 0,
-        undoable: Iterable[Revision] = (),
-        redoable: Iterable[Revision] = (),
-        shown: Iterable[Revision] = (),
+        undoable: Iterable[TuningRevision] = (),
+        redoable: Iterable[TuningRevision] = (),
+        shown: Iterable[TuningRevision] = (),
     ) -> None:
         self.revision = revision
-        self._undoable: deque[Revision] = deque(undoable, MOST_UNDONE)
-        self._redoable: deque[Revision] = deque(redoable, MOST_UNDONE)
-        self._shown: deque[tuple[Revision, Change]] = deque(maxlen=MOST_SHOWN)
+        self._undoable: deque[TuningRevision] = deque(undoable, MOST_UNDONE)
+        self._redoable: deque[TuningRevision] = deque(redoable, MOST_UNDONE)
+        self._shown: deque[tuple[TuningRevision, TuningChange]] = deque(maxlen=MOST_SHOWN)
         for one in shown:
             self._show(one)
 
     @property
-    def undoable(self) -> Sequence[Revision]:
+    def undoable(self) -> Sequence[TuningRevision]:
         """What can be undone, the oldest first."""
         return tuple(self._undoable)
 
     @property
-    def redoable(self) -> Sequence[Revision]:
+    def redoable(self) -> Sequence[TuningRevision]:
         """What can be redone, the one that was undone first at the front."""
         return tuple(self._redoable)
 
     @property
-    def shown(self) -> Sequence[tuple[Revision, Change]]:
+    def shown(self) -> Sequence[tuple[TuningRevision, TuningChange]]:
         """The last changes of single values, the oldest first."""
         return tuple(self._shown)
 
-    def add(self, revision: Revision) -> None:
+    def add(self, revision: TuningRevision) -> None:
         """Take in what has come into force.
 
         Raises:
             Refused: ``UNKNOWN_REVISION``: it undoes or redoes what cannot be.
         """
         match revision.cause.action:
-            case Action.SET:
+            case TuningAction.SET:
                 self._undoable.append(revision)
                 self._redoable.clear()
-            case Action.UNDO:
+            case TuningAction.UNDO:
                 self._redoable.append(_taken(self._undoable, revision.cause.of))
-            case Action.REDO:
+            case TuningAction.REDO:
                 self._undoable.append(_taken(self._redoable, revision.cause.of))
         self.revision = max(self.revision, revision.number)
         self._show(revision)
 
-    def _show(self, revision: Revision) -> None:
+    def _show(self, revision: TuningRevision) -> None:
         self._shown.extend((revision, change) for change in revision.changes)
 
     def undo(
         self, agents: Collection[str], possible: Possible
-    ) -> tuple[Revision, Mapping[str, Setting]]:
+    ) -> tuple[TuningRevision, Mapping[str, Setting]]:
         """Return what to undo next, and the values that it gives back.
 
         Args:
@@ -149,7 +149,7 @@ class History:
 
     def redo(
         self, agents: Collection[str], possible: Possible
-    ) -> tuple[Revision, Mapping[str, Setting]]:
+    ) -> tuple[TuningRevision, Mapping[str, Setting]]:
         """Return what to redo next, and the values that it gives again; as :meth:`undo`.
 
         Raises:
@@ -167,7 +167,7 @@ def agent_of(name: str) -> str:
     return agent if dot else ""
 
 
-def _taken(revisions: deque[Revision], number: int) -> Revision:
+def _taken(revisions: deque[TuningRevision], number: int) -> TuningRevision:
     for revision in reversed(revisions):
         if revision.number == number:
             revisions.remove(revision)
@@ -176,11 +176,11 @@ def _taken(revisions: deque[Revision], number: int) -> Revision:
 
 
 def _last(
-    revisions: deque[Revision],
+    revisions: deque[TuningRevision],
     agents: Collection[str],
-    possible: Callable[[Change], bool],
+    possible: Callable[[TuningChange], bool],
     what: str,
-) -> Revision:
+) -> TuningRevision:
     """Return the last revision that concerns some agents and that nothing stands upon.
 
     A revision is one step: it is passed over when one of its values is impossible now, or when a

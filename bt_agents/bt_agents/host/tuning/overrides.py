@@ -6,12 +6,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from bt_agents.host.tuning.history import History, Revision
+from bt_agents.host.tuning.history import TuningHistory, TuningRevision
 from bt_agents.host.tuning.tunable import Setting
 
 
 @dataclass(frozen=True, kw_only=True)
-class Kept:
+class Override:
     """A tuned value.
 
     Attributes:
@@ -24,7 +24,7 @@ class Kept:
 
 
 @dataclass(kw_only=True)
-class Remembered:
+class Overrides:
     """The history, and the tuned values, also of agents that are not here now.
 
     Attributes:
@@ -32,10 +32,10 @@ class Remembered:
         kept: Name → tuned value, for each that differs from its file.
     """
 
-    history: History = field(default_factory=History)
-    kept: dict[str, Kept] = field(default_factory=dict)
+    history: TuningHistory = field(default_factory=TuningHistory)
+    kept: dict[str, Override] = field(default_factory=dict)
 
-    def take(self, revision: Revision, defaults: Mapping[str, Setting]) -> None:
+    def take(self, revision: TuningRevision, defaults: Mapping[str, Setting]) -> None:
         """Take in what has come into force.
 
         Args:
@@ -43,7 +43,7 @@ class Remembered:
             defaults: What the files say, for each changed value that is to be kept.
 
         Raises:
-            Refused: As in :meth:`History.add`; then nothing is changed.
+            Refused: As in :meth:`TuningHistory.add`; then nothing is changed.
         """
         self.history.add(revision)
         for change in revision.changes:
@@ -55,7 +55,7 @@ class Remembered:
         if value == default:
             self.agree(name)
         else:
-            self.kept[name] = Kept(value=value, default=default)
+            self.kept[name] = Override(value=value, default=default)
 
     def agree(self, name: str) -> None:
         """Note that the file says what was tuned, so that there is nothing to keep."""

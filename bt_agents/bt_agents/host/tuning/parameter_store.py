@@ -9,17 +9,24 @@ from concurrent.futures import Future as Job
 from dataclasses import dataclass
 
 from bt_agents.host.tuning.change_log import Journal
-from bt_agents.host.tuning.history import Action, Cause, Change, History, Revision, agent_of
-from bt_agents.host.tuning.overrides import Remembered
+from bt_agents.host.tuning.history import (
+    TuningAction,
+    TuningCause,
+    TuningChange,
+    TuningHistory,
+    TuningRevision,
+    agent_of,
+)
+from bt_agents.host.tuning.overrides import Overrides
 from bt_agents.host.tuning.presets import Presets, check_name
-from bt_agents.host.tuning.tunable import Knob, KnobKind, Setting, same, shown_value
+from bt_agents.host.tuning.tunable import Setting, TunableKind, TunableParameter, same, shown_value
 from bt_agents_core.errors import Refused
 from bt_agents_language.yaml.diagnostics import did_you_mean, shown
 
 FILE = "file"
 """Author of what a changed file has set."""
 
-_SAVED = (KnobKind.TUNABLE, KnobKind.LEARNING_RATE)
+_SAVED = (TunableKind.TUNABLE, TunableKind.LEARNING_RATE)
 _LONGEST_WORDS = 300
 _FEW = 8
 
@@ -39,7 +46,7 @@ class Start:
     why: str = ""
 
 
-class Board:
+class ParameterStore:
     """Knobs that are checked and recorded here before anything acts on them.
 
     Args:
@@ -63,23 +70,23 @@ class Board:
     ) -> None:
         self.values: dict[str, Setting] = {}
         self.presets = presets
-        self._knobs: dict[str, Knob] = {}
-        self._of_agents: dict[str, dict[str, Knob]] = {}
+        self._knobs: dict[str, TunableParameter] = {}
+        self._of_agents: dict[str, dict[str, TunableParameter]] = {}
         self._journal = journal
         self._disk = disk
-        self._remembered = journal.remembered if journal is not None else Remembered()
+        self._remembered = journal.remembered if journal is not None else Overrides()
         self._now = now
         self._tell = tell
 
     @property
-    def history(self) -> History:
+    def history(self) -> TuningHistory:
         """The changes so far."""
         return self._remembered.history
 
-    def start(self, knob: Knob) -> Start:
+    def start(self, knob: TunableParameter) -> Start:
         """Return where a knob is to stand that was not here before."""
         kept = self._remembered.kept.get(knob.name)
-        if kept is None or knob.kind is KnobKind.PROFILE:
+        if kept is None or knob.kind is TunableKind.PROFILE:
             return Start(value=knob.default)
         if same(kept.value, knob.default):
             return Start(value=knob.default)
@@ -98,11 +105,11 @@ class Board:
         """Return whether there is a knob of this name."""
         return name in self._knobs
 
-    def of(self, agent: str) -> Sequence[Knob]:
+    def of(self, agent: str) -> Sequence[TunableParameter]:
         """Return the knobs of an agent; those of the whole host for the empty name."""
         return tuple(self._of_agents.get(agent, {}).values())
 
-    def _put(self, knob: Knob) -> None:
+    def _put(self, knob: TunableParameter) -> None:
         self._knobs[knob.name] = knob
         self._of_agents.setdefault(knob.agent, {})[knob.name] = knob
         kept = self._remembered.kept.get(knob.name)
@@ -110,7 +117,7 @@ class Board:
             self._remembered.agree(knob.name)
             self._keep(lambda journal: journal.agree(knob.name), False)
 
-    def add(self, knob: Knob, value: Setting) -> None:
+    def add(self, knob: TunableParameter, value: Setting) -> None:
         """Take in a knob that stands at a value."""
         self._put(knob)
         self.values[knob.name] = value
@@ -123,7 +130,7 @@ class Board:
         if not self._of_agents[knob.agent]:
             del self._of_agents[knob.agent]
 
-    def replace(self, knob: Knob) -> Setting:
+    def replace(self, knob: TunableParameter) -> Setting:
         """Take in another version of a knob of the same type; return where it has to stand.
 
         A changed default was written by somebody, so it is the new value; otherwise the present
@@ -146,12 +153,12 @@ class Board:
         """Check values that are to be set together.
 
         Raises:
-            Refused: ``UNKNOWN_PARAMETER``, or as in :meth:`Knob.check`.
+            Refused: ``UNKNOWN_PARAMETER``, or as in :meth:`TunableParameter.check`.
         """
         for name, value in values.items():
             self.knob(name).check(value)
 
-    def knob(self, name: str) -> Knob:
+    def knob(self, name: str) -> TunableParameter:
         """Return a knob.
 
         Raises:
@@ -178,7 +185,7 @@ class Board:
         """Return values as authors write them, by name.
 
         Raises:
-            Refused: ``WRONG_LENGTH``, ``DUPLICATE``, or as in :meth:`knob` and :meth:`Knob.read`.
+            Refused: ``WRONG_LENGTH``, ``DUPLICATE``, or as in :meth:`knob` and :meth:`TunableParameter.read`.
         """
         if len(names) != len(texts) or not names:
             raise Refused(
@@ -194,8 +201,8 @@ class Board:
         return values
 
     def record(
-        self, values: Mapping[str, Setting], cause: Cause, *, kept_or_refused: bool = True
-    ) -> Revision | None:
+        self, values: Mapping[str, Setting], cause: TuningCause, *, kept_or_refused: bool = True
+    ) -> TuningRevision | None:
         """Let values come into force; when this returns, the change outlives the process.
 
         Args:
@@ -210,11 +217,11 @@ class Board:
             Refused: ``NOT_KEPT``; nothing is changed.
         """
         changes = tuple(
-            Change(name=name, before=self.values[name], after=value)
+            TuningChange(name=name, before=self.values[name], after=value)
             for name, value in values.items()
             if self.values[name] != value
         )
-        if not changes and cause.action is Action.SET:
+        if not changes and cause.action is TuningAction.SET:
             return None
         return self._take(changes, cause, kept_or_refused)
 
@@ -225,26 +232,28 @@ class Board:
         """
         return self._journal.sync() if self._journal is not None else None
 
-    def overrule(self, overruled: Mapping[str, Start]) -> Revision | None:
+    def overrule(self, overruled: Mapping[str, Start]) -> TuningRevision | None:
         """Record that files have overruled values that were tuned before the start."""
         changes = tuple(
-            Change(name=name, before=start.overruled, after=start.value)
+            TuningChange(name=name, before=start.overruled, after=start.value)
             for name, start in overruled.items()
             if start.overruled is not None
         )
         if not changes:
             return None
         reason = "; ".join(f"{name}: {start.why}" for name, start in overruled.items())
-        return self._take(changes, Cause(author=FILE, reason=reason[:_LONGEST_WORDS]), False)
+        return self._take(changes, TuningCause(author=FILE, reason=reason[:_LONGEST_WORDS]), False)
 
-    def _take(self, changes: tuple[Change, ...], cause: Cause, kept_or_refused: bool) -> Revision:
-        revision = Revision(
+    def _take(
+        self, changes: tuple[TuningChange, ...], cause: TuningCause, kept_or_refused: bool
+    ) -> TuningRevision:
+        revision = TuningRevision(
             number=self.history.revision + 1, stamp=self._now(), cause=cause, changes=changes
         )
         defaults = {
             change.name: self._knobs[change.name].default
             for change in changes
-            if self._knobs[change.name].kind is not KnobKind.PROFILE
+            if self._knobs[change.name].kind is not TunableKind.PROFILE
         }
         self._keep(lambda journal: journal.append(revision, defaults), kept_or_refused)
         self._remembered.take(revision, defaults)
@@ -271,16 +280,16 @@ class Board:
         except OSError as error:
             self._tell(f"the file of tunings grows, it cannot be written anew: {error}")
 
-    def undo(self, agents: Collection[str]) -> tuple[Revision, Mapping[str, Setting]]:
-        """Return what to undo next, and the values to set for it; as :meth:`History.undo`.
+    def undo(self, agents: Collection[str]) -> tuple[TuningRevision, Mapping[str, Setting]]:
+        """Return what to undo next, and the values to set for it; as :meth:`TuningHistory.undo`.
 
         Raises:
             Refused: ``UNKNOWN_AGENT`` or ``NOTHING_TO_UNDO``.
         """
         return self.history.undo(self._known(agents), self._possible)
 
-    def redo(self, agents: Collection[str]) -> tuple[Revision, Mapping[str, Setting]]:
-        """Return what to redo next, and the values to set for it; as :meth:`History.redo`.
+    def redo(self, agents: Collection[str]) -> tuple[TuningRevision, Mapping[str, Setting]]:
+        """Return what to redo next, and the values to set for it; as :meth:`TuningHistory.redo`.
 
         Raises:
             Refused: ``UNKNOWN_AGENT`` or ``NOTHING_TO_REDO``.
@@ -292,7 +301,7 @@ class Board:
 
         Raises:
             Refused: ``UNKNOWN_PRESET``, ``NOTHING_LEFT`` when none of its names exists, or as in
-                :meth:`Knob.read`.
+                :meth:`TunableParameter.read`.
         """
         preset = self.presets.get(name)
         values = {o: self._knobs[o].read(text) for o, text in preset.items() if o in self._knobs}
@@ -350,7 +359,7 @@ class Board:
             return False
         return True
 
-    def words(self, changes: Iterable[Change]) -> str:
+    def words(self, changes: Iterable[TuningChange]) -> str:
         """Return changes in words: ``attentive_guide.patience: 8 s → 12 s``."""
         return ", ".join(
             f"{one.name}: {self.written(one.name, one.before)} → "

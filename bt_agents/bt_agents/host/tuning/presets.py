@@ -11,7 +11,7 @@ from bt_agents_core.errors import ReadError, Refused
 from bt_agents_language.tools.formatting.scalar_style import quoted
 from bt_agents_language.yaml.diagnostics import did_you_mean, shown
 from bt_agents_language.yaml.source import read_source
-from bt_agents_language.yaml.typed_reader import FileReading
+from bt_agents_language.yaml.typed_reader import TypedReader
 
 LONGEST_NAME = 60
 """Characters of the name of a preset."""
@@ -146,7 +146,7 @@ def read_presets(path: Path) -> Mapping[str, Preset]:
     Raises:
         ReadError: There is a problem; it lists all of them.
     """
-    reading = FileReading(read_source(path))
+    reading = TypedReader(read_source(path))
     fields = reading.document("a file of presets", ("presets",), ("presets",))
     presets: dict[str, dict[str, str]] = {}
     for entry in fields.entries("presets", "names and values"):

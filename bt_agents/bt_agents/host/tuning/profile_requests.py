@@ -10,9 +10,9 @@ from typing import Any
 from rclpy.node import Node
 
 from bt_agents.engine.environment import GIVE_FEEDBACK
-from bt_agents.host.agent_registry import Roster
+from bt_agents.host.agent_registry import AgentRegistry
 from bt_agents.host.tuning.pending_profiles import ProfileOrders
-from bt_agents_core.feedback import TUNING, Kind
+from bt_agents_core.feedback import TUNING, FeedbackKind
 from bt_agents_core.scene import Vector
 from bt_agents_interfaces.srv import GiveFeedback
 from bt_agents_ros import qos
@@ -34,7 +34,7 @@ class ProfileRequests:
     """
 
     def __init__(
-        self, node: Node, roster: Roster, recorded: Callable[[str, Any | None], None]
+        self, node: Node, roster: AgentRegistry, recorded: Callable[[str, Any | None], None]
     ) -> None:
         self._node = node
         self._roster = roster
@@ -74,7 +74,7 @@ class ProfileRequests:
         request = GiveFeedback.Request(
             feedback_id=f"tuning/{uuid.uuid4()}",
             agent=agent,
-            kind=int(Kind.SET),
+            kind=int(FeedbackKind.SET),
             values=list(order.vector(self._roster.space.names)),
             source=TUNING,
             reason=order.reason,

@@ -45,7 +45,7 @@ _TYPE_WORDS: Mapping[type, str] = {
 }
 
 
-class KnobKind(Enum):
+class TunableKind(Enum):
     """What a knob turns."""
 
     TUNABLE = "tunable"
@@ -55,7 +55,7 @@ class KnobKind(Enum):
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class Knob:
+class TunableParameter:
     """One value that may be tuned; it is a ROS parameter of the host.
 
     Attributes:
@@ -74,7 +74,7 @@ class Knob:
     name: str
     agent: str
     key: str
-    kind: KnobKind
+    kind: TunableKind
     type: FieldType
     default: Setting
     minimum: float | None = None
@@ -199,7 +199,7 @@ def written(value: Setting, field_type: FieldType) -> str:
     return f"{value!r} {_UNITS[field_type]}"
 
 
-def shown_value(knob: Knob, value: Setting) -> str:
+def shown_value(knob: TunableParameter, value: Setting) -> str:
     """Return a value for people: an empty text as ``''``, else as an author writes it."""
     return knob.written(value) or "''"
 
@@ -209,11 +209,11 @@ def same(one: Setting, other: Setting) -> bool:
     return type(one) is type(other) and one == other
 
 
-TICK_RATE = Knob(
+TICK_RATE = TunableParameter(
     name="tick_rate",
     agent="",
     key="tick_rate",
-    kind=KnobKind.TICK_RATE,
+    kind=TunableKind.TICK_RATE,
     type=FieldType.NUMBER,
     default=20.0,
     minimum=1.0,
@@ -222,13 +222,13 @@ TICK_RATE = Knob(
 )
 
 
-def knobs_of(spec: AgentSpec, space: SceneSpace) -> tuple[Knob, ...]:
+def tunables_of(spec: AgentSpec, space: SceneSpace) -> tuple[TunableParameter, ...]:
     """Return the knobs of an agent: its tunables, its learning rate, the values of its profile."""
-    rate = Knob(
+    rate = TunableParameter(
         name=f"{spec.name}.learning_rate",
         agent=spec.name,
         key="learning_rate",
-        kind=KnobKind.LEARNING_RATE,
+        kind=TunableKind.LEARNING_RATE,
         type=FieldType.NUMBER,
         default=float(spec.learning_rate),
         minimum=0.0,
@@ -236,11 +236,11 @@ def knobs_of(spec: AgentSpec, space: SceneSpace) -> tuple[Knob, ...]:
         description="step of a profile towards feedback",
     )
     profile = (
-        Knob(
+        TunableParameter(
             name=f"{spec.name}.profile.{parameter.name}",
             agent=spec.name,
             key=parameter.name,
-            kind=KnobKind.PROFILE,
+            kind=TunableKind.PROFILE,
             type=FieldType.NUMBER,
             default=float(value),
             minimum=parameter.minimum,
@@ -252,15 +252,15 @@ def knobs_of(spec: AgentSpec, space: SceneSpace) -> tuple[Knob, ...]:
     return (*(_of_tunable(spec.name, tunable) for tunable in spec.tunables), rate, *profile)
 
 
-def _of_tunable(agent: str, tunable: Tunable) -> Knob:
+def _of_tunable(agent: str, tunable: Tunable) -> TunableParameter:
     default = tunable.default
     if tunable.type not in _TYPES:
         default = float(default)
-    return Knob(
+    return TunableParameter(
         name=f"{agent}.{tunable.name}",
         agent=agent,
         key=tunable.name,
-        kind=KnobKind.TUNABLE,
+        kind=TunableKind.TUNABLE,
         type=tunable.type,
         default=default,
         minimum=tunable.minimum,

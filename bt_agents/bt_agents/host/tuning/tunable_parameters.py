@@ -14,18 +14,24 @@ from rclpy.exceptions import InvalidParameterTypeException, InvalidParameterValu
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from bt_agents.host.agent_registry import Member, Roster
+from bt_agents.host.agent_registry import AgentRegistry, HostedAgent
 from bt_agents.host.tuning.change_log import Journal
-from bt_agents.host.tuning.history import Cause, Revision
-from bt_agents.host.tuning.parameter_store import FILE, Board, Start
+from bt_agents.host.tuning.history import TuningCause, TuningRevision
+from bt_agents.host.tuning.parameter_store import FILE, ParameterStore, Start
 from bt_agents.host.tuning.presets import Presets
 from bt_agents.host.tuning.profile_requests import ProfileRequests
-from bt_agents.host.tuning.tunable import TICK_RATE, Knob, KnobKind, Setting, knobs_of
+from bt_agents.host.tuning.tunable import (
+    TICK_RATE,
+    Setting,
+    TunableKind,
+    TunableParameter,
+    tunables_of,
+)
 from bt_agents.host.tuning.tune_service import TuneServer
 from bt_agents_core.errors import BtAgentsError, Refused
 from bt_agents_core.worker_thread import WorkerThread
 from bt_agents_language.model.specs import AgentSpec, FieldType
-from bt_agents_ros.future_poller import Jobs
+from bt_agents_ros.future_poller import FuturePoller
 from bt_agents_ros.parameters import describe
 from bt_agents_ros.timers import steady_timer
 
@@ -59,7 +65,7 @@ class TunableParameters:
     def __init__(
         self,
         node: Node,
-        roster: Roster,
+        roster: AgentRegistry,
         changed: Callable[[], None],
         *,
         set_rate: Callable[[float], None] = lambda _hertz: None,
@@ -70,10 +76,10 @@ class TunableParameters:
         self._changed = changed
         self._set_rate = set_rate
         self._disk = WorkerThread("tunings")
-        self._jobs = Jobs(node)
+        self._jobs = FuturePoller(node)
         self._board = self._open(tunings)
-        self._cause = Cause(author=ROS_PARAMETER)
-        self._recorded: Revision | None = None
+        self._cause = TuningCause(author=ROS_PARAMETER)
+        self._recorded: TuningRevision | None = None
         self._quiet = False
         self._cards_due = False
         self._sync_due = False
@@ -87,7 +93,7 @@ class TunableParameters:
         node.add_post_set_parameters_callback(self._apply)
         self._server = TuneServer(node, self._board, self.set, self._jobs)
 
-    def _open(self, tunings: str) -> Board:
+    def _open(self, tunings: str) -> ParameterStore:
         log = self._node.get_logger()
         journal: Journal | None = None
         presets = Presets(None)
@@ -103,11 +109,11 @@ class TunableParameters:
                 presets = Presets(path.with_name(PRESETS))
                 if presets.problem:
                     log.error(f"there are no presets, their file is broken:\n{presets.problem}")
-        return Board(journal, presets, self._disk, time.time, log.error)
+        return ParameterStore(journal, presets, self._disk, time.time, log.error)
 
-    def add(self, member: Member) -> None:
+    def add(self, member: HostedAgent) -> None:
         """Declare the parameters of an agent; what was tuned before stands where it stood."""
-        self._declare_together(knobs_of(member.spec, self._roster.space))
+        self._declare_together(tunables_of(member.spec, self._roster.space))
         self._fill(member)
         self._tell_soon()
 
@@ -118,7 +124,7 @@ class TunableParameters:
         self._profiles.forget(name)
         self._tell_soon()
 
-    def replace(self, member: Member, spec: AgentSpec) -> None:
+    def replace(self, member: HostedAgent, spec: AgentSpec) -> None:
         """Take in another version of an agent's file.
 
         A changed default is the new value, and a revision by "file". Other values stay as far as
@@ -129,7 +135,7 @@ class TunableParameters:
             spec: The new file.
         """
         old = {knob.name: knob for knob in self._board.of(spec.name)}
-        new = {knob.name: knob for knob in knobs_of(spec, self._roster.space)}
+        new = {knob.name: knob for knob in tunables_of(spec, self._roster.space)}
         for name, knob in old.items():
             if name not in new or new[name].type is not knob.type:
                 self._undeclare(knob)
@@ -139,7 +145,7 @@ class TunableParameters:
             if name not in old or old[name].type is not knob.type or old[name] == knob:
                 continue
             value = self._board.replace(knob)
-            if knob.kind is KnobKind.PROFILE:
+            if knob.kind is TunableKind.PROFILE:
                 self._node.set_descriptor(name, _descriptor(knob))
                 continue
             self._node.set_descriptor(
@@ -148,7 +154,7 @@ class TunableParameters:
             wanted[name] = value
         if wanted:
             try:
-                self.set(wanted, Cause(author=FILE, reason=f"{spec.file} has changed"))
+                self.set(wanted, TuningCause(author=FILE, reason=f"{spec.file} has changed"))
             except Refused as refused:
                 self._node.get_logger().error(
                     f"{spec.file} has changed, but its defaults are not in force: {refused}"
@@ -160,20 +166,20 @@ class TunableParameters:
         self._fill(member)
         self._tell_soon()
 
-    def take_profile(self, name: str, values: list[float], revision: int) -> Member:
+    def take_profile(self, name: str, values: list[float], revision: int) -> HostedAgent:
         """Give an agent the profile that the feedback node has recorded; return the agent.
 
         Values that were tuned and are not recorded yet stay.
 
         Raises:
-            Refused: As in :meth:`Roster.set_profile`.
+            Refused: As in :meth:`AgentRegistry.set_profile`.
         """
         member = self._roster.set_profile(name, values, revision)
         member.profile = self._profiles.over(name, member.profile)
         self._show_profile(member)
         return member
 
-    def set(self, values: Mapping[str, Setting], cause: Cause) -> Revision | None:
+    def set(self, values: Mapping[str, Setting], cause: TuningCause) -> TuningRevision | None:
         """Set values together, or not at all; return the revision, None when nothing changes.
 
         Raises:
@@ -186,7 +192,7 @@ class TunableParameters:
                 [Parameter(name, value=value) for name, value in values.items()]
             )
         finally:
-            self._cause = Cause(author=ROS_PARAMETER)
+            self._cause = TuningCause(author=ROS_PARAMETER)
         if not result.successful:
             code, colon, reason = result.reason.partition(": ")
             named = bool(colon) and code.replace("_", "").isupper()
@@ -199,7 +205,9 @@ class TunableParameters:
         self._board.close()
         self._disk.shutdown()
 
-    def _declare_together(self, knobs: tuple[Knob, ...] | list[Knob]) -> None:
+    def _declare_together(
+        self, knobs: tuple[TunableParameter, ...] | list[TunableParameter]
+    ) -> None:
         overruled: dict[str, Start] = {}
         for knob in knobs:
             start = self._board.start(knob)
@@ -215,10 +223,10 @@ class TunableParameters:
                 f"{revision.cause.reason}"
             )
 
-    def _declare(self, knob: Knob, value: Setting) -> Setting:
+    def _declare(self, knob: TunableParameter, value: Setting) -> Setting:
         """Declare a parameter; return its value, which a launch file may have set."""
         node, descriptor = self._node, _descriptor(knob)
-        if knob.kind is not KnobKind.PROFILE:
+        if knob.kind is not TunableKind.PROFILE:
             try:
                 return knob.check(node.declare_parameter(knob.name, value, descriptor).value)
             except (
@@ -235,14 +243,14 @@ class TunableParameters:
         node.declare_parameter(knob.name, value, descriptor, ignore_override=True)
         return value
 
-    def _undeclare(self, knob: Knob) -> None:
+    def _undeclare(self, knob: TunableParameter) -> None:
         self._node.undeclare_parameter(knob.name)
         self._board.remove(knob.name)
 
-    def _fill(self, member: Member) -> None:
+    def _fill(self, member: HostedAgent) -> None:
         """Let a member have the values of its knobs; the mapping stays the same object."""
         own = self._board.of(member.spec.name)
-        values = {k.key: self._board.values[k.name] for k in own if k.kind is KnobKind.TUNABLE}
+        values = {k.key: self._board.values[k.name] for k in own if k.kind is TunableKind.TUNABLE}
         for key in [*member.tunables]:
             if key not in values:
                 del member.tunables[key]
@@ -275,13 +283,13 @@ class TunableParameters:
             knob = self._board.knob(parameter.name)
             value = parameter.value
             member = self._roster.members.get(knob.agent)
-            if knob.kind is KnobKind.TICK_RATE:
+            if knob.kind is TunableKind.TICK_RATE:
                 self._set_rate(float(value))
             elif member is None:
                 continue
-            elif knob.kind is KnobKind.TUNABLE:
+            elif knob.kind is TunableKind.TUNABLE:
                 member.tunables[knob.key] = value
-            elif knob.kind is KnobKind.LEARNING_RATE:
+            elif knob.kind is TunableKind.LEARNING_RATE:
                 self._cards_due = self._cards_due or member.learning_rate != value
                 member.learning_rate = float(value)
             else:
@@ -290,7 +298,7 @@ class TunableParameters:
             self._move(self._roster.members[agent], values)
         self._tell_soon()
 
-    def _move(self, member: Member, values: Mapping[str, float]) -> None:
+    def _move(self, member: HostedAgent, values: Mapping[str, float]) -> None:
         """Bid with a tuned profile at once, and have it recorded."""
         names = self._roster.space.names
         before = dict(zip(names, member.profile, strict=True))
@@ -313,7 +321,7 @@ class TunableParameters:
         self._cards_due = True
         self._tell_soon()
 
-    def _show_profile(self, member: Member) -> None:
+    def _show_profile(self, member: HostedAgent) -> None:
         """Let the parameters follow a profile that nobody has tuned."""
         shown = []
         for key, value in zip(self._roster.space.names, member.profile, strict=True):
@@ -353,7 +361,7 @@ class TunableParameters:
             )
 
 
-def _descriptor(knob: Knob) -> ParameterDescriptor:
+def _descriptor(knob: TunableParameter) -> ParameterDescriptor:
     unit = f" [{knob.unit}]" if knob.unit else ""
     # rclpy compares steps relative to the value, so that none fits at zero.
     around_zero = knob.minimum is not None and knob.minimum < 0

@@ -13,15 +13,15 @@ from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.node import Node
 from rclpy.task import Future
 
-from bt_agents.host.tuning.history import Action, Cause, Change, Revision
-from bt_agents.host.tuning.parameter_store import Board, words_of
+from bt_agents.host.tuning.history import TuningAction, TuningCause, TuningChange, TuningRevision
+from bt_agents.host.tuning.parameter_store import ParameterStore, words_of
 from bt_agents.host.tuning.tunable import Setting
 from bt_agents_core.errors import Refused
 from bt_agents_interfaces.msg import Preset, Tuning, Tunings
 from bt_agents_interfaces.srv import Tune
 from bt_agents_language.yaml.diagnostics import shown
 from bt_agents_ros import qos
-from bt_agents_ros.future_poller import Jobs
+from bt_agents_ros.future_poller import FuturePoller
 from bt_agents_ros.messages import to_time
 
 SOMEBODY = "somebody"
@@ -29,10 +29,10 @@ SOMEBODY = "somebody"
 
 _LONGEST_AUTHOR = 60
 
-Found = tuple[Revision, Mapping[str, Setting]]
+Found = tuple[TuningRevision, Mapping[str, Setting]]
 """A revision to take back or make again, and the values to set for it."""
 
-Set = Callable[[Mapping[str, Setting], Cause], Revision | None]
+Set = Callable[[Mapping[str, Setting], TuningCause], TuningRevision | None]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -46,7 +46,7 @@ class _Done:
     """
 
     words: str
-    revision: Revision | None = None
+    revision: TuningRevision | None = None
     kept: Job[Any] | None = None
 
 
@@ -60,7 +60,9 @@ class TuneServer:
         jobs: Says when the disk has what was tuned.
     """
 
-    def __init__(self, node: Node, board: Board, set_together: Set, jobs: Jobs) -> None:
+    def __init__(
+        self, node: Node, board: ParameterStore, set_together: Set, jobs: FuturePoller
+    ) -> None:
         self._node = node
         self._board = board
         self._set_together = set_together
@@ -108,12 +110,12 @@ class TuneServer:
         except Refused:
             return ""
         changes = (
-            Change(name=name, before=self._board.values[name], after=value)
+            TuningChange(name=name, before=self._board.values[name], after=value)
             for name, value in values.items()
         )
         return f"{self._board.words(changes)} (revision {revision.number})"
 
-    def _message(self, revision: Revision, change: Change) -> Tuning:
+    def _message(self, revision: TuningRevision, change: TuningChange) -> Tuning:
         return Tuning(
             stamp=to_time(revision.stamp),
             revision=revision.number,
@@ -179,18 +181,18 @@ class TuneServer:
 
     def _set(self, request: Any, author: str, reason: str) -> _Done:
         values = self._board.read(request.names, request.values)
-        revision = self._set_together(values, Cause(author=author, reason=reason))
+        revision = self._set_together(values, TuningCause(author=author, reason=reason))
         return _Done(words=self._told(revision), revision=revision)
 
     def _undo(self, request: Any, author: str, reason: str) -> _Done:
-        return self._take_back(Action.UNDO, self._board.undo(request.agents), author, reason)
+        return self._take_back(TuningAction.UNDO, self._board.undo(request.agents), author, reason)
 
     def _redo(self, request: Any, author: str, reason: str) -> _Done:
-        return self._take_back(Action.REDO, self._board.redo(request.agents), author, reason)
+        return self._take_back(TuningAction.REDO, self._board.redo(request.agents), author, reason)
 
-    def _take_back(self, action: Action, found: Found, author: str, reason: str) -> _Done:
+    def _take_back(self, action: TuningAction, found: Found, author: str, reason: str) -> _Done:
         old, values = found
-        cause = Cause(
+        cause = TuningCause(
             author=author,
             reason=reason or f"{action.value} of revision {old.number}",
             action=action,
@@ -203,7 +205,7 @@ class TuneServer:
     def _apply(self, request: Any, author: str, reason: str) -> _Done:
         values, gone = self._board.preset(request.preset)
         words = f"preset {shown(request.preset)}"
-        revision = self._set_together(values, Cause(author=author, reason=reason or words))
+        revision = self._set_together(values, TuningCause(author=author, reason=reason or words))
         left_out = f"; left out, as it is not here any more: {', '.join(gone)}" if gone else ""
         return _Done(words=f"{words}: {self._told(revision)}{left_out}", revision=revision)
 
@@ -215,7 +217,7 @@ class TuneServer:
         kept = self._board.forget(request.preset)
         return _Done(words=f"preset {shown(request.preset)} is forgotten", kept=kept)
 
-    def _told(self, revision: Revision | None) -> str:
+    def _told(self, revision: TuningRevision | None) -> str:
         if revision is None or not revision.changes:
             return "everything stands so already"
         return f"{self._board.words(revision.changes)} (revision {revision.number})"

@@ -8,7 +8,7 @@ from collections.abc import Iterator, Sequence
 from functools import lru_cache
 
 from bt_agents_language.model.specs import AgentSpec, NodeSpec
-from bt_agents_language.model.walking import every_node
+from bt_agents_language.model.walking import iter_nodes
 from bt_agents_language.yaml.diagnostics import did_you_mean
 
 _PIECE = re.compile(r"\*\*/|\*\*|\*|[^*]+")
@@ -56,4 +56,4 @@ def nodes_of(agent: AgentSpec) -> Iterator[NodeSpec]:
     """Return all nodes of an agent's trees, parents before children."""
     for root in (agent.tree, agent.on_cancel):
         if root is not None:
-            yield from every_node(root)
+            yield from iter_nodes(root)

@@ -8,15 +8,15 @@ from collections.abc import Iterable, Sequence
 from bt_agents_language.expression.expressions import parse_expression
 from bt_agents_language.files.testing.path_patterns import matches
 from bt_agents_language.files.testing.scenarios import REPLACED
-from bt_agents_language.model.scope import Names, mood_names, scene_names
+from bt_agents_language.model.scope import NameScope, mood_names, scene_names
 from bt_agents_language.model.specs import NodeSpec, Tunable
-from bt_agents_language.model.symbols import Vocabulary
-from bt_agents_language.model.walking import every_node
-from bt_agents_language.tree.assigned_names import WrittenNames
-from bt_agents_language.tree.raw_nodes import DraftReader
+from bt_agents_language.model.symbols import SymbolTable
+from bt_agents_language.model.walking import iter_nodes
+from bt_agents_language.tree.assigned_names import AssignedNames
+from bt_agents_language.tree.raw_nodes import RawNodeReader
 from bt_agents_language.tree.subtrees import MAX_NODES
 from bt_agents_language.tree.tree_reader import TreeReader
-from bt_agents_language.yaml.typed_reader import FileReading
+from bt_agents_language.yaml.typed_reader import TypedReader
 from bt_agents_language.yaml.yaml_reader import Mapping, Node
 
 _AT_ONCE = {"succeed": "true", "fail": "false"}
@@ -35,16 +35,16 @@ class ReplacementReader:
 
     def __init__(
         self,
-        reading: FileReading,
-        vocabulary: Vocabulary,
+        reading: TypedReader,
+        vocabulary: SymbolTable,
         nodes: Sequence[NodeSpec],
         tunables: Iterable[Tunable],
     ) -> None:
         self._reading = reading
         self._nodes = nodes
-        self._drafts = DraftReader(reading, vocabulary)
+        self._drafts = RawNodeReader(reading, vocabulary)
         self._trees = TreeReader(reading, vocabulary, {})
-        self._written = WrittenNames(reading, {}, vocabulary.interfaces)
+        self._written = AssignedNames(reading, {}, vocabulary.interfaces)
         self._tunables = {one.name: one.type for one in tunables}
         self._types = {
             **scene_names(vocabulary.space, ("scene", "live", "profile")),
@@ -65,11 +65,11 @@ class ReplacementReader:
             return None
         taken = dict.fromkeys(self._tunables, "a tunable")
         written = self._written.of_trees([draft], taken, self._types)
-        spec = self._trees.read(draft, REPLACED, Names(self._types, written))
+        spec = self._trees.read(draft, REPLACED, NameScope(self._types, written))
         if spec is None or len(self._reading.problems) > before:
             return None
         places = sum(matches(pattern, one.path) for one in self._nodes)
-        if places * sum(1 for _ in every_node(spec)) > MAX_NODES:
+        if places * sum(1 for _ in iter_nodes(spec)) > MAX_NODES:
             self._reading.error(
                 "tree-too-large",
                 node,

@@ -11,14 +11,14 @@ from bt_agents_language.files.testing.replacement_reader import ReplacementReade
 from bt_agents_language.files.testing.scenarios import (
     AnswerRule,
     GoalEnd,
-    Happening,
     Replacement,
     Scenario,
     ScriptedAnswer,
+    ScriptedEvent,
 )
 from bt_agents_language.model.interfaces import read_ros_name
 from bt_agents_language.model.scene_values import read_values
-from bt_agents_language.model.scope import Names
+from bt_agents_language.model.scope import NameScope
 from bt_agents_language.model.specs import (
     AgentSpec,
     FieldType,
@@ -30,14 +30,14 @@ from bt_agents_language.model.specs import (
     SkillSpec,
     Value,
 )
-from bt_agents_language.model.symbols import Vocabulary
+from bt_agents_language.model.symbols import SymbolTable
 from bt_agents_language.model.values import read_value
 from bt_agents_language.tree.ros_leaves import RAW_LEAVES
 from bt_agents_language.yaml.diagnostics import did_you_mean, shown
-from bt_agents_language.yaml.mapping_reader import Fields
-from bt_agents_language.yaml.typed_reader import FileReading
-from bt_agents_language.yaml.yaml_reader import Entry, Node, Scalar, Sequence
+from bt_agents_language.yaml.mapping_reader import MappingReader
+from bt_agents_language.yaml.typed_reader import TypedReader
 from bt_agents_language.yaml.yaml_reader import Mapping as MappingNode
+from bt_agents_language.yaml.yaml_reader import MappingEntry, Node, Scalar, Sequence
 
 SCENARIO_KEYS = ("scene", "person", "tunables", "seed", "answers", "replace", "during")
 
@@ -61,7 +61,7 @@ class ScenarioReader:
         known_skills: These, and the others that there are.
     """
 
-    def __init__(self, reading: FileReading, agent: AgentSpec, vocabulary: Vocabulary) -> None:
+    def __init__(self, reading: TypedReader, agent: AgentSpec, vocabulary: SymbolTable) -> None:
         self._reading = reading
         self._space = vocabulary.space
         self._nodes = tuple(nodes_of(agent))
@@ -76,7 +76,7 @@ class ScenarioReader:
             reading, vocabulary.with_skills(named), self._nodes, self._tunables.values()
         )
 
-    def read(self, fields: Fields) -> Scenario:
+    def read(self, fields: MappingReader) -> Scenario:
         """Return the scenario that the keys of a case say."""
         scene = fields.get("scene")
         values: dict[str, float] = {}
@@ -134,7 +134,7 @@ class ScenarioReader:
 
     def plain(self, node: Node, field_type: FieldType, what: str) -> Plain:
         """Return a value without names; None when it is wrong, which is then reported."""
-        value = read_value(self._reading, node, field_type, Names({}), what)
+        value = read_value(self._reading, node, field_type, NameScope({}), what)
         if value is None:
             return None
         try:
@@ -152,7 +152,7 @@ class ScenarioReader:
         node = None if "person" in self._space.names else scene.get("person")
         return None if node is None else self._reading.boolean(node, "'person'")
 
-    def _tuned(self, entries: Iterable[Entry]) -> dict[str, Plain]:
+    def _tuned(self, entries: Iterable[MappingEntry]) -> dict[str, Plain]:
         values: dict[str, Plain] = {}
         for entry in entries:
             tunable = self._tunables.get(entry.key.text)
@@ -176,7 +176,7 @@ class ScenarioReader:
             values[tunable.name] = value
         return values
 
-    def _rule(self, entry: Entry) -> AnswerRule | None:
+    def _rule(self, entry: MappingEntry) -> AnswerRule | None:
         key = entry.key.text
         if is_path(key):
             if self.path(entry.key, "the path of an answer", skills=True) is None:
@@ -246,7 +246,7 @@ class ScenarioReader:
         value = self.plain(node, field_type, f"'{name}'")
         return None if value is None else {name: value}
 
-    def _named(self, fields: Fields, outputs: _Outputs) -> dict[str, Plain] | None:
+    def _named(self, fields: MappingReader, outputs: _Outputs) -> dict[str, Plain] | None:
         values: dict[str, Plain] = {}
         for entry in fields.entries("outputs", "outputs and values"):
             name = entry.key.text
@@ -261,14 +261,14 @@ class ScenarioReader:
             values[name] = self.plain(entry.value, outputs.types[name], f"'{name}'")
         return values
 
-    def _replacement(self, entry: Entry) -> Replacement | None:
+    def _replacement(self, entry: MappingEntry) -> Replacement | None:
         pattern = self.path(entry.key, "the path of what is replaced")
         node = self._replacements.read(entry.value, pattern or "")
         if pattern is None or node is None:
             return None
         return Replacement(pattern=pattern, node=node)
 
-    def _happening(self, node: Node) -> Happening | None:
+    def _happening(self, node: Node) -> ScriptedEvent | None:
         names = [name for name in self._space.names if name not in _HAPPENING_KEYS]
         fields = self._reading.fields(node, "what happens", (*_HAPPENING_KEYS, *names))
         if fields is None:
@@ -289,7 +289,7 @@ class ScenarioReader:
             )
         at_node = fields.get("at")
         topic, message = self._message(fields.get("publish"))
-        return Happening(
+        return ScriptedEvent(
             after_s=fields.duration("after") or 0.0,
             at=(self.path(at_node, "'at'") or "") if at_node is not None else "",
             values=self._values(fields, names),
@@ -301,10 +301,10 @@ class ScenarioReader:
             cancel=fields.text("cancel"),
         )
 
-    def _values(self, fields: Fields, names: Iterable[str]) -> dict[str, float]:
+    def _values(self, fields: MappingReader, names: Iterable[str]) -> dict[str, float]:
         entries = tuple(
             # A slip in a name is reported already; it is read as the one that is meant.
-            Entry(key=replace(fields.keys[name], text=name), value=fields.nodes[name])
+            MappingEntry(key=replace(fields.keys[name], text=name), value=fields.nodes[name])
             for name in names
             if name in fields.nodes
         )

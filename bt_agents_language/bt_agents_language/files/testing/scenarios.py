@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import Enum
 
-from bt_agents_core.feedback import Kind
+from bt_agents_core.feedback import FeedbackKind
 from bt_agents_language.model.specs import AgentSpec, NodeSpec, Plain, Position
 
 REPLACED = "replaced"
@@ -71,7 +71,7 @@ class Replacement:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Happening:
+class ScriptedEvent:
     """Something that happens to the agent while it runs.
 
     Attributes:
@@ -117,7 +117,7 @@ class Scenario:
     seed: int = 0
     answers: tuple[AnswerRule, ...] = ()
     replace: tuple[Replacement, ...] = ()
-    during: tuple[Happening, ...] = ()
+    during: tuple[ScriptedEvent, ...] = ()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -196,7 +196,7 @@ class Within:
 class Teaches:
     """The feedback that is given, in order."""
 
-    kinds: tuple[Kind, ...]
+    kinds: tuple[FeedbackKind, ...]
     position: Position
 
 
@@ -209,7 +209,7 @@ class CancelledBy:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Bids:
+class ExpectedBids:
     """Whether the agent bids for the scene at all."""
 
     wanted: bool
@@ -217,12 +217,12 @@ class Bids:
 
 
 Expectation = (
-    Says | Does | DoesNot | Visits | Ends | Because | Within | Teaches | CancelledBy | Bids
+    Says | Does | DoesNot | Visits | Ends | Because | Within | Teaches | CancelledBy | ExpectedBids
 )
 
 
 @dataclass(frozen=True, kw_only=True)
-class Case:
+class AgentTestCase:
     """One case of a test file."""
 
     name: str
@@ -237,4 +237,4 @@ class AgentTest:
 
     file: str
     agent: AgentSpec
-    cases: tuple[Case, ...]
+    cases: tuple[AgentTestCase, ...]

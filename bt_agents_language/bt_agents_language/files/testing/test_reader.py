@@ -7,19 +7,19 @@ import re
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 
-from bt_agents_core.feedback import Kind
+from bt_agents_core.feedback import FeedbackKind
 from bt_agents_language.files.testing.scenario_reader import SCENARIO_KEYS, ScenarioReader
 from bt_agents_language.files.testing.scenarios import (
     SPOKEN,
     AgentTest,
+    AgentTestCase,
     Because,
-    Bids,
     CancelledBy,
-    Case,
     Does,
     DoesNot,
     Ends,
     Expectation,
+    ExpectedBids,
     Says,
     Scenario,
     SkillUse,
@@ -28,11 +28,11 @@ from bt_agents_language.files.testing.scenarios import (
     Within,
 )
 from bt_agents_language.model.specs import AgentSpec, FieldType, Plain, Position, SkillSpec
-from bt_agents_language.model.symbols import Vocabulary
+from bt_agents_language.model.symbols import SymbolTable
 from bt_agents_language.yaml.diagnostics import did_you_mean, shown
-from bt_agents_language.yaml.mapping_reader import Fields
+from bt_agents_language.yaml.mapping_reader import MappingReader
 from bt_agents_language.yaml.source import Source
-from bt_agents_language.yaml.typed_reader import FileReading
+from bt_agents_language.yaml.typed_reader import TypedReader
 from bt_agents_language.yaml.yaml_reader import Mapping as MappingNode
 from bt_agents_language.yaml.yaml_reader import Node, Scalar, Sequence
 
@@ -43,10 +43,10 @@ _EXPECT_KEYS = (
     "bids", "says", "does", "does_not", "visited", "not_visited", "ends", "because", "within",
     "feedback", "cancelled_by",
 )  # fmt: skip
-_KINDS = {kind.name.lower(): kind for kind in Kind}
+_KINDS = {kind.name.lower(): kind for kind in FeedbackKind}
 
 
-def read_test(path: Path, agents: Iterable[AgentSpec], vocabulary: Vocabulary) -> AgentTest:
+def read_test(path: Path, agents: Iterable[AgentSpec], vocabulary: SymbolTable) -> AgentTest:
     """Return the cases of a file.
 
     Args:
@@ -57,24 +57,26 @@ def read_test(path: Path, agents: Iterable[AgentSpec], vocabulary: Vocabulary) -
     Raises:
         ReadError: There is a problem; it lists all of them.
     """
-    return _TestFile(FileReading.of(path), agents, vocabulary, path.parent).read()
+    return _TestFile(TypedReader.of(path), agents, vocabulary, path.parent).read()
 
 
 def read_test_text(
-    text: str, file: str, agents: Iterable[AgentSpec], vocabulary: Vocabulary
+    text: str, file: str, agents: Iterable[AgentSpec], vocabulary: SymbolTable
 ) -> AgentTest:
     """Return the cases of a text; as :func:`read_test`."""
-    reading = FileReading(Source(file, text))
+    reading = TypedReader(Source(file, text))
     return _TestFile(reading, agents, vocabulary, Path(file).parent).read()
 
 
-def read_scenario_text(text: str, file: str, agent: AgentSpec, vocabulary: Vocabulary) -> Scenario:
+def read_scenario_text(
+    text: str, file: str, agent: AgentSpec, vocabulary: SymbolTable
+) -> Scenario:
     """Return the scenario of a text with the keys that a case has, apart from name and expect.
 
     Raises:
         ReadError: There is a problem; it lists all of them.
     """
-    reading = FileReading(Source(file, text))
+    reading = TypedReader(Source(file, text))
     fields = reading.document("a rehearsal", SCENARIO_KEYS)
     scenario = ScenarioReader(reading, agent, vocabulary).read(fields)
     reading.problems.raise_if_any()
@@ -86,9 +88,9 @@ class _TestFile:
 
     def __init__(
         self,
-        reading: FileReading,
+        reading: TypedReader,
         agents: Iterable[AgentSpec],
-        vocabulary: Vocabulary,
+        vocabulary: SymbolTable,
         folder: Path,
     ) -> None:
         self._reading = reading
@@ -104,7 +106,7 @@ class _TestFile:
             self._reading.error(
                 "missing-value", fields.nodes["cases"], "there is no case", "add one"
             )
-        cases: dict[str, Case] = {}
+        cases: dict[str, AgentTestCase] = {}
         if agent is not None:
             scenarios = ScenarioReader(self._reading, agent, self._vocabulary)
             for node in nodes:
@@ -154,7 +156,7 @@ class _TestFile:
         node: Node,
         agent: AgentSpec,
         scenarios: ScenarioReader,
-        cases: dict[str, Case],
+        cases: dict[str, AgentTestCase],
     ) -> None:
         fields = self._reading.fields(
             node, "a case", ("name", *SCENARIO_KEYS, "expect"), ("name", "expect")
@@ -175,7 +177,7 @@ class _TestFile:
         if expect is not None:
             reader = _Expectations(self._reading, agent, scenarios, scenario)
             expectations = reader.read(expect)
-        cases[name] = Case(
+        cases[name] = AgentTestCase(
             name=name, scenario=scenario, expectations=expectations, position=node.position
         )
 
@@ -185,7 +187,7 @@ class _Expectations:
 
     def __init__(
         self,
-        reading: FileReading,
+        reading: TypedReader,
         agent: AgentSpec,
         scenarios: ScenarioReader,
         scenario: Scenario,
@@ -211,12 +213,14 @@ class _Expectations:
         self._refuse_more_than_bids(fields, expectations)
         return expectations
 
-    def _one(self, key: str, fields: Fields, position: Position) -> list[Expectation | None]:
+    def _one(
+        self, key: str, fields: MappingReader, position: Position
+    ) -> list[Expectation | None]:
         node = fields.nodes[key]
         match key:
             case "bids":
                 wanted = fields.boolean(key)
-                return [None if wanted is None else Bids(wanted=wanted, position=position)]
+                return [None if wanted is None else ExpectedBids(wanted=wanted, position=position)]
             case "says":
                 return [self._says(node, position)]
             case "does":
@@ -243,8 +247,10 @@ class _Expectations:
             case _:
                 return [self._cancelled_by(node, position)]
 
-    def _refuse_more_than_bids(self, fields: Fields, expectations: Iterable[Expectation]) -> None:
-        silent = any(isinstance(one, Bids) and not one.wanted for one in expectations)
+    def _refuse_more_than_bids(
+        self, fields: MappingReader, expectations: Iterable[Expectation]
+    ) -> None:
+        silent = any(isinstance(one, ExpectedBids) and not one.wanted for one in expectations)
         other = next((key for key in fields.nodes if key != "bids"), None)
         if silent and other is not None:
             self._reading.error(

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from bt_agents_language.model.walking import every_node
+from bt_agents_language.model.walking import iter_nodes
 from bt_agents_language.tools.drawing.boxes import Box, BoxKind
 from bt_agents_language.tools.drawing.outline import head
 from bt_agents_language.tools.drawing.packing import packed
@@ -45,12 +45,12 @@ class Placed:
     @property
     def right(self) -> float:
         """The right end of this box and all below it."""
-        return max(one.x + one.width for one in every_node(self))
+        return max(one.x + one.width for one in iter_nodes(self))
 
     @property
     def bottom(self) -> float:
         """The lower end of this box and all below it."""
-        return max(one.y + one.height for one in every_node(self))
+        return max(one.y + one.height for one in iter_nodes(self))
 
 
 def place(box: Box, x: float, y: float) -> Placed:

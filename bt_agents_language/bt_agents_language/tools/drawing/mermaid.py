@@ -7,7 +7,7 @@ import json
 import re
 
 from bt_agents_language.model.specs import AgentSpec
-from bt_agents_language.model.walking import every_node
+from bt_agents_language.model.walking import iter_nodes
 from bt_agents_language.tools.drawing.boxes import Box, BoxKind, box_of
 from bt_agents_language.tools.drawing.colours import COLOURS
 from bt_agents_language.tools.drawing.layout import LONGEST_TEXT, detail_lines
@@ -31,7 +31,7 @@ def mermaid(agent: AgentSpec) -> str:
             continue
         tree = box_of(spec, LONGEST_TEXT)
         number = len(boxes)
-        boxes += every_node(tree)
+        boxes += iter_nodes(tree)
         lines.append(f"  {title}_start([{title}]) --> n{number}")
         lines += _tree(tree, number)
     for kind, colours in COLOURS.items():
@@ -51,7 +51,7 @@ def _tree(box: Box, number: int) -> list[str]:
         role = f'|"{_escaped(child.role)}"|' if child.role else ""
         lines.append(f"  n{number} -->{role} n{below}")
         lines += _tree(child, below)
-        below += sum(1 for _ in every_node(child))
+        below += sum(1 for _ in iter_nodes(child))
     return lines
 
 

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 
 from bt_agents_core.scene import SceneSpace
 from bt_agents_language.model.specs import AgentSpec
-from bt_agents_language.model.walking import every_node
+from bt_agents_language.model.walking import iter_nodes
 from bt_agents_language.tools.drawing.boxes import Box, BoxKind, box_of
 from bt_agents_language.tools.drawing.packing import packed
 from bt_agents_language.tools.drawing.shown_values import shown_profile, shown_tunable
@@ -52,7 +52,7 @@ def outline(agent: AgentSpec, space: SceneSpace, width: int = 80) -> str:
     if agent.on_cancel is not None:
         trees["on_cancel"] = box_of(agent.on_cancel)
     digits = max(
-        len(str(box.position.line)) for tree in trees.values() for box in every_node(tree)
+        len(str(box.position.line)) for tree in trees.values() for box in iter_nodes(tree)
     )
     for title, tree in trees.items():
         lines += ["", title, *_lines(tree, agent.file, digits, width, "", "")]

@@ -8,7 +8,7 @@ from xml.sax.saxutils import escape, quoteattr
 
 from bt_agents_core.scene import SceneSpace
 from bt_agents_language.model.specs import AgentSpec
-from bt_agents_language.model.walking import every_node
+from bt_agents_language.model.walking import iter_nodes
 from bt_agents_language.tools.drawing.boxes import Box, BoxKind, box_of
 from bt_agents_language.tools.drawing.colours import COLOURS
 from bt_agents_language.tools.drawing.layout import (
@@ -64,7 +64,7 @@ def svg(agent: AgentSpec, space: SceneSpace) -> str:
         parts.append(_text(_MARGIN, y, title, "tree"))
         tree = place(box_of(spec, LONGEST_TEXT), _MARGIN, y + 10)
         parts += _edges(tree)
-        parts += map(_box, every_node(tree), every_node(box_of(spec)))
+        parts += map(_box, iter_nodes(tree), iter_nodes(box_of(spec)))
         right, y = max(right, tree.right - _MARGIN), tree.bottom
     y += 2 * LINE
     parts += _legend(y)
@@ -83,7 +83,7 @@ def svg(agent: AgentSpec, space: SceneSpace) -> str:
 
 def _edges(tree: Placed) -> list[str]:
     edges = []
-    for parent in every_node(tree):
+    for parent in iter_nodes(tree):
         if len(parent.children) == 1:
             bottom, end = parent.y + parent.height, parent.children[0].y
             edges.append(

@@ -21,7 +21,14 @@ from bt_agents_language.tools.formatting.scalar_style import (
 )
 from bt_agents_language.yaml.diagnostics import Diagnostics
 from bt_agents_language.yaml.source import Source
-from bt_agents_language.yaml.yaml_reader import Entry, Mapping, Node, Scalar, Sequence, read_yaml
+from bt_agents_language.yaml.yaml_reader import (
+    Mapping,
+    MappingEntry,
+    Node,
+    Scalar,
+    Sequence,
+    read_yaml,
+)
 
 WIDTH = 99
 """Columns of a line; only a long text may take more."""
@@ -125,7 +132,7 @@ class _Writer:
                     self._value("", -1, item, indent, blank, keep)
         self._claim(node, indent, column, outside)
 
-    def _entry(self, entry: Entry, indent: int, column: int) -> None:
+    def _entry(self, entry: MappingEntry, indent: int, column: int) -> None:
         key, value = entry.key, entry.value
         head = f"{key_in_one_line(key, self._written(key))}:"
         blank = blank_before(self._source, key.span[0])
@@ -218,7 +225,7 @@ class _Writer:
         known = [part for part in parts if part is not None]
         return shape.format(", ".join(known)) if len(known) == len(parts) else None
 
-    def _flow_entry(self, entry: Entry) -> str | None:
+    def _flow_entry(self, entry: MappingEntry) -> str | None:
         value = self._flow(entry.value)
         key = key_in_one_line(entry.key, self._written(entry.key))
         return None if value is None else f"{key}: {value}"

@@ -8,7 +8,7 @@ from collections.abc import Iterable, Iterator, Sequence
 
 from bt_agents_language.model.node_type import Children
 from bt_agents_language.nodes import BESIDE, KINDS, MODIFIERS
-from bt_agents_language.yaml.yaml_reader import Entry, Mapping, Node
+from bt_agents_language.yaml.yaml_reader import Mapping, MappingEntry, Node
 from bt_agents_language.yaml.yaml_reader import Sequence as SequenceNode
 
 _COMMENT_NEXT = re.compile(r"[ \t,]*#")
@@ -31,7 +31,7 @@ _RANKS = {
 
 def ordered_nodes(
     root: Node, text: str, comments: Sequence[int]
-) -> dict[tuple[int, int], tuple[Entry, ...]]:
+) -> dict[tuple[int, int], tuple[MappingEntry, ...]]:
     """Return the entries of every tree node in the order in which they are to be written.
 
     ``name`` comes first. Modifiers stay on their side of the node key, in the order in which they
@@ -49,7 +49,7 @@ def ordered_nodes(
     return {node.span: _ordered(node, text, comments) for node in _tree_nodes(root)}
 
 
-def _ordered(node: Mapping, text: str, comments: Sequence[int]) -> tuple[Entry, ...]:
+def _ordered(node: Mapping, text: str, comments: Sequence[int]) -> tuple[MappingEntry, ...]:
     entries = node.entries
     keys = [at for at, entry in enumerate(entries) if entry.key.text not in _RANKS]
     if len(keys) != 1:
@@ -71,7 +71,7 @@ def _ordered(node: Mapping, text: str, comments: Sequence[int]) -> tuple[Entry, 
     return wanted
 
 
-def _rank(entry: Entry) -> int:
+def _rank(entry: MappingEntry) -> int:
     return _RANKS[entry.key.text]
 
 

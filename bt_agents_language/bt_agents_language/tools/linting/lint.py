@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from itertools import chain, pairwise
 
 from bt_agents_language.files.testing.scenarios import SPOKEN
-from bt_agents_language.gc_pause import uncollected
+from bt_agents_language.gc_pause import gc_paused
 from bt_agents_language.model.specs import (
     AgentSpec,
     BindingKind,
@@ -18,10 +18,10 @@ from bt_agents_language.model.specs import (
     Position,
     UnusedInput,
 )
-from bt_agents_language.model.walking import every_node
+from bt_agents_language.model.walking import iter_nodes
 from bt_agents_language.nodes import KINDS
 from bt_agents_language.tools.linting.outcomes import (
-    Outcome,
+    NodeOutcome,
     Outcomes,
     constant,
     endless,
@@ -54,7 +54,7 @@ class _Tree:
 
     def __init__(self, root: NodeSpec) -> None:
         self.root = root
-        self.nodes = list(every_node(root))
+        self.nodes = list(iter_nodes(root))
         self.kinds = {spec.kind for spec in self.nodes}
 
     def of(self, *kinds: str) -> list[NodeSpec]:
@@ -64,7 +64,7 @@ class _Tree:
         return [spec for spec in self.nodes if spec.kind in kinds]
 
 
-@uncollected()
+@gc_paused()
 def lint(agent: AgentSpec) -> tuple[Diagnostic, ...]:
     """Return the warnings about an agent, in the order of its file."""
     found: dict[tuple[Position, str], Diagnostic] = {}
@@ -149,9 +149,9 @@ def _never_reached(tree: _Tree) -> Found:
     for spec in tree.of("sequence", "selector", "choose", "random", "when", "while"):
         match spec.kind:
             case "sequence":
-                yield from _behind(spec, Outcome.SUCCESS, ways)
+                yield from _behind(spec, NodeOutcome.SUCCESS, ways)
             case "selector":
-                yield from _behind(spec, Outcome.FAILURE, ways)
+                yield from _behind(spec, NodeOutcome.FAILURE, ways)
             case "choose":
                 yield from _cases(spec)
             case "random":
@@ -165,7 +165,7 @@ def _never_reached(tree: _Tree) -> Found:
                 yield _unreached(spec, f"its '{spec.kind}' is never true", hint)
 
 
-def _behind(composite: NodeSpec, goes_on: Outcome, ways: Mapping[int, Outcomes]) -> Found:
+def _behind(composite: NodeSpec, goes_on: NodeOutcome, ways: Mapping[int, Outcomes]) -> Found:
     """Find the first child behind one that never lets it come to that."""
     for before, after in pairwise(composite.children):
         ends = ways[id(before)]
@@ -199,7 +199,7 @@ def _busy_repeats(tree: _Tree) -> Found:
         if (
             endless(spec)
             and "pause" not in spec.fields
-            and not any(map(_takes_time, every_node(spec)))
+            and not any(map(_takes_time, iter_nodes(spec)))
         ):
             key = _COUNTS[spec.kind]
             yield _at(
@@ -213,7 +213,7 @@ def _busy_repeats(tree: _Tree) -> Found:
 
 def _two_voices(tree: _Tree) -> Found:
     for spec in tree.of("parallel"):
-        spoken = [next(filter(_speaks, every_node(child)), None) for child in spec.children]
+        spoken = [next(filter(_speaks, iter_nodes(child)), None) for child in spec.children]
         first, *others = [one for one in spoken if one is not None] or [spec]
         for other in others:
             yield _at(

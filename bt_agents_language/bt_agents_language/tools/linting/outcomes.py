@@ -8,11 +8,11 @@ from enum import Enum
 
 from bt_agents_language.expression.expressions import EvaluationError, Expression, MissingValue
 from bt_agents_language.model.specs import Literal, NodeSpec, Value
-from bt_agents_language.model.walking import every_node
+from bt_agents_language.model.walking import iter_nodes
 from bt_agents_language.nodes import FOREVER
 
 
-class Outcome(Enum):
+class NodeOutcome(Enum):
     """One way in which a node can go."""
 
     SUCCESS = "succeeds"
@@ -23,19 +23,19 @@ class Outcome(Enum):
     __hash__ = object.__hash__
 
 
-Outcomes = frozenset[Outcome]
+Outcomes = frozenset[NodeOutcome]
 
 _FOREVER = Literal(value=FOREVER)
 _COUNTS = {"retry": "attempts", "repeat": "times"}
-_SUCCESS = frozenset({Outcome.SUCCESS})
-_FAILURE = frozenset({Outcome.FAILURE})
-_ENDLESS = frozenset({Outcome.ENDLESS})
+_SUCCESS = frozenset({NodeOutcome.SUCCESS})
+_FAILURE = frozenset({NodeOutcome.FAILURE})
+_ENDLESS = frozenset({NodeOutcome.ENDLESS})
 _EITHER = _SUCCESS | _FAILURE
 
 
 def outcomes(spec: NodeSpec) -> Outcomes:
     """Return every way in which a node can go; a way too many where only a run shows it."""
-    return every_outcome(list(every_node(spec)))[id(spec)]
+    return every_outcome(list(iter_nodes(spec)))[id(spec)]
 
 
 def every_outcome(nodes: Sequence[NodeSpec]) -> dict[int, Outcomes]:
@@ -57,9 +57,9 @@ def every_outcome(nodes: Sequence[NodeSpec]) -> dict[int, Outcomes]:
 def _outcomes(spec: NodeSpec, children: list[Outcomes]) -> Outcomes:
     match spec.kind:
         case "sequence":
-            return _one_after_the_other(children, Outcome.SUCCESS)
+            return _one_after_the_other(children, NodeOutcome.SUCCESS)
         case "selector":
-            return _one_after_the_other(children, Outcome.FAILURE)
+            return _one_after_the_other(children, NodeOutcome.FAILURE)
         case "parallel":
             return _parallel(spec, children)
         case "choose":
@@ -93,8 +93,8 @@ def _no_name(name: str) -> object:
     raise MissingValue(name)
 
 
-def _one_after_the_other(children: list[Outcomes], goes_on: Outcome) -> Outcomes:
-    ends: set[Outcome] = set()
+def _one_after_the_other(children: list[Outcomes], goes_on: NodeOutcome) -> Outcomes:
+    ends: set[NodeOutcome] = set()
     for child in children:
         ends |= child
         if goes_on not in child:
@@ -111,7 +111,7 @@ def _parallel(spec: NodeSpec, children: list[Outcomes]) -> Outcomes:
     if spec.fields.get("succeed_on") != Literal(value="all"):
         return _any_of(children) | _EITHER
     found = _any_of(children) - _SUCCESS
-    return found | _SUCCESS if all(Outcome.SUCCESS in child for child in children) else found
+    return found | _SUCCESS if all(NodeOutcome.SUCCESS in child for child in children) else found
 
 
 def _wrapper(spec: NodeSpec, children: list[Outcomes]) -> Outcomes:
@@ -124,16 +124,16 @@ def _wrapper(spec: NodeSpec, children: list[Outcomes]) -> Outcomes:
                 return inner if said else left_out
             return inner | left_out
         case "succeed":
-            return _counted_as(inner, Outcome.SUCCESS)
+            return _counted_as(inner, NodeOutcome.SUCCESS)
         case "fail":
-            return _counted_as(inner, Outcome.FAILURE)
+            return _counted_as(inner, NodeOutcome.FAILURE)
         case "while":
             said = constant(spec.fields.get("condition"))
             if said is not None:
                 return inner if said else _FAILURE
             return (inner - _ENDLESS) | _FAILURE
         case "on_failure":
-            return (inner - _FAILURE) | children[1] if Outcome.FAILURE in inner else inner
+            return (inner - _FAILURE) | children[1] if NodeOutcome.FAILURE in inner else inner
         case "retry":
             return (inner - _FAILURE) | _ENDLESS if endless(spec) else inner
         case "repeat":
@@ -141,7 +141,10 @@ def _wrapper(spec: NodeSpec, children: list[Outcomes]) -> Outcomes:
         case "timeout":
             return (inner - _ENDLESS) | _FAILURE
         case "invert":
-            swapped = {Outcome.SUCCESS: Outcome.FAILURE, Outcome.FAILURE: Outcome.SUCCESS}
+            swapped = {
+                NodeOutcome.SUCCESS: NodeOutcome.FAILURE,
+                NodeOutcome.FAILURE: NodeOutcome.SUCCESS,
+            }
             return frozenset(swapped.get(one, one) for one in inner)
     return inner
 
@@ -152,8 +155,8 @@ def _repeated(spec: NodeSpec, inner: Outcomes) -> Outcomes:
     return inner | _ENDLESS if "until" in spec.fields else (inner - _SUCCESS) | _ENDLESS
 
 
-def _counted_as(inner: Outcomes, outcome: Outcome) -> Outcomes:
-    return frozenset(one if one is Outcome.ENDLESS else outcome for one in inner)
+def _counted_as(inner: Outcomes, outcome: NodeOutcome) -> Outcomes:
+    return frozenset(one if one is NodeOutcome.ENDLESS else outcome for one in inner)
 
 
 def _left_out(fields: Mapping[str, Value | Expression]) -> Outcomes:

@@ -7,7 +7,7 @@ from bt_agents_core.scene import MAX_WEIGHT, SceneSpace
 from bt_agents_language.files.bindings import RECEIVED, SENT
 from bt_agents_language.model.server_timeouts import timeout_keys
 from bt_agents_language.model.specs import BindingKind, FieldType
-from bt_agents_language.model.symbols import Vocabulary
+from bt_agents_language.model.symbols import SymbolTable
 from bt_agents_language.tools.schema import value_schemas
 from bt_agents_language.tools.schema.documents import document, listed, mapping, vector
 from bt_agents_language.tools.schema.learning_schema import by_parameter, learning, mood_rule
@@ -18,7 +18,7 @@ from bt_agents_language.tools.schema.value_schemas import Schema, described
 _TYPES = [one.value for one in FieldType]
 
 
-def agent_schema(vocabulary: Vocabulary) -> Schema:
+def agent_schema(vocabulary: SymbolTable) -> Schema:
     """Return the schema of an agent file."""
     space = vocabulary.space
     conditions = f"Names: {', '.join(_condition_names(space))}."
@@ -65,7 +65,7 @@ def agent_schema(vocabulary: Vocabulary) -> Schema:
     )
 
 
-def library_schema(vocabulary: Vocabulary) -> Schema:
+def library_schema(vocabulary: SymbolTable) -> Schema:
     """Return the schema of a skills file or library."""
     properties: dict[str, Schema] = {
         "description": described(value_schemas.text(), "What the library is for."),

@@ -11,8 +11,8 @@ from pathlib import Path
 from bt_agents_language.files.folder_reader import read_vocabulary
 from bt_agents_language.files.libraries import FolderLibraries
 from bt_agents_language.files.scene_reader import read_scene
-from bt_agents_language.model.node_type import NodeKind
-from bt_agents_language.model.symbols import ImportProblem, Vocabulary
+from bt_agents_language.model.node_type import NodeType
+from bt_agents_language.model.symbols import ImportProblem, SymbolTable
 from bt_agents_language.tools.schema.agent_schema import agent_schema, library_schema
 from bt_agents_language.tools.schema.documents import (
     experiment_schema,
@@ -23,7 +23,7 @@ from bt_agents_language.tools.schema.scene_files import scene_schema
 from bt_agents_language.tools.schema.test_schema import cases_schema
 from bt_agents_language.tools.schema.value_schemas import Schema
 
-SCHEMAS: Mapping[str, Callable[[Vocabulary], Schema]] = {
+SCHEMAS: Mapping[str, Callable[[SymbolTable], Schema]] = {
     "agent": agent_schema,
     "library": library_schema,
     "test": cases_schema,
@@ -35,7 +35,7 @@ SCHEMAS: Mapping[str, Callable[[Vocabulary], Schema]] = {
 """Kind of file → its schema."""
 
 
-def folder_vocabulary(folder: Path, plugins: Mapping[str, NodeKind] | None = None) -> Vocabulary:
+def folder_vocabulary(folder: Path, plugins: Mapping[str, NodeType] | None = None) -> SymbolTable:
     """Return all words that some file of a trees folder may use, those of libraries included.
 
     Args:
@@ -63,6 +63,6 @@ def schema_file(kind: str) -> str:
     return f"{kind}.schema.json"
 
 
-def schema_text(kind: str, vocabulary: Vocabulary) -> str:
+def schema_text(kind: str, vocabulary: SymbolTable) -> str:
     """Return what stands in the file of a schema."""
     return json.dumps(SCHEMAS[kind](vocabulary), indent=2, ensure_ascii=False) + "\n"

@@ -6,9 +6,15 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from bt_agents_core.scene import SceneSpace
-from bt_agents_language.model.node_type import Children, Content, ModifierKind, NodeField, NodeKind
+from bt_agents_language.model.node_type import (
+    Children,
+    Content,
+    DecoratorType,
+    NodeField,
+    NodeType,
+)
 from bt_agents_language.model.specs import FieldSpec, FieldType, SkillSpec
-from bt_agents_language.model.symbols import Vocabulary
+from bt_agents_language.model.symbols import SymbolTable
 from bt_agents_language.nodes import BESIDE, MODIFIERS
 from bt_agents_language.reference.node_pages import NodePage, node_page
 from bt_agents_language.tools.schema import value_schemas
@@ -21,7 +27,7 @@ NODE: Schema = {"$ref": "#/definitions/node"}
 """A node, wherever one stands."""
 
 
-def node_definitions(vocabulary: Vocabulary) -> Mapping[str, Schema]:
+def node_definitions(vocabulary: SymbolTable) -> Mapping[str, Schema]:
     """Return the definitions that a schema with trees needs.
 
     A node is one mapping with every key that may stand in it, not one alternative for each kind:
@@ -116,7 +122,7 @@ def _snippet(names: list[str]) -> Schema:
     return {"label": ", ".join(names), "body": body}
 
 
-def _kind(kind: NodeKind, space: SceneSpace) -> Schema:
+def _kind(kind: NodeType, space: SceneSpace) -> Schema:
     properties = {field.name: _field(field) for field in kind.fields}
     if kind.key not in RAW_LEAVES:
         # Only the goals, requests and messages of ROS have fields that no table knows.
@@ -162,7 +168,7 @@ def _skill(skill: SkillSpec) -> Schema:
     return _leaf(skill.name, properties, required, main, empty=True)
 
 
-def _modifier(modifier: ModifierKind) -> Schema:
+def _modifier(modifier: DecoratorType) -> Schema:
     if modifier.handler:
         return {"type": "object", "allOf": [NODE]}
     if not modifier.fields:

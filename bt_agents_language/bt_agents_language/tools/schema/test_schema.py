@@ -3,10 +3,10 @@
 
 from __future__ import annotations
 
-from bt_agents_core.feedback import Kind
+from bt_agents_core.feedback import FeedbackKind
 from bt_agents_language.files.testing.scenarios import GoalEnd
 from bt_agents_language.files.testing.test_reader import OUTCOMES
-from bt_agents_language.model.symbols import Vocabulary
+from bt_agents_language.model.symbols import SymbolTable
 from bt_agents_language.tools.schema import value_schemas
 from bt_agents_language.tools.schema.documents import (
     document,
@@ -20,7 +20,7 @@ from bt_agents_language.tools.schema.value_schemas import Schema, described
 _ENDS = [end.value for end in (GoalEnd.REJECTED, GoalEnd.UNREACHABLE, GoalEnd.NEVER)]
 
 
-def cases_schema(vocabulary: Vocabulary) -> Schema:
+def cases_schema(vocabulary: SymbolTable) -> Schema:
     """Return the schema of a test file."""
     space = vocabulary.space
     person = described(value_schemas.boolean(), "Whether a person is there.")
@@ -80,7 +80,7 @@ def _answers() -> Schema:
     return {"type": "object", "additionalProperties": _several(one)}
 
 
-def _happening(vocabulary: Vocabulary) -> Schema:
+def _happening(vocabulary: SymbolTable) -> Schema:
     message = mapping(
         {
             "topic": described(value_schemas.ros_name(), "Where the message arrives."),
@@ -115,7 +115,7 @@ def _expectations() -> Schema:
         ]
     }
     paths = _several(value_schemas.text())
-    kinds: Schema = {"enum": [kind.name.lower() for kind in Kind]}
+    kinds: Schema = {"enum": [kind.name.lower() for kind in FeedbackKind]}
     expectations = mapping(
         {
             "bids": described(value_schemas.boolean(), "Whether it bids for the scene at all."),

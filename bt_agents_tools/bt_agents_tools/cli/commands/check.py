@@ -12,8 +12,8 @@ from pathlib import Path
 import click
 
 from bt_agents_core.errors import BtAgentsError
-from bt_agents_core.file_watch import changes, look_at
-from bt_agents_core.trees_folder import find_trees, folder_around
+from bt_agents_core.file_watch import changes, poll
+from bt_agents_core.trees_folder import enclosing_folder, find_trees
 from bt_agents_language.files.folder_reader import SUFFIXES
 from bt_agents_language.model.interfaces import Interfaces
 from bt_agents_language.reference.codes.entry import Severity
@@ -100,7 +100,7 @@ def watched(
     interfaces = _installed()
     folders = {_located(Path(path))[0] for path in paths} or {find_trees()}
     # Looked at before it is checked: a change during the check must not be missed.
-    seen = changes(lambda: look_at(folders, SUFFIXES), sleep)
+    seen = changes(lambda: poll(folders, SUFFIXES), sleep)
     show(check_paths(paths, interfaces))
     for changed in seen:
         yield changed
@@ -140,7 +140,7 @@ def _located(path: Path) -> tuple[Path, Path | None]:
     # A link that leads nowhere is there, and a problem.
     if not os.path.lexists(path):
         raise BtAgentsError(f"there is no file or folder '{path}'; check the name")
-    return folder_around(path), path
+    return enclosing_folder(path), path
 
 
 def _fails(checked: Checked, strict: bool) -> bool:

@@ -20,7 +20,7 @@ from bt_agents_core.scene import SceneSpace
 from bt_agents_core.trees_folder import find_trees
 from bt_agents_language.model.plugins import installed_plugins
 from bt_agents_language.model.specs import SubtreeSpec
-from bt_agents_language.model.symbols import ImportProblem, Vocabulary
+from bt_agents_language.model.symbols import ImportProblem, SymbolTable
 from bt_agents_language.reference.codes.entry import Code
 from bt_agents_language.reference.codes.table import CODES
 from bt_agents_language.reference.node_pages import (
@@ -31,7 +31,7 @@ from bt_agents_language.reference.node_pages import (
     node_pages,
     subtree_page,
 )
-from bt_agents_language.reference.topics import TOPICS, Topic, topic
+from bt_agents_language.reference.topics import TOPICS, ReferenceTopic, topic
 from bt_agents_language.tools.schema.folder import folder_vocabulary
 from bt_agents_language.yaml.diagnostics import nearest, shown
 
@@ -73,7 +73,7 @@ def _trimmed(line: list[Segment]) -> list[Segment]:
     return [*line[:-1], Segment(line[-1].text.rstrip(), line[-1].style)] if line else []
 
 
-def explanation(word: str, vocabulary: Vocabulary) -> Iterable[Part]:
+def explanation(word: str, vocabulary: SymbolTable) -> Iterable[Part]:
     """Return the page of a word, part by part.
 
     Args:
@@ -105,7 +105,7 @@ def explanation(word: str, vocabulary: Vocabulary) -> Iterable[Part]:
     raise BtAgentsError(f"there is no word or code {shown(plain)}; {hint}")
 
 
-def _subtrees(vocabulary: Vocabulary) -> Iterator[tuple[str, SubtreeSpec]]:
+def _subtrees(vocabulary: SymbolTable) -> Iterator[tuple[str, SubtreeSpec]]:
     """Return the path of each library with each of its subtrees; a broken one has none."""
     libraries = vocabulary.libraries
     for path in libraries.paths() if libraries is not None else ():
@@ -115,7 +115,7 @@ def _subtrees(vocabulary: Vocabulary) -> Iterator[tuple[str, SubtreeSpec]]:
                 yield path, subtree
 
 
-def _vocabulary(directory: str) -> Vocabulary:
+def _vocabulary(directory: str) -> SymbolTable:
     """Return the words of a trees folder, without one those of the language itself.
 
     Raises:
@@ -128,7 +128,7 @@ def _vocabulary(directory: str) -> Vocabulary:
             raise
         click.echo(f"without the skills of a trees folder: {_first_line(error)}", err=True)
     space = SceneSpace(parameters=(), mood=None)
-    return Vocabulary(space=space, skills={}, plugins=installed_plugins().kinds)
+    return SymbolTable(space=space, skills={}, plugins=installed_plugins().kinds)
 
 
 def _first_line(error: Exception) -> str:
@@ -164,7 +164,7 @@ def _node(page: NodePage) -> Iterable[Part]:
     yield _example(page.example, "yaml")
 
 
-def _topic(page: Topic) -> Iterable[Part]:
+def _topic(page: ReferenceTopic) -> Iterable[Part]:
     yield Text.assemble((page.key, "bold"), "  values and conditions")
     yield Text(f"\n{page.description}\n")
     for heading, rows in page.tables.items():
@@ -205,7 +205,7 @@ def _example(text: str, language: str) -> Text:
     return highlighted
 
 
-def _overview(vocabulary: Vocabulary) -> Table:
+def _overview(vocabulary: SymbolTable) -> Table:
     table = Table(box=None, pad_edge=False, show_header=False, padding=(0, 2, 1, 0))
     table.add_column(style="bold", no_wrap=True)
     table.add_column(overflow="fold")

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from bt_agents.host.tuning.tunable import Knob, KnobKind, shown_value
+from bt_agents.host.tuning.tunable import TunableKind, TunableParameter, shown_value
 from bt_agents_core.atomic_file import write_atomically
 from bt_agents_core.errors import BtAgentsError
 from bt_agents_language.files.agent_reader import read_agent_text
@@ -20,8 +20,8 @@ from bt_agents_language.files.folder_reader import Trees, read_trees
 from bt_agents_language.model.specs import AgentSpec
 from bt_agents_language.yaml.source import Source, read_source
 from bt_agents_tools.cli.connection import host_of, hosts, running_system
-from bt_agents_tools.client.write_back import Tuned, default_text
-from bt_agents_tools.client.write_back import keep as kept_text
+from bt_agents_tools.client.write_back import TunedValue, default_text
+from bt_agents_tools.client.write_back import write_defaults as kept_text
 
 if TYPE_CHECKING:
     from bt_agents_tools.client.observer import Observer
@@ -73,12 +73,12 @@ def _edits(observer: Observer, host: str, agents: Sequence[str], profile: bool) 
     """Return the edits of the files of one host, each checked."""
     from bt_agents_tools.client import tuning
 
-    tuned: dict[str, list[Tuned]] = {}
+    tuned: dict[str, list[TunedValue]] = {}
     for state in tuning.knobs(observer, host, agents):
-        kept = state.knob.kind in (KnobKind.TUNABLE, KnobKind.LEARNING_RATE)
-        kept = kept or (profile and state.knob.kind is KnobKind.PROFILE)
+        kept = state.knob.kind in (TunableKind.TUNABLE, TunableKind.LEARNING_RATE)
+        kept = kept or (profile and state.knob.kind is TunableKind.PROFILE)
         if kept and state.value != state.knob.default:
-            one = Tuned(knob=state.knob, value=state.value)
+            one = TunedValue(knob=state.knob, value=state.value)
             tuned.setdefault(state.knob.agent, []).append(one)
     if not tuned:
         return []
@@ -91,7 +91,7 @@ def _edits(observer: Observer, host: str, agents: Sequence[str], profile: bool) 
     return [_edit(trees, agent, tuned[agent]) for agent in sorted(tuned)]
 
 
-def _edit(trees: Trees, agent: str, tuned: Sequence[Tuned]) -> _Edit:
+def _edit(trees: Trees, agent: str, tuned: Sequence[TunedValue]) -> _Edit:
     spec = next((one for one in trees.agents if one.name == agent), None)
     if spec is None:
         for broken in trees.broken:
@@ -116,7 +116,7 @@ def _edit(trees: Trees, agent: str, tuned: Sequence[Tuned]) -> _Edit:
     )
 
 
-def _default(source: Source, knob: Knob) -> str:
+def _default(source: Source, knob: TunableParameter) -> str:
     """Return the default of a knob as a file writes it, or as it counts without a line."""
     return default_text(source, knob) or shown_value(knob, knob.default)
 

@@ -13,17 +13,17 @@ import click
 from rich.console import Console
 from rich.text import Text
 
-from bt_agents.engine.run import Outcome
+from bt_agents.engine.run import TreeOutcome
 from bt_agents.host.agent_registry import unmet
 from bt_agents_core.errors import BtAgentsError, ReadError
 from bt_agents_core.scene import SceneSpace
 from bt_agents_core.trees_folder import find_trees
 from bt_agents_language.files.folder_reader import TEST_SUFFIXES, Trees, read_trees
-from bt_agents_language.files.testing.scenarios import Case, Scenario
+from bt_agents_language.files.testing.scenarios import AgentTestCase, Scenario
 from bt_agents_language.files.testing.test_reader import read_scenario_text, read_test
 from bt_agents_language.model.specs import AgentSpec
 from bt_agents_tools.cli.named_agent import named_agent
-from bt_agents_tools.cli.prompts import Typist
+from bt_agents_tools.cli.prompts import InteractiveAnswers
 from bt_agents_tools.cli.scenario_options import scenario_words
 from bt_agents_tools.rehearsal.assertions import findings
 from bt_agents_tools.rehearsal.events import Event, Rehearsed
@@ -97,7 +97,7 @@ def rehearse(
     scenario = _joined(case.scenario if case is not None else None, said, seed)
     console = Console(highlight=False)
     width = min(max(console.width, WIDTH), 120)
-    typist = Typist(console, spec, trees.vocabulary) if interactive else None
+    typist = InteractiveAnswers(console, spec, trees.vocabulary) if interactive else None
     console.print(_heading(spec, scenario, space, case), soft_wrap=True)
     rehearsed = play(
         spec,
@@ -111,9 +111,11 @@ def rehearse(
     sys.exit(_close(console, rehearsed, case))
 
 
-def _material(agent: str, script: str, directory: str) -> tuple[Trees, AgentSpec, Case | None]:
+def _material(
+    agent: str, script: str, directory: str
+) -> tuple[Trees, AgentSpec, AgentTestCase | None]:
     """Return the trees, the agent and the case that are meant."""
-    case: Case | None = None
+    case: AgentTestCase | None = None
     trees: Trees | None = None
     spec: AgentSpec | None = None
     if script:
@@ -133,7 +135,7 @@ def _material(agent: str, script: str, directory: str) -> tuple[Trees, AgentSpec
     return trees, spec, case
 
 
-def _chosen(cases: Iterable[Case], name: str, file: str) -> Case:
+def _chosen(cases: Iterable[AgentTestCase], name: str, file: str) -> AgentTestCase:
     every = list(cases)
     if not name:
         return every[0]
@@ -160,7 +162,9 @@ def _joined(first: Scenario | None, said: Scenario, seed: int | None) -> Scenari
     )
 
 
-def _heading(spec: AgentSpec, scenario: Scenario, space: SceneSpace, case: Case | None) -> Text:
+def _heading(
+    spec: AgentSpec, scenario: Scenario, space: SceneSpace, case: AgentTestCase | None
+) -> Text:
     words = []
     for parameter in space.parameters:
         value = scenario.scene.get(parameter.name)
@@ -201,7 +205,7 @@ def _teller(console: Console, width: int, ticks: bool, realtime: bool) -> Callab
     return tell
 
 
-def _close(console: Console, rehearsed: Rehearsed, case: Case | None) -> int:
+def _close(console: Console, rehearsed: Rehearsed, case: AgentTestCase | None) -> int:
     console.print(Text(f"\n{ending(rehearsed)}", style="dim"))
     wrong = findings(case, rehearsed) if case is not None else ()
     for finding in wrong:
@@ -212,4 +216,4 @@ def _close(console: Console, rehearsed: Rehearsed, case: Case | None) -> int:
     if case is not None and not wrong:
         console.print(Text("✔ as the test expects", style="green"))
         return 0
-    return int(bool(wrong) or rehearsed.outcome in (Outcome.FAILED, None))
+    return int(bool(wrong) or rehearsed.outcome in (TreeOutcome.FAILED, None))

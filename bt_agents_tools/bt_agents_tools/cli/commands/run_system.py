@@ -22,7 +22,7 @@ from bt_agents_core.errors import BtAgentsError
 from bt_agents_core.trees_folder import find_trees
 from bt_agents_language.files.folder_reader import Trees, read_trees
 from bt_agents_ros.signals import Interrupt, loading
-from bt_agents_tools.cli.event_printer import Story
+from bt_agents_tools.cli.event_printer import EventPrinter
 from bt_agents_tools.cli.wrap import print_line
 from bt_agents_tools.launcher import components as system
 from bt_agents_tools.launcher.domain_lock import hold_domain, reserve_domain
@@ -207,7 +207,7 @@ def _run(
     if not folder.agents:
         raise BtAgentsError(f"there is no agent to run in {trees / 'agents'}")
     supervisor = Supervisor(logs or system.new_log_folder())
-    story = Story(console, folder.scene.space)
+    story = EventPrinter(console, folder.scene.space)
     observer = graph.Observer(story)
     observer.hear_heartbeats(supervisor.hear)
     try:
