@@ -11,8 +11,8 @@ from bt_agents_core.feedback import FeedbackKind
 from bt_agents_core.scene import SceneParameter, SceneSpace
 from feedback_node.learning.cards import AgentEntry, LearningCard
 from feedback_node.learning.profiles import Profiles
-from feedback_node.ledger.ledger import Ledger
-from feedback_node.ledger.ledger_rows import LAYER, RevisionCause
+from feedback_node.ledger import Ledger
+from feedback_node.ledger.rows import LAYER, Cause
 from feedback_node.management.management import Done, Management, ManagementCommand
 
 SPACE = SceneSpace(
@@ -53,9 +53,9 @@ class Desk:
 
     def layer(self, layer: str, agent: str = "guide", age: float = 4.5) -> None:
         if self.ledger.current(agent, layer) is None:
-            begins = RevisionCause(cause=LAYER)
+            begins = Cause(cause=LAYER)
             self.ledger.append(agent, {"age": 3.0, "mood": 3.0}, begins, layer=layer)
-        row = self.ledger.append(agent, {"age": age, "mood": 3.0}, RevisionCause(), layer=layer)
+        row = self.ledger.append(agent, {"age": age, "mood": 3.0}, Cause(), layer=layer)
         self.profiles.taken([row])
 
     def teach(self, feedback_id: str, agent: str = "guide") -> None:

@@ -18,7 +18,7 @@ from bt_agents_tools.cli.commands import profile as command
 from bt_agents_tools.cli.main import bt_agents
 from bt_agents_tools.client import system
 from desk import Desk
-from feedback_node.ledger.ledger_rows import RevisionCause
+from feedback_node.ledger.rows import Cause
 from feedback_node.management.management import ManagementAction
 
 ANNA = "person/anna"
@@ -167,9 +167,7 @@ def test_expiring_shows_who_would_be_forgotten_and_asks(room):
 
 
 def test_what_a_terminal_would_obey_is_written_out(room):
-    room.desk.ledger.append(
-        "guide", {"age": 4.0}, RevisionCause(reason="a\x1b[2Jb\nc", source="x\r")
-    )
+    room.desk.ledger.append("guide", {"age": 4.0}, Cause(reason="a\x1b[2Jb\nc", source="x\r"))
     lines = room.run("history", "guide").output
     assert "\x1b" not in lines
     assert r"a\x1b[2Jb\nc" in lines

@@ -12,7 +12,7 @@ from typing import Any, TypeGuard
 from bt_agents_core.errors import Refused
 from bt_agents_core.profile_layers import checked_layer
 from bt_agents_core.scene import SceneSpace, Vector
-from feedback_node.ledger.ledger_rows import ProfileRevision
+from feedback_node.ledger.rows import Revision
 
 FORMAT = 1
 LONGEST = 4_000_000
@@ -33,10 +33,7 @@ class ImportedProfiles:
 
 
 def to_document(
-    profiles: Iterable[Mapping[str, Any]],
-    revisions: Iterable[ProfileRevision],
-    *,
-    document_id: str,
+    profiles: Iterable[Mapping[str, Any]], revisions: Iterable[Revision], *, document_id: str
 ) -> str:
     """Return a document.
 
@@ -115,7 +112,7 @@ def _is_name(told: Any) -> TypeGuard[str]:
     return isinstance(told, str) and 1 <= len(told) <= _LONGEST_NAME and told.isprintable()
 
 
-def _revision(revision: ProfileRevision) -> dict[str, Any]:
+def _revision(revision: Revision) -> dict[str, Any]:
     cause = revision.cause
     told = {name: value for name, value in vars(cause).items() if value or name == "cause"}
     for name in ("rates", "target"):

@@ -14,9 +14,8 @@ from bt_agents_core.profile_layers import MOST_LAYERS, PERSON, PLACE, checked_la
 from feedback_node.learning.changes import Delivery, ProfileChange
 from feedback_node.learning.profiles import Profiles
 from feedback_node.learning.texts import check_texts
-from feedback_node.ledger.ledger import Ledger, LedgerEntry
-from feedback_node.ledger.ledger_file import LedgerError
-from feedback_node.ledger.ledger_rows import IMPORT, ProfileRevision, RevisionCause
+from feedback_node.ledger import Entry, Ledger
+from feedback_node.ledger.rows import IMPORT, Cause, Revision
 from feedback_node.management.documents import ImportedProfiles, from_document, number, to_document
 
 MOST_REVISIONS = 5000
@@ -118,12 +117,7 @@ class Management:
             ManagementAction.EXPIRE: self._expire,
             ManagementAction.FORGET: self._forget,
         }[action]
-        try:
-            return act(order)
-        except LedgerError:
-            # It may be recorded and not acknowledged.
-            self._profiles.reload()
-            raise
+        return act(order)
 
     def _history(self, order: ManagementCommand) -> Done:
         if not order.agent:
@@ -136,21 +130,19 @@ class Management:
         selected = self._selected(order)
         if not selected:
             raise self._unknown(order.agent, order.layer)
-        revisions: list[ProfileRevision] = []
+        revisions: list[Revision] = []
         for one in selected:
             room = MOST_REVISIONS - len(revisions)
             revisions += self._ledger.history(one.agent, one.layer, newest=room)
         return self._told(selected, revisions)
 
-    def _told(
-        self, selected: Sequence[ProfileRevision], revisions: Iterable[ProfileRevision]
-    ) -> Done:
+    def _told(self, selected: Sequence[Revision], revisions: Iterable[Revision]) -> Done:
         profiles = [self._summary(one) for one in selected]
         document = to_document(profiles, revisions, document_id=self._new_id())
         count = len(profiles)
         return Done(message=f"{count} profile{'s' if count != 1 else ''}", document=document)
 
-    def _summary(self, one: ProfileRevision) -> dict[str, Any]:
+    def _summary(self, one: Revision) -> dict[str, Any]:
         return {
             "agent": one.agent,
             "layer": one.layer,
@@ -189,11 +181,11 @@ class Management:
         begun = (one for one in found if one.layer and (one.agent, one.layer) not in known)
         entries = [self._profiles.beginning(one.agent, one.layer) for one in begun]
         entries += [
-            LedgerEntry(
+            Entry(
                 agent=one.agent,
                 layer=one.layer,
                 profile=self._profiles.space.named(one.values),
-                cause=RevisionCause(
+                cause=Cause(
                     cause=IMPORT,
                     kind=FeedbackKind.SET,
                     source=order.author,
@@ -249,7 +241,7 @@ class Management:
             raise self._unknown(order.agent, order.layer)
         return self._gone(found, order.author)
 
-    def _gone(self, found: Sequence[ProfileRevision], author: str) -> Done:
+    def _gone(self, found: Sequence[Revision], author: str) -> Done:
         if not found:
             return Done(message="nothing to forget")
         keys = [(one.agent, one.layer) for one in found]
@@ -262,7 +254,7 @@ class Management:
             )
         return Done(message=message, deliveries=self._profiles.gone(keys), forgets=True)
 
-    def _changed(self, revisions: Sequence[ProfileRevision]) -> Done:
+    def _changed(self, revisions: Sequence[Revision]) -> Done:
         changes = tuple(self._profiles.taken([one]) for one in revisions)
         message = "; ".join(
             f"{one.revision.agent}: {one.words} (revision {one.revision.revision})"
@@ -272,7 +264,7 @@ class Management:
             message += f"; and {len(changes) - _TOLD} more"
         return Done(message=message, changes=changes)
 
-    def _selected(self, order: ManagementCommand) -> list[ProfileRevision]:
+    def _selected(self, order: ManagementCommand) -> list[Revision]:
         """Return the current revisions that an order is about."""
         names = [order.agent] if order.agent else self._ledger.agents()
         own = (self._ledger.current(name) for name in names) if not order.layer else ()
@@ -282,11 +274,11 @@ class Management:
                 found.append(one)
         return sorted(found, key=lambda one: (one.agent, one.layer))
 
-    def _layers_of(self, agent: str) -> list[ProfileRevision]:
+    def _layers_of(self, agent: str) -> list[Revision]:
         names = [agent] if agent else self._ledger.agents()
         return [one for name in names for one in self._ledger.layers(name)]
 
-    def _known(self, agent: str, layer: str) -> ProfileRevision:
+    def _known(self, agent: str, layer: str) -> Revision:
         if not agent:
             raise Refused("UNKNOWN_AGENT", "no agent is named; name one")
         current = self._ledger.current(agent, layer)

@@ -32,6 +32,7 @@ _DAYS = re.compile(r"(\d+(?:\.\d+)?)\s*(d|days?|w|weeks?)")
 _BARE = re.compile(r"[\d.]+")
 _DAY_S = 86_400.0
 _SCENE_LAYER_S = 1.0
+_MOST_PROBLEMS = 20
 
 _layer = click.option(
     "--layer",
@@ -229,13 +230,16 @@ def check(file: Path) -> None:
 
     A feedback node may have it open. The exit code is 1 when something is wrong.
     """
-    verdict = _recovery().inspect(file)
-    kept = f"{verdict.good} revisions are as they were written"
-    if verdict.forgotten:
-        kept += f", {verdict.forgotten} of them without their content, which was forgotten"
-    click.echo(f"{file}: {kept}")
-    if verdict.code:
-        click.echo(f"{verdict.code}: {verdict.problem}", err=True)
+    report = _ledger("file").inspect(str(file))
+    good = f"{report.good} revisions are as they were written"
+    if report.forgotten:
+        good += f", {report.forgotten} of them without their content, which was forgotten"
+    click.echo(f"{file}: {good}")
+    if report.problems:
+        for problem in report.problems[:_MOST_PROBLEMS]:
+            click.echo(f"LEDGER_CORRUPT: {problem}", err=True)
+        if (more := len(report.problems) - _MOST_PROBLEMS) > 0:
+            click.echo(f"and {counted(more, 'problem')} more", err=True)
         click.echo(
             f"'bt-agents profile recover {file} NEW' copies the good ones into a new file",
             err=True,
@@ -249,10 +253,11 @@ def check(file: Path) -> None:
 def recover(file: Path, new: Path) -> None:
     """Copy the good revisions of a damaged ledger FILE into a NEW one.
 
-    FILE is not changed. Move it away, with its -wal, -shm and -head, and put NEW, with its -head,
-    in its place; or give the feedback node NEW as its parameter 'ledger'.
+    Of each profile those are the first ones, up to the one before the first that is damaged or
+    missing. FILE is not changed. Move it away, with its -wal and -shm, and put NEW in its place;
+    or give the feedback node NEW as its parameter 'ledger'.
     """
-    count = _recovery().recover(file, new)
+    count = _ledger("recovery").recover(str(file), str(new))
     click.echo(f"{count} revisions copied to {new}")
 
 
@@ -294,9 +299,9 @@ def _do(action: str, **fields: Any) -> None:
         click.echo(_manage(observer, action, **fields).message)
 
 
-def _recovery() -> Any:
-    """Return the module that reads ledgers; it belongs to the feedback node."""
-    return importlib.import_module("feedback_node.ledger.recovery")
+def _ledger(module: str) -> Any:
+    """Return a module of the ledger, which belongs to the feedback node."""
+    return importlib.import_module(f"feedback_node.ledger.{module}")
 
 
 def _age(text: str) -> float:
