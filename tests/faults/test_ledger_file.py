@@ -183,6 +183,19 @@ def test_120_kills_lose_no_acknowledged_revision_and_record_none_twice(tmp_path,
     assert kills_in_the_middle > KILLS // 10
 
 
+def test_40_kills_while_a_ledger_is_created_leave_one_that_opens(tmp_path, writers):
+    chance = random.Random(18)
+    states = set()
+    for seed in range(40):
+        path = tmp_path / str(seed) / "ledger.sqlite"
+        writers.run(path, seed, 0, chance.uniform(0.0, 0.03))
+        if path.parent.exists():
+            states.add(tuple(sorted(part.name for part in path.parent.iterdir())))
+        with Ledger(path) as ledger:
+            ledger.enter({"guide": {"age": 0.0}})
+    assert len(states) > 1
+
+
 class Files:
     """A ledger as a crash has left it: its last commits in the log.
 

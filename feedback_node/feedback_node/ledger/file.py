@@ -128,14 +128,18 @@ def inspect(path: str) -> CheckReport:
 
 
 def _has_content(path: str) -> bool:
-    file, log = Path(path), Path(path + "-wal")
+    file, log, journal = Path(path), Path(path + "-wal"), Path(path + "-journal")
     try:
+        if journal.exists():
+            # The creation of the ledger was cut off; SQLite undoes it before it reads.
+            with closing(connect(path, "rwc")) as database:
+                integer(database, "schema_version")
         if file.exists() and file.stat().st_size:
             return True
         if log.exists() and log.stat().st_size:
             # SQLite would delete the log.
             raise damaged(path, ["the file is gone or empty, and its log (-wal) is there"])
-    except OSError as error:
+    except (OSError, sqlite3.Error) as error:
         raise unreadable(path, error) from error
     return False
 
