@@ -158,7 +158,7 @@ def test_what_is_exported_and_taken_in_elsewhere_gives_the_same_profiles(learned
         if layer and here.current(agent, layer) is None:
             here.append(agent, named, Cause(cause=LAYER), layer=layer)
         desks[0].profiles.taken([here.append(agent, named, Cause(), layer=layer)])
-    document = desks[0].do(ManagementAction.EXPORT).document
+    document = desks[0].execute(ManagementAction.EXPORT).document
     for _ in range(2):
-        desks[1].do(ManagementAction.IMPORT, document=document)
-        assert desks[1].profiles_now() == desks[0].profiles_now()
+        desks[1].execute(ManagementAction.IMPORT, document=document)
+        assert desks[1].current_profiles() == desks[0].current_profiles()

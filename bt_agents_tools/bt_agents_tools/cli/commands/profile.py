@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`bt-agents profile`: what was learned, taken back, taken out, and taken in."""
+"""`bt-agents profile`: inspect, undo, reset, export, import, forget and check profiles."""
 
 from __future__ import annotations
 
@@ -87,8 +87,14 @@ def history(agent: str, layer: str, as_json: bool) -> None:
     table = _table("revision", "when", "what", "from", "change", "why")
     before: Mapping[str, float] = {}
     for one in json.loads(answer.document)["revisions"]:
-        told = (one.get("source", ""), _moves(before, one["values"]), one.get("reason", ""))
-        row = (str(one["revision"]), _when(one["stamp"]), _cause(one), *told)
+        row = (
+            str(one["revision"]),
+            _when(one["stamp"]),
+            _cause(one),
+            one.get("source", ""),
+            _changes(before, one["values"]),
+            one.get("reason", ""),
+        )
         table.add_row(*map(_plain, row))
         before = one["values"]
     _print(table)
@@ -180,7 +186,7 @@ def expire(older: str, agent: str, kind: str | None, yes: bool, author: str) -> 
 
 
 def _is_old(one: Mapping[str, Any], age_s: float, agent: str, kind: str) -> bool:
-    """Return True for a profile that an order to expire is about."""
+    """Return True for a profile that is to expire."""
     asked = one["layer"].startswith(kind) and agent in ("", one["agent"])
     return bool(one["layer"]) and asked and one["stamp"] < time.time() - age_s
 
@@ -325,9 +331,8 @@ def _age(text: str) -> float:
 
 
 def _plain(text: str) -> str:
-    """Return a text for a table, with what a terminal would obey written out."""
-    told = "".join(c if c.isprintable() else ascii(c)[1:-1] for c in text)
-    return escape(told)
+    """Return a text for a table, without markup and with control characters escaped."""
+    return escape("".join(c if c.isprintable() else ascii(c)[1:-1] for c in text))
 
 
 def _table(*columns: str) -> Table:
@@ -354,10 +359,10 @@ def _cause(one: Mapping[str, Any]) -> str:
     return KINDS[int(one.get("kind", 0))].lower()
 
 
-def _moves(before: Mapping[str, float], after: Mapping[str, float]) -> str:
-    moves = [
+def _changes(before: Mapping[str, float], after: Mapping[str, float]) -> str:
+    changes = [
         f"{name} {before[name]:.4g} → {value:.4g}" if name in before else f"{name} {value:.4g}"
         for name, value in after.items()
         if before.get(name) != value
     ]
-    return ", ".join(moves) or "no value has changed"
+    return ", ".join(changes) or "no value has changed"
