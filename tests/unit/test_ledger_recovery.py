@@ -144,7 +144,7 @@ def test_a_damaged_page_is_named_with_its_rows_and_the_profiles_of_other_rows_ar
     path.write_bytes(content)
     report = inspect(str(path))
     first, _, last = report.problems[0].split()[1:4]
-    assert report.problems[0].startswith(f"row {first} to {last} cannot be read")
+    assert report.problems[0].startswith(f"rows {first} to {last} cannot be read")
     lost = range(int(first), int(last) + 1)
     assert 0 < len(lost) == len(agents) - report.good
     assert recover(str(path), str(new)) == report.good

@@ -98,8 +98,8 @@ class RowCheck:
         except sqlite3.DatabaseError as error:
             if is_out_of_reach(error):
                 raise
-        end = f"to {behind[-1].number - 1}" if behind else "and all behind it"
-        self.problems.append(f"row {last + 1} {end} cannot be read ({reason})")
+        lost = f"{last + 1} to {behind[-1].number - 1}" if behind else f"from {last + 1} on"
+        self.problems.append(f"rows {lost} cannot be read ({reason})")
         yield from reversed(behind)
 
     def _select(self, order: str) -> Iterator[Row]:
@@ -121,11 +121,12 @@ def check(database: sqlite3.Connection) -> CheckReport:
         if not has_tables(database):
             problems.append("its tables are not those of a ledger")
         pages = [str(row[0]) for row in database.execute(f"PRAGMA integrity_check({_MOST_PAGES})")]
-        problems += pages if pages != ["ok"] else []
+        if pages != ["ok"]:
+            problems.append("its pages and indexes: " + "; ".join(pages).replace("\n", "; "))
     except sqlite3.DatabaseError as error:
         if is_out_of_reach(error):
             raise
-        problems.append(str(error))
+        problems.append(f"its pages and indexes: {error}")
     finally:
         if database.in_transaction:
             database.execute("ROLLBACK")
