@@ -13,18 +13,17 @@ from itertools import count, islice
 from pathlib import Path
 from typing import TypeVar
 
-from feedback_node.ledger.ledger import Ledger, LedgerEntry
-from feedback_node.ledger.ledger_layout import lay_out
-from feedback_node.ledger.ledger_rows import (
+from feedback_node.ledger import Entry, Ledger
+from feedback_node.ledger.file import inspect
+from feedback_node.ledger.rows import (
     COLUMNS,
     INSERT,
     LAYER,
-    NO_CHAIN,
-    ProfileRevision,
-    RevisionCause,
+    Cause,
+    Revision,
+    create_tables,
     row_of,
 )
-from feedback_node.ledger.recovery import inspect
 from measuring import COLD, HOT, PAUSE_S, Effort, Row, in_turn
 
 ROOT = Path(__file__).parents[1]
@@ -58,7 +57,7 @@ def _commits(folder: Path, effort: Effort) -> Iterator[Row]:
     with Ledger(path) as ledger, closing(_bare(folder / "bare.sqlite")) as database:
         ledger.enter({f"agent{number}": PROFILE for number in range(AGENTS)})
 
-        def record(one: LedgerEntry) -> None:
+        def record(one: Entry) -> None:
             ledger.record([one])
 
         def insert(row: tuple[object, ...]) -> None:
@@ -81,9 +80,9 @@ def _commits(folder: Path, effort: Effort) -> Iterator[Row]:
         }
         yield _row_of(in_turn(ways, effort), COLD)
         written = many.repetitions * hot + effort.repetitions * cold
-    verdict = inspect(path)
-    if verdict.good != AGENTS + written or verdict.code:
-        raise RuntimeError(f"{written} changes were recorded: {verdict}")
+    report = inspect(str(path))
+    if report.good != AGENTS + written or report.problems:
+        raise RuntimeError(f"{written} changes were recorded: {report}")
 
 
 def _rate(
@@ -111,8 +110,7 @@ def _row_of(found: dict[str, list[float]], pace: str) -> Row:
         at_least=True,
         pace=pace,
         note="the floor writes finished rows of the same size into the same table, with the same "
-        "pragmas; ours looks for the id, makes the row, its hashes and the head, which is "
-        "synchronised once a second, and not here",
+        "pragmas; ours looks for the id, and makes the row and its checksum",
     )
 
 
@@ -145,7 +143,7 @@ def _large(path: Path, effort: Effort) -> Iterator[Row]:
         values=found[OURS],
         floor="reading, integrity_check",
         floor_values=found[BARE],
-        note="ours checks two hashes of each row besides",
+        note="ours computes the checksum of each row besides",
     )
 
 
@@ -154,7 +152,7 @@ def _bare(path: Path) -> sqlite3.Connection:
     database = sqlite3.connect(path, isolation_level=None)
     for pragma in ("journal_mode = WAL", "synchronous = FULL", "secure_delete = ON"):
         database.execute(f"PRAGMA {pragma}")
-    lay_out(database)
+    create_tables(database)
     return database
 
 
@@ -162,10 +160,9 @@ def _row(number: int) -> tuple[object, ...]:
     one = entry(number)
     return row_of(
         number,
-        ProfileRevision(
+        Revision(
             agent=one.agent, revision=number, profile=one.profile, cause=one.cause, stamp=0.5
         ),
-        NO_CHAIN,
     )
 
 
@@ -176,16 +173,16 @@ def fill(ledger: Ledger, revisions: int) -> None:
     for first in range(0, last, BATCH):
         ledger.record([entry(number) for number in range(first, min(first + BATCH, last))])
     for number in range(AGENTS):
-        ledger.append(f"agent{number}", PROFILE, RevisionCause(cause=LAYER), layer="person/anna")
+        ledger.append(f"agent{number}", PROFILE, Cause(cause=LAYER), layer="person/anna")
 
 
-def entry(number: int) -> LedgerEntry:
+def entry(number: int) -> Entry:
     """Return what one feedback has taught."""
     agent = f"agent{number % AGENTS}"
-    return LedgerEntry(
+    return Entry(
         agent=agent,
         profile={name: value + number / REVISIONS for name, value in PROFILE.items()},
-        cause=RevisionCause(
+        cause=Cause(
             kind=1,
             source="mood rule",
             reason="mood.change >= 0.5 held 2 s: mood 3 → 4",

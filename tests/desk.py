@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A ledger with two agents, and somebody who gives orders about what they have learned."""
+"""A ledger with two agents and the management of their profiles."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from bt_agents_core.feedback import FeedbackKind
 from bt_agents_core.scene import SceneParameter, SceneSpace
 from feedback_node.learning.cards import AgentEntry, LearningCard
 from feedback_node.learning.profiles import Profiles
-from feedback_node.ledger.ledger import Ledger
-from feedback_node.ledger.ledger_rows import LAYER, RevisionCause
+from feedback_node.ledger import Ledger
+from feedback_node.ledger.rows import LAYER, Cause
 from feedback_node.management.management import Done, Management, ManagementCommand
 
 SPACE = SceneSpace(
@@ -24,7 +24,7 @@ SPACE = SceneSpace(
 
 
 class Desk:
-    """A ledger with two agents, and somebody who orders."""
+    """A ledger with two agents and the management of their profiles."""
 
     def __init__(self) -> None:
         self.now = 1_000_000.0
@@ -45,17 +45,17 @@ class Desk:
         self.documents += 1
         return f"document-{self.documents}"
 
-    def do(self, action: int, **fields: Any) -> Done:
-        return self._management.do(ManagementCommand(action=action, **fields))
+    def execute(self, action: int, **fields: Any) -> Done:
+        return self._management.execute(ManagementCommand(action=action, **fields))
 
-    def told(self, action: int, **fields: Any) -> Any:
-        return json.loads(self.do(action, **fields).document)
+    def document(self, action: int, **fields: Any) -> Any:
+        return json.loads(self.execute(action, **fields).document)
 
-    def layer(self, layer: str, agent: str = "guide", age: float = 4.5) -> None:
+    def teach_layer(self, layer: str, agent: str = "guide", age: float = 4.5) -> None:
         if self.ledger.current(agent, layer) is None:
-            begins = RevisionCause(cause=LAYER)
+            begins = Cause(cause=LAYER)
             self.ledger.append(agent, {"age": 3.0, "mood": 3.0}, begins, layer=layer)
-        row = self.ledger.append(agent, {"age": age, "mood": 3.0}, RevisionCause(), layer=layer)
+        row = self.ledger.append(agent, {"age": age, "mood": 3.0}, Cause(), layer=layer)
         self.profiles.taken([row])
 
     def teach(self, feedback_id: str, agent: str = "guide") -> None:
@@ -69,5 +69,5 @@ class Desk:
             run=None,
         )
 
-    def profiles_now(self) -> dict[tuple[str, str], tuple[float, ...]]:
+    def current_profiles(self) -> dict[tuple[str, str], tuple[float, ...]]:
         return {(name, layer): vector for name, layer, _, vector in self.profiles.table()}

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A disk whose jobs a test does itself, or that are done at once."""
+"""An executor whose jobs run at once, or when a test says so."""
 
 from __future__ import annotations
 
@@ -9,13 +9,13 @@ from typing import Any
 
 
 class Disk(Executor):
-    """Stands for the thread that waits for the disk.
+    """Executor in place of the thread that waits for the disk.
 
     Args:
-        at_once: False keeps the jobs until :meth:`turn`.
+        at_once: False holds the jobs back until :meth:`turn`.
 
     Attributes:
-        jobs: What waits to be done.
+        jobs: Pending jobs.
     """
 
     def __init__(self, *, at_once: bool = True) -> None:
@@ -38,6 +38,6 @@ class Disk(Executor):
         return future
 
     def turn(self) -> None:
-        """Do everything that waits."""
+        """Run all pending jobs."""
         while self.jobs:
             self.jobs.pop(0)()

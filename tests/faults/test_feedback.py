@@ -11,7 +11,7 @@ import pytest
 from bt_agents_interfaces.msg import Profiles
 from bt_agents_ros import qos
 from bt_agents_tools.launcher import components
-from feedback_node.ledger.ledger import Ledger
+from feedback_node.ledger import Ledger
 from processes import System, write_trees
 
 pytestmark = pytest.mark.e2e

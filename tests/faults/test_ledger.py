@@ -19,7 +19,7 @@ from bt_agents_ros import qos
 from bt_agents_ros.messages import scene_to_msg
 from bt_agents_ros.outbox import Outbox
 from bt_agents_tools.launcher import components
-from feedback_node.ledger.ledger import Ledger
+from feedback_node.ledger import Ledger
 from processes import System
 from programs import ROOT
 from stage import SPACE, scene

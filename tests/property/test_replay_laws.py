@@ -24,7 +24,7 @@ from bt_agents_language.yaml.source import Source
 from bt_agents_ros.messages import to_time
 from feedback_node.learning.profiles import Profiles
 from feedback_node.learning.runs import AnnouncedRun
-from feedback_node.ledger.ledger import Ledger
+from feedback_node.ledger import Ledger
 from feedback_node.node.messages import card_from_msg, feedback_to_msg
 from marketplace_node.effects import PublishAuction
 from marketplace_node.explanation.explanation import explanation

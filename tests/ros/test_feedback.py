@@ -26,9 +26,9 @@ from bt_agents_interfaces.msg import Scene as SceneMsg
 from bt_agents_interfaces.srv import CancelRun, CollectFeedback, GiveFeedback, SetProfile
 from bt_agents_ros import qos
 from bt_agents_ros.messages import scene_to_msg
-from feedback_node.ledger.ledger import Ledger
-from feedback_node.ledger.ledger_file import LedgerError
-from feedback_node.ledger.ledger_rows import RevisionCause
+from feedback_node.ledger import Ledger
+from feedback_node.ledger.file import LedgerError
+from feedback_node.ledger.rows import Cause
 from feedback_node.node import FeedbackNode
 from feedback_node.simulated_feedback import SimulatedFeedback
 
@@ -364,7 +364,7 @@ def test_what_a_rule_teaches_on_a_full_disk_reaches_the_host_when_there_is_room(
     for reason in ("long" * 200, ""):
         with suppress(LedgerError):
             while True:
-                ledger.append("express", {"age": 3.0}, RevisionCause(reason=reason))
+                ledger.append("express", {"age": 3.0}, Cause(reason=reason))
     room.run()
     room.ros.until(lambda: room.live.get_subscription_count() == 1)
     for mood in (4.0, 2.5):

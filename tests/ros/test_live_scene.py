@@ -27,7 +27,7 @@ from bt_agents_language.model.scene_specs import SceneSpec, SourceSpec
 from bt_agents_language.model.specs import Position
 from bt_agents_ros import qos
 from bt_agents_ros.messages import scene_to_msg
-from feedback_node.ledger.ledger import Ledger
+from feedback_node.ledger import Ledger
 from feedback_node.node import FeedbackNode
 from scene_layer.node import SHORTEST_S, SceneLayerNode
 from stage import SPACE, scene

@@ -33,7 +33,7 @@ from bt_agents_ros.base_node import BaseNode
 from bt_agents_ros.installed import InstalledInterfaces
 from bt_agents_ros.workarounds.parameter_services import MOST
 from bt_agents_tools.launcher import components
-from feedback_node.ledger.ledger import Ledger
+from feedback_node.ledger import Ledger
 from feedback_node.node import FeedbackNode
 from marketplace_node.external_ranking.openai_protocol import Endpoint
 from marketplace_node.node import MarketplaceNode

@@ -26,7 +26,7 @@ from bt_agents_interfaces.srv import Analyze, CancelRun, GiveFeedback, RegisterH
 from bt_agents_language.files.folder_reader import read_trees
 from bt_agents_ros import qos
 from bt_agents_ros.installed import InstalledInterfaces
-from feedback_node.ledger.ledger import Ledger
+from feedback_node.ledger import Ledger
 from feedback_node.node import FeedbackNode
 from marketplace_node.node import MarketplaceNode
 from scene_layer.node import SceneLayerNode

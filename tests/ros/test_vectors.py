@@ -39,7 +39,7 @@ from bt_agents_language.files.scene_reader import read_scene
 from bt_agents_ros import qos
 from bt_agents_ros.installed import InstalledInterfaces
 from bt_agents_ros.messages import scene_to_msg
-from feedback_node.ledger.ledger import Ledger
+from feedback_node.ledger import Ledger
 from feedback_node.node import FeedbackNode
 from marketplace_node.node import MarketplaceNode
 from processes import write_trees

@@ -17,8 +17,8 @@ from feedback_node.learning.cards import AgentEntry, LearningCard, LearningEntry
 from feedback_node.learning.changes import Delivery, ProfileChange
 from feedback_node.learning.profiles import Profiles
 from feedback_node.learning.runs import AnnouncedRun
-from feedback_node.ledger.ledger import Ledger, LedgerEntry
-from feedback_node.ledger.ledger_rows import IMPORT, RevisionCause
+from feedback_node.ledger import Entry, Ledger
+from feedback_node.ledger.rows import IMPORT, Cause
 
 NAN = math.nan
 ANNA, LOBBY = "person/anna", "place/lobby"
@@ -180,8 +180,8 @@ def test_what_a_forgotten_layer_was_taught_does_not_count_for_one_that_takes_its
     ledger.forget([("guide", ANNA)])
     profiles.gone([("guide", ANNA)])
     middle = {"age": 3.0, "mood": 3.0}
-    cause = RevisionCause(cause=IMPORT, kind=FeedbackKind.SET, target=middle)
-    taken_in = LedgerEntry(agent="guide", layer=ANNA, profile=middle, cause=cause)
+    cause = Cause(cause=IMPORT, kind=FeedbackKind.SET, target=middle)
+    taken_in = Entry(agent="guide", layer=ANNA, profile=middle, cause=cause)
     profiles.taken(ledger.record([profiles.beginning("guide", ANNA), taken_in])[1:])
     teach(profiles, "f2", age=1.0, where=run("anna"))
     assert ages(profiles)[ANNA] == 2.0

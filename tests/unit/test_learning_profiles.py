@@ -15,7 +15,7 @@ from bt_agents_core.scene import SceneParameter, SceneSpace
 from feedback_node.learning.cards import AgentEntry, LearningCard, RuleEntry, read_card
 from feedback_node.learning.changes import Delivery, ProfileChange
 from feedback_node.learning.profiles import MOST_HOSTS, Profiles
-from feedback_node.ledger.ledger import Ledger
+from feedback_node.ledger import Ledger
 
 NAN = math.nan
 SPACE = SceneSpace(

@@ -22,8 +22,8 @@ from feedback_node.learning.feedback_controller import (
 )
 from feedback_node.learning.profiles import Profiles
 from feedback_node.learning.runs import AnnouncedRun, AnnouncedRuns
-from feedback_node.ledger.ledger import Ledger
-from feedback_node.ledger.ledger_file import LedgerError
+from feedback_node.ledger import Ledger
+from feedback_node.ledger.file import LedgerError
 from feedback_node.mood_trace import LeafMood
 from feedback_node.simulated_feedback import SimulatedFeedback
 

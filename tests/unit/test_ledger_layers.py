@@ -13,9 +13,9 @@ from pathlib import Path
 import pytest
 
 from bt_agents_core.errors import Refused
-from feedback_node.ledger.ledger import Ledger, LedgerEntry
-from feedback_node.ledger.ledger_file import LedgerError
-from feedback_node.ledger.ledger_rows import LAYER, RevisionCause, hidden
+from feedback_node.ledger import Entry, Ledger
+from feedback_node.ledger.file import LedgerError
+from feedback_node.ledger.rows import LAYER, Cause, hidden
 
 ANNA = "person/anna"
 FIRST = {"age": 4.0, "mood": 3.0}
@@ -30,11 +30,11 @@ def ledger() -> Iterator[Ledger]:
 
 def begin(ledger: Ledger, layer: str = ANNA, **first: float) -> None:
     profile = {**FIRST, **first}
-    ledger.append("guide", profile, RevisionCause(cause=LAYER), layer=layer)
+    ledger.append("guide", profile, Cause(cause=LAYER), layer=layer)
 
 
 def teach(ledger: Ledger, feedback_id: str, layer: str = "", age: float = 5.0) -> None:
-    cause = RevisionCause(feedback_id=feedback_id, reason=f"because of {feedback_id}")
+    cause = Cause(feedback_id=feedback_id, reason=f"because of {feedback_id}")
     ledger.append("guide", {"age": age, "mood": 3.0}, cause, layer=layer)
 
 
@@ -51,10 +51,8 @@ def test_each_layer_counts_its_own_revisions(ledger):
 
 
 def test_several_layers_are_recorded_together_or_not_at_all(ledger):
-    good = LedgerEntry(agent="guide", profile=FIRST, cause=RevisionCause(feedback_id="f"))
-    bad = LedgerEntry(
-        agent="guide", layer=ANNA, profile={"age": float("nan")}, cause=RevisionCause()
-    )
+    good = Entry(agent="guide", profile=FIRST, cause=Cause(feedback_id="f"))
+    bad = Entry(agent="guide", layer=ANNA, profile={"age": float("nan")}, cause=Cause())
     with pytest.raises(LedgerError):
         ledger.record([good, bad])
     assert (ages(ledger), ledger.layers("guide"), ledger.find("f")) == ([4.0], (), None)
@@ -63,13 +61,11 @@ def test_several_layers_are_recorded_together_or_not_at_all(ledger):
 def test_an_id_that_has_moved_several_layers_returns_all_of_them(ledger):
     begin(ledger)
     entries = [
-        LedgerEntry(
-            agent="guide", layer=layer, profile=FIRST, cause=RevisionCause(feedback_id="f")
-        )
+        Entry(agent="guide", layer=layer, profile=FIRST, cause=Cause(feedback_id="f"))
         for layer in (ANNA, "")
     ]
     recorded = ledger.record(entries)
-    assert ledger.record(entries) == recorded == ledger.found("f")
+    assert ledger.record(entries) == recorded == ledger.find_all("f")
     assert [row.layer for row in recorded] == [ANNA, ""]
 
 
@@ -105,7 +101,7 @@ def test_what_was_undone_does_not_count_as_taught(ledger):
 
 def test_an_edit_of_the_author_changes_in_layers_what_was_edited_only(ledger):
     begin(ledger)
-    ledger.append("guide", {"age": 4.8, "mood": 1.5}, RevisionCause(), layer=ANNA)
+    ledger.append("guide", {"age": 4.8, "mood": 1.5}, Cause(), layer=ANNA)
     ledger.enter({"guide": {"age": 2.0, "mood": 3.0}})
     assert dict(ledger.layers("guide")[0].profile) == {"age": 2.0, "mood": 1.5}
     ledger.enter({"guide": {"age": 2.0, "mood": 3.0, "stress": 1.0}})
@@ -117,7 +113,7 @@ def traces(path: Path, *words: str) -> list[str]:
     return [word for word in words if word.encode() in content]
 
 
-def test_what_is_forgotten_leaves_no_trace_in_any_file_and_the_chain_still_holds(tmp_path):
+def test_what_is_forgotten_leaves_no_trace_in_any_file_and_the_ledger_is_whole(tmp_path):
     path = tmp_path / "ledger.sqlite"
     with Ledger(path) as ledger:
         ledger.enter({"guide": FIRST, "express": FIRST})
@@ -127,7 +123,7 @@ def test_what_is_forgotten_leaves_no_trace_in_any_file_and_the_chain_still_holds
             teach(ledger, f"secret-{number}", ANNA, age=1.2345678)
             teach(ledger, f"other-{number}")
             if number == 100:
-                ledger.tidy()
+                ledger.checkpoint()
         assert traces(path, "anna", "secret-7", "because of secret", "1.2345678")
         assert ledger.forget([("guide", ANNA)], source="the operator") == ""
         assert traces(path, "anna", "secret-", "because of secret", "1.2345678") == []
@@ -141,15 +137,15 @@ def test_feedback_that_was_forgotten_is_not_applied_once_more(ledger):
     begin(ledger)
     teach(ledger, "f1", ANNA)
     ledger.forget([("guide", ANNA)])
-    known = ledger.append("guide", FIRST, RevisionCause(feedback_id="f1"))
+    known = ledger.append("guide", FIRST, Cause(feedback_id="f1"))
     assert (known.profile, known.cause.feedback_id) == ({}, hidden("f1"))
     assert ages(ledger) == [4.0]
 
 
 def test_a_layer_that_was_forgotten_begins_anew(ledger):
-    for _ in range(3):
+    for number in range(3):
         begin(ledger)
-        teach(ledger, f"f{len(ages(ledger, ANNA))}-{ledger._pending.number}", ANNA)
+        teach(ledger, f"f{number}", ANNA)
         assert ages(ledger, ANNA) == [4.0, 5.0]
         ledger.forget([("guide", ANNA)])
     assert ages(ledger, ANNA) == []
@@ -173,11 +169,11 @@ def test_a_reader_that_keeps_the_log_delays_the_last_trace_until_it_is_gone(tmp_
         reader.execute("BEGIN")
         reader.execute("SELECT count(*) FROM revision").fetchone()
         assert ledger.forget([("guide", ANNA)])
-        assert not ledger.tidy()
+        assert not ledger.checkpoint()
         assert traces(path, "anna")
         reader.execute("ROLLBACK")
         reader.close()
-        assert ledger.tidy()
+        assert ledger.checkpoint()
         assert traces(path, "anna") == []
 
 
@@ -195,7 +191,7 @@ def test_a_crash_before_the_traces_are_gone_is_made_good_at_the_next_start(tmp_p
     after = tmp_path / "after" / "ledger.sqlite"
     assert traces(after, "anna")
     with Ledger(after) as ledger:
-        ledger.tidy()
+        ledger.checkpoint()
         assert traces(after, "anna") == []
 
 
@@ -212,12 +208,12 @@ def test_a_reader_does_not_make_the_log_grow_while_traces_wait_to_go(tmp_path):
         assert ledger.forget([("guide", ANNA)])
         size = log.stat().st_size
         begun = time.perf_counter()
-        assert [ledger.tidy() for _ in range(5)] == [False] * 5
+        assert [ledger.checkpoint() for _ in range(5)] == [False] * 5
         # Each would wait half a second for the reader otherwise.
         assert time.perf_counter() - begun < 1.5
         assert log.stat().st_size == size
         reader.execute("ROLLBACK")
-        assert ledger.tidy()
+        assert ledger.checkpoint()
         assert traces(path, "anna") == []
 
 
@@ -228,14 +224,14 @@ def test_a_rewriting_that_fails_is_tried_ever_more_seldom(tmp_path):
         tried = []
         # As a full disk refuses it.
         ledger._database.set_authorizer(lambda *_: sqlite3.SQLITE_OK)
-        ledger._scrubber.scrub = lambda: tried.append(True) or "full"
+        ledger._erasure.run = lambda: tried.append(True) or "full"
         assert ledger.forget([("guide", ANNA)]) == "full"
         del tried[:]
         for _ in range(200):
-            assert not ledger.tidy()
+            assert not ledger.checkpoint()
         assert len(tried) == 8
-        del ledger._scrubber.scrub
-        while not ledger.tidy():
+        del ledger._erasure.run
+        while not ledger.checkpoint():
             pass
 
 
@@ -266,7 +262,7 @@ def test_what_the_author_wrote_is_read_once_and_never_from_a_change_that_was_und
     read = []
     select = ledger._select
     ledger._select = lambda *args: read.append(args) or select(*args)
-    ledger._written.clear()
+    ledger._authored.clear()
     assert ledger.authored("guide") == FIRST
     assert len(read) < 10
     del read[:]

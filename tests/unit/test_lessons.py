@@ -10,7 +10,7 @@ from bt_agents_core.scene import SceneParameter, SceneSpace
 from feedback_node.learning import profiles as profiles_module
 from feedback_node.learning.cards import AgentEntry, LearningCard, LearningEntry
 from feedback_node.learning.profiles import Profiles
-from feedback_node.ledger.ledger import Ledger
+from feedback_node.ledger import Ledger
 
 SPACE = SceneSpace(
     parameters=tuple(

@@ -26,20 +26,21 @@ def desk() -> Desk:
 def test_an_undo_and_a_reset_are_revisions_that_hosts_are_told(desk):
     desk.teach("f1")
     desk.teach("f2")
-    done = desk.do(ManagementAction.UNDO, agent="guide", author="eva", reason="wrong button")
+    done = desk.execute(ManagementAction.UNDO, agent="guide", author="eva", reason="wrong button")
     assert done.message == "guide: age 4.5 → 4 (revision 3)"
     assert [(c.revision.revision, c.after) for c in done.changes] == [(3, (4.0, 3.0))]
     cause = done.changes[0].revision.cause
     assert (cause.source, cause.reason, cause.kind) == ("eva", "wrong button", FeedbackKind.SET)
     assert (
-        desk.do(ManagementAction.RESET, agent="guide").message == "guide: age 4 → 3 (revision 4)"
+        desk.execute(ManagementAction.RESET, agent="guide").message
+        == "guide: age 4 → 3 (revision 4)"
     )
-    assert desk.profiles_now()["guide", ""] == (3.0, 3.0)
+    assert desk.current_profiles()["guide", ""] == (3.0, 3.0)
 
 
 def test_the_history_of_a_profile_tells_every_revision_and_its_cause(desk):
     desk.teach("f1")
-    told = desk.told(ManagementAction.HISTORY, agent="guide")
+    told = desk.document(ManagementAction.HISTORY, agent="guide")
     assert [(r["revision"], r["cause"], r["values"]["age"]) for r in told["revisions"]] == [
         (0, "authored", 3.0),
         (1, "feedback", 4.0),
@@ -48,8 +49,8 @@ def test_the_history_of_a_profile_tells_every_revision_and_its_cause(desk):
 
 
 def test_without_an_agent_the_history_is_the_current_profile_of_each(desk):
-    desk.layer(ANNA)
-    told = desk.told(ManagementAction.HISTORY)
+    desk.teach_layer(ANNA)
+    told = desk.document(ManagementAction.HISTORY)
     assert [(p["agent"], p["layer"]) for p in told["profiles"]] == [
         ("express", ""),
         ("guide", ""),
@@ -60,36 +61,36 @@ def test_without_an_agent_the_history_is_the_current_profile_of_each(desk):
 
 def test_what_was_exported_is_taken_in_once_and_gives_the_same_profiles(desk):
     desk.teach("f1")
-    desk.layer(ANNA)
-    document = desk.do(ManagementAction.EXPORT).document
+    desk.teach_layer(ANNA)
+    document = desk.execute(ManagementAction.EXPORT).document
     other = Desk()
     other.teach("f9")
-    done = other.do(ManagementAction.IMPORT, document=document, author="eva")
-    assert other.profiles_now() == desk.profiles_now()
+    done = other.execute(ManagementAction.IMPORT, document=document, author="eva")
+    assert other.current_profiles() == desk.current_profiles()
     assert len(done.changes) == 3
     before = other.profiles.table()
-    again = other.do(ManagementAction.IMPORT, document=document)
+    again = other.execute(ManagementAction.IMPORT, document=document)
     assert again.message == "this document was taken in before; nothing has changed"
     assert other.profiles.table() == before
     # A layer that came with it can be undone to where it begins.
-    assert other.do(ManagementAction.UNDO, agent="guide", layer=ANNA).changes[0].after == (
+    assert other.execute(ManagementAction.UNDO, agent="guide", layer=ANNA).changes[0].after == (
         4.0,
         3.0,
     )
 
 
 def test_an_export_holds_what_concerns_one_person_with_its_history(desk):
-    desk.layer(ANNA)
-    desk.layer(ANNA, "express")
-    desk.layer(LOBBY)
-    told = desk.told(ManagementAction.EXPORT, layer=ANNA)
+    desk.teach_layer(ANNA)
+    desk.teach_layer(ANNA, "express")
+    desk.teach_layer(LOBBY)
+    told = desk.document(ManagementAction.EXPORT, layer=ANNA)
     assert {(p["agent"], p["layer"]) for p in told["profiles"]} == {
         ("guide", ANNA),
         ("express", ANNA),
     }
     assert {r["layer"] for r in told["revisions"]} == {ANNA}
     with pytest.raises(Refused, match="UNKNOWN_LAYER: no layer 'person/bob'; there are: pers"):
-        desk.do(ManagementAction.EXPORT, layer="person/bob")
+        desk.execute(ManagementAction.EXPORT, layer="person/bob")
 
 
 GOOD = {"agent": "guide", "layer": "", "values": {"age": 3.0, "mood": 3.0}}
@@ -139,37 +140,37 @@ def document(*profiles: Any, **fields: Any) -> str:
 def test_a_document_that_is_none_is_refused_and_nothing_is_taken_in(desk, text, code):
     before = desk.profiles.table()
     with pytest.raises(Refused) as refused:
-        desk.do(ManagementAction.IMPORT, document=text)
+        desk.execute(ManagementAction.IMPORT, document=text)
     assert refused.value.code == code
     assert desk.profiles.table() == before
 
 
 def test_layers_expire_that_have_not_changed_for_so_long(desk):
-    desk.layer("person/old")
-    desk.layer("place/old")
+    desk.teach_layer("person/old")
+    desk.teach_layer("place/old")
     desk.now += 50 * DAY
-    desk.layer(ANNA)
-    assert desk.do(ManagementAction.EXPIRE, older_s=60 * DAY).message == "nothing to forget"
-    done = desk.do(ManagementAction.EXPIRE, older_s=40 * DAY, layer="person")
+    desk.teach_layer(ANNA)
+    assert desk.execute(ManagementAction.EXPIRE, older_s=60 * DAY).message == "nothing to forget"
+    done = desk.execute(ManagementAction.EXPIRE, older_s=40 * DAY, layer="person")
     assert done.message == "1 profile forgotten"
     assert [(d.agent, d.layer, d.remove) for d in done.deliveries] == [
         ("guide", "person/old", True)
     ]
-    desk.do(ManagementAction.EXPIRE, older_s=40 * DAY)
-    assert {layer for _, layer in desk.profiles_now()} == {"", ANNA}
+    desk.execute(ManagementAction.EXPIRE, older_s=40 * DAY)
+    assert {layer for _, layer in desk.current_profiles()} == {"", ANNA}
 
 
 def test_a_person_is_forgotten_by_all_agents_or_by_one(desk):
     for agent in ("guide", "express"):
-        desk.layer(ANNA, agent)
-        desk.layer(LOBBY, agent)
-    desk.do(ManagementAction.FORGET, agent="express", layer=ANNA)
-    assert ("guide", ANNA) in desk.profiles_now()
-    done = desk.do(ManagementAction.FORGET, layer=ANNA)
+        desk.teach_layer(ANNA, agent)
+        desk.teach_layer(LOBBY, agent)
+    desk.execute(ManagementAction.FORGET, agent="express", layer=ANNA)
+    assert ("guide", ANNA) in desk.current_profiles()
+    done = desk.execute(ManagementAction.FORGET, layer=ANNA)
     assert [(d.agent, d.layer, d.remove) for d in done.deliveries] == [("guide", ANNA, True)]
-    assert {layer for _, layer in desk.profiles_now()} == {"", LOBBY}
+    assert {layer for _, layer in desk.current_profiles()} == {"", LOBBY}
     with pytest.raises(Refused, match="UNKNOWN_LAYER"):
-        desk.do(ManagementAction.FORGET, layer=ANNA)
+        desk.execute(ManagementAction.FORGET, layer=ANNA)
 
 
 @pytest.mark.parametrize(
@@ -194,7 +195,7 @@ def test_a_person_is_forgotten_by_all_agents_or_by_one(desk):
 def test_an_order_that_makes_no_sense_is_refused_by_name(desk, action, fields, code):
     before = desk.profiles.table()
     with pytest.raises(Refused) as refused:
-        desk.do(action, **fields)
+        desk.execute(action, **fields)
     assert refused.value.code == code
     assert desk.profiles.table() == before
 
@@ -202,16 +203,16 @@ def test_an_order_that_makes_no_sense_is_refused_by_name(desk, action, fields, c
 def test_an_import_keeps_how_much_has_been_taught(desk):
     for number in range(10):
         desk.teach(f"f{number}")
-    document_of_ten = desk.do(ManagementAction.EXPORT, agent="guide").document
-    desk.do(ManagementAction.RESET, agent="guide")
-    desk.do(ManagementAction.IMPORT, document=document_of_ten)
-    (told,) = desk.told(ManagementAction.HISTORY, agent="guide")["profiles"]
+    document_of_ten = desk.execute(ManagementAction.EXPORT, agent="guide").document
+    desk.execute(ManagementAction.RESET, agent="guide")
+    desk.execute(ManagementAction.IMPORT, document=document_of_ten)
+    (told,) = desk.document(ManagementAction.HISTORY, agent="guide")["profiles"]
     assert told["changes"] == 10
 
 
 def test_texts_of_an_order_with_control_characters_are_refused(desk):
     for field in ("reason", "author"):
         with pytest.raises(Refused, match="BAD_TEXT"):
-            desk.do(ManagementAction.RESET, agent="guide", **{field: "a\x1b[2J"})
+            desk.execute(ManagementAction.RESET, agent="guide", **{field: "a\x1b[2J"})
     with pytest.raises(Refused, match="BAD_LAYER"):
-        desk.do(ManagementAction.HISTORY, agent="guide", layer="person/a\nb")
+        desk.execute(ManagementAction.HISTORY, agent="guide", layer="person/a\nb")

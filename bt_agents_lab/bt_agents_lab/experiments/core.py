@@ -17,8 +17,8 @@ from feedback_node.learning.cards import AgentEntry, LearningCard, LearningEntry
 from feedback_node.learning.feedback_controller import FeedbackController
 from feedback_node.learning.profiles import Profiles
 from feedback_node.learning.runs import AnnouncedRun
-from feedback_node.ledger.ledger import Ledger
-from feedback_node.ledger.ledger_file import MEMORY
+from feedback_node.ledger import Ledger
+from feedback_node.ledger.file import MEMORY
 from marketplace_node.effects import Collect, Effect, OpenCall, RunOutcome, SendGoal
 from marketplace_node.interaction.award import RunEnd
 from marketplace_node.market import Market

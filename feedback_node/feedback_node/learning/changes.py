@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from bt_agents_core.scene import SceneSpace, Vector
-from feedback_node.ledger.ledger_rows import ProfileRevision
+from feedback_node.ledger.rows import Revision
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -29,7 +29,7 @@ class ProfileChange:
         others: What the same feedback has changed in other layers.
     """
 
-    revision: ProfileRevision
+    revision: Revision
     before: Vector
     after: Vector
     target: Vector
@@ -71,8 +71,8 @@ Table = tuple[tuple[str, str, int, Vector], ...]
 
 
 def changed(
-    revision: ProfileRevision,
-    before: ProfileRevision,
+    revision: Revision,
+    before: Revision,
     space: SceneSpace,
     *,
     fresh: bool,
@@ -93,7 +93,7 @@ def changed(
     )
 
 
-def moved(before: ProfileRevision, after: ProfileRevision) -> str:
+def moved(before: Revision, after: Revision) -> str:
     """Return the difference of two revisions in words and numbers."""
     moves = [
         f"{name} {before.profile.get(name, math.nan):.4g} → {value:.4g}"

@@ -16,8 +16,8 @@ from feedback_node.learning.cards import LearningCard
 from feedback_node.learning.changes import Delivery, ProfileChange
 from feedback_node.learning.profiles import Profiles
 from feedback_node.learning.runs import AnnouncedRun, AnnouncedRuns
-from feedback_node.ledger.ledger_file import LedgerError
-from feedback_node.ledger.ledger_rows import FORGOTTEN
+from feedback_node.ledger.file import LedgerError
+from feedback_node.ledger.rows import FORGOTTEN
 from feedback_node.mood_trace import MoodTrace, ReportedMood
 from feedback_node.rules import Fired, Watch
 from feedback_node.simulated_feedback import SimulatedFeedback

@@ -10,8 +10,8 @@ from bt_agents_core.profile_layers import EVERYBODY, checked_layer, layers_of
 from bt_agents_core.scene import Scene, SceneSpace, Vector
 from feedback_node.learning import learning_step
 from feedback_node.learning.cards import Agent
-from feedback_node.ledger.ledger import Ledger
-from feedback_node.ledger.ledger_rows import ProfileRevision, RevisionCause, hidden
+from feedback_node.ledger import Ledger
+from feedback_node.ledger.rows import Cause, Revision, hidden
 
 _RECENT = 30
 """Feedbacks from which the share of wrong ones is estimated."""
@@ -34,7 +34,7 @@ class LayerStep:
         recent: What the layer was taught last, this included; see :func:`taught`.
     """
 
-    cause: RevisionCause
+    cause: Cause
     step: learning_step.Step
     false_rate: float
     recent: tuple[Vector, ...]
@@ -60,7 +60,7 @@ def shares(
     return (*own, (EVERYBODY, rule.general)) if rule.general > 0.0 else own
 
 
-def anonymous(cause: RevisionCause) -> RevisionCause:
+def anonymous(cause: Cause) -> Cause:
     """Return a cause without what leads back to the person whose layer was taught as well."""
     assert cause.feedback_id is not None
     feedback_id = hidden(cause.feedback_id)
@@ -74,7 +74,7 @@ def layer_step(
     *,
     agent: Agent,
     share: float,
-    cause: RevisionCause,
+    cause: Cause,
     changes: int,
     recent: tuple[Vector, ...],
     space: SceneSpace,
@@ -153,12 +153,12 @@ class LayerFeedback:
     def __init__(self) -> None:
         self._known: dict[tuple[str, str], tuple[int, int, tuple[Vector, ...]]] = {}
 
-    def known(self, current: ProfileRevision, window: int) -> tuple[Vector, ...] | None:
+    def known(self, current: Revision, window: int) -> tuple[Vector, ...] | None:
         """Return what has led to a revision, as of :func:`taught`; None when it is not known."""
         number, reach, recent = self._known.get((current.agent, current.layer), (-1, 0, ()))
         return recent if (number, reach) == (current.revision, window) else None
 
-    def keep(self, revision: ProfileRevision, window: int, recent: tuple[Vector, ...]) -> None:
+    def keep(self, revision: Revision, window: int, recent: tuple[Vector, ...]) -> None:
         """Take what has led to a revision that was just recorded."""
         key = (revision.agent, revision.layer)
         self._known.pop(key, None)

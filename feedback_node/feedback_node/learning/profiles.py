@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Iterable, Mapping
-from contextlib import suppress
 from dataclasses import replace
 
 from bt_agents_core.errors import Refused
@@ -25,9 +24,9 @@ from feedback_node.learning.layers import (
 )
 from feedback_node.learning.runs import AnnouncedRun
 from feedback_node.learning.texts import check_texts, one_line
-from feedback_node.ledger.ledger import Ledger, LedgerEntry
-from feedback_node.ledger.ledger_file import LedgerError
-from feedback_node.ledger.ledger_rows import FORGOTTEN, LAYER, ProfileRevision, RevisionCause
+from feedback_node.ledger import Entry, Ledger
+from feedback_node.ledger.file import LedgerError
+from feedback_node.ledger.rows import FORGOTTEN, LAYER, Cause, Revision
 
 MOST_HOSTS = 100
 """Hosts whose agents are known at once."""
@@ -43,7 +42,7 @@ class Profiles:
         self._ledger = ledger
         self._agents: dict[str, Agent] = {}
         self._starts: dict[str, str] = {}
-        self._current: dict[tuple[str, str], ProfileRevision] = {}
+        self._current: dict[tuple[str, str], Revision] = {}
         self._false_rates: dict[tuple[str, str], tuple[int, float]] = {}
         self._lessons = LayerFeedback()
 
@@ -177,7 +176,7 @@ class Profiles:
 
     def recorded(self, feedback_id: str) -> ProfileChange | None:
         """Return the change that a feedback led to; None for a new id."""
-        found = self._ledger.found(feedback_id)
+        found = self._ledger.find_all(feedback_id)
         if not found:
             return None
         changes = []
@@ -229,7 +228,7 @@ class Profiles:
         agent = self.agent(name)
         reason = one_line(reason)
         check_texts(feedback_id=feedback_id, source=source, reason=reason, leaf=leaf)
-        cause = RevisionCause(
+        cause = Cause(
             kind=kind,
             source=source,
             reason=reason,
@@ -240,7 +239,7 @@ class Profiles:
             leaf=leaf,
             cancels=cancels,
         )
-        entries: list[LedgerEntry] = []
+        entries: list[Entry] = []
         steps: dict[str, LayerStep] = {}
         crowded: list[Refused] = []
         scene = run.scene if run else None
@@ -268,15 +267,10 @@ class Profiles:
             )
             steps[layer] = one
             after = self.space.named(one.step.after)
-            entries.append(LedgerEntry(agent=name, layer=layer, profile=after, cause=one.cause))
+            entries.append(Entry(agent=name, layer=layer, profile=after, cause=one.cause))
         if crowded and not steps:
             raise crowded[0]
-        try:
-            recorded = self._ledger.record(entries)
-        except LedgerError:
-            # It may be recorded and not acknowledged.
-            self.reload()
-            raise
+        recorded = self._ledger.record(entries)
         for revision in recorded:
             if (step := steps.get(revision.layer)) and revision.cause is step.cause:
                 self._lessons.keep(revision, window, step.recent)
@@ -286,7 +280,7 @@ class Profiles:
         return change
 
     def taken(
-        self, revisions: Iterable[ProfileRevision], steps: Mapping[str, LayerStep] | None = None
+        self, revisions: Iterable[Revision], steps: Mapping[str, LayerStep] | None = None
     ) -> ProfileChange:
         """Take over what the ledger has recorded for agents, known or not.
 
@@ -346,7 +340,7 @@ class Profiles:
         known = self._lessons.known(current, window) if current is not None else None
         return taught(self._ledger, name, layer, self.space, window) if known is None else known
 
-    def _false_rate_of(self, revision: ProfileRevision, step: LayerStep | None) -> float:
+    def _false_rate_of(self, revision: Revision, step: LayerStep | None) -> float:
         """Return it for the current revision of a profile; estimated once for each."""
         key = (revision.agent, revision.layer)
         number, rate = self._false_rates.get(key, (-1, math.nan))
@@ -357,7 +351,7 @@ class Profiles:
         self._false_rates[key] = (revision.revision, rate)
         return rate
 
-    def beginning(self, name: str, layer: str) -> LedgerEntry:
+    def beginning(self, name: str, layer: str) -> Entry:
         """Return how a layer of an agent that the ledger knows begins.
 
         Raises:
@@ -372,18 +366,10 @@ class Profiles:
                 f"{MOST_LAYERS} at most; 'bt-agents profile expire' forgets those that have not "
                 "changed for long",
             )
-        cause = RevisionCause(cause=LAYER, source="feedback", reason=_BEGINS)
+        cause = Cause(cause=LAYER, source="feedback", reason=_BEGINS)
         everybody = self._ledger.current(name)
         profile = everybody.profile if everybody is not None else {}
-        return LedgerEntry(agent=name, layer=layer, profile=profile, cause=cause)
-
-    def reload(self) -> None:
-        """Take over what the ledger has, after it could not say whether something is recorded."""
-        with suppress(LedgerError):
-            for name in self._agents:
-                for row in (self._ledger.current(name), *self._ledger.layers(name)):
-                    if row is not None:
-                        self._current[name, row.layer] = row
+        return Entry(agent=name, layer=layer, profile=profile, cause=cause)
 
     def _enter(self, agents: Iterable[Agent]) -> Collection[str]:
         """Have the ledger know what files say that are new; return the names of their agents."""

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from bt_agents_core.errors import Refused
-from feedback_node.ledger.ledger_rows import is_hidden
+from feedback_node.ledger.rows import is_hidden
 
 LONGEST_TEXT = 1000
 

@@ -1,2 +1,308 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The ledger: every revision of every profile, durable before it is acknowledged."""
+"""The ledger: every revision of every profile with its cause, on the disk before it counts."""
+
+from __future__ import annotations
+
+import sqlite3
+import time
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TextIO
+
+from bt_agents_core.errors import Refused
+from bt_agents_core.feedback import FeedbackKind
+from feedback_node.ledger.erasure import FileErasure, erase_layer
+from feedback_node.ledger.file import MEMORY, failed, lock_file, open_database, unread
+from feedback_node.ledger.reading import LedgerReader
+from feedback_node.ledger.rows import (
+    AUTHORED,
+    FORGOTTEN,
+    INSERT,
+    RESET,
+    STARTS,
+    UNDO,
+    Cause,
+    Revision,
+    name_of,
+    row_of,
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Entry:
+    """A revision to be recorded."""
+
+    agent: str
+    layer: str = ""
+    profile: Mapping[str, float]
+    cause: Cause
+
+
+class Ledger(LedgerReader):
+    """The only writer of one SQLite file; a change is on the disk when its method returns.
+
+    A lock file beside the database keeps a second writer out; readers are welcome at any time.
+    """
+
+    def __init__(self, path: str | Path, *, wall: Callable[[], float] = time.time) -> None:
+        """Open a ledger and check all of it; a missing file and its folder are created.
+
+        Args:
+            path: SQLite file, or ``":memory:"``.
+            wall: Wall time of the entries [s].
+
+        Raises:
+            LedgerError: ``LEDGER_IN_USE``, or as in :func:`open_database`.
+        """
+        self._wall = wall
+        self._lock: TextIO | None = None
+        self._revisions: dict[tuple[str, str], int] = {}
+        if str(path) != MEMORY:
+            # What belongs to a ledger lies beside the file itself, whichever link leads to it.
+            path = Path(path).resolve()
+            self._lock = lock_file(path)
+        try:
+            super().__init__(open_database(str(path)), str(path))
+        except BaseException:
+            self._unlock()
+            raise
+        try:
+            self._erasure = FileErasure(self._database)
+        except sqlite3.Error as error:
+            self.close()
+            raise unread(self.path, error) from error
+
+    def checkpoint(self) -> bool:
+        """Move what was committed from the write-ahead log into the database file.
+
+        A close would do it otherwise, and on a slow disk outlast the time a process has to stop.
+        Traces of what was forgotten go from the file here when they could not go at once.
+
+        Returns:
+            False when they still could not.
+        """
+        self._erasure.retry()
+        with suppress(sqlite3.OperationalError):
+            self._database.execute("PRAGMA wal_checkpoint(PASSIVE)")
+        return not self._erasure.pending
+
+    def close(self) -> None:
+        """Close the file and let another writer in; closing twice is fine."""
+        self._database.close()
+        self._unlock()
+
+    def __enter__(self) -> Ledger:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    # Changes
+
+    def enter(self, profiles: Mapping[str, Mapping[str, float]]) -> dict[str, Revision]:
+        """Record what the agents' files say and return the current revision of each.
+
+        A new agent starts at revision 0. Where the author has edited a value since the last
+        authored revision, the file's profile becomes a new one, so that the edit wins over what
+        was learned before; a layer of the agent takes the edited values only. Where only
+        parameters have come or gone, the learned values stay and new parameters take the
+        authored value.
+
+        Args:
+            profiles: Agent → parameter → value, as the file has it.
+
+        Raises:
+            LedgerError: As in :func:`failed`, or ``LEDGER_CORRUPT``; nothing is recorded.
+        """
+        with self._transaction():
+            return {agent: self._enter(agent, profile) for agent, profile in profiles.items()}
+
+    def append(
+        self, agent: str, profile: Mapping[str, float], cause: Cause, *, layer: str = ""
+    ) -> Revision:
+        """Record a new profile of an agent; see :meth:`record`."""
+        entry = Entry(agent=agent, layer=layer, profile=profile, cause=cause)
+        return self.record([entry])[0]
+
+    def record(self, entries: Sequence[Entry]) -> tuple[Revision, ...]:
+        """Record revisions together; a known ``feedback_id`` returns its old ones instead.
+
+        Raises:
+            Refused: ``UNKNOWN_AGENT`` for an agent that was never entered.
+            LedgerError: As in :meth:`enter`; nothing is recorded.
+        """
+        with self._transaction():
+            ids = {e.cause.feedback_id for e in entries if e.cause.feedback_id is not None}
+            if any(map(self.has, ids)):
+                return tuple(row for one in sorted(ids) for row in self.find_all(one))
+            recorded = []
+            for entry in entries:
+                if self._newest(entry.agent, entry.layer) is None:
+                    self._last(entry.agent, "")
+                recorded.append(self._append(entry))
+            return tuple(recorded)
+
+    def undo(self, agent: str, layer: str = "", *, source: str = "", reason: str = "") -> Revision:
+        """Bring back the profile before the last change, as a new revision.
+
+        Again and again it goes further back, down to the last profile that the author wrote, or
+        to that with which the layer began.
+
+        Raises:
+            Refused: ``UNKNOWN_AGENT``, ``UNKNOWN_LAYER`` or ``NOTHING_TO_UNDO``.
+            LedgerError: As in :meth:`enter`; nothing is recorded.
+        """
+        with self._transaction():
+            last = self._last(agent, layer)
+            undone = self._restored(last)
+            if undone.cause.cause in STARTS:
+                raise Refused(
+                    "NOTHING_TO_UNDO",
+                    f"{name_of(agent, layer)}: revision {undone.revision} is "
+                    + (
+                        "what its file says; edit the profile there"
+                        if undone.cause.cause == AUTHORED
+                        else "where the layer begins"
+                    ),
+                )
+            back = self._restored(self._row(agent, layer, undone.revision - 1))
+            cause = Cause(
+                cause=UNDO,
+                kind=FeedbackKind.SET,
+                source=source,
+                reason=reason or f"undoes revision {undone.revision}",
+                target=back.profile,
+                restores=back.revision,
+                changes=back.cause.changes,
+            )
+            return self._append(Entry(agent=agent, layer=layer, profile=back.profile, cause=cause))
+
+    def reset(
+        self, agent: str, layer: str = "", *, source: str = "", reason: str = ""
+    ) -> Revision:
+        """Bring back the profile that the author wrote last, as a new revision.
+
+        Raises:
+            Refused: ``UNKNOWN_AGENT`` or ``UNKNOWN_LAYER``.
+            LedgerError: As in :meth:`enter`; nothing is recorded.
+        """
+        with self._transaction():
+            self._last(agent, layer)
+            authored = self.authored(agent)
+            cause = Cause(
+                cause=RESET,
+                kind=FeedbackKind.SET,
+                source=source,
+                reason=reason or "back to the profile of its file",
+                target=authored,
+            )
+            return self._append(Entry(agent=agent, layer=layer, profile=authored, cause=cause))
+
+    def forget(self, profiles: Iterable[tuple[str, str]], *, source: str = "") -> str:
+        """Erase the content of layers from the file; a row for each says that it was there.
+
+        Hashes of the feedback ids stay, so that late repetitions are not applied again.
+
+        Args:
+            profiles: Agent and layer of each.
+            source: Who asks.
+
+        Returns:
+            Why traces of them stay in the file for now; empty when they are gone.
+
+        Raises:
+            Refused: ``UNKNOWN_LAYER``, also for everybody's profile.
+            LedgerError: As in :meth:`enter`; nothing is forgotten.
+        """
+        with self._transaction():
+            self._revisions.clear()
+            for agent, layer in profiles:
+                last = self.current(agent, layer) if layer else None
+                if last is None:
+                    raise Refused(
+                        "UNKNOWN_LAYER",
+                        f"{agent} has no layer '{layer}', so there is nothing to forget",
+                    )
+                self._append(
+                    Entry(
+                        agent=agent,
+                        layer=erase_layer(self._database, agent, layer),
+                        profile={},
+                        cause=Cause(cause=FORGOTTEN, source=source),
+                    ),
+                    revision=last.revision + 1,
+                )
+        return self._erasure.start()
+
+    def _enter(self, agent: str, authored: Mapping[str, float]) -> Revision:
+        last = self.current(agent)
+        cause = Cause(cause=AUTHORED, source="file", reason="first seen", target=authored)
+        if last is None:
+            return self._append(Entry(agent=agent, profile=authored, cause=cause))
+        written = self.authored(agent)
+        edited = [name for name in authored if name in written and authored[name] != written[name]]
+        if not edited and authored.keys() == written.keys():
+            return last
+        reason = (
+            f"the author changed {', '.join(edited)}"
+            if edited
+            else "scene parameters were added or removed"
+        )
+        cause = replace(cause, reason=reason)
+        for row in self.layers(agent):
+            learned = {k: v for k, v in row.profile.items() if k not in edited}
+            profile = {name: learned.get(name, value) for name, value in authored.items()}
+            self._append(Entry(agent=agent, layer=row.layer, profile=profile, cause=cause))
+        kept = {} if edited else last.profile
+        profile = {name: kept.get(name, value) for name, value in authored.items()}
+        return self._append(Entry(agent=agent, profile=profile, cause=cause))
+
+    def _newest(self, agent: str, layer: str) -> int | None:
+        """Return the number of the latest revision of an agent; None for an unknown one."""
+        if (agent, layer) not in self._revisions:
+            last = self.current(agent, layer)
+            if last is None:
+                return None
+            self._revisions[agent, layer] = last.revision
+        return self._revisions[agent, layer]
+
+    def _append(self, entry: Entry, revision: int | None = None) -> Revision:
+        if revision is None:
+            newest = self._newest(entry.agent, entry.layer)
+            revision = 0 if newest is None else newest + 1
+        appended = Revision(
+            agent=entry.agent,
+            layer=entry.layer,
+            revision=revision,
+            profile=dict(entry.profile),
+            cause=entry.cause,
+            stamp=self._wall(),
+        )
+        last = self._database.execute("SELECT coalesce(max(number), 0) FROM revision").fetchone()
+        self._database.execute(INSERT, row_of(last[0] + 1, appended))
+        self._revisions[entry.agent, entry.layer] = revision
+        if entry.cause.cause == AUTHORED and not entry.layer:
+            self._authored[entry.agent] = appended.cause.target
+        return appended
+
+    @contextmanager
+    def _transaction(self) -> Iterator[None]:
+        try:
+            self._database.execute("BEGIN IMMEDIATE")
+            try:
+                yield
+                self._database.execute("COMMIT")
+            except BaseException:
+                self._authored.clear()
+                self._revisions.clear()
+                if self._database.in_transaction:
+                    self._database.execute("ROLLBACK")
+                raise
+        except (sqlite3.Error, ValueError) as error:
+            raise failed(self.path, error) from error
+
+    def _unlock(self) -> None:
+        if self._lock is not None:
+            self._lock.close()

@@ -1,84 +1,72 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Takes the content of rows out of the ledger's file, so that not even a trace stays in it."""
+"""Erasure of rows from the ledger's file, so that not even a trace stays in it."""
 
 from __future__ import annotations
 
-import hashlib
 import sqlite3
 
-from feedback_node.ledger.ledger_layout import integer
-from feedback_node.ledger.ledger_rows import hidden, rest_of
-
-SCRUB = "scrub"
-"""Chore of a ledger that has forgotten something whose traces are still in its file."""
+from feedback_node.ledger.file import integer
+from feedback_node.ledger.rows import FORGOTTEN_LAYER, Row, hidden, with_checksum
 
 MOST_SKIPPED = 63
-"""So many times at most :meth:`Scrubber.again` does nothing after a rewriting that failed."""
+"""So many times at most :meth:`FileErasure.retry` does nothing after a rewriting that failed."""
+
+_TASK = "erase"
 
 
-def redact(database: sqlite3.Connection, agent: str, layer: str, stays: str) -> str:
-    """Take out the content of all rows of a layer, inside a transaction of the caller.
-
-    Args:
-        database: The ledger.
-        agent: Whose.
-        layer: Which; its name goes, too.
-        stays: Name under which the rows stay.
+def erase_layer(database: sqlite3.Connection, agent: str, layer: str) -> str:
+    """Erase the content of all rows of a layer, inside a transaction of the caller.
 
     Returns:
-        Hash of what has stayed of them, for the row that says so.
+        The layer under which the rows stay.
 
     Raises:
         sqlite3.Error: The file cannot be written.
     """
-    seal = hashlib.sha256()
     found = database.execute(
         "SELECT number, revision, feedback_id FROM revision WHERE agent = ? AND layer = ? "
         "ORDER BY number",
         (agent, layer),
     ).fetchall()
+    stays = f"{FORGOTTEN_LAYER}{found[0][0]}"
     for number, revision, feedback_id in found:
         kept = None if feedback_id is None else hidden(feedback_id)
-        seal.update(rest_of(number, agent, revision, kept))
+        row = with_checksum(Row(number, agent, stays, revision, kept, None))
         database.execute(
-            "UPDATE revision SET layer = ?, feedback_id = ?, content = NULL, salt = NULL "
+            "UPDATE revision SET layer = ?, feedback_id = ?, content = NULL, checksum = ? "
             "WHERE number = ?",
-            (stays, kept, number),
+            (stays, kept, row.checksum, number),
         )
-    database.execute("INSERT OR IGNORE INTO chore VALUES (?)", (SCRUB,))
-    return seal.hexdigest()
+    database.execute("INSERT OR IGNORE INTO pending VALUES (?)", (_TASK,))
+    return stays
 
 
-class Scrubber:
-    """Takes the last traces of what was forgotten out of the file, as soon as that can be done.
+class FileErasure:
+    """Removal of the last traces of erased rows from the file, as soon as that can be done.
 
     The file is rewritten once; the log, which has grown by all of it, is emptied when nobody
-    reads it any more.
+    reads it any more. What is pending is recorded in the file, and so outlives a crash.
 
     Args:
         database: The ledger.
+
+    Attributes:
+        pending: True while traces may be left.
     """
 
     def __init__(self, database: sqlite3.Connection) -> None:
         self._database = database
-        self._rewritten = True
+        self._rewritten = False
         self._pause = 0
         self._skip = 0
-        found = database.execute("SELECT 1 FROM chore WHERE name = ?", (SCRUB,)).fetchone()
-        self.outstanding = found is not None
-        if self.outstanding:
-            self.due()
+        found = database.execute("SELECT 1 FROM pending WHERE task = ?", (_TASK,)).fetchone()
+        self.pending = found is not None
 
-    def due(self) -> None:
-        """Note that something was forgotten."""
-        self.outstanding, self._rewritten = True, False
-        self._pause = self._skip = 0
-
-    def scrub(self) -> str:
+    def run(self) -> str:
         """Rewrite the file without free pages, and empty its write-ahead log.
 
         Returns:
-            Why that could not be done yet, in words; empty when it is done.
+            Why that could not be done yet; empty when it is done.
         """
         try:
             if not self._rewritten:
@@ -86,24 +74,30 @@ class Scrubber:
                 self._rewritten = True
             if self._database.execute("PRAGMA wal_checkpoint(TRUNCATE)").fetchone()[0]:
                 return "somebody else reads the file"
-            self._database.execute("DELETE FROM chore WHERE name = ?", (SCRUB,))
+            self._database.execute("DELETE FROM pending WHERE task = ?", (_TASK,))
         except sqlite3.Error as error:
             return str(error)
-        self.outstanding = False
+        self.pending = False
         return ""
 
-    def again(self) -> None:
-        """Try once more without waiting for anybody; a rewriting that fails ever more seldom."""
-        if not self.outstanding:
+    def start(self) -> str:
+        """Run after rows were erased; see :meth:`run`."""
+        self.pending, self._rewritten = True, False
+        self._pause = self._skip = 0
+        return self.run()
+
+    def retry(self) -> None:
+        """Run again without waiting for readers; a rewriting that fails ever more seldom."""
+        if not self.pending:
             return
         if self._skip:
             self._skip -= 1
             return
-        waits = integer(self._database, "busy_timeout")
+        wait_ms = integer(self._database, "busy_timeout")
         self._database.execute("PRAGMA busy_timeout = 0")
         try:
-            self.scrub()
+            self.run()
         finally:
-            self._database.execute(f"PRAGMA busy_timeout = {waits}")
+            self._database.execute(f"PRAGMA busy_timeout = {wait_ms}")
         if not self._rewritten:
             self._skip = self._pause = min(2 * self._pause + 1, MOST_SKIPPED)

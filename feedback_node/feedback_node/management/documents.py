@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the ledger holds as JSON: for people, for another robot, and back."""
+"""Export and import of profiles and their history as JSON documents."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from typing import Any, TypeGuard
 from bt_agents_core.errors import Refused
 from bt_agents_core.profile_layers import checked_layer
 from bt_agents_core.scene import SceneSpace, Vector
-from feedback_node.ledger.ledger_rows import ProfileRevision
+from feedback_node.ledger.rows import Revision
 
 FORMAT = 1
 LONGEST = 4_000_000
-"""Characters of a document that is taken in."""
+"""Most characters of a document that is imported."""
 
 _MOST = 100_000
 _LONGEST_NAME = 200
@@ -24,7 +24,7 @@ _LONGEST_NAME = 200
 
 @dataclass(frozen=True, kw_only=True)
 class ImportedProfiles:
-    """One profile of a document."""
+    """Profile in a document."""
 
     agent: str
     layer: str
@@ -33,17 +33,14 @@ class ImportedProfiles:
 
 
 def to_document(
-    profiles: Iterable[Mapping[str, Any]],
-    revisions: Iterable[ProfileRevision],
-    *,
-    document_id: str,
+    profiles: Iterable[Mapping[str, Any]], revisions: Iterable[Revision], *, document_id: str
 ) -> str:
     """Return a document.
 
     Args:
-        profiles: Of each profile, what is told of it.
-        revisions: History that goes with it.
-        document_id: Unique; the same document is taken in once.
+        profiles: Summary of each profile.
+        revisions: Their history.
+        document_id: Unique; the same document is imported once.
     """
     return json.dumps(
         {
@@ -66,12 +63,12 @@ def from_document(text: str, space: SceneSpace) -> tuple[str, tuple[ImportedProf
     if len(text) > LONGEST:
         raise Refused("TOO_LONG", f"document: {len(text)} characters, expected {LONGEST} at most")
     try:
-        told = json.loads(text, parse_constant=_no_constant)
+        document = json.loads(text, parse_constant=_no_constant)
     except (ValueError, RecursionError) as error:
         raise _bad(f"it is no JSON ({error})") from None
-    if not isinstance(told, dict) or told.get("format") != FORMAT:
+    if not isinstance(document, dict) or document.get("format") != FORMAT:
         raise _bad(f"expected what 'bt-agents profile export' writes, with format {FORMAT}")
-    document_id, profiles = told.get("id"), told.get("profiles")
+    document_id, profiles = document.get("id"), document.get("profiles")
     if not _is_name(document_id):
         raise _bad(f"its id is no printable text of 1 to {_LONGEST_NAME} characters")
     if not isinstance(profiles, list) or not 1 <= len(profiles) <= _MOST:
@@ -90,13 +87,13 @@ def number(value: float) -> float | None:
     return None if math.isnan(value) else value
 
 
-def _imported(told: Any, what: str, space: SceneSpace) -> ImportedProfiles:
-    if not isinstance(told, dict):
+def _imported(fields: Any, what: str, space: SceneSpace) -> ImportedProfiles:
+    if not isinstance(fields, dict):
         raise _bad(f"{what}: expected a mapping")
-    agent, layer, values = told.get("agent"), told.get("layer", ""), told.get("values")
+    agent, layer, values = fields.get("agent"), fields.get("layer", ""), fields.get("values")
     if not _is_name(agent):
         raise _bad(f"{what}: its agent is no name")
-    changes = told.get("changes", 0)
+    changes = fields.get("changes", 0)
     if isinstance(changes, bool) or not isinstance(changes, int) or not 0 <= changes < 2**63:
         raise _bad(f"{what}: its changes are no count")
     if not isinstance(layer, str) or not isinstance(values, dict):
@@ -111,23 +108,23 @@ def _imported(told: Any, what: str, space: SceneSpace) -> ImportedProfiles:
     )
 
 
-def _is_name(told: Any) -> TypeGuard[str]:
-    return isinstance(told, str) and 1 <= len(told) <= _LONGEST_NAME and told.isprintable()
+def _is_name(value: Any) -> TypeGuard[str]:
+    return isinstance(value, str) and 1 <= len(value) <= _LONGEST_NAME and value.isprintable()
 
 
-def _revision(revision: ProfileRevision) -> dict[str, Any]:
+def _revision(revision: Revision) -> dict[str, Any]:
     cause = revision.cause
-    told = {name: value for name, value in vars(cause).items() if value or name == "cause"}
+    fields = {name: value for name, value in vars(cause).items() if value or name == "cause"}
     for name in ("rates", "target"):
-        if name in told:
-            told[name] = dict(told[name])
+        if name in fields:
+            fields[name] = dict(fields[name])
     return {
         "agent": revision.agent,
         "layer": revision.layer,
         "revision": revision.revision,
         "stamp": revision.stamp,
         "values": dict(revision.profile),
-        **told,
+        **fields,
     }
 
 

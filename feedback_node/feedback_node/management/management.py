@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Looks at what was learned, takes it back, takes it out, and takes it in."""
+"""Management of learned profiles: history, undo, reset, export, import, expiry and erasure."""
 
 from __future__ import annotations
 
@@ -14,19 +14,19 @@ from bt_agents_core.profile_layers import MOST_LAYERS, PERSON, PLACE, checked_la
 from feedback_node.learning.changes import Delivery, ProfileChange
 from feedback_node.learning.profiles import Profiles
 from feedback_node.learning.texts import check_texts
-from feedback_node.ledger.ledger import Ledger, LedgerEntry
-from feedback_node.ledger.ledger_file import LedgerError
-from feedback_node.ledger.ledger_rows import IMPORT, ProfileRevision, RevisionCause
+from feedback_node.ledger import Entry, Ledger
+from feedback_node.ledger.rows import IMPORT, Cause, Revision
 from feedback_node.management.documents import ImportedProfiles, from_document, number, to_document
 
 MOST_REVISIONS = 5000
-"""Newest revisions that one document tells."""
+"""Newest revisions that one document holds."""
 
-_TOLD = 3
+_MOST_NAMED = 3
+"""Changes that a message names one by one."""
 
 
 class ManagementAction(IntEnum):
-    """What is to be done; the numbers are those of ``ManageProfiles.srv``."""
+    """Kind of a request; the numbers are those of ``ManageProfiles.srv``."""
 
     HISTORY = 0
     UNDO = 1
@@ -39,7 +39,7 @@ class ManagementAction(IntEnum):
 
 @dataclass(frozen=True, kw_only=True)
 class ManagementCommand:
-    """A request as received, unchecked; see ``ManageProfiles.srv``."""
+    """Request as received, unchecked; see ``ManageProfiles.srv``."""
 
     action: int
     agent: str = ""
@@ -52,13 +52,13 @@ class ManagementCommand:
 
 @dataclass(frozen=True, kw_only=True)
 class Done:
-    """What was done.
+    """Result of a request.
 
     Attributes:
-        message: In words.
+        message: What was done, for people.
         document: JSON, of those actions that return one.
-        changes: What has changed.
-        deliveries: What hosts are to be told, beside the changes.
+        changes: Changes of profiles.
+        deliveries: Profiles for the hosts, beside the changes.
         forgets: True when somebody was forgotten.
     """
 
@@ -70,7 +70,7 @@ class Done:
 
 
 class Management:
-    """Does what somebody orders; each order happens as a whole or not at all.
+    """Execution of requests; each is carried out as a whole or not at all.
 
     Args:
         profiles: The profiles.
@@ -92,8 +92,8 @@ class Management:
         self._wall = wall
         self._new_id = new_id
 
-    def do(self, order: ManagementCommand) -> Done:
-        """Do what is ordered.
+    def execute(self, order: ManagementCommand) -> Done:
+        """Execute a request.
 
         Raises:
             Refused: ``UNKNOWN_ACTION``, ``TOO_LONG``, ``BAD_LAYER``, ``UNKNOWN_AGENT``,
@@ -118,39 +118,32 @@ class Management:
             ManagementAction.EXPIRE: self._expire,
             ManagementAction.FORGET: self._forget,
         }[action]
-        try:
-            return act(order)
-        except LedgerError:
-            # It may be recorded and not acknowledged.
-            self._profiles.reload()
-            raise
+        return act(order)
 
     def _history(self, order: ManagementCommand) -> Done:
         if not order.agent:
-            return self._told(self._selected(order), ())
+            return self._document(self._selected(order), ())
         one = self._known(order.agent, order.layer)
         revisions = self._ledger.history(order.agent, order.layer, newest=MOST_REVISIONS)
-        return self._told([one], revisions)
+        return self._document([one], revisions)
 
     def _export(self, order: ManagementCommand) -> Done:
         selected = self._selected(order)
         if not selected:
             raise self._unknown(order.agent, order.layer)
-        revisions: list[ProfileRevision] = []
+        revisions: list[Revision] = []
         for one in selected:
             room = MOST_REVISIONS - len(revisions)
             revisions += self._ledger.history(one.agent, one.layer, newest=room)
-        return self._told(selected, revisions)
+        return self._document(selected, revisions)
 
-    def _told(
-        self, selected: Sequence[ProfileRevision], revisions: Iterable[ProfileRevision]
-    ) -> Done:
+    def _document(self, selected: Sequence[Revision], revisions: Iterable[Revision]) -> Done:
         profiles = [self._summary(one) for one in selected]
         document = to_document(profiles, revisions, document_id=self._new_id())
         count = len(profiles)
         return Done(message=f"{count} profile{'s' if count != 1 else ''}", document=document)
 
-    def _summary(self, one: ProfileRevision) -> dict[str, Any]:
+    def _summary(self, one: Revision) -> dict[str, Any]:
         return {
             "agent": one.agent,
             "layer": one.layer,
@@ -189,11 +182,11 @@ class Management:
         begun = (one for one in found if one.layer and (one.agent, one.layer) not in known)
         entries = [self._profiles.beginning(one.agent, one.layer) for one in begun]
         entries += [
-            LedgerEntry(
+            Entry(
                 agent=one.agent,
                 layer=one.layer,
                 profile=self._profiles.space.named(one.values),
-                cause=RevisionCause(
+                cause=Cause(
                     cause=IMPORT,
                     kind=FeedbackKind.SET,
                     source=order.author,
@@ -235,7 +228,7 @@ class Management:
             for one in self._layers_of(order.agent)
             if one.stamp < before and one.layer.startswith(order.layer)
         ]
-        return self._gone(old, order.author)
+        return self._erase(old, order.author)
 
     def _forget(self, order: ManagementCommand) -> Done:
         if not order.layer:
@@ -247,32 +240,32 @@ class Management:
         found = [one for one in self._layers_of(order.agent) if one.layer == order.layer]
         if not found:
             raise self._unknown(order.agent, order.layer)
-        return self._gone(found, order.author)
+        return self._erase(found, order.author)
 
-    def _gone(self, found: Sequence[ProfileRevision], author: str) -> Done:
+    def _erase(self, found: Sequence[Revision], author: str) -> Done:
         if not found:
             return Done(message="nothing to forget")
         keys = [(one.agent, one.layer) for one in found]
-        trouble = self._ledger.forget(keys, source=author)
+        delayed = self._ledger.forget(keys, source=author)
         message = f"{len(keys)} profile{'s' if len(keys) != 1 else ''} forgotten"
-        if trouble:
+        if delayed:
             message += (
                 f"; traces stay in free parts of the file until it can be rewritten, which is "
-                f"tried again and again: {trouble}"
+                f"tried again and again: {delayed}"
             )
         return Done(message=message, deliveries=self._profiles.gone(keys), forgets=True)
 
-    def _changed(self, revisions: Sequence[ProfileRevision]) -> Done:
+    def _changed(self, revisions: Sequence[Revision]) -> Done:
         changes = tuple(self._profiles.taken([one]) for one in revisions)
         message = "; ".join(
             f"{one.revision.agent}: {one.words} (revision {one.revision.revision})"
-            for one in changes[:_TOLD]
+            for one in changes[:_MOST_NAMED]
         )
-        if len(changes) > _TOLD:
-            message += f"; and {len(changes) - _TOLD} more"
+        if len(changes) > _MOST_NAMED:
+            message += f"; and {len(changes) - _MOST_NAMED} more"
         return Done(message=message, changes=changes)
 
-    def _selected(self, order: ManagementCommand) -> list[ProfileRevision]:
+    def _selected(self, order: ManagementCommand) -> list[Revision]:
         """Return the current revisions that an order is about."""
         names = [order.agent] if order.agent else self._ledger.agents()
         own = (self._ledger.current(name) for name in names) if not order.layer else ()
@@ -282,11 +275,11 @@ class Management:
                 found.append(one)
         return sorted(found, key=lambda one: (one.agent, one.layer))
 
-    def _layers_of(self, agent: str) -> list[ProfileRevision]:
+    def _layers_of(self, agent: str) -> list[Revision]:
         names = [agent] if agent else self._ledger.agents()
         return [one for name in names for one in self._ledger.layers(name)]
 
-    def _known(self, agent: str, layer: str) -> ProfileRevision:
+    def _known(self, agent: str, layer: str) -> Revision:
         if not agent:
             raise Refused("UNKNOWN_AGENT", "no agent is named; name one")
         current = self._ledger.current(agent, layer)

@@ -36,8 +36,8 @@ from bt_agents_ros.timers import OneShot, steady_timer
 from feedback_node.learning.changes import ProfileChange, Table
 from feedback_node.learning.feedback_controller import FeedbackController, RuleOutcome
 from feedback_node.learning.profiles import Profiles
-from feedback_node.ledger.ledger import Ledger
-from feedback_node.ledger.ledger_file import LedgerError, ledger_path
+from feedback_node.ledger import Ledger
+from feedback_node.ledger.file import LedgerError, ledger_path
 from feedback_node.management.management import Done, Management
 from feedback_node.node.active_leaves import ActiveLeaves
 from feedback_node.node.cancel_requests import CancelRequests
@@ -203,13 +203,8 @@ class FeedbackNode(BaseNode):
         self._follow(self._teaching.again())
         self._look_again()
         self._stops.again()
-        if not self._ledger.secure():
-            self.get_logger().warning(
-                f"{self._ledger.path}: its -head file does not get onto the disk",
-                throttle_duration_sec=10.0,
-            )
         if self._untidy and not self._teaching.watching:
-            self._untidy = not self._ledger.tidy()
+            self._untidy = not self._ledger.checkpoint()
 
     def _follow(self, lessons: Iterable[RuleOutcome]) -> None:
         for lesson in lessons:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The service by which people manage what was learned."""
+"""Service for managing learned profiles."""
 
 from __future__ import annotations
 
@@ -14,20 +14,22 @@ from feedback_node.management.management import Done, Management, ManagementComm
 
 
 class ManagementService:
-    """Offers ``~/manage``.
+    """Server of ``~/manage``.
 
     Args:
         node: The feedback node.
-        management: Does what is asked.
-        done: Called with what was done, before the answer goes out.
+        management: Executes the requests.
+        on_done: Called with each result, before the response goes out.
     """
 
-    def __init__(self, node: Node, management: Management, done: Callable[[Done], None]) -> None:
+    def __init__(
+        self, node: Node, management: Management, on_done: Callable[[Done], None]
+    ) -> None:
         self._management = management
-        self._done = done
-        node.create_service(ManageProfiles, "~/manage", self._answer, qos_profile=qos.SERVICE)
+        self._on_done = on_done
+        node.create_service(ManageProfiles, "~/manage", self._handle, qos_profile=qos.SERVICE)
 
-    def _answer(
+    def _handle(
         self, request: ManageProfiles.Request, response: ManageProfiles.Response
     ) -> ManageProfiles.Response:
         order = ManagementCommand(
@@ -40,13 +42,13 @@ class ManagementService:
             document=request.document,
         )
         try:
-            done = self._management.do(order)
+            done = self._management.execute(order)
         except Refused as refusal:
             # What a document quotes may hold characters that no message can carry.
             response.code = refusal.code
             response.message = refusal.reason.encode(errors="replace").decode()
             return response
-        self._done(done)
+        self._on_done(done)
         response.accepted = True
         response.message, response.document = done.message, done.document
         return response

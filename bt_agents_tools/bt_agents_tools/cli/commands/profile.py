@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`bt-agents profile`: what was learned, taken back, taken out, and taken in."""
+"""`bt-agents profile`: inspect, undo, reset, export, import, forget and check profiles."""
 
 from __future__ import annotations
 
@@ -32,6 +32,7 @@ _DAYS = re.compile(r"(\d+(?:\.\d+)?)\s*(d|days?|w|weeks?)")
 _BARE = re.compile(r"[\d.]+")
 _DAY_S = 86_400.0
 _SCENE_LAYER_S = 1.0
+_MOST_PROBLEMS = 20
 
 _layer = click.option(
     "--layer",
@@ -86,8 +87,14 @@ def history(agent: str, layer: str, as_json: bool) -> None:
     table = _table("revision", "when", "what", "from", "change", "why")
     before: Mapping[str, float] = {}
     for one in json.loads(answer.document)["revisions"]:
-        told = (one.get("source", ""), _moves(before, one["values"]), one.get("reason", ""))
-        row = (str(one["revision"]), _when(one["stamp"]), _cause(one), *told)
+        row = (
+            str(one["revision"]),
+            _when(one["stamp"]),
+            _cause(one),
+            one.get("source", ""),
+            _changes(before, one["values"]),
+            one.get("reason", ""),
+        )
         table.add_row(*map(_plain, row))
         before = one["values"]
     _print(table)
@@ -179,7 +186,7 @@ def expire(older: str, agent: str, kind: str | None, yes: bool, author: str) -> 
 
 
 def _is_old(one: Mapping[str, Any], age_s: float, agent: str, kind: str) -> bool:
-    """Return True for a profile that an order to expire is about."""
+    """Return True for a profile that is to expire."""
     asked = one["layer"].startswith(kind) and agent in ("", one["agent"])
     return bool(one["layer"]) and asked and one["stamp"] < time.time() - age_s
 
@@ -229,13 +236,16 @@ def check(file: Path) -> None:
 
     A feedback node may have it open. The exit code is 1 when something is wrong.
     """
-    verdict = _recovery().inspect(file)
-    kept = f"{verdict.good} revisions are as they were written"
-    if verdict.forgotten:
-        kept += f", {verdict.forgotten} of them without their content, which was forgotten"
-    click.echo(f"{file}: {kept}")
-    if verdict.code:
-        click.echo(f"{verdict.code}: {verdict.problem}", err=True)
+    report = _ledger("file").inspect(str(file))
+    good = f"{report.good} revisions are as they were written"
+    if report.forgotten:
+        good += f", {report.forgotten} of them without their content, which was forgotten"
+    click.echo(f"{file}: {good}")
+    if report.problems:
+        for problem in report.problems[:_MOST_PROBLEMS]:
+            click.echo(f"LEDGER_CORRUPT: {problem}", err=True)
+        if (more := len(report.problems) - _MOST_PROBLEMS) > 0:
+            click.echo(f"and {counted(more, 'problem')} more", err=True)
         click.echo(
             f"'bt-agents profile recover {file} NEW' copies the good ones into a new file",
             err=True,
@@ -249,10 +259,11 @@ def check(file: Path) -> None:
 def recover(file: Path, new: Path) -> None:
     """Copy the good revisions of a damaged ledger FILE into a NEW one.
 
-    FILE is not changed. Move it away, with its -wal, -shm and -head, and put NEW, with its -head,
-    in its place; or give the feedback node NEW as its parameter 'ledger'.
+    Of each profile those are the first ones, up to the one before the first that is damaged or
+    missing. FILE is not changed. Move it away, with its -wal and -shm, and put NEW in its place;
+    or give the feedback node NEW as its parameter 'ledger'.
     """
-    count = _recovery().recover(file, new)
+    count = _ledger("recovery").recover(str(file), str(new))
     click.echo(f"{count} revisions copied to {new}")
 
 
@@ -294,9 +305,9 @@ def _do(action: str, **fields: Any) -> None:
         click.echo(_manage(observer, action, **fields).message)
 
 
-def _recovery() -> Any:
-    """Return the module that reads ledgers; it belongs to the feedback node."""
-    return importlib.import_module("feedback_node.ledger.recovery")
+def _ledger(module: str) -> Any:
+    """Return a module of the ledger, which belongs to the feedback node."""
+    return importlib.import_module(f"feedback_node.ledger.{module}")
 
 
 def _age(text: str) -> float:
@@ -320,9 +331,8 @@ def _age(text: str) -> float:
 
 
 def _plain(text: str) -> str:
-    """Return a text for a table, with what a terminal would obey written out."""
-    told = "".join(c if c.isprintable() else ascii(c)[1:-1] for c in text)
-    return escape(told)
+    """Return a text for a table, without markup and with control characters escaped."""
+    return escape("".join(c if c.isprintable() else ascii(c)[1:-1] for c in text))
 
 
 def _table(*columns: str) -> Table:
@@ -349,10 +359,10 @@ def _cause(one: Mapping[str, Any]) -> str:
     return KINDS[int(one.get("kind", 0))].lower()
 
 
-def _moves(before: Mapping[str, float], after: Mapping[str, float]) -> str:
-    moves = [
+def _changes(before: Mapping[str, float], after: Mapping[str, float]) -> str:
+    changes = [
         f"{name} {before[name]:.4g} → {value:.4g}" if name in before else f"{name} {value:.4g}"
         for name, value in after.items()
         if before.get(name) != value
     ]
-    return ", ".join(moves) or "no value has changed"
+    return ", ".join(changes) or "no value has changed"

@@ -1,52 +1,52 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the ledger answers; each row is checked against its hash when it is read."""
+"""Queries of the ledger; the checksum of each row is checked when it is read."""
 
 from __future__ import annotations
 
 import sqlite3
 import sys
 from collections.abc import Iterator, Mapping
+from typing import Any
 
 from bt_agents_core.errors import Refused
 from bt_agents_core.feedback import FeedbackKind
-from feedback_node.ledger.ledger_check import CORRUPT, is_out_of_reach
-from feedback_node.ledger.ledger_file import LedgerError, damaged, unreadable
-from feedback_node.ledger.ledger_rows import (
+from feedback_node.ledger.file import damaged, unread
+from feedback_node.ledger.rows import (
     AUTHORED,
     FEEDBACK,
     FORGOTTEN_LAYER,
     Damaged,
-    ProfileRevision,
+    Revision,
     hidden,
     name_of,
-    rows,
+    select,
 )
 
-_FEW = 32
-_MANY = 1024
+_FIRST_BATCH = 32
+_LARGEST_BATCH = 1024
 """Rows that are read at once on the way back, at first and at most."""
 
 
 class LedgerReader:
-    """Reads an open ledger; each method may raise ``LEDGER_CORRUPT`` or ``LEDGER_UNREADABLE``.
+    """Queries of an open ledger; each may raise ``LEDGER_CORRUPT`` or ``LEDGER_UNREADABLE``.
 
     Args:
-        database: The ledger, of the present format.
-        path: Its file, for what is said of it.
+        database: The ledger.
+        path: Its file, for messages.
     """
 
     def __init__(self, database: sqlite3.Connection, path: str) -> None:
         self._database = database
-        self._written: dict[str, Mapping[str, float]] = {}
+        self._authored: dict[str, Mapping[str, float]] = {}
         self.path = path
 
-    def current(self, agent: str, layer: str = "") -> ProfileRevision | None:
+    def current(self, agent: str, layer: str = "") -> Revision | None:
         """Return the latest revision of an agent; None for an unknown one."""
         where = "WHERE agent = ? AND layer = ? ORDER BY revision DESC LIMIT 1"
         found = self._select(where, agent, layer)
         return found[0] if found else None
 
-    def layers(self, agent: str) -> tuple[ProfileRevision, ...]:
+    def layers(self, agent: str) -> tuple[Revision, ...]:
         """Return the latest revision of each layer of an agent, by name."""
         where = (
             "JOIN (SELECT layer AS l, max(revision) AS r FROM revision WHERE agent = ?1 AND "
@@ -57,31 +57,18 @@ class LedgerReader:
 
     def count_layers(self, agent: str) -> int:
         """Return how many layers an agent has."""
-        where = "agent = ? AND layer > '' AND layer NOT LIKE ?"
-        found = self._counted(
-            f"SELECT '', count(DISTINCT layer) FROM revision WHERE {where}",
-            agent,
-            f"{FORGOTTEN_LAYER}%",
-        )
-        return found[""]
+        where = f"agent = ? AND layer > '' AND layer NOT LIKE '{FORGOTTEN_LAYER}%'"
+        query = f"SELECT count(DISTINCT layer) FROM revision WHERE {where}"
+        return int(self._query(query, agent)[0][0])
 
     def has_layers(self) -> bool:
         """Return True when any agent has, or has had, a layer."""
-        try:
-            found = self._database.execute("SELECT 1 FROM revision WHERE layer <> '' LIMIT 1")
-            return found.fetchone() is not None
-        except sqlite3.Error as error:
-            raise self._unread(error) from error
+        return bool(self._query("SELECT 1 FROM revision WHERE layer <> '' LIMIT 1"))
 
     def agents(self) -> tuple[str, ...]:
         """Return the names of all agents, by name."""
-        try:
-            found = self._database.execute(
-                "SELECT DISTINCT agent FROM revision WHERE layer = '' ORDER BY agent"
-            )
-            return tuple(str(agent) for (agent,) in found)
-        except sqlite3.Error as error:
-            raise self._unread(error) from error
+        found = self._query("SELECT DISTINCT agent FROM revision WHERE layer = '' ORDER BY agent")
+        return tuple(str(agent) for (agent,) in found)
 
     def authored(self, agent: str) -> Mapping[str, float]:
         """Return the profile of an agent as its author wrote it last.
@@ -89,20 +76,20 @@ class LedgerReader:
         Raises:
             Refused: ``UNKNOWN_AGENT``.
         """
-        if agent in self._written:
-            return self._written[agent]
+        if agent in self._authored:
+            return self._authored[agent]
         for row in self._back(agent, ""):
             if row.cause.cause == AUTHORED:
-                self._written[agent] = row.cause.target
+                self._authored[agent] = row.cause.target
                 return row.cause.target
         raise Refused("UNKNOWN_AGENT", f"the ledger has no agent '{agent}'; enter it first")
 
-    def find(self, feedback_id: str) -> ProfileRevision | None:
+    def find(self, feedback_id: str) -> Revision | None:
         """Return the revision that a feedback led to, the first of several; None for a new id."""
-        found = self.found(feedback_id)
+        found = self.find_all(feedback_id)
         return found[0] if found else None
 
-    def found(self, feedback_id: str) -> tuple[ProfileRevision, ...]:
+    def find_all(self, feedback_id: str) -> tuple[Revision, ...]:
         """Return all revisions that a feedback led to, in the order of their entry."""
         where = "WHERE feedback_id IN (?, ?) ORDER BY number"
         return tuple(self._select(where, feedback_id, hidden(feedback_id)))
@@ -110,30 +97,26 @@ class LedgerReader:
     def has(self, feedback_id: str) -> bool:
         """Return whether a feedback has led to any revision."""
         query = "SELECT 1 FROM revision WHERE feedback_id IN (?, ?) LIMIT 1"
-        try:
-            found = self._database.execute(query, (feedback_id, hidden(feedback_id)))
-            return found.fetchone() is not None
-        except sqlite3.Error as error:
-            raise self._unread(error) from error
+        return bool(self._query(query, feedback_id, hidden(feedback_id)))
 
     def count(self, prefix: str) -> dict[str, int]:
         """Return agent → how many feedbacks it has had whose id begins so."""
-        return self._counted(
+        query = (
             "SELECT agent, count(DISTINCT feedback_id) FROM revision "
-            "WHERE feedback_id >= ? AND feedback_id < ? GROUP BY agent",
-            prefix,
-            prefix + chr(sys.maxunicode),
+            "WHERE feedback_id >= ? AND feedback_id < ? GROUP BY agent"
         )
+        found = self._query(query, prefix, prefix + chr(sys.maxunicode))
+        return {str(agent): int(count) for agent, count in found}
 
     def history(
         self, agent: str, layer: str = "", *, newest: int | None = None
-    ) -> tuple[ProfileRevision, ...]:
+    ) -> tuple[Revision, ...]:
         """Return the revisions of an agent, oldest first; all, or the newest so many."""
         where = "WHERE agent = ? AND layer = ? ORDER BY revision DESC LIMIT ?"
         found = self._select(where, agent, layer, -1 if newest is None else newest)
         return tuple(reversed(found))
 
-    def taught(self, agent: str, layer: str = "", *, newest: int) -> tuple[ProfileRevision, ...]:
+    def taught(self, agent: str, layer: str = "", *, newest: int) -> tuple[Revision, ...]:
         """Return the feedbacks that have led to the current profile, oldest first.
 
         Those that were undone are left out, and those before the author, a reset or an import has
@@ -144,7 +127,7 @@ class LedgerReader:
             layer: Which.
             newest: At most so many.
         """
-        found: list[ProfileRevision] = []
+        found: list[Revision] = []
         for row in self._back(agent, layer):
             if len(found) == newest or row.cause.cause != FEEDBACK:
                 break
@@ -152,16 +135,16 @@ class LedgerReader:
                 found.append(row)
         return tuple(reversed(found))
 
-    def before(self, revision: ProfileRevision) -> ProfileRevision:
+    def before(self, revision: Revision) -> Revision:
         """Return the revision that came before one; revision 0 comes before itself."""
         number = max(0, revision.revision - 1)
         return self._row(revision.agent, revision.layer, number)
 
-    def _back(self, agent: str, layer: str) -> Iterator[ProfileRevision]:
+    def _back(self, agent: str, layer: str) -> Iterator[Revision]:
         """Return the revisions that have led to the current one, from it back to the first."""
         row = self.current(agent, layer)
-        near: dict[int, ProfileRevision] = {}
-        many = _FEW
+        near: dict[int, Revision] = {}
+        batch = _FIRST_BATCH
         while row is not None:
             row = self._restored(row)
             yield row
@@ -170,16 +153,16 @@ class LedgerReader:
                 return
             if wanted not in near:
                 where = "WHERE agent = ? AND layer = ? AND revision <= ? ORDER BY revision DESC"
-                found = self._select(f"{where} LIMIT {many}", agent, layer, wanted)
+                found = self._select(f"{where} LIMIT {batch}", agent, layer, wanted)
                 near = {one.revision: one for one in found}
-                many = min(2 * many, _MANY)
+                batch = min(2 * batch, _LARGEST_BATCH)
             row = near[wanted] if wanted in near else self._row(agent, layer, wanted)
 
-    def _restored(self, row: ProfileRevision) -> ProfileRevision:
+    def _restored(self, row: Revision) -> Revision:
         restores = row.cause.restores
         return row if restores is None else self._row(row.agent, row.layer, restores)
 
-    def _last(self, agent: str, layer: str) -> ProfileRevision:
+    def _last(self, agent: str, layer: str) -> Revision:
         last = self.current(agent, layer)
         if last is None and self.current(agent) is None:
             raise Refused("UNKNOWN_AGENT", f"the ledger has no agent '{agent}'; enter it first")
@@ -188,27 +171,23 @@ class LedgerReader:
             raise Refused("UNKNOWN_LAYER", f"{agent} has no layer '{layer}'; it has: {known}")
         return last
 
-    def _row(self, agent: str, layer: str, revision: int) -> ProfileRevision:
+    def _row(self, agent: str, layer: str, revision: int) -> Revision:
         where = "WHERE agent = ? AND layer = ? AND revision = ?"
         found = self._select(where, agent, layer, revision)
         if not found:
-            what = f"revision {revision} of {name_of(agent, layer)} is not there"
-            raise damaged(self.path, CORRUPT, what)
+            raise damaged(
+                self.path, [f"revision {revision} of {name_of(agent, layer)} is missing"]
+            )
         return found[0]
 
-    def _select(self, where: str, *values: str | int) -> list[ProfileRevision]:
+    def _select(self, where: str, *values: str | int) -> list[Revision]:
         try:
-            return rows(self._database, where, *values)
+            return select(self._database, where, *values)
         except (sqlite3.Error, Damaged) as error:
-            raise self._unread(error) from error
+            raise unread(self.path, error) from error
 
-    def _counted(self, query: str, *values: str) -> dict[str, int]:
+    def _query(self, query: str, *values: str) -> list[Any]:
         try:
-            return {str(name): int(n) for name, n in self._database.execute(query, values)}
+            return self._database.execute(query, values).fetchall()
         except sqlite3.Error as error:
-            raise self._unread(error) from error
-
-    def _unread(self, error: sqlite3.Error | Damaged) -> LedgerError:
-        if isinstance(error, sqlite3.Error) and is_out_of_reach(error):
-            return unreadable(self.path, error)
-        return damaged(self.path, CORRUPT, str(error))
+            raise unread(self.path, error) from error

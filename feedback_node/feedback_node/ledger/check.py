@@ -1,0 +1,148 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Check of a ledger: the checksum of every row, gaps in the revisions, and SQLite's own check."""
+
+from __future__ import annotations
+
+import sqlite3
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+from feedback_node.ledger.rows import COLUMNS, Row, has_tables, name_of
+
+_MOST_PAGES = 3
+"""Problems that SQLite is asked to name."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class CheckReport:
+    """Result of a check.
+
+    Attributes:
+        good: How many rows are what was written, with all revisions of their profile before them.
+        forgotten: How many of them have lost their content on purpose.
+        problems: Each with the rows or the pages concerned; empty when nothing is wrong.
+    """
+
+    good: int = 0
+    forgotten: int = 0
+    problems: tuple[str, ...] = ()
+
+
+class RowCheck:
+    """One pass over all rows of a ledger, which tells the good ones from the others.
+
+    Args:
+        database: The ledger.
+
+    Attributes:
+        good: As in :class:`CheckReport`, of the rows so far; likewise ``forgotten`` and
+            ``problems``.
+    """
+
+    def __init__(self, database: sqlite3.Connection) -> None:
+        self._database = database
+        self._next: dict[tuple[str, str], int] = {}
+        self._broken: set[tuple[str, str]] = set()
+        self.good = self.forgotten = 0
+        self.problems: list[str] = []
+
+    def good_rows(self) -> Iterator[Row]:
+        """Yield the good rows in the order of their entry.
+
+        Raises:
+            sqlite3.OperationalError: The file is out of reach.
+        """
+        for row in self._rows():
+            profile = (row.agent, row.layer)
+            if problem := self._problem(row):
+                self.problems.append(problem)
+                self._broken.add(profile)
+            if profile not in self._broken:
+                self.good += 1
+                self.forgotten += row.content is None
+                yield row
+
+    def _problem(self, row: Row) -> str:
+        profile = (row.agent, row.layer)
+        expected = self._next.get(profile, 0)
+        if not row.is_intact:
+            # It fills its place all the same, so that its successor is not reported as well.
+            self._next[profile] = expected + (row.revision == expected)
+            return f"row {row.number} ({row.name}) is not what was written"
+        self._next[profile] = row.revision + 1
+        if row.revision != expected:
+            return f"revision {expected} of {name_of(*profile)} is missing before row {row.number}"
+        return ""
+
+    def _rows(self) -> Iterator[Row]:
+        """Yield all rows that can be read: up to a damaged page, and from the end back to it."""
+        last = 0
+        try:
+            for row in self._select("ORDER BY number"):
+                if not _is_between(last, row.number, None):
+                    raise sqlite3.DatabaseError(f"row {row.number} stands behind row {last}")
+                last = row.number
+                yield row
+            return
+        except sqlite3.DatabaseError as error:
+            if is_out_of_reach(error):
+                raise
+            reason = str(error)
+        behind: list[Row] = []
+        try:
+            for row in self._select("ORDER BY number DESC"):
+                if not _is_between(last, row.number, behind[-1].number if behind else None):
+                    break
+                behind.append(row)
+        except sqlite3.DatabaseError as error:
+            if is_out_of_reach(error):
+                raise
+        lost = f"{last + 1} to {behind[-1].number - 1}" if behind else f"from {last + 1} on"
+        self.problems.append(f"rows {lost} cannot be read ({reason})")
+        yield from reversed(behind)
+
+    def _select(self, order: str) -> Iterator[Row]:
+        return map(Row._make, self._database.execute(f"SELECT {COLUMNS} FROM revision {order}"))
+
+
+def check(database: sqlite3.Connection) -> CheckReport:
+    """Check an open ledger of this format; a writer may have it open as well.
+
+    Raises:
+        sqlite3.OperationalError: The file is out of reach.
+    """
+    rows = RowCheck(database)
+    problems: list[str] = []
+    database.execute("BEGIN")
+    try:
+        for _ in rows.good_rows():
+            pass
+        if not has_tables(database):
+            problems.append("its tables are not those of a ledger")
+        pages = [str(row[0]) for row in database.execute(f"PRAGMA integrity_check({_MOST_PAGES})")]
+        if pages != ["ok"]:
+            problems.append("its pages and indexes: " + "; ".join(pages).replace("\n", "; "))
+    except sqlite3.DatabaseError as error:
+        if is_out_of_reach(error):
+            raise
+        problems.append(f"its pages and indexes: {error}")
+    finally:
+        if database.in_transaction:
+            database.execute("ROLLBACK")
+    return CheckReport(
+        good=rows.good, forgotten=rows.forgotten, problems=(*rows.problems, *problems)
+    )
+
+
+def is_out_of_reach(error: Exception) -> bool:
+    """Return True for an error of reading that says nothing about what the file holds."""
+    if not isinstance(error, sqlite3.OperationalError):
+        return False
+    # A table that is missing, or a header that makes no sense, is an operational error, too.
+    return error.sqlite_errorcode & 0xFF != sqlite3.SQLITE_ERROR
+
+
+def _is_between(low: int, number: Any, high: int | None) -> bool:
+    """Return True for a number of a row that can stand there; damage may make anything of it."""
+    return isinstance(number, int) and low < number and (high is None or number < high)

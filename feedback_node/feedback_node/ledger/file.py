@@ -1,0 +1,234 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The ledger's SQLite file: one writer, one format, and no silent replacement of a damaged one."""
+
+from __future__ import annotations
+
+import errno
+import fcntl
+import sqlite3
+from collections.abc import Mapping, Sequence
+from contextlib import closing, suppress
+from operator import methodcaller
+from pathlib import Path
+from typing import TextIO
+from urllib.parse import quote
+
+from bt_agents_core.errors import STORAGE_FULL, Refused
+from feedback_node.ledger.check import CheckReport, check, is_out_of_reach
+from feedback_node.ledger.rows import APPLICATION, FORMAT, create_tables
+
+MEMORY = ":memory:"
+"""Path of a ledger that is forgotten when it is closed."""
+
+FAILED = "LEDGER_FAILED"
+CORRUPT = "LEDGER_CORRUPT"
+UNREADABLE = "LEDGER_UNREADABLE"
+
+_LOCK_WAIT_S = 0.5
+_MOST_PROBLEMS = 3
+_MEND = (
+    "Nothing was changed. 'bt-agents profile recover' copies the good revisions into a new file; "
+    "or put a copy back; or move the file away, with its -wal and -shm, to start with the "
+    "profiles of the agents' files"
+)
+_FULL = {
+    sqlite3.SQLITE_FULL,
+    sqlite3.SQLITE_IOERR_WRITE,
+    sqlite3.SQLITE_IOERR_SHMSIZE,
+}
+_FULL_ERRNO = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+
+
+class LedgerError(Refused):
+    """The ledger cannot be read or written; its code says why."""
+
+
+def ledger_path(explicit: str, environment: Mapping[str, str]) -> str:
+    """Return where the ledger lies: ``explicit``, else the user's state folder."""
+    if explicit == MEMORY:
+        return explicit
+    if explicit:
+        return str(Path(explicit).expanduser())
+    state = environment.get("XDG_STATE_HOME") or str(Path.home() / ".local" / "state")
+    return str(Path(state) / "bt-agents" / "ledger.sqlite")
+
+
+def lock_file(path: Path) -> TextIO:
+    """Keep other writers out until the returned file is closed; create the folder.
+
+    Raises:
+        LedgerError: ``LEDGER_UNREADABLE`` or ``LEDGER_IN_USE``.
+    """
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        lock = path.with_name(path.name + ".lock").open("w")
+    except OSError as error:
+        raise LedgerError(
+            UNREADABLE,
+            f"{path}: {error.strerror}; give the parameter 'ledger' a path that can be written",
+        ) from error
+    try:
+        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError:
+        lock.close()
+        raise LedgerError(
+            "LEDGER_IN_USE",
+            f"{path}: another feedback node writes it; end that one or give this one another path",
+        ) from None
+    return lock
+
+
+def connect(path: str, mode: str) -> sqlite3.Connection:
+    """Open a database; ``ro``, ``rwc`` or ``memory`` as in SQLite's URI.
+
+    Raises:
+        sqlite3.Error: It cannot be opened.
+    """
+    address = f"file:{quote(path)}?mode={mode}"
+    database = sqlite3.connect(address, uri=True, timeout=_LOCK_WAIT_S, isolation_level=None)
+    # Damaged text is for the checksum of its row to find.
+    database.text_factory = methodcaller("decode", errors="surrogateescape")
+    return database
+
+
+def open_database(path: str) -> sqlite3.Connection:
+    """Open a ledger to write, checked before anything is changed; create a new one.
+
+    Raises:
+        LedgerError: As in :func:`inspect`, or ``LEDGER_CORRUPT``, and the file is left as it was
+            found; or as in :func:`failed` when a new one cannot be written.
+    """
+    if path != MEMORY and _has_content(path) and (problems := inspect(path).problems):
+        raise damaged(path, problems)
+    try:
+        database = connect(path, "memory" if path == MEMORY else "rwc")
+        try:
+            _set_up(database)
+        except BaseException:
+            database.close()
+            raise
+    except sqlite3.Error as error:
+        raise unreadable(path, error) from error
+    return database
+
+
+def inspect(path: str) -> CheckReport:
+    """Check a ledger, which a feedback node may have open, and change nothing.
+
+    Raises:
+        LedgerError: It is no ledger of this format: ``LEDGER_UNREADABLE``, ``LEDGER_FOREIGN``,
+            ``LEDGER_NEWER``, ``LEDGER_OLD``, or ``LEDGER_CORRUPT`` when it is no database at all.
+    """
+    try:
+        with closing(connect(path, "ro")) as database:
+            return check(database) if _is_ledger(database, path) else CheckReport()
+    except (sqlite3.Error, UnicodeDecodeError) as error:
+        # The message of an error may quote text that is damaged.
+        raise unread(path, error) from error
+
+
+def _has_content(path: str) -> bool:
+    file, log, journal = Path(path), Path(path + "-wal"), Path(path + "-journal")
+    try:
+        if journal.exists():
+            # The creation of the ledger was cut off; SQLite undoes it before it reads.
+            with closing(connect(path, "rwc")) as database:
+                integer(database, "schema_version")
+        if file.exists() and file.stat().st_size:
+            return True
+        if log.exists() and log.stat().st_size:
+            # SQLite would delete the log.
+            raise damaged(path, ["the file is gone or empty, and its log (-wal) is there"])
+    except (OSError, sqlite3.Error) as error:
+        raise unreadable(path, error) from error
+    return False
+
+
+def _is_ledger(database: sqlite3.Connection, path: str) -> bool:
+    """Return whether an open file is a ledger of this format; False for one without tables."""
+    if not database.execute("SELECT count(*) FROM sqlite_master").fetchone()[0]:
+        return False
+    if integer(database, "application_id") != APPLICATION:
+        raise LedgerError(
+            "LEDGER_FOREIGN",
+            f"{path}: an SQLite file of another program; give 'ledger' another path",
+        )
+    if (found := integer(database, "user_version")) != FORMAT:
+        raise LedgerError(
+            "LEDGER_NEWER" if found > FORMAT else "LEDGER_OLD",
+            f"{path}: format {found}, this program knows {FORMAT} only; use the version that has "
+            "written it, or move the file away, with its -wal and -shm, to start with the "
+            "profiles of the agents' files",
+        )
+    return True
+
+
+def _set_up(database: sqlite3.Connection) -> None:
+    database.execute("PRAGMA journal_mode = WAL")
+    database.execute("PRAGMA synchronous = FULL")
+    database.execute("PRAGMA secure_delete = ON")
+    database.execute("BEGIN IMMEDIATE")
+    try:
+        if integer(database, "user_version"):
+            # One that can only be read says so now rather than with the first feedback.
+            database.execute(f"PRAGMA user_version = {FORMAT}")
+            database.execute("ROLLBACK")
+        else:
+            create_tables(database)
+            database.execute("COMMIT")
+    except BaseException:
+        with suppress(sqlite3.Error):
+            database.execute("ROLLBACK")
+        raise
+
+
+def integer(database: sqlite3.Connection, pragma: str) -> int:
+    """Return the number that a pragma of the file has.
+
+    Raises:
+        sqlite3.Error: It cannot be read.
+    """
+    return int(database.execute(f"PRAGMA {pragma}").fetchone()[0])
+
+
+def unreadable(path: str, error: Exception) -> LedgerError:
+    """Return the error for a file that the operating system does not let us use."""
+    if is_full(error):
+        return failed(path, error)
+    return LedgerError(
+        UNREADABLE,
+        f"{path}: {error}; expected an SQLite file of this program that can be read and written",
+    )
+
+
+def damaged(path: str, problems: Sequence[str]) -> LedgerError:
+    """Return the error for a file with damaged content."""
+    more = len(problems) - _MOST_PROBLEMS
+    found = "; ".join(problems[:_MOST_PROBLEMS]) + (f"; and {more} more" if more > 0 else "")
+    return LedgerError(CORRUPT, f"{path}: {found}. {_MEND}")
+
+
+def unread(path: str, error: Exception) -> LedgerError:
+    """Return the error for something that was not read."""
+    return unreadable(path, error) if is_out_of_reach(error) else damaged(path, [str(error)])
+
+
+def is_full(error: Exception) -> bool:
+    """Return True for an error of writing that comes from a disk, or a quota, that is full."""
+    if isinstance(error, OSError):
+        return error.errno in _FULL_ERRNO
+    return getattr(error, "sqlite_errorcode", None) in _FULL
+
+
+def failed(path: str, error: Exception) -> LedgerError:
+    """Return the error for something that was not recorded."""
+    if is_full(error):
+        return LedgerError(
+            STORAGE_FULL,
+            f"{path}: {error}: the disk takes no more, nothing was recorded; make room, what is "
+            "given after that is recorded again",
+        )
+    return LedgerError(
+        FAILED,
+        f"{path}: {error}; nothing was recorded, look at the disk's space and rights",
+    )

@@ -1,0 +1,285 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Rows of the ledger: the table, the revision that each holds, and its checksum."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+import sqlite3
+import zlib
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
+
+FORMAT = 3
+APPLICATION = 0x62746167  # "btag"
+
+AUTHORED = "authored"
+LAYER = "layer"
+FEEDBACK = "feedback"
+UNDO = "undo"
+RESET = "reset"
+IMPORT = "import"
+FORGOTTEN = "forgotten"
+
+STARTS = (AUTHORED, LAYER)
+"""Causes of revisions behind which no undo goes back."""
+
+FORGOTTEN_LAYER = "forgotten/"
+"""Prefix of the layer under which erased rows stay; the number of the first of them follows."""
+
+COLUMNS = "number, agent, layer, revision, feedback_id, content, checksum"
+INSERT = f"INSERT INTO revision ({COLUMNS}) VALUES (?,?,?,?,?,?,?)"
+
+_TABLE = """CREATE TABLE revision (
+    number INTEGER PRIMARY KEY,
+    agent TEXT NOT NULL,
+    layer TEXT NOT NULL,
+    revision INTEGER NOT NULL,
+    feedback_id TEXT,
+    content TEXT,
+    checksum INTEGER NOT NULL
+)"""
+_PENDING = "CREATE TABLE pending (task TEXT PRIMARY KEY)"
+_OF_LAYER = "CREATE UNIQUE INDEX revision_of_layer ON revision (agent, layer, revision)"
+_OF_FEEDBACK = "CREATE UNIQUE INDEX revision_of_feedback ON revision (feedback_id, layer)"
+_NO_DELETE = """CREATE TRIGGER revision_no_delete BEFORE DELETE ON revision
+BEGIN SELECT RAISE(ABORT, 'revisions are never deleted; append a new one'); END"""
+_NO_UPDATE = """CREATE TRIGGER revision_no_update BEFORE UPDATE ON revision
+WHEN NOT (new.content IS NULL AND new.number IS old.number
+    AND new.agent IS old.agent AND new.revision IS old.revision)
+BEGIN SELECT RAISE(ABORT, 'revisions are never changed; append a new one'); END"""
+_SCHEMA = (_TABLE, _PENDING, _OF_LAYER, _OF_FEEDBACK, _NO_DELETE, _NO_UPDATE)
+
+_HIDDEN = "sha256:"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Cause:
+    """Reason for a revision.
+
+    Attributes:
+        cause: ``authored``, ``layer`` (where one begins), ``feedback``, ``undo``, ``reset``,
+            ``import`` or ``forgotten``.
+        kind: Number of the feedback's kind as in ``Feedback.msg``; 0 for no feedback.
+        source: Who gave it.
+        reason: Why, as a text.
+        feedback_id: Unique among all feedback; None for a change without feedback.
+        epoch: Market of the run; may be empty.
+        round: Round of the run; 0 for none.
+        rate: Learning rate of the agent.
+        weight: Of the source; the rate was multiplied by it.
+        rates: Parameter → what it has moved by, where that is not ``rate``.
+        target: Parameter → value moved towards or away from, without those that had no opinion;
+            of an authored revision the profile as its file has it.
+        scene_id: Scene of the run; may be empty.
+        leaf: Path of the node that was running; may be empty.
+        cancels: True when the run is stopped because of it.
+        restores: Of an undo, the revision whose profile it brings back.
+        changes: How many feedbacks, without those that set a profile, have led to it.
+    """
+
+    cause: str = FEEDBACK
+    kind: int = 0
+    source: str = ""
+    reason: str = ""
+    feedback_id: str | None = None
+    epoch: str = ""
+    round: int = 0
+    rate: float = 0.0
+    weight: float = 1.0
+    rates: Mapping[str, float] = field(default_factory=dict)
+    target: Mapping[str, float] = field(default_factory=dict)
+    scene_id: str = ""
+    leaf: str = ""
+    cancels: bool = False
+    restores: int | None = None
+    changes: int = 0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Revision:
+    """Profile of an agent, or of one of its layers, from one change to the next.
+
+    Attributes:
+        agent: Whose profile.
+        layer: Empty for everybody's, ``person/anna``, ``place/lobby``.
+        revision: Counts up from 0 in each layer; 0 is what the agent's file began with, or what
+            the layer began with.
+        profile: Parameter → value; empty when it was forgotten.
+        cause: Why it was written.
+        stamp: Wall time of the entry [s].
+    """
+
+    agent: str
+    layer: str = ""
+    revision: int
+    profile: Mapping[str, float]
+    cause: Cause
+    stamp: float
+
+
+class Row(NamedTuple):
+    """Row of the table, in the order of :data:`COLUMNS`.
+
+    Attributes:
+        number: Order of entry.
+        agent: Whose.
+        layer: Which.
+        revision: Of the layer.
+        feedback_id: None without one; a hash of it when it was forgotten.
+        content: The rest as JSON; None when it was forgotten.
+        checksum: See :func:`checksum_of`.
+    """
+
+    number: int
+    agent: str
+    layer: str
+    revision: int
+    feedback_id: str | None
+    content: str | None
+    checksum: int = 0
+
+    @property
+    def name(self) -> str:
+        """The revision, for messages."""
+        return f"revision {self.revision} of {name_of(self.agent, self.layer)}"
+
+    @property
+    def is_intact(self) -> bool:
+        """True when the row has the checksum of what it holds."""
+        try:
+            return checksum_of(self) == self.checksum
+        except (TypeError, ValueError):
+            return False
+
+
+class Damaged(ValueError):
+    """A row is not what was written."""
+
+
+_DEFAULTS = vars(Cause())
+_CAUSE_NAMES = _DEFAULTS.keys() - {"feedback_id"}
+_MAPPINGS = ("rates", "target")
+_JSON = json.JSONEncoder(allow_nan=False, separators=(",", ":"))
+
+
+def create_tables(database: sqlite3.Connection) -> None:
+    """Create the tables of an empty ledger, inside a transaction of the caller.
+
+    Raises:
+        sqlite3.Error: They cannot be created.
+    """
+    database.execute(f"PRAGMA application_id = {APPLICATION}")
+    database.execute(f"PRAGMA user_version = {FORMAT}")
+    for statement in _SCHEMA:
+        database.execute(statement)
+
+
+def has_tables(database: sqlite3.Connection) -> bool:
+    """Return True when the tables, indexes and triggers are those of a ledger.
+
+    Raises:
+        sqlite3.Error: They cannot be read.
+    """
+    found = database.execute("SELECT sql FROM sqlite_master WHERE sql IS NOT NULL")
+    return sorted(str(sql) for (sql,) in found) == sorted(_SCHEMA)
+
+
+def checksum_of(row: Row) -> int:
+    """Return the CRC-32 of everything before the checksum, as a JSON array.
+
+    Raises:
+        TypeError, ValueError: A value is none that a row holds.
+    """
+    return zlib.crc32(_JSON.encode(row[:-1]).encode())
+
+
+def with_checksum(row: Row) -> Row:
+    """Return a row with the checksum of what it holds."""
+    return row._replace(checksum=checksum_of(row))
+
+
+def row_of(number: int, revision: Revision) -> Row:
+    """Return a revision as a row.
+
+    Raises:
+        ValueError: A value of it is not finite.
+    """
+    cause = revision.cause
+    content: dict[str, Any] = {"profile": dict(revision.profile), "stamp": revision.stamp}
+    for name, value in vars(cause).items():
+        if value != _DEFAULTS[name]:
+            content[name] = dict(value) if name in _MAPPINGS else value
+    content.pop("feedback_id", None)
+    key = (revision.agent, revision.layer, revision.revision, cause.feedback_id)
+    return with_checksum(Row(number, *key, _JSON.encode(content)))
+
+
+def read_row(row: Row) -> Revision:
+    """Return the revision of a row; a forgotten one without its content.
+
+    Raises:
+        Damaged: The row is not what was written.
+    """
+    if not row.is_intact:
+        raise Damaged(f"{row.name} (row {row.number}) is not what was written")
+    number, agent, layer, revision, feedback_id, content, _ = row
+    if content is None:
+        cause = Cause(cause=FORGOTTEN, feedback_id=feedback_id)
+        return Revision(
+            agent=agent, layer=layer, revision=revision, profile={}, cause=cause, stamp=0.0
+        )
+    try:
+        fields = json.loads(content)
+        profile, stamp = _numbers(fields.pop("profile")), float(fields.pop("stamp"))
+        if not fields.keys() <= _CAUSE_NAMES:
+            raise Damaged(f"{row.name} (row {number}) has unknown fields")
+        for name in _MAPPINGS:
+            fields[name] = _numbers(fields.get(name, {}))
+        return Revision(
+            agent=agent,
+            layer=layer,
+            revision=revision,
+            profile=profile,
+            cause=Cause(feedback_id=feedback_id, **fields),
+            stamp=stamp,
+        )
+    except (ValueError, TypeError, KeyError, AttributeError) as error:
+        raise Damaged(str(error)) from error
+
+
+def hidden(feedback_id: str) -> str:
+    """Return what stays of the id of a forgotten feedback, so that it is not applied again."""
+    if is_hidden(feedback_id):
+        return feedback_id
+    return _HIDDEN + hashlib.sha256(feedback_id.encode()).hexdigest()
+
+
+def is_hidden(feedback_id: str) -> bool:
+    """Return True for what :func:`hidden` returns."""
+    return feedback_id.startswith(_HIDDEN)
+
+
+def name_of(agent: str, layer: str) -> str:
+    """Return the name of a profile: the agent, and the layer where it is not everybody's."""
+    return f"{agent} for {layer}" if layer else agent
+
+
+def select(database: sqlite3.Connection, where: str, *values: str | int) -> list[Revision]:
+    """Return the revisions that a condition selects.
+
+    Raises:
+        Damaged: One of them is not what was written.
+        sqlite3.Error: The file cannot be read.
+    """
+    found = database.execute(f"SELECT {COLUMNS} FROM revision {where}", values)
+    return [read_row(Row(*row)) for row in found]
+
+
+def _numbers(values: Any) -> dict[str, float]:
+    numbers = {str(name): float(value) for name, value in values.items()}
+    if not all(map(math.isfinite, numbers.values())):
+        raise Damaged(f"a profile holds a value that is not finite: {values}")
+    return numbers
