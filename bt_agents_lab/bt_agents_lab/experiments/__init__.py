@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Experiments on selection and learning: simulated worlds, what is measured in them, figures."""
+"""Experiments on selection and learning: simulated worlds, measures, claims and figures."""

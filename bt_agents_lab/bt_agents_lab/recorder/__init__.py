@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The journal: everything that a system said, in one MCAP file a day."""
+"""The journal: all messages of a system, in one MCAP file for each start and day."""

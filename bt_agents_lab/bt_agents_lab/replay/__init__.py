@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Decides, learns and ticks again what a journal holds, and says what is not equal."""
+"""Replay of the decisions, profile changes and runs of a journal, and what-if on them."""
