@@ -12,7 +12,6 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
-from mcap.records import Message
 from rclpy.serialization import serialize_message
 
 from bt_agents.engine.scripted_environment import ScriptedEnvironment, ScriptedReply
@@ -32,12 +31,11 @@ from bt_agents_interfaces.msg import (
     RunRecord,
     TreeStatus,
 )
-from bt_agents_lab.recorder.daily_recorder import RecordedMessage, RecordedTopic
-from bt_agents_lab.recorder.definition_texts import definition_text
+from bt_agents_lab.node import definition_text
 from bt_agents_lab.recorder.definitions import definition
-from bt_agents_lab.recorder.file import JournalFile
+from bt_agents_lab.recorder.file import JournalFile, RecordedMessage, RecordedTopic
 from bt_agents_lab.recorder.reading import JournalReader
-from bt_agents_lab.replay.recording_index import RecordingIndex, tell
+from bt_agents_lab.replay.recording_index import RecordingIndex, index_entries
 from bt_agents_language.files.folder_reader import read_trees
 from bt_agents_ros.messages import scene_to_msg, to_time
 from feedback_node.learning.learning_step import PLAIN, Evidence, step
@@ -71,8 +69,8 @@ skills:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Spoken:
-    """One message and where it is said."""
+class PublishedMessage:
+    """One message and its topic."""
 
     topic: str
     message: Any
@@ -94,7 +92,7 @@ def write_folder(folder: Path, **profiles: tuple[float, float, float]) -> Path:
 
 
 class Town:
-    """Two agents, a market and a robot, without processes; says what a journal would hear.
+    """Two agents, a market and a robot, without processes; publishes what a journal would record.
 
     Args:
         folder: For the trees folder.
@@ -110,7 +108,7 @@ class Town:
         options: Mapping[str, float] | None = None,
         shadow: str = "",
     ) -> None:
-        self.said: list[Spoken] = []
+        self.published: list[PublishedMessage] = []
         self.profiles = {"anna": (1.0, 1.0, 3.0), "bert": (4.5, 2.1, 3.3)}
         self._strategy = strategy
         self._options = dict(options or {})
@@ -122,7 +120,7 @@ class Town:
         self._asked: dict[str, int] = dict.fromkeys(self.profiles, 0)
         versions = AgentVersions(self._trees, 0.0)
         found = texts(versions, lambda _package: True)
-        self.say(
+        self.publish(
             "/agents/files",
             AgentFiles(
                 host="/agents",
@@ -133,11 +131,11 @@ class Town:
                 versions=list(found.versions.values()),
             ),
         )
-        self.say("/cards", self._card())
+        self.publish("/cards", self._card())
 
-    def say(self, topic: str, message: Any) -> None:
-        """Say something."""
-        self.said.append(Spoken(topic=topic, message=message))
+    def publish(self, topic: str, message: Any) -> None:
+        """Publish a message."""
+        self.published.append(PublishedMessage(topic=topic, message=message))
 
     def round(self, person: Scene) -> str:
         """Hold a round; return the winner, whose run begins."""
@@ -171,7 +169,7 @@ class Town:
             refused=(),
             silent_hosts=(),
         )
-        self.say(
+        self.publish(
             "/auctions",
             auction_to_msg(
                 PublishAuction(
@@ -183,7 +181,7 @@ class Town:
             ),
         )
         self._runs.append(best.agent)
-        self.say(
+        self.publish(
             "/runs",
             Run(
                 stamp=self._stamp(),
@@ -204,8 +202,8 @@ class Town:
         spec = next(one for one in self._trees.agents if one.name == agent)
         where = {"epoch": EPOCH, "round": self._number, "agent": agent}
 
-        def keep(tick: int, line: str) -> None:
-            self.say(
+        def record(tick: int, line: str) -> None:
+            self.publish(
                 "/agents/records",
                 RunRecord(host="/agents", host_instance="i1", tick=tick, record=line, **where),
             )
@@ -227,18 +225,18 @@ class Town:
             world=world,
             steady=world.clock,
             seed=5,
-            sink=keep,
+            sink=record,
             version=1,
         )
         while run.result is None:
             changes = run.tick()
             if changes:
                 status = tree_status(to_time(0.0), SimpleNamespace(**where), "i1", run, changes)
-                self.say("/agents/status", status)
+                self.publish("/agents/status", status)
             world.clock.advance(0.4)
         return run.result.outcome.value
 
-    def teach(self, agent: str, kind: FeedbackKind, target: tuple[float, ...]) -> None:
+    def give_feedback(self, agent: str, kind: FeedbackKind, target: tuple[float, ...]) -> None:
         """Give feedback about the last run."""
         before = self.profiles[agent]
         evidence = Evidence(changes=self._asked[agent], authored=before)
@@ -246,11 +244,11 @@ class Town:
         self.profiles[agent] = done.after
         self._asked[agent] += 1
         self._revisions[agent] += 1
-        self.say(
+        self.publish(
             "/feedback",
             Feedback(
                 stamp=self._stamp(),
-                feedback_id=f"f{len(self.said)}",
+                feedback_id=f"f{len(self.published)}",
                 agent=agent,
                 kind=int(kind),
                 source="button",
@@ -268,34 +266,33 @@ class Town:
             ),
         )
 
-    def keep(self, path: Path, alter: Callable[[int, Any], Any] | None = None) -> Path:
-        """Write what was said into a journal; ``alter`` may change or drop (None) a message."""
+    def write(self, path: Path, alter: Callable[[int, Any], Any] | None = None) -> Path:
+        """Write the messages into a journal; ``alter`` may change or drop (None) a message."""
         file = JournalFile(path)
         counts: dict[str, int] = {}
-        for number, spoken in enumerate(self.said):
-            message = spoken.message if alter is None else alter(number, spoken.message)
-            counts[spoken.topic] = counts.get(spoken.topic, 0) + 1
+        for number, one in enumerate(self.published):
+            message = one.message if alter is None else alter(number, one.message)
+            counts[one.topic] = counts.get(one.topic, 0) + 1
             if message is None:
                 continue
-            topic = topic_of(type(message), spoken.topic)
             file.add(
-                Message(
-                    channel_id=file.channel(topic.name, topic.type, topic.definition),
-                    log_time=number + 1,
-                    publish_time=number + 1,
-                    sequence=counts[spoken.topic],
+                RecordedMessage(
+                    topic=topic_of(type(message), one.topic),
                     data=serialize_message(message),
-                )
+                    sent_ns=number + 1,
+                    received_ns=number + 1,
+                ),
+                counts[one.topic],
             )
         file.close()
         return path
 
     @property
-    def _rounds(self) -> list[Spoken]:
-        return [spoken for spoken in self.said if spoken.topic == "/auctions"]
+    def _rounds(self) -> list[PublishedMessage]:
+        return [one for one in self.published if one.topic == "/auctions"]
 
     def _stamp(self) -> Any:
-        return to_time(float(len(self.said)))
+        return to_time(float(len(self.published)))
 
     def _last(self, name: str) -> int:
         return max((i for i, ran in enumerate(self._runs, 1) if ran == name), default=0)
@@ -334,7 +331,7 @@ def morning(folder: Path, **how: Any) -> Town:
         agent = town.round(person)
         town.run(agent, person, mood)
         kind = FeedbackKind.POSITIVE if number % 2 else FeedbackKind.DIRECT
-        town.teach(agent, kind, (age, 2.0, NAN))
+        town.give_feedback(agent, kind, (age, 2.0, NAN))
     return town
 
 
@@ -346,19 +343,21 @@ def topic_of(kind: Any, name: str) -> RecordedTopic:
     )
 
 
-def said(number: int, *, topic: str = "/agents/status", size: int = 0) -> RecordedMessage:
-    """Return a small message that is told from others by its number."""
+def recorded(number: int, *, topic: str = "/agents/status", size: int = 0) -> RecordedMessage:
+    """Return a small message that is distinguished from others by its number."""
     message = TreeStatus(tick=number, tip="x" * size)
     data = serialize_message(message)
     ns = 1_000_000_000 * (number + 1)
-    return RecordedMessage(topic=topic_of(TreeStatus, topic), data=data, sent_ns=ns, heard_ns=ns)
+    return RecordedMessage(
+        topic=topic_of(TreeStatus, topic), data=data, sent_ns=ns, received_ns=ns
+    )
 
 
 def ticks(path: Path) -> list[int]:
-    """Return the numbers of the messages of :func:`said` in a journal."""
+    """Return the numbers of the messages of :func:`recorded` in a journal."""
     return [entry.decode().tick for entry in JournalReader([path]).entries()]
 
 
 def story_of(path: Path) -> RecordingIndex:
-    """Return what a journal holds."""
-    return tell(JournalReader([path]).entries())
+    """Return the contents of a journal."""
+    return index_entries(JournalReader([path]).entries())

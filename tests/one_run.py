@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 from bt_agents_core.feedback import MOOD_RULE, FeedbackKind
 from bt_agents_core.scene import Origin, Scene, SceneSpace, SceneValue, Vector
-from bt_agents_lab.experiments.random_streams import RandomStreams, seed_of
+from bt_agents_lab.experiments.random_streams import RandomStreams, round_seed
 from bt_agents_lab.experiments.simulated_world import Arm, Person, SimulatedWorld
 from feedback_node.learning import learning_step
 from feedback_node.learning.learning_step import Evidence
@@ -77,7 +77,7 @@ def live(
                 runs=dict(runs),
                 rounds_run=sum(runs.values()),
                 options=arm.options,
-                seed=seed_of(luck.seeds[row], index, attempt),
+                seed=round_seed(luck.seeds[row], index, attempt),
             )
             bids = [
                 AcceptedBid(
@@ -92,16 +92,16 @@ def live(
             runs[winner] = runs.get(winner, 0) + 1
             last_run[winner] = sum(runs.values())
             tried[winner] = "was stopped"
-            wrong = luck.doubt[row, index, attempt] < wrong_share
+            wrong = luck.error_draw[row, index, attempt] < wrong_share
             if world.person is None:
-                told = luck.said[row, index] if wrong else world.best[chosen]
+                told = luck.wrong[row, index] if wrong else world.best[chosen]
                 learn(winner, FeedbackKind.DIRECT, tuple(told.tolist()), 1.0)
                 break
             fit = 1.0 - float(world.misfit[place, chosen]) / world.person.tolerance
             fit = min(max(fit, -1.0), 1.0)
             if wrong:
-                fit = float(luck.whim[row, index, attempt])
-            noise = [float(value) for value in luck.mood[row, index, attempt]]
+                fit = float(luck.wrong_fit[row, index, attempt])
+            noise = [float(value) for value in luck.mood_noise[row, index, attempt]]
             fired, mood = react(world.person, space, vector, fit, noise)
             for kind in fired:
                 learn(winner, kind, vector, arm.rule.weight(MOOD_RULE))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What comes after a run: the journal, its replay, experiments on the market and on learning."""
+"""Journal of a system, its replay, and experiments on the market and on learning."""
 
 from bt_agents_ros.node_main import start
 

@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The journal node: hears everything that a system says and keeps it as it is."""
+"""The journal node: records every message of a system as it was sent."""
 
 from __future__ import annotations
 
+import re
 import sys
 import time
 from collections.abc import Callable, Mapping, Sequence
@@ -15,6 +16,7 @@ from rclpy.qos import QoSProfile
 from rclpy.serialization import deserialize_message
 
 from bt_agents_core.errors import BtAgentsError
+from bt_agents_core.paths import journal_folder
 from bt_agents_interfaces.msg import (
     AgentFiles,
     Auction,
@@ -34,29 +36,30 @@ from bt_agents_interfaces.msg import (
     TreeStatus,
     Tunings,
 )
-from bt_agents_lab.recorder.daily_recorder import DailyRecorder, RecordedMessage, RecordedTopic
-from bt_agents_lab.recorder.definition_texts import definition_text
+from bt_agents_lab.recorder.daily_recorder import DailyRecorder
 from bt_agents_lab.recorder.definitions import definition
+from bt_agents_lab.recorder.file import RecordedMessage, RecordedTopic
 from bt_agents_ros import qos
 from bt_agents_ros.base_node import BaseNode
 from bt_agents_ros.parameters import declare, describe
 from bt_agents_ros.spinner import run
 from bt_agents_ros.startup import StartParameter, make_from_parameters
 from bt_agents_ros.timers import steady_timer
-from bt_agents_tools.launcher.components import journal_folder
+from bt_agents_ros.types import prefixes
 
 FLUSH_S = 1.0
-"""What was heard is in the file after so long [s]."""
+"""Longest time that a message waits in memory [s]."""
 
 MOST_HOSTS = 100
-"""Hosts that are listened to at once."""
+"""Hosts that are recorded, at most."""
 
 _PACKAGE = "bt_agents_interfaces"
+_MESSAGE = re.compile(r"[a-z][a-z0-9_]*/msg/[A-Z][A-Za-z0-9]*")
 
 
 @dataclass(frozen=True, kw_only=True)
 class _Source:
-    """A topic that is kept; a fact stays true until it is said anew."""
+    """A topic that is recorded; a fact holds until the next message of its topic."""
 
     name: str
     kind: Any
@@ -79,7 +82,7 @@ _SYSTEM = (
     _Source(name="mood_traces", kind=MoodTrace, profile=qos.FACTS),
 )
 
-_OF_A_HOST = (
+_HOST = (
     _Source(name="files", kind=AgentFiles, profile=qos.FACTS, fact=True),
     _Source(name="trees", kind=Trees, profile=qos.FACTS, fact=True),
     _Source(name="tunings", kind=Tunings, profile=qos.FACTS, fact=True),
@@ -89,7 +92,7 @@ _OF_A_HOST = (
 
 
 class JournalNode(BaseNode):
-    """Writes what the nodes of a system say into one file a day.
+    """Recorder of the messages of a system, into one file for each start and day.
 
     Args:
         folder: For the files.
@@ -102,7 +105,7 @@ class JournalNode(BaseNode):
     ) -> None:
         super().__init__("journal", **node_kwargs)
         limits = describe(
-            "files that are kept, one a day; 0 keeps all",
+            "days of which files are kept; 0 keeps all",
             minimum=0,
             maximum=36_500,
             integer=True,
@@ -112,7 +115,7 @@ class JournalNode(BaseNode):
         self._definitions: dict[str, str] = {}
         self._hosts: set[str] = set()
         try:
-            self.journal = DailyRecorder(folder, days=days, today=today, tell=self._tell)
+            self.journal = DailyRecorder(folder, days=days, today=today, report=self._report)
         except OSError as error:
             self.destroy_node()
             raise BtAgentsError(
@@ -122,43 +125,43 @@ class JournalNode(BaseNode):
             self.destroy_node()
             raise
         for source in _SYSTEM:
-            self._listen(source, source.name)
+            self._subscribe(source, source.name)
         self._topic_of_cards = self._topic(HostCard, "cards")
-        self.create_subscription(HostCard, "cards", self._take_card, qos.FACTS, raw=True)
+        self.create_subscription(HostCard, "cards", self._handle_card, qos.FACTS, raw=True)
         steady_timer(self, FLUSH_S, lambda: self.journal.flush(time.time_ns()))
         self.get_logger().info(f"the journal is {self.journal.path}")
 
     def destroy_node(self) -> None:
-        """Write what was heard and leave the graph."""
+        """Write what waits in memory and leave the graph."""
         if hasattr(self, "journal"):
             self.journal.close()
         super().destroy_node()
 
-    def _listen(self, source: _Source, name: str) -> None:
+    def _subscribe(self, source: _Source, name: str) -> None:
         topic = self._topic(source.kind, name)
         fact = topic.name if source.fact else ""
 
-        def take(data: bytes, info: Mapping[str, Any]) -> None:
-            self.journal.take(_said(topic, data, info), fact=fact)
+        def handle(data: bytes, info: Mapping[str, Any]) -> None:
+            self.journal.record(_received(topic, data, info), fact=fact)
 
-        self.create_subscription(source.kind, name, take, source.profile, raw=True)
+        self.create_subscription(source.kind, name, handle, source.profile, raw=True)
 
-    def _take_card(self, data: bytes, info: Mapping[str, Any]) -> None:
-        """Keep the card of a host, and listen to the host from then on."""
+    def _handle_card(self, data: bytes, info: Mapping[str, Any]) -> None:
+        """Record the card of a host, and its other topics from then on."""
         host = str(deserialize_message(data, HostCard).host)
         if host not in self._hosts:
             if len(self._hosts) >= MOST_HOSTS:
                 self.get_logger().error(
-                    f"{host} is left out of the journal: {MOST_HOSTS} other hosts were heard, "
+                    f"{host} is left out of the journal: {MOST_HOSTS} other hosts are recorded, "
                     "expected no more; start it again when some of them are gone",
                     throttle_duration_sec=60.0,
                 )
                 return
             self._hosts.add(host)
-            for source in _OF_A_HOST:
-                self._listen(source, f"{host}/{source.name}")
+            for source in _HOST:
+                self._subscribe(source, f"{host}/{source.name}")
         topic = self._topic_of_cards
-        self.journal.take(_said(topic, data, info), fact=f"{topic.name} {host}")
+        self.journal.record(_received(topic, data, info), fact=f"{topic.name} {host}")
 
     def _topic(self, kind: Any, name: str) -> RecordedTopic:
         type_name = f"{_PACKAGE}/msg/{kind.__name__}"
@@ -170,17 +173,35 @@ class JournalNode(BaseNode):
             definition=self._definitions[type_name],
         )
 
-    def _tell(self, words: str, wrong: bool) -> None:
-        if wrong:
-            self.get_logger().error(words)
+    def _report(self, text: str, is_error: bool) -> None:
+        if is_error:
+            self.get_logger().error(text)
         else:
-            self.get_logger().info(words)
+            self.get_logger().info(text)
 
 
-def _said(topic: RecordedTopic, data: bytes, info: Mapping[str, Any]) -> RecordedMessage:
-    heard = time.time_ns()
+def definition_text(type_name: str) -> str | None:
+    """Return the text of an installed message type as its author wrote it; None without one.
+
+    Args:
+        type_name: Full name, for example ``std_msgs/msg/Bool``.
+    """
+    if not _MESSAGE.fullmatch(type_name):
+        return None
+    for prefix in prefixes():
+        try:
+            return (prefix / "share" / f"{type_name}.msg").read_text(encoding="utf-8")
+        except (OSError, UnicodeDecodeError):
+            continue
+    return None
+
+
+def _received(topic: RecordedTopic, data: bytes, info: Mapping[str, Any]) -> RecordedMessage:
     return RecordedMessage(
-        topic=topic, data=data, sent_ns=int(info["source_timestamp"]), heard_ns=heard
+        topic=topic,
+        data=data,
+        sent_ns=int(info["source_timestamp"]),
+        received_ns=time.time_ns(),
     )
 
 
@@ -193,7 +214,7 @@ def make_node() -> JournalNode:
     """Create the node with the folder that its parameter names.
 
     Raises:
-        BtAgentsError: The folder cannot be written, or another journal writes there.
+        BtAgentsError: The folder cannot be written, or another journal writes into it.
     """
 
     def make(values: Mapping[str, str]) -> JournalNode:
@@ -204,7 +225,7 @@ def make_node() -> JournalNode:
 
 
 def main(args: Sequence[str] | None = None) -> int:
-    """Run the journal until it is told to stop; return the exit code."""
+    """Run the journal until a signal ends it; return the exit code."""
     return run(make_node, args)
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the simulated robot does, as acts that begin, take their time and end; without ROS."""
+"""Acts of the simulated robot, which begin, take their time and end; without ROS."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from bt_agents_core.errors import Refused
 from bt_agents_robot.speech import Process, Voice, check_rate, check_text, speaking_time
 
 CLIP_S = 5.0
-"""How long a clip lasts when nobody says [s]."""
+"""Default duration of a clip [s]."""
 
 ANSWER_WAIT_S = 10.0
-"""How long an answer is waited for when nobody says [s]."""
+"""Default time to wait for an answer [s]."""
 
 HEARD_SHARE = 0.3
-"""A voice that ends before this share of the expected time has not been heard."""
+"""A voice that ends before this share of the expected time counts as silent."""
 
 LONGEST_S = 3600.0
 """Longest time that a caller may ask for [s]."""
@@ -25,10 +25,10 @@ SPEED = 1.0
 """Speed of driving [m/s]."""
 
 DISTANCES = {"here": 0.0, "information desk": 4.0, "check-in": 6.0, "lift": 8.0, "gate": 12.0}
-"""Way to the places of the simulated hall [m]."""
+"""Distances of the places of the simulated hall [m]."""
 
 OTHER_DISTANCE = 3.0
-"""Way to any other place [m]."""
+"""Distance of any other place [m]."""
 
 UNREACHABLE = "nowhere"
 """The place that nobody can drive to, for rehearsing a failure."""
@@ -59,17 +59,17 @@ class Act:
         return 0.0 if self.begun_at is None else now - self.begun_at
 
     def progress(self, now: float) -> float:
-        """Return how much of it is done, 0..1."""
+        """Return the share of it that is done, 0..1."""
         if self.begun_at is None:
             return 0.0
         return min(1.0, self.elapsed(now) / self.duration_s) if self.duration_s > 0 else 1.0
 
-    def over(self, now: float) -> bool:
-        """Whether a begun act has come to its end."""
+    def is_over(self, now: float) -> bool:
+        """Return whether a begun act has come to its end."""
         return self.elapsed(now) >= self.duration_s
 
-    def speaking(self, _now: float) -> bool:
-        """Whether it holds the mouth."""
+    def is_speaking(self, _now: float) -> bool:
+        """Return whether it holds the mouth."""
         return False
 
     def stop(self) -> None:
@@ -77,7 +77,7 @@ class Act:
 
 
 class Say(Act):
-    """Speaks a text.
+    """Act of speaking a text.
 
     Raises:
         Refused: The text or the rate cannot be used.
@@ -102,16 +102,16 @@ class Say(Act):
         if self._voice is not None:
             self._process = self._voice.say(self._text, self._rate, self._pace)
 
-    def speaking(self, now: float) -> bool:
-        """Until the voice has ended, at most twice as long as expected; silent as expected."""
+    def is_speaking(self, now: float) -> bool:
+        """Return whether the voice goes on, for at most twice the expected time."""
         if self.begun_at is None or self._spoken:
             return False
         self._spoken = self._has_spoken(self.elapsed(now))
         return not self._spoken
 
-    def over(self, now: float) -> bool:
-        """Whether the text is said."""
-        return self.begun_at is not None and not self.speaking(now)
+    def is_over(self, now: float) -> bool:
+        """Return whether the text is said."""
+        return self.begun_at is not None and not self.is_speaking(now)
 
     def stop(self) -> None:
         """Fall silent."""
@@ -131,17 +131,17 @@ class Say(Act):
             return True
         self._process = None
         if code != 0 and self._voice is not None:
-            self._voice.failed(f"exit code {code}")
+            self._voice.disable(f"exit code {code}")
         # A program without a sound device may end at once and still report success.
         return code == 0 and elapsed >= HEARD_SHARE * self.duration_s
 
 
 class Ask(Say):
-    """Asks a question and waits for an answer; who answers early interrupts the question.
+    """Act of asking a question and waiting for an answer, which may interrupt the question.
 
     Attributes:
-        question: The words of the question.
-        answer: What the person answered; empty so far.
+        question: Text of the question.
+        answer: Answer of the person; empty without one.
 
     Raises:
         Refused: The question or the waiting time cannot be used.
@@ -163,38 +163,38 @@ class Ask(Say):
         if choices and not self._choices:
             raise Refused("EMPTY", "all choices are empty; leave them out to take any answer")
         self._wait_s = check_duration(wait_s, "wait_s", ANSWER_WAIT_S) / pace
-        self._asked_at: float | None = None
+        self._waiting_since: float | None = None
 
-    def asked(self, now: float) -> bool:
-        """Return True once when the question has been spoken and the waiting begins."""
-        if self._asked_at is None and super().over(now):
-            self._asked_at = now
+    def begins_waiting(self, now: float) -> bool:
+        """Return True once, when the question has been spoken."""
+        if self._waiting_since is None and super().is_over(now):
+            self._waiting_since = now
             return True
         return False
 
-    def take(self, answer: str) -> bool:
-        """Take what a person says; return whether it counts as an answer."""
-        words = answer.strip()
-        if self.begun_at is None or self.answer or not words:
+    def receive(self, answer: str) -> bool:
+        """Receive the text of a person; return whether it counts as an answer."""
+        text = answer.strip()
+        if self.begun_at is None or self.answer or not text:
             return False
-        if self._choices and words.casefold() not in self._choices:
+        if self._choices and text.casefold() not in self._choices:
             return False
-        self.answer = self._choices.get(words.casefold(), words)
+        self.answer = self._choices.get(text.casefold(), text)
         self.stop()
         return True
 
     def progress(self, now: float) -> float:
-        """Return how much of speaking and waiting is over, 0..1."""
+        """Return the share of speaking and waiting that is over, 0..1."""
         return min(1.0, self.elapsed(now) / (self.duration_s + self._wait_s))
 
-    def over(self, now: float) -> bool:
-        """Whether there is an answer, or none came in time."""
-        waited = self._asked_at is not None and now - self._asked_at >= self._wait_s
+    def is_over(self, now: float) -> bool:
+        """Return whether there is an answer, or none came in time."""
+        waited = self._waiting_since is not None and now - self._waiting_since >= self._wait_s
         return bool(self.answer) or waited
 
 
 class Show(Act):
-    """Shows a clip or a text on the display.
+    """Act of showing a clip or a text on the display.
 
     Raises:
         Refused: There is nothing to show, or the duration cannot be used.
@@ -210,7 +210,7 @@ class Show(Act):
 
 
 class Drive(Act):
-    """Drives to a place.
+    """Act of driving to a place.
 
     Raises:
         Refused: There is no place, or no way to it.
@@ -224,7 +224,7 @@ class Drive(Act):
         super().__init__(f"drives to: {self.destination}", self.distance / SPEED / pace)
 
     def driven(self, now: float) -> float:
-        """Return the distance behind it [m]."""
+        """Return the distance that is driven [m]."""
         return self.distance * self.progress(now)
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What sensors read of a simulated visitor, and when the next one may come; without ROS."""
+"""Sensor readings of a simulated visitor, and the pause before the next one; without ROS."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ import math
 from collections.abc import Iterable, Mapping
 from typing import Any
 
+from bt_agents_core.source_mapping import inverted
 from bt_agents_language.model.scene_specs import SceneSpec, SourceSpec
 from bt_agents_language.model.specs import Visit
-from scene_layer.sources import inverted
 
 PAUSE_S = 2.0
 """Time between two visits [s]."""
@@ -23,7 +23,7 @@ _MARGIN_S = 0.1
 def readings(
     spec: SceneSpec, values: Mapping[str, float], person: bool
 ) -> dict[SourceSpec, float | str]:
-    """Return what each source reads when these values hold; NaN where it reads nothing."""
+    """Return the reading of each source at these values; NaN where it reads nothing."""
     found = {
         source: _reading(source, values[source.parameter])
         if source.parameter in values
@@ -31,18 +31,18 @@ def readings(
         for source in spec.sources
     }
     if spec.person is not None:
-        found[spec.person] = inverted(spec.person, float(person))
+        found[spec.person] = inverted(spec.person.points, float(person))
     return found
 
 
 def _reading(source: SourceSpec, value: float) -> float | str:
     if source.table:
         return min(source.table, key=lambda row: abs(row[1] - value))[0]
-    return inverted(source, value)
+    return inverted(source.points, value)
 
 
 def is_read(reading: float | str) -> bool:
-    """Return whether a source reads anything."""
+    """Return whether a source has a reading."""
     return isinstance(reading, str) or not math.isnan(reading)
 
 
@@ -57,9 +57,9 @@ def field_value(example: object, reading: float | str) -> Any:
     if isinstance(example, str) and not is_read(reading):
         return ""
     if isinstance(reading, str):
-        words = {"true": 1.0, "false": 0.0}
+        truth = {"true": 1.0, "false": 0.0}
         try:
-            reading = words[reading] if reading in words else float(reading)
+            reading = truth[reading] if reading in truth else float(reading)
         except ValueError:
             raise TypeError(f"a {type(example).__name__}, expected a text") from None
     if isinstance(example, bool):
@@ -84,7 +84,7 @@ def nested(fields: Iterable[tuple[str, Any]]) -> dict[str, Any]:
 
 
 def pause_after(spec: SceneSpec, seen: Iterable[str], coming: Visit | None, pace: float) -> float:
-    """Return how long nobody should come [s].
+    """Return the pause in which nobody should come [s].
 
     Readings of the last visitor must be stale before somebody comes of whom less is known;
     staleness is in real time, whatever the pace.

@@ -36,7 +36,7 @@ MOST_WAITING = 5
 """Texts waiting for the mouth, beyond which a goal is not taken."""
 
 RESULT_TIMEOUT_S = 5
-"""How long results are kept [s]; the rclpy default of 900 s slows every further goal."""
+"""Time for which results are stored [s]; the rclpy default of 900 s slows every further goal."""
 
 _HEARTBEAT_S = 0.1
 _SLOWEST_TICK_S, _FASTEST_TICK_S = 0.02, 0.005
@@ -50,14 +50,14 @@ class _Performed:
     act: Act
     goal: Any
     done: Future
-    told: float = 0.0
+    reported: float = 0.0
 
 
 class RobotNode(BaseNode):
     """The simulated robot; its parameters are ``pace`` and ``voice``.
 
     Args:
-        voice: Says texts aloud; by default the one that the parameter asks for.
+        voice: The voice; by default the one that the parameter asks for.
         node_kwargs: For :class:`rclpy.node.Node`.
     """
 
@@ -76,7 +76,7 @@ class RobotNode(BaseNode):
             voice = Voice(warn=self.get_logger().warning)
         self._voice = voice
         self._performed: list[_Performed] = []
-        self._open = 0
+        self._open_goals = 0
         self._stopping = False
         self._transcript = self.create_publisher(String, "robot/transcript", qos.EVENTS)
         self._questions = self.create_publisher(String, "robot/questions", qos.EVENTS)
@@ -103,11 +103,11 @@ class RobotNode(BaseNode):
             self._end(performed, "the robot is being switched off")
 
     def stopped(self) -> bool:
-        """Return True when every goal has got its result."""
-        return self._open == 0
+        """Return whether every goal has its result."""
+        return self._open_goals == 0
 
     def destroy_node(self) -> None:
-        """Fall silent and go."""
+        """Stop all acts and leave the graph."""
         for performed in self._performed:
             performed.act.stop()
         for server in self._servers:
@@ -150,13 +150,13 @@ class RobotNode(BaseNode):
             return make_result(None, 0.0, refused.reason)
         performed = _Performed(act=act, goal=goal, done=Future(executor=self.executor))
         self._performed.append(performed)
-        self._open += 1
+        self._open_goals += 1
         try:
             self._begin_waiting()
             self._timer.reset()
             message: str | None = await performed.done
         finally:
-            self._open -= 1
+            self._open_goals -= 1
         if goal.is_cancel_requested:
             goal.canceled()
         elif message is None:
@@ -222,25 +222,25 @@ class RobotNode(BaseNode):
             return
         if act.begun_at is None:
             return
-        if isinstance(act, Ask) and act.asked(now):
+        if isinstance(act, Ask) and act.begins_waiting(now):
             self._questions.publish(String(data=act.question))
-        if act.over(now):
+        if act.is_over(now):
             self._end(performed, None)
-        elif act.progress(now) - performed.told >= _FEEDBACK_STEP:
-            performed.told = act.progress(now)
+        elif act.progress(now) - performed.reported >= _FEEDBACK_STEP:
+            performed.reported = act.progress(now)
             performed.goal.publish_feedback(_feedback(act, now))
 
     def _begin_waiting(self) -> None:
-        """Begin what waits: a text as soon as nothing else is being said, the rest at once."""
+        """Begin waiting acts: a text as soon as nothing else is spoken, the others at once."""
         now = time.monotonic()
         for performed in self._performed:
             act = performed.act
             if act.begun_at is not None:
                 continue
-            if act.uses_mouth and any(other.act.speaking(now) for other in self._performed):
+            if act.uses_mouth and any(other.act.is_speaking(now) for other in self._performed):
                 continue
             act.begin(now)
-            self._tell(act.line)
+            self._report(act.line)
 
     def _end(self, performed: _Performed, message: str | None) -> None:
         """End an act; a message says why it did not come to its own end."""
@@ -248,9 +248,9 @@ class RobotNode(BaseNode):
         performed.act.stop()
         performed.done.set_result(message)
 
-    # Small things
+    # Light, sound and answers
 
-    def _tell(self, line: str) -> None:
+    def _report(self, line: str) -> None:
         printable = "".join(c if c.isprintable() else "?" for c in line)
         self.get_logger().info(f"robot {printable}")
         self._transcript.publish(String(data=printable))
@@ -264,19 +264,19 @@ class RobotNode(BaseNode):
             return response
         response.accepted = True
         response.message = f"{colour}, blinking" if request.blink else colour
-        self._tell(f"light: {response.message}")
+        self._report(f"light: {response.message}")
         return response
 
     def _on_sound(self, message: Any) -> None:
         try:
-            self._tell(f"sound: {check_text(message.data, 'sound')}")
+            self._report(f"sound: {check_text(message.data, 'sound')}")
         except Refused as refused:
             self.get_logger().warning(f"sound refused: {refused}")
 
     def _on_answer(self, message: Any) -> None:
-        """Give an answer to the question that was asked first and takes it."""
+        """Give an answer to the first open question that accepts it."""
         for performed in self._performed:
-            if isinstance(performed.act, Ask) and performed.act.take(message.data):
+            if isinstance(performed.act, Ask) and performed.act.receive(message.data):
                 return
 
 
@@ -310,7 +310,7 @@ def _drive_result(act: Act | None, now: float, message: str) -> Any:
 
 
 def main(args: Sequence[str] | None = None) -> int:
-    """Run the robot until it is told to stop; return the exit code."""
+    """Run the robot until a signal ends it; return the exit code."""
     return run(RobotNode, args)
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How long a text takes to say, and the voice that says it where a speech program is installed."""
+"""Duration of speech, and the voice of the robot where a speech program is installed."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ PAUSE_S = 0.3
 """Breath before the first word [s]."""
 
 LONGEST_TEXT = 2000
-"""Most characters of one text; far below what a pipe takes without a reader."""
+"""Most characters of one text; far fewer than a pipe takes without a reader."""
 
 WORDS_PER_MINUTE = 175
 """Normal speed of eSpeak; above :data:`FASTEST_WORDS_PER_MINUTE` nobody follows."""
@@ -58,10 +58,10 @@ def check_rate(rate: float) -> float:
 
 
 def speaking_time(text: str, rate: float, pace: float) -> float:
-    """Return how long a text takes to say [s].
+    """Return the duration of a spoken text [s].
 
     Args:
-        text: What is said.
+        text: The text.
         rate: Speed of speech relative to normal.
         pace: Speed of the whole simulation relative to real time.
     """
@@ -69,7 +69,7 @@ def speaking_time(text: str, rate: float, pace: float) -> float:
 
 
 def espeak_command(program: str, rate: float, pace: float) -> tuple[str, ...] | None:
-    """Return the command that reads a text from its standard input and says it.
+    """Return the command that speaks the text of its standard input.
 
     Returns:
         None when the pace is beyond what a voice can do; the text is then only shown.
@@ -81,7 +81,7 @@ def espeak_command(program: str, rate: float, pace: float) -> tuple[str, ...] | 
 
 
 class Process(Protocol):
-    """What is needed of a :class:`subprocess.Popen`."""
+    """Part of :class:`subprocess.Popen` that is used here."""
 
     def poll(self) -> int | None:
         """Return the exit code; None while it runs."""
@@ -110,12 +110,12 @@ def start_process(command: Sequence[str], text: str) -> Process:
 
 
 class Voice:
-    """Says texts aloud by a child process; silent where there is no program or it fails.
+    """Voice of a child process; silent where there is no program or it fails.
 
     Args:
         find: Finds a program by name, as :func:`shutil.which`.
         start: Starts it, as :func:`start_process`.
-        warn: Is told once why there is no sound.
+        warn: Called once with the reason why there is no sound.
     """
 
     def __init__(
@@ -132,11 +132,11 @@ class Voice:
 
     @property
     def audible(self) -> bool:
-        """Whether there is a program that has not failed."""
+        """Whether there is a speech program that has not failed."""
         return self._program is not None
 
     def say(self, text: str, rate: float, pace: float) -> Process | None:
-        """Start saying a text; None when it stays silent."""
+        """Start speaking a text; return None without sound."""
         self._stopped = [process for process in self._stopped if process.poll() is None]
         command = espeak_command(self._program, rate, pace) if self._program else None
         if command is None:
@@ -144,18 +144,18 @@ class Voice:
         try:
             return self._start(command, text)
         except OSError as error:
-            self.failed(str(error))
+            self.disable(str(error))
             return None
 
     def stop(self, process: Process) -> None:
-        """End a text that is being said."""
+        """End a text that is being spoken."""
         if process.poll() is None:
             process.terminate()
             # Asked again for its exit code at the next text, so that no zombie stays.
             self._stopped.append(process)
 
-    def failed(self, reason: str) -> None:
-        """Stay silent from now on."""
+    def disable(self, reason: str) -> None:
+        """Disable the voice and warn about the reason."""
         if self._program is not None:
             self._warn(f"no sound, texts are only shown: {self._program} failed ({reason})")
         self._program = None

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Simulated visitors: they feed the sensors' topics, answer the robot, press buttons and leave."""
+"""Simulated visitors, who feed the sensors' topics, answer the robot and press buttons."""
 
 from __future__ import annotations
 
@@ -44,16 +44,16 @@ SENSOR_PERIOD_S = 0.2
 """Time between two readings of one sensor [s]."""
 
 SETTLE_S = 0.1
-"""Time for the first readings of a visitor to arrive before the scene is asked for [s]."""
+"""Time for the first readings of a visitor to arrive before the scene is requested [s]."""
 
-COMPLAIN_S = 5.0
-"""Time between two complaints that nobody listens [s]."""
+WARNING_PERIOD_S = 5.0
+"""Time between two warnings that nobody subscribes [s]."""
 
 _TICK_S = 0.02
 
 
 class _Sensor:
-    """One topic that visitors are seen on, with all sources that read it."""
+    """One sensor topic, with all sources that read it."""
 
     def __init__(self, node: Node, topic: str, sources: list[SourceSpec]) -> None:
         self.sources = sources
@@ -96,7 +96,7 @@ class _Sensor:
 
 
 class VisitorsNode(BaseNode):
-    """Plays a script as people who come, are sensed, react and leave.
+    """Player of a script of people who come, are sensed, react and leave.
 
     Args:
         spec: The scene parameters and the sources that read them.
@@ -126,7 +126,7 @@ class VisitorsNode(BaseNode):
         self._seen: set[str] = set()
         self._trigger_at = math.inf
         self._next_at = 0.0
-        self._complain_at = math.inf
+        self._warn_at = math.inf
         self._awaiting_scene = False
         self._sensing_pending = False
         self._reactions: list[tuple[float, Publisher, Any]] = []
@@ -171,7 +171,7 @@ class VisitorsNode(BaseNode):
         self.create_subscription(String, "robot/questions", self._on_question, qos.EVENTS)
         self.create_subscription(String, "robot/transcript", self._on_act, qos.EVENTS)
 
-    # What arrives
+    # Subscriptions
 
     def _on_market(self, message: Any) -> None:
         market = MarketView(
@@ -195,18 +195,18 @@ class VisitorsNode(BaseNode):
         visit = self._performance.visit
         text = answer(visit, message.data) if visit is not None else ""
         if text:
-            self._react_soon(self._answers, String(data=text))
+            self._schedule_reaction(self._answers, String(data=text))
 
     def _on_act(self, message: Any) -> None:
         visit = self._performance.visit
-        for topic, words in (visit.buttons if visit is not None else {}).items():
-            if words.casefold() in message.data.casefold():
-                self._react_soon(self._buttons[topic], Bool(data=True))
+        for topic, text in (visit.buttons if visit is not None else {}).items():
+            if text.casefold() in message.data.casefold():
+                self._schedule_reaction(self._buttons[topic], Bool(data=True))
 
-    def _react_soon(self, publisher: Publisher, message: Any) -> None:
+    def _schedule_reaction(self, publisher: Publisher, message: Any) -> None:
         self._reactions.append((time.monotonic() + REACTION_S / self._pace, publisher, message))
 
-    # What is done
+    # Visits
 
     def _sense(self) -> None:
         values = readings(self._spec, self._values, self._person)
@@ -237,15 +237,17 @@ class VisitorsNode(BaseNode):
         self._seen = set(visit.values)
         self._awaiting_scene = False
         self._trigger_at = math.inf
-        self._complain_at = now + COMPLAIN_S
+        self._warn_at = now + WARNING_PERIOD_S
         self._sensing_pending = True
 
     def _trigger_when_sensed(self, now: float) -> None:
-        """Ask for the scene once every sensor in use has a reader and has been read."""
+        """Request the scene once every sensor in use has a subscriber and was published."""
         if self._sensing_pending:
-            silent = [p.topic_name for p in self._listened() if p.get_subscription_count() == 0]
+            silent = [
+                p.topic_name for p in self._publishers_in_use() if p.get_subscription_count() == 0
+            ]
             if silent:
-                self._complain(silent, now)
+                self._warn_unread(silent, now)
                 return
             self._sensing_pending = False
             self._sense()
@@ -255,23 +257,23 @@ class VisitorsNode(BaseNode):
             self._awaiting_scene = True
             visit = self._performance.visit
             if visit is not None and visit.urgent:
-                self._ask_urgently()
+                self._request_urgently()
             else:
                 self._trigger.publish(Empty())
 
-    def _ask_urgently(self) -> None:
-        """Ask for the scene by the service, as a trigger cannot say how urgent it is."""
+    def _request_urgently(self) -> None:
+        """Request the scene by the service, as a trigger cannot carry the urgency."""
         self._calls.call(
             self._analyze,
             Analyze.Request(urgent=True, announce=True),
-            deadline_s=COMPLAIN_S,
+            deadline_s=WARNING_PERIOD_S,
             on_answer=lambda _: None,
             on_failure=lambda reason: self.get_logger().warning(
                 f"the scene is not there: {reason}"
             ),
         )
 
-    def _listened(self) -> list[Publisher]:
+    def _publishers_in_use(self) -> list[Publisher]:
         values = readings(self._spec, self._values, self._person)
         used = [
             sensor.publisher
@@ -280,9 +282,9 @@ class VisitorsNode(BaseNode):
         ]
         return [self._trigger, *used]
 
-    def _complain(self, silent: list[str], now: float) -> None:
-        if now >= self._complain_at:
-            self._complain_at = now + COMPLAIN_S
+    def _warn_unread(self, silent: list[str], now: float) -> None:
+        if now >= self._warn_at:
+            self._warn_at = now + WARNING_PERIOD_S
             self.get_logger().warning(
                 f"nobody listens to {', '.join(silent)}; "
                 "does the scene layer run, without a script of its own?"
@@ -339,7 +341,7 @@ def make_node() -> VisitorsNode:
 
 
 def main(args: Sequence[str] | None = None) -> int:
-    """Run the visitors until they are told to stop; return the exit code."""
+    """Run the visitors until a signal ends them; return the exit code."""
     return run(make_node, args)
 
 

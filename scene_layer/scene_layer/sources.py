@@ -7,10 +7,10 @@ import math
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
-from itertools import pairwise
 
 from bt_agents_core.errors import Refused
 from bt_agents_core.scene import check_value
+from bt_agents_core.source_mapping import mapped, mapped_std
 from bt_agents_language.expression.expression_values import described
 from bt_agents_language.expression.expressions import EvaluationError, Expression, MissingValue
 from bt_agents_language.model.scene_specs import (
@@ -36,46 +36,6 @@ LONGEST_TEXT = 100
 
 _ROUNDING = 1e-6
 """A confidence may be so much above 1: more digits than that a float32 does not have."""
-
-
-def mapped(source: SourceSpec, reading: float) -> float:
-    """Return the value of a reading: linear between the points of the source, held beyond them."""
-    points = source.points
-    if not points:
-        return reading
-    if reading <= points[0][0]:
-        return points[0][1]
-    for (x0, y0), (x1, y1) in pairwise(points):
-        if reading <= x1:
-            return y0 + (y1 - y0) * (reading - x0) / (x1 - x0)
-    return points[-1][1]
-
-
-def mapped_std(source: SourceSpec, reading: float, std: float) -> float:
-    """Return the standard deviation of the value of an uncertain reading.
-
-    It is that of the values which the readings one deviation below and above map to, around the
-    value itself: the sigma points of S. Julier and J. Uhlmann, "A New Extension of the Kalman
-    Filter to Nonlinear Systems", 1997, in one dimension. On a straight piece of the map this is
-    the deviation times the slope, exactly. Beyond an end of the map it is the one at the end: a
-    value that is held there is not known exactly.
-    """
-    if source.points:
-        reading = min(max(reading, source.points[0][0]), source.points[-1][0])
-    middle = mapped(source, reading)
-    sides = (mapped(source, reading - std), mapped(source, reading + std))
-    return math.sqrt(math.fsum((side - middle) ** 2 for side in sides) / 2.0)
-
-
-def inverted(source: SourceSpec, value: float) -> float:
-    """Return a reading that the points of the source map to ``value``, as nearly as they can."""
-    points = source.points
-    if not points:
-        return value
-    for (x0, y0), (x1, y1) in pairwise(points):
-        if min(y0, y1) <= value <= max(y0, y1):
-            return x0 if y0 == y1 else x0 + (x1 - x0) * (value - y0) / (y1 - y0)
-    return min(points, key=lambda point: abs(point[1] - value))[0]
 
 
 def message_of(fields: Mapping[str, object]) -> Message:
@@ -288,8 +248,8 @@ class Sources:
             value = _in_table(source, raw)
         else:
             reading = _number(source, raw)
-            value = mapped(source, reading)
-            std = mapped_std(source, reading, std) if std and source.points else std
+            value = mapped(source.points, reading)
+            std = mapped_std(source.points, reading, std) if std and source.points else std
         parameter = self._parameters.get(source)
         if parameter is not None:
             check_value(parameter, value, what=f"reading of {source.topic}")

@@ -17,7 +17,7 @@ pytestmark = [pytest.mark.packaging, pytest.mark.xdist_group("packaging")]
 KEYS = {
     "click": ("python3-click", "click"),
     "matplotlib": ("python3-matplotlib", "matplotlib"),
-    "mcap": ("python3-mcap-pip", "mcap"),
+    "mcap": ("python3-mcap-pip", "mcap>=1.6"),
     "mcap_ros2": ("python3-mcap-ros2-support-pip", "mcap-ros2-support"),
     "numpy": ("python3-numpy", "numpy"),
     "py_trees": ("py_trees", "py_trees>=2.4,<3"),

@@ -53,12 +53,12 @@ def test_a_profile_under_equal_feedback_follows_the_closed_form(start, best, rat
 @SHORT
 @given(
     noise=st.lists(st.floats(-3.0, 3.0, width=32), min_size=1, max_size=12),
-    whim=st.floats(-1.0, 1.0),
+    fit=st.floats(-1.0, 1.0),
     hold=st.integers(0, 4),
     better=st.floats(0.1, 1.5),
     worse=st.floats(0.1, 1.5),
 )
-def test_a_person_is_praised_and_blamed_for_as_the_mood_rules_do(noise, whim, hold, better, worse):
+def test_a_person_is_praised_and_blamed_for_as_the_mood_rules_do(noise, fit, hold, better, worse):
     person = Person(
         seconds=len(noise), noise=0.5, drift=0.4, better=better, worse=worse, hold_s=hold
     )
@@ -67,14 +67,14 @@ def test_a_person_is_praised_and_blamed_for_as_the_mood_rules_do(noise, whim, ho
     luck = RandomStreams(
         seeds=drawn.seeds,
         scene=drawn.scene,
-        doubt=np.zeros((1, 1, 1)),
-        said=drawn.said,
-        whim=np.full((1, 1, 1), whim),
-        mood=np.array(noise, dtype=np.float32).reshape(1, 1, 1, -1),
+        error_draw=np.zeros((1, 1, 1)),
+        wrong=drawn.wrong,
+        wrong_fit=np.full((1, 1, 1), fit),
+        mood_noise=np.array(noise, dtype=np.float32).reshape(1, 1, 1, -1),
         ties=drawn.ties,
     )
     course = simulate(one, Arm(), luck, wrong_share=1.0)
-    fired, _ = react(person, SPACE, (3.0, 3.0), whim, [float(value) for value in noise])
+    fired, _ = react(person, SPACE, (3.0, 3.0), fit, [float(value) for value in noise])
     assert course.cancelled[0, 0] == (FeedbackKind.NEGATIVE in fired)
     # A mood rule counts half, so that the step is a quarter of the way to the scene or from it.
     profile = 2.0

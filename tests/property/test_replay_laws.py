@@ -51,7 +51,7 @@ RULES = read_market(
     ),
     SPACE,
 ).rules
-MAKING: Any = SimpleNamespace(space=SPACE, rules=RULES)
+PARSED: Any = SimpleNamespace(space=SPACE, rules=RULES)
 NAMES = ("anna", "bert", "carl")
 
 values = st.floats(1.0, 5.0) | st.sampled_from([1.0, 2.0, 3.0, 5.0])
@@ -118,14 +118,14 @@ def test_all_that_is_learned_is_learned_again(
         )
         kept += [feedback_to_msg(one, SPACE) for one in change.all]
     found = lessons_again(
-        RecordedFeedback(feedback=one, card=card.agents[0], parameters=SPACE.names, making=MAKING)
+        RecordedFeedback(feedback=one, card=card.agents[0], parameters=SPACE.names, parsed=PARSED)
         for one in kept
     )
     for finding in found:
         unknown = rule.update is Update.MEDIAN and any(
             one.kind == FeedbackKind.SET for one in kept
         )
-        assert finding.verdict is ReplayVerdict.EQUAL or unknown, finding.words
+        assert finding.verdict is ReplayVerdict.EQUAL or unknown, finding.text
         assert finding.verdict is not ReplayVerdict.DIFFERENT
 
 
@@ -200,5 +200,5 @@ def test_all_that_is_decided_is_decided_again(
         ),
         to_time(1.0),
     )
-    [finding] = decisions_again([Round(auction=message, runs=runs + 1 - runs // 2, making=MAKING)])
-    assert finding.verdict is ReplayVerdict.EQUAL, finding.words
+    [finding] = decisions_again([Round(auction=message, runs=runs + 1 - runs // 2, parsed=PARSED)])
+    assert finding.verdict is ReplayVerdict.EQUAL, finding.text

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The journal of real nodes: what they say is kept, and their trees go the same way again."""
+"""The journal of real nodes: messages are recorded, and their trees go the same way again."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from bt_agents_interfaces.srv import ReloadAgents
 from bt_agents_lab.node import JournalNode
 from bt_agents_lab.recorder.reading import JournalReader
 from bt_agents_lab.replay.findings import ReplayVerdict, tally
-from bt_agents_lab.replay.recording_index import RecordingIndex, tell
+from bt_agents_lab.replay.recording_index import RecordingIndex, index_entries
 from bt_agents_lab.replay.trees import runs_again
 from bt_agents_ros import qos
 from bt_agents_ros.messages import scene_to_msg
@@ -74,8 +74,8 @@ class Town:
         ros.until(lambda: self.host.registered)
         self._round = 0
 
-    def keep(self) -> JournalNode:
-        """Start a journal; return it when it hears the host, and has heard what it is."""
+    def record(self) -> JournalNode:
+        """Start a journal; return it when it receives the host's topics and has its texts."""
         journal: JournalNode = self.ros.add(JournalNode(self.files, today=lambda: self.today))
         self.ros.until(self.host._runs._records._heard)
         self.ros.until(lambda: "/agents/files" in journal.journal._facts)
@@ -91,8 +91,8 @@ class Town:
         return self.market.result(self.begin(agent)).result
 
     def story(self) -> RecordingIndex:
-        """Return what all files hold."""
-        return tell(JournalReader(sorted(self.files.glob("*.mcap"))).entries())
+        """Return the contents of all files."""
+        return index_entries(JournalReader(sorted(self.files.glob("*.mcap"))).entries())
 
 
 @pytest.fixture
@@ -101,7 +101,7 @@ def town(ros: Any, tmp_path: Path) -> Iterator[Town]:
 
 
 def test_runs_of_every_kind_go_the_same_way_again(town: Town) -> None:
-    ros, journal = town.ros, town.keep()
+    ros, journal = town.ros, town.record()
     assert town.run("talker").outcome == RunAgent.Result.SUCCEEDED
     for _ in range(3):
         town.run("gambler")
@@ -143,7 +143,7 @@ def test_runs_of_every_kind_go_the_same_way_again(town: Town) -> None:
     ros.remove(journal)
     story = town.story()
     found = tally(runs_again(story.runs.values()))
-    assert [one.words for one in found.told] == []
+    assert [one.text for one in found.unequal] == []
     assert found.counts == {("run of a tree", ReplayVerdict.EQUAL): 8}
     assert story.problems == []
     assert story.lost == {}
@@ -162,32 +162,34 @@ def test_a_journal_that_comes_late_says_what_it_has_not_heard(town: Town) -> Non
     town.mouth.script = Script(finish_s=None)
     handle = town.begin("talker")
     town.ros.until(lambda: town.mouth.goals)
-    journal = town.keep()
+    journal = town.record()
     town.mouth.script = Script()
     town.mouth.goals[0].finish()
     town.market.result(handle)
     town.run("talker")
     town.ros.remove(journal)
     found = tally(runs_again(town.story().runs.values()))
-    assert [one.words for one in found.told] == ["nothing was noted of what its tree was told"]
+    assert [one.text for one in found.unequal] == [
+        "nothing was recorded of what its tree received"
+    ]
     assert found.counts["run of a tree", ReplayVerdict.EQUAL] == 1
 
 
 def test_each_day_can_be_done_again_by_itself(town: Town) -> None:
-    journal = town.keep()
+    journal = town.record()
     town.run("talker")
     town.today += timedelta(days=1)
     town.run("gambler")
     town.ros.remove(journal)
     for path in sorted(town.files.glob("*.mcap")):
-        story = tell(JournalReader([path]).entries())
+        story = index_entries(JournalReader([path]).entries())
         found = tally(runs_again(story.runs.values()))
         assert found.counts == {("run of a tree", ReplayVerdict.EQUAL): 1}
         assert story.counts["/cards"] >= 1
 
 
 def test_a_second_journal_in_the_same_folder_is_refused(town: Town, tmp_path: Path) -> None:
-    town.keep()
+    town.record()
     with pytest.raises(Refused, match="another journal writes"):
         JournalNode(town.files, today=lambda: town.today)
     blocked = tmp_path / "file"

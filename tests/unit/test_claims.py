@@ -56,7 +56,7 @@ def test_experiment_1_reaches_its_target_in_100_cycles():
 def test_with_each_third_feedback_5_the_mean_goes_to_a_wrong_place():
     folder, spec = opened("2-aggressive")
     world = world_of(folder, spec)
-    assert (luck_of(world, spec, [2]).doubt[0, :6, 0] == [1, 1, 0, 1, 1, 0]).all()
+    assert (luck_of(world, spec, [2]).error_draw[0, :6, 0] == [1, 1, 0, 1, 1, 0]).all()
     late = replicas(world, spec, [2]).course.profiles[0, -99:, 0].mean(axis=0)
     assert late == pytest.approx([5.0, 4 + 1 / 3, 2 + 1 / 3], abs=1e-3)
 
@@ -76,7 +76,7 @@ def test_with_each_third_feedback_5_the_mean_goes_to_a_wrong_place():
 )
 def test_a_verdict_says_in_how_many_runs_a_claim_holds(held, words):
     verdict = judged(CLAIM, held, "found", "because")
-    assert verdict.words == words
+    assert verdict.text == words
     assert (verdict.reason == "") == all(held)
 
 
@@ -119,7 +119,7 @@ def test_a_distance_that_is_never_reached_is_said_to_be_never_reached():
     folder, spec = opened("1")
     short = claims.Paper(folder=folder, spec=spec.shortened(5))
     convergence, speed = claims.first(short)
-    assert convergence.words == speed.words == "fails"
+    assert convergence.text == speed.text == "fails"
     assert "after 5 cycles at rate 0.2, never below 0.05;" in convergence.found
     assert speed.found == "never at rate 0.05, never at rate 0.2, never at rate 0.5"
 

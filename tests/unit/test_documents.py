@@ -156,7 +156,7 @@ def test_every_command_exists_with_its_options(document: str, text: str) -> None
 def kept(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A small journal."""
     folder = tmp_path_factory.mktemp("kept")
-    return morning(folder / "trees").keep(folder / "morning.mcap")
+    return morning(folder / "trees").write(folder / "morning.mcap")
 
 
 @pytest.fixture

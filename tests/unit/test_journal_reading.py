@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 import tracemalloc
 from pathlib import Path
 from random import Random
@@ -10,7 +12,10 @@ from random import Random
 import pytest
 import zstandard
 from click.testing import CliRunner
-from mcap.records import Chunk, Message
+from mcap.data_stream import RecordBuilder
+from mcap.records import Chunk, Footer, Header
+from mcap.stream_reader import StreamReader
+from mcap.writer import MCAP0_MAGIC
 from rclpy.serialization import serialize_message
 
 from bt_agents_core.errors import BtAgentsError
@@ -18,10 +23,8 @@ from bt_agents_interfaces.msg import RunRecord, Scene
 from bt_agents_lab.cli.journal import journal
 from bt_agents_lab.cli.replay import replay
 from bt_agents_lab.cli.what_if import what_if
-from bt_agents_lab.recorder.file import JournalFile
-from bt_agents_lab.recorder.mcap_format import head, packed
+from bt_agents_lab.recorder.file import JournalFile, RecordedMessage
 from bt_agents_lab.recorder.reading import JournalReader
-from bt_agents_lab.recorder.scan import survey
 from bt_agents_lab.replay.recording_index import read
 from journals import morning, topic_of
 
@@ -32,18 +35,10 @@ def begun(path: Path, *, records: int = 1, scenes: int = 0) -> JournalFile:
     """Return a journal that is still written, with messages of two topics."""
     file = JournalFile(path)
     for kind, name, number in ((RunRecord, "/records", records), (Scene, "/scene/live", scenes)):
-        topic = topic_of(kind, name)
-        channel = file.channel(topic.name, topic.type, topic.definition)
-        data = serialize_message(kind())
+        topic, data = topic_of(kind, name), serialize_message(kind())
         for count in range(1, number + 1):
             file.add(
-                Message(
-                    channel_id=channel,
-                    log_time=count,
-                    publish_time=count,
-                    sequence=count,
-                    data=data,
-                )
+                RecordedMessage(topic=topic, data=data, sent_ns=count, received_ns=count), count
             )
     file.flush()
     return file
@@ -66,9 +61,9 @@ def test_a_file_that_ends_in_the_middle_of_a_record_is_said_to(tmp_path: Path) -
         file.path.write_bytes(whole + torn)
         reader = JournalReader([file.path])
         assert len(reader.entries()) == 1
-        [words] = reader.problems
-        assert "in the middle of a record, as after a kill" in words or "only" in words
-        assert "EndOfFile" not in words
+        [text] = reader.problems
+        assert "in the middle of a record, as after a kill" in text or "only" in text
+        assert "EndOfFile" not in text
     file.close()
 
 
@@ -99,7 +94,17 @@ def packed_chunk(data: bytes, said: int, compression: str = "zstd") -> bytes:
         uncompressed_crc=0,
         uncompressed_size=said,
     )
-    return head() + packed(chunk)
+    builder = RecordBuilder()
+    Header(profile="ros2", library="bt-agents").write(builder)
+    chunk.write(builder)
+    return MCAP0_MAGIC + bytes(builder.end())
+
+
+def end_of_messages(path: Path) -> int:
+    """Return where the summary of a journal begins, and the record that announces it before."""
+    with path.open("rb") as stream:
+        [footer] = [one for one in StreamReader(stream).records if isinstance(one, Footer)]
+    return footer.summary_start - 13
 
 
 @pytest.mark.parametrize("said", [100, 200_000_000])
@@ -123,12 +128,26 @@ def test_a_compression_that_is_not_known_is_named(tmp_path: Path) -> None:
     assert "compressed by lz4, expected zstd" in reader.problems[0]
 
 
-def test_flipped_bits_end_no_command_without_words(tmp_path: Path) -> None:
-    whole = morning(tmp_path / "trees").keep(tmp_path / "a.mcap").read_bytes()
+def test_a_package_that_is_not_installed_is_named() -> None:
+    program = (
+        "import sys; sys.modules['mcap'] = None\n"
+        "from bt_agents_core.errors import BtAgentsError\n"
+        "try: import bt_agents_lab.cli.replay\n"
+        "except BtAgentsError as error: print(error)\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, check=True, timeout=60
+    )
+    assert done.stdout.startswith("this command needs the package mcap")
+    assert "pip install 'bt-agents[lab]'" in done.stdout
+
+
+def test_flipped_bits_end_no_command_without_a_message(tmp_path: Path) -> None:
+    whole = morning(tmp_path / "trees").write(tmp_path / "a.mcap").read_bytes()
     random = Random(4)
     path = tmp_path / "b.mcap"
     ends = set()
-    # Definitions of types stand at the beginning and outside of every check sum.
+    # The heads of records stand outside of every checksum.
     for place in [random.randrange(len(whole) // 2) for _ in range(25)]:
         broken = bytearray(whole)
         broken[place] ^= 1 << random.randrange(8)
@@ -141,10 +160,9 @@ def test_flipped_bits_end_no_command_without_words(tmp_path: Path) -> None:
 
 
 def test_a_torn_journal_is_never_said_to_be_equal_in_everything(tmp_path: Path) -> None:
-    path = morning(tmp_path / "trees").keep(tmp_path / "a.mcap")
+    path = morning(tmp_path / "trees").write(tmp_path / "a.mcap")
     content = path.read_bytes()
-    with path.open("rb") as file:
-        end = survey(file).end
+    end = end_of_messages(path)
     path.write_bytes(content[: end + 5])
     result = CliRunner().invoke(replay, [str(path)])
     assert result.exit_code == 2

@@ -63,7 +63,7 @@ def altered(
     town: Town, path: Path, kind: type, change: Callable[[Any], None], which: int = 0
 ) -> FindingCounts:
     """Return what a replay finds after one message of a kind was changed."""
-    numbers = [n for n, spoken in enumerate(town.said) if isinstance(spoken.message, kind)]
+    numbers = [n for n, one in enumerate(town.published) if isinstance(one.message, kind)]
 
     def alter(number: int, message: Any) -> Any:
         if number == numbers[which]:
@@ -71,11 +71,11 @@ def altered(
             change(message)
         return message
 
-    return again(town.keep(path / "a.mcap", alter))
+    return again(town.write(path / "a.mcap", alter))
 
 
 def different(found: FindingCounts, kind: str) -> ReplayFinding:
-    [finding] = [one for one in found.told if one.kind == kind]
+    [finding] = [one for one in found.unequal if one.kind == kind]
     assert finding.verdict is ReplayVerdict.DIFFERENT
     return finding
 
@@ -83,8 +83,8 @@ def different(found: FindingCounts, kind: str) -> ReplayFinding:
 @pytest.mark.parametrize("strategy", STRATEGIES)
 def test_everything_of_a_morning_is_equal(tmp_path: Path, strategy: str) -> None:
     made = morning(tmp_path / "trees", strategy=strategy, options=STRATEGIES[strategy])
-    found = again(made.keep(tmp_path / "a.mcap"))
-    assert found.told == []
+    found = again(made.write(tmp_path / "a.mcap"))
+    assert found.unequal == []
     for kind in (decisions.KIND, replay_learning.KIND, trees.KIND):
         assert found.counts[kind, ReplayVerdict.EQUAL] == 4
     assert found.sizes[trees.KIND] > 12
@@ -167,7 +167,7 @@ STATUSES: dict[str, Callable[[Any], None]] = {
 def test_an_altered_tick_is_found(town: Town, tmp_path: Path, what: str, which: int) -> None:
     found = altered(town, tmp_path, TreeStatus, STATUSES[what], which)
     finding = different(found, trees.KIND)
-    assert "tick" in finding.words or "end" in finding.words
+    assert "tick" in finding.text or "end" in finding.text
     assert found.counts[trees.KIND, ReplayVerdict.EQUAL] == 3
 
 
@@ -195,11 +195,11 @@ def test_an_altered_note_of_a_run_is_found(town: Town, tmp_path: Path, what: str
         if old in one.record
     )
     found = altered(town, tmp_path, RunRecord, _in_note(old, new), which)
-    assert different(found, trees.KIND).words
+    assert different(found, trees.KIND).text
 
 
 def _messages(town: Town) -> list[Any]:
-    return [spoken.message for spoken in town.said]
+    return [one.message for one in town.published]
 
 
 def test_another_text_of_an_agent_is_found(town: Town, tmp_path: Path) -> None:
@@ -208,14 +208,14 @@ def test_another_text_of_an_agent_is_found(town: Town, tmp_path: Path) -> None:
         message.texts[place] = message.texts[place].replace("Hello", "Good day")
 
     found = altered(town, tmp_path, AgentFiles, change)
-    words = [one.words for one in found.told if one.kind == trees.KIND]
-    assert words
-    assert "Good day" in words[0]
+    text = [one.text for one in found.unequal if one.kind == trees.KIND]
+    assert text
+    assert "Good day" in text[0]
 
 
 def without(town: Town, path: Path, *kinds: type) -> FindingCounts:
     return again(
-        town.keep(
+        town.write(
             path / "a.mcap",
             lambda _number, message: None if isinstance(message, kinds) else message,
         )
@@ -225,7 +225,7 @@ def without(town: Town, path: Path, *kinds: type) -> FindingCounts:
 def test_without_texts_nothing_is_called_equal(town: Town, tmp_path: Path) -> None:
     found = without(town, tmp_path, AgentFiles)
     assert {verdict for _, verdict in found.counts} == {ReplayVerdict.NOT_RECORDED}
-    assert {one.words for one in found.told if one.kind == trees.KIND} == {
+    assert {one.text for one in found.unequal if one.kind == trees.KIND} == {
         f"there is no text of version 1 of {name}" for name in ("anna", "bert")
     }
 
@@ -242,69 +242,71 @@ def test_without_notes_or_cards_runs_and_lessons_are_named_as_not_recorded(
 def test_notes_that_end_before_the_run_are_equal_so_far_and_not_more(
     town: Town, tmp_path: Path
 ) -> None:
-    last = max(n for n, one in enumerate(town.said) if isinstance(one.message, RunRecord))
-    found = again(town.keep(tmp_path / "a.mcap", lambda n, m: None if n == last else m))
-    [finding] = found.told
+    last = max(n for n, one in enumerate(town.published) if isinstance(one.message, RunRecord))
+    found = again(town.write(tmp_path / "a.mcap", lambda n, m: None if n == last else m))
+    [finding] = found.unequal
     assert finding.verdict is ReplayVerdict.NOT_RECORDED
-    assert "ticks are equal, then the notes end" in finding.words
+    assert "ticks are equal, then the record ends" in finding.text
 
 
 def test_a_gap_in_the_notes_is_no_difference(town: Town, tmp_path: Path) -> None:
-    numbers = [n for n, one in enumerate(town.said) if isinstance(one.message, RunRecord)]
-    found = again(town.keep(tmp_path / "a.mcap", lambda n, m: None if n == numbers[2] else m))
+    numbers = [n for n, one in enumerate(town.published) if isinstance(one.message, RunRecord)]
+    found = again(town.write(tmp_path / "a.mcap", lambda n, m: None if n == numbers[2] else m))
     assert found.different == 0
-    assert "notes between the turns 1 and 7 are missing" in found.told[0].words
+    assert "notes between the turns 1 and 7 are missing" in found.unequal[0].text
 
 
 def test_notes_that_never_reached_the_journal_are_missing_and_no_difference(
     town: Town, tmp_path: Path
 ) -> None:
-    notes = [n for n, one in enumerate(town.said) if isinstance(one.message, RunRecord)]
+    notes = [n for n, one in enumerate(town.published) if isinstance(one.message, RunRecord)]
     for number in notes:
         found = again_without(town, tmp_path / f"{number}.mcap", number)
         assert found.different == 0
-        assert [one.verdict for one in found.told] == [ReplayVerdict.NOT_RECORDED]
+        assert [one.verdict for one in found.unequal] == [ReplayVerdict.NOT_RECORDED]
 
 
 def test_changes_of_a_tick_that_never_reached_the_journal_are_missing_and_no_difference(
     town: Town, tmp_path: Path
 ) -> None:
-    statuses = [n for n, one in enumerate(town.said) if isinstance(one.message, TreeStatus)]
+    statuses = [n for n, one in enumerate(town.published) if isinstance(one.message, TreeStatus)]
     for number in statuses[:4]:
         found = again_without(town, tmp_path / f"{number}.mcap", number)
         assert found.different == 0
-        [finding] = found.told
-        assert "the changes of 1 of" in finding.words
+        [finding] = found.unequal
+        assert "the changes of 1 of" in finding.text
 
 
 def again_without(town: Town, path: Path, number: int) -> FindingCounts:
     """Return what a replay finds when the journal never heard a message, and so no gap either."""
-    said = town.said
-    town.said = [one for n, one in enumerate(said) if n != number]
+    said = town.published
+    town.published = [one for n, one in enumerate(said) if n != number]
     try:
-        return again(town.keep(path))
+        return again(town.write(path))
     finally:
-        town.said = said
+        town.published = said
 
 
 def test_scores_that_depend_on_runs_before_the_journal_are_not_called_different(
     tmp_path: Path,
 ) -> None:
     made = morning(tmp_path / "trees", strategy="ucb", options={"c": 3.0})
-    first = next(n for n, one in enumerate(made.said) if isinstance(one.message, Auction))
-    found = again(made.keep(tmp_path / "a.mcap", lambda n, m: None if n == first else m))
+    first = next(n for n, one in enumerate(made.published) if isinstance(one.message, Auction))
+    found = again(made.write(tmp_path / "a.mcap", lambda n, m: None if n == first else m))
     assert found.different == 0
-    told = [one for one in found.told if one.kind == decisions.KIND]
+    told = [one for one in found.unequal if one.kind == decisions.KIND]
     assert told
-    assert all("does not begin with this market" in one.words for one in told)
+    assert all("does not begin with this market" in one.text for one in told)
 
 
 def test_a_run_that_the_journal_has_not_heard_of_makes_no_score_different(tmp_path: Path) -> None:
     made = morning(tmp_path / "trees", strategy="ucb", options={"c": 3.0})
-    made.said = [
-        one for one in made.said if not (isinstance(one.message, Run) and one.message.round == 2)
+    made.published = [
+        one
+        for one in made.published
+        if not (isinstance(one.message, Run) and one.message.round == 2)
     ]
-    found = again(made.keep(tmp_path / "a.mcap"))
+    found = again(made.write(tmp_path / "a.mcap"))
     assert found.counts[decisions.KIND, ReplayVerdict.EQUAL] == 2
     assert found.counts[decisions.KIND, ReplayVerdict.NOT_RECORDED] == 2
     assert found.different == 0
@@ -316,9 +318,9 @@ def test_a_shadow_that_depends_on_runs_before_the_journal_is_not_called_differen
     made = Town(tmp_path / "trees", shadow="ucb")
     for number in range(4):
         made.round(scene(f"s{number}", age=1.0))
-    assert again(made.keep(tmp_path / "a.mcap")).told == []
-    first = next(n for n, one in enumerate(made.said) if isinstance(one.message, Auction))
-    found = again(made.keep(tmp_path / "b.mcap", lambda n, m: None if n == first else m))
+    assert again(made.write(tmp_path / "a.mcap")).unequal == []
+    first = next(n for n, one in enumerate(made.published) if isinstance(one.message, Auction))
+    found = again(made.write(tmp_path / "b.mcap", lambda n, m: None if n == first else m))
     assert found.counts == {(decisions.KIND, ReplayVerdict.NOT_RECORDED): 3}
 
     def worse(number: int, message: Any) -> Any:
@@ -329,22 +331,22 @@ def test_a_shadow_that_depends_on_runs_before_the_journal_is_not_called_differen
             message.winner = "bert"
         return message
 
-    found = again(made.keep(tmp_path / "c.mcap", worse))
+    found = again(made.write(tmp_path / "c.mcap", worse))
     assert found.different == 3
 
 
 def test_a_missing_value_stays_missing(tmp_path: Path) -> None:
     made = Town(tmp_path / "trees")
     made.round(scene("s", age=4.0))
-    made.teach("anna", FeedbackKind.DIRECT, (NAN, 3.0, NAN))
-    assert again(made.keep(tmp_path / "a.mcap")).told == []
+    made.give_feedback("anna", FeedbackKind.DIRECT, (NAN, 3.0, NAN))
+    assert again(made.write(tmp_path / "a.mcap")).unequal == []
 
 
 def test_texts_that_lead_out_of_the_folder_are_not_unpacked(town: Town, tmp_path: Path) -> None:
     def change(message: Any) -> None:
         message.files[0] = "../../evil.yaml"
 
-    numbers = [n for n, one in enumerate(town.said) if isinstance(one.message, AgentFiles)]
+    numbers = [n for n, one in enumerate(town.published) if isinstance(one.message, AgentFiles)]
 
     def alter(number: int, message: Any) -> Any:
         if number in numbers:
@@ -352,12 +354,12 @@ def test_texts_that_lead_out_of_the_folder_are_not_unpacked(town: Town, tmp_path
             change(message)
         return message
 
-    story = story_of(town.keep(tmp_path / "a.mcap", alter))
+    story = story_of(town.write(tmp_path / "a.mcap", alter))
     assert "lies outside of the folder" in story.problems[0]
 
 
 def test_the_command_says_that_everything_is_equal(town: Town, tmp_path: Path) -> None:
-    path = town.keep(tmp_path / "a.mcap")
+    path = town.write(tmp_path / "a.mcap")
     result = CliRunner().invoke(replay, [str(path)])
     assert result.exit_code == 0, result.output
     assert "everything is equal" in result.output
@@ -367,7 +369,7 @@ def test_the_command_says_that_everything_is_equal(town: Town, tmp_path: Path) -
 
 
 def test_the_command_ends_with_one_and_the_first_differences(town: Town, tmp_path: Path) -> None:
-    first = next(n for n, one in enumerate(town.said) if isinstance(one.message, Auction))
+    first = next(n for n, one in enumerate(town.published) if isinstance(one.message, Auction))
 
     def alter(number: int, message: Any) -> Any:
         if number == first:
@@ -375,13 +377,13 @@ def test_the_command_ends_with_one_and_the_first_differences(town: Town, tmp_pat
             message.margin = 9.0
         return message
 
-    result = CliRunner().invoke(replay, [str(town.keep(tmp_path / "a.mcap", alter))])
+    result = CliRunner().invoke(replay, [str(town.write(tmp_path / "a.mcap", alter))])
     assert result.exit_code == 1
     assert "different decision, round 1, bert: the margin was 9.0" in result.output
     assert "not equal" in result.output
 
 
-def test_a_file_that_is_no_journal_is_refused_in_words(tmp_path: Path) -> None:
+def test_a_file_that_is_no_journal_is_refused_with_a_reason(tmp_path: Path) -> None:
     path = tmp_path / "a.mcap"
     for content in (b"", b"no journal", b"\x89MCAP0\r\n" + bytes(200)):
         path.write_bytes(content)

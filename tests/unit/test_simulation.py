@@ -15,7 +15,7 @@ from bt_agents_lab.experiments.random_streams import draw
 from bt_agents_lab.experiments.simulated_world import NOT_SIMULATED, Arm, Person, SimulatedWorld
 from bt_agents_lab.experiments.simulation import simulate
 from marketplace_node.round import ranking
-from marketplace_node.strategies import STRATEGIES
+from marketplace_node.strategies import STRATEGIES, round_rng
 from one_run import live
 
 MADE_FOR = np.array([[1.0, 1.0, 1.0], [3.0, 3.0, 3.0], [5.0, 5.0, 5.0]])
@@ -83,15 +83,19 @@ def test_a_run_does_not_depend_on_which_others_are_played_with_it(strategy):
 
 
 def test_a_shorter_run_is_the_beginning_of_a_longer_one():
-    for world, said in ((PAPER, "another"), (PERSONS, "any")):
-        short, long = (draw(world, [5, 9], rounds, said) for rounds in (7, 20))
-        for name in ("scene", "doubt", "said", "whim", "mood", "ties"):
+    for world, wrong in ((PAPER, "another"), (PERSONS, "any")):
+        short, long = (draw(world, [5, 9], rounds, wrong) for rounds in (7, 20))
+        for name in ("scene", "error_draw", "wrong", "wrong_fit", "mood_noise", "ties"):
             assert np.array_equal(getattr(short, name), getattr(long, name)[:, :7]), name
+
+
+def test_a_seed_draws_what_it_has_always_drawn():
+    assert round_rng("epoch/4").random(2).tolist() == [0.2232831641075249, 0.6788254797385785]
 
 
 def test_no_kind_of_chance_follows_another():
     luck = draw(PERSONS, [5], 400)
-    kinds = (luck.doubt, (luck.whim + 1.0) / 2.0, luck.ties[..., 0])
+    kinds = (luck.error_draw, (luck.wrong_fit + 1.0) / 2.0, luck.ties[..., 0])
     table = np.corrcoef([kind.ravel() for kind in kinds])
     assert np.abs(table - np.eye(3)).max() < 0.1
 

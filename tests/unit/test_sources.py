@@ -9,12 +9,13 @@ import pytest
 
 from bt_agents_core.errors import Refused
 from bt_agents_core.scene import SceneParameter, SceneSpace
+from bt_agents_core.source_mapping import inverted, mapped
 from bt_agents_language.expression.expressions import parse_expression
 from bt_agents_language.files.scene_reader import read_scene_text
 from bt_agents_language.model.scene_specs import SceneSpec, SourceSpec
 from bt_agents_language.model.specs import Position
 from scene_layer.fusion import Reading
-from scene_layer.sources import Sources, inverted, mapped, message_of
+from scene_layer.sources import Sources, message_of
 
 SPACE = SceneSpace(
     parameters=tuple(
@@ -51,27 +52,33 @@ SPEC = SceneSpec(space=SPACE, sources=(AGE, MOOD, OTHER_MOOD), person=PERSON)
     [(-5.0, 1.0), (10.0, 1.0), (15.0, 1.5), (20.0, 2.0), (50.0, 3.5), (80.0, 5.0), (200.0, 5.0)],
 )
 def test_a_reading_is_mapped_between_the_points_and_held_beyond_them(reading, value):
-    assert mapped(AGE, reading) == value
+    assert mapped(AGE.points, reading) == value
 
 
 @pytest.mark.parametrize("value", [1.0, 1.5, 2.0, 3.5, 5.0])
 def test_an_inverted_value_maps_back_to_itself(value):
-    assert mapped(AGE, inverted(AGE, value)) == pytest.approx(value)
+    assert mapped(AGE.points, inverted(AGE.points, value)) == pytest.approx(value)
 
 
 def test_falling_and_flat_points_can_be_inverted():
-    falling = source("mood", (0.0, 5.0), (1.0, 3.0), (2.0, 3.0), (3.0, 1.0))
-    assert [inverted(falling, v) for v in (5.0, 4.0, 3.0, 2.0, 1.0)] == [0.0, 0.5, 1.0, 2.5, 3.0]
+    falling = ((0.0, 5.0), (1.0, 3.0), (2.0, 3.0), (3.0, 1.0))
+    assert [inverted(falling, v) for v in (5.0, 4.0, 3.0, 2.0, 1.0)] == [
+        0.0,
+        0.5,
+        1.0,
+        2.5,
+        3.0,
+    ]
 
 
 def test_a_value_that_no_reading_maps_to_takes_the_nearest_point():
-    assert inverted(AGE, 9.0) == 80.0
-    assert inverted(AGE, 0.0) == 10.0
+    assert inverted(AGE.points, 9.0) == 80.0
+    assert inverted(AGE.points, 0.0) == 10.0
 
 
 def test_without_points_a_reading_is_its_value():
-    assert mapped(MOOD, 4.5) == 4.5
-    assert inverted(MOOD, 4.5) == 4.5
+    assert mapped(MOOD.points, 4.5) == 4.5
+    assert inverted(MOOD.points, 4.5) == 4.5
 
 
 def read(sources: Sources, spec: SourceSpec, raw: object, now: float, person: str = "") -> bool:

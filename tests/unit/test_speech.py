@@ -116,8 +116,8 @@ def test_without_a_program_a_text_takes_its_expected_time():
     studio = Studio()
     act = say(voice=studio.voice)
     assert not studio.voice.audible
-    assert not act.over(102.0)
-    assert act.over(102.2)
+    assert not act.is_over(102.0)
+    assert act.is_over(102.2)
     assert studio.warnings == []
 
 
@@ -127,9 +127,9 @@ def test_a_spoken_text_ends_with_its_program():
     assert studio.started == [
         (("/usr/bin/espeak", "--stdin", "-s", "175"), "-f /etc/passwd; rm -rf x")
     ]
-    assert not act.over(102.5)
+    assert not act.is_over(102.5)
     studio.processes[0].code = 0
-    assert act.over(102.5)
+    assert act.is_over(102.5)
     assert not studio.processes[0].terminated
 
 
@@ -142,8 +142,8 @@ def test_espeak_ng_is_preferred():
 def test_a_program_that_hangs_is_ended_after_twice_the_expected_time():
     studio = Studio("espeak")
     act = say(voice=studio.voice)
-    assert not act.over(104.1)
-    assert act.over(104.3)
+    assert not act.is_over(104.1)
+    assert act.is_over(104.3)
     assert studio.processes[0].terminated
 
 
@@ -151,8 +151,8 @@ def test_a_failing_program_leaves_silence_and_one_warning():
     studio = Studio("espeak")
     act = say(voice=studio.voice)
     studio.processes[0].code = 1
-    assert not act.over(100.1)
-    assert act.over(102.2)
+    assert not act.is_over(100.1)
+    assert act.is_over(102.2)
     say(voice=studio.voice)
     assert len(studio.started) == 1
     assert len(studio.warnings) == 1
@@ -162,7 +162,7 @@ def test_a_failing_program_leaves_silence_and_one_warning():
 def test_a_program_that_cannot_be_started_leaves_silence_and_one_warning():
     studio = Studio("espeak", broken=True)
     acts = [say(voice=studio.voice), say(voice=studio.voice)]
-    assert [act.over(102.2) for act in acts] == [True, True]
+    assert [act.is_over(102.2) for act in acts] == [True, True]
     assert len(studio.warnings) == 1
 
 
@@ -176,8 +176,8 @@ def test_a_program_that_ends_at_once_has_not_been_heard():
     studio = Studio("espeak")
     act = say(voice=studio.voice)
     studio.processes[0].code = 0
-    assert not act.over(100.1)
-    assert act.over(102.2)
+    assert not act.is_over(100.1)
+    assert act.is_over(102.2)
 
 
 def test_stopping_ends_the_program():
@@ -185,16 +185,16 @@ def test_stopping_ends_the_program():
     act = say(voice=studio.voice)
     act.stop()
     assert studio.processes[0].terminated
-    assert not act.speaking(100.1)
+    assert not act.is_speaking(100.1)
 
 
 def test_the_mouth_is_held_while_speaking_only():
     act = Ask("Shall we go?", (), 10.0, pace=1.0, voice=None)
-    assert not act.speaking(100.0)
+    assert not act.is_speaking(100.0)
     act.begin(100.0)
-    assert act.speaking(100.5)
-    assert not act.speaking(101.2)
-    assert not act.over(101.2), "it waits for the answer now"
+    assert act.is_speaking(100.5)
+    assert not act.is_speaking(101.2)
+    assert not act.is_over(101.2), "it waits for the answer now"
 
 
 def asked(*choices: str, wait_s: float = 4.0) -> Ask:
@@ -205,43 +205,43 @@ def asked(*choices: str, wait_s: float = 4.0) -> Ask:
 
 def test_a_question_is_asked_once_when_it_has_been_spoken():
     act = asked()
-    assert [act.asked(now) for now in (100.5, 101.2, 101.3)] == [False, True, False]
+    assert [act.begins_waiting(now) for now in (100.5, 101.2, 101.3)] == [False, True, False]
 
 
 def test_an_answer_ends_the_question():
     act = asked()
-    act.asked(101.2)
-    assert act.take("  later ")
+    act.begins_waiting(101.2)
+    assert act.receive("  later ")
     assert act.answer == "later"
-    assert act.over(101.3)
-    assert not act.take("now"), "the first answer counts"
+    assert act.is_over(101.3)
+    assert not act.receive("now"), "the first answer counts"
 
 
 def test_an_early_answer_interrupts_the_question():
     act = asked()
-    assert act.take("yes")
-    assert act.over(100.2)
-    assert not act.speaking(100.2)
+    assert act.receive("yes")
+    assert act.is_over(100.2)
+    assert not act.is_speaking(100.2)
 
 
 def test_with_choices_only_those_count_in_whatever_case():
     act = asked("Yes", "No")
-    assert not act.take("maybe")
-    assert not act.take("")
-    assert act.take("YES")
+    assert not act.receive("maybe")
+    assert not act.receive("")
+    assert act.receive("YES")
     assert act.answer == "Yes"
 
 
 def test_a_question_that_waits_for_its_turn_takes_no_answer():
     act = Ask("Shall we go?", (), 4.0, pace=1.0, voice=None)
-    assert not act.take("yes")
+    assert not act.receive("yes")
 
 
 def test_no_answer_ends_the_waiting():
     act = asked(wait_s=4.0)
-    assert act.asked(101.2)
-    assert not act.over(105.1)
-    assert act.over(105.3)
+    assert act.begins_waiting(101.2)
+    assert not act.is_over(105.1)
+    assert act.is_over(105.3)
     assert act.answer == ""
 
 

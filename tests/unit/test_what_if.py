@@ -26,11 +26,11 @@ from stage import SPACE, scene
 def outlook(town: Town, path: Path, changes: Changes) -> Outlook:
     file = path / "a.mcap"
     file.unlink(missing_ok=True)
-    return what_if(story_of(town.keep(file)), changes)
+    return what_if(story_of(town.write(file)), changes)
 
 
 def winners(found: Outlook) -> list[str]:
-    return [case.now for case in found.cases]
+    return [case.now for case in found.rounds]
 
 
 @pytest.mark.parametrize("strategy", ["manhattan", "softmax", "ucb", "thompson"])
@@ -39,8 +39,8 @@ def test_without_a_change_everything_would_have_been_as_it_was(
 ) -> None:
     town = morning(tmp_path / "trees", strategy=strategy)
     found = outlook(town, tmp_path, Changes())
-    assert found.other == 0
-    assert [case.margin_now for case in found.cases] == [c.margin_was for c in found.cases]
+    assert found.other_winners == 0
+    assert [case.margin_now for case in found.rounds] == [c.margin_was for c in found.rounds]
     assert found.profiles == town.profiles
     assert (found.given, found.withheld) == (4, 0)
 
@@ -53,20 +53,20 @@ def test_without_a_change_it_is_as_it_was_also_where_the_journal_begins_later(
     town.profiles = dict.fromkeys(town.profiles, (2.0, 2.0, 3.0))
     for number in range(6):
         town.round(scene(f"s{number}", age=2.0 + number % 3))
-    firsts = [n for n, one in enumerate(town.said) if isinstance(one.message, (Auction, Run))]
+    firsts = [n for n, one in enumerate(town.published) if isinstance(one.message, (Auction, Run))]
     for missing in (firsts[:2], firsts[:6], firsts[4:6]):
         file = tmp_path / f"{len(missing)}-{missing[0]}.mcap"
-        town.keep(file, lambda n, m, gone=missing: None if n in gone else m)
+        town.write(file, lambda n, m, gone=missing: None if n in gone else m)
         found = what_if(story_of(file), Changes())
-        assert [case.now for case in found.cases] == [case.was for case in found.cases]
-        assert {case.now for case in found.cases} == {"anna", "bert"}
-        assert [c.margin_now for c in found.cases] == [c.margin_was for c in found.cases]
+        assert [case.now for case in found.rounds] == [case.was for case in found.rounds]
+        assert {case.now for case in found.rounds} == {"anna", "bert"}
+        assert [c.margin_now for c in found.rounds] == [c.margin_was for c in found.rounds]
 
 
 def test_another_rate_moves_profiles_by_it(tmp_path: Path) -> None:
     town = Town(tmp_path / "trees")
     town.round(scene("s", age=4.0))
-    town.teach("bert", FeedbackKind.DIRECT, (5.0, NAN, NAN))
+    town.give_feedback("bert", FeedbackKind.DIRECT, (5.0, NAN, NAN))
     found = outlook(town, tmp_path, Changes(rate=0.5))
     assert found.profiles["bert"] == (4.5 + 0.5 * (5.0 - 4.5), 2.1, 3.3)
 
@@ -74,7 +74,7 @@ def test_another_rate_moves_profiles_by_it(tmp_path: Path) -> None:
 def test_another_rate_changes_a_later_winner(tmp_path: Path) -> None:
     town = Town(tmp_path / "trees")
     town.round(scene("s0", age=4.0))
-    town.teach("bert", FeedbackKind.DIRECT, (1.0, 2.1, 3.3))
+    town.give_feedback("bert", FeedbackKind.DIRECT, (1.0, 2.1, 3.3))
     assert town.round(scene("s1", age=2.6)) == "bert"
     assert winners(outlook(town, tmp_path, Changes())) == ["bert", "bert"]
     assert winners(outlook(town, tmp_path, Changes(rate=0.0))) == ["bert", "anna"]
@@ -83,7 +83,7 @@ def test_another_rate_changes_a_later_winner(tmp_path: Path) -> None:
 def test_feedback_about_a_run_of_another_agent_is_not_given(tmp_path: Path) -> None:
     town = Town(tmp_path / "trees")
     assert town.round(scene("s0", age=3.0, familiarity=1.6, mood=3.1)) == "bert"
-    town.teach("bert", FeedbackKind.DIRECT, (5.0, NAN, NAN))
+    town.give_feedback("bert", FeedbackKind.DIRECT, (5.0, NAN, NAN))
     agents = read_trees(write_folder(tmp_path / "other", anna=(3.0, 1.6, 3.1), bert=(5, 5, 5)))
     found = outlook(town, tmp_path, Changes(agents=agents.agents))
     assert winners(found) == ["anna"]
@@ -106,7 +106,7 @@ def test_a_robust_update_withstands_one_wrong_feedback(tmp_path: Path) -> None:
     town = Town(tmp_path / "trees")
     town.round(scene("s", age=4.0))
     for age in (4.5, 4.5, 4.5, 1.0):
-        town.teach("bert", FeedbackKind.DIRECT, (age, NAN, NAN))
+        town.give_feedback("bert", FeedbackKind.DIRECT, (age, NAN, NAN))
     assert outlook(town, tmp_path, Changes()).profiles["bert"][0] < 4.0
     assert outlook(town, tmp_path, Changes(update=Update.MEDIAN)).profiles["bert"][0] == 4.5
 
@@ -120,7 +120,7 @@ def test_chance_is_the_same_each_time(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("strategy", "options", "words"),
+    ("strategy", "options", "text"),
     [
         ("softmaxx", {}, "no strategy 'softmaxx'; did you mean"),
         ("softmax", {"temprature": 1.0}, "no option 'temprature'; did you mean"),
@@ -129,15 +129,15 @@ def test_chance_is_the_same_each_time(tmp_path: Path) -> None:
         ("external", {}, "not known"),
     ],
 )
-def test_what_cannot_be_is_refused_in_words(
-    strategy: str, options: Mapping[str, float], words: str
+def test_what_cannot_be_is_refused_with_a_reason(
+    strategy: str, options: Mapping[str, float], text: str
 ) -> None:
-    with pytest.raises(BtAgentsError, match=words):
+    with pytest.raises(BtAgentsError, match=text):
         what_if(RecordingIndex(), Changes(strategy=strategy, options=options))
 
 
 def test_the_command_prints_each_other_winner_and_what_it_assumes(tmp_path: Path) -> None:
-    path = morning(tmp_path / "trees").keep(tmp_path / "a.mcap")
+    path = morning(tmp_path / "trees").write(tmp_path / "a.mcap")
     folder = write_folder(tmp_path / "other", anna=(1.0, 1.0, 3.0))
     result = CliRunner().invoke(command, [str(path), "--agents", str(folder)])
     assert result.exit_code == 0, result.output
@@ -151,7 +151,7 @@ def test_the_command_prints_each_other_winner_and_what_it_assumes(tmp_path: Path
 
 
 def test_only_agents_with_the_tags_that_are_named_bid(tmp_path: Path) -> None:
-    path = morning(tmp_path / "trees").keep(tmp_path / "a.mcap")
+    path = morning(tmp_path / "trees").write(tmp_path / "a.mcap")
     folder = write_folder(tmp_path / "other", anna=(1.0, 1.0, 3.0), bert=(4.5, 2.1, 3.3))
     file = folder / "agents" / "bert.yaml"
     file.write_text(file.read_text() + "tags: [night]\n")
@@ -172,7 +172,7 @@ def test_a_scene_without_a_name_is_shown_by_its_values(tmp_path: Path) -> None:
     town.round(replace(scene("0b5f", age=4.5, familiarity=1.0, mood=3.0), label=""))
     town.round(replace(scene("0b60", age=4.5), label="", person=False))
     found = outlook(town, tmp_path, Changes())
-    assert [case.label for case in found.cases] == [
+    assert [case.label for case in found.rounds] == [
         "age 4.5, familiarity 1, mood 3",
         "nobody, age 4.5",
     ]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`bt-agents experiment run|plot|sweep`: the paper's experiments, and what goes beyond them."""
+"""`bt-agents experiment run|plot|sweep`: the paper's experiments, and sweeps beyond them."""
 
 from __future__ import annotations
 
@@ -160,7 +160,7 @@ def plot(name: str, output: Path, seeds: int) -> None:
         _write(output / f"{stem}.md", verdicts.as_markdown(title, judged))
         _write(output / f"{stem}.json", verdicts.as_json(judged))
     for verdict in judged:
-        console.print(f"{verdict.claim.name}: {verdict.words}", highlight=False)
+        console.print(f"{verdict.claim.name}: {verdict.text}", highlight=False)
     console.print(f"written to {output}", highlight=False)
 
 
@@ -285,7 +285,7 @@ def _compare(core: Sequence[FeedbackRecord], real: Sequence[FeedbackRecord]) -> 
 
 
 def _table_of(folder: Path, folders: Sequence[Path], file: Path | None) -> Path | None:
-    """Return where the rounds of one of some experiments go, once it can be written to.
+    """Return the file for the rounds of one of some experiments, once it can be written.
 
     Raises:
         BtAgentsError: It cannot.
@@ -363,11 +363,11 @@ def _row(values: Sequence[float]) -> str:
 
 
 def _no_closed_form(folder: Trees, spec: ExperimentSpec) -> str:
-    """Return why profiles do not follow ``p = f + (p0 - f)(1 - rate)^n``; empty when they do."""
+    """Return the reason why profiles do not follow the closed form; empty when they do."""
     if spec.feedback.errors is not None:
         return "some of the feedback is wrong"
     if without := {agent.name for agent in folder.agents} - set(spec.feedback.each):
-        return f"{', '.join(sorted(without))} is not told the same after each run"
+        return f"{', '.join(sorted(without))} does not get the same feedback after each run"
     if others := [agent.name for agent in folder.agents if agent.learning != LearningRule()]:
         return f"{', '.join(others)} does not learn by the paper's rule"
     return ""

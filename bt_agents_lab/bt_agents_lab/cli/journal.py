@@ -1,28 +1,42 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`bt-agents journal`: what a journal holds."""
+"""`bt-agents journal`: the contents of a journal, and its reading for the other commands."""
 
 from __future__ import annotations
 
 import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
+from typing import TypeVar
 
 import click
 from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
+from bt_agents_core.errors import BtAgentsError
+from bt_agents_core.paths import journal_folder
 from bt_agents_ros.signals import loading
 
-with loading():
-    from bt_agents_lab.cli.journals import (
-        chosen,
-        files_argument,
-        read_story,
-        sense_of_it,
-        show_problems,
-    )
-    from bt_agents_lab.replay.recording_index import RecordingIndex
-    from bt_agents_lab.replay.scenes import named
+try:
+    with loading():
+        from bt_agents_lab.recorder.daily_recorder import newest_files
+        from bt_agents_lab.replay.recording_index import RecordingIndex, read
+        from bt_agents_lab.replay.scenes import named
+        from marketplace_node.strategies.plugins import add_installed
+except ModuleNotFoundError as error:
+    raise BtAgentsError(
+        f"this command needs the package {error.name}; install it with "
+        "pip install 'bt-agents[lab]'"
+    ) from None
+
+Command = TypeVar("Command", bound=Callable[..., object])
+
+
+def files_argument(command: Command) -> Command:
+    """Add the argument FILES to a command."""
+    files = click.argument("files", nargs=-1, type=click.Path(path_type=Path))
+    return files(command)
 
 
 @click.command()
@@ -30,9 +44,9 @@ with loading():
 def journal(files: tuple[Path, ...]) -> None:
     """Show what the FILES of a journal hold: topics, time, rounds and who won them.
 
-    Without FILES it takes the newest of the usual folder.
+    Without FILES it takes those of the newest day in the usual folder.
     """
-    paths = chosen(files)
+    paths = resolve_files(files)
     story = read_story(paths)
     console = Console()
     for path in paths:
@@ -45,8 +59,73 @@ def journal(files: tuple[Path, ...]) -> None:
         highlight=False,
     )
     _show_topics(console, story)
-    with sense_of_it():
+    with damage_reported():
         _show_rounds(console, story)
+
+
+def read_story(files: Sequence[Path]) -> RecordingIndex:
+    """Return the contents of some files.
+
+    Args:
+        files: Files, or folders of the journal; none takes those of the newest day in the usual
+            folder.
+
+    Raises:
+        BtAgentsError: There is no file, or one cannot be read at all.
+    """
+    story = read(resolve_files(files))
+    story.hints += add_installed()
+    if not story.counts:
+        reasons = "; ".join([*story.hints, *story.problems]) or "it is empty"
+        raise BtAgentsError(f"nothing can be read of the journal: {reasons}")
+    return story
+
+
+@contextmanager
+def damage_reported() -> Iterator[None]:
+    """Report a message that can be decoded but has other fields than its type as damage.
+
+    Raises:
+        BtAgentsError: Such a message was met.
+    """
+    try:
+        yield
+    except (AttributeError, LookupError, TypeError, ValueError, ArithmeticError) as error:
+        raise BtAgentsError(
+            f"the journal holds a message that makes no sense ({type(error).__name__}: {error}); "
+            "it is damaged, or of another version of bt-agents"
+        ) from error
+
+
+def resolve_files(files: Sequence[Path]) -> list[Path]:
+    """Return the files of :func:`read_story`."""
+    if not files:
+        found = newest_files(journal_folder())
+        if not found:
+            raise BtAgentsError(
+                f"there is no journal in {journal_folder()}; 'bt-agents up --journal' records "
+                "one, or name a file"
+            )
+        return found
+    paths: list[Path] = []
+    for path in files:
+        inside = sorted(path.glob("*.mcap")) if path.is_dir() else [path]
+        if not inside:
+            raise BtAgentsError(f"there is no journal in the folder {path}")
+        paths += inside
+    return paths
+
+
+def show_problems(console: Console, story: RecordingIndex) -> None:
+    """Print what cannot be read and what is lost."""
+    for text in (*story.hints, *story.problems):
+        console.print(f"[yellow]{escape(text)}[/]", highlight=False, soft_wrap=True)
+    for topic, number in sorted(story.lost.items()):
+        console.print(
+            f"[yellow]{number} messages on {escape(topic)} are lost[/]",
+            highlight=False,
+            soft_wrap=True,
+        )
 
 
 def _show_topics(console: Console, story: RecordingIndex) -> None:

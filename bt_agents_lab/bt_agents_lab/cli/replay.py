@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`bt-agents replay`: does again what a journal holds, without ROS, and says what is not equal."""
+"""`bt-agents replay`: repeats the contents of a journal without ROS and compares them."""
 
 from __future__ import annotations
 
@@ -15,7 +15,12 @@ from bt_agents_core.errors import BtAgentsError
 from bt_agents_ros.signals import loading
 
 with loading():
-    from bt_agents_lab.cli.journals import files_argument, read_story, sense_of_it, show_problems
+    from bt_agents_lab.cli.journal import (
+        damage_reported,
+        files_argument,
+        read_story,
+        show_problems,
+    )
     from bt_agents_lab.replay import decisions, replay_learning, trees
     from bt_agents_lab.replay.findings import FindingCounts, ReplayFinding, ReplayVerdict, tally
     from bt_agents_lab.replay.recording_index import RecordingIndex
@@ -39,10 +44,10 @@ def replay(files: tuple[Path, ...], as_json: bool) -> None:
     """Decide, learn and tick again what the FILES of a journal hold.
 
     The exit code is 1 if something differs, else 2 if a part could not be read or is lost.
-    Without FILES it takes the newest of the usual folder.
+    Without FILES it takes those of the newest day in the usual folder.
     """
     story = read_story(files)
-    with sense_of_it():
+    with damage_reported():
         found = tally(
             [
                 *decisions.decisions_again(story.rounds),
@@ -55,7 +60,7 @@ def replay(files: tuple[Path, ...], as_json: bool) -> None:
     else:
         _show(Console(), story, found)
     if not found.counts:
-        raise BtAgentsError("there is nothing to do again: no round, feedback or run was kept")
+        raise BtAgentsError("there is nothing to do again: no round, feedback or run was recorded")
     if found.different:
         sys.exit(_DIFFERS)
     sys.exit(0 if story.whole else _DAMAGED)
@@ -65,26 +70,26 @@ def _show(console: Console, story: RecordingIndex, found: FindingCounts) -> None
     show_problems(console, story)
     heads = "".join(f"{verdict.value:>{_COLUMN}}" for verdict in ReplayVerdict)
     console.print(f"{'':{_NAMES}}{heads}", highlight=False)
-    for kind, words in _KINDS:
+    for kind, title in _KINDS:
         numbers = "".join(f"{found.counts[kind, verdict]:>{_COLUMN}}" for verdict in ReplayVerdict)
         ticks = f"  {found.sizes[kind]} ticks" if kind == trees.KIND and found.sizes[kind] else ""
-        console.print(f"{words:{_NAMES}}{numbers}{ticks}", highlight=False)
+        console.print(f"{title:{_NAMES}}{numbers}{ticks}", highlight=False)
     for verdict, style in (
         (ReplayVerdict.DIFFERENT, "red"),
         (ReplayVerdict.NOT_RECORDED, "yellow"),
     ):
-        told = [finding for finding in found.told if finding.verdict is verdict]
-        for finding in told[:_MOST_SHOWN]:
+        unequal = [finding for finding in found.unequal if finding.verdict is verdict]
+        for finding in unequal[:_MOST_SHOWN]:
             _show_finding(console, finding, style)
-        if len(told) > _MOST_SHOWN:
-            console.print(f"… and {len(told) - _MOST_SHOWN} more, {verdict.value}")
+        if len(unequal) > _MOST_SHOWN:
+            console.print(f"… and {len(unequal) - _MOST_SHOWN} more, {verdict.value}")
     if found.different:
         console.print("[red]not equal[/]")
     elif found.counts and not story.whole:
         console.print(
             "[yellow]all that could be read is equal; a part of it could not, or is lost[/]"
         )
-    elif found.told:
+    elif found.unequal:
         console.print("[green]all that was recorded is equal[/]")
     elif found.counts:
         console.print("[green]everything is equal[/]")
@@ -93,7 +98,7 @@ def _show(console: Console, story: RecordingIndex, found: FindingCounts) -> None
 def _show_finding(console: Console, finding: ReplayFinding, style: str) -> None:
     console.print(
         f"[{style}]{finding.verdict.value}[/] {finding.kind}, {escape(finding.where)}: "
-        f"{escape(finding.words)}",
+        f"{escape(finding.text)}",
         highlight=False,
         soft_wrap=True,
     )
@@ -102,8 +107,8 @@ def _show_finding(console: Console, finding: ReplayFinding, style: str) -> None:
 def _as_data(story: RecordingIndex, found: FindingCounts) -> dict[str, object]:
     return {
         "counts": {
-            words: {verdict.value: found.counts[kind, verdict] for verdict in ReplayVerdict}
-            for kind, words in _KINDS
+            title: {verdict.value: found.counts[kind, verdict] for verdict in ReplayVerdict}
+            for kind, title in _KINDS
         },
         "ticks": found.sizes[trees.KIND],
         "findings": [
@@ -111,9 +116,9 @@ def _as_data(story: RecordingIndex, found: FindingCounts) -> dict[str, object]:
                 "kind": one.kind,
                 "where": one.where,
                 "verdict": one.verdict.value,
-                "words": one.words,
+                "words": one.text,
             }
-            for one in found.told
+            for one in found.unequal
         ],
         "problems": [*story.hints, *story.problems],
         "lost": dict(story.lost),

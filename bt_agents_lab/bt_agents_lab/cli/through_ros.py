@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Plays an experiment through the real ROS graph: market, host, feedback and scene layer."""
+"""An experiment through the real ROS graph: market, host, feedback node and scene layer."""
 
 from __future__ import annotations
 
@@ -25,11 +25,11 @@ from bt_agents_tools.launcher.supervisor import Component, Supervisor, keep_loca
 from marketplace_node.settings import Settings
 
 _STALL_S = 30.0
-_LOOK_S = 0.2
+_POLL_S = 0.2
 
 
 class _Recorder:
-    """Joins decisions and feedback to one record a round."""
+    """Recorder of the rounds, which joins each decision with its feedback."""
 
     def __init__(self) -> None:
         self.records: list[FeedbackRecord] = []
@@ -116,7 +116,7 @@ def _record(
             last_change = time.monotonic()
             while len(recorder.records) < spec.rounds and not interrupt:
                 before = len(recorder.records)
-                observer.turn_until(lambda: len(recorder.records) >= spec.rounds, _LOOK_S)
+                observer.turn_until(lambda: len(recorder.records) >= spec.rounds, _POLL_S)
                 progress.update(task, completed=len(recorder.records))
                 if len(recorder.records) > before:
                     last_change = time.monotonic()
@@ -163,8 +163,8 @@ def _prepared(spec: ExperimentSpec, space: SceneSpace) -> str:
     }
     if (errors := spec.feedback.errors) is not None:
         when = {"every": errors.every} if errors.every else {"share": errors.share}
-        said = {} if errors.value is None else {"value": named(errors.value)}
-        feedback["errors"] = {**when, **said}
+        value = {} if errors.value is None else {"value": named(errors.value)}
+        feedback["errors"] = {**when, **value}
     document = {
         "format": 1,
         "rounds": spec.rounds,

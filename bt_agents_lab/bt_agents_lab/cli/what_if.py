@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`bt-agents what-if`: what another strategy, learning or other agents would have changed."""
+"""`bt-agents what-if`: the effect of another strategy, learning or other agents on a journal."""
 
 from __future__ import annotations
 
@@ -18,8 +18,19 @@ from bt_agents_core.trees_folder import find_trees
 from bt_agents_ros.signals import loading
 
 with loading():
-    from bt_agents_lab.cli.journals import files_argument, read_story, sense_of_it, show_problems
-    from bt_agents_lab.replay.what_if import ASSUMED, OTHERS_ASSUMED, Changes, Outlook, WhatIfCase
+    from bt_agents_lab.cli.journal import (
+        damage_reported,
+        files_argument,
+        read_story,
+        show_problems,
+    )
+    from bt_agents_lab.replay.what_if import (
+        ASSUMED,
+        OTHERS_ASSUMED,
+        Changes,
+        Outlook,
+        RoundComparison,
+    )
     from bt_agents_lab.replay.what_if import what_if as retell
     from bt_agents_language.files.folder_reader import read_trees
     from bt_agents_language.model.specs import AgentSpec
@@ -70,7 +81,7 @@ def what_if(
     story = read_story(files)
     if not story.rounds:
         raise BtAgentsError("there is no round of a market in it")
-    with sense_of_it():
+    with damage_reported():
         outlook = retell(story, changes)
     assumed = (*ASSUMED, OTHERS_ASSUMED) if agents and not tags else ASSUMED
     if as_json:
@@ -79,8 +90,8 @@ def what_if(
     console = Console()
     show_problems(console, story)
     _show(console, outlook, everything)
-    for words in assumed:
-        console.print(f"[dim]{words}[/]", highlight=False, soft_wrap=True)
+    for assumption in assumed:
+        console.print(f"[dim]{assumption}[/]", highlight=False, soft_wrap=True)
 
 
 def _option(text: str) -> tuple[str, float]:
@@ -102,7 +113,7 @@ def _agents(folder: str, tags: str) -> tuple[AgentSpec, ...]:
 
 
 def _show(console: Console, outlook: Outlook, everything: bool) -> None:
-    shown = [case for case in outlook.cases if everything or case.words or case.was != case.now]
+    shown = [case for case in outlook.rounds if everything or case.problem or case.was != case.now]
     if shown:
         table = Table(box=None, pad_edge=False)
         table.add_column("round", justify="right")
@@ -114,9 +125,9 @@ def _show(console: Console, outlook: Outlook, everything: bool) -> None:
         for case in shown:
             table.add_row(*_row(case))
         console.print(table)
-    total = len(outlook.cases)
+    total = len(outlook.rounds)
     console.print(
-        f"{outlook.other} of {total} rounds would have had another winner; "
+        f"{outlook.other_winners} of {total} rounds would have had another winner; "
         f"{outlook.given} of {outlook.given + outlook.withheld} feedbacks would have been given",
         highlight=False,
         soft_wrap=True,
@@ -127,8 +138,8 @@ def _show(console: Console, outlook: Outlook, everything: bool) -> None:
         console.print(f"never chosen: {escape(', '.join(outlook.never))}", highlight=False)
 
 
-def _row(case: WhatIfCase) -> tuple[str, ...]:
-    now = f"[yellow]{escape(case.words)}[/]" if case.words else escape(case.now or _NOBODY)
+def _row(case: RoundComparison) -> tuple[str, ...]:
+    now = f"[yellow]{escape(case.problem)}[/]" if case.problem else escape(case.now or _NOBODY)
     return (
         str(case.round),
         escape(case.label),
@@ -154,11 +165,11 @@ def _as_data(outlook: Outlook, assumed: tuple[str, ...]) -> dict[str, object]:
                 "now": case.now,
                 "margin_was": _number(case.margin_was),
                 "margin_now": _number(case.margin_now),
-                "problem": case.words,
+                "problem": case.problem,
             }
-            for case in outlook.cases
+            for case in outlook.rounds
         ],
-        "other_winner": outlook.other,
+        "other_winner": outlook.other_winners,
         "chosen": dict(outlook.chosen),
         "never_chosen": list(outlook.never),
         "feedback_given": outlook.given,

@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The paper's experiments, and sweeps over strategies and learning rates."""
+"""Experiments on selection and learning: simulated worlds, measures, claims and figures."""

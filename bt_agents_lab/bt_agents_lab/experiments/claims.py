@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the paper claims of its experiments, judged by many runs of each."""
+"""Claims of the paper about its experiments, judged by many runs of each."""
 
 from __future__ import annotations
 
@@ -37,14 +37,14 @@ JUMP = 1.0
 
 @dataclass(frozen=True, kw_only=True)
 class Paper:
-    """An experiment of the paper as it was read."""
+    """One experiment of the paper: its agents and its specification."""
 
     folder: Trees
     spec: ExperimentSpec
 
 
 def first(experiment: Paper) -> list[ClaimVerdict]:
-    """Judge what Experiment 1 shows."""
+    """Judge the claims about Experiment 1."""
     world = world_of(experiment.folder, experiment.spec)
     runs = {
         name: replicas(replace(world, rates=np.array([rate])), experiment.spec, [0])
@@ -85,7 +85,7 @@ def first(experiment: Paper) -> list[ClaimVerdict]:
 
 
 def second(arms: Mapping[str, Paper], seeds: Sequence[int]) -> list[ClaimVerdict]:
-    """Judge what Experiment 2 shows.
+    """Judge the claims about Experiment 2.
 
     Args:
         arms: Its three scenarios by name, as in :data:`RATES`.
@@ -120,7 +120,7 @@ def played_third(experiment: Paper, seeds: Sequence[int]) -> Replicas:
 
 
 def third(runs: Replicas) -> list[ClaimVerdict]:
-    """Judge what Experiment 3 shows."""
+    """Judge the claims about Experiment 3."""
     world = runs.world
     correct = right(world, runs.luck, runs.course)
     start = np.abs(world.starts - world.best).sum(axis=-1)
@@ -209,7 +209,7 @@ def _aggressive(often: Mapping[str, Replicas], regular: Mapping[str, Replicas]) 
 
 
 def _abrupt(runs: Replicas, errors: Errors) -> ClaimVerdict:
-    wrong = runs.luck.doubt[:, :, 0] == 0.0
+    wrong = runs.luck.error_draw[:, :, 0] == 0.0
     twice = wrong[:, :-1] & wrong[:, 1:]
     values = np.concatenate(
         [np.repeat(runs.world.starts[None, None], len(wrong), 0), runs.course.profiles], axis=1
@@ -358,5 +358,5 @@ def _arrival(distance: Floats) -> float:
 
 
 def _counted(cycles: float) -> str:
-    """Return a number of cycles in words."""
+    """Return a number of cycles as text."""
     return "never" if math.isinf(cycles) else f"{cycles:g} cycles"

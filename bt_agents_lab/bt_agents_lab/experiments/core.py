@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Plays an experiment with the market and the learning of the nodes, but without ROS."""
+"""An experiment with the market and the learning of the nodes, but without ROS."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ from marketplace_node.strategies import STRATEGIES
 HOST = "/agents"
 _INSTANCE = "core"
 _NOW = 0.0
-"""Nothing takes any time here [s]."""
+"""Time of every event, as nothing takes any time [s]."""
 
 
 class Core:
@@ -58,15 +58,15 @@ class Core:
             simulated=spec.feedback,
         )
         self._records: list[FeedbackRecord] = []
-        self._do(self._market.tick(_NOW))
-        self._introduce()
+        self._execute(self._market.tick(_NOW))
+        self._register()
 
     def close(self) -> None:
         """Close the ledger."""
         self._ledger.close()
 
     def play(self, label: str, vector: Vector) -> FeedbackRecord:
-        """Put a scene on the market and return what came of it.
+        """Put a scene on the market and return the record of its round.
 
         Args:
             label: Unique among the scenes.
@@ -76,7 +76,7 @@ class Core:
             BtAgentsError: It led to no feedback.
         """
         before = len(self._records)
-        self._do(self._market.scene(scene_of(label, vector, self.space), _NOW))
+        self._execute(self._market.scene(scene_of(label, vector, self.space), _NOW))
         if len(self._records) != before + 1:
             raise BtAgentsError(
                 f"{label} led to no feedback, expected some after each; name every agent under "
@@ -84,7 +84,7 @@ class Core:
             )
         return self._records[-1]
 
-    def _introduce(self) -> None:
+    def _register(self) -> None:
         agents = tuple(member.spec for member in self._roster.members.values())
         names = tuple(agent.name for agent in agents)
         answer, effects = self._market.register(
@@ -99,7 +99,7 @@ class Core:
             _NOW,
         )
         self._roster.enrol(names, answer.agent_ids, answer.reasons)
-        self._do(effects)
+        self._execute(effects)
         self._beat(0)
         self._teaching.introduce(
             LearningCard(
@@ -119,7 +119,7 @@ class Core:
             )
         )
 
-    def _do(self, effects: list[Effect]) -> None:
+    def _execute(self, effects: list[Effect]) -> None:
         waiting = deque(effects)
         while waiting:
             effect = waiting.popleft()
@@ -169,11 +169,13 @@ class Core:
         return self._market.collected(goal.round, "", _NOW)
 
     def _beat(self, round_number: int) -> None:
-        self._do(self._market.heartbeat(HOST, _INSTANCE, self._market.epoch, round_number, _NOW))
+        self._execute(
+            self._market.heartbeat(HOST, _INSTANCE, self._market.epoch, round_number, _NOW)
+        )
 
 
 def learning_of(rule: LearningRule, space: SceneSpace) -> LearningEntry:
-    """Return a learning rule as the card of a host has it."""
+    """Return a learning rule in the form of a host card."""
 
     def ordered(values: Mapping[str, float]) -> Vector:
         return tuple(values.get(name, MISSING) for name in space.names)
@@ -193,7 +195,7 @@ def learning_of(rule: LearningRule, space: SceneSpace) -> LearningEntry:
 
 
 def scene_of(label: str, vector: Vector, space: SceneSpace) -> Scene:
-    """Return a scene that somebody gives, all of it known."""
+    """Return a scene of which all values are given."""
     return Scene(
         scene_id=label,
         label=label,

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Figures that are the same each time they are made, as SVG and PNG."""
+"""Reproducible figures as SVG and PNG."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000", "#999999")
-"""Told apart by people who do not see all colours (Okabe and Ito, 2008)."""
+"""Palette for people who do not see all colours (Okabe and Ito, 2008)."""
 
 _STYLE: dict[Any, Any] = {
     "svg.hashsalt": "bt-agents",
@@ -44,7 +44,7 @@ _PNG_DPI = 130
 def sheet(
     folder: Path, name: str, size: tuple[float, float], rows: int = 1, columns: int = 1
 ) -> Iterator[tuple[Figure, Sequence[Axes]]]:
-    """Give an empty figure and its axes, row by row; save it as SVG and PNG afterwards.
+    """Yield an empty figure and its axes, row by row; save it as SVG and PNG afterwards.
 
     Args:
         folder: Where the files go; made when it is not there.
@@ -73,7 +73,7 @@ def sheet(
         try:
             folder.mkdir(parents=True, exist_ok=True)
             figure.savefig(folder / f"{name}.svg", metadata={"Date": None})
-            # What is laid out once serves both.
+            # One layout serves both.
             figure.set_layout_engine("none")
             figure.savefig(folder / f"{name}.png", dpi=_PNG_DPI, metadata={"Software": None})
         except OSError as error:
@@ -87,7 +87,7 @@ def below(axes: Axes, note: str = "", columns: int = 3) -> None:
 
     Args:
         axes: Whose legend.
-        note: What else is to be said about lines and bands.
+        note: Text about lines and bands.
         columns: Entries in a row.
     """
     axes.legend(
@@ -100,7 +100,7 @@ def below(axes: Axes, note: str = "", columns: int = 3) -> None:
 
 
 def band(axes: Axes, runs: Floats, colour: str, first: int = 1) -> None:
-    """Draw where 90 % of the runs are, round by round.
+    """Draw the band of 90 % of the runs, round by round.
 
     Args:
         axes: Where.

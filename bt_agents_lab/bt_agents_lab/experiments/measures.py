@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What is measured of simulated runs: right selections, regret, starvation, convergence."""
+"""Measures of simulated runs: right selections, regret, starvation, convergence."""
 
 from __future__ import annotations
 
@@ -35,17 +35,17 @@ class Interval:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PerRun:
-    """What each of R runs came to.
+    """Measures of each of R runs.
 
     Attributes:
         late: Share of the last scenes that the best suited agent got, [R].
         served: Whether every agent that suits a scene best ran for it in the last rounds, [R].
         ran: Whether every agent ran at all, [R].
-        regret: Sum of how much worse the chosen agents suited than the best, [R].
+        regret: Sum of the misfit of the chosen agents above that of the best, [R].
         cycles: Rounds until it stays right, [R]; infinite when it never does.
         cancelled: Share of scenes for which a run was cancelled, [R].
-        error: Mean Manhattan distance of a profile to what its agent is made for, at the end, [R].
-        right: How many of the runs were right in each round, [T].
+        error: Mean Manhattan distance of a profile to the scene of its agent, at the end, [R].
+        right: Number of runs that were right in each round, [T].
     """
 
     late: Floats
@@ -60,19 +60,19 @@ class PerRun:
 
 @dataclass(frozen=True, kw_only=True)
 class Measures:
-    """What many runs came to.
+    """Measures of many runs together.
 
     Attributes:
-        runs: How many.
+        runs: Number of runs.
         accuracy: Mean share of scenes in the last rounds that the best suited agent got.
         worst: The same of the worst run.
         starved: Share of runs in which an agent that suits a scene best never ran for it in the
             last rounds.
         never: Share of runs in which an agent never ran at all.
-        regret: Mean sum over a run of how much worse the chosen agents suited than the best.
+        regret: Mean sum over a run of the misfit of the chosen agents above that of the best.
         cycles: Median rounds until a run has converged; infinite when less than half did.
         cancelled: Mean share of scenes for which a run was cancelled, over whole runs.
-        error: Mean Manhattan distance of a profile to what its agent is made for, at the end.
+        error: Mean Manhattan distance of a profile to the scene of its agent, at the end.
     """
 
     runs: int
@@ -92,14 +92,14 @@ def right(world: SimulatedWorld, luck: RandomStreams, course: Course) -> Bools:
 
 
 def regret(world: SimulatedWorld, luck: RandomStreams, course: Course) -> Floats:
-    """Return how much worse the chosen agent suits than the best one, [R, T]."""
+    """Return the misfit of the chosen agent above that of the best one, [R, T]."""
     misfit = world.misfit[luck.scene]
     chosen = np.take_along_axis(misfit, course.awarded[..., None], axis=-1)[..., 0]
     return np.asarray(chosen - misfit.min(axis=-1))
 
 
 def of_runs(world: SimulatedWorld, luck: RandomStreams, course: Course) -> PerRun:
-    """Return what each run came to."""
+    """Return the measures of each run."""
     correct = right(world, luck, course)
     suits = np.unique(world.suited)
     recent = course.awarded[:, -LAST:]
@@ -125,7 +125,7 @@ def together(parts: Sequence[PerRun]) -> PerRun:
 
 
 def summary(runs: PerRun) -> Measures:
-    """Return what all runs came to."""
+    """Return the measures of all runs together."""
     count = len(runs.late)
     return Measures(
         runs=count,
@@ -141,7 +141,7 @@ def summary(runs: PerRun) -> Measures:
 
 
 def measure(world: SimulatedWorld, luck: RandomStreams, course: Course) -> Measures:
-    """Return what the runs of one course came to."""
+    """Return the measures of all runs of one course."""
     return summary(of_runs(world, luck, course))
 
 

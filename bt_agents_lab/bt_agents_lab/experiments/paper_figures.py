@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Figures 5 to 9 of the paper, made anew with the runs of many seeds behind them."""
+"""Figures 5 to 9 of the paper, drawn with the runs of many seeds behind them."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""All chance of many runs, drawn from one seed a run: the same whatever is compared with it."""
+"""Common random numbers for paired comparison: all chance of many runs, one seed a run."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ import numpy as np
 import numpy.typing as npt
 
 from bt_agents_core.scene import Vector
-from bt_agents_lab.experiments.seeding import sources
 from bt_agents_lab.experiments.simulated_world import SimulatedWorld
+from marketplace_node.strategies import round_rng
 from marketplace_node.strategies.arrays import Floats, Integers
 
 Bools = npt.NDArray[np.bool_]
 Drawn = dict[tuple[object, ...], tuple[Floats, Bools]]
-Said = Literal["any", "another"] | Vector
-"""What wrong feedback says: anything in the ranges, what suits another agent, or one vector."""
+WrongFeedback = Literal["any", "another"] | Vector
+"""Values of wrong feedback: any in the ranges, those that suit another agent, or one vector."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -28,37 +28,35 @@ class RandomStreams:
     Attributes:
         seeds: One a run, R.
         scene: Index of the scene, [R, T].
-        doubt: Drawn evenly from 0 to 1; feedback is wrong where it is below the share of wrong
-            feedback, [R, T, A].
-        said: What wrong feedback says, [R, T, n].
-        whim: How well an agent seems to fit where feedback is wrong, from −1 to 1, [R, T, A].
-        mood: What else changes the mood each second, standard normal, [R, T, A, seconds].
+        error_draw: Drawn evenly from 0 to 1; feedback is wrong where it is below the share of
+            wrong feedback, [R, T, A].
+        wrong: Values of wrong feedback, [R, T, n].
+        wrong_fit: Fit of an agent as it seems where feedback is wrong, from −1 to 1, [R, T, A].
+        mood_noise: Noise of the mood in each second, standard normal, [R, T, A, seconds].
         ties: Order of equal bids where chance decides it, [R, T, A, N].
     """
 
     seeds: Sequence[int]
     scene: Integers
-    doubt: Floats
-    said: Floats
-    whim: Floats
-    mood: npt.NDArray[np.float32]
+    error_draw: Floats
+    wrong: Floats
+    wrong_fit: Floats
+    mood_noise: npt.NDArray[np.float32]
     ties: npt.NDArray[np.float32]
     _drawn: Drawn = field(default_factory=dict)
 
-    def fill(self, runs: Integers, round_index: int, attempt: int, calls: Calls) -> Floats:
-        """Return the last of a list of draws for some runs, [runs, ...]; each run's is kept."""
+    def drawn(self, runs: Integers, round_index: int, attempt: int, calls: Calls) -> Floats:
+        """Return the last of some successive draws for some runs, [runs, ...]; all are cached."""
         key = (round_index, attempt, calls)
         if key not in self._drawn:
             shape = (len(self.seeds), *calls[-1][1])
             self._drawn[key] = (np.empty(shape), np.zeros(len(self.seeds), dtype=bool))
         values, known = self._drawn[key]
-        fresh = np.flatnonzero(np.bincount(runs[~known[runs]], minlength=len(known))).tolist()
-        if fresh:
-            seeds = [seed_of(self.seeds[run], round_index, attempt) for run in fresh]
-            for run, source in zip(fresh, sources(seeds), strict=True):
-                for kind, shape in calls:
-                    values[run] = getattr(source, kind)(shape)
-            known[runs] = True
+        for run in np.unique(runs[~known[runs]]).tolist():
+            source = round_rng(round_seed(self.seeds[run], round_index, attempt))
+            for kind, shape in calls:
+                values[run] = getattr(source, kind)(shape)
+        known[runs] = True
         return values[runs]
 
 
@@ -80,9 +78,9 @@ class StreamMoment:
         self._runs = runs
         self._round = round_index
 
-    def chance(self) -> ReplicaRandomSource:
-        """Return what a strategy draws from."""
-        return ReplicaRandomSource(self._luck, self._runs, self._round, self.attempt)
+    def source(self) -> CachedRandomSource:
+        """Return the source from which a strategy draws."""
+        return CachedRandomSource(self._luck, self._runs, self._round, self.attempt)
 
     @property
     def scene(self) -> Integers:
@@ -90,24 +88,24 @@ class StreamMoment:
         return np.asarray(self._luck.scene[self._runs, self._round])
 
     @property
-    def doubt(self) -> Floats:
+    def error_draw(self) -> Floats:
         """As in :class:`RandomStreams`, [runs]."""
-        return np.asarray(self._luck.doubt[self._runs, self._round, self.attempt])
+        return np.asarray(self._luck.error_draw[self._runs, self._round, self.attempt])
 
     @property
-    def said(self) -> Floats:
+    def wrong(self) -> Floats:
         """As in :class:`RandomStreams`, [runs, n]."""
-        return np.asarray(self._luck.said[self._runs, self._round])
+        return np.asarray(self._luck.wrong[self._runs, self._round])
 
     @property
-    def whim(self) -> Floats:
+    def wrong_fit(self) -> Floats:
         """As in :class:`RandomStreams`, [runs]."""
-        return np.asarray(self._luck.whim[self._runs, self._round, self.attempt])
+        return np.asarray(self._luck.wrong_fit[self._runs, self._round, self.attempt])
 
     @property
-    def mood(self) -> npt.NDArray[np.float32]:
+    def mood_noise(self) -> npt.NDArray[np.float32]:
         """As in :class:`RandomStreams`, [runs, seconds]."""
-        return np.asarray(self._luck.mood[self._runs, self._round, self.attempt])
+        return np.asarray(self._luck.mood_noise[self._runs, self._round, self.attempt])
 
     @property
     def ties(self) -> npt.NDArray[np.float32]:
@@ -116,11 +114,11 @@ class StreamMoment:
 
 
 Calls = tuple[tuple[str, tuple[int, ...]], ...]
-"""Draws one after the other: kind, and shape for one run."""
+"""Successive draws: kind, and shape for one run."""
 
 
-class ReplicaRandomSource:
-    """Draws for many runs at once what each would draw alone: a ``strategies.Chance``."""
+class CachedRandomSource:
+    """Source of many runs at once, each as it would draw alone: a ``strategies.Chance``."""
 
     def __init__(
         self, luck: RandomStreams, rows: Integers, round_index: int, attempt: int
@@ -139,50 +137,56 @@ class ReplicaRandomSource:
 
     def _next(self, kind: str, size: tuple[int, ...]) -> Floats:
         self._calls = (*self._calls, (kind, size[1:]))
-        return self._luck.fill(*self._where, self._calls)
+        return self._luck.drawn(*self._where, self._calls)
 
 
-def seed_of(seed: int, round_index: int, attempt: int) -> str:
-    """Return what the strategy's chance of a round is seeded with."""
+def round_seed(seed: int, round_index: int, attempt: int) -> str:
+    """Return the seed of a strategy in an attempt of a round."""
     return f"run {seed}/{round_index + 1}.{attempt}"
 
 
 def draw(
-    world: SimulatedWorld, seeds: Sequence[int], rounds: int, said: Said = "any"
+    world: SimulatedWorld, seeds: Sequence[int], rounds: int, wrong: WrongFeedback = "any"
 ) -> RandomStreams:
     """Draw the chance of some runs.
 
     Args:
-        world: What the runs are about.
-        seeds: One a run; what a run draws depends on its own alone.
+        world: World of the runs.
+        seeds: One a run; the draws of a run depend on its own alone.
         rounds: Length of each run; a shorter run is the beginning of a longer one.
-        said: What wrong feedback says.
+        wrong: Values of wrong feedback.
     """
     runs, agents, attempts = len(seeds), len(world.agents), world.attempts
     width = len(world.space)
     seconds = world.person.seconds if world.person else 0
     scene = np.empty((runs, rounds), dtype=np.int64)
-    doubt = np.empty((runs, rounds, attempts))
-    wrong = np.empty((runs, rounds, width))
-    whim = np.empty((runs, rounds, attempts))
-    mood = np.empty((runs, rounds, attempts, seconds), dtype=np.float32)
+    error_draw = np.empty((runs, rounds, attempts))
+    wrong_values = np.empty((runs, rounds, width))
+    wrong_fit = np.empty((runs, rounds, attempts))
+    mood_noise = np.empty((runs, rounds, attempts, seconds), dtype=np.float32)
     ties = np.empty((runs, rounds, attempts, agents), dtype=np.float32)
     for row, seed in enumerate(seeds):
         # A stream for each kind, so that a shorter run is the beginning of a longer one.
-        scenes, doubts, anything, another, whims, chances, moods = map(
+        scenes, errors, anything, another, fits, orders, moods = map(
             np.random.default_rng, np.random.SeedSequence(seed).spawn(7)
         )
         scene[row] = scenes.integers(len(world.scenes), size=rounds)
-        doubt[row] = doubts.random((rounds, attempts))
-        if said == "any":
-            wrong[row] = anything.uniform(world.low, world.high, (rounds, width))
-        elif said == "another":
-            wrong[row] = world.best[another.integers(agents, size=rounds)]
+        error_draw[row] = errors.random((rounds, attempts))
+        if wrong == "any":
+            wrong_values[row] = anything.uniform(world.low, world.high, (rounds, width))
+        elif wrong == "another":
+            wrong_values[row] = world.best[another.integers(agents, size=rounds)]
         else:
-            wrong[row] = said
-        whim[row] = whims.uniform(-1.0, 1.0, (rounds, attempts))
-        ties[row] = chances.random((rounds, attempts, agents), dtype=np.float32)
-        mood[row] = moods.standard_normal((rounds, attempts, seconds), dtype=np.float32)
+            wrong_values[row] = wrong
+        wrong_fit[row] = fits.uniform(-1.0, 1.0, (rounds, attempts))
+        ties[row] = orders.random((rounds, attempts, agents), dtype=np.float32)
+        mood_noise[row] = moods.standard_normal((rounds, attempts, seconds), dtype=np.float32)
     return RandomStreams(
-        seeds=seeds, scene=scene, doubt=doubt, said=wrong, whim=whim, mood=mood, ties=ties
+        seeds=seeds,
+        scene=scene,
+        error_draw=error_draw,
+        wrong=wrong_values,
+        wrong_fit=wrong_fit,
+        mood_noise=mood_noise,
+        ties=ties,
     )

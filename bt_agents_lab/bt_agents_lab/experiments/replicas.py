@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Many runs of one experiment that differ in nothing but their seed."""
+"""Runs of one experiment that differ in nothing but their seed."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from feedback_node.simulated_feedback import Errors
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Replicas:
-    """Many runs of one experiment."""
+    """Runs of one experiment, with their world and chance."""
 
     world: SimulatedWorld
     luck: RandomStreams
@@ -50,10 +50,10 @@ def world_of(folder: Trees, spec: ExperimentSpec) -> SimulatedWorld:
 
 
 def luck_of(world: SimulatedWorld, spec: ExperimentSpec, seeds: Sequence[int]) -> RandomStreams:
-    """Return the chance of some runs: each as the experiment has it with that seed."""
+    """Return the chance of some runs, each as the experiment draws it with that seed."""
     luck = draw(world, seeds, spec.rounds)
     places = {tuple(scene): index for index, scene in enumerate(world.scenes.tolist())}
-    luck.doubt[:] = 1.0
+    luck.error_draw[:] = 1.0
     for row, seed in enumerate(seeds):
         seeded = with_seed(spec, seed)
         luck.scene[row] = [places[scene] for scene in seeded.order()]
@@ -62,7 +62,7 @@ def luck_of(world: SimulatedWorld, spec: ExperimentSpec, seeds: Sequence[int]) -
         for index in range(spec.rounds):
             wrong = seeded.feedback.errors.instead(index)
             if wrong is not None:
-                luck.doubt[row, index], luck.said[row, index] = 0.0, wrong
+                luck.error_draw[row, index], luck.wrong[row, index] = 0.0, wrong
     return luck
 
 
@@ -90,8 +90,8 @@ def replicas(
         world: Of :func:`world_of`, or a variant.
         spec: The experiment.
         seeds: Any.
-        arm: How to select and to learn; None as in the paper.
+        arm: Selection and learning; None as in the paper.
     """
     luck = luck_of(world, spec, seeds)
-    # Feedback is wrong where the doubt is 0, right where it is 1.
+    # Feedback is wrong where the draw is 0, right where it is 1.
     return Replicas(world=world, luck=luck, course=simulate(world, arm or Arm(), luck, 0.5))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What an experiment is about: agents, the scenes they should learn, and who reacts to them."""
+"""The simulated world: agents, the scenes they should learn, and a person who reacts to them."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ NOT_SIMULATED = (EXTERNAL, RULES)
 
 @dataclass(frozen=True, kw_only=True)
 class Person:
-    """How a person's mood follows what an agent does, and what the agents make of it.
+    """Model of a person's mood during a run, and of the mood rules that follow it.
 
     The mood changes each second by ``drift * fit`` and a normally distributed noise, inside the
     range of its parameter. The fit is 1 for an agent that is made for the scene, falls with the
@@ -28,13 +28,13 @@ class Person:
     is wrong, the mood has other reasons, and the fit is drawn evenly from −1 to 1.
 
     Attributes:
-        seconds: How long an interaction lasts; the mood is looked at once a second [s].
-        drift: What a perfectly fitting agent adds to the mood [1/s].
-        noise: Standard deviation of what else changes the mood in a second.
+        seconds: Duration of an interaction; the mood is sampled once a second [s].
+        drift: Change of the mood by a perfectly fitting agent [1/s].
+        noise: Standard deviation of other changes of the mood in a second.
         tolerance: Distance at which an agent neither pleases nor annoys.
         better: A rise of the mood by so much is positive feedback.
         worse: A fall by so much is negative feedback, and the run is cancelled.
-        hold_s: How long either must hold; whole seconds [s].
+        hold_s: Time for which either must hold; whole seconds [s].
     """
 
     seconds: int = 12
@@ -48,7 +48,7 @@ class Person:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SimulatedWorld:
-    """Who can be chosen, and for what.
+    """World of simulated runs.
 
     N agents, K scenes, n parameters.
 
@@ -56,11 +56,11 @@ class SimulatedWorld:
         space: The scene parameters; with a person one of them is the mood.
         agents: Names in alphabetical order, N.
         starts: Profiles before the first round, [N, n].
-        best: What each agent is made for, which nobody but the person knows, [N, n].
+        best: Scene that each agent is made for, which nobody but the person knows, [N, n].
         scenes: [K, n].
         rates: Learning rate of each agent, [N].
-        person: Who reacts by mood during the run; None tells each agent after its run what it is
-            made for, as in the paper.
+        person: Person who reacts by mood during the run; None gives each agent after its run the
+            scene that it is made for as feedback, as in the paper.
     """
 
     space: SceneSpace
@@ -83,7 +83,7 @@ class SimulatedWorld:
 
     @cached_property
     def misfit(self) -> Floats:
-        """Manhattan distance of each scene to what each agent is made for, [K, N]."""
+        """Manhattan distance of each scene to the one that each agent is made for, [K, N]."""
         distances: Floats = np.abs(self.scenes[:, None] - self.best).sum(axis=-1)
         return distances
 
@@ -95,7 +95,7 @@ class SimulatedWorld:
 
     @property
     def attempts(self) -> int:
-        """How many agents an interaction can come to: a cancelled run is followed by another."""
+        """Most runs of an interaction: a cancelled run is followed by one of another agent."""
         return 1 if self.person is None else len(self.agents)
 
 
@@ -105,7 +105,7 @@ class Arm:
 
     Attributes:
         strategy: As the market's parameter.
-        options: Of the strategy; its defaults where nothing is said.
+        options: Of the strategy; the others have their defaults.
         tie_break: As the market's parameter, or ``random``, which the market does not have.
         rule: How agents learn.
     """

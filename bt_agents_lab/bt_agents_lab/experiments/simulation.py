@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Plays many runs of the market at once, each as it would go alone, to the last digit."""
+"""Simulation of many runs at once as arrays, each as it would go alone, to the last digit."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ NEVER = 1_000_000
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Course:
-    """How R runs of T rounds went, of N agents with n parameters.
+    """Course of R runs of T rounds, of N agents with n parameters.
 
     Attributes:
         awarded: Index of the agent that got each scene first, [R, T].
-        cancelled: How many runs for it were cancelled, [R, T].
-        won: How often each agent ran in each round, [R, T, N]; 0 or 1.
+        cancelled: Number of runs for it that were cancelled, [R, T].
+        won: Number of runs of each agent in each round, [R, T, N]; 0 or 1.
         profiles: After each round, [R, T, N, n]; with one round only, after the last one.
     """
 
@@ -42,7 +42,7 @@ class Course:
 
 
 class _State:
-    """What R runs remember from round to round."""
+    """State of R runs between two rounds."""
 
     def __init__(self, world: SimulatedWorld, arm: Arm, runs: int) -> None:
         agents, width = world.starts.shape
@@ -62,7 +62,7 @@ def simulate(
 
     Args:
         world: Agents and scenes.
-        arm: How to select and to learn.
+        arm: Selection and learning.
         luck: The chance.
         wrong_share: Probability that feedback is wrong, 0..1.
     """
@@ -125,12 +125,12 @@ def _play(
             state.total[rows] += 1.0
             state.last_run[rows, chosen] = state.total[rows]
             course.won[rows, index, chosen] = True
-            wrong = now.doubt < share[rows]
+            is_wrong = now.error_draw < share[rows]
             if world.person is None:
-                told = np.where(wrong[:, None], now.said, world.best[chosen])
-                _learn(world, rule, state, rows, chosen, FeedbackKind.DIRECT, told, 1.0)
+                target = np.where(is_wrong[:, None], now.wrong, world.best[chosen])
+                _learn(world, rule, state, rows, chosen, FeedbackKind.DIRECT, target, 1.0)
                 break
-            moods = _moods(world, world.person, now, scene, chosen, wrong)
+            moods = _moods(world, world.person, now, scene, chosen, is_wrong)
             praised, blamed = _fired(world.person, moods)
             weight = arm.rule.weight(MOOD_RULE)
             for kind, at in (
@@ -160,7 +160,7 @@ def _award(
     scene: Floats,
     tried: Bools,
 ) -> Integers:
-    """Return who gets the scene in each run; all runs have equally many agents left."""
+    """Return the winner in each run; all runs have equally many agents left."""
     total = state.total[rows]
     profiles, runs, last_run = state.profiles, state.runs, state.last_run
     bidders = None
@@ -182,7 +182,7 @@ def _award(
             idle=total[:, None] - last_run,
         ),
         spec.values(arm.options),
-        now.chance(),
+        now.source(),
     ).score
     # Bidders stay in alphabetical order, so the first of those that are left comes first by name.
     best = score == score.min(axis=-1, keepdims=True)
@@ -202,14 +202,14 @@ def _moods(
     now: StreamMoment,
     scene: Floats,
     chosen: Integers,
-    wrong: Bools,
+    is_wrong: Bools,
 ) -> Floats:
     """Return the mood at the start and after each second, [seconds + 1, rows]."""
     place = _mood_place(world)
     misfit = world.misfit[now.scene, chosen]
     fit = np.clip(1.0 - misfit / person.tolerance, -1.0, 1.0)
-    fit = np.where(wrong, now.whim, fit)
-    noise = now.mood.astype(np.float64) * person.noise
+    fit = np.where(is_wrong, now.wrong_fit, fit)
+    noise = now.mood_noise.astype(np.float64) * person.noise
     steps = (person.drift * fit[:, None] + noise).T
     moods = np.empty((person.seconds + 1, len(scene)))
     moods[0] = scene[:, place]

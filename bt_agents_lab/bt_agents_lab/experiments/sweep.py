@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Compares ways to select and to learn over many runs, in as many processes as wanted."""
+"""Sweep: comparison of strategies and learning rules over many runs, in several processes."""
 
 from __future__ import annotations
 
@@ -13,17 +13,17 @@ from itertools import product
 from bt_agents_core.errors import BtAgentsError
 from bt_agents_core.feedback import LearningRule, Update
 from bt_agents_lab.experiments.measures import PerRun, of_runs, together
-from bt_agents_lab.experiments.random_streams import Said, draw
+from bt_agents_lab.experiments.random_streams import WrongFeedback, draw
 from bt_agents_lab.experiments.simulated_world import Arm, SimulatedWorld
 from bt_agents_lab.experiments.simulation import simulate_shares
 
 PART = 1000
-"""Runs that are played at once, whatever the number of processes, so that results are the same."""
+"""Runs that are played at once, for the same results in any number of processes."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Selection:
-    """A strategy with what is set about it."""
+    """A strategy with its options."""
 
     strategy: str
     options: Mapping[str, float] = field(default_factory=dict)
@@ -32,10 +32,10 @@ class Selection:
     @property
     def label(self) -> str:
         """For tables and figures: ``ucb c=2``."""
-        words = [self.strategy, *(f"{name}={value:g}" for name, value in self.options.items())]
+        parts = [self.strategy, *(f"{name}={value:g}" for name, value in self.options.items())]
         if self.tie_break != "least_recently_run":
-            words.append(f"(ties: {self.tie_break})")
-        return " ".join(words)
+            parts.append(f"(ties: {self.tie_break})")
+        return " ".join(parts)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -47,30 +47,30 @@ class Learning:
     @property
     def label(self) -> str:
         """For tables and figures: ``huber width=1``."""
-        words = [str(self.rule.update)]
+        parts = [str(self.rule.update)]
         if self.rule.update is Update.HUBER and self.rule.width:
-            words.append(f"width={next(iter(self.rule.width.values())):g}")
+            parts.append(f"width={next(iter(self.rule.width.values())):g}")
         if self.rule.update is Update.MEDIAN:
-            words.append(f"window={self.rule.window}")
+            parts.append(f"window={self.rule.window}")
         if self.rule.anneal:
-            words.append(f"anneal={self.rule.anneal:g}")
-        return " ".join(words)
+            parts.append(f"anneal={self.rule.anneal:g}")
+        return " ".join(parts)
 
 
 @dataclass(frozen=True, kw_only=True)
 class SweepSpec:
-    """What is compared.
+    """Specification of a sweep.
 
     Attributes:
         title: For people.
-        world: In which world.
+        world: World of the runs.
         runs: Runs of each cell; run i has the seed ``seed + i``.
         rounds: Length of a run.
         seed: Of the first run.
         shares: Shares of wrong feedback.
-        said: What wrong feedback says.
-        selections: Ways to select.
-        learnings: Ways to learn.
+        wrong: Values of wrong feedback.
+        selections: Strategies.
+        learnings: Learning rules.
     """
 
     title: str
@@ -79,14 +79,14 @@ class SweepSpec:
     rounds: int
     seed: int
     shares: tuple[float, ...]
-    said: Said
+    wrong: WrongFeedback
     selections: tuple[Selection, ...]
     learnings: tuple[Learning, ...]
 
 
 @dataclass(frozen=True, kw_only=True)
 class Cell:
-    """One way to select and to learn, under one share of wrong feedback."""
+    """One strategy and learning rule under one share of wrong feedback."""
 
     selection: Selection
     learning: Learning
@@ -94,18 +94,18 @@ class Cell:
 
 
 Results = dict[tuple[int, int, int], PerRun]
-"""Indices of selection, learning and share → what the runs came to."""
+"""Indices of selection, learning and share → measures of the runs."""
 
 
 def sweep(
     spec: SweepSpec, processes: int = 1, progress: Callable[[int, int], None] = lambda d, t: None
 ) -> list[tuple[Cell, PerRun]]:
-    """Play every cell and return what came of it, in the order of the spec.
+    """Play every cell and return its measures, in the order of the spec.
 
     Args:
-        spec: What is compared.
-        processes: How many work at once; the result does not depend on it.
-        progress: Told how many of how many pieces of work are done.
+        spec: The sweep.
+        processes: Number that work at once; the result does not depend on it.
+        progress: Called with the numbers of tasks that are done, and of all.
 
     Raises:
         BtAgentsError: A process was ended from outside.
@@ -114,7 +114,7 @@ def sweep(
         range(first, min(first + PART, spec.seed + spec.runs))
         for first in range(spec.seed, spec.seed + spec.runs, PART)
     ]
-    # What a strategy draws for some seeds serves all learning rules and shares.
+    # The draws of a strategy for some seeds serve all learning rules and shares.
     tasks = list(product(range(len(parts)), range(len(spec.selections))))
     done: dict[tuple[int, int], Results] = {}
     for task, results in _worked(spec, parts, tasks, processes):
@@ -162,7 +162,7 @@ def _worked(
 def _play(spec: SweepSpec, seeds: range, selection: int) -> Results:
     """Play some runs with one strategy and every learning rule and share."""
     chosen = spec.selections[selection]
-    luck = draw(spec.world, seeds, spec.rounds, spec.said)
+    luck = draw(spec.world, seeds, spec.rounds, spec.wrong)
     results = {}
     for rule, learning in enumerate(spec.learnings):
         arm = Arm(

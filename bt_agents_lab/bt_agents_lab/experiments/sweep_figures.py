@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a sweep came to: figures, a table and files for other programs."""
+"""Results of a sweep: figures, a table and files for other programs."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ HEADINGS = {
     "cancelled": "scenes with a cancelled run",
     "error": "profile error",
 }
-"""What a table of results shows."""
+"""Columns of a table of results."""
 
 WINDOW = 10
 """Rounds over which a learning curve is averaged."""
@@ -87,7 +87,7 @@ def table(spec: SweepSpec, played: Played) -> str:
 
 
 def cells(cell: Cell, found: Measures) -> dict[str, str]:
-    """Return share of wrong feedback and measures as words, by the keys of :data:`HEADINGS`."""
+    """Return share of wrong feedback and measures as text, by the keys of :data:`HEADINGS`."""
     return {
         "wrong": f"{cell.share:.0%}",
         "right": f"{found.accuracy:.2%}",
@@ -165,7 +165,7 @@ def _smooth(values: Floats) -> Floats:
 
 
 def _lines(selections: Sequence[Selection]) -> list[dict[str, Any]]:
-    """Return how each is drawn: a colour for a strategy, dashes for other options of it.
+    """Return the style of each line: a colour for a strategy, dashes for other options of it.
 
     Each is thinner than the one before, which so is seen on both sides where they are equal.
     """

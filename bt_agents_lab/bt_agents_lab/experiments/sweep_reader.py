@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Reads a sweep: which ways to select and to learn are compared, in which world."""
+"""Reader of sweep files: strategies, learning rules, wrong feedback and the world."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from pathlib import Path
 from bt_agents_core.errors import BtAgentsError
 from bt_agents_core.feedback import LearningRule, Update
 from bt_agents_core.scene import SceneSpace
-from bt_agents_lab.experiments.random_streams import Said
+from bt_agents_lab.experiments.random_streams import WrongFeedback
 from bt_agents_lab.experiments.replicas import world_of
 from bt_agents_lab.experiments.simulated_world import NOT_SIMULATED, Person, SimulatedWorld
 from bt_agents_lab.experiments.sweep import Learning, Selection, SweepSpec
@@ -53,9 +53,9 @@ def read_sweep(path: Path) -> SweepSpec:
         if not found:
             reading.error("missing-value", fields.nodes[key], f"'{key}' is empty", "name one")
     shares: tuple[float, ...] = (0.0,)
-    said: Said | None = "any"
+    wrong: WrongFeedback | None = "any"
     if (node := fields.get("wrong")) is not None:
-        shares, said = _wrong(reading, node, space)
+        shares, wrong = _wrong(reading, node, space)
     person = None
     if (node := fields.get("person")) is not None:
         if space.mood is None:
@@ -85,7 +85,7 @@ def read_sweep(path: Path) -> SweepSpec:
         rounds=rounds,
         seed=seed,
         shares=shares,
-        said=said or "any",
+        wrong=wrong or "any",
         selections=tuple(one for one in selections if one is not None),
         learnings=tuple(one for one in learnings if one is not None),
     )
@@ -159,19 +159,19 @@ def _learning(reading: TypedReader, node: Node, space: SceneSpace) -> Learning |
 
 def _wrong(
     reading: TypedReader, node: Node, space: SceneSpace
-) -> tuple[tuple[float, ...], Said | None]:
+) -> tuple[tuple[float, ...], WrongFeedback | None]:
     fields = reading.fields(node, "'wrong'", ("shares", "says"), ("shares",))
     if fields is None:
         return (0.0,), None
     shares = [reading.number(item, "a share", 0, 1) for item in fields.items("shares")]
     says = fields.get("says")
-    said: Said | None = "any"
+    wrong: WrongFeedback | None = "any"
     if isinstance(says, Mapping):
-        said = read_vector(reading, says, "what wrong feedback says", space)
+        wrong = read_vector(reading, says, "what wrong feedback says", space)
     elif says is not None:
         word = reading.choice(says, "'says'", ("any", "another"))
-        said = None if word is None else "another" if word == "another" else "any"
-    return tuple(share for share in shares if share is not None), said
+        wrong = None if word is None else "another" if word == "another" else "any"
+    return tuple(share for share in shares if share is not None), wrong
 
 
 def _person(reading: TypedReader, node: Node) -> Person | None:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A written verdict on a claim, with the runs it was counted in."""
+"""Verdicts on claims, with the runs in which each was counted."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from bt_agents_lab.experiments.random_streams import Bools
 
 @dataclass(frozen=True, kw_only=True)
 class Claim:
-    """What is claimed, and by what it is judged here.
+    """A claim of the paper and the criterion by which it is judged.
 
     Attributes:
         name: Short and unique.
         section: Where it stands.
-        quote: In its own words.
-        criterion: What a run must show for the claim to hold in it.
+        quote: The sentence of the paper.
+        criterion: Property of a run in which the claim holds.
     """
 
     name: str
@@ -32,15 +32,15 @@ class Claim:
 
 @dataclass(frozen=True, kw_only=True)
 class ClaimVerdict:
-    """Whether a claim holds.
+    """ClaimVerdict on a claim.
 
     Attributes:
         claim: The claim.
-        runs: In how many runs it was looked at; 1 where nothing is left to chance.
-        held: In how many of them it holds.
-        unit: What was counted, in the plural.
+        runs: Number of runs that were judged; 1 where nothing is left to chance.
+        held: Number of those in which it holds.
+        unit: Name of what was counted, in the plural.
         interval: Share of runs and its 95 % interval (Wilson).
-        found: What was measured, in words and numbers.
+        found: The measurements, for people.
         reason: Why it holds only sometimes or not at all; empty when it holds.
     """
 
@@ -53,7 +53,7 @@ class ClaimVerdict:
     reason: str = ""
 
     @property
-    def words(self) -> str:
+    def text(self) -> str:
         """``holds``, ``holds in 66.3 % of runs`` or ``fails``, with the runs."""
         if self.runs == 1:
             return "holds" if self.held else "fails"
@@ -77,8 +77,8 @@ def judged(
 
     Args:
         claim: The claim.
-        held: Whether each run shows it.
-        found: What was measured.
+        held: For each run whether the claim holds.
+        found: The measurements, for people.
         reason: Why it does not hold in every run; left out when it does.
         unit: What is counted, when it is not runs.
     """
@@ -95,7 +95,7 @@ def judged(
 
 
 def percent(share: float) -> str:
-    """Return a share as words: as many digits as tell it from none and from all."""
+    """Return a share as text, with the digits that distinguish it from none and from all."""
     for digits in (1, 2, 3):
         rounded = round(share * 100, digits)
         if share in (0.0, 1.0) or 0.0 < rounded < 100.0:
@@ -109,7 +109,7 @@ def as_markdown(title: str, verdicts: Iterable[ClaimVerdict]) -> str:
     for verdict in verdicts:
         claim = verdict.claim
         lines += [
-            f"## {claim.name}: {verdict.words}",
+            f"## {claim.name}: {verdict.text}",
             "",
             f"> {claim.quote} (section {claim.section})",
             "",
@@ -124,5 +124,5 @@ def as_markdown(title: str, verdicts: Iterable[ClaimVerdict]) -> str:
 
 def as_json(verdicts: Iterable[ClaimVerdict]) -> str:
     """Return verdicts as JSON, a list."""
-    rows = [{**asdict(verdict), "verdict": verdict.words} for verdict in verdicts]
+    rows = [{**asdict(verdict), "verdict": verdict.text} for verdict in verdicts]
     return json.dumps(rows, indent=2, ensure_ascii=False) + "\n"

@@ -1,20 +1,19 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which file of the journal is written: one a day, each complete in itself, the oldest dropped."""
+"""The recorder of a journal: a file for each start and day, each complete in itself."""
 
 from __future__ import annotations
 
 import errno
+import fcntl
 import os
 import re
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import replace
 from datetime import date
 from pathlib import Path
 
-from mcap.records import Message
-
 from bt_agents_core.errors import STORAGE_FULL, Refused
-from bt_agents_lab.recorder.file import JournalFile, Write
+from bt_agents_lab.recorder.file import JournalFile, RecordedMessage, Write
 
 MOST_WAITING = 32_000_000
 """Bytes that wait in memory while nothing can be written; after that the newest are dropped."""
@@ -22,53 +21,25 @@ MOST_WAITING = 32_000_000
 _NO_ROOM = (errno.ENOSPC, errno.EDQUOT)
 _FULL = (STORAGE_FULL, "there is room")
 _FAILED = ("STORAGE_FAILED", "it can be written again")
-_NAME = re.compile(r"journal-(\d{4}-\d\d-\d\d)\.mcap")
-
-
-@dataclass(frozen=True, kw_only=True)
-class RecordedTopic:
-    """A topic that is kept.
-
-    Attributes:
-        name: Its full name.
-        type: ``package/msg/Name``.
-        definition: Text of the type, followed by those that it uses.
-    """
-
-    name: str
-    type: str
-    definition: str
-
-
-@dataclass(frozen=True, kw_only=True)
-class RecordedMessage:
-    """One message.
-
-    Attributes:
-        topic: On which it was said.
-        data: As it was sent.
-        sent_ns: When it was sent [ns since 1970].
-        heard_ns: When it was heard [ns since 1970].
-    """
-
-    topic: RecordedTopic
-    data: bytes
-    sent_ns: int
-    heard_ns: int
+_NAME = re.compile(r"journal-(\d{4}-\d\d-\d\d)(?:_(\d{3,}))?\.mcap")
 
 
 class DailyRecorder:
-    """Keeps what is said; a full disk costs what is said meanwhile, and nothing else.
+    """Recorder of messages; a full disk costs those that arrive meanwhile, and nothing else.
 
     Args:
         folder: For the files.
-        days: How many files are kept; 0 keeps all.
+        days: Number of days of which files are kept; 0 keeps all.
         today: Returns the local date.
-        tell: Takes words for people, and whether something is wrong.
+        report: Takes a text for people, and whether it is an error.
         write: See :class:`JournalFile`.
 
     Attributes:
         dropped: Messages that found no room since the last that did.
+
+    Raises:
+        Refused: ``IN_USE``; another journal writes into the folder.
+        OSError: The folder cannot be written.
     """
 
     def __init__(
@@ -77,156 +48,175 @@ class DailyRecorder:
         *,
         days: int,
         today: Callable[[], date],
-        tell: Callable[[str, bool], None],
+        report: Callable[[str, bool], None],
         write: Write = os.pwrite,
     ) -> None:
         self.dropped = 0
         self._folder = folder
         self._days = days
         self._today = today
-        self._tell = tell
+        self._report = report
         self._write = write
         self._facts: dict[str, RecordedMessage] = {}
-        self._numbers: dict[str, int] = {}
+        self._sequences: dict[str, int] = {}
         self._bytes = 0
         self._trouble = ""
         self._date = today()
-        self._file = self._open()
+        self._lock = _locked(folder)
+        try:
+            self._file = self._open()
+        except BaseException:
+            os.close(self._lock)
+            raise
 
     @property
     def path(self) -> Path:
-        """The file of today."""
+        """The file of this start and day."""
         return self._file.path
 
-    def take(self, said: RecordedMessage, *, fact: str = "") -> None:
-        """Take a message.
+    def record(self, message: RecordedMessage, *, fact: str = "") -> None:
+        """Take a message for the next flush.
 
         Args:
-            said: The message.
-            fact: Under which it is kept for the files of the days to come, as it stays true until
-                the next one of this key; empty for what only happens.
+            message: The message.
+            fact: Key under which it is repeated at the beginning of later files, as it holds until
+                the next message of this key; empty for an event.
         """
         if not self._trouble:
             try:
-                self._turn_page(said.heard_ns)
+                self._change_file(message.received_ns)
             except OSError as error:
                 self._warn(error)
         if fact:
-            self._facts[fact] = said
-        self._add(said)
+            self._facts[fact] = message
+        self._add(message)
 
     def flush(self, now_ns: int) -> None:
-        """Write what was taken.
+        """Write what waits in memory.
 
         Args:
             now_ns: Now [ns since 1970].
         """
         try:
-            self._write_down()
-            self._turn_page(now_ns)
-            self._write_down()
+            self._flush_file()
+            self._change_file(now_ns)
+            self._flush_file()
         except OSError as error:
             self._warn(error)
             return
         if self._trouble:
             self._trouble = ""
             lost = f"; {self.dropped} messages are lost" if self.dropped else ""
-            self._tell(f"the journal goes on in {self.path}{lost}", bool(lost))
+            self._report(f"the journal goes on in {self.path}{lost}", bool(lost))
             self.dropped = 0
 
     def close(self) -> None:
-        """Write what was taken and leave the file; say what is lost."""
+        """Write what waits in memory and close the file; report what is lost."""
         lost = self.dropped + self._file.close()
+        os.close(self._lock)
         if lost:
-            self._tell(
+            self._report(
                 f"{lost} messages are lost: {self.path} could not be written before the end", True
             )
 
-    def _write_down(self) -> None:
+    def _flush_file(self) -> None:
         self._file.flush()
         self._bytes = 0
 
-    def _add(self, said: RecordedMessage) -> None:
-        # Lost messages leave a gap in the numbers.
-        number = self._numbers[said.topic.name] = self._numbers.get(said.topic.name, 0) + 1
-        if self._bytes + len(said.data) > MOST_WAITING:
+    def _add(self, message: RecordedMessage) -> None:
+        # Lost messages leave a gap in the sequence.
+        name = message.topic.name
+        sequence = self._sequences[name] = self._sequences.get(name, 0) + 1
+        if self._bytes + len(message.data) > MOST_WAITING:
             self.dropped += 1
             return
-        topic = said.topic
-        try:
-            channel = self._file.channel(topic.name, topic.type, topic.definition)
-        except OSError as error:
-            self._warn(error)
-            self.dropped += 1
-            return
-        self._bytes += len(said.data)
-        self._file.add(
-            Message(
-                channel_id=channel,
-                log_time=said.heard_ns,
-                data=said.data,
-                publish_time=said.sent_ns,
-                sequence=number % 2**32,
-            )
-        )
+        self._bytes += len(message.data)
+        self._file.add(message, sequence % 2**32)
 
-    def _turn_page(self, now_ns: int) -> None:
-        """Begin the file of another day with what is still true; raises OSError.
+    def _change_file(self, now_ns: int) -> None:
+        """Begin the file of another day with the facts that still hold; raises OSError.
 
-        The file of the day before is left only when all that was taken for it is in it.
+        The file of the day before is closed only when all messages that were taken for it are in
+        it.
         """
         today = self._today()
         if today == self._date:
             return
-        self._write_down()
+        self._flush_file()
         before, self._date = self._date, today
         try:
             following = self._open()
         except OSError:
             self._date = before
             raise
-        except Refused as refused:
-            self._date = before
-            raise OSError(errno.EBUSY, refused.reason) from refused
         self._file.close()
         self._file = following
-        self._numbers.clear()
-        for said in self._facts.values():
-            self._add(
-                RecordedMessage(
-                    topic=said.topic, data=said.data, sent_ns=said.sent_ns, heard_ns=now_ns
-                )
-            )
+        self._sequences.clear()
+        for fact in self._facts.values():
+            self._add(replace(fact, received_ns=now_ns))
 
     def _open(self) -> JournalFile:
-        file = JournalFile(self._folder / f"journal-{self._date:%Y-%m-%d}.mcap", self._write)
-        if file.aside is not None:
-            self._tell(
-                f"the end of {file.path} could not be read and is kept in {file.aside}", True
-            )
+        day = f"{self._date:%Y-%m-%d}"
+        found = [match for match in _names(self._folder) if match[1] == day]
+        start = 1 + max((int(match[2] or 0) for match in found), default=0)
+        file = JournalFile(self._folder / f"journal-{day}_{start:03}.mcap", self._write)
         self._drop_old()
         return file
 
     def _drop_old(self) -> None:
         if not self._days:
             return
-        found = sorted(path for path in self._folder.iterdir() if _NAME.fullmatch(path.name))
-        for path in found[: -self._days]:
+        found = _names(self._folder)
+        recent = sorted({match[1] for match in found})[-self._days :]
+        for match in found:
+            if match[1] in recent:
+                continue
+            path = self._folder / match[0]
             try:
                 path.unlink()
             except OSError as error:
-                self._tell(f"{path} is old but cannot be deleted: {error.strerror}", True)
+                self._report(f"{path} is old but cannot be deleted: {error.strerror}", True)
             else:
-                self._tell(f"{path.name} is deleted, {self._days} days are kept", False)
+                self._report(f"{path.name} is deleted, {self._days} days are kept", False)
 
     def _warn(self, error: OSError) -> None:
-        """Say once that nothing can be written."""
+        """Report once that nothing can be written."""
         trouble = error.strerror or str(error)
         if trouble != self._trouble:
             self._trouble = trouble
             code, until = _FULL if error.errno in _NO_ROOM else _FAILED
-            self._tell(
+            self._report(
                 f"{code}: {self._folder} cannot be written ({trouble}); the journal waits in "
                 f"memory and goes on when {until}",
                 True,
             )
+
+
+def newest_files(folder: Path) -> list[Path]:
+    """Return the files of the newest day in a folder, oldest first; empty when there is none."""
+    found = sorted(folder.glob("*.mcap"))
+    newest = _NAME.fullmatch(found[-1].name) if found else None
+    if newest is None:
+        return found[-1:]
+    names = [match for match in _names(folder) if match[1] == newest[1]]
+    return [folder / match[0] for match in sorted(names, key=lambda match: int(match[2] or 0))]
+
+
+def _names(folder: Path) -> list[re.Match[str]]:
+    """Return the files of a folder that a journal has written: name, day and start of each."""
+    matches = [_NAME.fullmatch(path.name) for path in folder.iterdir()]
+    return sorted(filter(None, matches), key=lambda match: match[0])
+
+
+def _locked(folder: Path) -> int:
+    """Return a lock of a folder, which lasts until it is closed or its process ends."""
+    folder.mkdir(parents=True, exist_ok=True)
+    lock = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
+    try:
+        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError:
+        os.close(lock)
+        raise Refused(
+            "IN_USE", f"another journal writes into {folder}; end it, or name another folder"
+        ) from None
+    return lock

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The full text of a message type with all that it uses, as readers of a journal need it."""
+"""Full definitions of message types with all types that they use, for readers of a journal."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def definition(type_name: str, lookup: Lookup) -> str:
 
 
 def _used(text: str, package: str) -> list[str]:
-    """Return the full names of the types that the fields of a text have."""
+    """Return the full names of the types of the fields of a text."""
     found: dict[str, None] = {}
     for line in text.splitlines():
         match = _FIELD.match(line.partition("#")[0])

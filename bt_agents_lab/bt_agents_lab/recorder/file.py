@@ -1,101 +1,113 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One MCAP file that is only ever added to, also after a crash and by the next start."""
+"""One MCAP file of a journal: written by whole flushes, so that a kill costs the last one only."""
 
 from __future__ import annotations
 
-import fcntl
 import os
 from collections.abc import Callable
 from contextlib import suppress
+from dataclasses import dataclass
+from io import BytesIO
 from pathlib import Path
 
-from mcap.records import Channel, Message, Schema
 from mcap.well_known import MessageEncoding, SchemaEncoding
+from mcap.writer import Writer
 
-from bt_agents_core.errors import Refused
-from bt_agents_lab.recorder.mcap_format import chunk_of, head, packed, tail
-from bt_agents_lab.recorder.scan import survey
+LIBRARY = "bt-agents"
+"""Name of the writer in the header of a file."""
 
 Write = Callable[[int, bytes, int], int]
 """As :func:`os.pwrite`."""
 
 
-class JournalFile:
-    """Adds messages to a file; what cannot be read of an earlier one is put aside, never lost.
-
-    Messages wait in memory for :meth:`flush`, which writes them all or none.
-
-    Args:
-        path: Where it is; made if there is none.
-        write: Writes at a place of the file.
+@dataclass(frozen=True, kw_only=True)
+class RecordedTopic:
+    """A topic that is recorded.
 
     Attributes:
-        aside: File with the bytes that could not be read; None when all could.
-        waiting: Messages that are not in the file yet.
+        name: Its full name.
+        type: ``package/msg/Name``.
+        definition: Text of the type, followed by those that it uses.
+    """
+
+    name: str
+    type: str
+    definition: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class RecordedMessage:
+    """One message as it was sent.
+
+    Attributes:
+        topic: On which it was sent.
+        data: Serialised (CDR).
+        sent_ns: When it was sent [ns since 1970].
+        received_ns: When it was received [ns since 1970].
+    """
+
+    topic: RecordedTopic
+    data: bytes
+    sent_ns: int
+    received_ns: int
+
+
+class JournalFile:
+    """A new MCAP file; messages wait in memory until a flush writes all of them or none.
+
+    Args:
+        path: Of the file, which must not exist.
+        write: Writes at an offset of the file.
+
+    Attributes:
+        waiting: Number of messages that are not in the file yet.
 
     Raises:
-        Refused: ``IN_USE``; another journal writes it. OSError as of any file.
+        OSError: The file exists or cannot be written.
     """
 
     def __init__(self, path: Path, write: Write = os.pwrite) -> None:
         self.path = path
-        self.aside: Path | None = None
-        self.waiting: list[Message] = []
+        self.waiting = 0
         self._write = write
+        self._unwritten = _Unwritten()
+        self._writer = Writer(self._unwritten)
+        self._writer.start(profile="ros2", library=LIBRARY)
+        self._schemas: dict[tuple[str, str], int] = {}
+        self._channels: dict[RecordedTopic, int] = {}
         path.parent.mkdir(parents=True, exist_ok=True)
-        self._file = os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
+        self._file = os.open(path, os.O_RDWR | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o600)
         try:
-            self._lock()
-            self._end = self._continue()
+            self._write_out()
         except BaseException:
             os.close(self._file)
+            path.unlink()
             raise
 
-    def channel(self, topic: str, type_name: str, definition: str) -> int:
-        """Return the id of a topic, which is written down when it is new.
+    def add(self, message: RecordedMessage, sequence: int) -> None:
+        """Take a message for the next flush.
 
         Args:
-            topic: Its full name.
-            type_name: ``package/msg/Name``.
-            definition: Text of the type, followed by those that it uses.
+            message: The message.
+            sequence: Its number among those of its topic.
         """
-        for channel in self._contents.channels.values():
-            schema = self._contents.schemas.get(channel.schema_id)
-            if (
-                channel.topic == topic
-                and schema is not None
-                and _is(schema, type_name, definition)
-            ):
-                return channel.id
-        schema = self._schema(type_name, definition)
-        new = Channel(
-            id=max(self._contents.channels, default=0) + 1,
-            topic=topic,
-            message_encoding=MessageEncoding.CDR,
-            metadata={},
-            schema_id=schema.id,
+        self._writer.add_message(
+            channel_id=self._channel(message.topic),
+            log_time=message.received_ns,
+            data=message.data,
+            publish_time=message.sent_ns,
+            sequence=sequence,
         )
-        self._add(packed(new))
-        self._contents.channels[new.id] = new
-        return new.id
-
-    def add(self, message: Message) -> None:
-        """Take a message, for the next flush."""
-        self.waiting.append(message)
+        self.waiting += 1
 
     def flush(self) -> None:
         """Write what waits; raises OSError, and then the file is as it was before."""
-        if not self.waiting:
-            return
-        chunk, indexes = chunk_of(self.waiting)
-        record = packed(chunk)
-        at = self._end
-        self._add(record + packed(*indexes))
-        self._contents.note(chunk, len(record), at, indexes)
-        self.waiting = []
+        self._writer.flush()  # type: ignore[no-untyped-call]
+        self._write_out()
+        self.waiting = 0
 
     def close(self) -> int:
-        """Write what waits and the summary, as far as there is room, and leave the file.
+        """Write what waits and the summary, as far as there is room, and close the file.
 
         Returns:
             How many messages found no room.
@@ -103,72 +115,54 @@ class JournalFile:
         try:
             with suppress(OSError):
                 self.flush()
-                end = self._end
-                self._add(tail(self._contents, end))
-                self._end = end
+                self._writer.finish()  # type: ignore[no-untyped-call]
+                self._write_out()
         finally:
             os.close(self._file)
-        return len(self.waiting)
+        return self.waiting
 
-    def _schema(self, type_name: str, definition: str) -> Schema:
-        for schema in self._contents.schemas.values():
-            if _is(schema, type_name, definition):
-                return schema
-        new = Schema(
-            id=max(self._contents.schemas, default=0) + 1,
-            data=definition.encode(),
-            encoding=SchemaEncoding.ROS2,
-            name=type_name,
-        )
-        self._add(packed(new))
-        self._contents.schemas[new.id] = new
-        return new
+    def _channel(self, topic: RecordedTopic) -> int:
+        if topic not in self._channels:
+            schema = (topic.type, topic.definition)
+            if schema not in self._schemas:
+                self._schemas[schema] = self._writer.register_schema(
+                    name=topic.type,
+                    encoding=SchemaEncoding.ROS2,
+                    data=topic.definition.encode(),
+                )
+            self._channels[topic] = self._writer.register_channel(
+                topic=topic.name,
+                message_encoding=MessageEncoding.CDR,
+                schema_id=self._schemas[schema],
+            )
+        return self._channels[topic]
 
-    def _lock(self) -> None:
-        try:
-            fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError:
-            raise Refused(
-                "IN_USE", f"another journal writes {self.path}; end it, or name another folder"
-            ) from None
-
-    def _continue(self) -> int:
-        """Make ready to add to what is there; return where."""
-        with open(self._file, "rb", closefd=False) as file:
-            found = survey(file)
-        self._contents = found.contents
-        self._end = found.end
-        if not found.whole:
-            self._put_aside(found.end)
-        os.ftruncate(self._file, found.end)
-        self._add(found.missing if found.end else head())
-        return self._end
-
-    def _put_aside(self, start: int) -> None:
-        """Keep the bytes from somewhere on in a file of their own."""
-        number = 1
-        while True:
-            self.aside = self.path.with_name(f"{self.path.name}.torn-{number}")
-            try:
-                with self.aside.open("xb") as kept, self.path.open("rb") as file:
-                    file.seek(start)
-                    while block := file.read(1 << 20):
-                        kept.write(block)
-                return
-            except FileExistsError:
-                number += 1
-
-    def _add(self, data: bytes) -> None:
-        """Write at the end, everything or nothing; raises OSError."""
+    def _write_out(self) -> None:
+        """Append the writer's output to the file, everything or nothing; raises OSError."""
+        data, end = self._unwritten.getvalue(), self._unwritten.start
         done = 0
         try:
             while done < len(data):
-                done += self._write(self._file, data[done:], self._end + done)
+                done += self._write(self._file, data[done:], end + done)
         except OSError:
-            os.ftruncate(self._file, self._end)
+            os.ftruncate(self._file, end)
             raise
-        self._end += len(data)
+        self._unwritten.drop()
 
 
-def _is(schema: Schema, type_name: str, definition: str) -> bool:
-    return schema.name == type_name and schema.data == definition.encode()
+class _Unwritten(BytesIO):
+    """Output of the MCAP writer that is not in the file yet.
+
+    Attributes:
+        start: Offset in the file at which it belongs.
+    """
+
+    start = 0
+
+    def tell(self) -> int:
+        return self.start + super().tell()
+
+    def drop(self) -> None:
+        self.start = self.tell()
+        self.seek(0)
+        self.truncate()

@@ -1,25 +1,31 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Reads a journal, whole or torn, without ROS."""
+"""Reader of journals, whole or torn, without ROS."""
 
 from __future__ import annotations
 
 import os
 import zlib
 from collections.abc import Callable, Collection, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 from typing import Any, BinaryIO
 
+import zstandard
 from mcap.exceptions import EndOfFile
-from mcap.records import Channel, Chunk, Header, McapRecord, Message, Schema
-from mcap.stream_reader import StreamReader
+from mcap.records import Channel, Chunk, Footer, Header, McapRecord, Message, Schema
+from mcap.stream_reader import StreamReader, breakup_chunk
 from mcap_ros2.decoder import DecoderFactory
 
 from bt_agents_core.errors import BtAgentsError
-from bt_agents_lab.recorder.mcap_format import LIBRARY, records_of
+from bt_agents_lab.recorder.file import LIBRARY
+
+MOST_UNPACKED = 1 << 26
+"""Bytes that a chunk may hold; more than a journal ever writes into one."""
 
 _LARGEST_RECORD = 1 << 30
+_FOOTER_BYTES = 37
+"""Length of the last record of a file, with the magic bytes behind it."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -30,25 +36,23 @@ class JournalEntry:
         topic: Its full name.
         type: ``package/msg/Name``.
         sent_ns: When it was sent [ns since 1970].
-        heard_ns: When it was heard [ns since 1970].
-        lost: How many messages of its topic the journal found no room for, right before it.
-        data: As it was sent.
-        decoder: Makes of ``data`` the message with its fields as attributes.
+        lost: Number of messages of its topic right before it that the journal found no room for.
+        data: Serialised, as it was sent.
+        decoder: Returns the message of ``data`` with its fields as attributes.
     """
 
     topic: str
     type: str
     sent_ns: int
-    heard_ns: int
     lost: int
     data: bytes
     decoder: Callable[[bytes], Any]
 
     def decode(self) -> Any:
-        """Return it with its fields as attributes.
+        """Return the message with its fields as attributes.
 
         Raises:
-            BtAgentsError: It cannot be read, or the definition of its type cannot.
+            BtAgentsError: The message or the definition of its type cannot be read.
         """
         try:
             return self.decoder(self.data)
@@ -56,17 +60,19 @@ class JournalEntry:
             raise
         except Exception as error:
             # Whatever a decoder makes of broken bytes.
-            words = str(error) or type(error).__name__
-            raise BtAgentsError(f"it or the definition of its type is damaged ({words})") from None
+            reason = str(error) or type(error).__name__
+            raise BtAgentsError(
+                f"it or the definition of its type is damaged ({reason})"
+            ) from None
 
 
 @dataclass(kw_only=True, slots=True)
 class Counted:
-    """Messages of one topic that were counted and not kept.
+    """Count of the messages of one topic that were not returned.
 
     Attributes:
-        messages: How many.
-        lost: How many the journal found no room for.
+        messages: Their number.
+        lost: Number of those that the journal found no room for.
         first_ns: When the first one was sent [ns since 1970].
         last_ns: When the last one was.
     """
@@ -77,7 +83,7 @@ class Counted:
     last_ns: int = 0
 
     def add(self, sent_ns: int, lost: int) -> None:
-        """Count one."""
+        """Count one message."""
         self.messages += 1
         self.lost += lost
         self.first_ns = min(self.first_ns or sent_ns, sent_ns)
@@ -85,17 +91,17 @@ class Counted:
 
 
 class JournalReader:
-    """The messages of some files, in the order in which they were sent.
+    """Reader of the messages of some files, in the order in which they were sent.
 
-    A message that is there twice, as a fact is that a journal heard again after its restart, is
-    given once.
+    Duplicates, such as a latched message that a journal received again after its restart, are
+    returned once.
 
     Args:
         paths: The files.
 
     Attributes:
-        problems: What could not be read, in words; complete after reading.
-        counted: Topic → what was only counted; complete after reading.
+        problems: Texts about what could not be read; complete after reading.
+        counted: RecordedTopic → its messages that were only counted; complete after reading.
 
     Raises:
         BtAgentsError: A file cannot be opened.
@@ -131,15 +137,15 @@ class JournalReader:
 
     def _of_file(self, path: Path, types: Collection[str] | None) -> Iterator[JournalEntry]:
         with path.open("rb") as file:
-            schemas: dict[int, Schema] = {}
-            channels: dict[int, Channel] = {}
+            schemas, channels = _summary(file)
+            unknown = 0
             decoders: dict[int, Callable[[bytes], Any]] = {}
             factory = DecoderFactory()
-            numbers = _Numbers()
+            sequences = _Sequences()
             for record in self._records(path, file):
                 match record:
                     case Header():
-                        numbers.ours = record.library == LIBRARY
+                        sequences.ours = record.library == LIBRARY
                     case Schema():
                         schemas[record.id] = record
                     case Channel():
@@ -149,8 +155,9 @@ class JournalReader:
                         channel = channels[number]
                         schema = schemas.get(channel.schema_id)
                         if schema is None:
+                            unknown += 1
                             continue
-                        lost = numbers.lost_before(record)
+                        lost = sequences.lost_before(record)
                         if types is not None and schema.name not in types:
                             counted = self.counted.setdefault(channel.topic, Counted())
                             counted.add(record.publish_time, lost)
@@ -161,14 +168,19 @@ class JournalReader:
                             topic=channel.topic,
                             type=schema.name,
                             sent_ns=record.publish_time,
-                            heard_ns=record.log_time,
                             lost=lost,
                             data=record.data,
                             decoder=decoders[number],
                         )
+                    case Message():
+                        unknown += 1
+            if unknown:
+                self.problems.append(
+                    f"{path} holds {unknown} messages of which the topic cannot be read"
+                )
 
     def _records(self, path: Path, file: BinaryIO) -> Iterator[McapRecord]:
-        """Give the records of a file up to where it cannot be read any more.
+        """Yield the records of a file up to where it cannot be read any more.
 
         A file that ends after a whole record has lost nothing: it is being written, or its journal
         was killed.
@@ -196,16 +208,17 @@ class JournalReader:
 
     def _of_chunk(self, path: Path, chunk: Chunk) -> list[McapRecord]:
         try:
-            return records_of(chunk)
+            return _unpacked(chunk)
         except Exception as error:
             self.problems.append(f"{path} has a part that cannot be read: {error}")
             return []
 
 
-class _Numbers:
-    """The numbers of the messages of a file, which show what is lost.
+class _Sequences:
+    """Sequence numbers of the messages of a file, whose gaps are lost messages.
 
-    Each start of a journal, and each file, counts the messages of every topic from 1.
+    Each file counts the messages of every topic from 1. In files of earlier versions, which
+    several starts of a journal have written, each start counts from 1.
 
     Attributes:
         ours: Whether a journal wrote the file; others may count otherwise.
@@ -222,6 +235,54 @@ class _Numbers:
         if not self.ours or message.sequence <= before:
             before = 0
         return max(message.sequence - before - 1, 0) if self.ours else 0
+
+
+def _summary(file: BinaryIO) -> tuple[dict[int, Schema], dict[int, Channel]]:
+    """Return the schemas and channels in the summary of a file; none when it has no summary.
+
+    They serve where the chunk that declares them, often the first one, cannot be read.
+    """
+    schemas: dict[int, Schema] = {}
+    channels: dict[int, Channel] = {}
+    try:
+        file.seek(-_FOOTER_BYTES, os.SEEK_END)
+        footer = next(StreamReader(file, skip_magic=True).records)
+        if isinstance(footer, Footer) and footer.summary_start:
+            file.seek(footer.summary_start)
+            summary = StreamReader(
+                file, skip_magic=True, emit_chunks=True, record_size_limit=_LARGEST_RECORD
+            )
+            for record in summary.records:
+                if isinstance(record, Schema):
+                    schemas[record.id] = record
+                elif isinstance(record, Channel):
+                    channels[record.id] = record
+    except Exception:
+        # Whatever a decoder makes of broken bytes; the messages are read all the same.
+        pass
+    finally:
+        file.seek(0)
+    return schemas, channels
+
+
+def _unpacked(chunk: Chunk) -> list[McapRecord]:
+    """Return the records of a chunk; raises whatever a decoder makes of broken bytes.
+
+    No more is unpacked than the chunk declares, and that is bounded.
+    """
+    size = chunk.uncompressed_size
+    if size > MOST_UNPACKED:
+        raise ValueError(f"it is said to hold {size} bytes, expected at most {MOST_UNPACKED}")
+    match chunk.compression:
+        case "zstd":
+            data = zstandard.ZstdDecompressor().stream_reader(chunk.data).read(size + 1)
+        case "":
+            data = chunk.data
+        case other:
+            raise ValueError(f"it is compressed by {other}, expected zstd")
+    if len(data) != size:
+        raise ValueError(f"it holds other than the {size} bytes that it is said to")
+    return breakup_chunk(replace(chunk, compression="", data=data), validate_crc=True)
 
 
 def _decoder(channel: Channel, schema: Schema, factory: DecoderFactory) -> Callable[[bytes], Any]:

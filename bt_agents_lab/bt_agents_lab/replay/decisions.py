@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Decides the rounds of a journal again and compares order, scores and winner."""
+"""Replay of the decisions of a journal: order, scores, winner and reason are compared."""
 
 from __future__ import annotations
 
@@ -11,48 +11,60 @@ from typing import Any
 
 from bt_agents_core.errors import BtAgentsError, Refused
 from bt_agents_core.scene import Scene, SceneSpace
-from bt_agents_lab.replay.compare_reasons import words_difference
-from bt_agents_lab.replay.findings import ReplayFinding, ReplayVerdict
-from bt_agents_lab.replay.recording_index import NO_MAKING, Round
+from bt_agents_lab.replay.findings import ReplayFinding, compared, not_recorded
+from bt_agents_lab.replay.recording_index import NO_TEXTS, Round
 from bt_agents_lab.replay.scenes import bids_of, external_of, scene_of, terms_of
 from marketplace_node.explanation.calculation import calculation
-from marketplace_node.round.decision import AuctionOutcome, ClosedBy, Ranked, RankedBid
+from marketplace_node.explanation.explanation import explanation
+from marketplace_node.explanation.reason import reason
+from marketplace_node.round.decision import (
+    AuctionOutcome,
+    ClosedBy,
+    Decision,
+    Ranked,
+    RankedBid,
+    RefusedBid,
+    RoundKind,
+    Terms,
+)
 from marketplace_node.round.ranking import decide
 from marketplace_node.settings import EXTERNAL
 from marketplace_node.strategies import STRATEGIES
 
 KIND = "decision"
 
+_NOT_ASKED = " is not asked: "
+"""Part of lines about hosts of which the message holds nothing else."""
+
 
 def decisions_again(rounds: Iterable[Round]) -> Iterator[ReplayFinding]:
-    """Decide each round again and say whether everything about it is equal, bit for bit."""
+    """Decide each round again and yield whether everything about it is equal, bit for bit."""
     for one in rounds:
         auction = one.auction
         where = f"round {auction.round}" + (f", {auction.winner}" if auction.winner else "")
-        if one.making is None:
-            yield _finding(where, ReplayVerdict.NOT_RECORDED, NO_MAKING)
+        if one.parsed is None:
+            yield not_recorded(KIND, where, NO_TEXTS)
             continue
         try:
-            yield _again(one, one.making.space, where)
+            yield _again(one, one.parsed.space, where)
         except Refused as refused:
-            yield _finding(where, ReplayVerdict.DIFFERENT, refused.reason)
+            yield compared(KIND, where, refused.reason)
         except BtAgentsError as error:
-            yield _finding(where, ReplayVerdict.NOT_RECORDED, str(error))
+            yield not_recorded(KIND, where, str(error))
 
 
 def _again(one: Round, space: SceneSpace, where: str) -> ReplayFinding:
     auction = one.auction
     if not auction.ranking:
-        words = f"nobody bid, but {auction.winner} won" if auction.winner else ""
-        words = words or _outcome_difference(auction, None)
-        return _finding(where, ReplayVerdict.DIFFERENT if words else ReplayVerdict.EQUAL, words)
+        won = f"nobody bid, but {auction.winner} won" if auction.winner else ""
+        return compared(KIND, where, won or _outcome_difference(auction, None))
     if auction.strategy not in STRATEGIES:
         missing = f"the strategy {auction.strategy} is not installed here"
-        return _finding(where, ReplayVerdict.NOT_RECORDED, missing)
+        return not_recorded(KIND, where, missing)
     scene = scene_of(auction.scene, space)
     if auction.shadow_strategy not in ("", *STRATEGIES):
         missing = f"the shadow strategy {auction.shadow_strategy} is not installed here"
-        return _finding(where, ReplayVerdict.NOT_RECORDED, missing)
+        return not_recorded(KIND, where, missing)
     terms = terms_of(one, scene, one.runs or 0)
     ranked = decide(
         space,
@@ -69,15 +81,14 @@ def _again(one: Round, space: SceneSpace, where: str) -> ReplayFinding:
                 f"how many runs were before, on which {strategy} depends: the journal does not "
                 "begin with this market"
             )
-            return _finding(where, ReplayVerdict.NOT_RECORDED, missing)
-        if words := difference():
-            return _finding(where, ReplayVerdict.DIFFERENT, words)
-    words = words_difference(auction, terms, ranked, space)
-    return _finding(where, ReplayVerdict.DIFFERENT if words else ReplayVerdict.EQUAL, words)
+            return not_recorded(KIND, where, missing)
+        if text := difference():
+            return compared(KIND, where, text)
+    return compared(KIND, where, _reason_difference(auction, terms, ranked, space))
 
 
 def _difference(auction: Any, ranked: Ranked, scene: Scene) -> str:
-    """Return the first difference in words; empty when everything is equal."""
+    """Return the first difference as text; empty when everything is equal."""
     for place, (was, now) in enumerate(zip_longest(auction.ranking, ranked.bids), 1):
         if was.agent != now.agent:
             return f"place {place} was {was.agent}, now {now.agent}"
@@ -96,8 +107,8 @@ def _difference(auction: Any, ranked: Ranked, scene: Scene) -> str:
         return (
             f"the winner was {auction.winner or 'nobody'}, now {best.agent if best else 'nobody'}"
         )
-    if words := _outcome_difference(auction, best):
-        return words
+    if text := _outcome_difference(auction, best):
+        return text
     margin = math.nan if stopped else _margin(ranked.bids)
     if not _same(auction.margin, margin):
         return _differs("the margin", auction.margin, margin)
@@ -109,7 +120,7 @@ def _difference(auction: Any, ranked: Ranked, scene: Scene) -> str:
 
 
 def _outcome_difference(auction: Any, best: RankedBid | None) -> str:
-    """Return what does not fit to who wins; whether a run stops for it is not looked at."""
+    """Return how the outcome contradicts the winner; what it does to a run is not compared."""
     expected = (best.agent_id, best.host) if best else (0, "")
     if (auction.winner_id, auction.host) != expected:
         was = f"{auction.winner_id} of '{auction.host}'"
@@ -126,10 +137,52 @@ def _outcome_difference(auction: Any, best: RankedBid | None) -> str:
 
 
 def _shadow_difference(auction: Any, ranked: Ranked) -> str:
-    """Return the same of the strategy that only looked on."""
+    """Return the difference of the shadow strategy's winner; empty when there is none."""
     if auction.shadow_winner != ranked.shadow_winner:
         return f"the shadow chose {auction.shadow_winner}, now {ranked.shadow_winner}"
     return ""
+
+
+def _reason_difference(auction: Any, terms: Terms, ranked: Ranked, space: SceneSpace) -> str:
+    """Return what differs in the reason and explanation of a plain award; empty when nothing does.
+
+    Those of other rounds depend on more than their message holds: an earlier scene, commands of
+    operators, the answer of an external program, a run that goes on.
+    """
+    if auction.outcome != AuctionOutcome.AWARDED or auction.follows or auction.intervention:
+        return ""
+    if auction.strategy == EXTERNAL:
+        return ""
+    decision = Decision(
+        terms=terms,
+        outcome=AuctionOutcome.AWARDED,
+        closed_by=ClosedBy(auction.closed_by),
+        duration_s=auction.duration_s,
+        ranked=ranked,
+        refused=tuple(
+            RefusedBid(
+                agent=bid.agent,
+                host=bid.host,
+                kind=RoundKind(bid.kind),
+                code=bid.code,
+                reason=bid.reason,
+            )
+            for bid in auction.refused
+        ),
+        silent_hosts=tuple(auction.silent_hosts),
+    )
+    again = reason(decision)
+    if auction.reason != again:
+        return f"the reason was '{auction.reason}', now '{again}'"
+    was, now = _lines(auction.explanation), _lines(explanation(decision, space))
+    for before, after in zip([*was, ""], [*now, ""], strict=False):
+        if before != after:
+            return f"the explanation said '{before}', now '{after}'"
+    return ""
+
+
+def _lines(text: str) -> list[str]:
+    return [line for line in text.splitlines() if _NOT_ASKED not in line]
 
 
 def _margin(bids: Sequence[RankedBid]) -> float:
@@ -142,7 +195,3 @@ def _same(one: float, other: float) -> bool:
 
 def _differs(what: str, was: float, now: float) -> str:
     return f"{what} was {was!r}, now {now!r}"
-
-
-def _finding(where: str, verdict: ReplayVerdict, words: str = "") -> ReplayFinding:
-    return ReplayFinding(kind=KIND, where=where, verdict=verdict, words=words)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a replay finds: equal, different, or not recorded."""
+"""Findings of a replay: equal, different, or not recorded."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from enum import Enum
 
 
 class ReplayVerdict(Enum):
-    """What is to be said about one thing that was done again; the value is the word for people."""
+    """Outcome of one comparison; the value is its text for people."""
 
     EQUAL = "equal"
     DIFFERENT = "different"
@@ -19,40 +19,52 @@ class ReplayVerdict(Enum):
 
 @dataclass(frozen=True, kw_only=True)
 class ReplayFinding:
-    """One thing that was done again.
+    """Comparison of one thing with its replay.
 
     Attributes:
-        kind: What it is: ``decision``, ``profile change``, ``run of a tree``.
-        where: Which one, in words.
-        verdict: How it went.
-        words: The first difference, or what is missing; empty when equal.
-        size: Of how many parts it is made, ticks for example.
+        kind: ``decision``, ``profile change`` or ``run of a tree``.
+        where: Which one, for people.
+        verdict: The outcome.
+        text: The first difference, or what is missing; empty when equal.
+        size: Number of its parts, ticks for example.
     """
 
     kind: str
     where: str
     verdict: ReplayVerdict
-    words: str = ""
+    text: str = ""
     size: int = 1
+
+
+def compared(kind: str, where: str, difference: str, size: int = 1) -> ReplayFinding:
+    """Return the finding of a comparison; without a difference both are equal."""
+    verdict = ReplayVerdict.DIFFERENT if difference else ReplayVerdict.EQUAL
+    return ReplayFinding(kind=kind, where=where, verdict=verdict, text=difference, size=size)
+
+
+def not_recorded(kind: str, where: str, missing: str) -> ReplayFinding:
+    """Return the finding that something is missing for a replay."""
+    verdict = ReplayVerdict.NOT_RECORDED
+    return ReplayFinding(kind=kind, where=where, verdict=verdict, text=missing)
 
 
 @dataclass(kw_only=True)
 class FindingCounts:
-    """Findings counted.
+    """Counts of findings.
 
     Attributes:
         counts: Kind and verdict → number.
-        sizes: Kind → parts of all that are equal.
-        told: Those that are not equal, in order.
+        sizes: Kind → number of parts of those that are equal.
+        unequal: Findings that are not equal, in order.
     """
 
     counts: Counter[tuple[str, ReplayVerdict]] = field(default_factory=Counter)
     sizes: Counter[str] = field(default_factory=Counter)
-    told: list[ReplayFinding] = field(default_factory=list)
+    unequal: list[ReplayFinding] = field(default_factory=list)
 
     @property
     def different(self) -> int:
-        """How many are different."""
+        """Number of findings that are different."""
         return sum(
             n for (_, verdict), n in self.counts.items() if verdict is ReplayVerdict.DIFFERENT
         )
@@ -66,5 +78,5 @@ def tally(findings: Iterable[ReplayFinding]) -> FindingCounts:
         if finding.verdict is ReplayVerdict.EQUAL:
             counted.sizes[finding.kind] += finding.size
         else:
-            counted.told.append(finding)
+            counted.unequal.append(finding)
     return counted

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a journal holds, sorted by what it is about."""
+"""Index of a journal: its rounds, profile changes and runs of trees."""
 
 from __future__ import annotations
 
@@ -11,28 +11,28 @@ from typing import Any
 
 from bt_agents_core.errors import BtAgentsError, Refused
 from bt_agents_lab.recorder.reading import JournalEntry, JournalReader
-from bt_agents_lab.replay.texts import Making, TextFiles
+from bt_agents_lab.replay.texts import ParsedTexts, TextFiles
 from marketplace_node.effects import RunEventKind
 from marketplace_node.round.decision import EARLIER_RUNS
 
 _TYPES = "bt_agents_interfaces/msg/"
 
-NO_MAKING = "there is no scene.yaml, as no host has sent its texts before"
-"""Why a round cannot be decided again whose ``making`` is not known."""
+NO_TEXTS = "there is no scene.yaml, as no host has sent its texts before"
+"""Why a round cannot be decided again whose ``parsed`` is unknown."""
 
 RunKey = tuple[str, str, int, str]
-"""Start of the host, market, round and agent of a run."""
+"""Instance of the host, epoch of the market, round and agent of a run."""
 
 
 @dataclass(kw_only=True)
 class RunStory:
-    """What is known of one run of a tree.
+    """Messages about one run of a tree.
 
     Attributes:
         key: Which one.
-        records: Its notes, in the order in which they were sent.
-        statuses: Changes of its ticks, the same.
-        texts: What the trees of its host were made from before it began, newest first.
+        records: Its record, in the order in which the parts were sent.
+        statuses: Changes of its ticks, in the same order.
+        texts: Texts of its host before it began, newest first.
         torn: Whether messages around it are lost.
     """
 
@@ -49,24 +49,23 @@ class Round:
 
     Attributes:
         auction: Its outcome.
-        runs: How many runs this start of the market had begun before it; None when the journal
-            does not tell.
-        making: What the scene and the rules of the market were made from; None for unknown.
+        runs: Number of runs that this start of the market had begun before it; None for unknown.
+        parsed: Texts that define the scene and the rules of the market; None for unknown.
     """
 
     auction: Any
     runs: int | None
-    making: Making | None
+    parsed: ParsedTexts | None
 
     @property
     def earlier(self) -> int:
-        """How many runs there were before this start of the market, as far as it knows."""
+        """Number of runs before this start of the market, as far as it knows."""
         options = zip(self.auction.option_names, self.auction.option_values, strict=True)
         return int(dict(options).get(EARLIER_RUNS, 0.0))
 
     @property
     def least(self) -> int:
-        """How many runs there were before it at least, by what its bids tell."""
+        """Least number of runs before it, by the counts in its bids."""
         ranking = self.auction.ranking
         last = max((bid.last_run for bid in ranking), default=0)
         return max(int(last), sum(int(bid.runs) for bid in ranking))
@@ -77,21 +76,21 @@ class RecordedFeedback:
     """One change of a profile.
 
     Attributes:
-        feedback: What was recorded.
+        feedback: The ``Feedback`` message.
         card: The agent as its host introduced it last; None for unknown.
         parameters: Order of the values of the card.
-        making: What the scene parameters were made from; None for unknown.
+        parsed: Texts that define the scene parameters; None for unknown.
     """
 
     feedback: Any
     card: Any
     parameters: tuple[str, ...]
-    making: Making | None
+    parsed: ParsedTexts | None
 
 
 @dataclass(kw_only=True)
 class RecordingIndex:
-    """What a journal holds.
+    """Contents of a journal.
 
     Attributes:
         rounds: The rounds of all markets, in order.
@@ -101,8 +100,8 @@ class RecordingIndex:
         lost: Topic → messages that the journal found no room for.
         first_ns: When the first message was sent [ns since 1970]; 0 for none.
         last_ns: When the last one was.
-        problems: What cannot be read, in words.
-        hints: What else is to be said before, in words.
+        problems: Texts about what cannot be read.
+        hints: Texts to show before them.
     """
 
     rounds: list[Round] = field(default_factory=list)
@@ -121,17 +120,17 @@ class RecordingIndex:
         return not self.problems and not self.lost
 
 
-def tell(entries: Iterable[JournalEntry]) -> RecordingIndex:
-    """Return what messages hold.
+def index_entries(entries: Iterable[JournalEntry]) -> RecordingIndex:
+    """Return the contents of messages.
 
     Args:
-        entries: In the order in which they were sent.
+        entries: The messages, in the order in which they were sent.
     """
-    return _Teller().tell(entries)
+    return _Indexer().index(entries)
 
 
 def read(paths: Sequence[Path]) -> RecordingIndex:
-    """Return what some files hold; messages that nothing is made of are only counted.
+    """Return the contents of some files; messages of no use for a replay are only counted.
 
     Args:
         paths: The files.
@@ -140,7 +139,7 @@ def read(paths: Sequence[Path]) -> RecordingIndex:
         BtAgentsError: A file cannot be opened.
     """
     reader = JournalReader(paths)
-    story = tell(reader.entries(frozenset(_TYPES + name for name in _TAKES)))
+    story = index_entries(reader.entries(frozenset(_TYPES + name for name in _HANDLERS)))
     for topic, counted in reader.counted.items():
         story.counts[topic] += counted.messages
         if counted.lost:
@@ -151,7 +150,7 @@ def read(paths: Sequence[Path]) -> RecordingIndex:
     return story
 
 
-class _Teller:
+class _Indexer:
     def __init__(self) -> None:
         self.story = RecordingIndex()
         self._cards: dict[str, tuple[Any, tuple[str, ...]]] = {}
@@ -161,7 +160,7 @@ class _Teller:
         self._whole: set[str] = set()
         self._last_runs: dict[str, RunStory] = {}
 
-    def tell(self, entries: Iterable[JournalEntry]) -> RecordingIndex:
+    def index(self, entries: Iterable[JournalEntry]) -> RecordingIndex:
         story = self.story
         for entry in entries:
             story.counts[entry.topic] += 1
@@ -169,23 +168,23 @@ class _Teller:
             story.last_ns = max(story.last_ns, entry.sent_ns)
             if entry.lost:
                 story.lost[entry.topic] += entry.lost
-            take = _TAKES.get(entry.type.removeprefix(_TYPES))
-            if take is None or not entry.type.startswith(_TYPES):
+            handle = _HANDLERS.get(entry.type.removeprefix(_TYPES))
+            if handle is None or not entry.type.startswith(_TYPES):
                 continue
             try:
                 message = entry.decode()
-                take(self, message)
+                handle(self, message)
                 if entry.type in _OF_RUNS:
-                    self._note_gap(entry.topic, self._run_of(message), entry.lost > 0)
+                    self._mark_gap(entry.topic, self._run_of(message), entry.lost > 0)
             except (BtAgentsError, AttributeError, ValueError, LookupError, TypeError) as error:
                 reason = error.reason if isinstance(error, Refused) else str(error)
-                words = f"a message on {entry.topic} cannot be read: {reason}"
-                if words not in story.problems:
-                    story.problems.append(words)
+                problem = f"a message on {entry.topic} cannot be read: {reason}"
+                if problem not in story.problems:
+                    story.problems.append(problem)
         return story
 
-    def _note_gap(self, topic: str, run: RunStory, gap: bool) -> None:
-        """Note that messages are lost between two runs, of which both may miss some."""
+    def _mark_gap(self, topic: str, run: RunStory, gap: bool) -> None:
+        """Mark the runs before and after lost messages, as both may miss some."""
         if gap:
             run.torn = True
             if topic in self._last_runs:
@@ -216,19 +215,19 @@ class _Teller:
         one = Round(
             auction=message,
             runs=self._begun[epoch] if epoch in self._whole else None,
-            making=self._newest.making if self._newest is not None else None,
+            parsed=self._newest.parsed if self._newest is not None else None,
         )
         if one.runs is not None and one.runs + one.earlier < one.least:
-            # A run of which the journal has not heard.
+            # A run that the journal has not received.
             self._whole.discard(epoch)
             one = replace(one, runs=None)
         self.story.rounds.append(one)
 
     def _feedback(self, message: Any) -> None:
         card, parameters = self._cards.get(message.agent, (None, ()))
-        making = self._newest.making if self._newest is not None else None
+        parsed = self._newest.parsed if self._newest is not None else None
         self.story.lessons.append(
-            RecordedFeedback(feedback=message, card=card, parameters=parameters, making=making)
+            RecordedFeedback(feedback=message, card=card, parameters=parameters, parsed=parsed)
         )
 
     def _record(self, message: Any) -> None:
@@ -247,12 +246,12 @@ class _Teller:
 
 _OF_RUNS = (f"{_TYPES}RunRecord", f"{_TYPES}TreeStatus")
 
-_TAKES = {
-    "AgentFiles": _Teller._files,
-    "HostCard": _Teller._card,
-    "Run": _Teller._run,
-    "Auction": _Teller._auction,
-    "Feedback": _Teller._feedback,
-    "RunRecord": _Teller._record,
-    "TreeStatus": _Teller._status,
+_HANDLERS = {
+    "AgentFiles": _Indexer._files,
+    "HostCard": _Indexer._card,
+    "Run": _Indexer._run,
+    "Auction": _Indexer._auction,
+    "Feedback": _Indexer._feedback,
+    "RunRecord": _Indexer._record,
+    "TreeStatus": _Indexer._status,
 }

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Learns what a journal holds again and compares each changed profile to the last digit."""
+"""Replay of the profile changes of a journal, compared to the last digit."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from typing import Any
 from bt_agents_core.errors import BtAgentsError, Refused
 from bt_agents_core.feedback import FeedbackKind, LearningRule, Update
 from bt_agents_core.scene import SceneSpace, Vector
-from bt_agents_lab.replay.findings import ReplayFinding, ReplayVerdict
+from bt_agents_lab.replay.findings import ReplayFinding, compared, not_recorded
 from bt_agents_lab.replay.recording_index import RecordedFeedback
 from feedback_node.learning.learning_step import Evidence, Step, asked, step
 
@@ -19,33 +19,33 @@ KIND = "profile change"
 
 
 def lessons_again(lessons: Iterable[RecordedFeedback]) -> Iterator[ReplayFinding]:
-    """Learn each feedback again and say whether the profile after it is equal."""
-    history = LearningHistory()
+    """Learn each feedback again and yield whether the profile after it is equal."""
+    history = FeedbackHistory()
     for lesson in lessons:
         feedback = lesson.feedback
         where = f"revision {feedback.revision} of {_whose(feedback)}"
-        if lesson.making is None or lesson.card is None:
+        if lesson.parsed is None or lesson.card is None:
             missing = "no host has introduced the agent before"
-            yield _finding(where, ReplayVerdict.NOT_RECORDED, missing)
+            yield not_recorded(KIND, where, missing)
             continue
         try:
-            yield _again(lesson, lesson.making.space, history, where)
-            history.note(feedback)
+            yield _again(lesson, lesson.parsed.space, history, where)
+            history.add(feedback)
         except Refused as refused:
-            yield _finding(where, ReplayVerdict.DIFFERENT, refused.reason)
+            yield compared(KIND, where, refused.reason)
         except BtAgentsError as error:
-            yield _finding(where, ReplayVerdict.NOT_RECORDED, str(error))
+            yield not_recorded(KIND, where, str(error))
 
 
-class LearningHistory:
-    """What each profile was taught, as far as a journal tells."""
+class FeedbackHistory:
+    """Feedback that each profile has learned, as far as a journal holds it."""
 
     def __init__(self) -> None:
         self._asked: defaultdict[tuple[str, str], list[Vector]] = defaultdict(list)
         self._revisions: defaultdict[tuple[str, str], list[int]] = defaultdict(list)
 
-    def note(self, feedback: Any) -> None:
-        """Take a feedback that was learned."""
+    def add(self, feedback: Any) -> None:
+        """Add a feedback that was learned."""
         key = (feedback.agent, feedback.layer)
         self._revisions[key].append(feedback.revision)
         kind = FeedbackKind(feedback.kind)
@@ -54,11 +54,11 @@ class LearningHistory:
             self._asked[key].append(asked(kind, before, target))
 
     def recent(self, feedback: Any) -> tuple[Vector, ...]:
-        """Return what was asked for before a feedback, newest last."""
+        """Return the targets asked for before a feedback, newest last."""
         return tuple(self._asked[feedback.agent, feedback.layer])
 
     def is_whole(self, feedback: Any) -> bool:
-        """Whether every change before a feedback is known, and was a lesson."""
+        """Return whether every change before a feedback is known, and was learned."""
         key = (feedback.agent, feedback.layer)
         known = self._revisions[key]
         every = known == list(range(1, feedback.revision))
@@ -66,7 +66,7 @@ class LearningHistory:
 
 
 def rule_of(card: Any, parameters: Sequence[str]) -> LearningRule:
-    """Return how an agent learns, from its card.
+    """Return the learning rule of an agent, from its card.
 
     Args:
         card: An ``AgentCard``.
@@ -92,7 +92,7 @@ def rule_of(card: Any, parameters: Sequence[str]) -> LearningRule:
 
 
 def _again(
-    lesson: RecordedFeedback, space: SceneSpace, history: LearningHistory, where: str
+    lesson: RecordedFeedback, space: SceneSpace, history: FeedbackHistory, where: str
 ) -> ReplayFinding:
     feedback = lesson.feedback
     if list(feedback.parameters) != list(space.names):
@@ -119,14 +119,12 @@ def _again(
     difference = _difference(feedback, again, space)
     if difference and rule.update is Update.MEDIAN and not history.is_whole(feedback):
         missing = "what the agent was taught before the journal began, or was undone"
-        return _finding(where, ReplayVerdict.NOT_RECORDED, missing)
-    return _finding(
-        where, ReplayVerdict.DIFFERENT if difference else ReplayVerdict.EQUAL, difference
-    )
+        return not_recorded(KIND, where, missing)
+    return compared(KIND, where, difference)
 
 
 def _changes(feedback: Any, rule: LearningRule, space: SceneSpace) -> int:
-    """Return after how many changes a rate that falls is what it was; 0 when it does not fall."""
+    """Return the number of changes after which an annealed rate was as recorded; else 0."""
     if rule.anneal == 0.0 or not feedback.rates:
         return 0
     for name, then in zip(space.names, feedback.rates, strict=True):
@@ -150,7 +148,3 @@ def _difference(feedback: Any, again: Step, space: SceneSpace) -> str:
 
 def _whose(feedback: Any) -> str:
     return f"{feedback.agent}, {feedback.layer}" if feedback.layer else str(feedback.agent)
-
-
-def _finding(where: str, verdict: ReplayVerdict, words: str = "") -> ReplayFinding:
-    return ReplayFinding(kind=KIND, where=where, verdict=verdict, words=words)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Scenes and rounds of a market from decoded messages, as its pure core takes them."""
+"""Conversion of decoded messages into scenes, terms and bids of the market's pure core."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def scene_of(message: Any, space: SceneSpace) -> Scene:
 
 
 def named(scene: Any) -> str:
-    """Return what people call a scene: its label, else its values.
+    """Return the name of a scene for people: its label, else its values.
 
     Args:
         scene: A ``Scene`` message.
@@ -60,12 +60,12 @@ def named(scene: Any) -> str:
 
 
 def terms_of(one: Round, scene: Scene, runs: int) -> Terms:
-    """Return what was fixed when a round opened.
+    """Return the terms that were fixed when a round opened.
 
     Args:
         one: The round.
         scene: Its scene.
-        runs: How many runs this start of the market had begun before it.
+        runs: Number of runs that this start of the market had begun before it.
     """
     auction = one.auction
     options = dict(zip(auction.option_names, auction.option_values, strict=True))
@@ -88,7 +88,7 @@ def terms_of(one: Round, scene: Scene, runs: int) -> Terms:
         shadow_options={
             k.removeprefix(SHADOW): v for k, v in options.items() if k.startswith(SHADOW)
         },
-        rules=one.making.rules if one.making is not None else (),
+        rules=one.parsed.rules if one.parsed is not None else (),
         intervention=auction.intervention,
         preview=auction.preview,
     )
@@ -110,7 +110,7 @@ def bids_of(ranking: Iterable[Any]) -> tuple[AcceptedBid, ...]:
 
 
 def external_of(auction: Any) -> External:
-    """Return the answer from outside by which a round was ranked.
+    """Return the external answer by which a round was ranked.
 
     Bids that such an answer puts first have a score below every distance, that is below 0.
     """

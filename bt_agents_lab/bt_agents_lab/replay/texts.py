@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Agents made again from their texts, on a machine that has neither their folder nor ROS."""
+"""Agents read again from recorded texts, on a machine that has neither their folder nor ROS."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _FOLDER = "trees"
 
 
 class RecordedInterfaces:
-    """The ROS types of the machine on which the agents ran, as far as bindings depend on them.
+    """ROS types of the machine on which the agents ran, as far as bindings depend on them.
 
     Args:
         packages: Packages that were installed there.
@@ -36,34 +36,34 @@ class RecordedInterfaces:
         return package in self._packages
 
     def type_problem(self, kind: BindingKind, type_name: str) -> str | None:
-        """Return None: what was in force had no problem."""
+        """Return None: the bindings were in force, so they had no problem."""
         return None
 
     def field_problem(
         self, kind: BindingKind, type_name: str, section: str, path: str
     ) -> str | None:
-        """Return None: what was in force had no problem."""
+        """Return None: the bindings were in force, so they had no problem."""
         return None
 
     def field_type(self, kind: BindingKind, type_name: str, section: str, path: str) -> FieldType:
-        """Return ANY: no value depends on it."""
+        """Return ANY, on which no value depends."""
         return FieldType.ANY
 
     def value_problem(
         self, kind: BindingKind, type_name: str, section: str, values: Mapping[str, Plain]
     ) -> str | None:
-        """Return None: what was in force had no problem."""
+        """Return None: the bindings were in force, so they had no problem."""
         return None
 
 
 @dataclass(frozen=True, kw_only=True)
-class Making:
-    """What texts make.
+class ParsedTexts:
+    """Agents, scene parameters and market rules that the texts of a host define.
 
     Attributes:
         trees: The agents, and the scene parameters.
         rules: Of the market.
-        folder: Where they were while they were read, as it stands in positions.
+        folder: Of the texts while they were read, as it stands in positions.
     """
 
     trees: Trees
@@ -78,7 +78,7 @@ class Making:
 
 @dataclass(frozen=True, kw_only=True)
 class TextFiles:
-    """The texts of a host at some time.
+    """Texts of a host at some time.
 
     Attributes:
         files: Path relative to the trees folder → text.
@@ -105,14 +105,14 @@ class TextFiles:
         )
 
     @cached_property
-    def making(self) -> Making:
-        """What they make.
+    def parsed(self) -> ParsedTexts:
+        """What they define.
 
         Raises:
             BtAgentsError: They cannot be read here.
         """
-        told = json.loads(self.files.get(HOST, "{}"))
-        interfaces = RecordedInterfaces(frozenset(map(str, told.get("packages", ()))))
+        machine = json.loads(self.files.get(HOST, "{}"))
+        interfaces = RecordedInterfaces(frozenset(map(str, machine.get("packages", ()))))
         with tempfile.TemporaryDirectory(prefix="bt-agents-replay-") as scratch:
             folder = Path(scratch) / _FOLDER
             for name, text in self.files.items():
@@ -121,9 +121,9 @@ class TextFiles:
                     path.parent.mkdir(parents=True, exist_ok=True)
                     path.write_bytes(text.encode())
             try:
-                trees = read_trees(folder, interfaces, str(told.get("robot", "")))
+                trees = read_trees(folder, interfaces, str(machine.get("robot", "")))
                 market = folder / MARKET
                 rules = read_market(market, trees.scene.space).rules if market.exists() else ()
             except OSError as error:
                 raise BtAgentsError(f"the texts cannot be unpacked: {error}") from None
-        return Making(trees=trees, rules=rules, folder=str(folder))
+        return ParsedTexts(trees=trees, rules=rules, folder=str(folder))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Ticks the trees of a journal again and compares each change."""
+"""Replay of the runs of trees in a journal, compared change by change."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from typing import Any
 from bt_agents.engine.run import TreeOutcome
 from bt_agents.recording.replay_world import Record, Turn, read_record, repeat
 from bt_agents_core.errors import BtAgentsError, Refused
-from bt_agents_lab.replay.findings import ReplayFinding, ReplayVerdict
+from bt_agents_lab.replay.findings import ReplayFinding, compared, not_recorded
 from bt_agents_lab.replay.recording_index import RunStory
-from bt_agents_lab.replay.texts import Making
+from bt_agents_lab.replay.texts import ParsedTexts
 from bt_agents_language.model.specs import AgentSpec
 
 KIND = "run of a tree"
 
-_WORDS = ("INVALID", "RUNNING", "SUCCESS", "FAILURE")
+_STATUSES = ("INVALID", "RUNNING", "SUCCESS", "FAILURE")
 """Names of the numbers of ``StatusChange.msg``."""
 
 Change = tuple[str, str, str, str]
@@ -26,77 +26,66 @@ Change = tuple[str, str, str, str]
 
 
 class _Missing(Exception):
-    """Something was not recorded; the words say what."""
+    """Something was not recorded; the text says what."""
 
 
 def runs_again(runs: Iterable[RunStory]) -> Iterator[ReplayFinding]:
-    """Tick each run again and say whether the changes of each tick are equal."""
+    """Tick each run again and yield whether the changes of each tick are equal."""
     for run in runs:
         _, _, number, agent = run.key
         where = f"round {number}, {agent}"
         try:
             turns = _again(run)
         except _Missing as missing:
-            yield ReplayFinding(
-                kind=KIND, where=where, verdict=ReplayVerdict.NOT_RECORDED, words=str(missing)
-            )
+            yield not_recorded(KIND, where, str(missing))
         except Refused as refused:
-            yield ReplayFinding(
-                kind=KIND, where=where, verdict=ReplayVerdict.DIFFERENT, words=refused.reason
-            )
+            yield compared(KIND, where, refused.reason)
         else:
             if isinstance(turns, int):
-                yield ReplayFinding(
-                    kind=KIND, where=where, verdict=ReplayVerdict.EQUAL, size=turns
-                )
+                yield compared(KIND, where, "", turns)
             elif run.torn:
-                words = "the journal has lost messages around it"
-                yield ReplayFinding(
-                    kind=KIND, where=where, verdict=ReplayVerdict.NOT_RECORDED, words=words
-                )
+                yield not_recorded(KIND, where, "the journal has lost messages around it")
             else:
-                yield ReplayFinding(
-                    kind=KIND, where=where, verdict=ReplayVerdict.DIFFERENT, words=turns
-                )
+                yield compared(KIND, where, turns)
 
 
 def _again(run: RunStory) -> int | str:
-    """Return how many ticks are equal, or the first difference in words.
+    """Return the number of equal ticks, or the first difference as text.
 
     Raises:
         Refused: The record is broken.
         _Missing: Something was not recorded.
     """
     if not run.records:
-        raise _Missing("nothing was noted of what its tree was told")
+        raise _Missing("nothing was recorded of what its tree received")
     if run.records[0].tick != 0:
-        raise _Missing("its notes begin in the middle")
+        raise _Missing("its record begins in the middle")
     record = read_record(line for one in run.records for line in one.record.splitlines())
-    spec, making = _made(run, record)
-    told = _by_tick(run)
+    spec, parsed = _spec_of(run, record)
+    recorded = _by_tick(run)
     before = str(record.head.get("file", ""))
-    prefix = before.removesuffix(_inside(spec, making))
-    ticks = unheard = 0
-    for turn in repeat(record, spec, making.space):
+    prefix = before.removesuffix(_inside(spec, parsed))
+    ticks = unrecorded = 0
+    for turn in repeat(record, spec, parsed.space):
         ticks = turn.tick
-        if turn.changed and len(turn.changes) == turn.changed and turn.tick not in told:
-            unheard += 1
-            told[turn.tick] = _changes_of(turn, making.folder + "/", prefix)
-        difference = _difference(turn, told, making.folder + "/", prefix)
+        if turn.changed and len(turn.changes) == turn.changed and turn.tick not in recorded:
+            unrecorded += 1
+            recorded[turn.tick] = _changes_of(turn, parsed.folder + "/", prefix)
+        difference = _difference(turn, recorded, parsed.folder + "/", prefix)
         if difference:
             return f"tick {turn.tick}: {difference}"
     if not record.ended:
         why = record.stopped or "its host or the journal has ended before it"
-        raise _Missing(f"{ticks} ticks are equal, then the notes end: {why}")
-    left = next((changes for changes in told.values() if changes), None)
+        raise _Missing(f"{ticks} ticks are equal, then the record ends: {why}")
+    left = next((changes for changes in recorded.values() if changes), None)
     if left:
-        return f"after its end: {left[0][0]} {left[0][2]}, as it was told, does not come again"
-    if unheard:
-        raise _Missing(f"the changes of {unheard} of {ticks} ticks were not heard")
+        return f"after its end: {left[0][0]} {left[0][2]}, as it was reported, does not come again"
+    if unrecorded:
+        raise _Missing(f"the changes of {unrecorded} of {ticks} ticks were not received")
     return ticks
 
 
-def _made(run: RunStory, record: Record) -> tuple[AgentSpec, Making]:
+def _spec_of(run: RunStory, record: Record) -> tuple[AgentSpec, ParsedTexts]:
     """Return the agent as it was, from the texts in which its version came up."""
     name, version = record.head.get("agent"), record.head.get("version")
     fitting = [texts for texts in run.texts if texts.versions.get(str(name)) == version]
@@ -104,33 +93,33 @@ def _made(run: RunStory, record: Record) -> tuple[AgentSpec, Making]:
         raise _Missing(f"there is no text of version {version} of {name}")
     try:
         # The oldest: a library may have changed since, and waits as the tree does.
-        making = fitting[-1].making
+        parsed = fitting[-1].parsed
     except BtAgentsError as error:
         raise _Missing(f"its texts cannot be read here: {error}") from None
-    spec = next((agent for agent in making.trees.agents if agent.name == name), None)
+    spec = next((agent for agent in parsed.trees.agents if agent.name == name), None)
     if spec is None:
-        broken = "; ".join(one.error.lines[0] for one in making.trees.broken)
+        broken = "; ".join(one.error.lines[0] for one in parsed.trees.broken)
         raise _Missing(f"its text cannot be read here: {broken or 'there is no such agent'}")
-    return spec, making
+    return spec, parsed
 
 
-def _inside(spec: AgentSpec, making: Making) -> str:
+def _inside(spec: AgentSpec, parsed: ParsedTexts) -> str:
     """Return the path of an agent's file inside of its folder."""
-    return spec.file.removeprefix(making.folder + "/")
+    return spec.file.removeprefix(parsed.folder + "/")
 
 
 def _by_tick(run: RunStory) -> dict[int, list[Change]]:
-    """Return what was told of each tick; a tick may have been told of more than once."""
-    told: dict[int, list[Change]] = {}
+    """Return the recorded changes of each tick; a tick may have several messages."""
+    recorded: dict[int, list[Change]] = {}
     for status in run.statuses:
-        told.setdefault(status.tick, []).extend(
+        recorded.setdefault(status.tick, []).extend(
             (one.path, one.name, _status(one.status), one.message) for one in status.changes
         )
-    return told
+    return recorded
 
 
 def _status(number: int) -> str:
-    return _WORDS[number] if 0 <= number < len(_WORDS) else str(number)
+    return _STATUSES[number] if 0 <= number < len(_STATUSES) else str(number)
 
 
 def _changes_of(turn: Turn, folder: str, prefix: str) -> list[Change]:
@@ -140,14 +129,14 @@ def _changes_of(turn: Turn, folder: str, prefix: str) -> list[Change]:
     ]
 
 
-def _difference(turn: Turn, told: dict[int, list[Change]], folder: str, prefix: str) -> str:
-    """Return what differs in a turn, in words; empty when nothing does."""
+def _difference(turn: Turn, recorded: dict[int, list[Change]], folder: str, prefix: str) -> str:
+    """Return the first difference in a turn as text; empty when there is none."""
     again = _changes_of(turn, folder, prefix)
-    was = told.get(turn.tick, [])
-    head, told[turn.tick] = was[: len(again)], was[len(again) :]
+    was = recorded.get(turn.tick, [])
+    head, recorded[turn.tick] = was[: len(again)], was[len(again) :]
     for here, there in zip_longest(again, head):
         if here != there:
-            return f"{_shown(there)} was told, now {_shown(here)}"
+            return f"{_shown(there)} was reported, now {_shown(here)}"
     asked, noted = _plain(turn.asked), _plain(turn.noted)
     for one, other in zip_longest(asked, noted):
         if one != other:

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What would have been decided and learned with another strategy, learning or other agents."""
+"""Counterfactual replay of a journal: another strategy, other learning or other agents."""
 
 from __future__ import annotations
 
 import math
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -14,9 +14,8 @@ from bt_agents_core.errors import BtAgentsError, Refused
 from bt_agents_core.feedback import FeedbackKind, LearningRule, Update
 from bt_agents_core.profile_layers import EVERYBODY, layers_of
 from bt_agents_core.scene import Scene, SceneSpace, Vector
-from bt_agents_lab.replay.recording_index import NO_MAKING, RecordedFeedback, RecordingIndex, Round
+from bt_agents_lab.replay.recording_index import NO_TEXTS, RecordedFeedback, RecordingIndex, Round
 from bt_agents_lab.replay.replay_learning import rule_of
-from bt_agents_lab.replay.run_counts import ReplayedRunCounts
 from bt_agents_lab.replay.scenes import bids_of, external_of, named, scene_of, terms_of
 from bt_agents_language.model.specs import AgentSpec
 from bt_agents_language.yaml.diagnostics import did_you_mean
@@ -31,24 +30,24 @@ ASSUMED = (
     "Whoever is chosen runs; how people react to another agent is not known.",
     "Feedback about a run is given only where the same agent runs; all other feedback is.",
 )
-"""What is assumed, in words."""
+"""Assumptions, for people."""
 
 OTHERS_ASSUMED = (
     "Every agent of the folder bids in each round, also one that the host was told to leave out "
     "by its tags; --tags leaves it out here, too."
 )
-"""What is assumed besides when other agents bid, in words."""
+"""Further assumption when other agents bid, for people."""
 
 _Key = tuple[str, str]
 
 
 @dataclass(frozen=True, kw_only=True)
 class Changes:
-    """What would be different.
+    """Differences from what has happened.
 
     Attributes:
-        strategy: By which is ranked; empty keeps that of each round.
-        options: What is set about it.
+        strategy: By which bids are ranked; empty keeps that of each round.
+        options: Of the strategy.
         rate: Learning rate of every agent; None keeps its own.
         update: How profiles follow feedback; None keeps that of each agent.
         agents: Who bids, with the profile, learning and requirement of its file; None keeps those
@@ -90,18 +89,18 @@ class Changes:
 
 
 @dataclass(frozen=True, kw_only=True)
-class WhatIfCase:
+class RoundComparison:
     """One round, as it was and as it would have been.
 
     Attributes:
         epoch: The market.
         round: Its number.
-        label: Words for the scene.
+        label: Name of the scene, for people.
         was: Who won; empty for nobody.
         now: Who would have won.
         margin_was: Score of the runner-up minus that of the winner; NaN without a runner-up.
         margin_now: The same as it would have been.
-        words: Why it could not be decided; empty when it could.
+        problem: Why it could not be decided; empty when it could.
     """
 
     epoch: str
@@ -111,22 +110,22 @@ class WhatIfCase:
     now: str
     margin_was: float
     margin_now: float
-    words: str = ""
+    problem: str = ""
 
 
 @dataclass(kw_only=True)
 class Outlook:
-    """What would have been.
+    """Outcome of a counterfactual replay.
 
     Attributes:
-        cases: Round by round.
+        rounds: Round by round.
         bidders: Agents that bid at least once.
-        given: How many feedbacks would have been given.
-        withheld: How many would not, as another agent would have run.
+        given: Number of feedbacks that would have been given.
+        withheld: Number of those that would not, as another agent would have run.
         profiles: Profile of each agent at the end, for everybody.
     """
 
-    cases: list[WhatIfCase] = field(default_factory=list)
+    rounds: list[RoundComparison] = field(default_factory=list)
     bidders: set[str] = field(default_factory=set)
     given: int = 0
     withheld: int = 0
@@ -135,7 +134,7 @@ class Outlook:
     @property
     def chosen(self) -> Counter[str]:
         """Agent → rounds that it would have won."""
-        return Counter(case.now for case in self.cases if case.now)
+        return Counter(case.now for case in self.rounds if case.now)
 
     @property
     def never(self) -> tuple[str, ...]:
@@ -143,23 +142,23 @@ class Outlook:
         return tuple(sorted(self.bidders - self.chosen.keys()))
 
     @property
-    def other(self) -> int:
-        """How many rounds would have had another winner."""
-        return sum(case.was != case.now for case in self.cases if not case.words)
+    def other_winners(self) -> int:
+        """Number of rounds that would have had another winner."""
+        return sum(case.was != case.now for case in self.rounds if not case.problem)
 
 
 def what_if(story: RecordingIndex, changes: Changes) -> Outlook:
-    """Decide and learn what a journal holds with some changes.
+    """Decide and learn the contents of a journal with some changes.
 
     Args:
-        story: What it holds.
-        changes: What is different; without any everything is as it was.
+        story: The contents.
+        changes: The differences; without any everything is as it was.
     """
     changes.check()
-    return _Retold(changes).tell(story)
+    return _Counterfactual(changes).replay(story)
 
 
-class _Retold:
+class _Counterfactual:
     def __init__(self, changes: Changes) -> None:
         self._changes = changes
         self._specs = {spec.name: spec for spec in changes.agents or ()}
@@ -167,10 +166,10 @@ class _Retold:
         self._was: dict[_Key, Vector] = {}
         self._now: dict[_Key, Vector] = {}
         self._asked: dict[_Key, list[Vector]] = {}
-        self._counts = ReplayedRunCounts()
+        self._counts = _RunCounts()
         self._winners: dict[tuple[str, int], str] = {}
 
-    def tell(self, story: RecordingIndex) -> Outlook:
+    def replay(self, story: RecordingIndex) -> Outlook:
         for event in _in_order(story):
             if isinstance(event, Round):
                 self._decide(event)
@@ -183,16 +182,16 @@ class _Retold:
 
     def _decide(self, one: Round) -> None:
         auction = one.auction
-        now, margin, words = "", math.nan, ""
-        if one.making is None:
-            words = NO_MAKING
+        now, margin, problem = "", math.nan, ""
+        if one.parsed is None:
+            problem = NO_TEXTS
         else:
             try:
-                now, margin = self._winner(one, one.making.space)
+                now, margin = self._winner(one, one.parsed.space)
             except BtAgentsError as error:
-                words = error.reason if isinstance(error, Refused) else str(error)
-        self._outlook.cases.append(
-            WhatIfCase(
+                problem = error.reason if isinstance(error, Refused) else str(error)
+        self._outlook.rounds.append(
+            RoundComparison(
                 epoch=auction.epoch,
                 round=auction.round,
                 label=named(auction.scene),
@@ -200,11 +199,11 @@ class _Retold:
                 now=now,
                 margin_was=auction.margin,
                 margin_now=margin,
-                words=words,
+                problem=problem,
             )
         )
         if auction.outcome == AuctionOutcome.AWARDED:
-            self._counts.note(auction.epoch, auction.winner, now)
+            self._counts.add(auction.epoch, auction.winner, now)
             if now:
                 self._winners[auction.epoch, auction.round] = now
 
@@ -216,8 +215,8 @@ class _Retold:
         bids = self._bids(one, scene, space)
         self._outlook.bidders |= {bid.agent for bid in bids}
         terms = self._terms(one, scene)
-        outside = external_of(auction) if terms.strategy == EXTERNAL else None
-        ranked = decide(space, terms, bids, external=outside).bids
+        external = external_of(auction) if terms.strategy == EXTERNAL else None
+        ranked = decide(space, terms, bids, external=external).bids
         if not ranked:
             return "", math.nan
         margin = ranked[1].score - ranked[0].score if len(ranked) > 1 else math.nan
@@ -225,7 +224,7 @@ class _Retold:
 
     def _terms(self, one: Round, scene: Scene) -> Terms:
         auction, epoch = one.auction, one.auction.epoch
-        self._counts.hear(one)
+        self._counts.update(one)
         runs, last_run, total = self._counts.of(epoch)
         terms = terms_of(one, scene, total)
         terms = replace(
@@ -247,12 +246,12 @@ class _Retold:
         bids = {bid.agent: bid for bid in bids_of(auction.ranking)}
         if self._changes.agents is None:
             return [replace(bid, vector=self._vector(bid, scene)) for bid in bids.values()]
-        kept_out = {one.agent for one in auction.refused if one.code in _KEPT_OUT}
+        excluded = {one.agent for one in auction.refused if one.code in _EXCLUDED}
         found = []
         for spec in self._specs.values():
             profile = self._profile_of(spec, scene)
             tunables = {tunable.name: tunable.default for tunable in spec.tunables}
-            if spec.name in kept_out or unmet(spec, space, scene, profile, tunables):
+            if spec.name in excluded or unmet(spec, space, scene, profile, tunables):
                 continue
             known = bids.get(spec.name)
             found.append(
@@ -263,7 +262,7 @@ class _Retold:
         return found
 
     def _vector(self, bid: AcceptedBid, scene: Scene) -> Vector:
-        """Return what an agent would have bid: the profile that has become of the one it bid."""
+        """Return the vector that an agent would have bid instead of the recorded one."""
         for layer in (*layers_of(scene).values(), EVERYBODY):
             key = (bid.agent, layer)
             if self._was.get(key) == bid.vector:
@@ -292,8 +291,8 @@ class _Retold:
             self._outlook.withheld += 1
             return
         self._outlook.given += 1
-        if lesson.making is not None and lesson.card is not None:
-            self._now[key] = self._moved(lesson, lesson.making.space, before)
+        if lesson.parsed is not None and lesson.card is not None:
+            self._now[key] = self._moved(lesson, lesson.parsed.space, before)
 
     def _moved(self, lesson: RecordedFeedback, space: SceneSpace, before: Vector) -> Vector:
         feedback, key = lesson.feedback, (lesson.feedback.agent, lesson.feedback.layer)
@@ -301,7 +300,7 @@ class _Retold:
         profile = self._now.get(key, spec.profile if spec is not None else before)
         kind, target = FeedbackKind(feedback.kind), tuple(feedback.target)
         rule, rate = self._learning(lesson, spec)
-        taught = self._asked.setdefault(key, [])
+        asked_before = self._asked.setdefault(key, [])
         authored = spec.profile if spec is not None else tuple(lesson.card.profile)
         again = step(
             kind,
@@ -311,10 +310,12 @@ class _Retold:
             space=space,
             rule=rule,
             weight=feedback.weight,
-            evidence=Evidence(recent=tuple(taught), changes=len(taught), authored=authored),
+            evidence=Evidence(
+                recent=tuple(asked_before), changes=len(asked_before), authored=authored
+            ),
         )
         if kind is not FeedbackKind.SET:
-            taught.append(asked(kind, profile, target))
+            asked_before.append(asked(kind, profile, target))
         return again.after
 
     def _learning(
@@ -335,12 +336,66 @@ class _Retold:
         return rule, rate
 
 
-_KEPT_OUT = ("EXCLUDED", "VETOED", "NOT_PINNED", "NOT_AWARDED")
+@dataclass(kw_only=True)
+class _Runs:
+    """Runs of one market; the number of its last run for each agent."""
+
+    runs: Counter[str] = field(default_factory=Counter)
+    last: dict[str, int] = field(default_factory=dict)
+    total: int = 0
+
+    def add(self, agent: str) -> None:
+        if agent:
+            self.total += 1
+            self.runs[agent] += 1
+            self.last[agent] = self.total
+
+
+class _RunCounts:
+    """Runs of each agent as they would have been, beside those that were.
+
+    Bids carry how often their agents had run. Runs that a journal has not seen, as it begins later
+    or has lost something, are taken over; so counts without a change are as they were.
+    """
+
+    def __init__(self) -> None:
+        self._was: defaultdict[str, _Runs] = defaultdict(_Runs)
+        self._now: defaultdict[str, _Runs] = defaultdict(_Runs)
+
+    def update(self, one: Round) -> None:
+        """Take over the counts in the bids of a round.
+
+        Where the journal does not begin with the market, its runs in all are at least those of the
+        bidders, which is all of them when everybody bids.
+        """
+        auction = one.auction
+        was, now = self._was[auction.epoch], self._now[auction.epoch]
+        before = max(one.least, was.total) if one.runs is None else one.earlier + one.runs
+        now.total = max(0, now.total + before - was.total)
+        was.total = before
+        for bid in auction.ranking:
+            now.runs[bid.agent] = max(0, now.runs[bid.agent] + bid.runs - was.runs[bid.agent])
+            was.runs[bid.agent] = bid.runs
+            if bid.last_run != was.last.get(bid.agent, 0):
+                now.last[bid.agent] = was.last[bid.agent] = bid.last_run
+
+    def add(self, epoch: str, was: str, now: str) -> None:
+        """Count who ran after a round, and who would have; empty for nobody."""
+        self._was[epoch].add(was)
+        self._now[epoch].add(now)
+
+    def of(self, epoch: str) -> tuple[dict[str, int], dict[str, int], int]:
+        """Return runs and last run of each agent, and runs in all, as they would have been."""
+        side = self._now[epoch]
+        return dict(side.runs), dict(side.last), side.total
+
+
+_EXCLUDED = ("EXCLUDED", "VETOED", "NOT_PINNED", "NOT_AWARDED")
 """Codes of refusals that do not depend on what an agent bids."""
 
 
 def _in_order(story: RecordingIndex) -> list[Round | RecordedFeedback]:
-    """Return what was decided and learned in the order in which it happened."""
+    """Return rounds and lessons in the order in which they happened."""
     events: list[tuple[int, int, Round | RecordedFeedback]] = []
     for number, one in enumerate(story.rounds):
         events.append((_ns(one.auction.stamp), number, one))

@@ -7,13 +7,8 @@ import os
 import time
 from pathlib import Path
 
+from bt_agents_core.paths import state_folder
 from bt_agents_tools.launcher.supervisor import Component
-
-
-def state_folder() -> Path:
-    """Return the folder for logs and learned profiles, by the XDG rules."""
-    base = os.environ.get("XDG_STATE_HOME") or str(Path.home() / ".local" / "state")
-    return Path(base) / "bt-agents"
 
 
 def new_log_folder() -> Path:
@@ -70,11 +65,6 @@ def feedback(trees: Path, ledger: str, simulated: Path | None = None) -> Compone
     if simulated is not None:
         parameters["simulated_feedback"] = str(simulated)
     return Component(name="feedback", module="feedback_node.node", parameters=parameters)
-
-
-def journal_folder() -> Path:
-    """Return the folder in which a journal is kept when no other is named."""
-    return state_folder() / "journal"
 
 
 def journal(folder: Path) -> Component:

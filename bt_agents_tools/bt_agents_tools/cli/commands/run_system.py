@@ -19,6 +19,7 @@ from rich.console import Console
 from rich.text import Text
 
 from bt_agents_core.errors import BtAgentsError
+from bt_agents_core.paths import journal_folder, state_folder
 from bt_agents_core.trees_folder import find_trees
 from bt_agents_language.files.folder_reader import Trees, read_trees
 from bt_agents_ros.signals import Interrupt, loading
@@ -43,7 +44,7 @@ _journal = click.option(
     is_flag=False,
     flag_value="",
     metavar="[FOLDER]",
-    help="Keep everything that is said in one MCAP file a day, for bt-agents replay.",
+    help="Record all messages in MCAP files by day, for bt-agents replay.",
 )
 
 
@@ -128,7 +129,7 @@ def up(
 
     In another terminal: bt-agents trigger age=4.5 mood=2, sense, cancel, status, why, feedback.
     """
-    profiles = ledger or str(system.state_folder() / "ledger.sqlite")
+    profiles = ledger or str(state_folder() / "ledger.sqlite")
     if memory and Path(memory).resolve() == Path(profiles).resolve():
         raise click.UsageError("--memory names the ledger; it needs a file of its own")
     interrupt = Interrupt()
@@ -142,7 +143,7 @@ def up(
             orders=str(logs / "orders.json"),
         ),
         system.scene_layer(trees, memory=memory),
-        system.host(trees, tags, bindings, str(system.state_folder() / "tunings.jsonl")),
+        system.host(trees, tags, bindings, str(state_folder() / "tunings.jsonl")),
         system.feedback(trees, ledger=profiles),
     ]
     if bool(selector) != bool(model):
@@ -170,7 +171,7 @@ def _journals(folder: str | None) -> list[Component]:
         raise BtAgentsError(
             "a journal needs the package mcap; install it with pip install 'bt-agents[lab]'"
         )
-    return [system.journal(Path(folder).resolve() if folder else system.journal_folder())]
+    return [system.journal(Path(folder).resolve() if folder else journal_folder())]
 
 
 def _run(
