@@ -1,0 +1,259 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The journal has a file for each start and day, reports a full disk, and goes on after it."""
+
+from __future__ import annotations
+
+import errno
+import os
+from collections.abc import Iterator
+from datetime import date, timedelta
+from pathlib import Path
+
+import pytest
+
+from bt_agents_core.errors import Refused
+from bt_agents_lab.recorder import daily_recorder
+from bt_agents_lab.recorder.daily_recorder import DailyRecorder, newest_files
+from bt_agents_lab.recorder.reading import JournalReader
+from bt_agents_lab.replay.recording_index import index_entries
+from journal_fixture import recorded, ticks
+
+
+class Recorder:
+    """A journal with a calendar and a disk of its own."""
+
+    def __init__(self, folder: Path, kept: int = 0) -> None:
+        self.today = date(2026, 3, 1)
+        self.reports: list[str] = []
+        self.full = False
+        self.room = 0
+        self.error = errno.ENOSPC
+        self.folder = folder
+        self.journal = DailyRecorder(
+            folder,
+            days=kept,
+            today=lambda: self.today,
+            report=lambda text, _is_error: self.reports.append(text),
+            write=self._write,
+        )
+
+    def _write(self, file: int, data: bytes, at: int) -> int:
+        if self.full and len(data) > self.room:
+            raise OSError(self.error, os.strerror(self.error))
+        return os.pwrite(file, data, at)
+
+    def receive(self, *numbers: int, fact: str = "", size: int = 0) -> None:
+        for number in numbers:
+            self.journal.record(recorded(number, size=size), fact=fact)
+
+    def flush(self) -> None:
+        self.journal.flush(10**9)
+
+    def file(self, day: str, start: int = 1) -> Path:
+        return self.folder / f"journal-{day}_{start:03}.mcap"
+
+
+@pytest.fixture
+def recorder(tmp_path: Path) -> Iterator[Recorder]:
+    recorder = Recorder(tmp_path / "journal")
+    yield recorder
+    recorder.journal.close()
+
+
+def test_a_new_day_has_a_new_file_that_begins_with_what_is_still_true(recorder: Recorder) -> None:
+    recorder.receive(1, fact="a")
+    recorder.receive(2, fact="b")
+    recorder.receive(3, fact="a")
+    recorder.receive(4)
+    recorder.today += timedelta(days=1)
+    recorder.receive(5)
+    recorder.flush()
+    assert sorted(ticks(recorder.file("2026-03-02"))) == [2, 3, 5]
+    assert ticks(recorder.file("2026-03-01")) == [1, 2, 3, 4]
+
+
+def test_a_day_on_which_nothing_is_said_has_a_file_too(recorder: Recorder) -> None:
+    recorder.receive(1, fact="a")
+    recorder.today += timedelta(days=1)
+    recorder.flush()
+    assert ticks(recorder.file("2026-03-02")) == [1]
+
+
+def test_a_full_disk_is_said_once_and_nothing_is_lost_while_memory_lasts(
+    recorder: Recorder,
+) -> None:
+    recorder.receive(1)
+    recorder.flush()
+    recorder.full = True
+    for number in range(2, 6):
+        recorder.receive(number)
+        recorder.flush()
+    [text] = recorder.reports
+    assert text.startswith("STORAGE_FULL")
+    assert "No space left" in text
+    recorder.full = False
+    recorder.flush()
+    assert ticks(recorder.file("2026-03-01")) == [1, 2, 3, 4, 5]
+    assert "goes on" in recorder.reports[-1]
+    assert "lost" not in recorder.reports[-1]
+
+
+def test_memory_is_bounded_and_what_is_lost_is_counted_and_found(
+    recorder: Recorder, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(daily_recorder, "MOST_WAITING", 5_000)
+    recorder.receive(1)
+    recorder.flush()
+    recorder.full = True
+    recorder.receive(*range(2, 12), size=1000)
+    recorder.flush()
+    recorder.full = False
+    recorder.flush()
+    lost = 10 - 4
+    assert f"{lost} messages are lost" in recorder.reports[-1]
+    recorder.receive(12)
+    recorder.flush()
+    assert ticks(recorder.file("2026-03-01")) == [1, 2, 3, 4, 5, 12]
+    story = index_entries(JournalReader([recorder.file("2026-03-01")]).entries())
+    assert story.lost == {"/agents/status": lost}
+
+
+def test_a_new_topic_on_a_full_disk_loses_nothing(recorder: Recorder) -> None:
+    recorder.full = True
+    recorder.journal.record(recorded(1, topic="/new"))
+    recorder.flush()
+    recorder.full = False
+    recorder.journal.record(recorded(2, topic="/new"))
+    recorder.flush()
+    assert ticks(recorder.file("2026-03-01")) == [1, 2]
+    assert "lost" not in recorder.reports[-1]
+
+
+def test_a_full_disk_at_midnight_keeps_the_old_file_until_there_is_room(
+    recorder: Recorder,
+) -> None:
+    recorder.receive(1)
+    recorder.full = True
+    recorder.today += timedelta(days=1)
+    recorder.receive(2)
+    recorder.flush()
+    recorder.full = False
+    recorder.receive(3)
+    recorder.flush()
+    kept = ticks(recorder.file("2026-03-01")) + ticks(recorder.file("2026-03-02"))
+    assert kept == [1, 2, 3]
+
+
+def test_a_disk_with_room_for_the_head_of_a_file_only_loses_nothing_at_midnight(
+    recorder: Recorder,
+) -> None:
+    recorder.receive(1)
+    recorder.flush()
+    recorder.full, recorder.room = True, 60
+    recorder.receive(2, 3, size=2000)
+    recorder.flush()
+    recorder.today += timedelta(days=1)
+    recorder.receive(4)
+    recorder.flush()
+    assert not recorder.file("2026-03-02").exists()
+    recorder.full = False
+    recorder.flush()
+    recorder.receive(5)
+    recorder.flush()
+    assert ticks(recorder.file("2026-03-01")) == [1, 2, 3, 4]
+    assert ticks(recorder.file("2026-03-02")) == [5]
+
+
+def test_a_day_whose_file_cannot_be_made_is_begun_later_without_a_gap(recorder: Recorder) -> None:
+    recorder.receive(1)
+    recorder.flush()
+    recorder.full = True
+    recorder.today += timedelta(days=1)
+    recorder.flush()
+    recorder.flush()
+    assert [path.name for path in recorder.folder.iterdir()] == [recorder.file("2026-03-01").name]
+    recorder.full = False
+    recorder.receive(2)
+    recorder.flush()
+    recorder.receive(3)
+    recorder.flush()
+    assert ticks(recorder.file("2026-03-01")) == [1, 2]
+    assert ticks(recorder.file("2026-03-02")) == [3]
+
+
+def test_each_start_of_a_day_has_a_file_of_its_own(tmp_path: Path) -> None:
+    for start in (1, 2, 3):
+        recorder = Recorder(tmp_path)
+        recorder.receive(start)
+        recorder.journal.close()
+    recorder = Recorder(tmp_path)
+    recorder.today += timedelta(days=1)
+    recorder.flush()
+    recorder.journal.close()
+    assert [ticks(recorder.file("2026-03-01", start)) for start in (1, 2, 3, 4)] == [
+        [1],
+        [2],
+        [3],
+        [],
+    ]
+    assert newest_files(tmp_path) == [recorder.file("2026-03-02")]
+    recorder.file("2026-03-02").unlink()
+    assert newest_files(tmp_path) == [recorder.file("2026-03-01", start) for start in (1, 2, 3, 4)]
+
+
+def test_two_journals_never_write_into_one_folder(tmp_path: Path) -> None:
+    recorder = Recorder(tmp_path)
+    with pytest.raises(Refused, match="another journal"):
+        Recorder(tmp_path)
+    recorder.journal.close()
+    Recorder(tmp_path).journal.close()
+
+
+def test_what_is_lost_at_the_end_is_said(tmp_path: Path) -> None:
+    recorder = Recorder(tmp_path / "journal")
+    recorder.receive(1)
+    recorder.flush()
+    recorder.full = True
+    recorder.receive(2, 3, 4)
+    recorder.journal.close()
+    assert "3 messages are lost" in recorder.reports[-1]
+    assert ticks(recorder.file("2026-03-01")) == [1]
+
+
+@pytest.mark.parametrize("number", [errno.EIO, errno.EROFS])
+def test_another_trouble_than_a_full_disk_is_not_called_one(
+    recorder: Recorder, number: int
+) -> None:
+    recorder.receive(1)
+    recorder.flush()
+    recorder.full, recorder.error = True, number
+    recorder.receive(2)
+    recorder.flush()
+    [text] = recorder.reports
+    assert text.startswith("STORAGE_FAILED")
+    assert os.strerror(number) in text
+    recorder.full = False
+    recorder.flush()
+    assert "goes on" in recorder.reports[-1]
+
+
+def test_the_files_of_the_oldest_days_are_deleted_and_nothing_else(tmp_path: Path) -> None:
+    folder = tmp_path / "journal"
+    folder.mkdir()
+    for day in range(20, 28):
+        (folder / f"journal-2026-02-{day}_001.mcap").touch()
+        (folder / f"journal-2026-02-{day}_002.mcap").touch()
+    for name in ("journal-2026-02-26.mcap", "journal-2026-01-01.mcap", "mine.mcap"):
+        (folder / name).touch()
+    recorder = Recorder(folder, kept=3)
+    recorder.journal.close()
+    left = sorted(path.name for path in folder.iterdir())
+    assert left == [
+        "journal-2026-02-26.mcap",
+        "journal-2026-02-26_001.mcap",
+        "journal-2026-02-26_002.mcap",
+        "journal-2026-02-27_001.mcap",
+        "journal-2026-02-27_002.mcap",
+        "journal-2026-03-01_001.mcap",
+        "mine.mcap",
+    ]

@@ -1,0 +1,157 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A file of the journal is only ever added to, and every whole record of it can be read."""
+
+from __future__ import annotations
+
+import errno
+import os
+from pathlib import Path
+
+import pytest
+from mcap.reader import make_reader
+from mcap_ros2.decoder import DecoderFactory
+
+from bt_agents_lab.recorder.file import JournalFile
+from bt_agents_lab.recorder.reading import JournalReader
+from journal_fixture import recorded, ticks
+
+
+def fill(file: JournalFile, first: int, last: int, *, chunk: int = 3) -> None:
+    for number in range(first, last):
+        file.add(recorded(number), number + 1)
+        if number % chunk == chunk - 1:
+            file.flush()
+    file.flush()
+
+
+def test_a_closed_file_has_a_summary_that_any_reader_finds(tmp_path: Path) -> None:
+    file = JournalFile(tmp_path / "a.mcap")
+    fill(file, 0, 10)
+    file.close()
+    with file.path.open("rb") as stream:
+        reader = make_reader(stream, validate_crcs=True, decoder_factories=[DecoderFactory()])
+        summary = reader.get_summary()
+        assert summary is not None
+        assert summary.statistics is not None
+        assert summary.statistics.message_count == 10
+        [schema] = summary.schemas.values()
+        assert b"MSG: bt_agents_interfaces/StatusChange" in schema.data
+        found = [message.tick for _, _, _, message in reader.iter_decoded_messages()]
+        assert found == list(range(10))
+        middle = reader.iter_decoded_messages(starting_at=4_000_000_000, ending_at=6_000_000_000)
+        assert [message.tick for _, _, _, message in middle] == [3, 4, 5]
+
+
+def test_a_file_is_never_written_over(tmp_path: Path) -> None:
+    (tmp_path / "a.mcap").write_bytes(b"of another start")
+    with pytest.raises(FileExistsError):
+        JournalFile(tmp_path / "a.mcap")
+    assert (tmp_path / "a.mcap").read_bytes() == b"of another start"
+
+
+def test_what_is_flushed_can_be_read_while_the_file_is_open(tmp_path: Path) -> None:
+    file = JournalFile(tmp_path / "a.mcap")
+    for first in (0, 4, 8):
+        fill(file, first, first + 4)
+        reader = JournalReader([file.path])
+        assert [entry.decode().tick for entry in reader.entries()] == list(range(first + 4))
+        assert reader.problems == []
+    file.close()
+
+
+def test_a_file_cut_anywhere_is_read_up_to_its_last_whole_record(tmp_path: Path) -> None:
+    whole = tmp_path / "whole.mcap"
+    file = JournalFile(whole)
+    ends = []
+    for first in (0, 3, 6):
+        fill(file, first, first + 3)
+        ends.append(whole.stat().st_size)
+    file.close()
+    content = whole.read_bytes()
+    torn = tmp_path / "a.mcap"
+    for cut in [*range(0, len(content), 37), *(end + d for end in ends for d in (-1, 0, 1))]:
+        torn.write_bytes(content[:cut])
+        found = ticks(torn)
+        assert found == list(range(len(found)))
+        assert len(found) >= 3 * sum(cut >= end for end in ends)
+
+
+def rotten(path: Path, part: int) -> bytes:
+    """Return the bytes of a journal of three parts, of which one does not fit its checksum."""
+    file = JournalFile(path)
+    fill(file, 0, 9)
+    file.close()
+    content = bytearray(path.read_bytes())
+    with path.open("rb") as stream:
+        summary = make_reader(stream).get_summary()
+    assert summary is not None
+    chunk = summary.chunk_indexes[part]
+    content[chunk.chunk_start_offset + chunk.chunk_length - 20] ^= 0xFF
+    return bytes(content)
+
+
+@pytest.mark.parametrize("part", [0, 1, 2])
+def test_a_part_that_rots_costs_that_part_alone(tmp_path: Path, part: int) -> None:
+    path = tmp_path / "a.mcap"
+    path.write_bytes(rotten(path, part))
+    reader = JournalReader([path])
+    left = [number for number in range(9) if number // 3 != part]
+    assert [entry.decode().tick for entry in reader.entries()] == left
+    [problem] = reader.problems
+    assert "cannot be read" in problem
+
+
+def test_messages_of_a_topic_that_nothing_declares_are_counted(tmp_path: Path) -> None:
+    path = tmp_path / "a.mcap"
+    content = rotten(path, 0)
+    with path.open("rb") as stream:
+        summary = make_reader(stream).get_summary()
+    assert summary is not None
+    # Killed: the parts are there, the summary is not.
+    path.write_bytes(content[: summary.chunk_indexes[2].chunk_start_offset])
+    reader = JournalReader([path])
+    assert reader.entries() == []
+    assert "cannot be read" in reader.problems[0]
+    assert "3 messages of which the topic cannot be read" in reader.problems[1]
+
+
+def test_a_write_that_fails_half_way_leaves_the_file_as_it_was(tmp_path: Path) -> None:
+    room = 10**9
+
+    def write(file: int, data: bytes, at: int) -> int:
+        nonlocal room
+        if room <= 0:
+            raise OSError(errno.ENOSPC, "No space left on device")
+        done = os.pwrite(file, data[: max(1, min(len(data), room))], at)
+        room -= done
+        return done
+
+    file = JournalFile(tmp_path / "a.mcap", write)
+    fill(file, 0, 3)
+    size = file.path.stat().st_size
+    room = 40
+    with pytest.raises(OSError, match="No space"):
+        fill(file, 3, 6)
+    assert file.path.stat().st_size == size
+    assert file.waiting == 3
+    room = 10**9
+    file.flush()
+    file.close()
+    assert ticks(file.path) == list(range(6))
+
+
+def test_a_head_that_cannot_be_written_leaves_no_file(tmp_path: Path) -> None:
+    def write(_file: int, _data: bytes, _at: int) -> int:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    with pytest.raises(OSError, match="No space"):
+        JournalFile(tmp_path / "a.mcap", write)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_what_is_there_twice_is_read_once(tmp_path: Path) -> None:
+    file = JournalFile(tmp_path / "a.mcap")
+    fill(file, 0, 3)
+    fill(file, 0, 3)
+    file.close()
+    assert ticks(file.path) == [0, 1, 2]
