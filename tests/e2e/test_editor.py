@@ -12,7 +12,7 @@ import pytest
 from bt_agents_language.nodes import KINDS, MODIFIERS
 from checkout import ROOT
 from language_server import LanguageServer, NoServer, installed_server
-from stage import SPACE, VOCABULARY
+from tree_harness import SPACE, VOCABULARY
 
 pytestmark = pytest.mark.e2e
 

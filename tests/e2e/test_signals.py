@@ -26,7 +26,7 @@ from bt_agents_tools.launcher.supervisor import Component, spawn
 from graph import Ros, fresh_graph
 from processes import write_trees
 from programs import HANG_S
-from stage import TREES, scene
+from tree_harness import TREES, scene
 
 pytestmark = pytest.mark.e2e
 

@@ -22,7 +22,7 @@ from bt_agents_tools.launcher import components
 from feedback_node.ledger.ledger import Ledger
 from processes import System
 from programs import ROOT
-from stage import SPACE, scene
+from tree_harness import SPACE, scene
 
 pytestmark = pytest.mark.e2e
 

@@ -16,7 +16,7 @@ from bt_agents_ros import bid_encoding
 from bt_agents_ros.bid_encoding import BidEncoder
 from marketplace_node.node.bid_decoder import BidDecoder
 from marketplace_node.node.messages import bids_from_msg
-from stage import SPACE, agent, scene
+from tree_harness import SPACE, agent, scene
 
 EPOCHS = ("0123456789ab", "e", "another market, äöü")
 ROUNDS = (1, 2, 255, 256, 2**31 + 1, 2**32 - 1)

@@ -19,7 +19,7 @@ from bt_agents.engine.run import Run, RunLimits
 from bt_agents.host.node import HostNode
 from bt_agents_interfaces.action import RunAgent
 from bt_agents_ros import qos
-from market_probe import Market, folder, make_host
+from fake_market import Market, folder, make_host
 from scripted_server import Script, ScriptedServer
 
 pytestmark = pytest.mark.ros

@@ -26,7 +26,7 @@ from bt_agents_language.model.specs import BindingKind, HeartbeatSpec, Timeouts
 from bt_agents_ros import qos
 from bt_agents_ros.message_view import MessageView
 from scripted_server import Script, ScriptedServer, ScriptedService
-from stage import SPACE, agent
+from tree_harness import SPACE, agent
 
 pytestmark = pytest.mark.ros
 

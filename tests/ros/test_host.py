@@ -29,8 +29,8 @@ from bt_agents_interfaces.msg import (
 from bt_agents_interfaces.srv import GiveFeedback, SetProfile
 from bt_agents_ros import qos
 from bt_agents_ros.messages import scene_to_msg
-from market_probe import Market, folder, make_host
-from stage import scene
+from fake_market import Market, folder, make_host
+from tree_harness import scene
 
 pytestmark = pytest.mark.ros
 

@@ -8,9 +8,9 @@ from pathlib import Path
 import pytest
 from rclpy.node import Node
 
+from fake_market import folder, make_host
 from graph import Ros
-from market_driver import SPACE
-from market_probe import folder, make_host
+from market_harness import SPACE
 from marketplace_node.node import MarketplaceNode
 
 pytestmark = pytest.mark.ros

@@ -19,7 +19,7 @@ from bt_agents_language.files.agent_reader import read_agent_text
 from bt_agents_language.model.specs import BindingKind
 from bt_agents_ros.installed import InstalledInterfaces
 from bt_agents_ros.types import fill, load_type, read_field, to_plain
-from stage import VOCABULARY
+from tree_harness import VOCABULARY
 
 pytestmark = pytest.mark.ros
 

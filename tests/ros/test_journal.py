@@ -24,9 +24,9 @@ from bt_agents_lab.replay.recording_index import RecordingIndex, tell
 from bt_agents_lab.replay.trees import runs_again
 from bt_agents_ros import qos
 from bt_agents_ros.messages import scene_to_msg
-from market_probe import Market, folder, make_host
+from fake_market import Market, folder, make_host
 from scripted_server import Script, ScriptedServer
-from stage import scene
+from tree_harness import scene
 
 pytestmark = pytest.mark.ros
 

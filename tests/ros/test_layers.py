@@ -25,7 +25,7 @@ from feedback_node.ledger.ledger_rows import LAYER, RevisionCause
 from feedback_node.node import FeedbackNode
 from marketplace_node.node import MarketplaceNode
 from programs import ROOT
-from stage import scene
+from tree_harness import scene
 
 pytestmark = pytest.mark.ros
 

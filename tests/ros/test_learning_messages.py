@@ -12,7 +12,7 @@ from bt_agents_core.feedback import WEIGHTS, LearningRule, Update
 from bt_agents_interfaces.msg import AgentCard, HostCard
 from feedback_node.learning.cards import read_card
 from feedback_node.node.messages import card_from_msg
-from stage import SPACE, agent
+from tree_harness import SPACE, agent
 
 pytestmark = pytest.mark.ros
 

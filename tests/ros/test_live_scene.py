@@ -30,7 +30,7 @@ from bt_agents_ros.messages import scene_to_msg
 from feedback_node.ledger.ledger import Ledger
 from feedback_node.node import FeedbackNode
 from scene_layer.node import SHORTEST_S, SceneLayerNode
-from stage import SPACE, scene
+from tree_harness import SPACE, scene
 
 pytestmark = pytest.mark.ros
 

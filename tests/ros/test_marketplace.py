@@ -30,8 +30,8 @@ from bt_agents_interfaces.msg import (
 from bt_agents_interfaces.srv import CollectFeedback
 from bt_agents_ros import qos
 from bt_agents_ros.messages import scene_to_msg
-from market_driver import EXPRESS, GUIDE, PLAIN, SPACE, scene
-from market_stage import FAR, FakeHost, Stage
+from market_harness import EXPRESS, GUIDE, PLAIN, SPACE, scene
+from market_node_harness import FAR, FakeHost, Stage
 from marketplace_node.node import make_market
 
 pytestmark = pytest.mark.ros

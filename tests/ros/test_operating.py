@@ -16,8 +16,8 @@ from bt_agents_interfaces.msg import Auction, MarketStatus, Run, Scene, SceneVal
 from bt_agents_interfaces.srv import OperateMarket, PreviewAuction
 from bt_agents_ros import qos
 from bt_agents_ros.messages import scene_to_msg
-from market_driver import EXPRESS, GUIDE, SPACE, scene
-from market_stage import Stage
+from market_harness import EXPRESS, GUIDE, SPACE, scene
+from market_node_harness import Stage
 from marketplace_node.node import MarketplaceNode
 
 pytestmark = pytest.mark.ros

@@ -19,7 +19,7 @@ from bt_agents_interfaces.srv import GiveFeedback
 from bt_agents_ros import qos
 from bt_agents_ros.messages import scene_to_msg
 from bt_agents_ros.outbox import Outbox
-from stage import SPACE, scene
+from tree_harness import SPACE, scene
 
 pytestmark = pytest.mark.ros
 

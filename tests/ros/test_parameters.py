@@ -40,7 +40,7 @@ from marketplace_node.node import MarketplaceNode
 from marketplace_node.node.selector import SelectorNode
 from processes import NodeProcess
 from scene_layer.node import SceneLayerNode
-from stage import SPACE, TREES
+from tree_harness import SPACE, TREES
 
 pytestmark = pytest.mark.ros
 

@@ -32,7 +32,7 @@ from bt_agents_language.model.walking import iter_nodes
 from bt_agents_ros import qos
 from bt_agents_ros.messages import scene_to_msg
 from marketplace_node.node import MarketplaceNode
-from reloading import SKILLS, agent, new_folder, write
+from reload_harness import SKILLS, agent, new_folder, write
 
 pytestmark = pytest.mark.ros
 

@@ -32,7 +32,7 @@ from bt_agents_interfaces.msg import (
 )
 from bt_agents_language.model.specs import NodeSpec, Position
 from bt_agents_ros import qos
-from market_probe import Market, folder, make_host
+from fake_market import Market, folder, make_host
 from scripted_server import Script, ScriptedServer
 
 pytestmark = pytest.mark.ros

@@ -27,7 +27,7 @@ from bt_agents_language.model.scene_specs import SceneSpec
 from bt_agents_ros import qos
 from bt_agents_ros.installed import InstalledInterfaces
 from scene_layer.node import SceneLayerNode
-from stage import TREES
+from tree_harness import TREES
 
 pytestmark = pytest.mark.ros
 

@@ -13,8 +13,8 @@ from bt_agents_interfaces.msg import AgentCard, Auction, HostCard, Run
 from bt_agents_interfaces.srv import SelectAgent
 from bt_agents_ros import qos
 from bt_agents_ros.messages import scene_to_msg
-from market_driver import EXPRESS, GUIDE, SPACE, scene
-from market_stage import Stage
+from market_harness import EXPRESS, GUIDE, SPACE, scene
+from market_node_harness import Stage
 from marketplace_node.external_ranking.openai_protocol import Endpoint
 from marketplace_node.node.selector import SelectorNode
 from model_server import ModelServer, drips, free_port, model_server, says, sends

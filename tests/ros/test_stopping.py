@@ -13,7 +13,7 @@ from rclpy.parameter import Parameter
 from bt_agents.host.node import HostNode
 from bt_agents_interfaces.action import RunAgent
 from bt_agents_ros.spinner import STOP_LIMIT_S
-from market_probe import Market, folder, make_host
+from fake_market import Market, folder, make_host
 from scripted_server import Script, ScriptedServer
 
 pytestmark = pytest.mark.ros

@@ -15,7 +15,7 @@ from bt_agents.host.environment.ros_environment import RosEnvironment
 from bt_agents_language.model.specs import BindingKind, NodeSpec, Timeouts
 from bt_agents_language.model.walking import iter_nodes
 from scripted_server import Script, ScriptedServer
-from stage import SPACE, agent
+from tree_harness import SPACE, agent
 
 pytestmark = pytest.mark.ros
 

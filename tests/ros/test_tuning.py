@@ -23,7 +23,7 @@ from bt_agents_interfaces.srv import GiveFeedback, Tune
 from bt_agents_language.model.specs import AgentSpec
 from bt_agents_ros import qos
 from bt_agents_ros.base_node import BaseNode
-from stage import SPACE, agent
+from tree_harness import SPACE, agent
 
 pytestmark = pytest.mark.ros
 

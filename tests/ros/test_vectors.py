@@ -44,7 +44,7 @@ from feedback_node.node import FeedbackNode
 from marketplace_node.node import MarketplaceNode
 from processes import write_trees
 from scene_layer.node import SceneLayerNode
-from stage import SPACE, TREES, scene
+from tree_harness import SPACE, TREES, scene
 
 pytestmark = pytest.mark.ros
 

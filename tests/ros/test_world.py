@@ -18,7 +18,7 @@ from bt_agents_core.feedback import FeedbackKind
 from bt_agents_interfaces.srv import GiveFeedback
 from bt_agents_ros import qos
 from bt_agents_ros.workarounds import quick_logger
-from stage import SPACE, agent
+from tree_harness import SPACE, agent
 
 pytestmark = pytest.mark.ros
 

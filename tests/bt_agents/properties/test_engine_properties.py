@@ -1,0 +1,234 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Laws of the engine: whatever a tree is made of and whatever happens around it."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator
+from random import Random
+
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from py_trees.behaviour import Behaviour
+from py_trees.common import Status
+
+from bt_agents.engine.builder import COMPOSITES, LEAVES, MODIFIERS, SUBTREE
+from bt_agents.engine.environment import GIVE_FEEDBACK, GoalState
+from bt_agents.engine.feedback_leaf import GiveFeedback
+from bt_agents.engine.scripted_environment import ScriptedReply
+from bt_agents.engine.skill_leaf import SkillLeaf
+from bt_agents.engine.waits import WaitForMessage
+from bt_agents_language.model.specs import NodeSpec, Plain
+from random_trees import ACTIONS, Puppet, placed, trees
+from tree_harness import Stage, scene
+
+HEAD = """
+tunables:
+  rest: {default: 1 s, min: 0 s, max: 60 s, description: d}
+  times: {default: 2, min: 1, max: 9, description: d}
+"""
+ENDED = (Status.SUCCESS, Status.FAILURE)
+BROKEN: tuple[Plain, ...] = (-1.0, float("nan"), float("inf"), "x", None, 10**400)
+
+states = st.sampled_from([s for s in GoalState if s.ended])
+answers = st.builds(
+    ScriptedReply,
+    state=states,
+    result=st.sampled_from([{}, {"word": "a"}, {"word": 5}]),
+    accept_s=st.sampled_from([0.0, 0.5]),
+    after_s=st.sampled_from([0.0, 1.0, 4.0]),
+)
+scripts = st.fixed_dictionaries(
+    {name: st.lists(answers, min_size=1, max_size=3) for name in (*ACTIONS, GIVE_FEEDBACK)}
+)
+events = st.one_of(
+    st.tuples(st.just("pass"), st.sampled_from([0.0, 0.5, 1.0, 5.0])),
+    st.tuples(st.just("mood"), st.sampled_from([0.0, 1.0, 3.0])),
+    st.tuples(st.just("age"), st.sampled_from([1.0, 4.0])),
+    st.tuples(st.just("arrive"), st.sampled_from([{"data": 2, "word": "a"}, {"data": 0}, {}])),
+    st.tuples(st.sampled_from(["rest", "times"]), st.sampled_from([0.0, 1, 2, *BROKEN])),
+    st.tuples(st.just("interrupt"), st.none()),
+)
+stories = st.lists(events, max_size=14)
+
+
+class Watched(Stage):
+    """A stage that counts how often each node starts, and knows what each tick did."""
+
+    def __init__(self, tree: NodeSpec, script: dict[str, list[ScriptedReply]]) -> None:
+        Puppet.alive = set()
+        super().__init__(tree, head=HEAD, answers=script, awarded=scene(mood=3), random=Random(1))
+        # What the reader promises a name to mean cannot be promised of a random tree.
+        self.world._result = {}
+
+    def happen(self, event: tuple[str, object]) -> None:
+        match event:
+            case ("pass", float(duration)):
+                self.world.clock.advance(duration)
+            case ("mood" | "age" as name, float(value)):
+                self.set_live(name, value)
+            case ("arrive", dict(message)):
+                self.world.arrive("t", message)
+            case ("rest" | "times" as name, value):
+                self.tunables[name] = value  # type: ignore[assignment]
+            case ("interrupt", _):
+                self.interrupt()
+
+    def play(self, story: list[tuple[str, object]]) -> Iterator[None]:
+        """Give control after the first tick and after the tick that follows each event."""
+        self.tick()
+        yield
+        for event in story:
+            if self.outcome != "running":
+                return
+            self.happen(event)
+            self.tick()
+            yield
+
+    def leaves(self, kind: type[Behaviour]) -> list[Behaviour]:
+        return [node for node in self.root.iterate() if isinstance(node, kind)]
+
+
+def _under_way(stage: Watched) -> int:
+    """Return how many goals are sent and neither ended nor cancelled."""
+    open_goals = [
+        goal.run
+        for goal in stage.run._context._goals
+        if not goal.run.state.ended and goal.run.cancelled_at is None  # type: ignore[attr-defined]
+    ]
+    return len(open_goals)
+
+
+def _listening(stage: Watched) -> int:
+    return sum(not inbox.closed for _, inbox in stage.world._inboxes)
+
+
+@settings(max_examples=300, deadline=None, derandomize=True)
+@given(trees, scripts, stories)
+def test_nothing_runs_except_below_what_runs_and_every_end_is_complete(
+    tree: NodeSpec, script: dict[str, list[ScriptedReply]], story: list[tuple[str, object]]
+) -> None:
+    stage = Watched(tree, script)
+    for _ in stage.play(story):
+        assert stage.root.status in (Status.RUNNING, *ENDED)
+        for node in stage.root.iterate():
+            assert isinstance(node.status, Status)
+            if node.status is not Status.RUNNING:
+                assert all(below.status is not Status.RUNNING for below in node.iterate())
+        senders = [*stage.leaves(SkillLeaf), *stage.leaves(GiveFeedback)]
+        assert _under_way(stage) <= sum(leaf.status is Status.RUNNING for leaf in senders)
+        listeners = stage.leaves(WaitForMessage)
+        assert _listening(stage) == sum(leaf.status is Status.RUNNING for leaf in listeners)
+        assert len(Puppet.alive) == sum(
+            node.spec.plugin is not None and node.status is Status.RUNNING
+            for node in stage.root.iterate()
+        )
+    stage.interrupt()
+    assert {node.status for node in stage.root.iterate()} == {Status.INVALID}
+    assert _under_way(stage) == 0
+    assert _listening(stage) == 0
+    assert Puppet.alive == set()
+
+
+@settings(max_examples=150, deadline=None, derandomize=True)
+@given(trees, scripts, stories)
+def test_modifiers_keep_their_promises(
+    tree: NodeSpec, script: dict[str, list[ScriptedReply]], story: list[tuple[str, object]]
+) -> None:
+    stage = Watched(tree, script)
+    done: set[str] = set()
+    for _ in stage.play(story):
+        answered = {node.spec.path: status for node, status in stage.ticked}
+        for node, status in stage.ticked:
+            child = answered.get(node.children[0].spec.path) if node.children else None
+            match node.spec.kind:
+                case "succeed":
+                    assert status is not Status.FAILURE
+                case "fail":
+                    assert status is not Status.SUCCESS
+                case "invert" if child in ENDED:
+                    assert {status, child} == set(ENDED)
+                case "once":
+                    assert not (node.spec.path in done and child is not None)
+                    if child in ENDED:
+                        done.add(node.spec.path)
+                case "random" | "choose":
+                    begun = [c for c in node.children if c.spec.path in answered]
+                    assert len(begun) <= 1
+
+
+@settings(max_examples=100, deadline=None, derandomize=True)
+@given(trees, scripts, stories)
+def test_the_same_things_happening_to_the_same_tree_have_the_same_effects(
+    tree: NodeSpec, script: dict[str, list[ScriptedReply]], story: list[tuple[str, object]]
+) -> None:
+    traces = []
+    for _ in range(2):
+        stage = Watched(tree, script)
+        for _ in stage.play(story):
+            pass
+        traces.append((stage.changes, stage.asked, stage.world.logged, stage.outcome))
+    assert traces[0] == traces[1]
+
+
+@settings(max_examples=100, deadline=None, derandomize=True)
+@given(trees, scripts, stories)
+def test_what_is_told_is_all_that_changes(
+    tree: NodeSpec, script: dict[str, list[ScriptedReply]], story: list[tuple[str, object]]
+) -> None:
+    stage = Watched(tree, script)
+    for _ in stage.play(story):
+        told = dict.fromkeys((node.spec.path for node in stage.root.iterate()), Status.INVALID)
+        told.update((change.path, change.status) for change in stage.changes)
+        assert told == {node.spec.path: node.status for node in stage.root.iterate()}
+
+
+@settings(max_examples=100, deadline=None, derandomize=True)
+@given(trees, scripts, stories)
+def test_a_cancel_at_any_time_ends_the_run_with_nothing_under_way(
+    tree: NodeSpec, script: dict[str, list[ScriptedReply]], story: list[tuple[str, object]]
+) -> None:
+    stage = Watched(tree, script)
+    for _ in stage.play(story):
+        pass
+    stage.run.cancel("enough")
+    assert _under_way(stage) == 0
+    assert _listening(stage) == 0
+    assert Puppet.alive == set()
+    stage.after(5.0)
+    assert stage.outcome != "running"
+    assert stage.run.result is not None
+    assert stage.run.result.orphans == ()
+
+
+@settings(max_examples=60, deadline=None, derandomize=True)
+@given(st.lists(st.integers(0, 9), min_size=1, max_size=5).filter(any), st.integers(0, 2**32))
+def test_picks_follow_the_weights(weights: list[int], seed: int) -> None:
+    children = "\n".join(
+        f"    - {{log: '{place}', weight: {weight}}}" for place, weight in enumerate(weights)
+    )
+    stage = Stage(f"repeat: forever\nrandom:\n  seed: {seed}\n  children:\n{children}")
+    stage.tick(600)
+    picked = Counter(int(text) for _, text in stage.world.logged)
+    for place, weight in enumerate(weights):
+        share = weight / sum(weights)
+        # Six standard deviations of the binomial distribution.
+        bound = 6 * (600 * share * (1 - share)) ** 0.5
+        assert abs(picked[place] - 600 * share) <= bound
+
+
+def test_the_random_trees_are_made_of_every_kind() -> None:
+    found: set[str] = set()
+
+    @settings(max_examples=300, deadline=None, derandomize=True, database=None)
+    @given(trees)
+    def collect(tree: NodeSpec) -> None:
+        open_specs = [placed(tree)]
+        while open_specs:
+            spec = open_specs.pop()
+            found.add(spec.kind)
+            open_specs += spec.children
+
+    collect()
+    # Services and topics are drawn as bindings of 'action'.
+    assert found >= {*LEAVES, *MODIFIERS, *COMPOSITES, SUBTREE} - {"service", "publish"}

@@ -1,0 +1,371 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Laws of tuning: undo and redo, the files of it, and what is kept in an agent's file."""
+
+from __future__ import annotations
+
+import difflib
+import json
+import math
+from collections.abc import Mapping
+from contextlib import suppress
+
+import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+
+from bt_agents.host.tuning.change_log_lines import revision_line, state_line, take_line
+from bt_agents.host.tuning.history import (
+    TuningAction,
+    TuningCause,
+    TuningChange,
+    TuningHistory,
+    TuningRevision,
+)
+from bt_agents.host.tuning.overrides import Overrides
+from bt_agents.host.tuning.presets import Presets, presets_text, read_presets
+from bt_agents.host.tuning.tunable import (
+    Setting,
+    TunableKind,
+    TunableParameter,
+    tunables_of,
+    written,
+)
+from bt_agents_core.errors import Refused
+from bt_agents_language.files.agent_reader import read_agent_text
+from bt_agents_language.model.specs import AgentSpec, FieldType
+from bt_agents_language.yaml.precheck import BAD_CHARACTER
+from bt_agents_language.yaml.source import Source
+from bt_agents_tools.client.write_back import TunedValue, write_defaults
+from tree_harness import SPACE, TREES, VOCABULARY
+
+NAMES = ("a.x", "a.y", "b.x", "c.x", "rate")
+START: Mapping[str, Setting] = dict.fromkeys(NAMES, 0)
+SETS = st.dictionaries(st.sampled_from(NAMES), st.integers(0, 9), min_size=1)
+TEXTS = st.text(st.characters(exclude_categories=["Cs", "Cc", "Cn", "Co"]), max_size=40).filter(
+    lambda text: not BAD_CHARACTER.search(text)
+)
+
+
+class Desk:
+    """Values and what is remembered of them, with the lines that a file would have."""
+
+    def __init__(self) -> None:
+        self.values = dict(START)
+        self.remembered = Overrides()
+        self.lines: list[str] = []
+
+    @property
+    def history(self) -> TuningHistory:
+        return self.remembered.history
+
+    def set(self, values: Mapping[str, Setting]) -> None:
+        self._record(values, TuningCause(author="x"))
+
+    def step(self, action: TuningAction, agents: tuple[str, ...] = ()) -> bool:
+        find = self.history.undo if action is TuningAction.UNDO else self.history.redo
+        try:
+            found, values = find(agents, lambda _name, _value: True)
+        except Refused:
+            return False
+        self._record(values, TuningCause(author="x", action=action, of=found.number))
+        return True
+
+    def _record(self, values: Mapping[str, Setting], cause: TuningCause) -> None:
+        changes = tuple(
+            TuningChange(name=name, before=self.values[name], after=value)
+            for name, value in values.items()
+            if self.values[name] != value
+        )
+        if not changes and cause.action is TuningAction.SET:
+            return
+        number = self.history.revision + 1
+        revision = TuningRevision(number=number, stamp=1.0, cause=cause, changes=changes)
+        defaults = {name: START[name] for name in revision.names}
+        self.lines.append(revision_line(revision, defaults))
+        self.remembered.take(revision, defaults)
+        self.values |= values
+
+
+@given(st.lists(SETS), SETS)
+def test_an_undo_after_a_change_gives_back_what_was(before, change):
+    desk = Desk()
+    for one in before:
+        desk.set(one)
+    was = dict(desk.values)
+    desk.set(change)
+    now = dict(desk.values)
+    assume(now != was)
+    assert desk.step(TuningAction.UNDO)
+    assert desk.values == was
+    assert desk.step(TuningAction.REDO)
+    assert desk.values == now
+
+
+@given(st.lists(SETS, max_size=30))
+def test_as_many_undos_as_changes_give_back_the_start_and_redos_the_end(changes):
+    desk = Desk()
+    states = [dict(desk.values)]
+    for change in changes:
+        desk.set(change)
+        if desk.values != states[-1]:
+            states.append(dict(desk.values))
+    end = dict(desk.values)
+    for state in reversed(states[:-1]):
+        assert desk.step(TuningAction.UNDO)
+        assert desk.values == state
+    assert not desk.step(TuningAction.UNDO)
+    while desk.step(TuningAction.REDO):
+        pass
+    assert desk.values == end
+
+
+STEPS = st.lists(
+    st.one_of(
+        SETS,
+        st.tuples(
+            st.sampled_from([TuningAction.UNDO, TuningAction.REDO]),
+            st.sampled_from([(), ("a",), ("b",), ("a", "c")]),
+        ),
+    ),
+    max_size=40,
+)
+
+
+def done(steps: list[object]) -> Desk:
+    desk = Desk()
+    for step in steps:
+        if isinstance(step, dict):
+            desk.set(step)
+        elif isinstance(step, tuple):
+            desk.step(*step)
+    return desk
+
+
+@given(STEPS)
+def test_whatever_was_undone_in_between_all_undos_give_back_the_start(steps):
+    desk = done(steps)
+    while desk.step(TuningAction.UNDO):
+        pass
+    assert desk.values == START
+
+
+@given(STEPS, st.sampled_from(["a", "b", "c"]))
+def test_the_undo_of_an_agent_is_its_last_change_as_a_whole(steps, agent):
+    desk = done(steps)
+    before = dict(desk.values)
+    stack = desk.history.undoable
+    if not desk.step(TuningAction.UNDO, (agent,)):
+        return
+    [taken] = set(stack) - set(desk.history.undoable)
+    assert any(name.startswith(f"{agent}.") for name in taken.names)
+    assert desk.values == before | {change.name: change.before for change in taken.changes}
+    later = stack[stack.index(taken) + 1 :]
+    assert all(not taken.names & one.names for one in later)
+    assert desk.step(TuningAction.REDO, (agent,))
+    assert desk.values == before
+
+
+@given(STEPS)
+def test_the_lines_of_the_file_say_everything_and_so_does_the_one_line_instead(steps):
+    desk = done(steps)
+    read = Overrides()
+    for line in desk.lines:
+        read = take_line(line, read)
+    short = take_line(state_line(desk.remembered), Overrides())
+    for other in (read, short):
+        assert other.kept == desk.remembered.kept
+        assert other.history.revision == desk.history.revision
+        assert other.history.undoable == desk.history.undoable
+        assert other.history.redoable == desk.history.redoable
+        assert other.history.shown == desk.history.shown
+    assert {n: k.value for n, k in read.kept.items()} == {
+        name: value for name, value in desk.values.items() if value != 0
+    }
+
+
+@given(st.recursive(
+    st.none() | st.booleans() | st.floats() | st.integers() | TEXTS,
+    lambda inner: st.lists(inner, max_size=4) | st.dictionaries(
+        st.sampled_from(["format", "revision", "undoable", "changes", "action", "kept", "of"]),
+        inner, max_size=5,
+    ),
+    max_leaves=8,
+))  # fmt: skip
+def test_no_line_does_more_than_be_refused(content):
+    remembered = Overrides()
+    with suppress(Refused):
+        remembered = take_line(json.dumps(content), remembered)
+    assert isinstance(remembered.history.revision, int)
+
+
+@settings(deadline=None)
+@given(st.dictionaries(
+    st.text(st.characters(exclude_categories=["Z", "C"]), min_size=1, max_size=60),
+    st.dictionaries(st.sampled_from(["a.x", "b.patience"]), TEXTS),
+    max_size=4,
+))  # fmt: skip
+def test_presets_are_read_as_they_were_written(tmp_path_factory, presets):
+    assume(all(name.isprintable() and name == name.strip() for name in presets))
+    file = tmp_path_factory.mktemp("presets") / "presets.yaml"
+    file.write_text(presets_text(presets), encoding="utf-8", newline="")
+    assert read_presets(file) == presets
+    assert Presets(file).by_name == presets
+
+
+@given(
+    st.floats(0, 1e7) | st.sampled_from([8.0, 120.0, 0.25]),
+    st.sampled_from([FieldType.DURATION, FieldType.LENGTH, FieldType.ANGLE, FieldType.NUMBER]),
+)
+def test_what_is_written_is_read_as_the_same_value(value, field_type):
+    knob = TunableParameter(
+        name="a.x", agent="a", key="x", kind=TunableKind.TUNABLE, type=field_type, default=0.0
+    )
+    assert knob.meant(written(value, field_type)) == value
+
+
+FILES = [
+    path.read_text()
+    for path in sorted((TREES / "agents").glob("*.yaml"))
+    if not path.name.endswith(".test.yaml")
+]
+STYLES = [
+    "{name}: {{default: {default}, min: {low}, max: {high}, description: 'a: b'}}  # {default}",
+    "{name}:\n    default: {default}   # now\n    min: {low}\n    max: {high}",
+]
+VALUES = [
+    ("8 s", "1 s", "2 h"), ("8s", "1 s", "2 h"), ("2 min", "1 s", "2 h"), ("90 s", "0 s", "3 h"),
+    ("250 ms", "0 ms", "1 h"), ("8", "1 s", "2 h"), ("0.90", "0.5", "400.5"), ("1", "0", "400.5"),
+    ("2.0", "1", "400"), ("2", "1", "400"), ("1.5 m", "0 m", "3 km"), ("90 deg", "0 deg", "7 rad"),
+]  # fmt: skip
+FREE = ["true", "false", "station 4", "'it''s'", '"8 s"', "''"]
+
+
+@st.composite
+def agent_files(draw: st.DrawFn) -> str:
+    """An agent file whose tunables are written in many ways."""
+    tunables = []
+    for number in range(draw(st.integers(1, 5))):
+        if draw(st.booleans()):
+            default, low, high = draw(st.sampled_from(VALUES))
+            style = draw(st.sampled_from(STYLES))
+            text = style.format(name=f"t{number}", default=default, low=low, high=high)
+        else:
+            text = f"t{number}: {{default: {draw(st.sampled_from(FREE))}}}"
+        tunables.append(f"  {text}\n")
+    rate = draw(st.sampled_from(["", "learning_rate: 0.20  # slow\n", "learning_rate: 1\n"]))
+    profile = draw(
+        st.sampled_from(
+            [
+                "profile: {age: 3, familiarity: 3.0, mood: 3}  # bid\n",
+                "profile:\n  age: 3\n  familiarity: 3.0  # well\n  mood: 3  # fine\n# next\n",
+                "profile: {age: 3,\n  familiarity: 3.0, mood: 3\n  }\n",
+            ]
+        )
+    )
+    end = draw(st.sampled_from(["\n", "\r\n"]))
+    text = (
+        "# kept\nformat: 1\nagent: a  # name\n" + profile + rate
+        + "tunables:\n" + "".join(tunables) + "tree:\n  wait: 0 s\n"
+    )  # fmt: skip
+    return text.replace("\n", end)
+
+
+def read_file(text: str) -> AgentSpec:
+    return read_agent_text(text, "a.yaml", VOCABULARY)
+
+
+def another(draw: st.DrawFn, knob: TunableParameter) -> Setting:
+    if knob.type is FieldType.BOOLEAN:
+        return not knob.default
+    if knob.type is FieldType.TEXT:
+        return draw(st.sampled_from(["5", "8 s", "true", "a: b #", "", "yes", "5 sec", "Hi!"]))
+    assert knob.minimum is not None
+    assert knob.maximum is not None
+    if knob.type is FieldType.INTEGER:
+        return draw(st.integers(int(knob.minimum), int(knob.maximum)))
+    steps = draw(st.integers(0, 1000))
+    value = knob.minimum + (knob.maximum - knob.minimum) * steps / 1000
+    return draw(st.sampled_from([value, float(f"{value:.3g}"), 60.0, 100.0, 3.0]))
+
+
+@settings(deadline=None, max_examples=200)
+@given(st.one_of(agent_files(), st.sampled_from(FILES)), st.data())
+def test_keeping_changes_the_wanted_values_of_a_file_and_nothing_else(text, data):
+    spec = read_file(text)
+    knobs = {knob.name: knob for knob in tunables_of(spec, SPACE)}
+    chosen = data.draw(st.sets(st.sampled_from(sorted(knobs)), max_size=4))
+    wanted: dict[str, Setting] = {}
+    for name in sorted(chosen):
+        value = another(data.draw, knobs[name])
+        try:
+            wanted[name] = knobs[name].check(value)
+        except Refused:
+            continue
+    tuned = [
+        TunedValue(knob=knobs[n], value=v) for n, v in wanted.items() if v != knobs[n].default
+    ]
+    kept = write_defaults(Source("a.yaml", text), tuned, SPACE, read_file)
+    after = {knob.name: knob for knob in tunables_of(read_file(kept), SPACE)}
+    for name, knob in after.items():
+        expected = wanted.get(name, knobs[name].default)
+        if isinstance(expected, float) and ".profile." in name:
+            assert math.isclose(float(knob.default), expected, rel_tol=1e-5)
+        else:
+            assert (knob.default, type(knob.default)) == (expected, type(expected))
+        for bound in ("type", "minimum", "maximum", "step"):
+            assert getattr(knob, bound) == getattr(knobs[name], bound)
+    rate_is_new = any(one.knob.key == "learning_rate" for one in tuned) and (
+        "learning_rate" not in text
+    )
+    old, new = text.splitlines(keepends=True), kept.splitlines(keepends=True)
+    assert len(new) == len(old) + rate_is_new
+    gone = [line for line in difflib.ndiff(old, new) if line.startswith("- ")]
+    assert len(gone) <= len(tuned) - rate_is_new
+    comments = [line.partition("#")[2] for line in old if "# " in line]
+    assert comments == [line.partition("#")[2] for line in new if "# " in line]
+
+
+@pytest.mark.parametrize(
+    ("old", "value", "new"),
+    [
+        ("8 s", 12.0, "12 s"),
+        ("8s", 12.0, "12s"),
+        ("8", 12.0, "12"),
+        ("8 s", 90.0, "90 s"),
+        ("2 min", 180.0, "3 min"),
+        ("2 min", 90.0, "1.5 min"),
+        ("2 min", 100.0, "100 s"),
+        ("250 ms", 0.4, "400 ms"),
+    ],
+)
+def test_a_time_keeps_the_unit_of_the_author_while_it_fits(old, value, new):
+    text = (
+        "format: 1\nagent: a\nprofile: {age: 3, familiarity: 3, mood: 3}\n"
+        f"tunables:\n  t: {{default: {old}, min: 0 s, max: 10 min}}  # t\ntree: {{wait: 0 s}}\n"
+    )
+    [knob, *_] = tunables_of(read_file(text), SPACE)
+    kept = write_defaults(
+        Source("a.yaml", text), [TunedValue(knob=knob, value=value)], SPACE, read_file
+    )
+    assert kept == text.replace(f"default: {old},", f"default: {new},")
+
+
+@pytest.mark.parametrize(
+    ("learning", "kept_as"),
+    [
+        ("learning: {rate: 0.2, update: median}  # slow\n", "{rate: 0.5, update: median}  # slow"),
+        ("learning:\n  rate: 0.2  # slow\n", "rate: 0.5  # slow"),
+        ("learning: {update: median}\n", "learning_rate: 0.5"),
+    ],
+)
+def test_a_learning_rate_is_kept_where_the_author_wrote_it(learning, kept_as):
+    text = (
+        "format: 1\nagent: a\nprofile: {age: 3, familiarity: 3, mood: 3}\n"
+        f"{learning}tree: {{wait: 0 s}}\n"
+    )
+    knob = next(one for one in tunables_of(read_file(text), SPACE) if one.key == "learning_rate")
+    kept = write_defaults(
+        Source("a.yaml", text), [TunedValue(knob=knob, value=0.5)], SPACE, read_file
+    )
+    assert kept_as in kept
+    assert read_file(kept).learning_rate == 0.5

@@ -1,0 +1,214 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Every shipped agent, cancelled at each of its ticks, ends once and leaves nothing running."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from random import Random
+
+import pytest
+
+from bt_agents.engine.environment import GoalState
+from bt_agents.engine.run import Run, RunLimits, TreeOutcome
+from bt_agents.engine.scripted_environment import ManualClock, ScriptedEnvironment, ScriptedReply
+from bt_agents_core.scene import Origin, Scene, SceneValue
+from bt_agents_language.files.folder_reader import read_trees
+from bt_agents_language.model.specs import AgentSpec
+from bt_agents_language.model.walking import iter_nodes
+from tree_harness import SPACE, TREES
+
+AGENTS = read_trees(TREES).agents
+SEEDS = range(3)
+LIMITS = RunLimits(clean_up_s=3.0, settle_s=2.0)
+STEP_S = 5.0
+MOST_TICKS = 120
+EPSILON_S = 0.01
+WORDS = ["yes", "no", "good", "bad", "room 12", ""]
+
+Server = Callable[[Random], ScriptedReply]
+
+
+def _ends(random: Random) -> GoalState:
+    return random.choices([GoalState.SUCCEEDED, GoalState.ABORTED], [7, 1])[0]
+
+
+def quick(random: Random) -> ScriptedReply:
+    return ScriptedReply(state=_ends(random), after_s=random.choice([0.0, 0.3, 2.0, 40.0]))
+
+
+def late(random: Random) -> ScriptedReply:
+    """Takes its time to accept, to end and to stop."""
+    accept_s = random.choice([0.2, 1.0, 1.9])
+    return ScriptedReply(
+        state=_ends(random),
+        accept_s=accept_s,
+        after_s=accept_s + random.choice([0.3, 40.0]),
+        cancel_s=random.choice([0.0, 0.05]),
+    )
+
+
+def rejecting(random: Random) -> ScriptedReply:
+    if random.random() < 0.2:
+        delay_s = random.choice([0.0, 0.5])
+        return ScriptedReply(state=GoalState.REJECTED, accept_s=delay_s, after_s=delay_s)
+    return quick(random)
+
+
+def stubborn(random: Random) -> ScriptedReply:
+    """Ignores cancels and often goes on for ever."""
+    return ScriptedReply(after_s=random.choice([0.5, math.inf]), cancel_s=math.inf)
+
+
+SERVERS = [quick, late, rejecting, stubborn]
+
+
+class World(ScriptedEnvironment):
+    """Answers by chance, the same for the same seed."""
+
+    def __init__(self, server: Server, seed: int) -> None:
+        super().__init__(clock=ManualClock())
+        self.random = Random(seed)
+        self._server = server
+
+    def _answer(self, name: str) -> ScriptedReply:
+        random = self.random
+        result = {"message": "", "answer": random.choice(WORDS), "accepted": True}
+        # Every agent begins with the light; most of the runs shall come further.
+        easy = name == "set_light" and random.random() < 0.9
+        return replace(ScriptedReply() if easy else self._server(random), result=result)
+
+
+def scene_of(random: Random) -> Scene:
+    values = tuple(
+        SceneValue(
+            name=parameter.name,
+            value=random.uniform(parameter.minimum, parameter.maximum),
+            origin=Origin.MEASURED,
+        )
+        for parameter in SPACE.parameters
+    )
+    return Scene(scene_id="s", label="", person=random.random() < 0.9, values=values)
+
+
+@dataclass(kw_only=True)
+class Performance:
+    """A run whose time is turned from one moment that matters to the next."""
+
+    agent: AgentSpec
+    server: Server
+    seed: int
+
+    def __post_init__(self) -> None:
+        self.random = Random(self.seed)
+        self.world = World(self.server, self.seed)
+        self.scene = self.live = scene_of(self.random)
+        self.visited: Counter[str] = Counter()
+        self.run = Run(
+            self.agent,
+            space=SPACE,
+            scene=self.scene,
+            profile=self.agent.profile,
+            live=lambda: self.live,
+            tunables={tunable.name: tunable.default for tunable in self.agent.tunables},
+            world=self.world,
+            steady=self.world.clock,
+            limits=LIMITS,
+            random=Random(self.seed),
+            visit=lambda node, _status: self.visited.update((node.spec.path,)),
+        )
+
+    @property
+    def over(self) -> bool:
+        return self.run.result is not None
+
+    def tick(self) -> None:
+        self.run.tick()
+
+    def move_on(self) -> None:
+        """Let time pass until something changes, and people do something."""
+        now = self.world.clock.now
+        moments = [goal.next_change for goal in self.world.goals]
+        moments += [at for at in self.run.wakes.values() if at > now]
+        moments += [self.run.deadline, now + STEP_S]
+        self.world.clock.now = max(min(moments), now + 0.001)
+        if self.random.random() < 0.3:
+            self.live = replace(scene_of(self.random), scene_id="s")
+        if self.random.random() < 0.3:
+            self.world.arrive("buttons/confirm", {"data": self.random.random() < 0.5})
+
+    def until(self, ticks: int) -> None:
+        """Go on until it was ticked so often, or has ended."""
+        while self.run.ticks < ticks and not self.over:
+            if self.run.ticks:
+                self.move_on()
+            self.tick()
+
+    def wind_up(self) -> float:
+        """Go on until it has ended; return how long that took [s]."""
+        began = self.world.clock.now
+        while not self.over:
+            self.move_on()
+            self.tick()
+        return self.world.clock.now - began
+
+
+def check_end(performance: Performance, took_s: float) -> None:
+    run, world = performance.run, performance.world
+    result = run.result
+    assert result is not None
+    running = sorted(g.goal.sender for g in world.goals if not g.confirmed)
+    assert sorted(result.orphans) == running
+    if performance.server is not stubborn:
+        assert running == []
+    assert took_s <= LIMITS.clean_up_s + LIMITS.settle_s + EPSILON_S
+    cleaned = Counter(g.goal.sender for g in world.goals if g.goal.sender.startswith("on_cancel"))
+    assert all(times == 1 for times in cleaned.values())
+    asked = len(world.goals)
+    run.cancel("again")
+    for _ in range(3):
+        world.clock.advance(1.0)
+        assert run.tick() == []
+    assert run.result is result
+    assert len(world.goals) == asked
+
+
+@pytest.mark.parametrize("server", SERVERS, ids=lambda server: server.__name__)
+@pytest.mark.parametrize("agent", AGENTS, ids=lambda agent: agent.name)
+def test_a_cancel_at_any_tick_ends_the_run_once_with_nothing_left_running(
+    agent: AgentSpec, server: Server
+) -> None:
+    for seed in SEEDS:
+        whole = Performance(agent=agent, server=server, seed=seed)
+        whole.until(MOST_TICKS)
+        for ticks in range(whole.run.ticks + 1):
+            cut = Performance(agent=agent, server=server, seed=seed)
+            cut.until(ticks)
+            ended_before = cut.over
+            before = cut.run.tip if ticks else ""
+            cut.run.cancel("enough")
+            took_s = cut.wind_up()
+            check_end(cut, took_s)
+            result = cut.run.result
+            assert result is not None
+            if not ended_before and result.outcome is TreeOutcome.CANCELLED:
+                assert result.message == "enough"
+                assert result.tip == before
+
+
+def test_the_cancels_come_in_most_branches_of_the_agents() -> None:
+    missed = []
+    nodes = 0
+    for agent in AGENTS:
+        visited: Counter[str] = Counter()
+        for server in SERVERS:
+            for seed in SEEDS:
+                whole = Performance(agent=agent, server=server, seed=seed)
+                whole.until(MOST_TICKS)
+                visited.update(whole.visited)
+        paths = {spec.path for spec in iter_nodes(agent.tree)}
+        nodes += len(paths)
+        missed += [f"{agent.name}: {path}" for path in sorted(paths - visited.keys())]
+    assert len(missed) <= nodes * 0.1, missed

@@ -1,0 +1,243 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a cancel does at every stage of a run, tick by tick."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from bt_agents.engine.environment import GoalState
+from bt_agents.engine.run import RunLimits, TreeOutcome
+from bt_agents.engine.scripted_environment import ScriptedReply
+from bt_agents.engine.ticking import Ticker
+from tree_harness import Stage
+
+LONG = ScriptedReply(after_s=100.0)
+STUBBORN = ScriptedReply(after_s=100.0, cancel_s=math.inf)
+CLEAN_UP = "on_cancel: {say: good-bye}"
+SPEAKS = "sequence: [{say: hello}, {show: {text: x}}]"
+
+
+def test_a_cancel_before_the_first_tick_starts_nothing_and_has_nothing_to_clean_up() -> None:
+    stage = Stage(SPEAKS, head=CLEAN_UP)
+    stage.run.cancel("enough")
+    assert stage.outcome == "cancelled"
+    assert stage.asked == []
+    result = stage.run.result
+    assert result is not None
+    assert (result.ticks, result.tip, result.message) == (0, "", "enough")
+
+
+def test_a_cancel_stops_the_leaf_at_once_and_the_clean_up_runs_from_the_next_tick_on() -> None:
+    stage = Stage(SPEAKS, head=CLEAN_UP, answers={"say": [LONG, ScriptedReply(after_s=1.0)]})
+    stage.tick()
+    stage.run.cancel("enough")
+    assert stage.world.running() == []
+    assert stage.said == ["hello"]
+    assert stage.tick() == "running"
+    assert stage.said == ["hello", "good-bye"]
+    assert stage.after(1.0) == "cancelled"
+    assert stage.message == "enough"
+
+
+def test_a_cancel_during_a_cancel_changes_nothing() -> None:
+    stage = Stage(SPEAKS, head=CLEAN_UP, answers={"say": [LONG, ScriptedReply(after_s=1.0)]})
+    stage.tick()
+    stage.run.cancel("enough")
+    stage.tick()
+    assert stage.run.cancel("more than enough") == []
+    assert stage.world.running() == ["say"]
+    assert stage.after(1.0) == "cancelled"
+    assert stage.message == "enough"
+    assert stage.said == ["hello", "good-bye"]
+
+
+def test_a_clean_up_that_takes_too_long_is_stopped() -> None:
+    stage = Stage(SPEAKS, head=CLEAN_UP, answers={"say": [LONG]}, limits=RunLimits(clean_up_s=3.0))
+    stage.tick()
+    stage.run.cancel("enough")
+    stage.tick()
+    assert stage.after(2.9) == "running"
+    assert stage.after(0.1) == "cancelled"
+    assert stage.world.running() == []
+
+
+def test_a_cancel_while_goals_settle_after_a_success_leaves_it_a_success() -> None:
+    stage = Stage(
+        "parallel: {succeed_on: one, children: [{say: x}, {show: {text: y}}]}",
+        head=CLEAN_UP,
+        answers={"show": [ScriptedReply(after_s=9.0, cancel_s=0.5)]},
+    )
+    assert stage.tick() == "running"
+    assert stage.run.cancel("too late") == []
+    assert stage.after(0.5) == "succeeded"
+    assert stage.said == ["x"]
+
+
+def test_a_cancel_while_goals_settle_after_a_failure_leaves_it_a_failure() -> None:
+    stage = Stage(
+        "parallel: [{say: x}, {show: {text: y}}]",
+        answers={
+            "say": [ScriptedReply(state=GoalState.ABORTED, message="hoarse")],
+            "show": [ScriptedReply(after_s=9.0, cancel_s=0.5)],
+        },
+    )
+    assert stage.tick() == "running"
+    stage.run.cancel("too late")
+    assert stage.after(0.5) == "failed"
+    assert "hoarse" in stage.message
+
+
+def test_a_cancel_after_the_end_leaves_the_result_as_it_is() -> None:
+    stage = Stage(SPEAKS)
+    assert stage.tick() == "succeeded"
+    result = stage.run.result
+    assert stage.run.cancel("too late") == []
+    stage.tick(3)
+    assert stage.run.result is result
+
+
+def test_a_goal_not_accepted_yet_is_cancelled_on_acceptance_and_waited_for() -> None:
+    stage = Stage(SPEAKS, answers={"say": [ScriptedReply(accept_s=1.0, after_s=100.0)]})
+    stage.tick()
+    stage.run.cancel("enough")
+    assert stage.outcome == "running"
+    assert stage.after(0.9) == "running"
+    assert stage.after(0.1) == "cancelled"
+    assert stage.run.result is not None
+    assert stage.run.result.orphans == ()
+
+
+def test_a_goal_that_does_not_end_is_an_orphan_named_by_its_node() -> None:
+    stage = Stage(
+        SPEAKS, head=CLEAN_UP, answers={"say": [STUBBORN]}, limits=RunLimits(settle_s=2.0)
+    )
+    stage.tick()
+    stage.run.cancel("enough")
+    stage.tick()
+    assert stage.after(3.0) == "running"
+    assert stage.after(2.0) == "cancelled"
+    assert stage.run.result is not None
+    assert stage.run.result.orphans == ("tree/0.say", "on_cancel")
+
+
+def test_a_cancel_from_within_the_host_can_leave_the_clean_up_out() -> None:
+    stage = Stage(SPEAKS, head=CLEAN_UP, answers={"say": [LONG]})
+    stage.tick()
+    stage.run.cancel("the host is stopping", clean_up=False)
+    assert stage.outcome == "cancelled"
+    assert stage.said == ["hello"]
+
+
+def test_a_clean_up_that_is_not_wanted_any_more_is_stopped() -> None:
+    stage = Stage(SPEAKS, head=CLEAN_UP, answers={"say": [LONG]})
+    stage.tick()
+    stage.run.cancel("enough")
+    stage.tick()
+    assert stage.world.running() == ["say"]
+    stage.run.cancel("the host is stopping", clean_up=False)
+    assert stage.world.running() == []
+    assert stage.tick() == "cancelled"
+    assert stage.message == "enough"
+
+
+def test_a_clean_up_whose_time_is_over_begins_nothing_more() -> None:
+    stage = Stage(
+        SPEAKS,
+        head="on_cancel: {sequence: [{say: good-bye}, {say: really}]}",
+        answers={"say": [LONG, ScriptedReply(after_s=1.0)]},
+        limits=RunLimits(clean_up_s=3.0),
+    )
+    stage.tick()
+    stage.run.cancel("enough")
+    stage.tick()
+    assert stage.after(60.0) == "cancelled"
+    assert stage.said == ["hello", "good-bye"]
+
+
+@pytest.mark.parametrize("wait_s", [0.0, 1.0])
+def test_a_run_in_a_hurry_waits_less_for_its_goals_whenever_that_is_said(wait_s: float) -> None:
+    stage = Stage(SPEAKS, answers={"say": [STUBBORN]}, limits=RunLimits(settle_s=2.0))
+    stage.tick()
+    if not wait_s:
+        stage.run.hurry(0.7)
+    stage.run.cancel("the host is stopping")
+    assert stage.after(wait_s) == "running"
+    stage.run.hurry(0.7)
+    assert stage.after(0.6) == "running"
+    assert stage.after(0.1) == "cancelled"
+    assert stage.run.result is not None
+    assert stage.run.result.orphans == ("tree/0.say",)
+    stage.run.hurry(0.7)
+    assert stage.outcome == "cancelled"
+
+
+def test_giving_up_ends_a_run_even_when_its_nodes_cannot_be_stopped(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    stage = Stage(SPEAKS, answers={"say": [LONG]})
+    stage.tick()
+
+    def stuck(_ticker: object) -> None:
+        raise RuntimeError("cogwheel")
+
+    monkeypatch.setattr(Ticker, "halt", stuck)
+    result = stage.run.give_up("RuntimeError: cogwheel")
+    assert result.outcome is TreeOutcome.FAILED
+    assert result.orphans == ("tree/0.say",)
+
+
+class SlowClock:
+    """A clock that moves on each time somebody looks at it, a lot at one node."""
+
+    def __init__(self) -> None:
+        self.now = 0.0
+        self.steps = iter([0.0])
+
+    def __call__(self) -> float:
+        self.now += next(self.steps, 0.0)
+        return self.now
+
+
+def test_a_tick_that_takes_too_long_is_counted_with_the_node_that_took_longest() -> None:
+    stage = Stage(SPEAKS, answers={"show": [ScriptedReply(after_s=100.0)]})
+    clock = SlowClock()
+    stage.run._stopwatch = clock
+    stage.run.period_s = 0.1
+    # Looked at before the tick, then when each leaf answers, then at the end.
+    clock.steps = iter([0.0, 0.01, 0.2, 0.01, 0.0])
+    stage.tick()
+    overrun = stage.run.overrun
+    assert overrun is not None
+    assert overrun.slowest == "tree/1.show"
+    assert overrun.slowest_s == pytest.approx(0.2)
+    assert overrun.took_s == pytest.approx(0.22)
+    stage.tick()
+    assert stage.run.overrun is None
+    stage.run.cancel("enough")
+    assert stage.run.result is not None
+    assert stage.run.result.overruns == 1
+
+
+def test_a_tick_that_takes_too_long_after_its_last_leaf_names_the_outermost_node() -> None:
+    stage = Stage(SPEAKS, answers={"show": [ScriptedReply(after_s=100.0)]})
+    clock = SlowClock()
+    stage.run._stopwatch = clock
+    stage.run.period_s = 0.1
+    clock.steps = iter([0.0, 0.01, 0.02, 0.3])
+    stage.tick()
+    overrun = stage.run.overrun
+    assert overrun is not None
+    assert overrun.slowest == "tree"
+    assert overrun.slowest_s == pytest.approx(0.3)
+
+
+def test_without_a_period_no_tick_is_too_long() -> None:
+    stage = Stage("say: x")
+    clock = SlowClock()
+    stage.run._stopwatch = clock
+    clock.steps = iter([0.0, 100.0, 0.0, 100.0])
+    assert stage.tick() == "succeeded"
+    assert stage.run.result is not None
+    assert stage.run.result.overruns == 0

@@ -1,0 +1,241 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Choose and random: which child is done, and that nothing else is."""
+
+from __future__ import annotations
+
+from random import Random
+
+import pytest
+
+from bt_agents.engine.environment import GoalState
+from bt_agents.engine.scripted_environment import ScriptedReply
+from tree_harness import Stage, scene
+
+FAILS = [ScriptedReply(state=GoalState.ABORTED, message="motor off")]
+LONG = [ScriptedReply(after_s=100.0)]
+
+CASES = """
+    choose:
+      children:
+        - name: young
+          when: live.age <= 2
+          say: Hi!
+        - name: old
+          when: live.age >= 4
+          say: Good day.
+      otherwise:
+        say: Hello.
+    """
+
+
+@pytest.mark.parametrize(("age", "words"), [(1.0, "Hi!"), (5.0, "Good day."), (3.0, "Hello.")])
+def test_choose_does_the_first_case_that_fits_and_no_other(age: float, words: str) -> None:
+    stage = Stage(CASES, awarded=scene(age=age, mood=3))
+    assert stage.tick() == "succeeded"
+    assert stage.said == [words]
+
+
+def test_choose_looks_only_when_it_starts() -> None:
+    #  t | live.age | young | old | choose
+    #  0 |    1     |   R   |     |   R
+    #  1 |    5     |   R   |     |   R
+    #  2 |    5     |   S   |     |   S
+    stage = Stage(
+        CASES, awarded=scene(age=1, mood=3), answers={"say": [ScriptedReply(after_s=2.0)]}
+    )
+    assert stage.tick() == "running"
+    stage.set_live("age", 5.0)
+    assert stage.after(1.0) == "running"
+    assert stage.after(1.0) == "succeeded"
+    assert stage.said == ["Hi!"]
+
+
+def test_choose_looks_anew_after_an_interruption() -> None:
+    stage = Stage(CASES, awarded=scene(age=1, mood=3), answers={"say": LONG})
+    stage.tick()
+    stage.interrupt()
+    assert stage.world.running() == []
+    stage.set_live("age", 5.0)
+    stage.tick()
+    assert stage.said == ["Hi!", "Good day."]
+    assert stage.status("tree/0.young@when") == "INVALID"
+
+
+def test_a_case_that_fails_is_the_failure_of_choose_and_no_other_is_tried() -> None:
+    stage = Stage(
+        """
+        choose:
+          - name: go
+            when: scene.age == 3
+            drive: x
+          - name: stay
+            when: scene.age > 0
+            say: I stay.
+        """,
+        answers={"drive": FAILS},
+    )
+    assert stage.tick() == "failed"
+    assert stage.said == []
+    assert stage.message == "drive aborted: motor off"
+
+
+def test_without_a_case_that_fits_choose_fails_and_says_why_none_does() -> None:
+    stage = Stage(
+        """
+        choose:
+          - name: young
+            when: scene.age <= 2
+            say: Hi!
+          - name: happy
+            when: scene.mood > 3
+            say: Great!
+        """,
+        awarded=scene(mood=3),
+    )
+    assert stage.tick() == "failed"
+    assert stage.said == []
+    assert stage.message.startswith(
+        "no case fits; young: 'scene.age' has no value; "
+        "happy: not so: scene.mood > 3 (scene.mood is 3) (tree, a.yaml"
+    )
+
+
+def test_a_missing_value_makes_a_case_not_fit() -> None:
+    stage = Stage(CASES, awarded=scene(mood=3))
+    assert stage.tick() == "succeeded"
+    assert stage.said == ["Hello."]
+
+
+def test_the_case_of_an_earlier_time_keeps_no_status() -> None:
+    stage = Stage(f"{CASES}repeat: 2", awarded=scene(age=1, mood=3))
+    stage.tick()
+    assert stage.status("0.young") == "SUCCESS"
+    stage.set_live("age", 5.0)
+    assert stage.tick() == "succeeded"
+    assert stage.status("0.young") == "INVALID"
+    assert stage.said == ["Hi!", "Good day."]
+
+
+def test_choose_says_which_case_it_took() -> None:
+    stage = Stage(CASES, awarded=scene(age=5, mood=3))
+    stage.tick()
+    assert stage.told("tree") == [("SUCCESS", "case 'old'")]
+
+
+RANDOM = """
+    repeat: forever
+    random:
+      seed: 7
+      children:
+        - say: a
+        - say: b
+          weight: 2
+        - say: never
+          weight: 0
+    """
+
+
+def test_random_with_a_seed_picks_the_same_in_every_run() -> None:
+    said = []
+    for number in range(3):
+        stage = Stage(RANDOM, random=Random(number))
+        stage.tick(50)
+        said.append(stage.said)
+    assert said[0] == said[1] == said[2]
+    assert set(said[0]) == {"a", "b"}
+
+
+def test_random_picks_the_more_often_the_larger_the_weight() -> None:
+    stage = Stage(RANDOM)
+    stage.tick(3000)
+    assert stage.said.count("never") == 0
+    assert 900 < stage.said.count("a") < 1100
+
+
+def test_random_without_a_seed_takes_the_numbers_of_the_run() -> None:
+    tree = "repeat: forever\nrandom:\n  - say: a\n  - say: b\n  - say: c"
+    first, second, third = (Stage(tree, random=Random(seed)) for seed in (1, 1, 2))
+    for stage in (first, second, third):
+        stage.tick(30)
+    assert first.said == second.said
+    assert first.said != third.said
+
+
+def test_two_random_nodes_with_seeds_do_not_disturb_each_other() -> None:
+    one = "random:\n  seed: 7\n  children: [{say: a}, {say: b}]\nrepeat: 20"
+    alone = Stage(one)
+    alone.tick(20)
+    both = Stage(
+        """
+        repeat: forever
+        sequence:
+          - random: {seed: 7, children: [{say: a}, {say: b}]}
+          - random: {seed: 8, children: [{show: a}, {show: b}]}
+        """
+    )
+    both.tick(20)
+    assert alone.said == both.said
+
+
+def test_a_picked_child_is_kept_until_it_ends_and_its_end_is_the_end() -> None:
+    stage = Stage(
+        "random:\n  - say: a\n  - show: b", answers={"say": LONG, "show": LONG}, random=Random(3)
+    )
+    assert stage.tick(20, step_s=1.0) == "running"
+    assert len(stage.asked) == 1
+    stage.interrupt()
+    assert stage.world.running() == []
+    stage = Stage("random:\n  - drive: a\n  - drive: b", answers={"drive": FAILS})
+    assert stage.tick() == "failed"
+    assert len(stage.asked) == 1
+
+
+def test_weights_may_be_tuned_and_are_looked_at_at_each_start() -> None:
+    stage = Stage(
+        "repeat: forever\nrandom:\n  - say: a\n    weight: ${w}\n  - say: b\n    weight: ${1 - w}",
+        head="tunables: {w: {default: 1.0, min: 0, max: 1, description: d}}",
+    )
+    stage.tick(5)
+    stage.tunables["w"] = 0.0
+    stage.tick(5)
+    assert stage.said == ["a"] * 5 + ["b"] * 5
+
+
+def test_weights_of_nothing_are_a_failure_with_words() -> None:
+    stage = Stage(
+        "random:\n  - say: a\n    weight: 0\n  - say: b\n    weight: ${scene.mood}",
+        awarded=scene(mood=0),
+    )
+    assert stage.tick() == "failed"
+    assert stage.said == []
+    assert stage.message.startswith("all weights are 0, expected at least one larger number (tree")
+
+
+@pytest.mark.parametrize("value", [-1.0, float("nan"), float("inf"), "much", True, 10**400])
+def test_a_weight_that_is_none_is_refused_in_words(value: object) -> None:
+    stage = Stage(
+        "random:\n  - say: a\n    weight: ${w}\n  - say: b",
+        head="tunables: {w: {default: 1.0, min: 0, max: 9, description: d}}",
+    )
+    stage.tunables["w"] = value  # type: ignore[assignment]
+    assert stage.tick() == "failed"
+    assert "'weight' is " in stage.message
+    assert "expected a number from 0 on" in stage.message
+
+
+def test_huge_and_tiny_weights_are_weighed_without_overflow() -> None:
+    stage = Stage(
+        """
+        repeat: forever
+        random:
+          - say: a
+            weight: 1.0e308
+          - say: b
+            weight: 1.0e308
+          - say: c
+            weight: 1.0e-300
+        """,
+        random=Random(1),
+    )
+    stage.tick(40)
+    assert set(stage.said) == {"a", "b"}

@@ -1,0 +1,429 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Modifiers that guard a node, leave it out or fix how it ends, tick by tick."""
+
+from __future__ import annotations
+
+import itertools
+
+import py_trees
+import pytest
+
+from bt_agents.engine.builder import COMPOSITES, LEAVES, MODIFIERS, SUBTREE
+from bt_agents.engine.environment import GoalState
+from bt_agents.engine.scripted_environment import ScriptedReply
+from bt_agents_language import nodes
+from tree_harness import Stage, scene
+
+LONG = [ScriptedReply(after_s=100.0)]
+SECOND = [ScriptedReply(after_s=1.0)]
+FAILS = [ScriptedReply(state=GoalState.ABORTED, message="motor off")]
+
+
+def test_every_kind_of_the_language_has_a_class() -> None:
+    assert set(nodes.KINDS) <= {*LEAVES, *COMPOSITES, SUBTREE}
+    assert set(nodes.MODIFIERS) <= {*MODIFIERS, "on_failure"}
+    assert "on_failure" in COMPOSITES
+
+
+WRITTEN = {
+    "when": "true",
+    "once": "true",
+    "cooldown": "5 s",
+    "succeed": "true",
+    "fail": "true",
+    "on_failure": "{say: sorry}",
+    "while": "true",
+    "retry": "2",
+    "repeat": "2",
+    "timeout": "5 s",
+    "invert": "true",
+}
+
+
+PAIRS = [
+    pair
+    for pair in itertools.combinations(WRITTEN, 2)
+    # Both together are a contradiction.
+    if pair != ("succeed", "fail")
+]
+
+
+def test_the_pairs_below_cover_every_modifier() -> None:
+    assert list(WRITTEN) == list(nodes.MODIFIERS)
+
+
+@pytest.mark.parametrize(("outer", "inner"), PAIRS)
+def test_two_modifiers_nest_in_the_documented_order_however_they_are_written(
+    outer: str, inner: str
+) -> None:
+    stage = Stage(f"{inner}: {WRITTEN[inner]}\nsay: x\n{outer}: {WRITTEN[outer]}")
+    kinds = []
+    node = stage.root
+    while True:
+        kinds.append(node.spec.kind)
+        if not node.children:
+            break
+        node = node.children[0]
+    assert kinds == [outer, inner, "say"]
+    for _ in range(9):
+        stage.after(10.0)
+    assert stage.outcome in ("succeeded", "failed")
+
+
+def test_while_stops_the_node_as_soon_as_its_condition_is_not_true() -> None:
+    #  t | mood | say       | while
+    #  0 |  3   | R         |   R
+    #  1 |  3   | R         |   R
+    #  2 |  1   | cancelled |   F
+    stage = Stage("say: x\nwhile: live.mood >= 2", answers={"say": LONG})
+    assert stage.tick() == "running"
+    assert stage.after(1.0) == "running"
+    stage.set_mood(1.0)
+    assert stage.after(1.0) == "failed"
+    assert stage.world.running() == []
+    assert stage.message.startswith(
+        "not so any more: live.mood >= 2 (live.mood is 1) (tree@while, a.yaml:"
+    )
+
+
+def test_while_starts_nothing_when_its_condition_is_false_at_once() -> None:
+    stage = Stage("say: x\nwhile: scene.age > 4")
+    assert stage.tick() == "failed"
+    assert stage.said == []
+    assert stage.message.startswith("not so: scene.age > 4 (")
+
+
+def test_while_fails_with_words_when_a_value_is_missing_or_does_not_fit() -> None:
+    stage = Stage("say: x\nwhile: live.age > 1", awarded=scene(mood=3), answers={"say": LONG})
+    assert stage.tick() == "failed"
+    assert "'live.age' has no value" in stage.message
+    stage = Stage("say: x\nwhile: 1 / live.mood > 0", answers={"say": LONG})
+    stage.tick()
+    stage.set_mood(0.0)
+    assert stage.tick() == "failed"
+    assert "by zero" in stage.message
+    assert stage.world.running() == []
+
+
+def test_while_ends_with_the_node_in_the_tick_in_which_the_node_ends() -> None:
+    stage = Stage("say: x\nwhile: live.mood >= 2", answers={"say": SECOND})
+    stage.tick()
+    assert stage.after(1.0) == "succeeded"
+
+
+def test_while_guards_the_pause_of_a_retry_too() -> None:
+    stage = Stage(
+        "say: x\nretry: {attempts: 3, pause: 9 s}\nwhile: live.mood >= 2", answers={"say": FAILS}
+    )
+    assert stage.tick() == "running"
+    stage.set_mood(1.0)
+    assert stage.after(1.0) == "failed"
+    assert len(stage.said) == 1
+
+
+def test_a_while_that_failed_starts_afresh() -> None:
+    stage = Stage(
+        """
+        repeat: forever
+        sequence:
+          - say: x
+            while: live.mood >= 2
+            succeed: true
+        """,
+        answers={"say": LONG},
+    )
+    stage.tick()
+    stage.set_mood(1.0)
+    stage.tick(3)
+    assert len(stage.said) == 1
+    stage.set_mood(3.0)
+    stage.tick()
+    assert len(stage.said) == 2
+    assert stage.world.running() == ["say"]
+
+
+def test_when_whose_condition_cannot_be_evaluated_leaves_the_node_out_and_says_why() -> None:
+    stage = Stage("say: x\nwhen: 1 / scene.mood > 0", awarded=scene(mood=0))
+    assert stage.tick() == "succeeded"
+    assert stage.said == []
+    [(status, message)] = stage.told("tree@when")
+    assert status == "SUCCESS"
+    assert "left out: " in message
+    assert "by zero" in message
+
+
+def test_when_is_looked_at_again_after_an_interruption() -> None:
+    stage = Stage("say: x\nwhen: live.mood >= 2", answers={"say": LONG})
+    stage.tick()
+    stage.interrupt()
+    assert stage.world.running() == []
+    stage.set_mood(1.0)
+    assert stage.tick() == "succeeded"
+    assert len(stage.said) == 1
+
+
+def test_a_node_that_is_left_out_does_not_keep_the_status_of_an_earlier_time() -> None:
+    head = "subtrees: {hi: {tree: {say: x, once: true}}}"
+    stage = Stage("subtree: hi\nrepeat: 2", head=head)
+    assert stage.tick() == "running"
+    assert stage.status("tree/hi") == "SUCCESS"
+    assert stage.tick() == "succeeded"
+    assert stage.status("tree/hi") == "INVALID"
+    assert stage.status("tree/hi@once") == "SUCCESS"
+
+
+def test_a_while_that_starts_nothing_does_not_fail_for_the_reason_of_an_earlier_time() -> None:
+    head = "subtrees: {go: {tree: {drive: x, while: live.mood >= 2}}}"
+    stage = Stage("subtree: go\nretry: 2", head=head, answers={"drive": FAILS})
+    assert stage.tick() == "running"
+    stage.set_mood(1.0)
+    assert stage.tick() == "failed"
+    assert "not so: live.mood >= 2" in stage.message
+
+
+def test_once_leaves_the_node_out_after_it_has_ended() -> None:
+    #  tick | first | second | repeat
+    #   1   |   S   |   S    |   R
+    #   2   |  out  |   S    |   R
+    #   3   |  out  |   S    |   S
+    stage = Stage(
+        """
+        repeat: 3
+        sequence:
+          - say: Hello.
+            once: true
+          - say: Once more.
+        """
+    )
+    assert stage.tick(3) == "succeeded"
+    assert stage.said == ["Hello.", "Once more.", "Once more.", "Once more."]
+    assert ("SUCCESS", "left out: done once already") in stage.told("tree/0.say@once")
+
+
+def test_once_below_a_selector_lets_the_next_be_tried() -> None:
+    stage = Stage(
+        """
+        repeat: 3
+        selector:
+          - say: first time
+            once: true
+          - say: later
+        """
+    )
+    assert stage.tick(3) == "succeeded"
+    assert stage.said == ["first time", "later", "later"]
+
+
+def test_once_counts_a_failure_as_done() -> None:
+    stage = Stage(
+        """
+        repeat: 3
+        selector:
+          - drive: x
+            once: true
+          - say: y
+        """,
+        answers={"drive": FAILS},
+    )
+    assert stage.tick(3) == "succeeded"
+    assert stage.asked == ["drive", "say", "say", "say"]
+
+
+def test_once_starts_a_node_again_that_was_stopped_before_its_end() -> None:
+    stage = Stage("say: x\nonce: true", answers={"say": LONG})
+    stage.tick()
+    stage.interrupt()
+    assert stage.tick() == "running"
+    assert len(stage.said) == 2
+
+
+def test_once_outlasts_an_interruption_of_what_is_around_it() -> None:
+    stage = Stage(
+        """
+        sequence:
+          - say: x
+            once: true
+          - wait: 9 s
+        """
+    )
+    stage.tick()
+    stage.interrupt()
+    stage.tick()
+    assert stage.said == ["x"]
+
+
+def test_cooldown_leaves_the_node_out_for_a_time_after_its_end() -> None:
+    #  t | say | repeat
+    #  0 |  R  |   R
+    #  1 |  S  |   R      cooldown from here
+    #  2 | out |   R
+    #  5 | out |   R
+    #  6 |  R  |   R
+    stage = Stage(
+        "repeat: forever\nsequence:\n  - say: x\n    cooldown: 5 s", answers={"say": SECOND}
+    )
+    stage.tick()
+    stage.after(1.0)
+    stage.after(1.0)
+    assert ("SUCCESS", "left out: done less than 5 s ago") in stage.told("tree/0.say@cooldown")
+    stage.after(3.9)
+    assert len(stage.said) == 1
+    stage.after(0.1)
+    assert len(stage.said) == 2
+
+
+def test_cooldown_below_a_selector_lets_the_next_be_tried() -> None:
+    stage = Stage("repeat: 2\nselector:\n  - say: first\n    cooldown: 5 s\n  - say: second")
+    assert stage.tick(2) == "succeeded"
+    assert stage.said == ["first", "second"]
+
+
+def test_cooldown_of_nothing_leaves_nothing_out_and_it_may_be_tuned() -> None:
+    stage = Stage(
+        "repeat: forever\nsequence:\n  - say: x\n    cooldown: ${rest}",
+        head="tunables: {rest: {default: 0 s, min: 0 s, max: 60 s, description: d}}",
+    )
+    stage.tick(3)
+    assert len(stage.said) == 3
+    stage.tunables["rest"] = 10.0
+    stage.after(9.0)
+    assert len(stage.said) == 3
+    stage.tunables["rest"] = 9.0
+    stage.tick()
+    assert len(stage.said) == 4
+
+
+@pytest.mark.parametrize("value", [-1.0, float("nan"), float("inf"), "soon", True, 10**400])
+def test_times_that_are_none_are_refused_in_words(value: object) -> None:
+    head = "tunables: {t: {default: 1 s, min: 0 s, max: 60 s, description: d}}"
+    for tree in (
+        "wait: ${t}",
+        "say: x\ntimeout: ${t}",
+        "wait_for: {condition: 1 > 0, for: '${t}'}",
+    ):
+        stage = Stage(tree, head=head, answers={"say": LONG})
+        stage.tunables["t"] = value  # type: ignore[assignment]
+        assert stage.tick() == "failed", tree
+        assert "expected a time such as '5 s'" in stage.message
+        assert "a.yaml:" in stage.message
+        assert stage.world.running() == []
+
+
+def test_a_cooldown_that_is_no_time_is_a_failure_when_it_is_looked_at() -> None:
+    stage = Stage(
+        "repeat: 2\nsequence:\n  - say: x\n    cooldown: ${rest}",
+        head="tunables: {rest: {default: 1 s, min: 0 s, max: 60 s, description: d}}",
+    )
+    stage.tunables["rest"] = -1.0
+    assert stage.tick(2) == "failed"
+    assert "expected a time" in stage.message
+
+
+def test_succeed_and_fail_fix_how_a_node_ends_and_wait_for_its_end() -> None:
+    for answers in (
+        [ScriptedReply(after_s=1.0)],
+        [ScriptedReply(after_s=1.0, state=GoalState.ABORTED)],
+    ):
+        stage = Stage("drive: x\nsucceed: true", answers={"drive": answers})
+        assert stage.tick() == "running"
+        assert stage.after(1.0) == "succeeded"
+        stage = Stage("drive: x\nfail: true", answers={"drive": answers})
+        assert stage.tick() == "running"
+        assert stage.after(1.0) == "failed"
+
+
+def test_fail_keeps_the_reason_of_a_node_that_failed_by_itself() -> None:
+    stage = Stage("drive: x\nfail: true", answers={"drive": FAILS})
+    assert stage.tick() == "failed"
+    assert stage.message == "drive aborted: motor off"
+    stage = Stage("drive: x\nfail: true")
+    assert stage.tick() == "failed"
+    assert stage.message.startswith("succeeded, and counts as failed (tree@fail")
+
+
+def test_succeed_covers_what_stands_inside_of_it() -> None:
+    stage = Stage("say: x\nwhile: scene.age > 4\ntimeout: 1 s\nretry: 2\nsucceed: true")
+    assert stage.tick() == "succeeded"
+    stage = Stage("say: x\ntimeout: 1 s\nsucceed: true", answers={"say": LONG})
+    stage.tick()
+    assert stage.after(1.0) == "succeeded"
+    assert stage.world.running() == []
+
+
+def test_a_timeout_of_nothing_lets_a_node_end_that_ends_at_once() -> None:
+    assert Stage("say: x\ntimeout: 0 s").tick() == "succeeded"
+    stage = Stage("say: x\ntimeout: 0 s", answers={"say": LONG})
+    assert stage.tick() == "failed"
+    assert stage.world.running() == []
+
+
+def test_a_timeout_may_be_tuned_and_counts_anew_after_an_interruption() -> None:
+    stage = Stage(
+        "say: x\ntimeout: ${limit}",
+        head="tunables: {limit: {default: 9 s, min: 1 s, max: 60 s, description: d}}",
+        answers={"say": LONG},
+    )
+    stage.tick()
+    assert stage.after(8.0) == "running"
+    stage.interrupt()
+    assert stage.tick() == "running"
+    assert stage.after(8.0) == "running"
+    stage.tunables["limit"] = 8.0
+    assert stage.tick() == "failed"
+
+
+def test_a_stopped_modifier_leaves_nothing_running_below_it() -> None:
+    keys = [f"{key}: {value}" for key, value in WRITTEN.items() if key not in ("fail", "invert")]
+    stage = Stage("\n".join(["say: x", *keys]), answers={"say": LONG})
+    assert stage.tick() == "running"
+    stage.interrupt()
+    assert {node.status.name for node in stage.root.iterate()} == {"INVALID"}
+    assert stage.world.running() == []
+
+
+def test_the_tools_of_py_trees_work_on_a_tree_of_every_kind() -> None:
+    stage = Stage(
+        """
+        sequence:
+          - parallel: {succeed_on: 1, children: [{say: x}, {wait: 1 s}]}
+          - parallel: {succeed_on: [a], children: [{say: x, name: a}, {wait: 1 s}]}
+          - choose: [{name: a, when: scene.age > 0, say: x}]
+          - random: [{say: x}, {say: y, weight: 2}]
+          - say: x
+            once: true
+            cooldown: 1 s
+            while: scene.age > 0
+            on_failure: {say: y}
+            retry: {attempts: 2, pause: 1 s}
+            timeout: 5 s
+          - {wait: 5 s, succeed: true}
+        """
+    )
+    tree = py_trees.trees.BehaviourTree(stage.root)
+    snapshot = py_trees.visitors.SnapshotVisitor()
+    tree.visitors += [snapshot, py_trees.visitors.DebugVisitor()]
+    tree.setup()
+    tree.tick()
+    assert stage.root.id in snapshot.visited
+    shown = py_trees.display.ascii_tree(stage.root, show_status=True)
+    assert "random" in shown
+    stage.interrupt()
+    assert {node.status.name for node in stage.root.iterate()} == {"INVALID"}
+
+
+def test_a_timeout_says_what_the_node_still_waits_for() -> None:
+    stage = Stage("wait_for: live.mood > 4\ntimeout: 5 s")
+    stage.tick()
+    assert stage.after(5.0) == "failed"
+    assert stage.message.startswith(
+        "not done within 5 s: not so yet: live.mood > 4 (live.mood is 3) (tree@timeout"
+    )
+
+
+def test_a_timeout_says_why_the_last_message_did_not_do() -> None:
+    stage = Stage("wait_for: {topic: t, type: std_msgs/msg/Bool, until: msg.data}\ntimeout: 5 s")
+    stage.tick()
+    stage.world.arrive("t", {"data": False})
+    stage.tick()
+    assert stage.after(5.0) == "failed"
+    assert "not done within 5 s: the last message is not so: msg.data (tree@" in stage.message

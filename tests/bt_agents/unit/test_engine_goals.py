@@ -1,0 +1,429 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Goals on a clock turned by hand: how each ends for its leaf, and what is known of its server."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from bt_agents.engine.environment import GoalState, SkillGoal
+from bt_agents.engine.scripted_environment import ManualClock, ScriptedReply
+from bt_agents.host.environment.goal_track import SECOND_LOOK_S, GoalTrack
+from bt_agents_language.model.specs import BindingKind, HeartbeatSpec, Timeouts
+from tree_harness import Stage
+
+BEAT = HeartbeatSpec(topic="robot/heartbeat", type="std_msgs/msg/Empty", within_s=1.0)
+
+
+class Followed:
+    """A goal whose server does what the test says."""
+
+    def __init__(
+        self,
+        kind: BindingKind = BindingKind.ACTION,
+        timeouts: Timeouts | None = None,
+        heartbeat: HeartbeatSpec | None = None,
+    ) -> None:
+        self.clock = ManualClock()
+        self.beat = -math.inf
+        goal = SkillGoal(
+            kind=kind,
+            name="say",
+            type="",
+            fields={},
+            timeouts=timeouts or Timeouts(),
+            heartbeat=heartbeat,
+        )
+        hear = (lambda: self.beat) if heartbeat is not None else None
+        self.track = GoalTrack(goal, self.clock, hear)
+
+    def after(self, seconds: float, there: bool = True) -> GoalState:
+        """Let a time pass and look."""
+        self.clock.advance(seconds)
+        self.track.look(there)
+        return self.track.state
+
+    def cancels(self) -> int:
+        """Return how often the server would be told to stop by now."""
+        return sum(self.track.take_cancel() for _ in range(3))
+
+
+@pytest.fixture
+def running() -> Followed:
+    """A goal that its server has accepted."""
+    subject = Followed()
+    subject.track.sent()
+    subject.track.accepted()
+    return subject
+
+
+def test_a_server_that_is_not_found_in_time_is_unreachable_and_has_nothing_to_stop() -> None:
+    subject = Followed(timeouts=Timeouts(server_s=2.0))
+    assert subject.after(1.9, there=False) is GoalState.PENDING
+    assert not subject.track.confirmed
+    assert subject.after(0.1, there=False) is GoalState.UNREACHABLE
+    assert subject.track.message == "its server is not there (looked for 2 s)"
+    assert subject.track.confirmed
+    assert subject.cancels() == 0
+
+
+def test_a_goal_that_nobody_accepts_is_given_up_and_cancelled_when_it_is_accepted_after_all() -> (
+    None
+):
+    subject = Followed(timeouts=Timeouts(accept_s=2.0))
+    subject.track.sent()
+    assert subject.after(2.0) is GoalState.UNREACHABLE
+    assert subject.track.message == ("its server does not answer (no word about the goal for 2 s)")
+    assert (subject.track.confirmed, subject.cancels()) == (False, 0)
+    subject.track.accepted()
+    assert (subject.track.confirmed, subject.cancels()) == (False, 1)
+    assert subject.track.state is GoalState.UNREACHABLE
+    subject.track.ended(GoalState.CANCELLED)
+    assert subject.track.confirmed
+    assert subject.track.state is GoalState.UNREACHABLE
+
+
+def test_a_goal_that_is_given_up_and_rejected_later_has_nothing_to_stop() -> None:
+    subject = Followed()
+    subject.track.sent()
+    subject.after(3.0)
+    subject.track.rejected()
+    assert subject.track.confirmed
+    assert subject.track.state is GoalState.UNREACHABLE
+    assert subject.cancels() == 0
+
+
+def test_a_cancel_before_it_was_sent_ends_it() -> None:
+    subject = Followed()
+    subject.track.cancel()
+    assert subject.track.state is GoalState.CANCELLED
+    assert subject.track.confirmed
+
+
+def test_a_cancel_before_acceptance_takes_effect_on_acceptance_and_once() -> None:
+    subject = Followed()
+    subject.track.sent()
+    subject.track.cancel()
+    assert (subject.track.state, subject.cancels()) == (GoalState.PENDING, 0)
+    subject.track.accepted()
+    assert (subject.track.state, subject.cancels()) == (GoalState.ACTIVE, 1)
+    subject.track.cancel()
+    assert subject.cancels() == 0
+    assert not subject.track.confirmed
+    subject.track.ended(GoalState.CANCELLED)
+    assert (subject.track.state, subject.track.confirmed) == (GoalState.CANCELLED, True)
+
+
+def test_a_cancel_before_a_rejection_has_nothing_to_stop() -> None:
+    subject = Followed()
+    subject.track.sent()
+    subject.track.cancel()
+    subject.track.rejected()
+    assert (subject.track.state, subject.track.confirmed) == (GoalState.REJECTED, True)
+    assert subject.cancels() == 0
+
+
+@pytest.mark.parametrize("state", [GoalState.SUCCEEDED, GoalState.ABORTED, GoalState.CANCELLED])
+def test_what_the_server_says_is_confirmed(running: Followed, state: GoalState) -> None:
+    running.track.ended(state)
+    assert (running.track.state, running.track.confirmed) == (state, True)
+    running.track.cancel()
+    assert (running.track.state, running.cancels()) == (state, 0)
+
+
+def test_an_action_may_take_as_long_as_it_needs(running: Followed) -> None:
+    assert running.after(1e6) is GoalState.ACTIVE
+
+
+def test_a_result_that_does_not_come_in_time_times_out_and_the_goal_is_cancelled() -> None:
+    subject = Followed(timeouts=Timeouts(result_s=60.0))
+    subject.track.sent()
+    subject.after(2.0)
+    subject.track.accepted()
+    assert subject.after(59.9) is GoalState.ACTIVE
+    assert subject.after(0.1) is GoalState.TIMED_OUT
+    assert subject.track.message == "no result within 60 s"
+    assert (subject.track.confirmed, subject.cancels()) == (False, 1)
+
+
+def test_a_result_after_a_give_up_confirms_the_end_and_changes_nothing_else() -> None:
+    subject = Followed(timeouts=Timeouts(result_s=60.0))
+    subject.track.sent()
+    subject.track.accepted()
+    subject.after(60.0)
+    subject.track.ended(GoalState.SUCCEEDED)
+    assert (subject.track.state, subject.track.confirmed) == (GoalState.TIMED_OUT, True)
+    assert subject.track.message == "no result within 60 s"
+    assert subject.cancels() == 0
+
+
+def test_a_server_that_leaves_the_graph_is_waited_for_and_then_the_goal_is_lost(
+    running: Followed,
+) -> None:
+    running.after(100.0)
+    assert running.after(2.9, there=False) is GoalState.ACTIVE
+    assert running.after(0.1, there=False) is GoalState.UNREACHABLE
+    assert running.track.message == "its server has left the graph (gone for 3 s)"
+    assert not running.track.confirmed
+
+
+def test_a_server_that_is_back_in_time_goes_on(running: Followed) -> None:
+    for _ in range(3):
+        assert running.after(2.9, there=False) is GoalState.ACTIVE
+        assert running.after(0.1) is GoalState.ACTIVE
+
+
+def silent_goal() -> Followed:
+    subject = Followed(heartbeat=BEAT)
+    subject.track.sent()
+    subject.clock.advance(2.0)
+    subject.track.accepted()
+    return subject
+
+
+def test_a_heartbeat_is_waited_for_from_the_acceptance_on() -> None:
+    subject = silent_goal()
+    assert subject.after(0.99) is GoalState.ACTIVE
+    assert subject.after(0.01) is GoalState.ACTIVE  # the first look at a silence says nothing
+    assert subject.track.due == subject.clock() + SECOND_LOOK_S
+    assert subject.after(SECOND_LOOK_S) is GoalState.UNREACHABLE
+    assert subject.track.message == (
+        "its server has gone silent (no heartbeat for 1.0 s, nor ever one on robot/heartbeat)"
+    )
+    assert (subject.track.confirmed, subject.cancels()) == (False, 1)
+
+
+def test_a_server_that_beats_stays_alive() -> None:
+    subject = silent_goal()
+    for _ in range(20):
+        assert subject.after(0.9) is GoalState.ACTIVE
+        subject.beat = subject.clock()
+    subject.after(1.2)
+    assert subject.after(SECOND_LOOK_S) is GoalState.UNREACHABLE
+    assert subject.track.message == "its server has gone silent (no heartbeat for 1.2 s)"
+
+
+def test_a_process_that_was_held_up_hears_the_beats_of_meanwhile_first() -> None:
+    subject = silent_goal()
+    assert subject.after(5.0) is GoalState.ACTIVE
+    subject.beat = subject.clock()
+    assert subject.after(SECOND_LOOK_S) is GoalState.ACTIVE
+    assert subject.after(0.9) is GoalState.ACTIVE
+
+
+def test_it_is_due_when_its_next_limit_is() -> None:
+    subject = Followed(heartbeat=BEAT, timeouts=Timeouts(accept_s=2.0, result_s=1.1))
+    subject.track.sent()
+    assert subject.track.due == 2.0
+    subject.track.accepted()
+    subject.beat = subject.clock()
+    subject.after(0.9)
+    assert subject.track.due == pytest.approx(1.0)
+    subject.beat = subject.clock()
+    assert subject.track.due == pytest.approx(1.1)
+    subject.after(0.2)
+    assert subject.track.state is GoalState.TIMED_OUT
+    assert subject.track.due == math.inf
+
+
+def test_a_service_is_limited_without_being_told_so_and_nothing_of_it_is_left_to_stop() -> None:
+    subject = Followed(kind=BindingKind.SERVICE)
+    subject.track.sent()
+    assert subject.track.state is GoalState.ACTIVE
+    assert subject.after(9.9) is GoalState.ACTIVE
+    assert subject.after(0.1) is GoalState.TIMED_OUT
+    assert subject.track.message == "no answer within 10 s"
+    assert (subject.track.confirmed, subject.cancels()) == (True, 0)
+
+
+def test_a_request_that_is_abandoned_is_over() -> None:
+    subject = Followed(kind=BindingKind.SERVICE)
+    subject.track.sent()
+    subject.track.cancel()
+    assert (subject.track.state, subject.track.confirmed) == (GoalState.CANCELLED, True)
+
+
+# What an author reads and what a run makes of it.
+
+RAW = """
+action:
+  name: dance
+  type: bt_agents_interfaces/action/Say
+  timeouts: {accept: 2 s, result: 60 s}
+"""
+
+
+@pytest.mark.parametrize(
+    ("answer", "after_s", "words"),
+    [
+        (
+            ScriptedReply(
+                state=GoalState.UNREACHABLE, message="its server is not there (looked for 3 s)"
+            ),
+            0.0,
+            "dance unreachable: its server is not there (looked for 3 s)",
+        ),
+        (
+            ScriptedReply(accept_s=9.0, after_s=99.0),
+            2.0,
+            "dance unreachable: its server does not answer (no word about the goal for 2 s)",
+        ),
+        (
+            ScriptedReply(state=GoalState.REJECTED),
+            0.0,
+            "dance rejected: its server did not take the goal and says nothing about why",
+        ),
+        (
+            ScriptedReply(state=GoalState.ABORTED, message="motor off"),
+            0.0,
+            "dance aborted: motor off",
+        ),
+        (
+            ScriptedReply(state=GoalState.ABORTED),
+            0.0,
+            "dance aborted: its server gave up and says nothing about why",
+        ),
+        (
+            ScriptedReply(state=GoalState.CANCELLED),
+            0.0,
+            "dance cancelled: somebody else has stopped it",
+        ),
+        (
+            ScriptedReply(accept_s=1.0, after_s=99.0),
+            61.0,
+            "dance timed out: no result within 60 s",
+        ),
+    ],
+)
+def test_each_way_to_fail_has_its_own_words(
+    answer: ScriptedReply, after_s: float, words: str
+) -> None:
+    stage = Stage(RAW, answers={"dance": [answer]})
+    stage.tick()
+    stage.after(after_s)
+    assert stage.told("tree")[-1] == ("FAILURE", words)
+
+
+def test_a_long_message_of_a_server_is_shortened() -> None:
+    huge = ScriptedReply(state=GoalState.ABORTED, message="x" * 10_000_000)
+    stage = Stage(RAW, answers={"dance": [huge]})
+    stage.tick(2)
+    assert len(stage.message) < 400
+
+
+def test_a_goal_that_timed_out_is_stopped_and_waited_for_at_the_end() -> None:
+    stubborn = ScriptedReply(after_s=99.0, cancel_s=1.0)
+    stage = Stage(RAW, answers={"dance": [stubborn]})
+    stage.tick()
+    assert stage.after(60.0) == "running"  # it settles
+    assert stage.world.running() == ["dance"]
+    assert stage.after(1.0) == "failed"
+    assert stage.run.result is not None
+    assert stage.run.result.orphans == ()
+
+
+def test_a_goal_whose_server_never_confirms_its_end_is_an_orphan() -> None:
+    for lost in (
+        ScriptedReply(after_s=99.0, cancel_s=math.inf),
+        ScriptedReply(after_s=99.0, vanishes=True),
+        ScriptedReply(accept_s=math.inf, after_s=math.inf),
+    ):
+        stage = Stage(RAW, answers={"dance": [lost]})
+        stage.tick()
+        stage.after(60.0)
+        assert stage.after(2.0) == "failed"
+        assert stage.run.result is not None
+        assert stage.run.result.orphans == ("tree",)
+
+
+def test_a_goal_that_was_never_sent_is_no_orphan() -> None:
+    stage = Stage(RAW, answers={"dance": [ScriptedReply(state=GoalState.UNREACHABLE)]})
+    assert stage.tick() == "failed"
+    assert stage.run.result is not None
+    assert stage.run.result.orphans == ()
+
+
+FOLLOWED = """
+parallel:
+  - action:
+      name: dance
+      type: bt_agents_interfaces/action/Say
+      outputs: {done: feedback.progress, words: message}
+  - sequence:
+      - wait_for: done > 0.4
+      - say: "half: ${done}"
+"""
+
+
+def test_feedback_gives_names_values_while_the_action_goes_on() -> None:
+    told = ((1.0, {"progress": 0.1}), (2.0, {"progress": 0.5}), (3.0, {"progress": 0.9}))
+    stage = Stage(FOLLOWED, answers={"dance": [ScriptedReply(after_s=5.0, feedback=told)]})
+    assert stage.tick() == "running"
+    assert stage.told("tree/1.sequence/0.wait_for") == [("RUNNING", "'done' has no value yet")]
+    stage.after(1.0)
+    assert stage.said == []
+    stage.after(1.0)
+    stage.tick()
+    assert stage.said == ["half: 0.5"]
+    assert stage.after(3.0) == "succeeded"
+
+
+def test_the_last_feedback_is_seen_with_the_result_and_an_action_that_gives_none_succeeds() -> (
+    None
+):
+    tree = """
+    sequence:
+      - action:
+          name: dance
+          type: bt_agents_interfaces/action/Say
+          outputs: {done: feedback.progress}
+      - say: "${done}"
+    """
+    told = ScriptedReply(after_s=1.0, feedback=((0.5, {"progress": 1.0}),))
+    stage = Stage(tree, answers={"dance": [told]})
+    stage.tick()
+    assert stage.after(1.0) == "succeeded"
+    assert stage.said == ["1"]
+    stage = Stage(tree, answers={"dance": [ScriptedReply()]})
+    assert stage.tick() == "failed"
+    assert stage.message.startswith("'done' has no value")
+
+
+@pytest.mark.parametrize(
+    "told", [{}, {"progress": math.nan}, {"progress": "x" * 10_000_000}, {"other": [1, 2]}]
+)
+def test_no_feedback_ends_a_goal_or_raises(told: dict[str, object]) -> None:
+    answer = ScriptedReply(after_s=1.0, feedback=((0.0, told),))  # type: ignore[arg-type]
+    tree = RAW + "  outputs: {done: feedback.progress}"
+    stage = Stage(tree, answers={"dance": [answer]})
+    assert stage.tick() == "running"
+    assert stage.after(1.0) == "succeeded"
+    assert len(str(stage.changes)) < 10_000
+
+
+@pytest.mark.parametrize(
+    "result", [{"answer": math.nan}, {"answer": "x" * 10_000_000}, {"answer": ""}, {}]
+)
+def test_no_result_raises(result: dict[str, object]) -> None:
+    stage = Stage("ask: Yes?", answers={"ask": [ScriptedReply(result=result)]})  # type: ignore[arg-type]
+    assert stage.tick() in ("succeeded", "failed")
+    assert len(str(stage.changes)) < 10_000
+
+
+LATCHED = "wait_for: {topic: door, type: std_msgs/msg/Bool, until: msg.data, latched: %s}"
+
+
+def test_a_latched_topic_has_its_last_message_in_the_first_tick() -> None:
+    stage = Stage(LATCHED % "true")
+    stage.world.arrive("door", {"data": False})
+    stage.world.arrive("door", {"data": True})
+    assert stage.tick() == "succeeded"
+
+
+def test_another_topic_has_only_what_comes_while_it_waits() -> None:
+    stage = Stage(LATCHED % "false")
+    stage.world.arrive("door", {"data": True})
+    assert stage.tick() == "running"
+    stage.world.arrive("door", {"data": True})
+    assert stage.tick() == "succeeded"

@@ -1,0 +1,251 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What leaves send, log, remember and tell, and values computed on the way."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+from bt_agents.engine.environment import GIVE_FEEDBACK, GoalState
+from bt_agents.engine.scripted_environment import GivenFeedback, ScriptedReply
+from bt_agents_core.feedback import FeedbackKind
+from bt_agents_language.model.specs import Literal, MapValue, NodeSpec, Plain, Position
+from tree_harness import Stage, agent, scene
+
+TUNABLES = """
+tunables:
+  patience: {default: 90 s, min: 0 s, max: 5 min, description: d}
+  steps: {default: 3, min: 1, max: 9, description: d}
+"""
+
+
+def test_log_writes_a_line_and_tells_it_to_whoever_watches() -> None:
+    stage = Stage(
+        """
+        sequence:
+          - log: The scene is ${scene.age}.
+          - log: {message: Something is odd., level: warning}
+          - log: {message: Broken., level: error}
+        """
+    )
+    assert stage.tick() == "succeeded"
+    assert stage.world.logged == [
+        ("info", "The scene is 3."),
+        ("warning", "Something is odd."),
+        ("error", "Broken."),
+    ]
+    assert stage.told("tree/0.log") == [("SUCCESS", "The scene is 3.")]
+
+
+def test_the_same_line_logged_again_is_told_again() -> None:
+    stage = Stage("log: once more\nrepeat: 3")
+    assert stage.tick(3) == "succeeded"
+    assert stage.told("tree") == [("SUCCESS", "once more")] * 3
+
+
+def test_a_skill_that_ends_at_once_twice_is_told_twice_and_a_check_is_not() -> None:
+    stage = Stage("repeat: 3\nsequence:\n  - check: scene.age == 3\n  - say: x")
+    stage.tick(3)
+    assert len(stage.told("tree/1.say")) == 3
+    assert len(stage.told("tree/0.check")) == 1
+
+
+def test_what_is_stopped_in_a_tick_is_told_in_that_tick() -> None:
+    stage = Stage("say: x\ntimeout: 2 s", answers={"say": [ScriptedReply(after_s=9.0)]})
+    stage.tick()
+    assert stage.after(2.0) == "failed"
+    assert [status for status, _ in stage.told("tree")] == ["RUNNING", "INVALID"]
+
+
+@pytest.mark.parametrize(
+    ("word", "kind"), [("positive", FeedbackKind.POSITIVE), ("negative", FeedbackKind.NEGATIVE)]
+)
+def test_feedback_is_given_and_taken(word: str, kind: FeedbackKind) -> None:
+    stage = Stage(f"give_feedback: {word}")
+    assert stage.tick() == "succeeded"
+    assert stage.world.feedback_given == [GivenFeedback(kind=kind, values={}, reason="")]
+    assert stage.told("tree") == [("SUCCESS", f"{word} feedback given")]
+
+
+def test_direct_feedback_carries_its_values_and_the_reason() -> None:
+    stage = Stage(
+        """
+        give_feedback:
+          kind: direct
+          values: {age: "${scene.age + 1}", mood: 5}
+          reason: At ${scene.age}.
+        """
+    )
+    assert stage.tick() == "succeeded"
+    assert stage.world.feedback_given == [
+        GivenFeedback(kind=FeedbackKind.DIRECT, values={"age": 4.0, "mood": 5.0}, reason="At 3.")
+    ]
+
+
+def test_feedback_that_is_refused_is_a_failure_with_the_words_of_the_refusal() -> None:
+    refusal = ScriptedReply(
+        state=GoalState.REJECTED, message="the last run had no scene", after_s=1.0
+    )
+    stage = Stage("give_feedback: positive", answers={GIVE_FEEDBACK: [refusal]})
+    assert stage.tick() == "running"
+    assert stage.after(1.0) == "failed"
+    assert stage.message == "positive feedback rejected: the last run had no scene"
+
+
+def test_feedback_that_is_not_answered_is_not_waited_for_after_a_stop() -> None:
+    stage = Stage(
+        "give_feedback: positive", answers={GIVE_FEEDBACK: [ScriptedReply(after_s=99.0)]}
+    )
+    stage.tick()
+    stage.run.cancel("enough")
+    assert stage.outcome == "cancelled"
+    assert stage.run.result is not None
+    assert stage.run.result.orphans == ()
+
+
+def feedback(**fields: object) -> NodeSpec:
+    return NodeSpec(
+        path="tree",
+        position=Position(file="a.yaml", line=1, column=1),
+        kind="give_feedback",
+        name="give_feedback",
+        fields=fields,  # type: ignore[arg-type]
+    )
+
+
+def test_direct_feedback_without_values_is_refused() -> None:
+    for fields in ({}, {"values": MapValue(items={})}):
+        stage = Stage(feedback(kind=Literal(value="direct"), **fields))
+        assert stage.tick() == "failed"
+        assert stage.message.startswith("direct feedback has no values, expected at least one")
+        assert stage.world.feedback_given == []
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "words"),
+    [
+        ("age", float("nan"), "expected a number between 1 and 5"),
+        ("age", float("inf"), "expected a number between 1 and 5"),
+        ("age", "old", "age is the text 'old', expected a number between 1 and 5"),
+        ("age", True, "expected a number between 1 and 5"),
+        ("age", 9.0, "age is 9, expected 1 to 5"),
+        ("height", 1.0, "no scene parameter 'height'"),
+    ],
+)
+def test_direct_feedback_takes_no_impossible_values(name: str, value: object, words: str) -> None:
+    values = MapValue(items={name: Literal(value=value)})  # type: ignore[arg-type]
+    stage = Stage(feedback(kind=Literal(value="direct"), values=values))
+    assert stage.tick() == "failed"
+    assert words in stage.message
+    assert stage.world.feedback_given == []
+
+
+def test_values_are_computed_when_they_are_needed() -> None:
+    stage = Stage(
+        """
+        sequence:
+          - set: {count: "${steps + 1}"}
+          - say: {text: "${count * 2} steps, at most ${max(steps, 5)}.", rate: "${steps / 4}"}
+        """,
+        head=TUNABLES,
+    )
+    assert stage.tick() == "succeeded"
+    assert stage.said == ["8 steps, at most 5."]
+    assert stage.world.goals[-1].goal.fields["rate"] == 0.75
+
+
+def test_a_value_that_cannot_be_computed_is_a_failure_with_words() -> None:
+    stage = Stage("say: '${1 / live.mood}'", awarded=scene(mood=0))
+    assert stage.tick() == "failed"
+    assert "by zero" in stage.message
+    assert "(tree, a.yaml:" in stage.message
+
+
+def test_quantities_are_spoken_with_their_units_inside_of_texts() -> None:
+    stage = Stage("say: I wait ${patience}, in ${steps} steps.\nrepeat: 2", head=TUNABLES)
+    stage.tick()
+    stage.tunables["patience"] = 0.25
+    stage.tick()
+    assert stage.said == ["I wait 1.5 min, in 3 steps.", "I wait 250 ms, in 3 steps."]
+
+
+def test_yes_no_nothing_and_lists_are_spoken_as_words() -> None:
+    stage = Stage(
+        """
+        sequence:
+          - set: {things: [1.0, two, true]}
+          - say: ${things}, ${live.person}
+        """
+    )
+    stage.tick()
+    assert stage.said == ["1, two, yes, yes"]
+
+
+def test_a_skill_that_no_robot_offers_is_a_failure_that_says_so() -> None:
+    tree = agent("say: x").tree
+    assert tree.skill is not None
+    lost = replace(tree.skill, binding=None, unoffered="its type is not installed")
+    stage = Stage(replace(tree, skill=lost))
+    assert stage.tick() == "failed"
+    assert "'say' cannot be done: its type is not installed" in stage.message
+    assert stage.asked == []
+
+
+@pytest.mark.parametrize(
+    ("path", "result", "words"),
+    [
+        ("answer", {"answer": "tea"}, "tea"),
+        ("data#drink.0", {"answer": "a", "data": '{"drink": ["milk"]}'}, "milk"),
+        ("data#drink", {"answer": "a", "data": '{"food": 1}'}, "'result.data#drink' has no value"),
+        ("data#drink", {"answer": "a", "data": "no json"}, "needs a JSON text, but: Expecting"),
+        ("data#drink", {"answer": "a", "data": '{"drink": NaN}'}, "NaN is no number"),
+        ("data#drink", {"answer": "a", "data": "[" * 99_000}, "needs a JSON text"),
+        ("data#drink", {"answer": "a", "data": 5}, "needs a JSON text of at most"),
+    ],
+)
+def test_an_output_may_have_another_name_and_come_from_inside_a_json_text(
+    path: str, result: dict[str, Plain], words: str
+) -> None:
+    tree = agent(
+        "sequence:\n  - ask: Which?\n    outputs: {drink: answer}\n  - say: ${drink}"
+    ).tree
+    ask, say = tree.children
+    stage = Stage(
+        replace(tree, children=(replace(ask, outputs={"drink": path}), say)),
+        answers={"ask": [ScriptedReply(result=result)]},
+    )
+    stage.tick()
+    assert words in (stage.said[0] if stage.said else stage.message)
+
+
+@pytest.mark.parametrize(
+    ("condition", "values"),
+    [
+        ("word == 'yess'", " (word is 'yes')"),
+        ("truth", ""),
+        ("not scene.person", " (scene.person is true)"),
+        ("number > 4 or number < 1", " (number is 3.333)"),
+        ("scene.person and truth", " (scene.person is true, truth is false)"),
+        ("long == 'x'", f" (long is '{'a' * 39}…')"),
+        ("number > 9 and live.age > 1", " (number is 3.333, live.age has no value)"),
+        ("large == 1", " (large is 1e+300)"),
+        ("1 > 2", ""),
+        (
+            "scene.mood + number + large + live.mood + scene.familiarity < 0",
+            " (scene.mood is 3, number is 3.333, large is 1e+300, live.mood is 3, …)",
+        ),
+    ],
+)
+def test_a_condition_that_is_not_true_says_what_its_names_are(condition: str, values: str) -> None:
+    stage = Stage(
+        f"""
+        sequence:
+          - set: {{word: yes, truth: false, number: '${{10 / 3}}', long: {"a" * 50}}}
+          - set: {{large: 1e300}}
+          - check: {condition}
+        """,
+        awarded=scene(mood=3, familiarity=2),
+    )
+    assert stage.tick() == "failed"
+    assert stage.message == f"not so: {condition}{values}"

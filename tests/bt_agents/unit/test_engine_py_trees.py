@@ -1,0 +1,57 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What tools of py_trees see of our trees, and what they can do with them."""
+
+from __future__ import annotations
+
+from py_trees import display, trees, visitors
+from py_trees.common import Status
+
+from tree_harness import Stage
+
+TREE = """
+sequence:
+  - parallel:
+      succeed_on: one
+      children:
+        - say: hello
+          timeout: 5 s
+        - wait: 20 s
+  - when: scene.age > 9
+    say: left out
+  - choose:
+      - {name: old, when: scene.age > 9, say: never}
+      - {name: young, when: scene.age < 9, say: good-bye, retry: 2}
+"""
+
+
+def test_a_tree_manager_of_py_trees_ticks_our_trees_as_a_run_does() -> None:
+    ours, theirs = Stage(TREE), Stage(TREE)
+    seen = visitors.SnapshotVisitor()
+    manager = trees.BehaviourTree(theirs.root)
+    manager.visitors.append(seen)
+    while ours.outcome == "running":
+        ours.tick()
+        manager.tick()
+        for stage in (ours, theirs):
+            stage.world.clock.advance(1.0)
+        names = {node.id: node.name for node in theirs.root.iterate()}
+        assert [node.name for node, _ in ours.ticked] == [names[one] for one in seen.visited]
+        pairs = zip(ours.root.iterate(), theirs.root.iterate(), strict=True)
+        assert all(one.status is two.status for one, two in pairs)
+    assert theirs.root.status is Status.SUCCESS
+    assert theirs.said == ours.said == ["hello", "good-bye"]
+
+
+def test_our_nodes_have_all_that_tools_ask_of_a_behaviour() -> None:
+    root = Stage(TREE).root
+    nodes = list(root.iterate())
+    assert len({node.id for node in nodes}) == len(nodes)
+    assert {node.id for node in nodes} == {node.id for node in nodes}
+    assert root.qualified_name == "LeanSequence/sequence"
+    assert all(child.parent is node for node in nodes for child in node.children)
+    assert list(root.iterator)[-1] is root
+    for node in nodes:
+        assert node.name in display.unicode_tree(root, show_status=True)
+        node.logger.debug("seen")
+    root.stop(Status.INVALID)
+    assert {node.status for node in nodes} == {Status.INVALID}

@@ -1,0 +1,255 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Subtrees: what they see, what they keep for themselves and what they hand over."""
+
+from __future__ import annotations
+
+from bt_agents.engine.environment import GoalState
+from bt_agents.engine.scripted_environment import ScriptedReply
+from tree_harness import Stage, agent
+
+LONG = [ScriptedReply(after_s=100.0)]
+
+COUNT = """
+subtrees:
+  double:
+    inputs: {n: number}
+    outputs: {twice: number}
+    tree:
+      sequence:
+        - set: {half: "${n}"}
+        - set: {twice: "${half * 2}"}
+"""
+
+
+def test_a_subtree_hands_its_output_over_under_the_name_that_the_caller_wants() -> None:
+    stage = Stage(
+        """
+        sequence:
+          - subtree: double
+            with: {n: 2}
+            outputs: {four: twice}
+          - subtree: double
+            with: {n: "${four}"}
+            outputs: {eight: twice}
+          - say: ${four} and ${eight}
+        """,
+        head=COUNT,
+    )
+    assert stage.tick() == "succeeded"
+    assert stage.said == ["4 and 8"]
+    assert stage.run._context.scope.blackboard == {"four": 4, "eight": 8}
+
+
+def test_without_names_outputs_keep_their_own() -> None:
+    stage = Stage(
+        "sequence:\n  - subtree: double\n    with: {n: 3}\n  - say: ${twice}", head=COUNT
+    )
+    assert stage.tick() == "succeeded"
+    assert stage.said == ["6"]
+
+
+def test_what_a_subtree_writes_does_not_reach_the_caller_nor_another_call() -> None:
+    #  Only the first call writes 'half'; the second sees neither that nor the caller's.
+    head = """
+    subtrees:
+      one:
+        inputs: {write: boolean}
+        tree:
+          sequence:
+            - set: {half: inner}
+              when: write
+            - say: "${half}"
+    """
+    stage = Stage(
+        """
+        sequence:
+          - set: {half: outer}
+          - {subtree: one, with: {write: true}}
+          - say: "${half}"
+          - {subtree: one, with: {write: false}}
+        """,
+        head=head,
+    )
+    assert stage.tick() == "failed"
+    assert stage.said == ["inner", "outer"]
+    assert "'half' has no value" in stage.message
+
+
+def test_a_tunable_of_another_file_is_not_taken_for_a_name_that_the_subtree_writes() -> None:
+    head = """
+    subtrees:
+      one:
+        tree:
+          sequence:
+            - set: {half: mine}
+              when: scene.age > 4
+            - say: "${half}"
+    """
+    tree = agent("subtree: one", head).tree
+    stage = Stage(tree, head="tunables: {half: {default: yours, description: d}}")
+    assert stage.tick() == "failed"
+    assert "'half' has no value" in stage.message
+
+
+def test_each_start_of_a_subtree_forgets_what_an_earlier_one_wrote() -> None:
+    head = """
+    tunables: {write: {default: true, description: d}}
+    subtrees:
+      one:
+        tree:
+          sequence:
+            - set: {word: written}
+              when: write
+            - say: "${word}"
+    """
+    stage = Stage("subtree: one\nrepeat: 2", head=head)
+    stage.tick()
+    stage.tunables["write"] = False
+    assert stage.tick() == "failed"
+    assert stage.said == ["written"]
+
+
+def test_an_output_that_was_not_written_leaves_the_name_of_the_caller_as_it_is() -> None:
+    head = """
+    tunables: {write: {default: true, description: d}}
+    subtrees:
+      one:
+        outputs: {word: text}
+        tree: {set: {word: new}, when: write}
+    """
+    stage = Stage(
+        """
+        sequence:
+          - set: {mine: old}
+          - subtree: one
+            outputs: {mine: word}
+          - say: ${mine}
+        """,
+        head=head,
+    )
+    stage.tunables["write"] = False
+    assert stage.tick() == "succeeded"
+    assert stage.said == ["old"]
+
+
+def test_outputs_are_handed_over_at_the_end_of_a_subtree_that_failed_too() -> None:
+    head = """
+    subtrees:
+      one:
+        outputs: {word: text}
+        tree:
+          sequence:
+            - set: {word: tried}
+            - drive: x
+    """
+    stage = Stage(
+        "sequence:\n  - {subtree: one, succeed: true}\n  - say: ${word}",
+        head=head,
+        answers={"drive": [ScriptedReply(state=GoalState.ABORTED)]},
+    )
+    assert stage.tick() == "succeeded"
+    assert stage.said == ["tried"]
+
+
+def test_a_subtree_that_is_stopped_hands_over_nothing() -> None:
+    head = """
+    subtrees:
+      one:
+        outputs: {word: text}
+        tree:
+          sequence:
+            - set: {word: tried}
+            - drive: x
+    """
+    stage = Stage("subtree: one", head=head, answers={"drive": LONG})
+    stage.tick()
+    stage.interrupt()
+    assert stage.world.running() == []
+    assert "word" not in stage.run._context.scope.blackboard
+
+
+def test_the_caller_sees_nothing_before_the_end() -> None:
+    head = """
+    subtrees:
+      one:
+        outputs: {word: text}
+        tree:
+          sequence:
+            - set: {word: new}
+            - wait: 5 s
+    """
+    stage = Stage(
+        """
+        sequence:
+          - set: {word: old}
+          - parallel:
+              - subtree: one
+              - sequence: [{wait: 1 s}, {say: "${word}"}]
+          - say: ${word}
+        """,
+        head=head,
+    )
+    stage.tick()
+    stage.after(1.0)
+    assert stage.said == ["old"]
+    assert stage.after(4.0) == "succeeded"
+    assert stage.said == ["old", "new"]
+
+
+def test_inputs_follow_the_caller_while_the_subtree_runs() -> None:
+    head = """
+    tunables: {t: {default: 9 s, min: 0 s, max: 60 s, description: d}}
+    subtrees:
+      outer:
+        inputs: {rest: duration}
+        tree: {subtree: inner, with: {rest: "${rest / 2}"}}
+      inner:
+        inputs: {rest: duration}
+        tree: {wait: "${rest}"}
+    """
+    stage = Stage("subtree: outer\nwith: {rest: '${t}'}", head=head)
+    stage.tick()
+    assert stage.after(4.0) == "running"
+    stage.tunables["t"] = 8.0
+    assert stage.tick() == "succeeded"
+
+
+def test_two_calls_that_run_at_the_same_time_do_not_share_names() -> None:
+    head = """
+    subtrees:
+      one:
+        inputs: {word: text, rest: duration}
+        tree:
+          sequence:
+            - set: {mine: "${word}"}
+            - wait: "${rest}"
+            - say: "${mine}"
+    """
+    stage = Stage(
+        """
+        parallel:
+          - {subtree: one, with: {word: first, rest: 2 s}}
+          - {subtree: one, with: {word: second, rest: 1 s}}
+        """,
+        head=head,
+    )
+    assert stage.tick(3, step_s=1.0) == "succeeded"
+    assert stage.said == ["second", "first"]
+
+
+def test_a_once_inside_of_a_subtree_counts_for_each_place_that_calls_it() -> None:
+    head = "subtrees: {hi: {tree: {say: Hi., once: true}}}"
+    stage = Stage("repeat: 2\nsequence:\n  - subtree: hi\n  - subtree: hi", head=head)
+    assert stage.tick(2) == "succeeded"
+    assert stage.said == ["Hi.", "Hi."]
+
+
+def test_what_the_clean_up_reads_is_what_the_tree_has_written() -> None:
+    stage = Stage(
+        "sequence:\n  - set: {place: gate 7}\n  - wait: 9 s",
+        head="on_cancel: {say: 'We were on the way to ${place}.'}",
+    )
+    stage.tick()
+    stage.run.cancel("enough")
+    assert stage.tick() == "cancelled"
+    assert stage.said == ["We were on the way to gate 7."]

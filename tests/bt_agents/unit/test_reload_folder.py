@@ -1,0 +1,313 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A trees folder that changes: what is read again, when, and what is left as it is."""
+
+from __future__ import annotations
+
+import os
+import shutil
+from pathlib import Path
+
+import pytest
+
+from bt_agents.host.reload.folder_watch import PATIENCE_LOOKS, FolderWatch, WatchStopped
+from bt_agents_language.files.folder_reader import read_trees
+from reload_harness import MANNERS, SKILLS, agent, new_folder, write
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    return new_folder(tmp_path / "trees", "ann", "bob", "zoe")
+
+
+def settled(watch: FolderWatch):
+    found = [trees for trees in (watch.look() for _ in range(3)) if trees is not None]
+    assert len(found) <= 1
+    return found[0] if found else None
+
+
+def specs(trees) -> dict[str, int]:
+    return {one.name: id(one) for one in trees.agents}
+
+
+def test_nothing_is_new_when_nothing_has_changed(folder):
+    watch = FolderWatch(read_trees(folder))
+    assert [watch.look() for _ in range(5)] == [None] * 5
+
+
+def test_only_the_changed_file_is_read_again(folder):
+    trees = read_trees(folder)
+    read = []
+    watch = FolderWatch(trees, lambda: read.append(1))
+    assert settled(watch) is None
+    write(folder, "bob", agent("bob", "{say: bye}"))
+    after = settled(watch)
+    assert {n for n, one in specs(after).items() if one != specs(trees)[n]} == {"bob"}
+    assert read == [1]
+    assert [one.cause for one in after.files] == ["start", "file changed", "start"]
+
+
+def test_what_changes_between_the_start_and_the_first_look_is_seen(folder):
+    watch = FolderWatch(read_trees(folder))
+    write(folder, "bob", agent("bob", "{say: bye}"))
+    after = settled(watch)
+    assert [one.cause for one in after.files] == ["start", "file changed", "start"]
+
+
+def test_a_touched_file_is_no_change(folder):
+    watch = FolderWatch(read_trees(folder))
+    settled(watch)
+    os.utime(folder / "agents" / "bob.yaml", (1, 1))
+    assert settled(watch) is None
+
+
+def test_a_file_that_is_still_being_written_waits_until_it_stands_still(folder):
+    watch = FolderWatch(read_trees(folder))
+    settled(watch)
+    file = folder / "agents" / "bob.yaml"
+    text = agent("bob", "{say: bye}")
+    for end in (0, 20, 40, len(text)):
+        file.write_text(text[:end])
+        assert watch.look() is None
+    after = watch.look()
+    assert after is not None
+    assert after.broken == ()
+    assert after.files[1].text == text
+
+
+def test_a_file_that_never_stands_still_is_read_in_the_end(folder):
+    watch = FolderWatch(read_trees(folder))
+    settled(watch)
+    found = []
+    for number in range(PATIENCE_LOOKS + 1):
+        write(folder, "bob", agent("bob", f"{{say: bye {number}}}"))
+        found.append(watch.look())
+    assert found[:-1] == [None] * PATIENCE_LOOKS
+    assert found[-1] is not None
+
+
+def test_a_look_that_is_asked_for_does_not_wait(folder):
+    watch = FolderWatch(read_trees(folder))
+    write(folder, "bob", agent("bob", "{say: bye}"))
+    assert watch.look(settle=False) is not None
+
+
+def test_an_editor_may_write_by_rename_and_leave_swap_files(folder):
+    watch = FolderWatch(read_trees(folder))
+    settled(watch)
+    file = folder / "agents" / "bob.yaml"
+    (folder / "agents" / ".bob.yaml.swp").write_text("[")
+    (folder / "agents" / "bob.yaml~").write_text("[")
+    (folder / "agents" / "4913").write_text("")
+    new = folder / "agents" / ".bob.new"
+    new.write_text(agent("bob", "{say: bye}"))
+    new.rename(file)
+    after = settled(watch)
+    assert [one.cause for one in after.files] == ["start", "file changed", "start"]
+    assert after.broken == ()
+
+
+def test_another_file_of_the_same_size_and_time_is_a_change(folder):
+    file = folder / "agents" / "bob.yaml"
+    stamp = (file.stat().st_atime_ns, file.stat().st_mtime_ns)
+    watch = FolderWatch(read_trees(folder))
+    settled(watch)
+    file.write_text(file.read_text().replace("hello", "olleh"))
+    os.utime(file, ns=stamp)
+    assert settled(watch) is not None
+
+
+def test_a_file_that_is_deleted_and_made_again_between_two_looks_is_none_that_was_gone(folder):
+    watch = FolderWatch(read_trees(folder))
+    settled(watch)
+    file = folder / "agents" / "bob.yaml"
+    text = file.read_text()
+    file.unlink()
+    assert watch.look() is None
+    file.write_text(text)
+    assert settled(watch) is None
+
+
+def test_a_file_that_stays_away_is_gone_and_a_new_one_is_there(folder):
+    watch = FolderWatch(read_trees(folder))
+    settled(watch)
+    (folder / "agents" / "bob.yaml").unlink()
+    write(folder, "mia", agent("mia"))
+    after = settled(watch)
+    assert [one.name for one in after.agents] == ["ann", "mia", "zoe"]
+    assert [one.cause for one in after.files] == ["start", "new file", "start"]
+
+
+@pytest.mark.parametrize("part", ["", "agents", "skills"])
+def test_a_folder_that_vanishes_takes_nothing_with_it_and_says_so(folder, part):
+    trees = read_trees(folder)
+    watch = FolderWatch(trees)
+    settled(watch)
+    away = folder.parent / "away"
+    (folder / part).rename(away)
+    gone = settled(watch)
+    assert specs(gone) == specs(trees)
+    (problem,) = gone.problems
+    assert problem.startswith(f"the folder {folder / part} cannot be read (No such file")
+    assert settled(watch) is None
+    away.rename(folder / part)
+    back = settled(watch)
+    assert back.problems == ()
+    assert specs(back) == specs(trees)
+
+
+def test_a_changed_scene_is_not_read_but_said(folder):
+    trees = read_trees(folder)
+    watch = FolderWatch(trees)
+    scene = folder / "scene.yaml"
+    text = scene.read_text()
+    scene.write_text(text + "# more\n")
+    after = settled(watch)
+    assert after.problems == (f"{scene} has changed; restart everything to use it",)
+    assert after.scene is trees.scene
+    assert specs(after) == specs(trees)
+    scene.write_text(text)
+    assert settled(watch).problems == ()
+
+
+def test_a_changed_library_reads_those_again_that_import_it_one_through_the_other(folder):
+    libraries = folder / "libraries"
+    (libraries / "more.yaml").write_text(
+        "format: 1\nimports: [libraries/manners.yaml]\n"
+        "subtrees:\n  twice: {tree: {sequence: [{subtree: greet}, {subtree: greet}]}}\n"
+    )
+    write(
+        folder,
+        "ann",
+        agent("ann", "{subtree: twice}", "imports: [libraries/more.yaml]\n"),
+    )
+    trees = read_trees(folder)
+    watch = FolderWatch(trees)
+    settled(watch)
+    (libraries / "manners.yaml").write_text(MANNERS.replace("Good day", "Hi"))
+    after = settled(watch)
+    assert {n for n, one in specs(after).items() if one != specs(trees)[n]} == {"ann"}
+    assert after.files[0].cause == "library changed"
+
+
+def test_a_library_that_says_the_same_to_an_agent_leaves_it_as_it_is(folder):
+    head = "imports: [libraries/manners.yaml]\n"
+    write(folder, "ann", agent("ann", "{subtree: greet}", head))
+    trees = read_trees(folder)
+    watch = FolderWatch(trees)
+    settled(watch)
+    (folder / "libraries" / "manners.yaml").write_text(MANNERS + "  bye: {tree: {say: Bye}}\n")
+    assert specs(settled(watch)) == specs(trees)
+
+
+def test_a_broken_library_is_reported_and_breaks_those_that_import_it(folder):
+    head = "imports: [libraries/manners.yaml]\n"
+    write(folder, "ann", agent("ann", "{subtree: greet}", head))
+    watch = FolderWatch(read_trees(folder))
+    settled(watch)
+    (folder / "libraries" / "manners.yaml").write_text("format: 1\nsubtrees: 3\n")
+    after = settled(watch)
+    assert [one.file.name for one in after.broken] == ["ann.yaml", "manners.yaml"]
+    assert after.holders["ann"] == folder / "agents" / "ann.yaml"
+    (folder / "libraries" / "manners.yaml").write_text(MANNERS)
+    mended = settled(watch)
+    assert mended.broken == ()
+    assert [one.name for one in mended.agents] == ["ann", "bob", "zoe"]
+
+
+def test_changed_skills_read_all_agents_again_and_broken_ones_none(folder):
+    trees = read_trees(folder)
+    watch = FolderWatch(trees)
+    settled(watch)
+    skills = folder / "skills" / "robot.yaml"
+    skills.write_text("format: 1\nskills: 3\n")
+    broken = settled(watch)
+    assert specs(broken) == specs(trees)
+    assert [one.file for one in broken.broken] == [folder / "skills"]
+    skills.write_text(SKILLS.replace("name: say,", "name: talk,"))
+    after = settled(watch)
+    assert after.broken == ()
+    assert all(specs(after)[name] != one for name, one in specs(trees).items())
+    assert {one.cause for one in after.files} == {"skills changed"}
+    skills.write_text(
+        skills.read_text() + "  beep: {topic: {name: b, type: std_msgs/msg/Empty}}\n"
+    )
+    more = settled(watch)
+    assert specs(more) == specs(after)
+    assert "beep" in more.vocabulary.skills
+
+
+def test_of_two_files_with_one_name_the_one_that_had_it_keeps_it_even_when_it_breaks(folder):
+    watch = FolderWatch(read_trees(folder))
+    settled(watch)
+    write(folder, "aaa", agent("zoe"))
+    after = settled(watch)
+    (broken,) = after.broken
+    assert broken.file.name == "aaa.yaml"
+    assert "there is an agent 'zoe' already" in broken.error.lines[0]
+    write(folder, "zoe", agent("zoe", "{sya: hello}"))
+    both = settled(watch)
+    assert {one.file.name for one in both.broken} == {"aaa.yaml", "zoe.yaml"}
+    (folder / "agents" / "zoe.yaml").unlink()
+    taken = settled(watch)
+    assert taken.broken == ()
+    assert taken.holders["zoe"].name == "aaa.yaml"
+
+
+def test_two_files_may_swap_their_names(folder):
+    watch = FolderWatch(read_trees(folder))
+    write(folder, "ann", agent("bob"))
+    write(folder, "bob", agent("ann"))
+    after = settled(watch)
+    assert after.broken == ()
+    assert {name: file.name for name, file in after.holders.items()} == {
+        "ann": "bob.yaml",
+        "bob": "ann.yaml",
+        "zoe": "zoe.yaml",
+    }
+
+
+def test_tests_scripts_and_hidden_folders_are_nobodys_news(folder):
+    watch = FolderWatch(read_trees(folder))
+    settled(watch)
+    (folder / "agents" / "ann.test.yaml").write_text("[")
+    (folder / "scripts").mkdir()
+    (folder / "scripts" / "a.yaml").write_text("[")
+    (folder / ".git").mkdir()
+    (folder / ".git" / "a.yaml").write_text("[")
+    assert settled(watch) is None
+
+
+def test_reading_can_be_stopped(folder):
+    watch = FolderWatch(read_trees(folder))
+    watch.look()
+    write(folder, "ann", agent("ann", "{say: bye}"))
+    watch.stop()
+    with pytest.raises(WatchStopped):
+        watch.look(settle=False)
+
+
+def test_a_reading_that_fails_is_tried_again(folder, monkeypatch):
+    failures = [1]
+
+    def pause() -> None:
+        if failures:
+            failures.pop()
+            raise RuntimeError("no memory")
+
+    watch = FolderWatch(read_trees(folder), pause)
+    settled(watch)
+    write(folder, "ann", agent("ann", "{say: bye}"))
+    watch.look()
+    with pytest.raises(RuntimeError):
+        watch.look()
+    assert watch.look().files[0].cause == "file changed"
+
+
+def test_the_agents_may_move_to_another_file(folder):
+    trees = read_trees(folder)
+    watch = FolderWatch(trees)
+    settled(watch)
+    shutil.move(folder / "agents" / "ann.yaml", folder / "agents" / "anna.yaml")
+    after = settled(watch)
+    assert after.broken == ()
+    assert after.holders["ann"].name == "anna.yaml"

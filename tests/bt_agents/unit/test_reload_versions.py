@@ -1,0 +1,329 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Which version of an agent is in force: broken, retuned, swapped, waiting, rolled back."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from bt_agents.host.reload.version_history import KEPT
+from bt_agents_core.errors import Refused
+from reload_harness import MANNERS, Watched, agent, new_folder, write
+
+TUNABLES = "tunables:\n  patience: {{default: {}, min: 1 s, max: 60 s, description: d}}\n"
+WAIT = "{wait: '${patience}'}"
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    return new_folder(tmp_path / "trees", "ann", "bob")
+
+
+@pytest.fixture
+def watched(folder: Path) -> Watched:
+    one = Watched(folder)
+    assert one.look() == []
+    return one
+
+
+def edit(watched: Watched, name: str, text: str) -> list[str]:
+    write(watched.folder, name, text)
+    return watched.look()
+
+
+def causes(watched: Watched, name: str) -> list[tuple[int, str, str]]:
+    return [(v.number, v.cause, v.change) for v in watched.versions.versions(name)]
+
+
+def test_a_changed_tree_is_swapped_when_the_agent_does_not_run(watched):
+    ann = watched.in_force["ann"]
+    said = edit(watched, "bob", agent("bob", "{sequence: [{say: a}, {say: b}]}"))
+    assert said == ["swap bob: version 2 in force (tree changed: 1 node changed, 2 nodes added)"]
+    assert watched.in_force["ann"] is ann
+    assert causes(watched, "bob") == [
+        (1, "start", ""),
+        (2, "file changed", "tree changed: 1 node changed, 2 nodes added"),
+    ]
+
+
+def fail(watched: Watched, name: str) -> list[str]:
+    """Settle an agent as a host whose parameters cannot be declared; return what is told."""
+    trees = watched.watch.look(settle=False)
+    assert trees is not None
+    assert watched.versions.take(trees) == [name]
+    effect = watched.versions.settle(name, watched.running, watched.now)
+    assert effect is not None
+    told = watched.versions.failed(effect, "OSError: disk")
+    assert told.bad
+    return [told.words]
+
+
+def test_a_version_that_failed_is_taken_back_and_tried_again_with_the_next_reading(watched):
+    write(watched.folder, "bob", agent("bob", "{say: bye}"))
+    assert fail(watched, "bob") == [
+        "bob: version 2 could not be brought into force, version 1 stays: OSError: disk"
+    ]
+    assert watched.versions.standing("bob").version == 1
+    assert watched.versions.standing("bob").problems
+    assert causes(watched, "bob") == [(1, "start", "")]
+    assert edit(watched, "ann", agent("ann", "{say: hi}")) == [
+        "swap ann: version 2 in force (tree changed: 1 node changed)",
+        "swap bob: version 2 in force (tree changed: 1 node changed)",
+    ]
+    assert not watched.versions.standing("bob").problems
+
+
+def test_an_agent_that_could_not_be_added_is_not_there_and_is_tried_again(watched):
+    write(watched.folder, "cid", agent("cid"))
+    assert fail(watched, "cid") == ["cid: version 1 could not be added: OSError: disk"]
+    with pytest.raises(Refused, match="no agent 'cid'"):
+        watched.versions.versions("cid")
+    said = edit(watched, "ann", agent("ann", "{say: hi}"))
+    assert "add cid: new agent from cid.yaml, version 1 in force" in said
+
+
+def test_a_changed_default_is_a_retune_also_while_the_agent_runs(watched):
+    edit(watched, "bob", agent("bob", WAIT, TUNABLES.format("8 s")))
+    watched.running = "bob"
+    said = edit(watched, "bob", agent("bob", WAIT, TUNABLES.format("12 s")))
+    assert said == ["retune bob: version 3 in force (patience: 8 s → 12 s)"]
+
+
+@pytest.mark.parametrize(
+    ("head", "words"),
+    [
+        ("title: Bobby\n", "title changed"),
+        ("learning_rate: 0.5\n", "learning_rate: 0.2 → 0.5"),
+        ("learning: {update: median}\n", "learning changed"),
+        ("learning: {rate: 0.5}\n", "learning_rate: 0.2 → 0.5"),
+        ("weights: {age: 2}\n", "weights changed"),
+        ("tags: [a]\n", "tags changed"),
+        ("requires: scene.person\n", "requires changed"),
+        ("feedback: [{when: live.age > 3, give: positive}]\n", "feedback rules changed"),
+        ("# a comment\n", "only comments or layout changed"),
+    ],
+)
+def test_what_is_not_the_tree_comes_into_force_at_once(watched, head, words):
+    watched.running = "bob"
+    assert edit(watched, "bob", agent("bob", head=head)) == [
+        f"retune bob: version 2 in force ({words})"
+    ]
+
+
+def test_a_changed_profile_says_which_parameter(watched):
+    text = agent("bob").replace("{age: 3}", "{age: 4.5}")
+    assert edit(watched, "bob", text) == ["retune bob: version 2 in force (profile age: 3 → 4.5)"]
+
+
+def test_a_new_tunable_is_a_change_of_structure(watched):
+    watched.running = "bob"
+    said = edit(watched, "bob", agent("bob", head=TUNABLES.format("8 s")))
+    assert said == ["note bob: version 2 waits for the end of its run (tunable patience added)"]
+
+
+def test_a_changed_tree_waits_for_the_end_of_the_run(watched):
+    before = watched.in_force["bob"]
+    watched.running = "bob"
+    said = edit(watched, "bob", agent("bob", "{say: bye}"))
+    assert said == [
+        "note bob: version 2 waits for the end of its run (tree changed: 1 node changed)"
+    ]
+    assert watched.in_force["bob"] is before
+    assert watched.versions.standing("bob").waiting
+    assert watched.versions.waits("bob") == "version 2 of bob waits"
+    assert watched.end_run() == ["swap bob: version 2 in force (tree changed: 1 node changed)"]
+    assert not watched.versions.standing("bob").waiting
+    assert watched.versions.standing("bob").version == 2
+
+
+def test_only_the_newest_version_waits_and_the_file_may_go_back(watched):
+    watched.running = "bob"
+    edit(watched, "bob", agent("bob", "{say: bye}"))
+    edit(watched, "bob", agent("bob", "{say: adieu}"))
+    assert watched.versions.waits("bob") == "version 3 of bob waits"
+    assert edit(watched, "bob", agent("bob")) == [
+        "note bob: version 1 stays in force, 3 does not wait any more"
+    ]
+    assert watched.end_run() == []
+    assert watched.versions.standing("bob").version == 1
+
+
+def test_a_broken_file_leaves_the_last_good_version_in_force_and_says_what_is_wrong(watched):
+    before = watched.in_force["bob"]
+    (said,) = edit(watched, "bob", agent("bob", "{sya: hello}"))
+    assert said.startswith("note bob: bob.yaml is broken, version 1 stays in force: ")
+    assert "bob.yaml:4:8: error[unknown-node]" in said
+    assert watched.in_force["bob"] is before
+    standing = watched.versions.standing("bob")
+    assert "error[unknown-node]" in standing.problems[0]
+    assert edit(watched, "bob", agent("bob")) == [
+        "note bob: bob.yaml is good again, version 1 stays"
+    ]
+    assert watched.versions.standing("bob").problems == ()
+    assert watched.in_force["bob"] is before
+
+
+def test_a_file_that_breaks_while_a_version_waits_lets_that_wait_on(watched):
+    watched.running = "bob"
+    edit(watched, "bob", agent("bob", "{say: bye}"))
+    (said,) = edit(watched, "bob", "[")
+    assert "version 2 still waits for the end of its run" in said
+    assert watched.end_run()[0].startswith("swap bob: version 2 in force")
+    assert watched.versions.standing("bob").problems
+
+
+def test_new_agents_come_and_deleted_ones_go(watched):
+    assert edit(watched, "mia", agent("mia")) == [
+        "add mia: new agent from mia.yaml, version 1 in force"
+    ]
+    (watched.folder / "agents" / "mia.yaml").unlink()
+    (said,) = watched.look()
+    assert said.startswith("remove mia: removed, its file ")
+    assert set(watched.in_force) == {"ann", "bob"}
+    assert edit(watched, "mia", agent("mia", "{say: bye}")) == [
+        "add mia: back again, version 2 in force"
+    ]
+
+
+def test_an_agent_with_another_name_in_the_same_file_was_renamed(watched):
+    said = edit(watched, "bob", agent("rob"))
+    assert said == [
+        "remove bob: removed, bob.yaml calls it 'rob' now",
+        "add rob: new agent from bob.yaml, version 1 in force",
+    ]
+
+
+def test_an_agent_that_is_deleted_while_it_runs_leaves_at_the_end(watched):
+    watched.running = "bob"
+    text = (watched.folder / "agents" / "bob.yaml").read_text()
+    (watched.folder / "agents" / "bob.yaml").unlink()
+    (said,) = watched.look()
+    assert said.endswith("is gone; it leaves at the end of its run")
+    assert watched.versions.standing("bob").leaving
+    with pytest.raises(Refused, match="NO_FILE"):
+        watched.versions.wanted("bob", 1)
+    assert edit(watched, "bob", text) == ["note bob: bob.yaml is good again, version 1 stays"]
+    assert not watched.versions.standing("bob").leaving
+    (watched.folder / "agents" / "bob.yaml").unlink()
+    watched.look()
+    (said,) = watched.end_run()
+    assert said.startswith("remove bob")
+    assert watched.look() == []
+
+
+def test_only_agents_with_the_wanted_tags_are_there(folder):
+    write(folder, "ann", agent("ann", head="tags: [x]\n"))
+    watched = Watched(folder, "x")
+    assert set(watched.in_force) == {"ann"}
+    assert edit(watched, "bob", agent("bob", head="tags: [x, y]\n")) == [
+        "add bob: new agent from bob.yaml, version 1 in force"
+    ]
+    assert edit(watched, "ann", agent("ann")) == [
+        "remove ann: removed, it has none of the tags x any more"
+    ]
+
+
+def test_a_library_changes_its_agents_and_says_so(watched):
+    head = "imports: [libraries/manners.yaml]\n"
+    edit(watched, "bob", agent("bob", "{subtree: greet}", head))
+    (watched.folder / "libraries" / "manners.yaml").write_text(MANNERS.replace("Good", "Fine"))
+    watched.look()
+    assert causes(watched, "bob")[-1] == (
+        3,
+        "library changed",
+        "tree changed: 1 node changed",
+    )
+
+
+def test_a_roll_back_is_the_newest_version_and_writes_the_file(watched):
+    old = agent("bob")
+    edit(watched, "bob", agent("bob", "{say: bye}"))
+    assert watched.roll_back("bob") == [
+        "swap bob: version 3 in force (tree changed: 1 node changed)"
+    ]
+    file = watched.folder / "agents" / "bob.yaml"
+    assert file.read_text() == old
+    assert watched.look() == []
+    assert causes(watched, "bob")[-1][:2] == (3, "roll back to 1")
+    assert watched.in_force["bob"].tree.fields["text"].value == "hello"
+    assert edit(watched, "bob", agent("bob", "{say: 'on'}"))[0].startswith("swap bob: version 4")
+
+
+def test_a_roll_back_of_a_running_tree_waits(watched):
+    edit(watched, "bob", agent("bob", "{say: bye}"))
+    watched.running = "bob"
+    assert watched.roll_back("bob", 1)[0].startswith("note bob: version 3 waits for the end")
+    assert watched.end_run()[0].startswith("swap bob: version 3 in force")
+    assert watched.look() == []
+
+
+def test_a_roll_back_keeps_a_text_that_was_never_good(watched):
+    edit(watched, "bob", agent("bob", "{say: bye}"))
+    edit(watched, "bob", "# work of an hour\n[")
+    said = watched.roll_back("bob", 2)
+    assert said == [
+        "note bob: version 2 stays",
+        "what stood in bob.yaml is kept in bob.yaml~",
+    ]
+    assert (watched.folder / "agents" / "bob.yaml~").read_text() == "# work of an hour\n["
+    assert watched.versions.standing("bob").problems == ()
+    assert watched.look() == []
+
+
+def test_a_roll_back_to_what_cannot_be_written_is_in_force_anyway_and_stays_so(
+    watched, monkeypatch
+):
+    edit(watched, "bob", agent("bob", "{say: bye}"))
+
+    def refuse(*_: object) -> None:
+        raise PermissionError(13, "Permission denied")
+
+    monkeypatch.setattr("bt_agents.host.reload.folder_watch.write_atomically", refuse)
+    said = watched.roll_back("bob", 1)
+    assert said[0].startswith("swap bob: version 3 in force")
+    assert said[1].endswith(
+        "bob.yaml could not be written (Permission denied) and holds another text"
+    )
+    assert watched.look() == []
+    assert edit(watched, "ann", agent("ann", "{say: bye}"))[0].startswith("swap ann")
+    assert watched.in_force["bob"].tree.fields["text"].value == "hello"
+
+
+@pytest.mark.parametrize(
+    ("name", "number", "code", "words"),
+    [
+        ("zoe", 1, "UNKNOWN_AGENT", "there are: ann, bob"),
+        ("bob", 7, "UNKNOWN_VERSION", "there are 1, 2"),
+        ("bob", 2, "SAME_VERSION", "version 2 of bob is in force already"),
+        ("ann", 0, "UNKNOWN_VERSION", "nothing has changed since the start"),
+    ],
+)
+def test_a_roll_back_to_nowhere_is_refused(watched, name, number, code, words):
+    edit(watched, "bob", agent("bob", "{say: bye}"))
+    with pytest.raises(Refused, match=words) as refused:
+        watched.versions.wanted(name, number)
+    assert refused.value.code == code
+
+
+def test_a_roll_back_to_the_same_words_is_refused(watched):
+    edit(watched, "bob", agent("bob", "{say: bye}"))
+    watched.roll_back("bob", 1)
+    with pytest.raises(Refused, match="version 1 of bob says the same as 3"):
+        watched.versions.wanted("bob", 1)
+
+
+def test_the_last_versions_are_kept_and_the_one_in_force_always(watched):
+    watched.running = "bob"
+    for number in range(KEPT + 10):
+        edit(watched, "bob", agent("bob", f"{{say: text {number}}}"))
+    kept = [version.number for version in watched.versions.versions("bob")]
+    assert len(kept) == KEPT
+    assert kept[0] == 1
+    assert kept[1:] == list(range(KEPT + 11 - (KEPT - 2), KEPT + 12))
+
+
+def test_two_nodes_that_change_places_are_another_order(watched):
+    edit(watched, "bob", agent("bob", "{sequence: [{say: a}, {say: b}]}"))
+    said = edit(watched, "bob", agent("bob", "{sequence: [{say: b}, {say: a}]}"))
+    assert said == ["swap bob: version 3 in force (tree changed: nodes in another order)"]

@@ -1,0 +1,163 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a knob takes and what it refuses, with words."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from bt_agents.host.tuning.tunable import (
+    TICK_RATE,
+    TunableKind,
+    TunableParameter,
+    tunables_of,
+    written,
+)
+from bt_agents_core.errors import Refused
+from bt_agents_language.model.specs import FieldType
+from tree_harness import SPACE, agent
+
+HEAD = """
+learning_rate: 0.3
+tunables:
+  patience: {default: 8 s, min: 2 s, max: 2 min, description: how long}
+  rate: {default: 0.9, min: 0.5, max: 1.5, step: 0.05, description: speed}
+  attempts: {default: 2, min: 1, max: 5}
+  loud: {default: true}
+  place: {default: station 4}
+  distance: {default: 1.5 m}
+  turn: {default: 90 deg, min: 0 deg, max: 180 deg}
+"""
+KNOBS = {knob.key: knob for knob in tunables_of(agent("wait: 0 s", HEAD), SPACE)}
+
+
+def test_an_agent_has_knobs_for_tunables_learning_rate_and_profile():
+    names = [knob.name for knob in tunables_of(agent("wait: 0 s", HEAD), SPACE)]
+    assert names[0] == "a.patience"
+    assert names[-4:] == [
+        "a.learning_rate",
+        "a.profile.age",
+        "a.profile.familiarity",
+        "a.profile.mood",
+    ]
+    assert (KNOBS["age"].default, KNOBS["age"].minimum, KNOBS["age"].maximum) == (3.0, 1, 5)
+    assert KNOBS["learning_rate"].default == 0.3
+
+
+@pytest.mark.parametrize(
+    ("key", "text", "value"),
+    [
+        ("patience", "12", 12.0),
+        ("patience", "12s", 12.0),
+        ("patience", "12 s", 12.0),
+        ("patience", "2 min", 120.0),
+        ("patience", "2500 ms", 2.5),
+        ("rate", "1.05", 1.05),
+        ("attempts", "5", 5),
+        ("loud", "false", False),
+        ("place", "8 s", "8 s"),
+        ("distance", "20 cm", 0.2),
+        ("turn", "180 deg", math.pi),
+        ("age", "4.2", 4.2),
+    ],
+)
+def test_a_text_means_what_it_means_in_a_file(key, text, value):
+    read = KNOBS[key].read(text)
+    assert read == value
+    assert type(read) is type(value)
+
+
+@pytest.mark.parametrize(
+    ("key", "text", "words"),
+    [
+        ("patience", "1", r"OUT_OF_RANGE: a\.patience is 1 s, expected 2 s to 2 min"),
+        ("patience", "12 m", r"NOT_A_VALUE: a\.patience: .*write 12 min for minutes"),
+        (
+            "patience",
+            "soon",
+            "NOT_A_VALUE: a.patience: expected a time such as '8 s', found",
+        ),
+        ("patience", "nan", "NOT_A_VALUE"),
+        ("rate", "0.93", r"OFF_STEP: a\.rate is 0\.93, .* the nearest is 0\.95"),
+        ("rate", "1,1", "NOT_A_VALUE: .*use a point"),
+        ("rate", "inf", "NOT_A_VALUE"),
+        ("attempts", "2.5", "NOT_A_VALUE: .*a whole number"),
+        ("attempts", "6", "OUT_OF_RANGE: a.attempts is 6, expected 1 to 5"),
+        ("attempts", "9" * 30, "NOT_A_VALUE"),
+        ("loud", "yes", "NOT_A_VALUE: a.loud: expected true or false, found 'yes'"),
+        ("place", "\a", "NOT_A_VALUE: a.place has a control character"),
+        ("place", "x" * 1001, "NOT_A_VALUE: a.place has 1001 characters, expected at most 1000"),
+        ("learning_rate", "1.1", "OUT_OF_RANGE"),
+        ("age", "0", r"OUT_OF_RANGE: a\.profile\.age is 0, expected 1 to 5"),
+    ],
+)
+def test_what_does_not_fit_is_refused_with_words(key, text, words):
+    with pytest.raises(Refused, match=words):
+        KNOBS[key].read(text)
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "code"),
+    [
+        ("patience", math.nan, "NOT_FINITE"),
+        ("distance", math.inf, "NOT_FINITE"),
+        ("distance", -math.inf, "NOT_FINITE"),
+        ("patience", 12, "WRONG_TYPE"),
+        ("attempts", 2.0, "WRONG_TYPE"),
+        ("attempts", True, "WRONG_TYPE"),
+        ("loud", 1, "WRONG_TYPE"),
+        ("place", 3.0, "WRONG_TYPE"),
+    ],
+)
+def test_a_value_of_the_wrong_kind_is_refused(key, value, code):
+    with pytest.raises(Refused) as error:
+        KNOBS[key].check(value)
+    assert error.value.code == code
+
+
+def test_a_time_without_a_range_is_a_time_all_the_same():
+    knob = TunableParameter(
+        name="a.t",
+        agent="a",
+        key="t",
+        kind=TunableKind.TUNABLE,
+        type=FieldType.DURATION,
+        default=1.0,
+    )
+    assert knob.check(3600.0) == 3600.0
+    for value in (-1.0, 1e12):
+        with pytest.raises(Refused, match="OUT_OF_RANGE"):
+            knob.check(value)
+
+
+def test_the_end_of_a_range_is_possible_off_its_steps():
+    knob = TunableParameter(
+        name="a.n", agent="a", key="n", kind=TunableKind.TUNABLE, type=FieldType.NUMBER,
+        default=0.0, minimum=-0.3, maximum=0.35, step=0.1,
+    )  # fmt: skip
+    for value in (0.0, 0.1, 0.35):
+        assert knob.check(value) == value
+
+
+def test_the_tick_rate_has_a_range():
+    assert TICK_RATE.read("30") == 30.0
+    with pytest.raises(Refused, match="expected 1 to 200"):
+        TICK_RATE.read("0")
+
+
+@pytest.mark.parametrize(
+    ("value", "field_type", "text"),
+    [
+        (8.0, FieldType.DURATION, "8 s"),
+        (120.0, FieldType.DURATION, "2 min"),
+        (100.0, FieldType.DURATION, "100 s"),
+        (0.8, FieldType.NUMBER, "0.8"),
+        (3.0, FieldType.NUMBER, "3"),
+        (0.1 + 0.2, FieldType.NUMBER, "0.30000000000000004"),
+        (True, FieldType.BOOLEAN, "true"),
+        (math.pi / 2, FieldType.ANGLE, "90 deg"),
+    ],
+)
+def test_a_value_is_written_as_an_author_would(value, field_type, text):
+    assert written(value, field_type) == text

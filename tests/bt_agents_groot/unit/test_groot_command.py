@@ -1,0 +1,103 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`bt-agents import groot` and `export groot`: what they write, say and refuse."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import pytest
+
+from bt_agents_core.errors import BtAgentsError, ReadError
+from bt_agents_groot.commands import export, import_
+from bt_agents_language.files.agent_reader import read_agent
+from tree_harness import TREES, VOCABULARY
+
+XML = """<root BTCPP_format="4"><BehaviorTree ID="Patrol"><Sequence>
+  <Say text="Hello"/>{more}</Sequence></BehaviorTree></root>"""
+
+
+@pytest.fixture
+def run(tmp_path, monkeypatch, capsys) -> Callable[..., tuple[str, str]]:
+    """Return a function that runs a command in a folder beside the shipped trees."""
+    (tmp_path / "trees").symlink_to(TREES)
+    monkeypatch.chdir(tmp_path)
+
+    def call(*words: str) -> tuple[str, str]:
+        group = import_ if words[0] == "import" else export
+        group.main([*words[1:]], standalone_mode=False)
+        captured = capsys.readouterr()
+        return captured.out, captured.err
+
+    return call
+
+
+def test_an_import_writes_an_agent_that_can_be_read(run, tmp_path):
+    (tmp_path / "Night Patrol.xml").write_text(XML.format(more=""))
+    out, err = run("import", "groot", "Night Patrol.xml", "-o", "patrol.yaml")
+    assert out == "wrote patrol.yaml\n"
+    assert err == ""
+    assert read_agent(tmp_path / "patrol.yaml", VOCABULARY).name == "night_patrol"
+
+
+def test_without_a_file_to_write_the_agent_is_printed(run, tmp_path):
+    (tmp_path / "patrol.xml").write_text(XML.format(more=""))
+    out, _ = run("import", "groot", "patrol.xml", "--agent", "Walker")
+    assert "\nagent: walker\n" in out
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["patrol.xml", "trees"]
+
+
+def test_what_is_not_translated_and_what_is_missing_is_listed(run, tmp_path):
+    more = "<UnsetBlackboard key='x'/><WaveHand/>"
+    (tmp_path / "patrol.xml").write_text(XML.format(more=more))
+    _, err = run("import", "groot", "patrol.xml", "-o", "patrol.yaml")
+    assert err.splitlines() == [
+        'patrol.xml:2:22: not translated: <UnsetBlackboard key="x"> has no equivalent',
+        "1 not translated; the file says where",
+        "skills that nobody declares yet: wave_hand",
+        "the end of the file shows how a skills file would declare them",
+    ]
+
+
+def test_what_is_still_wrong_with_the_agent_is_said(run, tmp_path):
+    (tmp_path / "patrol.xml").write_text(XML.format(more="<Say rate='1.2'/>"))
+    _, err = run("import", "groot", "patrol.xml", "-o", "patrol.yaml")
+    assert err.startswith("before it can run, mend this:\npatrol.yaml:")
+    assert "error[missing-key]" in err
+
+
+@pytest.mark.parametrize("command", ["import", "export"])
+def test_a_file_that_is_there_is_not_overwritten(run, tmp_path, command):
+    (tmp_path / "there.txt").write_text("mine")
+    with pytest.raises(BtAgentsError, match=r"there is a file 'there\.txt' already"):
+        run(command, "groot", "attentive_guide", "-o", "there.txt")
+    assert (tmp_path / "there.txt").read_text() == "mine"
+
+
+@pytest.mark.parametrize("command", ["import", "export"])
+def test_a_place_that_cannot_be_written_is_an_error_in_words(run, tmp_path, command):
+    (tmp_path / "patrol.xml").write_text(XML.format(more=""))
+    source = "patrol.xml" if command == "import" else "attentive_guide"
+    with pytest.raises(BtAgentsError, match="'nowhere/x' cannot be written: No such file"):
+        run(command, "groot", source, "-o", "nowhere/x")
+
+
+def test_a_bad_file_is_refused_with_its_errors(run, tmp_path):
+    (tmp_path / "patrol.xml").write_text("<root>")
+    with pytest.raises(ReadError, match=r"patrol\.xml:1:7: error\[xml-syntax\]"):
+        run("import", "groot", "patrol.xml")
+    with pytest.raises(ReadError, match=r"error\[no-file\]"):
+        run("import", "groot", "elsewhere.xml")
+
+
+@pytest.mark.parametrize("agent", ["attentive_guide", "trees/agents/attentive_guide.yaml"])
+def test_an_export_names_an_agent_or_its_file(run, tmp_path, agent):
+    out, _ = run("export", "groot", agent, "-o", "guide.xml")
+    assert out == "wrote guide.xml\n"
+    assert 'main_tree_to_execute="AttentiveGuide"' in (tmp_path / "guide.xml").read_text()
+
+
+def test_an_agent_that_is_not_there_is_refused_with_the_likely_one(run):
+    with pytest.raises(BtAgentsError, match=r"no agent 'atentive_guide' .*mean 'attentive"):
+        run("export", "groot", "atentive_guide")
+    with pytest.raises(ReadError, match="no-file"):
+        run("export", "groot", "trees/agents/nobody.yaml")

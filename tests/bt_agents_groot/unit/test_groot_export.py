@@ -1,0 +1,182 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Agents as files of BehaviorTree.CPP: what each node becomes, what is declared, what is said."""
+
+from __future__ import annotations
+
+import textwrap
+import xml.etree.ElementTree as ET
+from dataclasses import replace
+
+import pytest
+
+from bt_agents_core.errors import ReadError
+from bt_agents_groot.exporting import ExportedAgent, export_agent
+from bt_agents_groot.importing import import_agent
+from bt_agents_language.files.agent_reader import read_agent, read_agent_text
+from bt_agents_language.model.specs import NodeSpec
+from bt_agents_language.yaml.source import Source, read_source
+from tree_harness import TREES, VOCABULARY
+
+HEAD = "format: 1\nagent: my_agent\nprofile: {age: 3, familiarity: 3, mood: 3}\n"
+
+
+def exported(tree: str, more: str = "") -> ExportedAgent:
+    """Return the file for a tree and for more keys of its agent."""
+    text = f"{HEAD}{textwrap.dedent(more)}tree:\n{textwrap.indent(textwrap.dedent(tree), '  ')}"
+    return export_agent(Source("a.yaml", text), VOCABULARY)
+
+
+def element(tree: str) -> str:
+    """Return the element of a tree in one line."""
+    main = ET.fromstring(exported(tree).text).find("BehaviorTree")
+    assert main is not None
+    text = ET.tostring(main[0], encoding="unicode")
+    return "".join(line.strip() for line in text.split("\n")).replace(" />", "/>")
+
+
+@pytest.mark.parametrize(
+    ("tree", "expected"),
+    [
+        ("sequence: [check: true, check: false]",
+         "<Sequence><AlwaysSuccess/><AlwaysFailure/></Sequence>"),
+        ("selector: {memory: false, children: [check: true, check: false]}",
+         "<ReactiveFallback><AlwaysSuccess/><AlwaysFailure/></ReactiveFallback>"),
+        ("parallel: [check: true, check: true]",
+         '<Parallel success_count="-1" failure_count="1"><AlwaysSuccess/><AlwaysSuccess/>'
+         "</Parallel>"),
+        ("parallel: {succeed_on: one, children: [check: true, check: true]}",
+         '<Parallel success_count="1" failure_count="2"><AlwaysSuccess/><AlwaysSuccess/>'
+         "</Parallel>"),
+        ("check: scene.age >= 4 and not live.person",
+         '<ScriptCondition code="scene__age &gt;= 4 &amp;&amp; !live__person"/>'),
+        ("set: {x: 1, y: it is, z: true}", "<Script code=\"x := 1; y := 'it is'; z := true\"/>"),
+        ("wait: 1.5 s", '<Sleep msec="1500"/>'),
+        ("wait_for: live.person",
+         '<Precondition if="live__person" else="RUNNING"><AlwaysSuccess/></Precondition>'),
+        ("say: Hello", '<Say text="Hello"/>'),
+        ("{name: greet, say: {text: Hello, rate: 0.8}}",
+         '<Say name="greet" text="Hello" rate="0.8"/>'),
+        ("{ask: Well, outputs: {reply: answer}}", '<Ask text="Well" answer="{reply}"/>'),
+        ("{ask: Well, retry: 3}",
+         '<RetryUntilSuccessful num_attempts="3"><Ask text="Well" answer="{answer}"/>'
+         "</RetryUntilSuccessful>"),
+        ("sound: chirp", '<Sound name_="chirp"/>'),
+        ("{check: true, repeat: forever, timeout: 5 s}",
+         '<Repeat num_cycles="-1"><Timeout msec="5000"><AlwaysSuccess/></Timeout></Repeat>'),
+        ("{check: true, invert: true, succeed: true, once: true}",
+         "<RunOnce><ForceSuccess><Inverter><AlwaysSuccess/></Inverter></ForceSuccess></RunOnce>"),
+        ("{check: true, when: live.person}", '<AlwaysSuccess _skipIf="!live__person"/>'),
+        ("{check: true, when: not live.person}", '<AlwaysSuccess _skipIf="live__person"/>'),
+        ("{check: true, while: live.person}",
+         '<WhileDoElse><ScriptCondition code="live__person"/><AlwaysSuccess/></WhileDoElse>'),
+        ("{check: true, on_failure: {wait: 1 s}}",
+         '<Fallback name="on_failure"><AlwaysSuccess/><Sleep msec="1000"/></Fallback>'),
+        ("choose: [{name: a, when: live.person, check: true}]",
+         '<IfThenElse><ScriptCondition code="live__person"/><AlwaysSuccess name="a"/>'
+         "</IfThenElse>"),
+        ("log: Hello", '<log message="Hello"/>'),
+        ("{check: true, cooldown: 30 s}",
+         '<cooldown duration="30 s"><AlwaysSuccess/></cooldown>'),
+        ("{check: true, retry: {attempts: 3, pause: 1 s}}",
+         '<retry attempts="3" pause="1 s"><AlwaysSuccess/></retry>'),
+        ("{check: true, repeat: {until: live.person}}",
+         '<repeat until="live.person"><AlwaysSuccess/></repeat>'),
+        ("{check: true, when: 'max(scene.age, 2) > 3'}",
+         '<when condition="max(scene.age, 2) &gt; 3"><AlwaysSuccess/></when>'),
+        ("check: scene.age % 2 == 0", '<check condition="scene.age % 2 == 0"/>'),
+        ("random: [{weight: 2, say: Hi}, say: Hello]",
+         '<random weights="json:[2, 1]"><Say text="Hi"/><Say text="Hello"/></random>'),
+        ("publish: {topic: /lamp, type: std_msgs/msg/Bool, message: {data: true}}",
+         '<publish topic="/lamp" type="std_msgs/msg/Bool" '
+         'message="json:{&quot;data&quot;: true}"/>'),
+        ("say: '{who}'", '<Say text="json:&quot;{who}&quot;"/>'),
+    ],
+)  # fmt: skip
+def test_a_node_becomes_what_groot2_knows_or_a_node_of_its_own_name(tree, expected):
+    assert element(tree) == expected
+
+
+def test_every_node_that_behaviortree_cpp_does_not_know_is_declared_and_listed():
+    made = exported("sequence: [say: Hi, log: x, {wait: 1 s, cooldown: 2 s}]")
+    models = ET.fromstring(made.text).find("TreeNodesModel")
+    assert models is not None
+    assert [(one.tag, one.get("ID")) for one in models] == [
+        ("Action", "Say"),
+        ("Decorator", "cooldown"),
+        ("Action", "log"),
+    ]
+    ports = [(one.tag, one.get("name"), one.get("type"), one.get("default")) for one in models[0]]
+    assert ports == [
+        ("input_port", "text", "std::string", None),
+        ("input_port", "rate", "double", "1.0"),
+    ]
+    listed = [remark.message for remark in made.remarks if "has no node" in remark.message]
+    assert [message.split("'")[1] for message in listed] == ["log", "cooldown"]
+
+
+def test_the_root_names_the_main_tree_and_format_4():
+    root = ET.fromstring(exported("say: Hi").text)
+    assert root.attrib == {"BTCPP_format": "4", "main_tree_to_execute": "MyAgent"}
+    assert [one.get("ID") for one in root.findall("BehaviorTree")] == ["MyAgent"]
+
+
+def test_tunables_are_ports_of_the_main_tree():
+    made = exported(
+        "say: {text: Hi, rate: '${speed}'}",
+        "tunables: {speed: {default: 0.8, min: 0.5, max: 1.5}, patience: {default: 8 s}}\n",
+    )
+    ports = ET.fromstring(made.text).findall("TreeNodesModel/SubTree[@ID='MyAgent']/input_port")
+    assert [(one.get("name"), one.get("type"), one.get("default")) for one in ports] == [
+        ("speed", "double", "0.8"),
+        ("patience", "duration", "8 s"),
+    ]
+
+
+def test_names_that_mean_something_else_there_make_way():
+    made = exported(
+        "sequence: [subtree: say, subtree: sleep, subtree: my_agent]",
+        """
+        subtrees:
+          say: {tree: {say: Hi}}
+          sleep: {tree: {say: Hi}}
+          my_agent: {tree: {say: Hi}}
+        """,
+    )
+    ids = [one.get("ID") for one in ET.fromstring(made.text).findall("BehaviorTree")]
+    assert ids == ["MyAgent", "Say", "sleep", "my_agent"]
+    assert len(set(ids)) == len(ids)
+
+
+def test_a_bad_agent_is_refused_with_its_own_errors():
+    with pytest.raises(ReadError, match="unknown-node"):
+        exported("sya: Hello")
+
+
+def shape(spec: NodeSpec | None) -> object:
+    """Return what a tree does, without the places where it stands."""
+    if spec is None:
+        return None
+    children = [shape(one) for one in spec.children]
+    return spec.kind, spec.name, dict(spec.fields), dict(spec.outputs), children
+
+
+AGENTS = sorted(
+    path for path in (TREES / "agents").glob("*.yaml") if not path.name.endswith(".test.yaml")
+)
+
+
+@pytest.mark.parametrize("path", AGENTS, ids=lambda path: path.stem)
+def test_the_agents_that_come_along_are_the_same_after_going_there_and_back(path):
+    agent = read_agent(path, VOCABULARY)
+    text = export_agent(read_source(path), VOCABULARY).text
+    made = import_agent(Source("t.xml", text), agent.name, VOCABULARY)
+    again = read_agent_text(made.text, "a.yaml", VOCABULARY)
+    tree = again.tree
+    if agent.tunables:
+        # What were tunables is set first; nothing else is new.
+        first, *rest = tree.children
+        assert first.kind == "set"
+        tree = replace(tree, children=tuple(rest))
+    assert shape(tree) == shape(agent.tree)
+    assert shape(again.on_cancel) == shape(agent.on_cancel)
+    assert not made.missing

@@ -1,0 +1,172 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Files that are no trees of Groot2, or bad ones: every problem has a code and a place."""
+
+from __future__ import annotations
+
+import random
+import time
+
+import pytest
+
+from bt_agents_core.errors import ReadError
+from bt_agents_groot.importing import import_agent
+from bt_agents_language.reference.codes.of_xml import XML_CODES
+from bt_agents_language.reference.codes.table import CODES
+from bt_agents_language.yaml.source import Source, read_source
+from tree_harness import VOCABULARY
+
+
+def problems(text: str) -> list[str]:
+    """Return ``code line:column`` of every error of an XML text."""
+    try:
+        import_agent(Source("t.xml", text), "a", VOCABULARY)
+    except ReadError as error:
+        return [
+            f"{one.code} {one.position.line}:{one.position.column}" for one in error.diagnostics
+        ]
+    return []
+
+
+def tree(inner: str, head: str = "") -> str:
+    """Return a file with one tree, what is in it in line 3."""
+    return f'<root BTCPP_format="4"{head}>\n<BehaviorTree ID="T">\n{inner}\n</BehaviorTree></root>'
+
+
+BOMB = (
+    '<!DOCTYPE r [<!ENTITY a "aaaaaaaaaa"><!ENTITY b "&a;&a;&a;&a;"><!ENTITY c "&b;&b;&b;">]>'
+    '<root BTCPP_format="4"><BehaviorTree ID="&c;"><AlwaysSuccess/></BehaviorTree></root>'
+)
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("", ["empty-file 1:1"]),
+        ("  \n", ["empty-file 1:1"]),
+        ("no XML at all", ["xml-syntax 1:1"]),
+        ("format: 1\nagent: a\n", ["xml-syntax 1:1"]),
+        ('{"root": {}}', ["xml-syntax 1:1"]),
+        ("\x7fELF\x02\x01\x01", ["xml-syntax 1:1"]),
+        ("<root", ["xml-syntax 1:1"]),
+        ("<root>", ["xml-syntax 1:7"]),
+        ("<root></rot>", ["xml-syntax 1:9"]),
+        ("<root/><root/>", ["xml-syntax 1:8"]),
+        ('<root a="1" a="2"/>', ["xml-syntax 1:13"]),
+        ('<root a="<"/>', ["xml-syntax 1:10"]),
+        ("<root>&nbsp;</root>", ["xml-syntax 1:7"]),
+        (BOMB, ["xml-doctype 1:1"]),
+        ('<!DOCTYPE r SYSTEM "file:///etc/passwd"><root/>', ["xml-doctype 1:1"]),
+        ('<?x <!-- ?><!DOCTYPE r [<!ENTITY a "b">]><root/>', ["xml-doctype 1:12"]),
+        ('<!ENTITY a "b"><root/>', ["xml-syntax 1:1"]),
+        ("<html><body/></html>", ["xml-root 1:1"]),
+        ('<root BTCPP_format="4"/>', ["xml-root 1:1"]),
+        (tree("<AlwaysSuccess/>").replace('"4"', '"3"'), ["wrong-format 1:7"]),
+        (tree(""), ["wrong-children 2:1"]),
+        (tree("<AlwaysSuccess/><AlwaysFailure/>"), ["wrong-children 2:1"]),
+        (tree("<Inverter/>"), ["wrong-children 3:1"]),
+        (tree("<Sequence/>"), ["wrong-children 3:1"]),
+        (tree("<Sleep msec='1'><AlwaysSuccess/></Sleep>"), ["wrong-children 3:1"]),
+        (tree("<IfThenElse><AlwaysSuccess/></IfThenElse>"), ["wrong-children 3:1"]),
+        (tree("<Sleep/>"), ["missing-attribute 3:1"]),
+        (tree("<Action/>"), ["missing-attribute 3:1"]),
+        (tree("<SubTree/>"), ["missing-attribute 3:1"]),
+        (tree("<Sleep msec='soon'/>"), ["bad-attribute 3:8"]),
+        (tree("<Sleep msec='-1'/>"), ["bad-attribute 3:8"]),
+        (tree("<Sleep msec='1e3'/>"), ["bad-attribute 3:8"]),
+        (tree("<Sleep msec='99999999999999999999'/>"), ["bad-attribute 3:8"]),
+        (tree("<Repeat num_cycles='0'><AlwaysSuccess/></Repeat>"), ["bad-attribute 3:9"]),
+        (tree("<Repeat num_cycles='-2'><AlwaysSuccess/></Repeat>"), ["bad-attribute 3:9"]),
+        (tree("<RunOnce then_skip='no'><AlwaysSuccess/></RunOnce>"), ["bad-attribute 3:10"]),
+        (tree("<Sleep msec='1' sec='2'/>"), ["unknown-attribute 3:17"]),
+        (tree("<Script code='x :='/>"), ["bad-script 3:19"]),
+        (tree("<Sleep msec='1' _skipIf='a &amp;&amp; &lt; b'/>"), ["bad-script 3:39"]),
+        (tree("<SubTree ID='U'/>"), ["unknown-subtree 3:10"]),
+        (tree("<SubTree ID='T'/>"), ["recursion 3:10"]),
+        (tree("<AlwaysSuccess/>", " main_tree_to_execute='U'"), ["unknown-subtree 1:24"]),
+        (tree("<Say text='a\u202eb'/>"), ["bad-character 3:12"]),
+        (tree("<Say text='a&#x202e;b'/>"), ["bad-character 3:12"]),
+        (tree(f"<Say text='{'a' * 20001}'/>"), ["too-long 3:12"]),
+        (tree("<Inverter>" * 70), ["too-deep 3:621"]),
+        (tree("<Sequence>" + "<AlwaysSuccess/>" * 10_000), ["too-many-values 3:159963"]),
+        (tree("<Say text='" + "a" * 2**20 + "'/>"), ["too-large 1:1"]),
+    ],
+)
+def test_a_bad_file_is_refused_with_a_code_and_a_place(text, expected):
+    assert problems(text) == expected
+
+
+def test_all_problems_of_a_file_come_in_one_pass():
+    text = tree(
+        "<Sequence><Sleep/><Sleep msec='x'/><Script code='1 +'/><Inverter/>"
+        "<SubTree ID='U'/><Repeat num_cycles='3' times='3'><AlwaysSuccess/></Repeat></Sequence>"
+    )
+    assert [problem.split()[0] for problem in problems(text)] == [
+        "missing-attribute",
+        "bad-attribute",
+        "bad-script",
+        "wrong-children",
+        "unknown-subtree",
+        "unknown-attribute",
+    ]
+
+
+def test_several_trees_need_a_main_one():
+    trees = "".join(f'<BehaviorTree ID="{one}"><AlwaysSuccess/></BehaviorTree>' for one in "AB")
+    assert problems(f'<root BTCPP_format="4">{trees}</root>') == ["missing-attribute 1:1"]
+    twice = trees.replace('"B"', '"A"')
+    assert problems(f'<root BTCPP_format="4">{twice}</root>')[0].startswith("name-taken")
+
+
+def test_a_circle_of_trees_is_refused_with_its_way():
+    circle = "".join(
+        f'<BehaviorTree ID="{a}"><SubTree ID="{b}"/></BehaviorTree>' for a, b in ("AB", "BC", "CA")
+    )
+    with pytest.raises(ReadError, match="A → B → C → A"):
+        import_agent(
+            Source("t.xml", f'<root main_tree_to_execute="A">{circle}</root>'), "a", VOCABULARY
+        )
+
+
+def test_ports_are_checked_against_the_models_of_the_file():
+    model = '<TreeNodesModel><Action ID="Wave"><input_port name="side"/></Action></TreeNodesModel>'
+    text = tree("<Wave sied='left'/>").replace("</root>", f"{model}</root>")
+    assert problems(text) == ["unknown-attribute 3:7"]
+    assert not problems(text.replace("sied", "side"))
+    assert problems(text.replace("sied='left'/>", "><AlwaysSuccess/></Wave>")) == [
+        "wrong-children 3:1"
+    ]
+
+
+@pytest.mark.parametrize("data", [b"\xff\xfe<\x00", b"<root a='\xfc'/>", b"\x89PNG\r\n\x1a\n"])
+def test_a_file_that_is_no_text_is_refused(tmp_path, data):
+    path = tmp_path / "t.xml"
+    path.write_bytes(data)
+    with pytest.raises(ReadError, match="not-utf8"):
+        read_source(path)
+
+
+def test_the_encoding_that_the_file_claims_does_not_matter():
+    text = '<?xml version="1.0" encoding="ISO-8859-1"?>' + tree("<Say text='Grüß Gott'/>")
+    assert "Grüß Gott" in import_agent(Source("t.xml", text), "a", VOCABULARY).text
+
+
+@pytest.mark.parametrize("code", XML_CODES, ids=lambda code: code.code)
+def test_the_examples_of_the_codes_say_what_they_should(code):
+    assert problems(code.wrong)[0].split()[0] == code.code
+    assert not problems(code.right)
+
+
+def test_random_damage_is_answered_in_time_with_a_known_code_or_accepted():
+    sound = tree(
+        "<Sequence name='s'><Script code=\"x := 1; y := 'a' .. x\"/><Timeout msec='500'>"
+        "<Say text='{x}' _skipIf='x > 2'/></Timeout><SubTree ID='U' a='{x}' _autoremap='1'/>"
+        "</Sequence></BehaviorTree><BehaviorTree ID='U'><ScriptCondition code='a == 1'/>"
+    )
+    pieces = ["<", ">", "/", "'", '"', "&", "{", "}", ";", ":=", "\x00", "ü", "<a>", "-1", " ", ""]
+    dice = random.Random(7)
+    start = time.process_time()
+    for _ in range(400):
+        at = dice.randrange(len(sound))
+        damaged = sound[:at] + dice.choice(pieces) + sound[at + dice.randrange(4) :]
+        assert {problem.split()[0] for problem in problems(damaged)} <= set(CODES)
+    assert time.process_time() - start < 20

@@ -1,0 +1,388 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Trees of BehaviorTree.CPP as agents: what each node becomes, and what is said about the rest."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+import yaml
+
+from bt_agents_groot.importing import ImportedAgent, import_agent
+from bt_agents_groot.remarks import RemarkLevel
+from bt_agents_language.files.agent_reader import read_agent_text
+from bt_agents_language.files.skills_reader import read_skills_text
+from bt_agents_language.tools.formatting.formatter import format_source
+from bt_agents_language.yaml.source import Source
+from tree_harness import VOCABULARY
+
+S, F = "<AlwaysSuccess/>", "<AlwaysFailure/>"
+HOT, COLD = "<ScriptCondition code='hot'/>", "<ScriptCondition code='!hot'/>"
+KNOWN = "<Script code=\"hot := true; k := 1; t := 'x'\"/>"
+
+
+def imported(inner: str, more: str = "") -> ImportedAgent:
+    """Return the agent for a tree, and for more elements beside it."""
+    text = f"""<root BTCPP_format="4" main_tree_to_execute="T">
+    <BehaviorTree ID="T">{inner}</BehaviorTree>{more}</root>"""
+    return import_agent(Source("folder/t.xml", text), "a", VOCABULARY)
+
+
+def document(made: ImportedAgent) -> dict:
+    return yaml.safe_load(made.text)
+
+
+def said(made: ImportedAgent, weight: RemarkLevel) -> str:
+    return "\n".join(remark.message for remark in made.remarks if remark.weight is weight)
+
+
+@pytest.mark.parametrize(
+    ("inner", "expected"),
+    [
+        (f"<Sequence>{S}{F}</Sequence>", "sequence: [check: true, check: false]"),
+        (f"<AsyncSequence>{S}{F}</AsyncSequence>", "sequence: [check: true, check: false]"),
+        (f"<Fallback>{S}{F}</Fallback>", "selector: [check: true, check: false]"),
+        (
+            f"<ReactiveSequence>{S}{F}</ReactiveSequence>",
+            "sequence: {memory: false, children: [check: true, check: false]}",
+        ),
+        (
+            f"<ReactiveFallback>{S}{F}</ReactiveFallback>",
+            "selector: {memory: false, children: [check: true, check: false]}",
+        ),
+        (f"<Inverter>{S}</Inverter>", "{invert: true, check: true}"),
+        (f"<ForceSuccess>{F}</ForceSuccess>", "{succeed: true, check: false}"),
+        (f"<ForceFailure>{F}</ForceFailure>", "{fail: true, check: false}"),
+        (f"<Repeat num_cycles='3'>{S}</Repeat>", "{repeat: 3, check: true}"),
+        (f"<Repeat num_cycles='-1'>{S}</Repeat>", "{repeat: forever, check: true}"),
+        (f"<Repeat num_cycles='{{k}}'>{S}</Repeat>", "{repeat: '${k}', check: true}"),
+        (
+            f"<KeepRunningUntilFailure>{S}</KeepRunningUntilFailure>",
+            "{repeat: forever, check: true}",
+        ),
+        (
+            f"<RetryUntilSuccessful num_attempts='2'>{S}</RetryUntilSuccessful>",
+            "{retry: 2, check: true}",
+        ),
+        (f"<RunOnce>{S}</RunOnce>", "{once: true, check: true}"),
+        ("<Sleep msec='250'/>", "wait: 250 ms"),
+        ("<Sleep msec='2500'/>", "wait: 2.5 s"),
+        ("<Sleep msec='120000'/>", "wait: 2 min"),
+        ("<Sleep msec='{k}'/>", "wait: '${k / 1000}'"),
+        (f"<Timeout msec='5000'>{S}</Timeout>", "{timeout: 5 s, check: true}"),
+        (f"<Timeout msec='0'>{S}</Timeout>", "check: true"),
+        (f"<Delay delay_msec='500'>{S}</Delay>", "sequence: [wait: 500 ms, check: true]"),
+        (f"<Parallel>{S}{F}</Parallel>", "parallel: [check: true, check: false]"),
+        (
+            f"<Parallel success_count='1' failure_count='-1'>{S}{F}</Parallel>",
+            "parallel: {succeed_on: one, children: [check: true, check: false]}",
+        ),
+        (
+            f"<Parallel success_count='2' failure_count='2'>{S}{S}{F}</Parallel>",
+            "parallel: {succeed_on: 2, children: [check: true, check: true, check: false]}",
+        ),
+        (
+            f"<TryCatch>{S}{F}</TryCatch>",
+            "{sequence: [check: true], on_failure: {fail: true, check: false}}",
+        ),
+        (HOT, "check: hot"),
+        (COLD, "check: not hot"),
+        (f"<IfThenElse>{HOT}{S}</IfThenElse>",
+         "choose: [{name: case_1, when: hot, check: true}]"),
+        (
+            f"<IfThenElse>{HOT}{S}<IfThenElse>{COLD}{F}{S}</IfThenElse></IfThenElse>",
+            "choose: {children: [{name: case_1, when: hot, check: true}, "
+            "{name: case_2, when: not hot, check: false}], otherwise: {check: true}}",
+        ),
+        (f"<WhileDoElse>{HOT}{S}</WhileDoElse>", "{while: hot, check: true}"),
+        (
+            f"<WhileDoElse>{HOT}{S}{F}</WhileDoElse>",
+            "selector: {memory: false, children: [{while: hot, check: true}, "
+            "{while: not hot, check: false}]}",
+        ),
+        (f"<Precondition if='hot'>{F}</Precondition>", "sequence: [check: hot, check: false]"),
+        (f"<Precondition if='hot' else='SKIPPED'>{S}</Precondition>", "{when: hot, check: true}"),
+        (
+            f"<Precondition if='hot' else='SUCCESS'>{S}</Precondition>",
+            "selector: [check: not hot, check: true]",
+        ),
+        (f"<Precondition if='hot' else='RUNNING'>{S}</Precondition>", "wait_for: hot"),
+        (
+            f"<Precondition if='hot' else='RUNNING'>{F}</Precondition>",
+            "sequence: [wait_for: hot, check: false]",
+        ),
+        ("<AlwaysSuccess _skipIf='!hot'/>", "{when: hot, check: true}"),
+        ("<AlwaysSuccess _failureIf='hot'/>", "sequence: [check: not hot, check: true]"),
+        ("<AlwaysSuccess _successIf='hot'/>", "selector: [check: hot, check: true]"),
+        (
+            "<AlwaysSuccess _failureIf='k == 1' _skipIf='hot'/>",
+            "{when: k == 1 or not hot, sequence: [check: not k == 1, check: true]}",
+        ),
+        ("<AlwaysSuccess _onSuccess='k += 1'/>",
+         "sequence: [check: true, set: {k: '${k + 1}'}]"),
+        (
+            "<AlwaysSuccess _onFailure='k += 1'/>",
+            "{check: true, on_failure: {fail: true, set: {k: '${k + 1}'}}}",
+        ),
+        (
+            "<AlwaysSuccess _post='k += 1'/>",
+            "sequence: [{check: true, on_failure: {fail: true, set: {k: '${k + 1}'}}}, "
+            "set: {k: '${k + 1}'}]",
+        ),
+        ("<SetBlackboard value='3' output_key='count'/>", "set: {count: 3}"),
+        ("<SetBlackboard value='three' output_key='{word}'/>", "set: {word: three}"),
+        ("<SetBlackboard value='{t}' output_key='word'/>", "set: {word: '${t}'}"),
+        ("<Say text='Hello.'/>", "say: Hello."),
+        ("<Action ID='Say' text='Hello.' name='greet'/>", "{name: greet, say: Hello.}"),
+        ("<Say text='{t}' rate='0.8'/>", "say: {text: '${t}', rate: 0.8}"),
+        ("<Ask text='Well?'/>", "ask: Well?"),
+        ("<Ask text='Well?' answer='{reply}'/>", "{ask: 'Well?', outputs: {reply: answer}}"),
+        ("<Ask text='Well?' answer='{=}'/>", "ask: Well?"),
+        ("<Ask text='Well?' choices='json:[\"a\", 2]'/>", "ask: {text: 'Well?', choices: [a, 2]}"),
+        ("<Sound name_='chirp'/>", "sound: chirp"),
+        (
+            f"<ForceFailure><Repeat num_cycles='2'>{S}</Repeat></ForceFailure>",
+            "{fail: true, repeat: 2, check: true}",
+        ),
+        (
+            f"<Repeat num_cycles='2'><ForceFailure>{S}</ForceFailure></Repeat>",
+            "{repeat: 2, sequence: [{fail: true, check: true}]}",
+        ),
+        (
+            "<Inverter><Timeout msec='9000'><AlwaysSuccess _skipIf='hot'/></Timeout></Inverter>",
+            "{when: not hot, invert: true, sequence: [{timeout: 9 s, check: true}]}",
+        ),
+    ],
+)  # fmt: skip
+def test_a_node_becomes_what_does_the_same(inner, expected):
+    made = imported(f"<Sequence>{KNOWN}{inner}</Sequence>")
+    assert document(made)["tree"]["sequence"][1:] == [yaml.safe_load(expected)]
+    assert not made.remarks
+    read_agent_text(made.text, "a.yaml", VOCABULARY)
+    assert format_source(Source("a.yaml", made.text)) == made.text
+
+
+@pytest.mark.parametrize(
+    ("inner", "note"),
+    [
+        (f"<SequenceWithMemory>{S}</SequenceWithMemory>", "starts over at the first child"),
+        (f"<ParallelAll>{S}</ParallelAll>", "stops the other children"),
+        (f"<Parallel success_count='1'>{S}{S}</Parallel>", "fails after 1 failure;"),
+        (f"<RunOnce then_skip='0'>{S}</RunOnce>", "the second time"),
+        (f"<Switch2 variable='{{k}}' case_1='1' case_2='b'>{S}{S}{S}</Switch2>", "stays with"),
+        ("<AlwaysSuccess _while='hot'/>", "stopped has failed here"),
+        ("<ReactiveSequence><Say text='x'/><Sleep msec='1'/></ReactiveSequence>", "again and"),
+        ("<Repeat num_cycles='2'><Sleep msec='1' _skipIf='hot'/></Repeat>", "left out"),
+        ("<Sequence><Sleep msec='1' _skipIf='hot'/></Sequence>", "all its children are left out"),
+        (f"<IfThenElse>{HOT}<Sleep msec='1' _skipIf='hot'/></IfThenElse>", "Groot's is left out"),
+        ("<Inverter name='a'><AlwaysSuccess name='b'/></Inverter>", "the name 'a'"),
+        (f"<Sequence name='{'x' * 70}'>{S}</Sequence>", "shortened"),
+        ("<AlwaysSuccess _colour='red'/>", "'_colour' is not read"),
+        ("<Say text='Hello ${t}'/>", "taken as a name of our language"),
+        ("<Wait seconds='3'/>", "'wait' is a word of our language"),
+        (f"<Sequence>text{S}</Sequence>", "the text inside of <Sequence>"),
+    ],
+)
+def test_a_small_difference_is_noted_and_stands_in_the_file(inner, note):
+    made = imported(f"<Sequence>{KNOWN}{inner}</Sequence>")
+    assert note in said(made, RemarkLevel.NOTE)
+    assert not said(made, RemarkLevel.LOST)
+    assert "# note: " in made.text
+
+
+@pytest.mark.parametrize(
+    ("inner", "lost"),
+    [
+        ("<UnsetBlackboard key='t'/>", '<UnsetBlackboard key="t">'),
+        ("<WasEntryUpdated entry='{t}'/>", "<WasEntryUpdated"),
+        (f"<LoopInt queue='1;2' value='{{v}}'>{S}</LoopInt>", "its child stands alone"),
+        (f"<WaitValueUpdate entry='{{t}}'>{S}</WaitValueUpdate>", "its child stands alone"),
+        (f"<Decorator ID='Rate' hz='2'>{S}</Decorator>", '<Rate hz="2"> has no equivalent'),
+        (f"<Control ID='Pick'>{S}{F}</Control>", "its children stand in a sequence"),
+        ("<Script code='k := k &amp; 4'/>", "no operator '&'"),
+        ("<Script code='{t}'/>", "stands in a blackboard entry"),
+        ("<ScriptCondition code='~k &gt; 2'/>", "no operator '~'"),
+        ("<AlwaysSuccess _skipIf='k ^ 2'/>", '_skipIf="k ^ 2" is left out'),
+        ("<AlwaysSuccess _onHalted='k := 1'/>", "_onHalted"),
+        (f"<TryCatch catch_on_halt='true'>{S}{F}</TryCatch>", "on_cancel"),
+        (f"<Parallel success_count='{{k}}'>{S}{F}</Parallel>", "'success_count' is {k}"),
+        (f"<Precondition if='hot' else='{{t}}'>{S}</Precondition>", "FAILURE is assumed"),
+        ("<Say text='Hello' volume='3'/>", "our skill 'say' has no field 'volume'"),
+        ("<Say text='json:{'/>", "is not JSON"),
+        ("<Script code='scene__age := 4'/>", "'scene.age' cannot be given a value"),
+        ("<Script code='x := @t'/>", "the entry '@t' of all trees"),
+    ],
+)
+def test_what_has_no_equivalent_is_listed_and_stands_in_the_file(inner, lost):
+    made = imported(f"<Sequence>{KNOWN}{inner}</Sequence>")
+    assert lost in said(made, RemarkLevel.LOST)
+    assert "# not translated: " in made.text
+    assert "# Not everything could be translated; " in made.text
+
+
+def test_a_leaf_that_is_lost_fails_and_says_so():
+    made = imported("<UnsetBlackboard key='x'/>")
+    assert document(made)["tree"] == {
+        "fail": True,
+        "log": {"message": 'not translated: <UnsetBlackboard key="x">', "level": "error"},
+    }
+    read_agent_text(made.text, "a.yaml", VOCABULARY)
+
+
+def test_a_condition_that_is_a_node_is_asked_once():
+    asked = f"<IfThenElse><Sequence>{HOT}{HOT}</Sequence>{S}{F}</IfThenElse>"
+    made = imported(f"<Sequence>{KNOWN}{asked}</Sequence>")
+    assert document(made)["tree"]["sequence"][1] == {
+        "sequence": [
+            {"set": {"fits_1": False}},
+            {
+                "succeed": True,
+                "sequence": [
+                    {"sequence": [{"check": "hot"}, {"check": "hot"}]},
+                    {"set": {"fits_1": True}},
+                ],
+            },
+            {
+                "choose": {
+                    "children": [{"name": "case_1", "when": "fits_1", "check": True}],
+                    "otherwise": {"check": False},
+                }
+            },
+        ]
+    }
+    read_agent_text(made.text, "a.yaml", VOCABULARY)
+
+
+def test_descriptions_become_comments():
+    made = imported(f"<Sequence _description='first&#10;second'>{S}</Sequence>")
+    assert "tree:\n  # first\n  # second\n  sequence:\n" in made.text
+
+
+def test_names_that_a_program_gave_are_set_first():
+    made = imported(
+        "<Sequence><Say text='{greeting}' rate='{speed}'/>"
+        "<ScriptCondition code='battery &gt; 20 &amp;&amp; ready'/></Sequence>"
+    )
+    assert document(made)["tree"]["sequence"][0] == {
+        "set": {"greeting": "", "speed": 0.0, "battery": 0.0, "ready": False}
+    }
+    read_agent_text(made.text, "a.yaml", VOCABULARY)
+
+
+def test_names_become_names_of_our_language_and_stay_different():
+    made = imported("<Script code='Goal := 1; goal := 2; myGoal := 3; result := 4'/>")
+    assert document(made)["tree"]["set"] == {
+        "goal": 1, "goal_2": 2, "my_goal": 3, "result_2": 4,
+    }  # fmt: skip
+
+
+SUB = """<BehaviorTree ID="GoThere"><Sequence>
+    <Say text="{place}"/><Script code="count += 1; done := true"/></Sequence></BehaviorTree>"""
+
+
+def test_a_subtree_gets_inputs_and_outputs_from_its_uses():
+    made = imported(
+        "<Sequence><Script code='tries := 1'/>"
+        "<SubTree ID='GoThere' place='hall' count='{tries}' done='{arrived}'/>"
+        "<ScriptCondition code='arrived'/></Sequence>",
+        SUB,
+    )
+    assert document(made)["tree"]["sequence"][1] == {
+        "subtree": "go_there",
+        "with": {"place": "hall", "count_in": "${tries}"},
+        "outputs": {"tries": "count", "arrived": "done"},
+    }
+    assert document(made)["subtrees"]["go_there"] == {
+        "inputs": {"place": "any", "count_in": "any"},
+        "outputs": {"count": "any", "done": "any"},
+        "tree": {
+            "sequence": [
+                {"set": {"count": "${count_in}"}},
+                {"say": "${place}"},
+                {"set": {"count": "${count + 1}", "done": True}},
+            ]
+        },
+    }
+    read_agent_text(made.text, "a.yaml", VOCABULARY)
+
+
+def test_a_subtree_that_shares_all_names_gets_them_all():
+    made = imported(
+        "<Sequence><Script code=\"place := 'hall'; count := 0\"/>"
+        "<SubTree ID='GoThere' _autoremap='true'/></Sequence>",
+        SUB,
+    )
+    assert document(made)["tree"]["sequence"][1] == {
+        "subtree": "go_there",
+        "with": {"place": "${place}", "count_in": "${count}"},
+        "outputs": {"count": "count", "done": "done"},
+    }
+    read_agent_text(made.text, "a.yaml", VOCABULARY)
+
+
+def test_models_of_subtrees_give_types_and_defaults():
+    model = """<TreeNodesModel><SubTree ID="GoThere">
+      <input_port name="place" type="std::string" default="desk"/></SubTree></TreeNodesModel>"""
+    made = imported("<SubTree ID='GoThere' count='2'/>", SUB + model)
+    assert document(made)["subtrees"]["go_there"]["inputs"]["place"] == {
+        "type": "text",
+        "default": "desk",
+    }
+    assert document(made)["tree"]["with"] == {"count_in": 2}
+
+
+def test_an_input_that_nobody_gives_is_listed():
+    made = imported("<SubTree ID='GoThere' count='2' speed='3'/>", SUB)
+    assert "nothing says what 'place' is" in said(made, RemarkLevel.LOST)
+    assert "'speed' is not passed on" in said(made, RemarkLevel.NOTE)
+
+
+def test_an_included_file_is_listed():
+    made = imported("<SubTree ID='Elsewhere' a='{=}'/>", '<include path="more.xml"/>')
+    assert '<include path="more.xml"> is not followed' in said(made, RemarkLevel.LOST)
+    assert document(made)["tree"]["sequence"][1] == {
+        "subtree": "elsewhere",
+        "with": {"a": "${a}"},
+    }
+
+
+def test_an_unused_tree_called_on_cancel_is_the_clean_up():
+    made = imported(S, f"<BehaviorTree ID='OnCancel'>{F}</BehaviorTree>")
+    assert document(made)["on_cancel"] == {"check": False}
+    assert "subtrees" not in document(made)
+
+
+WAVE = """<TreeNodesModel><Action ID="WaveHand">
+    <input_port name="side" type="std::string"/><input_port name="times" type="int"/>
+    <output_port name="seen" type="bool"/></Action></TreeNodesModel>"""
+
+
+def test_skills_that_nobody_declares_come_with_a_file_that_declares_them():
+    made = imported(
+        "<Sequence><WaveHand side='left' times='{n}' seen='{seen}'/>"
+        "<PlayTune melody='happy' volume='3'/><ScriptCondition code='seen'/></Sequence>",
+        WAVE,
+    )
+    assert [skill.name for skill in made.missing] == ["play_tune", "wave_hand"]
+    skills = read_skills_text(made.skeleton, "new.yaml")
+    vocabulary = replace(VOCABULARY, skills={**VOCABULARY.skills, **skills})
+    read_agent_text(made.text, "a.yaml", vocabulary)
+    assert [one.name for one in skills["wave_hand"].inputs] == ["side", "times"]
+    assert [one.name for one in skills["wave_hand"].outputs] == ["seen"]
+    assert "#   wave_hand:" in made.text
+
+
+def test_a_port_that_no_model_describes_is_an_output_if_others_use_what_it_names():
+    made = imported("<Sequence><FindFace face='{face}'/><Say text='{face}'/></Sequence>")
+    assert document(made)["tree"]["sequence"][0] == {
+        "find_face": {}, "outputs": {"face": "face"},
+    }  # fmt: skip
+    assert "'face' is taken as an output" in said(made, RemarkLevel.NOTE)
+
+
+def test_the_file_is_a_whole_agent_with_the_profile_of_an_ordinary_scene():
+    made = imported(S)
+    agent = read_agent_text(made.text, "a.yaml", VOCABULARY)
+    assert agent.name == "a"
+    assert agent.profile == tuple(one.default for one in VOCABULARY.space.parameters)
+    assert made.text.startswith("# Made from t.xml by 'bt-agents import groot'.")

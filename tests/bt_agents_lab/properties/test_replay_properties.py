@@ -1,0 +1,204 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Laws of a replay: whatever is decided and learned, the messages about it do it again."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import partial
+from types import SimpleNamespace
+from typing import Any
+
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from bt_agents.host.learning_messages import learning_to_msg
+from bt_agents_core.feedback import BUTTON, MOOD_RULE, FeedbackKind, LearningRule, Update
+from bt_agents_core.scene import Scene
+from bt_agents_interfaces.msg import AgentCard, HostCard
+from bt_agents_lab.replay.decisions import decisions_again
+from bt_agents_lab.replay.findings import ReplayVerdict
+from bt_agents_lab.replay.recording_index import RecordedFeedback, Round
+from bt_agents_lab.replay.replay_learning import lessons_again
+from bt_agents_language.files.market_reader import read_market
+from bt_agents_language.yaml.source import Source
+from bt_agents_ros.messages import to_time
+from feedback_node.learning.profiles import Profiles
+from feedback_node.learning.runs import AnnouncedRun
+from feedback_node.ledger.ledger import Ledger
+from feedback_node.node.messages import card_from_msg, feedback_to_msg
+from marketplace_node.effects import PublishAuction
+from marketplace_node.explanation.explanation import explanation
+from marketplace_node.explanation.reason import reason
+from marketplace_node.node.messages import auction_to_msg
+from marketplace_node.round.decision import (
+    AcceptedBid,
+    AuctionOutcome,
+    ClosedBy,
+    Decision,
+    External,
+    Terms,
+)
+from marketplace_node.round.ranking import decide
+from marketplace_node.strategies import STRATEGIES
+from tree_harness import SPACE, scene
+
+NAN = float("nan")
+RULES = read_market(
+    Source(
+        "market.yaml",
+        "format: 1\nrules:\n  - {when: scene.age > 4, agents: [carl, anna]}\n"
+        "  - {when: scene.mood < 2, agents: [bert]}\n",
+    ),
+    SPACE,
+).rules
+MAKING: Any = SimpleNamespace(space=SPACE, rules=RULES)
+NAMES = ("anna", "bert", "carl")
+
+values = st.floats(1.0, 5.0) | st.sampled_from([1.0, 2.0, 3.0, 5.0])
+vectors = st.tuples(values, values, values)
+opinions = st.tuples(values | st.just(NAN), values | st.just(NAN), values)
+scenes = st.fixed_dictionaries({}, optional=dict.fromkeys(SPACE.names, values))
+rules = st.builds(
+    LearningRule,
+    rates=st.dictionaries(st.sampled_from(SPACE.names), st.floats(0.0, 1.0), max_size=2),
+    update=st.sampled_from(Update),
+    width=st.dictionaries(st.sampled_from(SPACE.names), st.floats(0.1, 2.0), max_size=2),
+    window=st.integers(1, 7),
+    anneal=st.sampled_from([0.0, 0.01, 0.5]),
+    drift=st.dictionaries(st.sampled_from(SPACE.names), st.floats(0.1, 2.0), max_size=2),
+    weights=st.dictionaries(st.sampled_from([BUTTON, "test"]), st.floats(0.0, 2.0), max_size=2),
+    layers=st.sampled_from([(), ("person",), ("person", "place")]),
+    general=st.sampled_from([0.0, 0.5, 1.0]),
+)
+lessons = st.lists(
+    st.tuples(
+        st.sampled_from(
+            [FeedbackKind.DIRECT, FeedbackKind.POSITIVE, FeedbackKind.NEGATIVE, FeedbackKind.SET]
+        ),
+        opinions,
+        st.sampled_from([BUTTON, MOOD_RULE, "test"]),
+        st.sampled_from(["", "anna", "otto"]),
+    ),
+    min_size=1,
+    max_size=12,
+)
+
+
+@settings(max_examples=80, deadline=None, derandomize=True)
+@given(vectors, st.floats(0.0, 1.0), rules, lessons)
+def test_all_that_is_learned_is_learned_again(
+    authored: tuple[float, ...],
+    rate: float,
+    rule: LearningRule,
+    taught: list[tuple[FeedbackKind, tuple[float, ...], str, str]],
+) -> None:
+    card = HostCard(
+        host="/agents",
+        host_instance="i1",
+        parameters=list(SPACE.names),
+        agents=[
+            AgentCard(
+                name="guide",
+                profile=list(authored),
+                current=list(authored),
+                learning_rate=rate,
+                learning=learning_to_msg(rule, SPACE),
+            )
+        ],
+    )
+    known = Profiles(SPACE, Ledger(":memory:"))
+    _, problems = known.introduce(card_from_msg(card))
+    assert problems == ()
+    kept = []
+    for number, (kind, target, source, person) in enumerate(taught):
+        where = replace(scene(age=3.0), person_id=person, place="lobby")
+        run = AnnouncedRun(epoch="e", round=number, agent="guide", scene=where) if person else None
+        change = known.apply(
+            "guide", kind, target, feedback_id=f"f{number}", source=source, reason="", run=run
+        )
+        kept += [feedback_to_msg(one, SPACE) for one in change.all]
+    found = lessons_again(
+        RecordedFeedback(feedback=one, card=card.agents[0], parameters=SPACE.names, making=MAKING)
+        for one in kept
+    )
+    for finding in found:
+        unknown = rule.update is Update.MEDIAN and any(
+            one.kind == FeedbackKind.SET for one in kept
+        )
+        assert finding.verdict is ReplayVerdict.EQUAL or unknown, finding.words
+        assert finding.verdict is not ReplayVerdict.DIFFERENT
+
+
+bids = st.lists(vectors, min_size=1, max_size=3)
+
+
+@settings(max_examples=100, deadline=None, derandomize=True)
+@given(
+    st.sampled_from(sorted(STRATEGIES)),
+    st.sampled_from(["", *sorted(STRATEGIES)]),
+    scenes,
+    bids,
+    st.integers(0, 5),
+    st.sampled_from([(), ("carl",), ("bert", "anna")]),
+    st.booleans(),
+)
+def test_all_that_is_decided_is_decided_again(
+    strategy: str,
+    shadow: str,
+    person: dict[str, float],
+    vectors: list[tuple[float, ...]],
+    runs: int,
+    outside: tuple[str, ...],
+    weighted: bool,
+) -> None:
+    bidders = NAMES[: len(vectors)]
+    ranking = tuple(name for name in outside if name in bidders)
+    terms = Terms(
+        epoch="e",
+        round=4,
+        follows=0,
+        scene=Scene(**{**vars(scene(**person)), "scene_id": "s"}),
+        strategy=strategy,
+        tie_break="least_recently_run",
+        runs={"anna": runs, "bert": 1},
+        last_run={"anna": runs, "bert": 1} if runs else {},
+        rounds_run=runs + 1,
+        earlier_runs=runs // 2,
+        options={option.name: option.default for option in STRATEGIES[strategy].options},
+        seed="e/4",
+        shadow=shadow if shadow != strategy else "",
+        shadow_options={"temperature": 0.7} if shadow == "softmax" != strategy else {},
+        rules=RULES,
+    )
+    external = External(ranking=ranking) if ranking else External(failure="it is silent")
+    accepted = [
+        AcceptedBid(
+            agent=name,
+            agent_id=number,
+            host="/agents",
+            instance="i",
+            vector=vector,
+            weights=(2.0, 1.0, 0.5) if weighted else (),
+        )
+        for number, (name, vector) in enumerate(zip(bidders, vectors, strict=True), 1)
+    ]
+    ranked = decide(SPACE, terms, accepted, external=external if strategy == "external" else None)
+    decision = Decision(
+        terms=terms,
+        outcome=AuctionOutcome.AWARDED,
+        closed_by=ClosedBy.ALL_ANSWERED,
+        duration_s=0.1,
+        ranked=ranked,
+        refused=(),
+        silent_hosts=(),
+    )
+    message = auction_to_msg(
+        PublishAuction(
+            decision=decision,
+            say=partial(reason, decision),
+            explain=partial(explanation, decision, SPACE),
+        ),
+        to_time(1.0),
+    )
+    [finding] = decisions_again([Round(auction=message, runs=runs + 1 - runs // 2, making=MAKING)])
+    assert finding.verdict is ReplayVerdict.EQUAL, finding.words

@@ -1,0 +1,155 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A journal is read while it is written, says what is torn, and keeps only what is asked for."""
+
+from __future__ import annotations
+
+import tracemalloc
+from pathlib import Path
+from random import Random
+
+import pytest
+import zstandard
+from click.testing import CliRunner
+from mcap.records import Chunk, Message
+from rclpy.serialization import serialize_message
+
+from bt_agents_core.errors import BtAgentsError
+from bt_agents_interfaces.msg import RunRecord, Scene
+from bt_agents_lab.cli.journal import journal
+from bt_agents_lab.cli.replay import replay
+from bt_agents_lab.cli.what_if import what_if
+from bt_agents_lab.recorder.file import JournalFile
+from bt_agents_lab.recorder.mcap_format import head, packed
+from bt_agents_lab.recorder.reading import JournalReader
+from bt_agents_lab.recorder.scan import survey
+from bt_agents_lab.replay.recording_index import read
+from journal_fixture import morning, topic_of
+
+RECORD = "bt_agents_interfaces/msg/RunRecord"
+
+
+def begun(path: Path, *, records: int = 1, scenes: int = 0) -> JournalFile:
+    """Return a journal that is still written, with messages of two topics."""
+    file = JournalFile(path)
+    for kind, name, number in ((RunRecord, "/records", records), (Scene, "/scene/live", scenes)):
+        topic = topic_of(kind, name)
+        channel = file.channel(topic.name, topic.type, topic.definition)
+        data = serialize_message(kind())
+        for count in range(1, number + 1):
+            file.add(
+                Message(
+                    channel_id=channel,
+                    log_time=count,
+                    publish_time=count,
+                    sequence=count,
+                    data=data,
+                )
+            )
+    file.flush()
+    return file
+
+
+def test_a_journal_that_is_still_written_is_read_without_a_word(tmp_path: Path) -> None:
+    file = begun(tmp_path / "a.mcap")
+    reader = JournalReader([file.path])
+    assert len(reader.entries()) == 1
+    assert reader.problems == []
+    file.close()
+    assert len(reader.entries()) == 1
+    assert reader.problems == []
+
+
+def test_a_file_that_ends_in_the_middle_of_a_record_is_said_to(tmp_path: Path) -> None:
+    file = begun(tmp_path / "a.mcap")
+    whole = file.path.read_bytes()
+    for torn in (b"\x05", whole[-9:-1], b"\x06" + (500).to_bytes(8, "little") + bytes(20)):
+        file.path.write_bytes(whole + torn)
+        reader = JournalReader([file.path])
+        assert len(reader.entries()) == 1
+        [words] = reader.problems
+        assert "in the middle of a record, as after a kill" in words or "only" in words
+        assert "EndOfFile" not in words
+    file.close()
+
+
+def test_what_is_not_asked_for_is_counted_and_not_kept(tmp_path: Path) -> None:
+    file = begun(tmp_path / "a.mcap", records=2, scenes=20_000)
+    file.close()
+    reader = JournalReader([file.path])
+    tracemalloc.start()
+    [first, _] = reader.entries({RECORD})
+    left, _ = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert first.type == RECORD
+    assert left < 500_000
+    counted = reader.counted["/scene/live"]
+    assert (counted.messages, counted.first_ns, counted.last_ns) == (20_000, 1, 20_000)
+    story = read([file.path])
+    assert story.counts == {"/records": 2, "/scene/live": 20_000}
+    assert (story.first_ns, story.last_ns) == (1, 20_000)
+
+
+def packed_chunk(data: bytes, said: int, compression: str = "zstd") -> bytes:
+    """Return a file with one chunk of some bytes that says how many it holds."""
+    chunk = Chunk(
+        compression=compression,
+        data=zstandard.compress(data),
+        message_start_time=0,
+        message_end_time=0,
+        uncompressed_crc=0,
+        uncompressed_size=said,
+    )
+    return head() + packed(chunk)
+
+
+@pytest.mark.parametrize("said", [100, 200_000_000])
+def test_a_small_file_that_unpacks_to_a_big_one_is_not_unpacked(tmp_path: Path, said: int) -> None:
+    path = tmp_path / "a.mcap"
+    path.write_bytes(packed_chunk(bytes(200_000_000), said))
+    tracemalloc.start()
+    reader = JournalReader([path])
+    assert reader.entries() == []
+    _, most = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert most < 10_000_000
+    assert "said to" in reader.problems[0]
+
+
+def test_a_compression_that_is_not_known_is_named(tmp_path: Path) -> None:
+    path = tmp_path / "a.mcap"
+    path.write_bytes(packed_chunk(b"", 0, "lz4"))
+    reader = JournalReader([path])
+    assert reader.entries() == []
+    assert "compressed by lz4, expected zstd" in reader.problems[0]
+
+
+def test_flipped_bits_end_no_command_without_words(tmp_path: Path) -> None:
+    whole = morning(tmp_path / "trees").keep(tmp_path / "a.mcap").read_bytes()
+    random = Random(4)
+    path = tmp_path / "b.mcap"
+    ends = set()
+    # Definitions of types stand at the beginning and outside of every check sum.
+    for place in [random.randrange(len(whole) // 2) for _ in range(25)]:
+        broken = bytearray(whole)
+        broken[place] ^= 1 << random.randrange(8)
+        path.write_bytes(broken)
+        for command in (replay, journal, what_if):
+            result = CliRunner().invoke(command, [str(path)])
+            assert isinstance(result.exception, (type(None), SystemExit, BtAgentsError)), place
+            ends.add(result.exit_code)
+    assert 0 in ends
+
+
+def test_a_torn_journal_is_never_said_to_be_equal_in_everything(tmp_path: Path) -> None:
+    path = morning(tmp_path / "trees").keep(tmp_path / "a.mcap")
+    content = path.read_bytes()
+    with path.open("rb") as file:
+        end = survey(file).end
+    path.write_bytes(content[: end + 5])
+    result = CliRunner().invoke(replay, [str(path)])
+    assert result.exit_code == 2
+    assert "all that could be read is equal" in result.output
+    path.write_bytes(content[:end])
+    result = CliRunner().invoke(replay, [str(path)])
+    assert result.exit_code == 0
+    assert "everything is equal" in result.output

@@ -1,0 +1,392 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A replay finds equal what is equal, different what was altered, and names what is missing."""
+
+from __future__ import annotations
+
+import copy
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from click.testing import CliRunner
+
+from bt_agents_core.feedback import FeedbackKind
+from bt_agents_interfaces.msg import (
+    AgentFiles,
+    Auction,
+    Feedback,
+    HostCard,
+    Run,
+    RunRecord,
+    TreeStatus,
+)
+from bt_agents_lab.cli.replay import replay
+from bt_agents_lab.replay import decisions, replay_learning, trees
+from bt_agents_lab.replay.decisions import decisions_again
+from bt_agents_lab.replay.findings import FindingCounts, ReplayFinding, ReplayVerdict, tally
+from bt_agents_lab.replay.replay_learning import lessons_again
+from bt_agents_lab.replay.trees import runs_again
+from journal_fixture import NAN, Town, morning, story_of
+from tree_harness import scene
+
+STRATEGIES = {
+    "manhattan": {},
+    "weighted_manhattan": {},
+    "euclidean": {},
+    "softmax": {"temperature": 2.0},
+    "epsilon_greedy": {"epsilon": 0.5},
+    "ucb": {"c": 3.0},
+    "thompson": {"sigma": 1.0},
+}
+
+
+def again(path: Path) -> FindingCounts:
+    story = story_of(path)
+    assert story.problems == []
+    return tally(
+        [
+            *decisions_again(story.rounds),
+            *lessons_again(story.lessons),
+            *runs_again(story.runs.values()),
+        ]
+    )
+
+
+@pytest.fixture(scope="module")
+def town(tmp_path_factory: pytest.TempPathFactory) -> Town:
+    return morning(tmp_path_factory.mktemp("town") / "trees")
+
+
+def altered(
+    town: Town, path: Path, kind: type, change: Callable[[Any], None], which: int = 0
+) -> FindingCounts:
+    """Return what a replay finds after one message of a kind was changed."""
+    numbers = [n for n, spoken in enumerate(town.said) if isinstance(spoken.message, kind)]
+
+    def alter(number: int, message: Any) -> Any:
+        if number == numbers[which]:
+            message = copy.deepcopy(message)
+            change(message)
+        return message
+
+    return again(town.keep(path / "a.mcap", alter))
+
+
+def different(found: FindingCounts, kind: str) -> ReplayFinding:
+    [finding] = [one for one in found.told if one.kind == kind]
+    assert finding.verdict is ReplayVerdict.DIFFERENT
+    return finding
+
+
+@pytest.mark.parametrize("strategy", STRATEGIES)
+def test_everything_of_a_morning_is_equal(tmp_path: Path, strategy: str) -> None:
+    made = morning(tmp_path / "trees", strategy=strategy, options=STRATEGIES[strategy])
+    found = again(made.keep(tmp_path / "a.mcap"))
+    assert found.told == []
+    for kind in (decisions.KIND, replay_learning.KIND, trees.KIND):
+        assert found.counts[kind, ReplayVerdict.EQUAL] == 4
+    assert found.sizes[trees.KIND] > 12
+
+
+def _nudge(field: str, index: int | None = None) -> Callable[[Any], None]:
+    def change(message: Any) -> None:
+        value = getattr(message, field)
+        if index is None:
+            setattr(message, field, value + 1e-15 * max(1.0, abs(value)))
+        else:
+            value[index] += 4e-16 * max(1.0, abs(value[index]))
+
+    return change
+
+
+def _in_bid(change: Callable[[Any], None]) -> Callable[[Any], None]:
+    return lambda auction: change(auction.ranking[0])
+
+
+AUCTIONS: dict[str, Callable[[Any], None]] = {
+    "winner": lambda m: setattr(m, "winner", "bert" if m.winner == "anna" else "anna"),
+    "margin": _nudge("margin"),
+    "order": lambda m: m.ranking.reverse(),
+    "score": _in_bid(_nudge("score")),
+    "distance": _in_bid(_nudge("distance")),
+    "bonus": _in_bid(_nudge("bonus")),
+    "bid": _in_bid(_nudge("vector", 0)),
+    "contribution": _in_bid(_nudge("contributions", 0)),
+    "scene": lambda m: setattr(m.scene.values[0], "value", 3.9),
+    "strategy": lambda m: setattr(m, "strategy", "euclidean"),
+    "change of the scene": lambda m: m.change_values.__setitem__(0, 1.0),
+    "shadow": lambda m: setattr(m, "shadow_winner", "anna"),
+    "outcome": lambda m: setattr(m, "outcome", Auction.NO_BIDS),
+    "winner's id": lambda m: setattr(m, "winner_id", 77),
+    "winner's host": lambda m: setattr(m, "host", "/other"),
+    "sum": _in_bid(lambda bid: setattr(bid, "calculation", "0 = |1−1|")),
+    "reason": lambda m: setattr(m, "reason", "as I like it"),
+    "explanation": lambda m: setattr(m, "explanation", m.explanation + "\nSo it was."),
+}
+
+
+@pytest.mark.parametrize("what", AUCTIONS)
+def test_an_altered_decision_is_found(town: Town, tmp_path: Path, what: str) -> None:
+    found = altered(town, tmp_path, Auction, AUCTIONS[what])
+    finding = different(found, decisions.KIND)
+    assert finding.where.startswith("round 1")
+    assert found.counts[decisions.KIND, ReplayVerdict.EQUAL] == 3
+
+
+LESSONS: dict[str, Callable[[Any], None]] = {
+    "after": _nudge("after", 0),
+    "before": _nudge("before", 0),
+    "target": lambda m: m.target.__setitem__(0, 4.5),
+    "rate": _nudge("learning_rate"),
+    "weight": lambda m: setattr(m, "weight", 0.5),
+    "kind": lambda m: setattr(m, "kind", int(FeedbackKind.NEGATIVE)),
+}
+
+
+@pytest.mark.parametrize("what", LESSONS)
+def test_an_altered_change_of_a_profile_is_found(town: Town, tmp_path: Path, what: str) -> None:
+    found = altered(town, tmp_path, Feedback, LESSONS[what])
+    assert different(found, replay_learning.KIND).where == "revision 1 of bert"
+
+
+STATUSES: dict[str, Callable[[Any], None]] = {
+    "status": lambda m: setattr(m.changes[0], "status", 3),
+    "message": lambda m: setattr(m.changes[0], "message", "so"),
+    "node": lambda m: setattr(m.changes[0], "path", "tree/9.say"),
+    "name": lambda m: setattr(m.changes[0], "name", "other"),
+    "one less": lambda m: m.changes.pop(),
+    "one more": lambda m: m.changes.append(m.changes[0]),
+    "tick": lambda m: setattr(m, "tick", 2),
+}
+
+
+@pytest.mark.parametrize("what", STATUSES)
+@pytest.mark.parametrize("which", [0, 1, 2])
+def test_an_altered_tick_is_found(town: Town, tmp_path: Path, what: str, which: int) -> None:
+    found = altered(town, tmp_path, TreeStatus, STATUSES[what], which)
+    finding = different(found, trees.KIND)
+    assert "tick" in finding.words or "end" in finding.words
+    assert found.counts[trees.KIND, ReplayVerdict.EQUAL] == 3
+
+
+def _in_note(old: str, new: str) -> Callable[[Any], None]:
+    def change(message: Any) -> None:
+        assert old in message.record, message.record
+        message.record = message.record.replace(old, new)
+
+    return change
+
+
+NOTES = {
+    "goal": ('"say",{"text":"Hello"}', '"say",{"text":"Hey"}'),
+    "state": ("SUCCEEDED", "ABORTED"),
+    "result": ("kind", "keen"),
+}
+
+
+@pytest.mark.parametrize("what", NOTES)
+def test_an_altered_note_of_a_run_is_found(town: Town, tmp_path: Path, what: str) -> None:
+    old, new = NOTES[what]
+    which = next(
+        n
+        for n, one in enumerate(m for m in _messages(town) if isinstance(m, RunRecord))
+        if old in one.record
+    )
+    found = altered(town, tmp_path, RunRecord, _in_note(old, new), which)
+    assert different(found, trees.KIND).words
+
+
+def _messages(town: Town) -> list[Any]:
+    return [spoken.message for spoken in town.said]
+
+
+def test_another_text_of_an_agent_is_found(town: Town, tmp_path: Path) -> None:
+    def change(message: Any) -> None:
+        place = message.files.index("agents/bert.yaml")
+        message.texts[place] = message.texts[place].replace("Hello", "Good day")
+
+    found = altered(town, tmp_path, AgentFiles, change)
+    words = [one.words for one in found.told if one.kind == trees.KIND]
+    assert words
+    assert "Good day" in words[0]
+
+
+def without(town: Town, path: Path, *kinds: type) -> FindingCounts:
+    return again(
+        town.keep(
+            path / "a.mcap",
+            lambda _number, message: None if isinstance(message, kinds) else message,
+        )
+    )
+
+
+def test_without_texts_nothing_is_called_equal(town: Town, tmp_path: Path) -> None:
+    found = without(town, tmp_path, AgentFiles)
+    assert {verdict for _, verdict in found.counts} == {ReplayVerdict.NOT_RECORDED}
+    assert {one.words for one in found.told if one.kind == trees.KIND} == {
+        f"there is no text of version 1 of {name}" for name in ("anna", "bert")
+    }
+
+
+def test_without_notes_or_cards_runs_and_lessons_are_named_as_not_recorded(
+    town: Town, tmp_path: Path
+) -> None:
+    found = without(town, tmp_path, RunRecord, HostCard)
+    assert found.counts[trees.KIND, ReplayVerdict.NOT_RECORDED] == 4
+    assert found.counts[replay_learning.KIND, ReplayVerdict.NOT_RECORDED] == 4
+    assert found.counts[decisions.KIND, ReplayVerdict.EQUAL] == 4
+
+
+def test_notes_that_end_before_the_run_are_equal_so_far_and_not_more(
+    town: Town, tmp_path: Path
+) -> None:
+    last = max(n for n, one in enumerate(town.said) if isinstance(one.message, RunRecord))
+    found = again(town.keep(tmp_path / "a.mcap", lambda n, m: None if n == last else m))
+    [finding] = found.told
+    assert finding.verdict is ReplayVerdict.NOT_RECORDED
+    assert "ticks are equal, then the notes end" in finding.words
+
+
+def test_a_gap_in_the_notes_is_no_difference(town: Town, tmp_path: Path) -> None:
+    numbers = [n for n, one in enumerate(town.said) if isinstance(one.message, RunRecord)]
+    found = again(town.keep(tmp_path / "a.mcap", lambda n, m: None if n == numbers[2] else m))
+    assert found.different == 0
+    assert "notes between the turns 1 and 7 are missing" in found.told[0].words
+
+
+def test_notes_that_never_reached_the_journal_are_missing_and_no_difference(
+    town: Town, tmp_path: Path
+) -> None:
+    notes = [n for n, one in enumerate(town.said) if isinstance(one.message, RunRecord)]
+    for number in notes:
+        found = again_without(town, tmp_path / f"{number}.mcap", number)
+        assert found.different == 0
+        assert [one.verdict for one in found.told] == [ReplayVerdict.NOT_RECORDED]
+
+
+def test_changes_of_a_tick_that_never_reached_the_journal_are_missing_and_no_difference(
+    town: Town, tmp_path: Path
+) -> None:
+    statuses = [n for n, one in enumerate(town.said) if isinstance(one.message, TreeStatus)]
+    for number in statuses[:4]:
+        found = again_without(town, tmp_path / f"{number}.mcap", number)
+        assert found.different == 0
+        [finding] = found.told
+        assert "the changes of 1 of" in finding.words
+
+
+def again_without(town: Town, path: Path, number: int) -> FindingCounts:
+    """Return what a replay finds when the journal never heard a message, and so no gap either."""
+    said = town.said
+    town.said = [one for n, one in enumerate(said) if n != number]
+    try:
+        return again(town.keep(path))
+    finally:
+        town.said = said
+
+
+def test_scores_that_depend_on_runs_before_the_journal_are_not_called_different(
+    tmp_path: Path,
+) -> None:
+    made = morning(tmp_path / "trees", strategy="ucb", options={"c": 3.0})
+    first = next(n for n, one in enumerate(made.said) if isinstance(one.message, Auction))
+    found = again(made.keep(tmp_path / "a.mcap", lambda n, m: None if n == first else m))
+    assert found.different == 0
+    told = [one for one in found.told if one.kind == decisions.KIND]
+    assert told
+    assert all("does not begin with this market" in one.words for one in told)
+
+
+def test_a_run_that_the_journal_has_not_heard_of_makes_no_score_different(tmp_path: Path) -> None:
+    made = morning(tmp_path / "trees", strategy="ucb", options={"c": 3.0})
+    made.said = [
+        one for one in made.said if not (isinstance(one.message, Run) and one.message.round == 2)
+    ]
+    found = again(made.keep(tmp_path / "a.mcap"))
+    assert found.counts[decisions.KIND, ReplayVerdict.EQUAL] == 2
+    assert found.counts[decisions.KIND, ReplayVerdict.NOT_RECORDED] == 2
+    assert found.different == 0
+
+
+def test_a_shadow_that_depends_on_runs_before_the_journal_is_not_called_different(
+    tmp_path: Path,
+) -> None:
+    made = Town(tmp_path / "trees", shadow="ucb")
+    for number in range(4):
+        made.round(scene(f"s{number}", age=1.0))
+    assert again(made.keep(tmp_path / "a.mcap")).told == []
+    first = next(n for n, one in enumerate(made.said) if isinstance(one.message, Auction))
+    found = again(made.keep(tmp_path / "b.mcap", lambda n, m: None if n == first else m))
+    assert found.counts == {(decisions.KIND, ReplayVerdict.NOT_RECORDED): 3}
+
+    def worse(number: int, message: Any) -> Any:
+        if number == first:
+            return None
+        if isinstance(message, Auction):
+            message = copy.deepcopy(message)
+            message.winner = "bert"
+        return message
+
+    found = again(made.keep(tmp_path / "c.mcap", worse))
+    assert found.different == 3
+
+
+def test_a_missing_value_stays_missing(tmp_path: Path) -> None:
+    made = Town(tmp_path / "trees")
+    made.round(scene("s", age=4.0))
+    made.teach("anna", FeedbackKind.DIRECT, (NAN, 3.0, NAN))
+    assert again(made.keep(tmp_path / "a.mcap")).told == []
+
+
+def test_texts_that_lead_out_of_the_folder_are_not_unpacked(town: Town, tmp_path: Path) -> None:
+    def change(message: Any) -> None:
+        message.files[0] = "../../evil.yaml"
+
+    numbers = [n for n, one in enumerate(town.said) if isinstance(one.message, AgentFiles)]
+
+    def alter(number: int, message: Any) -> Any:
+        if number in numbers:
+            message = copy.deepcopy(message)
+            change(message)
+        return message
+
+    story = story_of(town.keep(tmp_path / "a.mcap", alter))
+    assert "lies outside of the folder" in story.problems[0]
+
+
+def test_the_command_says_that_everything_is_equal(town: Town, tmp_path: Path) -> None:
+    path = town.keep(tmp_path / "a.mcap")
+    result = CliRunner().invoke(replay, [str(path)])
+    assert result.exit_code == 0, result.output
+    assert "everything is equal" in result.output
+    data = json.loads(CliRunner().invoke(replay, [str(path), "--json"]).output)
+    assert data["counts"]["decisions"] == {"equal": 4, "different": 0, "not recorded": 0}
+    assert data["findings"] == []
+
+
+def test_the_command_ends_with_one_and_the_first_differences(town: Town, tmp_path: Path) -> None:
+    first = next(n for n, one in enumerate(town.said) if isinstance(one.message, Auction))
+
+    def alter(number: int, message: Any) -> Any:
+        if number == first:
+            message = copy.deepcopy(message)
+            message.margin = 9.0
+        return message
+
+    result = CliRunner().invoke(replay, [str(town.keep(tmp_path / "a.mcap", alter))])
+    assert result.exit_code == 1
+    assert "different decision, round 1, bert: the margin was 9.0" in result.output
+    assert "not equal" in result.output
+
+
+def test_a_file_that_is_no_journal_is_refused_in_words(tmp_path: Path) -> None:
+    path = tmp_path / "a.mcap"
+    for content in (b"", b"no journal", b"\x89MCAP0\r\n" + bytes(200)):
+        path.write_bytes(content)
+        result = CliRunner().invoke(replay, [str(path)])
+        assert result.exit_code == 1
+        assert "nothing can be read of the journal" in str(result.exception)
+    missing = CliRunner().invoke(replay, [str(tmp_path / "b.mcap")])
+    assert "no journal" in str(missing.exception)

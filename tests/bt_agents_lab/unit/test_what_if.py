@@ -1,0 +1,187 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What would have been: equal without a change, and worked out by hand with one."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner
+
+from bt_agents_core.errors import BtAgentsError
+from bt_agents_core.feedback import FeedbackKind, Update
+from bt_agents_interfaces.msg import Auction, Run
+from bt_agents_lab.cli.journal import journal
+from bt_agents_lab.cli.what_if import what_if as command
+from bt_agents_lab.replay.recording_index import RecordingIndex
+from bt_agents_lab.replay.what_if import Changes, Outlook, what_if
+from bt_agents_language.files.folder_reader import read_trees
+from journal_fixture import NAN, Town, morning, story_of, write_folder
+from tree_harness import SPACE, scene
+
+
+def outlook(town: Town, path: Path, changes: Changes) -> Outlook:
+    file = path / "a.mcap"
+    file.unlink(missing_ok=True)
+    return what_if(story_of(town.keep(file)), changes)
+
+
+def winners(found: Outlook) -> list[str]:
+    return [case.now for case in found.cases]
+
+
+@pytest.mark.parametrize("strategy", ["manhattan", "softmax", "ucb", "thompson"])
+def test_without_a_change_everything_would_have_been_as_it_was(
+    tmp_path: Path, strategy: str
+) -> None:
+    town = morning(tmp_path / "trees", strategy=strategy)
+    found = outlook(town, tmp_path, Changes())
+    assert found.other == 0
+    assert [case.margin_now for case in found.cases] == [c.margin_was for c in found.cases]
+    assert found.profiles == town.profiles
+    assert (found.given, found.withheld) == (4, 0)
+
+
+@pytest.mark.parametrize("strategy", ["manhattan", "ucb"])
+def test_without_a_change_it_is_as_it_was_also_where_the_journal_begins_later(
+    tmp_path: Path, strategy: str
+) -> None:
+    town = Town(tmp_path / "trees", strategy=strategy)
+    town.profiles = dict.fromkeys(town.profiles, (2.0, 2.0, 3.0))
+    for number in range(6):
+        town.round(scene(f"s{number}", age=2.0 + number % 3))
+    firsts = [n for n, one in enumerate(town.said) if isinstance(one.message, (Auction, Run))]
+    for missing in (firsts[:2], firsts[:6], firsts[4:6]):
+        file = tmp_path / f"{len(missing)}-{missing[0]}.mcap"
+        town.keep(file, lambda n, m, gone=missing: None if n in gone else m)
+        found = what_if(story_of(file), Changes())
+        assert [case.now for case in found.cases] == [case.was for case in found.cases]
+        assert {case.now for case in found.cases} == {"anna", "bert"}
+        assert [c.margin_now for c in found.cases] == [c.margin_was for c in found.cases]
+
+
+def test_another_rate_moves_profiles_by_it(tmp_path: Path) -> None:
+    town = Town(tmp_path / "trees")
+    town.round(scene("s", age=4.0))
+    town.teach("bert", FeedbackKind.DIRECT, (5.0, NAN, NAN))
+    found = outlook(town, tmp_path, Changes(rate=0.5))
+    assert found.profiles["bert"] == (4.5 + 0.5 * (5.0 - 4.5), 2.1, 3.3)
+
+
+def test_another_rate_changes_a_later_winner(tmp_path: Path) -> None:
+    town = Town(tmp_path / "trees")
+    town.round(scene("s0", age=4.0))
+    town.teach("bert", FeedbackKind.DIRECT, (1.0, 2.1, 3.3))
+    assert town.round(scene("s1", age=2.6)) == "bert"
+    assert winners(outlook(town, tmp_path, Changes())) == ["bert", "bert"]
+    assert winners(outlook(town, tmp_path, Changes(rate=0.0))) == ["bert", "anna"]
+
+
+def test_feedback_about_a_run_of_another_agent_is_not_given(tmp_path: Path) -> None:
+    town = Town(tmp_path / "trees")
+    assert town.round(scene("s0", age=3.0, familiarity=1.6, mood=3.1)) == "bert"
+    town.teach("bert", FeedbackKind.DIRECT, (5.0, NAN, NAN))
+    agents = read_trees(write_folder(tmp_path / "other", anna=(3.0, 1.6, 3.1), bert=(5, 5, 5)))
+    found = outlook(town, tmp_path, Changes(agents=agents.agents))
+    assert winners(found) == ["anna"]
+    assert (found.given, found.withheld) == (0, 1)
+    assert found.never == ("bert",)
+    assert found.profiles["bert"] == (5.0, 5.0, 5.0)
+
+
+def test_agents_of_another_folder_bid_as_their_files_say(tmp_path: Path) -> None:
+    town = morning(tmp_path / "trees")
+    folder = write_folder(tmp_path / "other", carla=(4.0, 2.0, 3.0), bert=(1.0, 2.0, 3.0))
+    file = folder / "agents" / "bert.yaml"
+    file.write_text(file.read_text() + "requires: scene.age < 2\n")
+    found = outlook(town, tmp_path, Changes(agents=read_trees(folder).agents))
+    assert winners(found) == ["carla", "bert", "carla", "carla"]
+    assert found.bidders == {"carla", "bert"}
+
+
+def test_a_robust_update_withstands_one_wrong_feedback(tmp_path: Path) -> None:
+    town = Town(tmp_path / "trees")
+    town.round(scene("s", age=4.0))
+    for age in (4.5, 4.5, 4.5, 1.0):
+        town.teach("bert", FeedbackKind.DIRECT, (age, NAN, NAN))
+    assert outlook(town, tmp_path, Changes()).profiles["bert"][0] < 4.0
+    assert outlook(town, tmp_path, Changes(update=Update.MEDIAN)).profiles["bert"][0] == 4.5
+
+
+def test_chance_is_the_same_each_time(tmp_path: Path) -> None:
+    town = morning(tmp_path / "trees")
+    changes = Changes(strategy="softmax", options={"temperature": 5.0})
+    first, second = (outlook(town, tmp_path, changes) for _ in range(2))
+    assert winners(first) == winners(second)
+    assert len(set(winners(first))) == 2
+
+
+@pytest.mark.parametrize(
+    ("strategy", "options", "words"),
+    [
+        ("softmaxx", {}, "no strategy 'softmaxx'; did you mean"),
+        ("softmax", {"temprature": 1.0}, "no option 'temprature'; did you mean"),
+        ("softmax", {"temperature": -1.0}, "option 'temperature' is -1, expected"),
+        ("", {"temperature": 1.0}, "name it with --strategy"),
+        ("external", {}, "not known"),
+    ],
+)
+def test_what_cannot_be_is_refused_in_words(
+    strategy: str, options: Mapping[str, float], words: str
+) -> None:
+    with pytest.raises(BtAgentsError, match=words):
+        what_if(RecordingIndex(), Changes(strategy=strategy, options=options))
+
+
+def test_the_command_prints_each_other_winner_and_what_it_assumes(tmp_path: Path) -> None:
+    path = morning(tmp_path / "trees").keep(tmp_path / "a.mcap")
+    folder = write_folder(tmp_path / "other", anna=(1.0, 1.0, 3.0))
+    result = CliRunner().invoke(command, [str(path), "--agents", str(folder)])
+    assert result.exit_code == 0, result.output
+    assert "3 of 4 rounds would have had another winner" in result.output
+    assert "Whoever is chosen runs" in result.output
+    data = json.loads(
+        CliRunner().invoke(command, [str(path), "--agents", str(folder), "--json"]).output
+    )
+    assert data["chosen"] == {"anna": 4}
+    assert [one["now"] for one in data["rounds"]] == ["anna"] * 4
+
+
+def test_only_agents_with_the_tags_that_are_named_bid(tmp_path: Path) -> None:
+    path = morning(tmp_path / "trees").keep(tmp_path / "a.mcap")
+    folder = write_folder(tmp_path / "other", anna=(1.0, 1.0, 3.0), bert=(4.5, 2.1, 3.3))
+    file = folder / "agents" / "bert.yaml"
+    file.write_text(file.read_text() + "tags: [night]\n")
+    ask = [str(path), "--agents", str(folder)]
+    told = CliRunner().invoke(command, [*ask, "--tags", "night"])
+    assert told.exit_code == 0, told.output
+    assert "bert 4" in told.output
+    assert "--tags leaves it out" not in told.output
+    told = CliRunner().invoke(command, ask)
+    assert "anna 1" in told.output
+    assert "--tags leaves it out" in told.output
+    told = CliRunner().invoke(command, [str(path), "--tags", "night"])
+    assert "name their folder with --agents" in str(told.exception)
+
+
+def test_a_scene_without_a_name_is_shown_by_its_values(tmp_path: Path) -> None:
+    town = Town(tmp_path / "trees")
+    town.round(replace(scene("0b5f", age=4.5, familiarity=1.0, mood=3.0), label=""))
+    town.round(replace(scene("0b60", age=4.5), label="", person=False))
+    found = outlook(town, tmp_path, Changes())
+    assert [case.label for case in found.cases] == [
+        "age 4.5, familiarity 1, mood 3",
+        "nobody, age 4.5",
+    ]
+    shown = CliRunner().invoke(journal, [str(tmp_path / "a.mcap")])
+    assert "age 4.5, familiarity 1, mood 3: bert wins" in shown.output
+
+
+@pytest.mark.parametrize("text", ["temperature", "temperature=", "=1", "temperature=nan"])
+def test_an_option_that_is_no_number_is_refused(tmp_path: Path, text: str) -> None:
+    result = CliRunner().invoke(command, ["--strategy", "softmax", "--option", text])
+    assert "expected name=number" in str(result.exception)
+    assert len(SPACE) == 3

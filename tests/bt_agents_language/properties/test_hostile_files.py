@@ -1,0 +1,490 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Files that nobody would write: refused with a named code at a place in the file, or they run."""
+
+from __future__ import annotations
+
+import gc
+import re
+import time
+import tracemalloc
+import zlib
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from hypothesis import HealthCheck, given, note, settings
+from hypothesis import strategies as st
+
+from bt_agents.engine.environment import GoalState
+from bt_agents.engine.run import Run
+from bt_agents.engine.scripted_environment import ScriptedEnvironment, ScriptedReply
+from bt_agents_core.errors import ReadError
+from bt_agents_language.files.agent_reader import read_agent
+from bt_agents_language.files.folder_reader import read_trees
+from bt_agents_language.files.libraries import FolderLibraries
+from bt_agents_language.files.market_reader import read_market
+from bt_agents_language.files.scene_reader import read_scene
+from bt_agents_language.files.script_reader import read_script
+from bt_agents_language.files.skills_reader import read_skills
+from bt_agents_language.files.testing.test_reader import read_test
+from bt_agents_language.model.node_type import Children, Content, NodeField
+from bt_agents_language.model.specs import AgentSpec, FieldType
+from bt_agents_language.model.symbols import ImportProblem
+from bt_agents_language.nodes import BESIDE, KINDS, MODIFIERS
+from bt_agents_language.reference.codes.table import CODES
+from bt_agents_language.yaml.renderers import MAX_SHOWN
+from tree_harness import SPACE, TREES, VOCABULARY, scene
+
+CORPUS = Path(__file__).parents[2] / "corpus"
+AGENTS = read_trees(TREES).agents
+ALONE = replace(VOCABULARY, libraries=None)
+WIDEST = 200
+SLOWEST_S = 1.0
+LARGEST = 64 * 1024 * 1024
+MEASURED = 20
+"""The memory of one in so many files is measured, which is slow."""
+TICKS = 5
+HEAD = "format: 1\nagent: a\nprofile: {age: 3, familiarity: 3, mood: 3}\n"
+LINE = re.compile(r".*?:(\d+):(\d+): error\[([a-z0-9-]+)\]: .+")
+CRASHED = re.compile(r"\b(?!MissingValue)[A-Z]\w*(Error|Exception)\b")
+
+NASTY = [
+    "${", "}", "{", "[", "]", ": ", "- ", "\n", "  ", "'", '"', "|", ">", "&a ", "*a", "!!x ",
+    "<<: ", "? ", "~", "null", "yes", "010", "1e999", ".nan", "-1", "0", "1:30", "${x}", "${1/0}",
+    "${len(1)}", "scene.age", "live.person", "mood.change", "msg.data", "result.ok", "say",
+    "sequence", "choose", "random", "parallel", "subtree", "with: {a: 1}", "outputs: {a: b}",
+    "when: true", "while: false", "retry: forever", "repeat: {until: true}", "once: true",
+    "weight: 0", "forever", "all", "one", "[a, b]", "{a: b}", "@", "%", "`", "\t", "\r", "\0",
+    "\u2028", "\u00a0", "\ufeff", "\u202e", "é", "👋", "#", " #", "---\n", "...\n", "[]", "{}",
+    "''", "=", "==", "and", "not", "(", "between", "in [1]", "9" * 30, "5 s", "5 m", "90 deg",
+    "name: x\n", "\\", "", "a" * 300, "../x.yaml", "/a//b", "__class__", "2 ** 9", "0x10",
+]  # fmt: skip
+
+
+def valid_files(folder: str) -> list[bytes]:
+    """Return the files of the corpus that load."""
+    return [path.read_bytes() for path in sorted((CORPUS / folder).glob("valid_*.yaml"))]
+
+
+def shipped(pattern: str) -> list[bytes]:
+    """Return files of the trees that come with the project."""
+    return [path.read_bytes() for path in sorted(TREES.glob(pattern))]
+
+
+TESTS = shipped("agents/*.test.yaml")
+FILES: Mapping[str, list[bytes]] = {
+    "agent": [f for f in shipped("agents/*.yaml") if f not in TESTS] + valid_files("agents"),
+    "skills": shipped("skills/*.yaml") + valid_files("skills"),
+    "library": shipped("libraries/*.yaml") + valid_files("imports/libraries"),
+    "scene": shipped("scene.yaml") + shipped("scenes/*.yaml") + valid_files("scenes"),
+    "market": shipped("market.yaml") + valid_files("markets"),
+    "script": shipped("scripts/*.yaml") + valid_files("scripts"),
+    "test": TESTS,
+}
+
+
+def read_library(path: Path) -> None:
+    """Read a library that lies in a trees folder of its own."""
+    libraries = FolderLibraries(path.parents[1], ALONE)
+    try:
+        libraries.load(f"{path.parent.name}/{path.name}")
+    except ImportProblem:
+        raise libraries.broken[f"{path.parent.name}/{path.name}"] from None
+
+
+READERS: Mapping[str, Callable[[Path], object]] = {
+    "agent": lambda path: read_agent(path, VOCABULARY),
+    "skills": lambda path: read_skills([path]),
+    "library": read_library,
+    "scene": read_scene,
+    "market": lambda path: read_market(path, SPACE),
+    "script": lambda path: read_script(path, SPACE),
+    "test": lambda path: read_test(path, AGENTS, VOCABULARY),
+}
+
+
+@pytest.fixture(scope="module")
+def place(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Where the file of the moment lies."""
+    folder = tmp_path_factory.mktemp("hostile") / "libraries"
+    folder.mkdir()
+    return folder / "a.yaml"
+
+
+def check(kind: str, content: bytes, place: Path) -> None:
+    """Check the law for one file."""
+    if zlib.crc32(content) % MEASURED == 0:
+        check_memory(kind, content, place)
+    note(content.decode("utf-8", "replace"))
+    place.write_bytes(content)
+    # The collector looks at all that thousands of other tests have left behind.
+    gc.disable()
+    start = time.process_time()
+    refused: ReadError | None = None
+    try:
+        spec = READERS[kind](place)
+    except ReadError as error:
+        refused = error
+    finally:
+        took = time.process_time() - start
+        gc.enable()
+    if refused is not None:
+        check_refusal(refused, content, place)
+    elif isinstance(spec, AgentSpec):
+        check_run(spec)
+    assert took < SLOWEST_S
+
+
+def check_memory(kind: str, content: bytes, place: Path) -> None:
+    """Check that reading a file takes little memory."""
+    place.write_bytes(content)
+    tracemalloc.start()
+    try:
+        with suppress(ReadError):
+            READERS[kind](place)
+        assert tracemalloc.get_traced_memory()[1] < LARGEST
+    finally:
+        tracemalloc.stop()
+
+
+def check_refusal(error: ReadError, content: bytes, place: Path) -> None:
+    """Check that every line of a refusal names a code, and a place that is in the file."""
+    assert error.lines
+    assert len(error.lines) <= MAX_SHOWN + 1
+    report = error.report.replace(str(place.parent), "trees").splitlines()
+    assert max(map(len, report)) <= WIDEST, max(report, key=len)
+    text = content.decode("utf-8-sig", "replace").removeprefix("\ufeff")
+    lines = re.split("\r\n|\n|\r", text)
+    places = []
+    for line in error.lines[:MAX_SHOWN]:
+        match = LINE.fullmatch(line.removeprefix(str(place.parent)))
+        assert match is not None, line
+        assert match[3] in CODES
+        places.append((int(match[1]), int(match[2])))
+    assert places == sorted(places)
+    for number, column in places:
+        assert 1 <= number <= len(lines)
+        assert 1 <= column <= len(lines[number - 1]) + 1
+
+
+def check_run(spec: AgentSpec) -> None:
+    """Check that the tree of an agent can be built and ticked, and that nothing in it crashes."""
+    failing = [
+        ScriptedReply(),
+        ScriptedReply(state=GoalState.ABORTED, message="no"),
+        ScriptedReply(after_s=1.5),
+    ]
+    world = ScriptedEnvironment(
+        {"say": failing, "show": failing},
+        result={"message": "", "answer": "yes", "accepted": True},
+    )
+    awarded = scene(age=3, familiarity=3, mood=3)
+    run = Run(
+        spec,
+        space=SPACE,
+        scene=awarded,
+        profile=spec.profile,
+        live=lambda: awarded,
+        tunables={tunable.name: tunable.default for tunable in spec.tunables},
+        world=world,
+        steady=world.clock,
+    )
+    for _ in range(TICKS):
+        for change in run.tick():
+            assert not CRASHED.search(change.message), change
+        world.clock.advance(1.0)
+    run.cancel("enough")
+    run.tick()
+
+
+@st.composite
+def mutants(draw: st.DrawFn, kind: str) -> bytes:
+    """A good file with up to three slips, or with some bytes of it broken."""
+    files = FILES[kind]
+    content = files[draw(st.integers(0, len(files) - 1))]
+    for _ in range(draw(st.integers(1, 3))):
+        slip = draw(st.sampled_from(SLIPS))
+        content = slip(
+            content, draw(st.integers(0, 9999)), draw(st.integers(0, 9999)), draw(TOKENS)
+        )
+    return content
+
+
+TOKENS = st.sampled_from([token.encode() for token in NASTY])
+WORD = re.compile(rb"[\w.${}-]+")
+Slip = Callable[[bytes, int, int, bytes], bytes]
+"""Content, two numbers below 10,000, a token → other content."""
+
+
+def _at(length: int, share: int) -> int:
+    return length * share // 10_000
+
+
+def _replaced_word(content: bytes, at: int, other: int, token: bytes) -> bytes:
+    words = list(WORD.finditer(content))
+    if not words:
+        return token
+    word = words[_at(len(words), at)]
+    return content[: word.start()] + token + content[word.end() :]
+
+
+def _swapped_words(content: bytes, at: int, other: int, token: bytes) -> bytes:
+    words = list(WORD.finditer(content))
+    if len(words) < 2:
+        return content
+    first, second = sorted((_at(len(words), at), _at(len(words), other)))
+    a, b = words[first], words[second]
+    if a == b:
+        return content
+    middle = content[a.end() : b.start()]
+    return content[: a.start()] + b[0] + middle + a[0] + content[b.end() :]
+
+
+def _inserted(content: bytes, at: int, other: int, token: bytes) -> bytes:
+    place = _at(len(content) + 1, at)
+    return content[:place] + token + content[place:]
+
+
+def _cut_out(content: bytes, at: int, other: int, token: bytes) -> bytes:
+    place = _at(len(content), at)
+    return content[:place] + content[place + 1 + other % 40 :]
+
+
+def _truncated(content: bytes, at: int, other: int, token: bytes) -> bytes:
+    return content[: _at(len(content), at)]
+
+
+def _flipped_bit(content: bytes, at: int, other: int, token: bytes) -> bytes:
+    changed = bytearray(content or b" ")
+    changed[_at(len(changed), at)] ^= 1 << other % 8
+    return bytes(changed)
+
+
+def _moved_line(content: bytes, at: int, other: int, token: bytes) -> bytes:
+    lines = content.split(b"\n")
+    line = lines.pop(_at(len(lines), at))
+    lines.insert(_at(len(lines) + 1, other), line)
+    return b"\n".join(lines)
+
+
+def _doubled_line(content: bytes, at: int, other: int, token: bytes) -> bytes:
+    lines = content.split(b"\n")
+    lines.insert(_at(len(lines), other), lines[_at(len(lines), at)])
+    return b"\n".join(lines)
+
+
+def _lost_line(content: bytes, at: int, other: int, token: bytes) -> bytes:
+    lines = content.split(b"\n")
+    del lines[_at(len(lines), at)]
+    return b"\n".join(lines)
+
+
+def _indented(content: bytes, at: int, other: int, token: bytes) -> bytes:
+    lines = content.split(b"\n")
+    number = _at(len(lines), at)
+    shift = other % 9 - 4
+    line = lines[number]
+    bare = line.lstrip(b" ")
+    lines[number] = b" " * max(0, len(line) - len(bare) + shift) + bare
+    return b"\n".join(lines)
+
+
+def _spliced(content: bytes, at: int, other: int, token: bytes) -> bytes:
+    every = [file for files in FILES.values() for file in files]
+    second = every[_at(len(every), other)].split(b"\n")
+    first = content.split(b"\n")
+    return b"\n".join(first[: _at(len(first), at)] + second[_at(len(second), at) :])
+
+
+SLIPS: list[Slip] = [
+    _replaced_word, _replaced_word, _swapped_words, _inserted, _cut_out, _truncated, _flipped_bit,
+    _moved_line, _doubled_line, _lost_line, _indented, _spliced,
+]  # fmt: skip
+
+
+def law(examples: int) -> settings:
+    """Return settings under which a run is the same as every other."""
+    return settings(
+        max_examples=examples,
+        derandomize=True,
+        database=None,
+        deadline=None,
+        suppress_health_check=[HealthCheck.too_slow, HealthCheck.filter_too_much],
+    )
+
+
+@law(1500)
+@given(mutants("agent"))
+def test_a_mutant_of_an_agent_is_refused_by_name_or_runs(place: Path, content: bytes) -> None:
+    check("agent", content, place)
+
+
+@law(350)
+@given(mutants("skills"))
+def test_a_mutant_of_skills_is_accepted_or_refused_by_name(place: Path, content: bytes) -> None:
+    check("skills", content, place)
+
+
+@law(300)
+@given(mutants("library"))
+def test_a_mutant_of_a_library_is_accepted_or_refused_by_name(place: Path, content: bytes) -> None:
+    check("library", content, place)
+
+
+@law(200)
+@given(mutants("scene"))
+def test_a_mutant_of_a_scene_is_accepted_or_refused_by_name(place: Path, content: bytes) -> None:
+    check("scene", content, place)
+
+
+@law(100)
+@given(mutants("market"))
+def test_a_mutant_of_a_market_is_accepted_or_refused_by_name(place: Path, content: bytes) -> None:
+    check("market", content, place)
+
+
+@law(200)
+@given(mutants("script"))
+def test_a_mutant_of_a_script_is_accepted_or_refused_by_name(place: Path, content: bytes) -> None:
+    check("script", content, place)
+
+
+@law(250)
+@given(mutants("test"))
+def test_a_mutant_of_a_test_is_accepted_or_refused_by_name(place: Path, content: bytes) -> None:
+    check("test", content, place)
+
+
+CONDITIONS = [
+    "true", "live.person", "scene.age > 3", "mood.change <= -1", "a == 'x'", "b", "n != 2",
+    "\"a in ['x', 'y']\"", "scene.age between 1 and 3", "not (profile.age < 2 or b)", "len(a) > 2",
+    "1 / n > 2", "n % (n - 2) == 0", "e == 1",
+]  # fmt: skip
+VALUES: Mapping[FieldType, list[str]] = {
+    FieldType.DURATION: ["0 s", "1 s", "250 ms", "'${n}'", "'${2 * n}'", "3e7 s", "0.1"],
+    FieldType.INTEGER: ["1", "2", "'${n}'", "1000000"],
+    FieldType.NUMBER: ["1", "0.5", "'${live.age}'", "'${n / (n - 2)}'", "3"],
+    FieldType.BOOLEAN: ["true", "false"],
+    FieldType.TEXT: ["Hello.", "'${a} and ${n}'", "'$${x}'", "s0"],
+    FieldType.LENGTH: ["1 m", "5 cm", "'${n}'"],
+    FieldType.ANGLE: ["90 deg", "1"],
+    FieldType.ANY: ["1", "x", "'${a}'", "[1, {x: '${n}'}]", "{y: 2 s}", "'${e}'"],
+}
+CONTENTS: Mapping[Content, list[str]] = {
+    Content.CONDITION: CONDITIONS,
+    Content.ROS_NAME: ["/a", "b/c", "~/d"],
+    Content.ROS_TYPE: ["std_msgs/msg/Bool"],
+    Content.MAP: ["{}", "{data: true}", "{age: 3}", "{age: '${n}', mood: 2}"],
+    Content.OUTPUTS: ["{e: data}", "{f: msg.data}", "{g: x.y}", "{}"],
+    Content.COUNT: ["all", "one", "1"],
+}
+ROS_TYPES = {"action": "a/action/B", "service": "a/srv/C"}
+SKILLS = [VOCABULARY.skills[name] for name in ("say", "ask", "show", "light", "drive", "sound")]
+USED = [
+    *(kind for kind in KINDS.values() if kind.children is Children.LIST),
+    *KINDS.values(),
+    *SKILLS,
+]
+SUBTREES = """
+subtrees:
+  s0: {tree: {say: x}}
+  s1:
+    inputs: {i: {type: integer, default: 2}}
+    outputs: {c: any}
+    tree: {sequence: [{set: {c: '${i + 1}'}}, {subtree: s0}, {say: '${a}'}]}
+"""
+TUNABLES = "tunables: {n: {default: 2, min: 0, max: 9}, a: {default: x}, b: {default: true}}\n"
+MISFIT = st.integers(0, 60).map(lambda number: number == 37)
+"""Whether a piece is one of the few that do not fit."""
+
+
+@st.composite
+def values(draw: st.DrawFn, field: NodeField, depth: int) -> str:
+    """Something for a field of a node, most often what fits."""
+    if draw(MISFIT):
+        return draw(st.sampled_from(["", "~", "[]", "{}", "x", "-1", "'${'", "'${a}'", ".nan"]))
+    if field.content is Content.NODE:
+        return draw(nodes(depth + 1))
+    if field.words and draw(st.booleans()):
+        return draw(st.sampled_from(field.words))
+    return draw(st.sampled_from(CONTENTS.get(field.content, VALUES[field.type])))
+
+
+@st.composite
+def mappings(draw: st.DrawFn, key: str, fields: tuple[NodeField, ...], depth: int) -> str:
+    """Fields of a node, most often those that are needed."""
+    pairs = {
+        field.name: draw(values(field, depth))
+        for field in fields
+        if field.required or draw(st.integers(0, 2)) == 0
+    }
+    if key in ROS_TYPES:
+        pairs["type"] = ROS_TYPES[key]
+    if key == "wait_for":
+        for name in ("topic", "type", "until", "outputs") if "condition" in pairs else ():
+            pairs.pop(name, None)
+    return "{" + ", ".join(f"{name}: {value}" for name, value in pairs.items()) + "}"
+
+
+@st.composite
+def bodies(draw: st.DrawFn, kind: object, depth: int) -> str:
+    """What stands behind the key of a node."""
+    if kind in SKILLS:
+        return draw(st.sampled_from(["x", "'${a}'", "'${n}'", "'${e}'", "x y"]))
+    assert kind in KINDS.values()
+    table = KINDS[kind.key]
+    if table.key == "subtree":
+        return draw(st.sampled_from(["s0", "s1"]))
+    if table.open:
+        value = draw(st.sampled_from(VALUES[FieldType.ANY]))
+        return f"{{{draw(st.sampled_from('efg'))}: {value}}}"
+    if table.children is Children.LIST:
+        fewest = 0 if draw(MISFIT) else 1
+        count = draw(st.integers(fewest, 3 if depth < 3 else 1))
+        listed = "[" + ", ".join(draw(nodes(depth + 1, table.key)) for _ in range(count)) + "]"
+        if draw(st.booleans()):
+            return listed
+        options = draw(mappings(table.key, table.fields, depth)).removeprefix("{")
+        return f"{{children: {listed}, {options}"
+    if table.main is not None and draw(st.booleans()):
+        field = next(field for field in table.fields if field.name == table.main)
+        return draw(values(field, depth))
+    return draw(mappings(table.key, table.fields, depth))
+
+
+@st.composite
+def nodes(draw: st.DrawFn, depth: int, parent: str = "") -> str:
+    """A node with modifiers, as an author who has read half of the manual writes it."""
+    kind = draw(st.sampled_from(USED[:5] if depth == 0 else USED if depth < 4 else USED[-10:]))
+    key = kind.name if kind in SKILLS else kind.key
+    written = key[:2] + key[3:] if draw(MISFIT) else key
+    pairs = {written: draw(bodies(kind, depth))}
+    if parent == "choose" and not draw(MISFIT):
+        pairs["name"] = draw(st.sampled_from(["s0", "s1"]))
+        pairs["when"] = draw(st.sampled_from(CONDITIONS))
+    if parent == "random" and draw(st.booleans()):
+        pairs["weight"] = draw(st.sampled_from(["0", "2", "'${n}'"]))
+    for modifier in draw(st.lists(st.sampled_from([*MODIFIERS.values()]), max_size=2)):
+        if modifier.handler:
+            value = draw(nodes(depth + 2))
+        elif not modifier.fields:
+            value = "yes" if draw(MISFIT) else "true"
+        elif draw(st.booleans()):
+            value = draw(mappings(modifier.key, modifier.fields, depth))
+        else:
+            value = draw(values(modifier.fields[0], depth))
+        pairs.setdefault(modifier.key, value)
+    if draw(MISFIT):
+        words = ["s0", "2", "'${n}'", "{a: x}", "{e: c}", "{d: answer}", "{i: 3, a: '${a}'}"]
+        pairs[draw(st.sampled_from([*BESIDE]))] = draw(st.sampled_from(words))
+    return "{" + ", ".join(f"{word}: {value}" for word, value in pairs.items()) + "}"
+
+
+@law(1200)
+@given(nodes(0))
+def test_any_tree_of_the_languages_words_is_refused_by_name_or_runs(
+    place: Path, written: str
+) -> None:
+    check("agent", f"{HEAD}{TUNABLES}tree: {written}{SUBTREES}".encode(), place)

@@ -1,0 +1,78 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a reader takes, the schema of the editor takes too, however it is written."""
+
+from __future__ import annotations
+
+import pytest
+from hypothesis import example, given
+from hypothesis import strategies as st
+from jsonschema import Draft7Validator
+
+from bt_agents_core.errors import ReadError
+from bt_agents_language.files.agent_reader import read_agent_text
+from bt_agents_language.tools.schema.folder import SCHEMAS
+from core_schema import loaded
+from tree_harness import VOCABULARY
+
+HEAD = "format: 1\nagent: a\nprofile: {age: 3, familiarity: 3, mood: 3}\n"
+SCHEMA = Draft7Validator(SCHEMAS["agent"](VOCABULARY))
+WORDS = st.sampled_from(
+    ["true", "False", "null", "forever", "all", "one", "live.person", "${live.age}", "$${", "3 s"]
+)
+SCALARS = st.one_of(
+    WORDS,
+    st.text("0123456789.+-eE smhinTrueF", min_size=1, max_size=8),
+    st.integers(-9, 9).map(str),
+    st.floats(allow_nan=False).map(repr),
+)
+WRITTEN = st.one_of(SCALARS, SCALARS.map(lambda text: f"'{text}'"))
+PLACES = [
+    "wait: {}",
+    "check: {}",
+    "say: {}",
+    "set: {{x: {}}}",
+    "log: {{message: x, level: {}}}",
+    "say: {{text: x, rate: {}}}",
+    "light: {{colour: red, blink: {}}}",
+    "ask: {{text: x, choices: {}}}",
+    "sequence: {{memory: {}, children: [{{wait: 1 s}}]}}",
+    "parallel: {{succeed_on: {}, children: [{{wait: 1 s}}]}}",
+    "random: {{seed: {}, children: [{{wait: 1 s}}]}}",
+    "random: [{{wait: 1 s, weight: {}}}]",
+    "give_feedback: {}",
+    "give_feedback: {{kind: direct, values: {{age: {}}}}}",
+    "wait: 1 s\n  retry: {}",
+    "wait: 1 s\n  repeat: {{times: 3, pause: {}}}",
+    "wait: 1 s\n  timeout: {}",
+    "wait: 1 s\n  timeout: {{limit: {}}}",
+    "wait: 1 s\n  while: {}",
+    "wait: 1 s\n  invert: {}",
+    "wait: 1 s\n  name: {}",
+]
+
+
+@pytest.mark.parametrize("place", PLACES)
+@given(written=WRITTEN)
+@example(written="' 5 '")
+@example(written="'${1 + 1}'")
+def test_the_schema_takes_what_the_reader_takes(place, written):
+    text = f"{HEAD}tree:\n  {place.format(written)}\n"
+    try:
+        read_agent_text(text, "a.yaml", VOCABULARY)
+    except ReadError:
+        return
+    assert [error.message for error in SCHEMA.iter_errors(loaded(text))] == []
+
+
+@given(
+    written=WRITTEN,
+    key=st.sampled_from(["default: 3, min: {}", "default: {}", "default: 1 s, min: 0, max: {}"]),
+)
+def test_the_schema_takes_a_tunable_that_the_reader_takes(written, key):
+    tunable = key.format(written)
+    text = f"{HEAD}tunables: {{t: {{{tunable}}}}}\ntree: {{say: '${{t}}'}}\n"
+    try:
+        read_agent_text(text, "a.yaml", VOCABULARY)
+    except ReadError:
+        return
+    assert [error.message for error in SCHEMA.iter_errors(loaded(text))] == []

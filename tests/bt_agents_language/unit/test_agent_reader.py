@@ -1,0 +1,524 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Agent files: what each part becomes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import pytest
+
+from bt_agents_core.errors import ReadError
+from bt_agents_core.scene import SceneParameter, SceneSpace
+from bt_agents_language.expression.expressions import Expression
+from bt_agents_language.files.agent_reader import read_agent, read_agent_text
+from bt_agents_language.model.specs import (
+    BindingKind,
+    FieldType,
+    ListValue,
+    Literal,
+    MapValue,
+    NodeSpec,
+    Reference,
+    Text,
+)
+from bt_agents_language.model.symbols import SymbolTable
+from bt_agents_language.nodes import KINDS, MODIFIERS
+from bt_agents_language.tree.subtrees import MAX_NODES
+from fake_interfaces import FakeInterfaces
+from tree_harness import SPACE, TREES, VOCABULARY, agent
+
+HEAD = "format: 1\nagent: a\nprofile: {age: 3, familiarity: 3, mood: 3}\n"
+
+
+def all_nodes(spec: NodeSpec) -> Iterator[NodeSpec]:
+    yield spec
+    for child in spec.children:
+        yield from all_nodes(child)
+
+
+def paths(spec: NodeSpec) -> list[str]:
+    return [node.path for node in all_nodes(spec)]
+
+
+def errors(text: str, vocabulary: SymbolTable = VOCABULARY) -> list[str]:
+    with pytest.raises(ReadError) as error:
+        read_agent_text(HEAD + text, "a.yaml", vocabulary)
+    return [line.removeprefix("a.yaml:") for line in error.value.lines]
+
+
+SHIPPED = [p for p in sorted((TREES / "agents").glob("*.yaml")) if ".test" not in p.name]
+
+
+@pytest.mark.parametrize("path", SHIPPED, ids=lambda p: p.stem)
+def test_shipped_agents_are_read(path):
+    spec = read_agent(path, VOCABULARY)
+    assert spec.name == path.stem
+    assert spec.file == str(path)
+    listed = paths(spec.tree)
+    assert len(set(listed)) == len(listed)
+
+
+def test_the_head_of_an_agent():
+    spec = read_agent_text(
+        """\
+format: 1
+agent: guide
+title: A guide
+description: >
+  Two
+  lines.
+tags: [airport, 24]
+profile: {mood: 3, age: 4.5, familiarity: 1}
+learning_rate: 0.3
+requires: scene.person and scene.age >= 2
+feedback:
+  - {when: mood.change <= -1, for: 500 ms, give: negative, then: cancel}
+  - {when: live.age > scene.age, give: positive}
+tree: {wait: 0}
+on_cancel: {light: red}
+""",
+        "guide.yaml",
+        VOCABULARY,
+    )
+    assert (spec.name, spec.title, spec.description) == ("guide", "A guide", "Two lines.")
+    assert spec.tags == ("airport", "24")
+    assert spec.profile == (4.5, 1.0, 3.0)
+    assert spec.learning_rate == 0.3
+    assert spec.requires is not None
+    assert spec.requires.text == "scene.person and scene.age >= 2"
+    first, second = spec.rules
+    assert (first.when.text, first.hold_s, first.positive, first.cancel) == (
+        "mood.change <= -1",
+        0.5,
+        False,
+        True,
+    )
+    assert (second.hold_s, second.positive, second.cancel) == (0.0, True, False)
+    assert spec.on_cancel is not None
+    assert spec.on_cancel.path == "on_cancel"
+
+
+def test_what_is_not_written_has_a_default():
+    spec = read_agent_text(HEAD + "tree: {wait: 0}\n", "a.yaml", VOCABULARY)
+    assert (spec.title, spec.description, spec.tags) == ("a", "", ())
+    assert (spec.learning_rate, spec.requires, spec.rules) == (0.2, None, ())
+    assert spec.on_cancel is None
+
+
+@pytest.mark.parametrize(
+    ("written", "field_type", "default", "limits"),
+    [
+        ("{default: 2, min: 1, max: 5}", FieldType.INTEGER, 2, (1, 5, 0)),
+        ("{default: 2, min: 1, max: 5, step: 1}", FieldType.INTEGER, 2, (1, 5, 1)),
+        ("{default: 2.0, min: 1, max: 5}", FieldType.NUMBER, 2.0, (1, 5, 0)),
+        ("{default: 1, min: 0.5, max: 1.5, step: 0.05}", FieldType.NUMBER, 1.0, (0.5, 1.5, 0.05)),
+        ("{default: 8 s, min: 2, max: 1 min}", FieldType.DURATION, 8.0, (2, 60, 0)),
+        ("{default: 500 ms}", FieldType.DURATION, 0.5, (None, None, 0)),
+        ("{default: true}", FieldType.BOOLEAN, True, (None, None, 0)),
+        ("{default: Ann}", FieldType.TEXT, "Ann", (None, None, 0)),
+        ('{default: "8 s"}', FieldType.TEXT, "8 s", (None, None, 0)),
+        ('{default: ""}', FieldType.TEXT, "", (None, None, 0)),
+        ("{default: yes}", FieldType.TEXT, "yes", (None, None, 0)),
+        # The largest value may lie between two steps, as in ROS.
+        ("{default: 1.0, min: 0.0, max: 1.0, step: 0.3}", FieldType.NUMBER, 1.0, (0, 1, 0.3)),
+    ],
+)
+def test_the_default_of_a_tunable_says_its_type(written, field_type, default, limits):
+    spec = agent("wait: 0", head=f"tunables: {{x: {written}}}")
+    (tunable,) = spec.tunables
+    assert (tunable.name, tunable.type, tunable.default) == ("x", field_type, default)
+    assert type(tunable.default) is type(default)
+    assert (tunable.minimum, tunable.maximum, tunable.step) == limits
+
+
+@pytest.mark.parametrize(("switch", "other"), [("succeed", "fail"), ("fail", "succeed")])
+def test_modifiers_wrap_a_node_in_one_order_however_they_are_written(switch, other):
+    tree = f"""
+    invert: true
+    timeout: 1 min
+    repeat: 2
+    retry: 3
+    on_failure: {{say: sorry}}
+    {switch}: true
+    while: scene.person
+    cooldown: 2 s
+    once: true
+    when: scene.person
+    name: greet them all
+    say: x
+    """
+    spec = agent(tree).tree
+    kinds = []
+    while spec.kind != "say":
+        kinds.append(spec.kind)
+        assert spec.path == f"tree@{spec.kind}"
+        spec = spec.children[0]
+    assert kinds == [key for key in MODIFIERS if key != other]
+    assert (spec.path, spec.name) == ("tree", "greet them all")
+
+
+def test_modifiers_carry_their_fields():
+    spec = agent(
+        "say: x\nretry: ${n}\nrepeat: 2\ntimeout: 1.5 min",
+        "tunables: {n: {default: 2, min: 1, max: 3}}",
+    )
+    retry = spec.tree
+    assert retry.fields == {"attempts": Reference(name="n")}
+    repeat = retry.children[0]
+    assert repeat.fields == {"times": Literal(value=2)}
+    assert repeat.children[0].fields == {"limit": Literal(value=90.0)}
+
+
+def test_invert_false_changes_nothing():
+    assert agent("say: x\ninvert: false").tree.kind == "say"
+
+
+def test_a_node_left_out_fails_only_below_a_selector():
+    def otherwise(composite: str) -> object:
+        tree = f"{composite}:\n  - say: x\n    when: scene.person\n    timeout: 1 s"
+        return agent(tree).tree.children[0].fields["otherwise"]
+
+    assert otherwise("selector") == Literal(value="failure")
+    assert otherwise("sequence") == Literal(value="success")
+    assert otherwise("parallel") == Literal(value="success")
+
+
+def test_paths_are_places_in_the_tree():
+    spec = agent(
+        """
+        sequence:
+          - say: x
+            name: Say / it @ twice!
+          - selector:
+              children:
+                - wait: 1 s
+                  timeout: 2 s
+                  on_failure: {sequence: [{say: sorry}]}
+              memory: false
+          - subtree: greet
+            with: {who: Ann}
+          - subtree: greet
+            with: {who: Bob}
+        """,
+        head="subtrees: {greet: {inputs: {who: text}, tree: {sequence: [{say: '${who}'}]}}}",
+    ).tree
+    assert paths(spec) == [
+        "tree",
+        "tree/0.Say_it_twice",
+        "tree/1.selector",
+        "tree/1.selector/0.wait@on_failure",
+        "tree/1.selector/0.wait@timeout",
+        "tree/1.selector/0.wait",
+        "tree/1.selector/0.wait@on_failure/0.sequence",
+        "tree/1.selector/0.wait@on_failure/0.sequence/0.say",
+        "tree/2.subtree",
+        "tree/2.subtree/greet",
+        "tree/2.subtree/greet/0.say",
+        "tree/3.subtree",
+        "tree/3.subtree/greet",
+        "tree/3.subtree/greet/0.say",
+    ]
+
+
+def test_a_node_without_a_name_is_called_by_what_it_does():
+    spec = agent(
+        """
+        sequence:
+          - say: Hello. I carry your luggage.
+          - check: scene.familiarity >= 4
+          - wait: 8 s
+          - sound: beep
+          - set: {a: 1, b: 2}
+          - light: {colour: red}
+          - service: {name: /reset, type: std_srvs/srv/Trigger}
+        """
+    ).tree
+    assert [child.name for child in spec.children] == [
+        'say "Hello. I carry your lug…"',
+        "check scene.familiarity >= 4",
+        "wait 8 s",
+        'sound "beep"',
+        "set a, b",
+        'light "red"',
+        "service /reset",
+    ]
+
+
+def test_the_fields_of_composites_have_defaults():
+    spec = agent(
+        """
+        sequence:
+          - parallel: [{wait: 1}]
+          - selector: {memory: false, children: [{wait: 1}]}
+        """
+    ).tree
+    assert spec.fields == {"memory": Literal(value=True)}
+    assert spec.children[0].fields == {"succeed_on": Literal(value="all")}
+    assert spec.children[1].fields == {"memory": Literal(value=False)}
+
+
+def test_a_skill_has_a_value_for_every_input():
+    spec = agent("say: {text: Hi}").tree
+    assert spec.kind == "say"
+    assert spec.skill is VOCABULARY.skills["say"]
+    assert spec.fields == {"text": Literal(value="Hi"), "rate": Literal(value=1.0)}
+
+
+@pytest.mark.parametrize(
+    ("written", "value"),
+    [
+        ("Hello", Literal(value="Hello")),
+        ("12", Literal(value="12")),
+        ("true", Literal(value="true")),
+        ("${place}", Reference(name="place")),
+        ("${ place }", Reference(name="place")),
+        ("to ${place}!", Text(parts=("to ", Reference(name="place"), "!"))),
+        ("${place}${place}", Text(parts=(Reference(name="place"), Reference(name="place")))),
+        # What is no text is spoken as one.
+        ("${scene.age}", Text(parts=(Reference(name="scene.age"),))),
+        ("$${place}", Literal(value="${place}")),
+        ("$$${place}", Literal(value="$${place}")),
+        ("5 $", Literal(value="5 $")),
+        ("'a: b'", Literal(value="a: b")),
+        ('"two\\nlines"', Literal(value="two\nlines")),
+    ],
+)
+def test_texts_hold_names(written, value):
+    spec = agent(f"say: {written}", head="tunables: {place: {default: gate 12}}").tree
+    assert spec.fields["text"] == value
+
+
+def test_values_of_any_type_keep_theirs():
+    spec = agent(
+        "set: {a: 1, b: 1.5, c: yes, d: true, e: [1, x], f: {g: '${scene.age}'}, h: 2 s}"
+    ).tree
+    assert spec.fields == {
+        "a": Literal(value=1),
+        "b": Literal(value=1.5),
+        "c": Literal(value="yes"),
+        "d": Literal(value=True),
+        "e": ListValue(items=(Literal(value=1), Literal(value="x"))),
+        "f": MapValue(items={"g": Reference(name="scene.age")}),
+        "h": Literal(value=2.0),
+    }
+
+
+def test_leaves_that_name_ros_directly_are_unnamed_skills():
+    spec = agent(
+        """
+        sequence:
+          - action:
+              name: /dock
+              type: some_msgs/action/Dock
+              goal: {speed: "${scene.age}"}
+              outputs: {spot: result.place.name}
+              succeed_when: result.ok and scene.person
+          - publish: {topic: beep, type: std_msgs/msg/String, message: {data: "${spot}"}}
+        """
+    ).tree
+    dock, beep = spec.children
+    assert dock.kind == "action"
+    assert dock.skill is not None
+    binding = dock.skill.binding
+    assert (binding.kind, binding.name, binding.type) == (
+        BindingKind.ACTION,
+        "/dock",
+        "some_msgs/action/Dock",
+    )
+    assert binding.fields == MapValue(items={"speed": Reference(name="scene.age")})
+    assert binding.outputs == {"spot": "place.name"}
+    assert binding.succeed_when is not None
+    assert beep.skill is not None
+    assert beep.skill.binding.kind is BindingKind.TOPIC
+
+
+def test_wait_for_has_a_condition_over_its_message():
+    spec = agent("wait_for: {topic: a, type: b/msg/C, until: msg.x.y > 1 and scene.person}").tree
+    until = spec.fields["until"]
+    assert isinstance(until, Expression)
+    assert until.names == {"msg.x.y", "scene.person"}
+
+
+def test_a_message_is_known_in_its_condition_only():
+    assert errors("tree:\n  check: msg.data\n") == [
+        "5:10: error[unknown-name]: there is no name 'msg.data' here"
+    ]
+
+
+@pytest.mark.parametrize(
+    ("field", "name", "fits"),
+    [
+        ("wait: ${%s}", "time", True),
+        ("wait: ${%s}", "number", True),
+        ("wait: ${%s}", "integer", True),
+        ("wait: ${%s}", "text", False),
+        ("wait: ${%s}", "flag", False),
+        ("say: {text: x, rate: '${%s}'}", "time", True),
+        ("say: {text: x, rate: '${%s}'}", "text", False),
+        ("say: x\nretry: ${%s}", "integer", True),
+        ("say: x\nretry: ${%s}", "number", False),
+        ("light: {colour: red, blink: '${%s}'}", "flag", True),
+        ("light: {colour: red, blink: '${%s}'}", "integer", False),
+        ("say: ${%s}", "flag", True),
+        ("check: number > 1 and flag and text == 'x' and %s > 1", "time", True),
+        ("check: %s > 1", "text", False),
+    ],
+)
+def test_a_name_must_have_a_fitting_type(field, name, fits):
+    head = """
+    tunables:
+      time: {default: 2 s}
+      number: {default: 2.0, min: 1, max: 3}
+      integer: {default: 2, min: 1, max: 3}
+      text: {default: x}
+      flag: {default: true}
+    """
+    if fits:
+        agent(field % name, head)
+    else:
+        with pytest.raises(ReadError, match=r"error\[(wrong-value|bad-expression)\]"):
+            agent(field % name, head)
+
+
+def test_set_gives_a_name_the_type_of_its_values():
+    with pytest.raises(ReadError, match="expected a time such as '8 s', but 'a' is a text"):
+        agent("sequence:\n  - set: {a: x}\n  - wait: ${a}")
+    agent("sequence:\n  - set: {a: x}\n  - set: {a: 2 s}\n  - wait: ${a}")
+
+
+def test_the_inputs_of_a_subtree_have_defaults():
+    spec = agent(
+        "subtree: greet",
+        "subtrees: {greet: {inputs: {who: {type: text, default: you}}, tree: {say: '${who}'}}}",
+    ).tree
+    assert spec.kind == "subtree"
+    assert spec.fields == {"who": Literal(value="you")}
+    assert spec.children[0].fields["text"] == Reference(name="who")
+
+
+@pytest.mark.parametrize(
+    ("text", "error"),
+    [
+        (
+            "tree: {subtree: g, with: {a: x, b: 1}}\n"
+            "subtrees: {g: {inputs: {a: text}, tree: {say: '${a}'}}}\n",
+            "4:33: error[unknown-key]: 'with' of subtree 'g' has no key 'b'",
+        ),
+        (
+            "tree: {subtree: g, with: {a: x}}\nsubtrees: {g: {tree: {say: x}}}\n",
+            "4:20: error[unknown-key]: subtree 'g' has no inputs",
+        ),
+        (
+            "tree: {subtree: g, with: {a: x}}\n"
+            "subtrees: {g: {inputs: {a: duration}, tree: {wait: '${a}'}}}\n",
+            "4:30: error[bad-duration]: 'a': expected a time such as '8 s', found 'x'",
+        ),
+        (
+            "tree: {say: '${a}'}\nsubtrees: {g: {inputs: {a: text}, tree: {say: '${a}'}}}\n",
+            "4:16: error[unknown-name]: there is no name 'a' here",
+        ),
+        (
+            "tunables: {a: {default: x}}\ntree: {say: x}\n"
+            "subtrees: {g: {inputs: {a: text}, tree: {say: '${a}'}}}\n",
+            "6:25: error[name-taken]: there is a tunable 'a' already",
+        ),
+        (
+            "tree: {say: hi}\nsubtrees: {g: {inputs: {a: text}, tree: {set: {a: 1}}}}\n",
+            "5:48: error[name-taken]: 'set' gives 'a' a value, "
+            "but 'a' is an input of this subtree",
+        ),
+        (
+            "tunables: {a: {default: x}}\ntree: {set: {a: 1}}\n",
+            "5:14: error[name-taken]: 'set' gives 'a' a value, but 'a' is a tunable",
+        ),
+    ],
+)
+def test_inputs_and_names_must_agree(text, error):
+    assert errors(text) == [error]
+
+
+def test_a_broken_tunable_is_known_all_the_same():
+    assert errors("tunables: {a: {default: 9, min: 1, max: 2}}\ntree: {say: '${a}'}\n") == [
+        "4:25: error[out-of-range]: the default of tunable 'a' is 9, expected 1 to 2"
+    ]
+
+
+def test_without_a_mood_in_the_scene_there_is_no_change_of_mood():
+    space = SceneSpace(
+        parameters=(SceneParameter(name="age", minimum=1, maximum=5, default=3),), mood=None
+    )
+    text = (
+        "format: 1\nagent: a\nprofile: {age: 3}\n"
+        "feedback: [{when: mood.change > 1, give: positive}]\ntree: {check: mood.change > 1}\n"
+    )
+    with pytest.raises(ReadError) as error:
+        read_agent_text(text, "a.yaml", SymbolTable(space, {}))
+    assert [line.split(": ")[0] for line in error.value.lines] == ["a.yaml:4:19", "a.yaml:5:15"]
+    assert "scene.yaml does not say which parameter is the mood" in error.value.report
+
+
+def test_a_chain_of_very_many_subtrees_is_too_deep_and_nothing_worse():
+    links = "".join(f"  s{i}: {{tree: {{subtree: s{i + 1}}}}}\n" for i in range(3000))
+    text = f"tree: {{subtree: s0}}\nsubtrees:\n{links}  s3000: {{tree: {{say: x}}}}\n"
+    assert errors(text)[0].startswith("4:8: error[tree-too-large]")
+
+
+def test_trees_share_one_limit_of_nodes():
+    say = "- {say: x}\n" * (MAX_NODES // 2)
+    text = f"tree:\n  sequence:\n{say}on_cancel:\n  sequence:\n{say}"
+    second = MAX_NODES // 2 + 7
+    assert errors(text.replace("- ", "    - "))[0].startswith(f"{second}:3: error[tree-too-large]")
+
+
+KNOWING = SymbolTable(SPACE, VOCABULARY.skills, FakeInterfaces())
+
+
+@pytest.mark.parametrize(
+    ("leaf", "error"),
+    [
+        (
+            "action: {name: a, type: other/action/X}",
+            "4:32: error[unknown-ros-type]: no ROS type 'other/action/X'",
+        ),
+        (
+            "action: {name: a, type: known_msgs/action/X, goal: {good: {bad: 1}}}",
+            "4:67: error[unknown-ros-field]: known_msgs/action/X: no field 'good.bad' in the goal",
+        ),
+        (
+            "service: {name: a, type: known_msgs/srv/X, request: {good: [{good: 1}, {bad: 1}]}}",
+            "4:80: error[unknown-ros-field]: known_msgs/srv/X: "
+            "no field 'good.1.bad' in the request",
+        ),
+        (
+            "service: {name: a, type: known_msgs/srv/X, succeed_when: result.bad}",
+            "4:65: error[unknown-ros-field]: no field 'bad' in the response",
+        ),
+        (
+            "action: {name: a, type: known_msgs/action/X, outputs: {x: result.bad}}",
+            "4:66: error[unknown-ros-field]: no field 'bad' in the result",
+        ),
+        (
+            "publish: {topic: a, type: known_msgs/msg/X, message: {bad: 1}}",
+            "4:62: error[unknown-ros-field]: known_msgs/msg/X: no field 'bad' in the message",
+        ),
+        (
+            "wait_for: {topic: a, type: known_msgs/msg/X, until: msg.good and msg.bad}",
+            "4:73: error[unknown-ros-field]: no field 'bad' in the message",
+        ),
+        (
+            "wait_for: {topic: a, type: other/msg/X, until: msg.bad}",
+            "4:35: error[unknown-ros-type]: no ROS type 'other/msg/X'",
+        ),
+    ],
+)
+def test_unknown_ros_types_and_fields_are_errors_with_their_place(leaf, error):
+    assert errors(f"tree: {{{leaf}}}\n", KNOWING) == [error]
+
+
+def test_without_interfaces_ros_types_are_not_looked_up():
+    agent("action: {name: a, type: other/action/X, goal: {anything: 1}}")
+
+
+def test_every_kind_of_node_and_modifier_says_what_it_is_for():
+    assert all(kind.description.endswith(".") for kind in KINDS.values())
+    assert all(kind.description.endswith(".") for kind in MODIFIERS.values())

@@ -1,0 +1,115 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A folder of files: a broken agent stops no other, a broken scene or skill stops all."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from bt_agents_core.errors import BtAgentsError, ReadError
+from bt_agents_language.files.folder_reader import read_trees
+from tree_harness import TREES
+
+SCENE = "format: 1\nparameters:\n  age: {min: 1, max: 5, default: 3}\n"
+SKILLS = "format: 1\nskills:\n  beep:\n    topic: {name: beep, type: std_msgs/msg/Empty}\n"
+
+
+def agent(name: str, tree: str = "{beep: }") -> str:
+    return f"format: 1\nagent: {name}\nprofile: {{age: 3}}\ntree: {tree}\n"
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    (tmp_path / "skills").mkdir()
+    (tmp_path / "agents").mkdir()
+    (tmp_path / "scene.yaml").write_text(SCENE)
+    (tmp_path / "skills" / "robot.yaml").write_text(SKILLS)
+    (tmp_path / "agents" / "x.yaml").write_text(agent("zoe"))
+    (tmp_path / "agents" / "y.yaml").write_text(agent("ann"))
+    return tmp_path
+
+
+def test_the_shipped_folder_is_sound():
+    trees = read_trees(TREES)
+    assert trees.broken == ()
+    assert len(trees.agents) >= 4
+    assert "say" in trees.vocabulary.skills
+    assert trees.scene.space.mood == "mood"
+
+
+def test_agents_come_in_the_order_of_their_names(folder):
+    trees = read_trees(folder)
+    assert [one.name for one in trees.agents] == ["ann", "zoe"]
+    assert trees.folder == folder
+
+
+def test_a_broken_agent_stops_no_other(folder):
+    (folder / "agents" / "a.yaml").write_text(agent("bob", "{bep: }"))
+    trees = read_trees(folder)
+    assert [one.name for one in trees.agents] == ["ann", "zoe"]
+    (broken,) = trees.broken
+    assert broken.file == folder / "agents" / "a.yaml"
+    assert broken.error.lines == (
+        f"{broken.file}:4:8: error[unknown-node]: there is no node or skill 'bep'",
+    )
+
+
+def test_the_second_agent_of_a_name_is_broken(folder):
+    (folder / "agents" / "z.yaml").write_text("# a copy\n" + agent("zoe"))
+    (broken,) = read_trees(folder).broken
+    assert broken.file.name == "z.yaml"
+    (line,) = broken.error.lines
+    assert "z.yaml:3:1: error[duplicate-agent]: there is an agent 'zoe' already" in line
+
+
+def test_what_is_no_yaml_file_of_the_folder_is_left_alone(folder):
+    (folder / "agents" / ".#x.yaml").symlink_to(folder / "nowhere")
+    (folder / "agents" / "x.yaml~").write_text("[")
+    (folder / "agents" / "notes.txt").write_text("[")
+    assert read_trees(folder).broken == ()
+
+
+def test_a_folder_that_is_called_like_a_file_is_broken(folder):
+    (folder / "agents" / "f.yaml").mkdir()
+    (broken,) = read_trees(folder).broken
+    assert "error[not-a-file]" in broken.error.lines[0]
+
+
+def test_a_folder_without_skills_and_agents_is_empty(tmp_path):
+    (tmp_path / "scene.yaml").write_text(SCENE)
+    trees = read_trees(tmp_path)
+    assert (trees.agents, trees.broken, dict(trees.vocabulary.skills)) == ((), (), {})
+
+
+def test_a_broken_scene_stops_all(folder):
+    (folder / "scene.yaml").write_text("format: 1\n")
+    with pytest.raises(ReadError, match=r"scene.yaml:1:1: error\[missing-key\]"):
+        read_trees(folder)
+
+
+def test_a_missing_scene_stops_all(folder):
+    (folder / "scene.yaml").unlink()
+    with pytest.raises(ReadError, match=r"error\[no-file\]"):
+        read_trees(folder)
+
+
+def test_broken_skills_stop_all_and_every_file_tells_its_errors(folder):
+    (folder / "skills" / "a.yaml").write_text("format: 2\nskills: {}\n")
+    (folder / "skills" / "b.yaml").write_text(SKILLS)
+    (folder / "skills" / "robot.yaml").write_text(SKILLS)
+    with pytest.raises(ReadError) as error:
+        read_trees(folder)
+    first, second = error.value.lines
+    assert "a.yaml:1:9: error[wrong-format]" in first
+    assert "robot.yaml:3:3: error[duplicate-skill]: there is a skill 'beep' already" in second
+
+
+def test_agents_can_be_picked_by_their_tags():
+    trees = read_trees(TREES)
+    names = {agent.name for agent in trees.tagged("care_home").agents}
+    assert names == {"cheerful_voice", "large_print", "evening_round"}
+    assert len(trees.tagged("care_home, intralogistics").agents) == 5
+    assert trees.tagged("") == trees
+    with pytest.raises(BtAgentsError, match="no agent has the tag 'home'; there are airport, "):
+        trees.tagged("home")

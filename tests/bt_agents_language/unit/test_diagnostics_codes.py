@@ -1,0 +1,237 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The table of codes: each is documented by examples that do what they are said to."""
+
+from __future__ import annotations
+
+import ast
+import re
+import tomllib
+from collections.abc import Callable, Iterator
+from importlib.metadata import EntryPoint
+from pathlib import Path
+
+import pytest
+
+import bt_agents
+from bt_agents_core.errors import ReadError
+from bt_agents_groot.document import read_document
+from bt_agents_language.files import folder_reader
+from bt_agents_language.files.agent_reader import read_agent_text
+from bt_agents_language.files.scene_reader import read_scene
+from bt_agents_language.files.script_reader import read_script
+from bt_agents_language.files.skills_reader import read_skills
+from bt_agents_language.files.testing.test_reader import read_test
+from bt_agents_language.model.plugins import read_plugins
+from bt_agents_language.model.specs import BindingKind
+from bt_agents_language.model.symbols import SymbolTable
+from bt_agents_language.reference.codes.entry import Code, FileKind, Severity, written
+from bt_agents_language.reference.codes.table import CODES, GROUPS
+from bt_agents_language.tools import folder_check
+from bt_agents_language.tools.folder_check import check_folder
+from bt_agents_language.tools.linting.comment_truncation import cut_texts
+from bt_agents_language.tools.linting.lint import lint
+from bt_agents_language.yaml import diagnostics
+from bt_agents_language.yaml.diagnostics import Diagnostic
+from bt_agents_language.yaml.source import read_source
+from fake_interfaces import FakeInterfaces
+from tree_harness import SPACE, TREES, VOCABULARY
+
+HEAD = {
+    "format": "format: 1",
+    "agent": "agent: {stem}",
+    "profile": "profile: {{age: 3, familiarity: 3, mood: 3}}",
+    "tree": "tree: {{wait: 1 s}}",
+}
+FILE = re.compile(r"^# (\S+\.yaml)(/?)$", re.MULTILINE)
+PACKAGE = Path(bt_agents.__file__).parent
+
+
+class StandardTypes(FakeInterfaces):
+    """Knows every type but std_msgs/msg/Boolean, and every field but 'value'."""
+
+    def type_problem(self, kind: BindingKind, type_name: str) -> str | None:
+        return "no such type" if type_name.endswith("/Boolean") else None
+
+    def field_problem(
+        self, kind: BindingKind, type_name: str, section: str, path: str
+    ) -> str | None:
+        return "no such field" if path == "value" else None
+
+
+def agent_file(example: bytes, stem: str = "guide") -> bytes:
+    """Return an example with what every agent needs in front of it."""
+    there = re.findall(rb"^(\w+):", example, re.MULTILINE)
+    missing = [line for key, line in HEAD.items() if key.encode() not in there]
+    return "".join(f"{line.format(stem=stem)}\n" for line in missing).encode() + example
+
+
+def put(path: Path, data: bytes) -> Path:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_bytes(data)
+    return path
+
+
+def of_agent(example: bytes, folder: Path) -> tuple[Diagnostic, ...]:
+    source = read_source(put(folder / "guide.yaml", agent_file(example)))
+    vocabulary = SymbolTable(space=SPACE, skills=VOCABULARY.skills, interfaces=StandardTypes())
+    return (*lint(read_agent_text(source.text, source.file, vocabulary)), *cut_texts(source))
+
+
+def of_test(example: bytes, folder: Path) -> tuple[Diagnostic, ...]:
+    agent = read_agent_text(agent_file(b"tree: {say: Hello.}").decode(), "g.yaml", VOCABULARY)
+    read_test(put(folder / "guide.test.yaml", b"format: 1\n" + example), [agent], VOCABULARY)
+    return ()
+
+
+def of_script(example: bytes, folder: Path) -> tuple[Diagnostic, ...]:
+    read_script(put(folder / "script.yaml", example), SPACE)
+    return ()
+
+
+def of_skills(example: bytes, folder: Path) -> tuple[Diagnostic, ...]:
+    read_skills([put(folder / "skills.yaml", example)], StandardTypes())
+    return ()
+
+
+def of_scene(example: bytes, folder: Path) -> tuple[Diagnostic, ...]:
+    read_scene(put(folder / "scene.yaml", example), StandardTypes())
+    return ()
+
+
+def of_xml(example: bytes, folder: Path) -> tuple[Diagnostic, ...]:
+    read_document(read_source(put(folder / "tree.xml", example)))
+    return ()
+
+
+def of_folder(example: bytes, folder: Path) -> tuple[Diagnostic, ...]:
+    for name in ("scene.yaml", "skills/robot.yaml"):
+        put(folder / name, (TREES / name).read_bytes())
+    parts = FILE.split(example.decode())
+    if parts[1].startswith(("skills/", "libraries/")):
+        put(folder / "agents" / "other.yaml", agent_file(b"", "other"))
+    for name, is_folder, text in zip(parts[1::3], parts[2::3], parts[3::3], strict=True):
+        if is_folder:
+            (folder / name).mkdir(parents=True)
+            continue
+        data = text.lstrip("\n").encode()
+        if name.startswith("agents/") and data.strip():
+            data = agent_file(data, Path(name).stem)
+        put(folder / name, data)
+    return check_folder(folder, StandardTypes()).problems
+
+
+def of_package(example: bytes, folder: Path) -> tuple[Diagnostic, ...]:
+    groups = tomllib.loads(example.decode())["project"]["entry-points"]
+    points = [
+        EntryPoint(name, value, group)
+        for group, of_group in groups.items()
+        for name, value in of_group.items()
+    ]
+    plugins = read_plugins(points)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(folder_check, "installed_plugins", lambda: plugins)
+        patch.setattr(folder_reader, "installed_plugins", lambda: plugins)
+        return check_folder(TREES, StandardTypes(), [TREES / "scene.yaml"]).problems
+
+
+LOOK: dict[FileKind, Callable[[bytes, Path], tuple[Diagnostic, ...]]] = {
+    FileKind.AGENT: of_agent,
+    FileKind.SKILLS: of_skills,
+    FileKind.SCENE: of_scene,
+    FileKind.SCRIPT: of_script,
+    FileKind.TEST: of_test,
+    FileKind.FOLDER: of_folder,
+    FileKind.XML: of_xml,
+    FileKind.PACKAGE: of_package,
+}
+
+
+def found(code: Code, example: str, folder: Path) -> tuple[Diagnostic, ...]:
+    try:
+        return LOOK[code.kind](written(example), folder)
+    except ReadError as error:
+        return error.diagnostics
+
+
+@pytest.mark.parametrize("code", CODES.values(), ids=CODES)
+def test_the_wrong_example_of_a_code_has_it_first(code, tmp_path):
+    problems = found(code, code.wrong, tmp_path)
+    assert [problem.code for problem in problems][:1] == [code.code], problems
+    assert problems[0].severity is code.severity
+
+
+@pytest.mark.parametrize("code", CODES.values(), ids=CODES)
+def test_the_right_example_of_a_code_is_without_any_problem(code, tmp_path):
+    assert found(code, code.right, tmp_path) == ()
+
+
+@pytest.mark.parametrize("code", CODES.values(), ids=CODES)
+def test_a_code_has_a_plain_name_and_a_meaning_in_one_sentence(code):
+    assert CODE.fullmatch(code.code)
+    assert code.meaning[0].isupper()
+    assert code.meaning.endswith(".")
+
+
+def test_every_code_stands_in_one_group():
+    assert len(CODES) == sum(map(len, GROUPS.values()))
+    warnings = {code.code for code in GROUPS["Warnings"]}
+    assert warnings == {c.code for c in CODES.values() if c.severity is Severity.WARNING}
+
+
+REPORTING = {
+    "error": 0, "error_in": 0, "add": 0, "_give_up": 1, "_refuse": 0, "_refusal": 1,
+    "ImportProblem": 0, "_at": 1, "_warning": 0,
+}  # fmt: skip
+"""Function that reports a problem → which of its arguments is the code."""
+
+CODE = re.compile(r"[a-z0-9]+(-[a-z0-9]+)*")
+
+
+def constants(node: ast.AST) -> Iterator[str]:
+    for part in ast.walk(node):
+        if isinstance(part, ast.Constant) and isinstance(part.value, str):
+            yield part.value
+
+
+def reported(tree: ast.AST) -> Iterator[str]:
+    """Yield the codes that a module reports problems with."""
+    for node in ast.walk(tree):
+        if not isinstance(node, ast.Call):
+            continue
+        called = node.func.attr if isinstance(node.func, ast.Attribute) else None
+        name = called or (node.func.id if isinstance(node.func, ast.Name) else "")
+        yield from (
+            keyword.value.value
+            for keyword in node.keywords
+            if keyword.arg == "code" and isinstance(keyword.value, ast.Constant)
+        )
+        place = REPORTING.get(name)
+        if place is not None and len(node.args) > max(place, 1):
+            argument = node.args[place]
+            if isinstance(argument, ast.Constant) and CODE.fullmatch(str(argument.value)):
+                yield argument.value
+
+
+def sources() -> list[ast.AST]:
+    files = [
+        path
+        for package in ("language", "groot", "rehearsal")
+        for path in (PACKAGE / package).rglob("*.py")
+        if path.parent.name != "codes"
+    ]
+    return [ast.parse(path.read_text(encoding="utf-8")) for path in files]
+
+
+def test_every_code_that_is_reported_is_in_the_table():
+    codes = {code for tree in sources() for code in reported(tree)}
+    assert len(codes) > 60
+    assert codes <= set(CODES)
+
+
+def test_every_code_of_the_table_is_reported_somewhere():
+    words = {word for tree in sources() for word in constants(tree)}
+    assert set(CODES) <= words
+
+
+def test_the_table_is_what_readers_look_severities_up_in():
+    assert diagnostics.CODES is CODES

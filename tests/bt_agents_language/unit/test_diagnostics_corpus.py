@@ -1,0 +1,166 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Hand-made files, most of them bad: every error in them with its code and place, and no other."""
+
+from __future__ import annotations
+
+import gc
+import re
+import shutil
+import time
+import tracemalloc
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+import hostile_inputs
+from bt_agents_core.errors import ReadError
+from bt_agents_language.files.agent_reader import read_agent
+from bt_agents_language.files.experiment_reader import read_experiment
+from bt_agents_language.files.libraries import FolderLibraries
+from bt_agents_language.files.market_reader import read_market
+from bt_agents_language.files.scene_reader import read_scene
+from bt_agents_language.files.script_reader import read_script
+from bt_agents_language.files.skills_reader import read_skills
+from bt_agents_language.model.symbols import ImportProblem
+from bt_agents_language.reference.codes.entry import FileKind, Severity
+from bt_agents_language.reference.codes.table import CODES
+from bt_agents_language.yaml import diagnostics
+from tree_harness import SPACE, VOCABULARY
+
+KEPT = Path(__file__).parents[2] / "corpus"
+ALONE = replace(VOCABULARY, libraries=None)
+SLOWEST_S = 1.0
+LARGEST = 64 * 1024 * 1024
+WIDEST = 200
+FLOOD = 20
+"""With more errors than that, an expectation names the first and '…'."""
+
+ELSEWHERE = {
+    # What stands around a file, not in it.
+    "duplicate-agent", "no-agents",
+    # Known only where ROS is.
+    "unknown-ros-type", "unknown-ros-field",
+}  # fmt: skip
+LINE = re.compile(r"(?P<file>.+?):(?P<place>\d+:\d+): error\[(?P<code>[a-z0-9-]+)\]: .+")
+
+
+def read_import(path: Path) -> None:
+    """Read a library, or an agent that imports some."""
+    folder = next(parent for parent in path.parents if parent.name == "imports")
+    libraries = FolderLibraries(folder, ALONE)
+    if path.parent.name == "agents":
+        read_agent(path, replace(VOCABULARY, libraries=libraries))
+        return
+    library = f"libraries/{path.name}"
+    try:
+        libraries.load(library)
+    except ImportProblem:
+        raise libraries.broken[library] from None
+
+
+READERS: dict[str, Callable[[Path], object]] = {
+    "agents": lambda path: read_agent(path, ALONE),
+    "skills": lambda path: read_skills([path]),
+    "scenes": read_scene,
+    "markets": lambda path: read_market(path, SPACE),
+    "scripts": lambda path: read_script(path, SPACE),
+    "experiments": lambda path: read_experiment(path, SPACE),
+    "imports": read_import,
+}
+
+
+def expectations() -> dict[str, str]:
+    """Return the expected errors by file: 'code line:column' of each, in the order of the file."""
+    files = sorted((KEPT / "expected").glob("*.txt"))
+    lines = [line for file in files for line in file.read_text(encoding="utf-8").splitlines()]
+    pairs = [line.split(":", 1) for line in lines if line and not line.startswith("#")]
+    expected = {file: errors.strip() for file, errors in pairs}
+    assert len(expected) == len(pairs), "a file is listed twice"
+    return expected
+
+
+EXPECTED = expectations()
+
+
+@pytest.fixture(scope="module")
+def corpus(tmp_path_factory) -> Path:
+    """The corpus with what is too large, or no file, to be kept in the repository."""
+    copy = tmp_path_factory.mktemp("corpus") / "corpus"
+    shutil.copytree(KEPT, copy)
+    hostile_inputs.build(copy)
+    return copy
+
+
+def outcome(corpus: Path, file: str) -> tuple[str, ReadError | None]:
+    """Return what is found in a file as an expectation says it."""
+    try:
+        READERS[file.partition("/")[0]](corpus / file)
+    except ReadError as refused:
+        error = refused
+    else:
+        return "", None
+    matches = [LINE.fullmatch(line) for line in error.lines[:FLOOD]]
+    assert all(m is not None and m["file"] == str(corpus / file) for m in matches), error.lines
+    found = [f"{m['code']} {m['place']}" for m in matches if m is not None]
+    if len(error.lines) > FLOOD:
+        found[1:] = ["…"]
+    return ", ".join(found), error
+
+
+@pytest.mark.parametrize("file", EXPECTED)
+def test_every_error_is_found_where_it_is(file, corpus):
+    # The collector looks at all that thousands of other tests have left behind.
+    gc.disable()
+    start = time.process_time()
+    try:
+        found, error = outcome(corpus, file)
+    finally:
+        took = time.process_time() - start
+        gc.enable()
+    assert took < SLOWEST_S
+    assert found == EXPECTED[file]
+    if error is not None:
+        report = error.report.replace(str(corpus), "trees")
+        assert max(len(line) for line in report.splitlines()) <= WIDEST
+
+
+@pytest.mark.parametrize("file", [file for file in EXPECTED if file in hostile_inputs.BUILT])
+def test_no_bomb_takes_much_memory(file, corpus):
+    tracemalloc.start()
+    try:
+        outcome(corpus, file)
+        assert tracemalloc.get_traced_memory()[1] < LARGEST
+    finally:
+        tracemalloc.stop()
+
+
+def test_every_code_is_provoked_by_a_file_or_by_a_test_of_its_own():
+    provoked = set(re.findall(r"([a-z0-9-]+) \d+:\d+", " ".join(EXPECTED.values())))
+    errors = {
+        code
+        for code, entry in CODES.items()
+        if entry.severity is Severity.ERROR and entry.kind not in (FileKind.TEST, FileKind.XML)
+    }
+    assert provoked | ELSEWHERE == errors
+    assert not provoked & ELSEWHERE
+
+
+def test_every_code_that_the_readers_know_is_in_the_table():
+    emitted = re.compile(
+        r"""(?:\.error|\.error_in|\.add|_give_up|_refusal|ImportProblem)\(\s*(?:event,|file,)?
+        \s*"([a-z0-9-]+)" """,
+        re.VERBOSE,
+    )
+    sources = Path(diagnostics.__file__).parent.rglob("*.py")
+    found = {code for path in sources for code in emitted.findall(path.read_text("utf-8"))}
+    assert len(found) > 40
+    assert found <= set(CODES)
+
+
+def test_every_file_of_the_corpus_has_an_expectation():
+    kept = {str(path.relative_to(KEPT)) for path in KEPT.rglob("*.yaml")}
+    built = {name for name in hostile_inputs.BUILT if not name.startswith(hostile_inputs.UNLISTED)}
+    assert kept | built | set(hostile_inputs.NO_FILES) == set(EXPECTED)
+    assert len(EXPECTED) >= 450

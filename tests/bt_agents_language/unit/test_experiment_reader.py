@@ -1,0 +1,86 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Experiments: scenes and the feedback that follows them."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from bt_agents_core.errors import ReadError
+from bt_agents_core.scene import SceneParameter, SceneSpace
+from bt_agents_language.files.experiment_reader import read_experiment, read_simulated_feedback
+from bt_agents_language.files.folder_reader import read_trees
+from bt_agents_language.yaml.source import Source
+
+EXPERIMENTS = Path(__file__).parents[3] / "experiments"
+SPACE = SceneSpace(
+    parameters=tuple(
+        SceneParameter(name=name, minimum=1, maximum=5, default=3) for name in ("age", "mood")
+    )
+)
+TEXT = """\
+format: 1
+title: T
+rounds: 4
+seed: 7
+scenes: [{mood: 2, age: 1}]
+feedback:
+  each: {guide: {age: 5, mood: 4}}
+  sequence: [{age: 3}]
+  repeat: true
+  errors: {share: 0.25}
+"""
+
+
+def test_an_experiment_is_read():
+    spec = read_experiment(Source("e.yaml", TEXT), SPACE)
+    assert (spec.title, spec.rounds, spec.seed, spec.scenes) == ("T", 4, 7, ((1.0, 2.0),))
+    assert spec.order() == ((1.0, 2.0),) * 4
+    errors = spec.feedback.errors
+    assert (errors.seed, errors.every, errors.share, errors.value) == (7, 0, 0.25, None)
+    spec = replace(spec, feedback=spec.feedback.afresh(None))
+    assert spec.feedback.next("guide") == (5.0, 4.0)
+    for _ in range(2):
+        age, mood = spec.feedback.next("another") or ()
+        assert age == 3.0
+        # What is left out of feedback is no opinion.
+        assert math.isnan(mood)
+
+
+@pytest.mark.parametrize(
+    "path", sorted(EXPERIMENTS.glob("*/experiment.yaml")), ids=lambda path: path.parent.name
+)
+def test_shipped_experiments_are_read(path):
+    trees = read_trees(path.parent)
+    assert trees.broken == ()
+    spec = read_experiment(path, trees.scene.space)
+    feedback = read_simulated_feedback(path, trees.scene.space)
+    assert set(feedback.each) == set(spec.feedback.each) == {one.name for one in trees.agents}
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "place"),
+    [
+        ("rounds: 4", "rounds: many", "3:9"),
+        ("seed: 7", "seed: -1", "4:7"),
+        ("[{mood: 2, age: 1}]", "[]", "5:9"),
+        ("{age: 3}", "{}", "8:14"),
+        ("guide:", "Guide 1:", "7:10"),
+        ("age: 5", "age: 6", "7:23"),
+        ("repeat: true", "repeat: yes", "9:11"),
+        ("share: 0.25", "share: 1.25", "10:19"),
+        ("share: 0.25", "every: 0", "10:19"),
+        ("share: 0.25", "every: 3, share: 0.1", "10:11"),
+        ("share: 0.25", "value: {age: 5, mood: 5}", "10:11"),
+        ("share: 0.25", "every: 3, value: {age: 5}", "10:29"),
+        ("share: 0.25", "every: 3, value: {age: 5, mood: 9}", "10:44"),
+    ],
+)
+def test_what_is_wrong_is_told_with_its_place(old, new, place):
+    with pytest.raises(ReadError) as error:
+        read_experiment(Source("e.yaml", TEXT.replace(old, new)), SPACE)
+    (line,) = error.value.lines
+    assert line.startswith(f"e.yaml:{place}: error[")

@@ -1,0 +1,201 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Libraries: skills and subtrees that several agents of one trees folder share."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import textwrap
+from pathlib import Path
+
+import pytest
+
+from bt_agents_core.errors import ReadError
+from bt_agents_language.files.agent_reader import read_agent
+from bt_agents_language.files.folder_reader import read_trees, read_vocabulary
+from bt_agents_language.files.scene_reader import read_scene
+from bt_agents_language.model.specs import AgentSpec
+from tree_harness import TREES
+
+AGENT = """
+format: 1
+agent: a
+imports: [{imports}]
+profile: {{age: 3, familiarity: 3, mood: 3}}
+tree: {tree}
+"""
+MANNERS = """
+format: 1
+subtrees:
+  greet:
+    inputs: {who: text}
+    outputs: {reply: text}
+    tree:
+      sequence:
+        - say: Hello ${who}.
+        - ask: How are you?
+          outputs: {reply: answer}
+"""
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """Return a trees folder with the shipped scene and skills, and one library."""
+    for name in ("skills", "libraries", "agents"):
+        (tmp_path / name).mkdir()
+    shutil.copy(TREES / "scene.yaml", tmp_path)
+    shutil.copy(TREES / "skills" / "robot.yaml", tmp_path / "skills")
+    (tmp_path / "libraries" / "manners.yaml").write_text(MANNERS)
+    return tmp_path
+
+
+def agent(folder: Path, tree: str, *imports: str) -> AgentSpec:
+    path = folder / "agents" / "a.yaml"
+    path.write_text(AGENT.format(tree=tree, imports=", ".join(f'"{one}"' for one in imports)))
+    return read_agent(path, read_vocabulary(folder, read_scene(folder / "scene.yaml")))
+
+
+def problems(folder: Path, tree: str, *imports: str) -> list[str]:
+    """Return 'line:column code: message' of every error of an agent."""
+    with pytest.raises(ReadError) as caught:
+        agent(folder, tree, *imports)
+    lines = [line.removeprefix(f"{folder}/agents/a.yaml:") for line in caught.value.lines]
+    return [line.replace(": error[", " ", 1).replace("]:", ":", 1) for line in lines]
+
+
+def library(folder: Path, name: str, text: str) -> None:
+    path = folder / "libraries" / f"{name}.yaml"
+    path.write_text("format: 1\n" + textwrap.dedent(text))
+
+
+def test_a_subtree_of_a_library_is_put_in_its_place_with_its_own_positions(folder):
+    call = "{sequence: [{subtree: greet, with: {who: you}}, {say: 'Ah, ${reply}.'}]}"
+    spec = agent(folder, call, "libraries/manners.yaml")
+    greet = spec.tree.children[0]
+    say = greet.children[0].children[0]
+    assert say.path == "tree/0.subtree/greet/0.say"
+    assert say.position.file == str(folder / "libraries" / "manners.yaml")
+    assert say.position.line == 9
+
+
+def test_a_library_can_use_another_one(folder):
+    library(
+        folder,
+        "visits",
+        """
+        imports: [libraries/manners.yaml]
+        subtrees:
+          visit: {tree: {sequence: [{subtree: greet, with: {who: you}}, {say: '${reply}'}]}}
+        """,
+    )
+    spec = agent(folder, "{subtree: visit}", "libraries/visits.yaml")
+    path = spec.tree.children[0].children[0].children[0].children[0].path
+    assert path == "tree/visit/0.subtree/greet/0.say"
+    found = problems(folder, "{subtree: greet, with: {who: you}}", "libraries/visits.yaml")
+    assert found == ["6:17 unknown-subtree: there is no subtree 'greet'"]
+
+
+def test_the_library_that_has_a_subtree_is_named_where_its_import_is_forgotten(folder):
+    library(folder, "broken", "subtrees: {greet: 1}\n")
+    with pytest.raises(ReadError) as caught:
+        agent(folder, "{subtree: greet, with: {who: you}}")
+    (problem,) = caught.value.diagnostics
+    assert problem.hint == "add imports: [libraries/manners.yaml], which has it"
+
+
+def test_a_forgotten_import_in_a_library_makes_no_circle_of_the_libraries(folder):
+    needs = "imports: [libraries/{}.yaml]\nsubtrees: {{{}: {{tree: {{subtree: {}}}}}}}\n"
+    library(folder, "first", "subtrees: {one: {tree: {subtree: two}}}\n")
+    library(folder, "second", needs.format("first", "two", "one"))
+    broken = {one.file.name: one.error.lines[0] for one in read_trees(folder).broken}
+    assert "error[unknown-subtree]" in broken["first.yaml"]
+    assert "error[broken-import]" in broken["second.yaml"]
+
+
+def test_a_library_can_bring_skills(folder):
+    library(
+        folder,
+        "dance",
+        """
+        skills:
+          dance:
+            main: style
+            inputs: {style: text}
+            topic: {name: dance, type: std_msgs/msg/String, message: {data: "${style}"}}
+        """,
+    )
+    spec = agent(folder, "{dance: waltz}", "libraries/dance.yaml")
+    assert spec.tree.skill is not None
+    assert spec.tree.skill.name == "dance"
+
+
+@pytest.mark.parametrize(
+    ("path", "expected"),
+    [
+        ("../manners.yaml", "bad-import: '../manners.yaml' leads out of the trees folder"),
+        ("/etc/passwd", "bad-import: expected the path of a file from the trees folder on"),
+        (
+            "libraries//x.yaml",
+            "bad-import: 'libraries//x.yaml' is not written plainly",
+        ),
+        ("libraries/manners.txt", "bad-import: 'libraries/manners.txt' is no YAML file"),
+        ("libraries/maners.yaml", "no-file: there is no file 'libraries/maners.yaml'"),
+        ("scene.yaml", "broken-import: 'scene.yaml' has errors itself"),
+    ],
+)
+def test_an_import_that_leads_nowhere_is_named_where_it_stands(folder, path, expected):
+    found = problems(folder, "{say: x}", path)
+    assert len(found) == 1
+    assert found[0].startswith(f"4:11 {expected}")
+
+
+def test_a_link_out_of_the_folder_is_not_followed(folder, tmp_path_factory):
+    outside = tmp_path_factory.mktemp("outside") / "x.yaml"
+    outside.write_text(MANNERS)
+    (folder / "libraries" / "x.yaml").symlink_to(outside)
+    found = problems(folder, "{say: x}", "libraries/x.yaml")
+    assert found == ["4:11 bad-import: 'libraries/x.yaml' leads out of the trees folder"]
+
+
+def test_a_pipe_is_refused_and_not_waited_for(folder):
+    os.mkfifo(folder / "libraries" / "pipe.yaml")
+    found = problems(folder, "{say: x}", "libraries/pipe.yaml")
+    assert found[0].startswith("4:11 broken-import: 'libraries/pipe.yaml' has errors itself")
+    assert "not-a-file" in found[0]
+
+
+def test_a_circle_of_imports_is_shown(folder):
+    library(folder, "a", "imports: [libraries/b.yaml]\nsubtrees: {x: {tree: {say: x}}}\n")
+    library(folder, "b", "imports: [libraries/a.yaml]\nsubtrees: {y: {tree: {say: y}}}\n")
+    found = problems(folder, "{say: x}", "libraries/a.yaml")
+    assert len(found) == 1
+    assert found[0].startswith("4:11 broken-import: ")
+    assert "import-cycle in line 2" in found[0]
+    trees = read_trees(folder)
+    circle = "libraries/a.yaml → libraries/b.yaml → libraries/a.yaml"
+    assert [circle in broken.error.report for broken in trees.broken[1:]] == [True, True]
+
+
+def test_two_subtrees_of_one_name_are_refused(folder):
+    library(folder, "other", "subtrees: {greet: {tree: {say: x}}}\n")
+    found = problems(folder, "{say: x}", "libraries/manners.yaml", "libraries/other.yaml")
+    assert found[0].startswith("4:37 name-taken: this import brings a subtree 'greet'")
+
+
+def test_a_broken_library_breaks_those_that_import_it_and_no_other(folder):
+    library(folder, "bad", "subtrees: {greet: {tree: {sya: x}}}\n")
+    agent(folder, "{say: x}", "libraries/manners.yaml")
+    (folder / "agents" / "b.yaml").write_text(
+        AGENT.format(tree="{say: x}", imports='"libraries/bad.yaml"').replace(
+            "agent: a", "agent: b"
+        )
+    )
+    trees = read_trees(folder)
+    assert [spec.name for spec in trees.agents] == ["a"]
+    reports = [broken.file.name for broken in trees.broken]
+    assert reports == ["b.yaml", "bad.yaml"]
+
+
+def test_a_library_that_nobody_imports_is_read_all_the_same(folder):
+    library(folder, "bad", "subtrees: {greet: {tree: {sya: x}}}\n")
+    assert [broken.file.name for broken in read_trees(folder).broken] == ["bad.yaml"]

@@ -1,0 +1,281 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Warnings about agents that can be read."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+from bt_agents_language.files.agent_reader import read_agent_text
+from bt_agents_language.model.specs import AgentSpec
+from bt_agents_language.tools.linting.lint import lint
+from bt_agents_language.tools.linting.outcomes import NodeOutcome, outcomes
+from tree_harness import VOCABULARY, agent
+
+
+def found(tree: str, head: str = "") -> list[str]:
+    """Return the warnings as 'code line:column'; the first line of the tree is the eighth."""
+    warnings = lint(agent(tree, head))
+    return [f"{w.code} {w.position.line}:{w.position.column}" for w in warnings]
+
+
+def codes(spec: AgentSpec) -> list[str]:
+    return [warning.code for warning in lint(spec)]
+
+
+def warnings_of(tree: str, head: str = "") -> list[str]:
+    return codes(agent(tree, head))
+
+
+@pytest.mark.parametrize(
+    "loop",
+    [
+        "retry: forever",
+        "retry: {attempts: forever, pause: 5 s}",
+        "repeat: forever",
+        "repeat: {until: live.mood > 4}",
+        "repeat: {times: forever, until: live.mood > 4, pause: 1 s}",
+    ],
+)
+@pytest.mark.parametrize("speech", ["say: Please clear the way.", "ask: Could you move?"])
+def test_speech_in_a_loop_without_end_is_warned_about(loop, speech):
+    assert warnings_of(f"sequence: [{{{speech}}}, {{drive: gate 4}}]\n{loop}") == [
+        "endless-speech"
+    ]
+
+
+def test_the_warning_stands_at_the_speech_and_names_the_loop():
+    (warning,) = lint(
+        agent("retry: forever\nsequence:\n  - drive: gate 4\n  - say: Mind the robot.")
+    )
+    assert (warning.position.line, warning.position.column) == (11, 7)
+    assert warning.end == warning.position._replace(column=10)
+    assert "(line 8)" in warning.message
+    assert "{attempts: 3, …}" in warning.hint
+
+
+@pytest.mark.parametrize(
+    ("loop", "warned"),
+    [
+        ("retry: 20", False),
+        ("retry: 21", True),
+        ("repeat: {times: 1000000, pause: 1 s}", True),
+        ("repeat: 20", False),
+    ],
+)
+def test_speech_in_a_loop_of_very_many_rounds_is_warned_about(loop, warned):
+    assert warnings_of(f"say: Hello.\n{loop}") == ["endless-speech"] * warned
+
+
+def test_the_warning_about_very_many_rounds_says_how_many_at_most():
+    (warning,) = lint(agent("say: Mind the robot.\nretry: 500"))
+    assert "of 500 attempts (line" in warning.message
+    assert "500 attempts are for ever for whoever stands there" in warning.message
+    assert "{attempts: 3, …}" in warning.hint
+
+
+def test_an_input_that_its_subtree_never_uses_is_warned_about_where_it_stands():
+    head = "subtrees:\n  greet:\n    inputs: {who: text}\n    tree: {say: Hello.}\n"
+    (warning,) = lint(agent("subtree: greet\nwith: {who: Ann}", head))
+    assert (warning.code, warning.position.line) == ("unused-input", 8)
+    assert warning.end == warning.position._replace(column=warning.position.column + 3)
+
+
+def test_a_time_limit_inside_of_the_loop_does_not_end_it():
+    assert warnings_of("say: Hello.\nretry: forever\ntimeout: 5 s") == ["endless-speech"]
+
+
+@pytest.mark.parametrize(
+    "tree",
+    [
+        "say: Hello.\nretry: 3",
+        "say: Hello.\nrepeat: {times: 2, until: live.person}",
+        "sequence: [{say: Hello., once: true}, {drive: gate 4}]\nretry: forever",
+        "timeout: 60 s\nsequence:\n  - sequence: [{say: Hello.}, {drive: gate 4}]\n"
+        "    retry: forever",
+        "sequence:\n  - sequence: [{say: Hello.}, {wait: 2 s}]\n    repeat: forever\n"
+        "while: live.person",
+        "sequence: [{show: Hello., retry: forever}]",
+    ],
+)
+def test_speech_that_has_an_end_is_not_warned_about(tree):
+    assert warnings_of(tree) == []
+
+
+@pytest.mark.parametrize(
+    "tree",
+    [
+        "sequence:\n  - say: A.\n    fail: true\n  - say: B.",
+        "sequence:\n  - check: false\n  - say: B.",
+        "sequence:\n  - wait: 1 s\n    repeat: forever\n  - say: B.",
+        "sequence:\n  - drive: gate 4\n    retry: forever\n    invert: true\n"
+        "    fail: true\n  - say: B.",
+        "selector:\n  - wait: 1 s\n  - say: B.",
+        "selector:\n  - log: here\n  - say: B.",
+        "selector:\n  - set: {tries: 1}\n  - say: B.",
+        "selector:\n  - say: A.\n    succeed: true\n  - say: B.",
+        "selector:\n  - drive: gate 4\n    retry: forever\n  - say: B.",
+        "selector:\n  - say: A.\n    on_failure: {log: silent}\n  - say: B.",
+        "selector:\n  - sequence: [{wait: 1 s}, {log: here}]\n  - say: B.",
+        "selector:\n  - parallel: [{wait: 1 s}, {wait: 2 s}]\n  - say: B.",
+        "selector:\n  - random: [{wait: 1 s}, {log: here}]\n  - say: B.",
+        "selector:\n  - check: 1 < 2\n  - say: B.",
+        "choose:\n  - name: a\n    when: true\n    say: A.\n  - name: b\n    when: live.person\n"
+        "    say: B.",
+        "random:\n  - say: A.\n  - say: B.\n    weight: 0",
+        "sequence:\n  - say: A.\n  - say: B.\n    when: false",
+        "say: B.\nwhile: 2 < 1",
+    ],
+)
+def test_what_can_never_be_reached_is_warned_about(tree):
+    assert warnings_of(tree) == ["never-reached"]
+
+
+@pytest.mark.parametrize(
+    "tree",
+    [
+        "sequence:\n  - say: A.\n  - say: B.\n    fail: true",
+        "selector:\n  - wait: 1 s\n    when: live.person\n  - say: B.",
+        "selector:\n  - log: here\n    timeout: 5 s\n  - say: B.",
+        "selector:\n  - set: {tries: '${live.age}'}\n  - say: B.",
+        "selector:\n  - wait: 1 s\n    while: live.person\n  - say: B.",
+        "selector:\n  - wait: 1 s\n    once: true\n  - say: B.",
+        "selector:\n  - choose:\n      - {name: a, when: live.person, log: here}\n  - say: B.",
+        "sequence:\n  - wait: 1 s\n    repeat: {until: live.person}\n  - say: B.",
+        "selector:\n  - parallel: {succeed_on: one, children: [{wait: 1 s}, {wait: 2 s}]}\n"
+        "  - say: B.",
+        "sequence:\n  - check: false\n    when: live.person\n  - say: B.",
+        "choose:\n  children: [{name: a, when: live.person, say: A.}]\n  otherwise: {say: B.}",
+    ],
+)
+def test_what_can_be_reached_is_not_warned_about(tree):
+    assert warnings_of(tree) == []
+
+
+def test_only_the_first_of_what_is_never_reached_is_named():
+    assert found("selector:\n  - wait: 1 s\n  - say: B.\n  - say: C.") == ["never-reached 10:7"]
+
+
+@pytest.mark.parametrize(
+    ("tree", "ends"),
+    [
+        ("wait: 1 s", {NodeOutcome.SUCCESS}),
+        ("wait: 1 s\ninvert: true", {NodeOutcome.FAILURE}),
+        ("say: A.", {NodeOutcome.SUCCESS, NodeOutcome.FAILURE}),
+        ("say: A.\nretry: forever", {NodeOutcome.SUCCESS, NodeOutcome.ENDLESS}),
+        ("wait: 1 s\nrepeat: forever", {NodeOutcome.ENDLESS}),
+        ("sequence: [{wait: 1 s, repeat: forever}]\ntimeout: 3 s", {NodeOutcome.FAILURE}),
+        ("wait: 1 s\nwhen: live.person", {NodeOutcome.SUCCESS}),
+        ("check: 0 / 0 > 1", {NodeOutcome.SUCCESS, NodeOutcome.FAILURE}),
+    ],
+)
+def test_a_node_tells_how_it_can_end(tree, ends):
+    assert outcomes(agent(tree).tree) == ends
+
+
+@pytest.mark.parametrize(
+    "tree",
+    [
+        "log: again\nrepeat: forever",
+        "check: live.person\nretry: forever",
+        "repeat: {until: live.person}\nset: {tries: 1}",
+        "repeat: forever\nsequence: [{sound: chirp}, {log: again}]",
+    ],
+)
+def test_a_loop_without_end_that_takes_no_time_is_warned_about(tree):
+    assert warnings_of(tree) == ["busy-repeat"]
+
+
+@pytest.mark.parametrize(
+    "tree",
+    [
+        "repeat: {times: forever, pause: 1 s}\nlog: again",
+        "repeat: forever\nsequence: [{log: again}, {wait: 1 s}]",
+        "repeat: forever\nlight: green",
+        "repeat: 3\nlog: again",
+        "repeat: forever\nsequence: [{log: again, repeat: {times: 2, pause: 1 s}}]",
+    ],
+)
+def test_a_loop_that_takes_time_is_not_warned_about(tree):
+    assert warnings_of(tree) == []
+
+
+def test_a_wait_that_nothing_ends_is_warned_about():
+    assert warnings_of("wait_for: live.person") == ["endless-wait"]
+    assert warnings_of("wait_for: {topic: a, type: std_msgs/msg/Bool}") == ["endless-wait"]
+
+
+@pytest.mark.parametrize(
+    "tree",
+    [
+        "wait_for: live.person\ntimeout: 5 s",
+        "sequence: [{wait_for: live.person}]\ntimeout: 5 s",
+        "sequence: [{wait_for: live.mood > 3}]\nwhile: live.person",
+        "parallel: {succeed_on: one, children: [{wait_for: live.person}, {wait: 5 s}]}",
+    ],
+)
+def test_a_wait_that_something_ends_is_not_warned_about(tree):
+    assert warnings_of(tree) == []
+
+
+def test_two_branches_that_speak_at_the_same_time_are_warned_about():
+    tree = "parallel:\n  - say: A.\n  - sequence: [{wait: 1 s}, {ask: B?}]\n  - show: C."
+    assert found(tree) == ["two-voices 10:32"]
+
+
+TUNABLE = "tunables:\n  patience: {default: 8 s, min: 2 s, max: 30 s}\n"
+
+
+@pytest.mark.parametrize(
+    "tree",
+    [
+        "wait: ${patience}",
+        "say: Wait ${patience}, please.",
+        "wait: ${patience * 2}",
+        "check: patience > 3",
+        "wait: 1 s\ntimeout: ${patience}",
+        "ask: {text: A?, choices: ['${patience}']}",
+        "publish: {topic: a, type: std_msgs/msg/String, message: {data: '${patience}'}}",
+        "service: {name: a, type: std_srvs/srv/Trigger, succeed_when: patience > 3}",
+    ],
+)
+def test_a_tunable_that_is_read_is_not_warned_about(tree):
+    assert warnings_of(tree, TUNABLE) == []
+
+
+def test_a_tunable_that_nobody_reads_is_warned_about_where_it_stands():
+    (warning,) = lint(agent("wait: 1 s", TUNABLE))
+    assert warning.code == "unread-tunable"
+    assert (warning.position.line, warning.position.column) == (7, 3)
+
+
+def test_a_tunable_may_be_read_by_a_subtree_or_the_clean_up():
+    head = TUNABLE + "on_cancel: {wait: '${patience}'}\n"
+    assert warnings_of("wait: 1 s", head) == []
+    head = TUNABLE + "subtrees: {pause: {tree: {wait: '${patience}'}}}\n"
+    assert warnings_of("subtree: pause", head) == []
+
+
+def test_a_subtree_that_is_used_twice_is_warned_about_once():
+    head = "subtrees: {await: {tree: {wait_for: live.person}}}\n"
+    assert warnings_of("sequence: [{subtree: await}, {subtree: await}]", head) == ["endless-wait"]
+
+
+def test_a_skill_that_no_robot_offers_is_warned_about():
+    bow = replace(
+        VOCABULARY.skills["light"], name="bow", inputs=(), binding=None, unoffered="no robot"
+    )
+    text = "format: 1\nagent: a\nprofile: {age: 3, familiarity: 3, mood: 3}\ntree: {bow: }\n"
+    spec = read_agent_text(text, "a.yaml", VOCABULARY.with_skills({"bow": bow}))
+    assert codes(spec) == ["skill-not-offered"]
+
+
+def test_warnings_come_in_the_order_of_the_file():
+    tree = "sequence:\n  - wait_for: live.person\n  - log: a\n    repeat: forever\n  - wait: 1 s"
+    assert found(tree, TUNABLE) == [
+        "unread-tunable 7:3",
+        "endless-wait 11:7",
+        "busy-repeat 13:7",
+        "never-reached 14:7",
+    ]

@@ -1,0 +1,185 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`bt-agents new`: what it writes works at once, in any trees folder."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+import pytest
+
+from bt_agents_core.errors import BtAgentsError, ReadError
+from bt_agents_language.files.folder_reader import read_trees
+from bt_agents_language.model.specs import NodeSpec
+from bt_agents_language.tools.formatting.formatter import format_source
+from bt_agents_language.yaml.source import read_source
+from bt_agents_tools.cli.commands.new import new
+from bt_agents_tools.rehearsal.suite import TreesFolders, coverages, run_file
+from tree_harness import TREES
+
+ODD_SCENE = """\
+format: 1
+parameters:
+  distance: {min: -0.0000025, max: 7, default: %s}
+"""
+
+
+@pytest.fixture
+def made(capsys, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    shutil.copytree(TREES, tmp_path / "trees")
+
+    def call(*arguments: str) -> str:
+        new.main(list(arguments), standalone_mode=False)
+        return capsys.readouterr().out
+
+    return call
+
+
+def kinds(node: NodeSpec) -> set[str]:
+    return {node.kind}.union(*map(kinds, node.children))
+
+
+def check(folder: Path) -> NodeSpec:
+    """Check that everything works in a folder and in canonical style; return the new tree."""
+    trees = read_trees(folder)
+    assert not trees.broken
+    for path in (folder / "agents").glob("fresh*.yaml"):
+        source = read_source(path)
+        assert format_source(source) == source.text
+    result = run_file(folder / "agents" / "fresh.test.yaml", TreesFolders())
+    assert result.error is None
+    assert [case.findings for case in result.cases] == [()] * len(result.cases)
+    (covered,) = coverages([result])
+    assert covered.gaps == ()
+    return next(agent.tree for agent in trees.agents if agent.name == "fresh")
+
+
+def test_an_agent_and_its_test_work_at_once(made):
+    assert (
+        made("fresh")
+        == """\
+wrote trees/agents/fresh.yaml
+wrote trees/agents/fresh.test.yaml
+
+Next:
+  bt-agents check trees
+  bt-agents show trees/agents/fresh.yaml
+  bt-agents rehearse trees/agents/fresh.yaml
+  bt-agents test trees/agents/fresh.test.yaml
+"""
+    )
+    assert "say" in kinds(check(Path("trees")))
+
+
+def test_the_profile_is_that_of_the_folders_scene(made):
+    made("fresh")
+    text = Path("trees/agents/fresh.yaml").read_text(encoding="utf-8")
+    assert "\n  age: 3          # 1 to 5: how old the person is\n" in text
+    assert "\n  familiarity: 3  # 1 to 5: how well the person knows this robot\n" in text
+
+
+def test_an_editor_is_told_of_the_schemas_beside_the_folder(made):
+    Path("schema").mkdir()
+    Path("schema/agent.schema.json").write_text("{}", encoding="utf-8")
+    made("fresh")
+    first = "# yaml-language-server: $schema=../../schema/agent.schema.json\n"
+    assert Path("trees/agents/fresh.yaml").read_text(encoding="utf-8").startswith(first)
+    assert "schema" not in Path("trees/agents/fresh.test.yaml").read_text(encoding="utf-8")
+
+
+def test_in_an_empty_folder_the_shipped_scene_and_skills_come_along(made):
+    Path("mine").mkdir()
+    text = made("fresh", "--dir", "mine")
+    assert text.startswith("wrote mine/scene.yaml\nwrote mine/skills/")
+    check(Path("mine"))
+
+
+def test_a_folder_that_is_not_there_is_made(made):
+    made("fresh", "--dir", "some/where")
+    check(Path("some/where"))
+
+
+@pytest.mark.parametrize("default", ["1.25", "-0.0000025", "7"])
+def test_without_say_and_mood_it_still_works(made, default):
+    Path("odd").mkdir()
+    Path("odd/scene.yaml").write_text(ODD_SCENE % default, encoding="utf-8")
+    made("fresh", "--dir", "odd")
+    assert "log" in kinds(check(Path("odd")))
+
+
+def test_say_is_not_used_when_it_needs_more_than_a_text(made):
+    file = Path("trees/skills/robot.yaml")
+    text = file.read_text(encoding="utf-8")
+    rate = "rate: {type: number, default: 1.0,"
+    assert rate in text
+    shutil.rmtree("trees/agents")
+    shutil.rmtree("trees/libraries")
+    for path in Path("trees/skills").iterdir():
+        if path != file:
+            path.unlink()
+    file.write_text(text.replace(rate, "rate: {type: number,"), encoding="utf-8")
+    made("fresh")
+    assert "say" not in kinds(check(Path("trees")))
+
+
+def test_a_library_works_and_can_be_imported(made):
+    assert made("words", "--kind", "library").startswith("wrote trees/libraries/words.yaml\n")
+    source = read_source(Path("trees/libraries/words.yaml"))
+    assert format_source(source) == source.text
+    Path("trees/agents/user.yaml").write_text(
+        "format: 1\nagent: user\nprofile: {age: 3, familiarity: 3, mood: 3}\n"
+        "imports: [libraries/words.yaml]\n"
+        "tree: {subtree: remind, with: {words: Please take your bag.}}\n",
+        encoding="utf-8",
+    )
+    trees = read_trees(Path("trees"))
+    assert not trees.broken
+    assert "user" in [agent.name for agent in trees.agents]
+
+
+@pytest.mark.parametrize("file", ["fresh.yaml", "fresh.test.yaml"])
+def test_nothing_is_overwritten(made, file):
+    path = Path("trees/agents") / file
+    path.write_text("mine", encoding="utf-8")
+    with pytest.raises(BtAgentsError, match=f"'{path}' is there already"):
+        made("fresh")
+    assert path.read_text(encoding="utf-8") == "mine"
+    assert len(list(path.parent.glob("fresh*"))) == 1
+
+
+def test_a_name_that_another_file_has_is_refused(made):
+    Path("trees/agents/silent_text.yaml").rename("trees/agents/quiet.yaml")
+    Path("trees/agents/silent_text.test.yaml").unlink()
+    with pytest.raises(BtAgentsError, match=r"'silent_text' already: trees/agents/quiet\.yaml"):
+        made("silent_text")
+
+
+@pytest.mark.parametrize(
+    ("name", "hint"), [("My Agent", "; write my_agent"), ("../x", "; write x"), ("1", "")]
+)
+def test_a_name_that_is_none_is_refused(made, name, hint):
+    with pytest.raises(BtAgentsError) as error:
+        made(name)
+    assert str(error.value).endswith(f"at most 64 characters{hint}")
+    assert str(error.value).startswith(f"'{name}' cannot be a name: ")
+
+
+def test_a_folder_of_something_else_is_refused(made):
+    Path("other").mkdir()
+    Path("other/letter.txt").write_text("Dear", encoding="utf-8")
+    with pytest.raises(BtAgentsError, match="'other' has no scene"):
+        made("fresh", "--dir", "other")
+    assert [path.name for path in Path("other").iterdir()] == ["letter.txt"]
+
+
+def test_a_broken_scene_is_reported(made):
+    Path("trees/scene.yaml").write_text("format: 1\n", encoding="utf-8")
+    with pytest.raises(ReadError, match=r"error\[missing-key\]"):
+        made("fresh")
+
+
+def test_a_folder_that_cannot_be_written_is_an_error(made):
+    Path("file").write_text("", encoding="utf-8")
+    with pytest.raises(BtAgentsError, match="cannot be written: Not a directory"):
+        made("fresh", "--dir", "file/trees")

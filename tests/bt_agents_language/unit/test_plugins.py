@@ -1,0 +1,188 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Nodes that other packages bring: found, checked, read and ticked like those of the language."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+import textwrap
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[3]
+CODE = '''
+"""Nodes of somebody else."""
+
+from py_trees.behaviour import Behaviour
+from py_trees.common import Status
+
+from bt_agents_language.model.node_type import NodeField
+from bt_agents_language.model.specs import FieldType
+
+
+class Blink(Behaviour):
+    """Blinks so often, then succeeds.
+
+    More about it.
+    """
+
+    main = "times"
+    fields = (
+        NodeField(name="times", type=FieldType.INTEGER, minimum=1, description="how often"),
+        NodeField(name="pause", type=FieldType.DURATION, required=False, default=0.5),
+    )
+
+    def __init__(self, name, times, pause):
+        super().__init__(name)
+        self.left = times
+        self.pause = pause
+
+    def update(self):
+        self.left -= 1
+        self.feedback_message = f"{self.left} left, pause {self.pause:g}"
+        return Status.RUNNING if self.left else Status.SUCCESS
+
+
+class NoBehaviour:
+    pass
+'''
+
+
+@pytest.fixture
+def package(tmp_path: Path) -> Path:
+    """Return a folder that holds an installed package with nodes, as pip would leave it."""
+    (tmp_path / "their_nodes.py").write_text(CODE)
+    info = tmp_path / "their_nodes-1.0.dist-info"
+    info.mkdir()
+    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: their-nodes\nVersion: 1.0\n")
+    (info / "entry_points.txt").write_text("[bt_agents.nodes]\nblink = their_nodes:Blink\n")
+    return tmp_path
+
+
+def run(package: Path, script: str) -> str:
+    """Run a script in a Python of its own that has the package; return what it prints."""
+    environment = {
+        **os.environ,
+        "PYTHONPATH": os.pathsep.join([str(package), str(ROOT / "tests")]),
+    }
+    done = subprocess.run(
+        [sys.executable, "-c", textwrap.dedent(script)],
+        env=environment,
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+PLAY = """
+import json
+from dataclasses import replace
+import stage
+from bt_agents_core.errors import ReadError
+from bt_agents_language.model.plugins import installed_plugins
+
+stage.VOCABULARY = replace(stage.VOCABULARY, plugins=installed_plugins().kinds)
+"""
+
+
+def test_a_behaviour_of_another_package_is_a_node(package):
+    script = PLAY + textwrap.dedent(
+        """
+        played = stage.Stage("sequence: [{blink: 3, name: eyes}, {say: done}]")
+        outcomes = [played.tick() for _ in range(3)]
+        words = [c.message for c in played.changes if c.path == "tree/0.eyes"]
+        print(json.dumps([outcomes, words, played.said]))
+        """
+    )
+    outcomes, words, said = json.loads(run(package, script))
+    assert outcomes == ["running", "running", "succeeded"]
+    assert words[-1] == "0 left, pause 0.5"
+    assert said == ["done"]
+
+
+def test_its_fields_are_checked_like_those_of_any_node(package):
+    script = PLAY + textwrap.dedent(
+        """
+        for tree in ("blink: 0", "blink: {times: 2, pause: 3 m}", "blink: {tims: 2}"):
+            try:
+                stage.agent(tree)
+            except ReadError as error:
+                print(error.lines[0])
+        """
+    )
+    lines = run(package, script).splitlines()
+    codes = [line.partition("error[")[2].partition("]")[0] for line in lines]
+    assert codes == ["out-of-range", "bad-duration", "unknown-key"]
+
+
+@pytest.mark.parametrize(
+    ("entry", "words"),
+    [
+        ("Blink = their_nodes:Blink", "cannot be the key of a node"),
+        ("say2 = their_nodes:Missing", "cannot be loaded"),
+        ("sequence = their_nodes:Blink", "has the name of 'sequence', a word of the language"),
+        ("thing = their_nodes:NoBehaviour", "is no py_trees.behaviour.Behaviour class"),
+    ],
+)
+def test_a_plugin_that_cannot_be_a_node_stops_no_other(package, entry, words):
+    entries = package / "their_nodes-1.0.dist-info" / "entry_points.txt"
+    entries.write_text(entries.read_text() + entry + "\n")
+    script = """
+    from bt_agents_language.model.plugins import installed_plugins
+    plugins = installed_plugins()
+    print(sorted(plugins.kinds), *plugins.problems)
+    """
+    printed = run(package, script)
+    assert printed.startswith("['blink']")
+    assert words in printed
+    assert "their-nodes" in printed
+
+
+COMMAND = """
+from bt_agents_tools.cli.main import bt_agents
+bt_agents({arguments}, standalone_mode=False)
+"""
+
+
+def command(package: Path, *arguments: str) -> str:
+    """Return what a command prints where the package is installed."""
+    words = [str(ROOT / "trees") if word == "TREES" else word for word in arguments]
+    return " ".join(run(package, COMMAND.format(arguments=words)).split())
+
+
+@pytest.fixture
+def clashing(package: Path) -> Path:
+    """Return the same with a node that cannot be loaded, and one named like a skill."""
+    entries = package / "their_nodes-1.0.dist-info" / "entry_points.txt"
+    entries.write_text(
+        entries.read_text() + "hop = their_nodes:Missing\nsay = their_nodes:Blink\n"
+    )
+    return package
+
+
+def test_check_warns_of_a_plugin_that_cannot_be_used(clashing):
+    printed = command(clashing, "check", "TREES")
+    assert "warning[bad-plugin]: node 'hop' of their-nodes (their_nodes:Missing)" in printed
+    assert "cannot be loaded: AttributeError" in printed
+    assert "2 warnings" in printed
+    assert "error" not in printed.replace("AttributeError", "")
+
+
+def test_a_plugin_named_like_a_skill_is_one_problem_and_the_skill_stays(clashing):
+    printed = command(clashing, "check", "TREES")
+    assert printed.count("node 'say' of their-nodes") == 1
+    assert "has the name of the skill 'say' (" in printed
+    assert "skills/robot.yaml" in printed
+    assert command(clashing, "explain", "say", "--dir", "TREES").startswith("say skill Speak")
+
+
+def test_explain_lists_the_plugins_that_are_left_out(clashing):
+    printed = command(clashing, "explain", "--dir", "TREES")
+    assert "left out node 'hop' of their-nodes" in printed
+    assert "blink" in printed

@@ -1,0 +1,170 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The reference: a page for every word of the language, each with an example that works."""
+
+from __future__ import annotations
+
+import runpy
+from dataclasses import replace
+
+import pytest
+from py_trees.behaviours import Success
+
+from bt_agents.engine.run import Run
+from bt_agents.engine.scripted_environment import ScriptedEnvironment
+from bt_agents_core.errors import ReadError
+from bt_agents_language.expression.functions import FUNCTIONS
+from bt_agents_language.expression.operators import BINARY, PREFIXES
+from bt_agents_language.files.agent_reader import read_agent_text
+from bt_agents_language.model.node_type import NodeField, NodeType
+from bt_agents_language.model.scope import mood_names, scene_names
+from bt_agents_language.model.specs import FieldType
+from bt_agents_language.model.units import DIMENSIONS
+from bt_agents_language.nodes import BESIDE, KINDS, MODIFIERS
+from bt_agents_language.reference.node_examples import EXAMPLES
+from bt_agents_language.reference.node_pages import Group, node_page, node_pages, subtree_page
+from bt_agents_language.reference.reference_page import reference_page
+from bt_agents_language.reference.topics import MEANINGS, TOPICS, topic
+from checkout import ROOT
+from tree_harness import SPACE, VOCABULARY, scene
+
+GENERATED = runpy.run_path(str(ROOT / "scripts" / "generated.py"))["GENERATED"]
+HEAD = "format: 1\nagent: a\nprofile: {age: 3, familiarity: 3, mood: 3}\n"
+WORDS = [*KINDS, *VOCABULARY.skills, *MODIFIERS, *BESIDE]
+
+
+def test_every_word_has_a_page_and_no_other_has():
+    assert [page.key for page in node_pages(VOCABULARY)] == WORDS
+    assert node_page("sya", VOCABULARY) is None
+
+
+def test_every_word_of_the_table_has_an_example_and_no_other_has():
+    assert set(EXAMPLES) == {*KINDS, *MODIFIERS, *BESIDE}
+
+
+@pytest.mark.parametrize("key", WORDS)
+def test_the_example_of_a_word_uses_it_in_a_tree_that_runs(key):
+    page = node_page(key, VOCABULARY)
+    assert page is not None
+    assert f"{key}:" in page.example
+    agent = read_agent_text(HEAD + page.example, "example.yaml", VOCABULARY)
+    run = Run(
+        agent,
+        space=SPACE,
+        scene=scene(age=3, familiarity=3, mood=3),
+        profile=agent.profile,
+        live=lambda: scene(age=3, familiarity=3, mood=3),
+        tunables={},
+        world=(world := ScriptedEnvironment({}, result={"message": "", "answer": "yes"})),
+        steady=world.clock,
+    )
+    run.tick()
+
+
+def test_a_page_says_what_is_needed_and_what_is_taken_otherwise():
+    page = node_page("ask", VOCABULARY)
+    assert page is not None
+    assert page.group is Group.SKILL
+    assert page.forms == ("ask: <text>", "ask: {text: …, choices: …, wait: …}")
+    assert [(one.name, one.required, one.default) for one in page.fields] == [
+        ("text", True, ""),
+        ("choices", False, "[]"),
+        ("wait", False, "10 s"),
+    ]
+    assert [one.name for one in page.outputs] == ["answer"]
+
+
+def test_a_page_of_a_modifier_says_where_it_acts():
+    page = node_page("retry", VOCABULARY)
+    assert page is not None
+    assert "inside of when, once" in page.note
+    assert "around repeat, timeout" in page.note
+
+
+def test_a_node_of_a_plugin_has_a_page_made_from_its_fields():
+    blink = NodeType(
+        key="blink",
+        main="colour",
+        fields=(
+            NodeField(name="colour", type=FieldType.TEXT, description="its colour"),
+            NodeField(name="period", type=FieldType.DURATION, required=False, default=0.5),
+        ),
+        description="Blinks.",
+        behaviour=Success,
+    )
+    words = replace(VOCABULARY, plugins={"blink": blink})
+    page = node_page("blink", words)
+    assert page is not None
+    assert page.group is Group.PLUGIN
+    assert page.forms == ("blink: <text>", "blink: {colour: …, period: …}")
+    assert page.fields[1].default == "0.5 s"
+    read_agent_text(HEAD + page.example, "example.yaml", words)
+    assert "### blink\n\nBlinks." in reference_page(words)
+
+
+BLINK = replace(VOCABULARY, plugins={"blink": NodeType(key="blink", behaviour=Success)})
+
+
+def test_a_node_without_fields_is_its_bare_key():
+    page = node_page("blink", BLINK)
+    assert page is not None
+    assert page.forms == ("blink:",)
+    assert page.example == "tree:\n  blink:\n"
+    for tree in (page.example, "tree:\n  blink: {}\n", "tree: {sequence: [{blink: }]}\n"):
+        read_agent_text(HEAD + tree, "example.yaml", BLINK)
+
+
+def test_a_node_without_fields_takes_no_value():
+    with pytest.raises(ReadError) as error:
+        read_agent_text(HEAD + "tree: {blink: 3}\n", "a.yaml", BLINK)
+    (problem,) = error.value.diagnostics
+    assert (problem.code, problem.message) == ("wrong-type", "'blink' has no fields, found '3'")
+
+
+def test_an_example_of_a_skill_is_as_one_would_write_it():
+    page = node_page("ask", VOCABULARY)
+    assert page is not None
+    assert page.example == (
+        'tree:\n  sequence:\n    - ask: Shall we go?\n    - log: "answer: ${answer}"\n'
+    )
+
+
+@pytest.mark.parametrize("name", ["greet", "tell", "ask_twice", "clear_the_way"])
+def test_the_example_of_a_subtree_of_a_library_imports_it(name):
+    libraries = VOCABULARY.libraries
+    assert libraries is not None
+    subtree = libraries.load("libraries/manners.yaml").subtrees[name]
+    page = subtree_page("libraries/manners.yaml", subtree)
+    assert page.group is Group.SUBTREE
+    assert page.description.endswith(".")
+    assert all(field.description for field in (*page.fields, *page.outputs))
+    read_agent_text(HEAD + page.example, "example.yaml", VOCABULARY)
+
+
+@pytest.mark.parametrize("key", TOPICS)
+def test_the_example_of_a_topic_works(key):
+    page = topic(key, SPACE)
+    assert page is not None
+    assert page.key == key
+    read_agent_text(HEAD + page.example, "example.yaml", VOCABULARY)
+
+
+def test_topics_name_every_unit_operator_function_and_scene_value():
+    def words(key):
+        page = topic(key, SPACE)
+        assert page is not None
+        return " ".join(word for rows in page.tables.values() for row in rows for word in row)
+
+    for dimension in DIMENSIONS:
+        assert dimension.listed in words("units")
+    for word in (*BINARY, *PREFIXES, *(one.usage for one in FUNCTIONS.values())):
+        assert word in words("expressions")
+    assert {one.strength for one in (*BINARY.values(), *PREFIXES.values())} == set(MEANINGS)
+    for name in (*scene_names(SPACE, ("scene", "live", "profile")), *mood_names(SPACE)):
+        assert name in words("names")
+    assert topic("numbers", SPACE) is None
+
+
+@pytest.mark.parametrize("name", GENERATED)
+def test_a_generated_file_is_what_the_tables_say(name):
+    written = (ROOT / name).read_text(encoding="utf-8")
+    assert written == GENERATED[name](), "run scripts/generate"

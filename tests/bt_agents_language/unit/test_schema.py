@@ -1,0 +1,261 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Schemas for editors: they take every file that the readers take, and refuse the usual slips."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner
+from jsonschema import Draft7Validator
+from py_trees.behaviour import Behaviour
+
+from bt_agents_language.model.node_type import Content, NodeField, NodeType
+from bt_agents_language.model.specs import FieldType
+from bt_agents_language.nodes import BESIDE, KINDS, MODIFIERS
+from bt_agents_language.tools.schema.folder import (
+    SCHEMAS,
+    folder_vocabulary,
+    schema_file,
+    schema_text,
+)
+from bt_agents_language.yaml.source import read_source
+from bt_agents_tools.cli.commands.schema import schema
+from checkout import ROOT
+from core_schema import loaded
+from tree_harness import SPACE, VOCABULARY
+
+CORPUS = ROOT / "tests" / "corpus"
+TREES = ROOT / "trees"
+FOLDERS = {
+    folder: folder_vocabulary(folder)
+    for folder in (TREES, *sorted(p.parent for p in ROOT.glob("experiments/*/experiment.yaml")))
+}
+KIND_OF_FOLDER = {
+    "agents": "agent",
+    "skills": "library",
+    "libraries": "library",
+    "markets": "market",
+    "scripts": "script",
+    "scenes": "scene",
+    "experiments": "experiment",
+    "tests": "test",
+}
+VALIDATORS = {kind: Draft7Validator(make(VOCABULARY)) for kind, make in SCHEMAS.items()}
+HEAD = "format: 1\nagent: a\nprofile: {age: 3, familiarity: 3, mood: 3}\n"
+
+
+def shipped() -> Iterator[Path]:
+    for folder in FOLDERS:
+        yield from sorted(folder.glob("*.yaml"))
+        for name in KIND_OF_FOLDER:
+            yield from sorted((folder / name).glob("*.yaml"))
+
+
+def accepted() -> Iterator[Path]:
+    """Return the files of the corpus in which the readers find nothing."""
+    for file in sorted((CORPUS / "expected").glob("*.txt")):
+        for line in file.read_text(encoding="utf-8").splitlines():
+            name, colon, errors = line.partition(":")
+            # Agents with imports of their own know more words.
+            own = name.startswith("imports/agents")
+            sound = colon and not own and not line.startswith("#") and not errors.strip()
+            if sound and (CORPUS / name).is_file():
+                yield CORPUS / name
+
+
+def kind_of(path: Path) -> str:
+    if path.name.endswith(".test.yaml"):
+        return "test"
+    if path.name in ("scene.yaml", "market.yaml", "experiment.yaml"):
+        return path.stem
+    return KIND_OF_FOLDER[path.parent.name]
+
+
+def problems(kind: str, text: str) -> list[str]:
+    return [error.message for error in VALIDATORS[kind].iter_errors(loaded(text))]
+
+
+def in_tree(node: str) -> list[str]:
+    lines = "".join(f"  {line}\n" for line in node.splitlines())
+    return problems("agent", f"{HEAD}tree:\n{lines}")
+
+
+@pytest.mark.parametrize("kind", SCHEMAS)
+def test_a_schema_is_a_json_schema(kind):
+    Draft7Validator.check_schema(json.loads(schema_text(kind, VOCABULARY)))
+
+
+@pytest.mark.parametrize("path", list(shipped()), ids=lambda path: str(path.relative_to(ROOT)))
+def test_every_shipped_file_is_taken(path):
+    words = FOLDERS.get(path.parent) or FOLDERS[path.parents[1]]
+    validator = Draft7Validator(SCHEMAS[kind_of(path)](words))
+    found = validator.iter_errors(loaded(read_source(path).text))
+    assert [error.message for error in found] == []
+
+
+@pytest.mark.parametrize("path", list(accepted()), ids=lambda path: str(path.relative_to(CORPUS)))
+def test_every_file_is_taken_that_the_readers_take(path):
+    assert problems(kind_of(path), read_source(path).text) == []
+
+
+@pytest.mark.parametrize("key", [*KINDS, *VOCABULARY.skills, *MODIFIERS, *BESIDE])
+def test_every_word_of_the_language_is_described_in_a_node(key):
+    properties = SCHEMAS["agent"](VOCABULARY)["definitions"]["node"]["properties"]
+    assert properties[key]["description"]
+    assert properties[key]["markdownDescription"].startswith(properties[key]["description"])
+
+
+@pytest.mark.parametrize("kind", SCHEMAS)
+def test_every_key_is_described(kind):
+    def undescribed(part: object, at: str) -> Iterator[str]:
+        if isinstance(part, list):
+            for item in part:
+                yield from undescribed(item, at)
+        elif isinstance(part, dict):
+            for key, one in part.get("properties", {}).items():
+                if "description" not in one:
+                    yield f"{at}/{key}"
+            for key, one in part.items():
+                yield from undescribed(one, f"{at}/{key}")
+
+    described_by_nature = ("condition", "duration", *SPACE.names, *VOCABULARY.skills)
+    found = [
+        path
+        for path in undescribed(SCHEMAS[kind](VOCABULARY), "")
+        if path.rpartition("/")[2] not in described_by_nature
+    ]
+    assert found == []
+
+
+@pytest.mark.parametrize(
+    "node",
+    [
+        "sya: Hello.",
+        "say: {txt: Hello.}",
+        "say:",
+        "say: Hello.\nask: Really?",
+        "say: Hello.\nretrry: 3",
+        "retry: 3",
+        "sequence:\n  say: Hello.",
+        "- say: Hello.",
+        "sequence: []",
+        "parallel: {succeed_on: al, children: [{say: Hello.}]}",
+        "choose: [{say: Hello.}]",
+        "wait: 5 sx",
+        "wait: 1:30",
+        "say: Hello.\ntimeout: [5 s]",
+        "say: Hello.\nretry: often",
+        "say: Hello.\nretry: 0",
+        "say: Hello.\ninvert: yes",
+        "say: Hello.\nwith: {a: 1}",
+        "wait: 5 s\noutputs: {a: b}",
+        "log: {message: Hello., level: warn}",
+        "give_feedback: positiv",
+        "publish: {topic: sound}",
+        "publish: {topic: sound, type: String, message: {}}",
+        "check: 5",
+    ],
+)
+def test_a_slip_in_a_tree_is_refused(node):
+    assert in_tree(node)
+
+
+@pytest.mark.parametrize(
+    "node",
+    [
+        "say: 42",
+        "say: {text: Hello., rate: '1.5'}",
+        "say: {text: Hello., rate: '${1 + 1}'}",
+        "say: Hello.\nretry: ${attempts}",
+        "say: Hello.\nretry: forever",
+        "say: Hello.\nretry: {attempts: 3, pause: 2 s}",
+        "wait: 500 ms",
+        "check: true",
+        "show:",
+        "say: Hello.\ninvert: 'true'",
+    ],
+)
+def test_what_the_readers_take_in_a_tree_is_taken(node):
+    assert in_tree(node) == []
+
+
+def test_the_profile_is_held_to_the_scene():
+    text = "format: 1\nagent: a\nprofile: {age: 9, mood: x, size: 1}\ntree: {wait: 1 s}\n"
+    found = "\n".join(problems("agent", text))
+    assert "9 is greater than the maximum of 5" in found
+    assert "'familiarity' is a required property" in found
+    assert "'size' was unexpected" in found
+    assert "'x' does not match" in found
+
+
+def test_a_node_of_a_plugin_is_a_node_with_typed_fields():
+    fields = (
+        NodeField(name="seconds", type=FieldType.DURATION, description="how long"),
+        NodeField(name="mode", content=Content.CONSTANT, required=False, words=("slow", "fast")),
+        NodeField(name="data", required=False),
+    )
+    blink = NodeType(
+        key="blink", main="seconds", fields=fields, description="Blinks.", behaviour=Behaviour
+    )
+    talk = NodeType(
+        key="talk",
+        main="what",
+        fields=(NodeField(name="what"),),
+        description="Talks.",
+        behaviour=Behaviour,
+    )
+    nod = NodeType(key="nod", behaviour=Behaviour)
+    turn = NodeType(
+        key="turn",
+        main="mode",
+        fields=(NodeField(name="mode", content=Content.CONSTANT, required=False, words=("a",)),),
+        behaviour=Behaviour,
+    )
+    kinds = {one.key: one for one in (blink, talk, nod, turn)}
+    words = replace(VOCABULARY, plugins=kinds)
+    validator = Draft7Validator(SCHEMAS["agent"](words))
+
+    def fits(node: str) -> bool:
+        return bool(validator.is_valid(loaded(f"{HEAD}tree: {node}\n")))
+
+    assert fits("{blink: 5 s}")
+    assert fits("{blink: {seconds: 5, mode: slow, data: [1, {a: b}]}}")
+    assert fits("{talk: [1, 2]}")
+    for key in ("nod", "turn"):
+        assert fits(f"{{{key}: }}")
+        assert fits(f"{{{key}: {{}}}}")
+        assert not fits(f"{{{key}: 3}}")
+    assert not fits("{blink: }")
+    assert not fits("{blink: loud}")
+    assert not fits("{blink: {mode: slow}}")
+    assert not fits("{blink: {seconds: 5 s, mode: quick}}")
+    properties = SCHEMAS["agent"](words)["definitions"]["node"]["properties"]
+    assert properties["blink"]["description"] == "Blinks."
+
+
+def test_the_command_writes_what_it_then_finds_up_to_date(tmp_path):
+    run = CliRunner().invoke
+    arguments = [str(TREES), "--output", str(tmp_path / "schema")]
+    assert run(schema, [*arguments, "--check"]).exit_code == 1
+    written = run(schema, arguments)
+    assert written.exit_code == 0
+    assert sorted(path.name for path in (tmp_path / "schema").iterdir()) == sorted(
+        map(schema_file, SCHEMAS)
+    )
+    assert run(schema, [*arguments, "--check"]).output == ""
+    (tmp_path / "schema" / "agent.schema.json").write_bytes(b"\xff")
+    stale = run(schema, [*arguments, "--check"])
+    assert stale.exit_code == 1
+    assert "agent.schema.json is outdated" in stale.output
+    assert run(schema, arguments).output.splitlines() == [
+        f"wrote {tmp_path / 'schema' / 'agent.schema.json'}"
+    ]
+
+
+def test_the_command_writes_one_kind_when_asked(tmp_path):
+    CliRunner().invoke(schema, [str(TREES), "--kind", "script", "-o", str(tmp_path)])
+    assert [path.name for path in tmp_path.iterdir()] == ["script.schema.json"]

@@ -1,0 +1,52 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Scripts of visits: what a visit becomes."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from bt_agents_language.files.script_reader import read_script
+from bt_agents_language.model.specs import SceneChange, Visit
+from bt_agents_language.yaml.source import Source
+from tree_harness import SPACE, TREES
+
+
+def test_a_visit_knows_what_the_person_does():
+    text = """\
+format: 1
+title: A day
+visits:
+  - label: a person
+    scene: {mood: 3, age: 4}
+    answers: {where to: Gate 12, shall we: yes}
+    buttons: {buttons/confirm: green button}
+    changes:
+      - {after: 3 s, person: false}
+      - {after: 500 ms, scene: {mood: 1.5}}
+  - {label: a ladder, person: false}
+  - {label: an alarm, person: false, urgent: true}
+"""
+    script = read_script(Source("s.yaml", text), SPACE)
+    assert script.title == "A day"
+    assert script.visits == (
+        Visit(
+            label="a person",
+            person=True,
+            values={"mood": 3.0, "age": 4.0},
+            changes=(
+                SceneChange(after_s=0.5, values={"mood": 1.5}),
+                SceneChange(after_s=3.0, values={}, person=False),
+            ),
+            answers={"where to": "Gate 12", "shall we": "yes"},
+            buttons={"buttons/confirm": "green button"},
+        ),
+        Visit(label="a ladder", person=False, values={}),
+        Visit(label="an alarm", person=False, values={}, urgent=True),
+    )
+
+
+@pytest.mark.parametrize("path", sorted((TREES / "scripts").glob("*.yaml")), ids=lambda p: p.stem)
+def test_shipped_scripts_are_read(path: Path):
+    assert read_script(path, SPACE).visits

@@ -1,0 +1,174 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a binding says about its server: timeouts, heartbeat, and outputs that feedback gives."""
+
+from __future__ import annotations
+
+import textwrap
+from pathlib import Path
+
+import pytest
+
+from bt_agents.engine.scripted_environment import ScriptedReply
+from bt_agents_core.errors import ReadError
+from bt_agents_groot.exporting import export_agent
+from bt_agents_groot.importing import import_agent
+from bt_agents_language.files.agent_reader import read_agent_text
+from bt_agents_language.files.folder_reader import read_trees
+from bt_agents_language.files.skills_reader import read_skills_text
+from bt_agents_language.model.specs import HeartbeatSpec, SkillSpec, Timeouts
+from bt_agents_language.tools.formatting.formatter import format_source
+from bt_agents_language.yaml.source import Source
+from bt_agents_tools.rehearsal.events import EventKind
+from fake_interfaces import FakeInterfaces
+from rehearsal_harness import rehearsed, told
+from tree_harness import TREES, VOCABULARY, Stage, agent
+
+CORPUS = Path(__file__).parents[2] / "corpus"
+
+
+def skills(text: str) -> dict[str, SkillSpec]:
+    """Return the skills of a text whose types are those of ``FakeInterfaces``."""
+    return dict(
+        read_skills_text(f"format: 1\n{textwrap.dedent(text)}", "s.yaml", FakeInterfaces())
+    )
+
+
+def test_what_a_skills_file_says_of_its_servers_stands_in_the_binding() -> None:
+    text = (CORPUS / "skills/valid_servers.yaml").read_text(encoding="utf-8")
+    read = read_skills_text(text.partition("bindings:")[0], "s.yaml")
+    drive, light = (read[name].binding for name in ("drive", "light"))
+    assert drive is not None
+    assert light is not None
+    assert drive.timeouts == Timeouts(server_s=0.5, accept_s=2.0, result_s=300.0)
+    assert drive.heartbeat == HeartbeatSpec(
+        topic="tray/alive", type="std_msgs/msg/Empty", within_s=1.0
+    )
+    assert drive.feedback == {"left": "left.metres"}
+    assert drive.outputs == {"feedback": "feedback", "told": "feedback.text"}
+    assert light.timeouts == Timeouts(server_s=1.0, accept_s=3.0, result_s=2.0)
+    assert light.heartbeat is not None
+    assert light.heartbeat.within_s == 0.5
+
+
+def test_what_is_not_written_is_as_usual() -> None:
+    binding = VOCABULARY.skills["ask"].binding
+    assert binding is not None
+    assert binding.timeouts == Timeouts(server_s=3.0, accept_s=3.0, result_s=None)
+    sound = VOCABULARY.skills["sound"].binding
+    assert sound is not None
+    assert sound.heartbeat is None
+
+
+FROM = """
+skills:
+  go:
+    outputs: {{left: {{type: number, from: {path}}}}}
+    action: {{name: go, type: known_msgs/action/Go}}
+"""
+
+
+def test_a_field_of_the_feedback_must_be_there_where_its_type_is_known() -> None:
+    assert skills(FROM.format(path="feedback.good.good"))["go"].binding is not None
+    with pytest.raises(ReadError, match=r"5:42: error\[unknown-ros-field\].*in the feedback"):
+        skills(FROM.format(path="feedback.bad"))
+    with pytest.raises(ReadError, match=r"no ROS type 'other_msgs/msg/Beat'"):
+        skills(
+            """
+            skills:
+              go:
+                action:
+                  name: go
+                  type: known_msgs/action/Go
+                  heartbeat: {topic: beat, type: other_msgs/msg/Beat}
+            """
+        )
+
+
+def test_another_robot_binds_an_output_to_its_own_feedback() -> None:
+    words = """
+    skills:
+      go:
+        outputs: {left: {type: number}}
+    bindings:
+      go:
+        outputs: {left: feedback.good}
+        action: {name: go, type: known_msgs/action/Go}
+    """
+    binding = skills(words)["go"].binding
+    assert binding is not None
+    assert (binding.outputs, binding.feedback) == ({}, {"left": "good"})
+
+
+def test_a_service_has_no_feedback_but_maybe_a_field_of_that_name() -> None:
+    text = """
+    skills:
+      go:
+        outputs: {left: {type: number, from: feedback.left}}
+        service: {name: go, type: a/srv/Go}
+    """
+    [skill] = read_skills_text(f"format: 1\n{textwrap.dedent(text)}", "s.yaml").values()
+    assert skill.binding is not None
+    assert skill.binding.outputs == {"left": "feedback.left"}
+
+
+DRIVE = """
+parallel:
+  - drive: gate 12
+    outputs: {metres: remaining}
+  - sequence:
+      - wait_for: metres < 20
+      - say: Nearly there.
+"""
+
+
+def test_the_shipped_drive_tells_how_far_it_still_is() -> None:
+    told_on_the_way = ((1.0, {"remaining_m": 40.0}), (2.0, {"remaining_m": 12.0}))
+    stage = Stage(DRIVE, answers={"drive": [ScriptedReply(after_s=9.0, feedback=told_on_the_way)]})
+    stage.tick()
+    stage.after(1.0)
+    assert stage.said == []
+    stage.after(1.0)
+    stage.tick()
+    assert stage.said == ["Nearly there."]
+
+
+def test_a_rehearsal_gives_feedback_from_the_start_where_it_is_told_to_and_else_none() -> None:
+    given = rehearsed(DRIVE, "answers: {drive: {outputs: {remaining: 5 m}}}")
+    assert told(given, EventKind.BEGINS) == [(0.0, "drive"), (0.0, "say")]
+    nothing = rehearsed("sequence:\n  - drive: gate 12\n  - log: ${remaining}")
+    assert nothing.outcome is not None
+    assert "'remaining' has no value" in nothing.message
+
+
+def test_a_skill_that_never_ends_times_out_in_a_rehearsal_as_on_the_robot() -> None:
+    result = rehearsed("say: Hello.", "answers: {say: {ends: never}}")
+    assert result.message.startswith("say timed out: no result within 120 s")
+
+
+def test_the_keys_survive_groot_and_the_formatter() -> None:
+    path = CORPUS / "agents/valid_servers.yaml"
+    source = Source("a.yaml", path.read_text(encoding="utf-8"))
+    before = read_agent_text(source.text, "a.yaml", VOCABULARY)
+    exported = export_agent(source, VOCABULARY)
+    back = import_agent(Source("t.xml", exported.text), "a", VOCABULARY)
+    for text in (back.text, format_source(source)):
+        after = read_agent_text(text, "a.yaml", VOCABULARY)
+        for one, other in zip(before.tree.children, after.tree.children, strict=True):
+            assert one.fields.keys() == other.fields.keys()
+            if one.skill is not None and one.skill.binding is not None:
+                assert other.skill is not None
+                assert other.skill.binding == one.skill.binding
+
+
+def test_every_shipped_action_notices_the_death_of_its_server() -> None:
+    read = read_trees(TREES)
+    assert not read.broken
+    robots = [VOCABULARY.skills[name].binding for name in ("say", "ask", "show", "drive")]
+    assert all(binding is not None and binding.heartbeat is not None for binding in robots)
+
+
+def test_a_raw_leaf_has_timeouts_of_its_own() -> None:
+    tree = agent("service: {name: a, type: a/srv/B, timeouts: {result: 500 ms}}").tree
+    assert tree.skill is not None
+    assert tree.skill.binding is not None
+    assert tree.skill.binding.timeouts.result_s == 0.5

@@ -1,0 +1,270 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Test files: what they may say, and how slips are named with their place."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from bt_agents_core.errors import ReadError
+from bt_agents_core.feedback import FeedbackKind
+from bt_agents_language.files.folder_reader import read_trees
+from bt_agents_language.files.testing.path_patterns import matches
+from bt_agents_language.files.testing.scenarios import (
+    Because,
+    CancelledBy,
+    Does,
+    Ends,
+    ExpectedBids,
+    GoalEnd,
+    Says,
+    ScriptedAnswer,
+    SkillUse,
+    Teaches,
+    Visits,
+    Within,
+)
+from bt_agents_language.files.testing.test_reader import read_test_text
+from bt_agents_language.tree.subtrees import MAX_NODES
+from rehearsal_harness import cases_for
+from tree_harness import TREES, VOCABULARY, agent
+
+AGENT = agent(
+    """
+    sequence:
+      - say: Hello.
+      - name: question
+        ask: Where to?
+      - drive: ${answer}
+        timeout: ${patience}
+      - wait_for: {topic: buttons/confirm, type: std_msgs/msg/Bool, until: msg.data}
+      - service: {name: reset, type: std_srvs/srv/Trigger, outputs: {note: message}}
+    """,
+    """
+    tunables: {patience: {default: 8 s, min: 2 s, max: 30 s, description: d}}
+    feedback: [{when: mood.change <= -1.0, give: negative, then: cancel}]
+    """,
+)
+
+
+def problems(case: str) -> list[str]:
+    with pytest.raises(ReadError) as caught:
+        cases_for(AGENT, case)
+    return list(caught.value.lines)
+
+
+def test_a_case_says_everything_that_a_rehearsal_needs() -> None:
+    [case] = cases_for(
+        AGENT,
+        """
+        - name: all at once
+          scene: {age: 4, mood: 3}
+          person: true
+          tunables: {patience: 3 s}
+          seed: 7
+          answers:
+            ask: [yes, {gives: 7, after: 2 s}, {fails: silence, after: 1 min}]
+            tree/2.drive: {ends: never}
+            service: {outputs: {note: done}}
+          replace: {"**.wait_for*": succeed}
+          during:
+            - {after: 2 s, mood: 1.5, person: false}
+            - at: "**.wait_for*"
+              publish: {topic: buttons/confirm, message: {data: true}}
+            - {after: 4 s, tune: {patience: 10 s}}
+            - {after: 5 s, cancel: operator}
+          expect: {ends: succeeded}
+        """,
+    ).cases
+    said = case.scenario
+    assert (said.scene, said.person, said.seed) == ({"age": 4.0, "mood": 3.0}, True, 7)
+    assert said.tunables == {"patience": 3.0}
+    assert [rule.key for rule in said.answers] == ["ask", "tree/2.drive", "service"]
+    assert said.answers[0].answers == (
+        ScriptedAnswer(outputs={"answer": "yes"}),
+        ScriptedAnswer(outputs={"answer": "7"}, after_s=2.0),
+        ScriptedAnswer(end=GoalEnd.FAILS, reason="silence", after_s=60.0),
+    )
+    assert said.answers[1].answers[0].end is GoalEnd.NEVER
+    assert said.answers[2].answers[0].outputs == {"note": "done"}
+    assert said.replace[0].node.kind == "check"
+    mood, button, tune, cancel = said.during
+    assert (mood.after_s, mood.values, mood.person) == (2.0, {"mood": 1.5}, False)
+    assert (button.topic, button.message) == ("buttons/confirm", {"data": True})
+    assert tune.tunables == {"patience": 10.0}
+    assert cancel.cancel == "operator"
+
+
+def test_a_case_says_what_is_expected_with_the_place_of_each_word() -> None:
+    [case] = cases_for(
+        AGENT,
+        """
+        - name: expectations
+          during: [{after: 1 s, cancel: operator}]
+          expect:
+            bids: true
+            says: {contains: [Hello.]}
+            does: [say, ask: Where to?, drive: {destination: yes}]
+            visited: [tree/0.say, "**.drive"]
+            not_visited: tree/1.question
+            ends: failed
+            because: blocked
+            within: 30 s
+            feedback: [negative]
+            cancelled_by: operator
+        """,
+    ).cases
+    bids, says, does, first, second, third, ends, because, within, teaches, cancelled = (
+        case.expectations
+    )
+    assert isinstance(bids, ExpectedBids)
+    assert isinstance(says, Says)
+    assert (says.texts, says.exact) == (("Hello.",), False)
+    assert isinstance(does, Does)
+    assert does.uses == (
+        SkillUse(skill="say"),
+        SkillUse(skill="ask", inputs={"text": "Where to?"}),
+        SkillUse(skill="drive", inputs={"destination": "yes"}),
+    )
+    assert isinstance(first, Visits)
+    assert isinstance(second, Visits)
+    assert isinstance(third, Visits)
+    assert [one.wanted for one in (first, second, third)] == [True, True, False]
+    assert isinstance(ends, Ends)
+    assert str(ends.position) == "a.test.yaml:13:7"
+    assert isinstance(because, Because)
+    assert isinstance(within, Within)
+    assert within.seconds == 30.0
+    assert isinstance(teaches, Teaches)
+    assert teaches.kinds == (FeedbackKind.NEGATIVE,)
+    assert isinstance(cancelled, CancelledBy)
+
+
+@pytest.mark.parametrize(
+    ("case", "expected"),
+    [
+        ("expect: {ends: succeded}", "[bad-choice]: 'ends' is 'succeded'"),
+        ("expect: {end: succeeded}", "[unknown-key]: 'expect' has no key 'end'"),
+        ("expect: {}", "[missing-value]: nothing is expected"),
+        ("expect: {visited: tree/9.say}", "[unknown-path]: no node of the agent has the path"),
+        ("expect: {does: [dance]}", "[unknown-name]: the agent's tree uses no skill 'dance'"),
+        ("expect: {does: [say: Hello., ask]}", ""),
+        ("expect: {does: [{say: {txt: a}}]}", "[unknown-key]: 'say' has no input 'txt'"),
+        ("expect: {feedback: bad}", "[bad-choice]: feedback is 'bad'"),
+        ("expect: {cancelled_by: mood.change <= -2}", "[unknown-name]: nothing cancels this run"),
+        ("expect: {bids: false, ends: failed}", "[contradiction]: an agent that does not bid"),
+        ("expect: {within: soon}", "[bad-duration]"),
+        ("answers: {sing: yes}", "[unknown-name]: the agent's tree uses no skill 'sing'"),
+        ("answers: {drive: yes}", "[wrong-type]: the answer of 'drive': it gives nothing back"),
+        ("answers: {ask: {gives: a, fails: b}}", "[contradiction]: the answer of 'ask' has"),
+        ("answers: {ask: {outputs: {anwser: a}}}", "[unknown-name]: there is no output 'anwser'"),
+        ("answers: {ask: {ends: badly}}", "[bad-choice]: 'ends' is 'badly'"),
+        ("answers: {ask: []}", "[missing-value]: 'ask' has no answer"),
+        ("answers: {tree/8.ask: yes}", "[unknown-path]: no node of the agent that uses a skill"),
+        ("answers: {ask: '${answer}'}", "[unknown-name]"),
+        ("tunables: {patients: 3 s}", "[unknown-name]: the agent has no tunable 'patients'"),
+        ("tunables: {patience: 1 h}", "[out-of-range]: 'patience' is 3600, expected 2 to 30"),
+        ("scene: {age: 9}", "[out-of-range]"),
+        ("scene: {agee: 4}", "[unknown-name]: there is no scene parameter 'agee'"),
+        ("scene: old", "[wrong-type]: 'scene'"),
+        ("seed: -1", "[out-of-range]"),
+        ("replace: {tree/0.say: skip}", "[bad-choice]: what stands in for it is 'skip'"),
+        ("replace: {tree/0.say: {sya: a}}", "a.test.yaml:5:28: error[unknown-node]: there is no"),
+        ("replace: {tree/0.say: {wait: 3 m}}", "[bad-duration]"),
+        ("replace: {tree/0.say: {say: '${nobody}'}}", "[unknown-name]: there is no name 'nobody'"),
+        ("replace: {tree/0.say: {subtree: x}}", "a.test.yaml:5:37: error[unknown-subtree]"),
+        ("expect: {does_not: [dance]}", "[unknown-name]: there is no skill 'dance'"),
+        ("during: [{mood: 2}]", "[missing-key]: what happens needs a time"),
+        ("during: [{after: 2 s}]", "[missing-key]: nothing happens here"),
+        ("during: [{after: 2 s, moood: 1}]", "[unknown-key]: what happens has no key 'moood'"),
+        ("during: [{after: 2 s, publish: {topic: bell}}]", "[unknown-name]: no node of the agent"),
+        ("during: [{at: tree/7.x, cancel: a}]", "[unknown-path]"),
+    ],
+)  # fmt: skip
+def test_slips_are_named(case: str, expected: str) -> None:
+    text = f"- name: a\n  {case}\n" + ("" if "expect" in case else "  expect: {ends: failed}\n")
+    if not expected:
+        assert cases_for(AGENT, text).cases
+        return
+    lines = problems(text)
+    assert len(lines) == 1, lines
+    assert expected in lines[0]
+    assert lines[0].startswith("a.test.yaml:5:" if "expect: {e" not in text else "a.test.yaml:")
+
+
+def test_all_slips_of_a_file_are_named_in_one_pass() -> None:
+    assert (
+        len(problems("- name: a\n- expect: {ends: won}\n- name: b\n  seed: x\n  expect: 3")) == 5
+    )
+
+
+def test_cases_have_different_names() -> None:
+    case = "- name: a\n  expect: {ends: failed}\n"
+    assert "[name-taken]: there is a case 'a' already (line 4)" in problems(case * 2)[0]
+
+
+def test_a_file_without_cases_is_refused() -> None:
+    assert "[missing-value]: there is no case" in problems("[]")[0]
+
+
+@pytest.mark.parametrize("name", ["a", "a.yaml"])
+def test_the_agent_is_named_by_its_name_or_file(name: str) -> None:
+    text = f"format: 1\ntest: {name}\ncases: [{{name: x, expect: {{ends: failed}}}}]"
+    assert read_test_text(text, "a.test.yaml", [AGENT], VOCABULARY).agent is AGENT
+
+
+def test_an_unknown_agent_is_an_error_with_the_nearest_name() -> None:
+    text = "format: 1\ntest: attentive_gide\ncases: [{name: x, expect: {ends: failed}}]"
+    agents = read_trees(TREES).agents
+    with pytest.raises(ReadError) as caught:
+        read_test_text(text, "a.test.yaml", agents, VOCABULARY)
+    assert "did you mean 'attentive_guide'?" in caught.value.report
+
+
+@pytest.mark.parametrize(
+    ("pattern", "path", "fits"),
+    [
+        ("tree/0.say", "tree/0.say", True),
+        ("tree/*.say", "tree/0.say", True),
+        ("tree/*.say", "tree/0.sequence/1.say", False),
+        ("**/*.say", "tree/0.sequence/1.say", True),
+        ("tree/**.say", "tree/0.sequence/1.say", True),
+        ("**/0.say", "0.say", True),
+        ("**.drive*", "tree/4.drive@timeout", True),
+        ("tree/0.s.y", "tree/0.say", False),
+        ("**", "tree/0.say", True),
+    ],
+)
+def test_wildcards_fit_paths(pattern: str, path: str, fits: bool) -> None:
+    assert matches(pattern, path) is fits
+
+
+def test_test_files_are_no_agents(tmp_path: Path) -> None:
+    for name in ("scene.yaml", "skills", "libraries", "agents"):
+        (tmp_path / name).symlink_to(TREES / name)
+    files = [one.file for one in read_trees(tmp_path).agents]
+    assert files
+    assert not [file for file in files if file.endswith(".test.yaml")]
+    assert list((TREES / "agents").glob("*.test.yaml"))
+
+
+def test_a_test_of_an_agent_whose_file_is_broken_says_that_and_lists_no_others(
+    tmp_path: Path,
+) -> None:
+    (tmp_path / "porter.yaml").write_text("format: 1\n")
+    for name in ("porter", "porter.yaml"):
+        text = f"format: 1\ntest: {name}\ncases: [{{name: x, expect: {{ends: failed}}}}]\n"
+        with pytest.raises(ReadError) as caught:
+            read_test_text(text, str(tmp_path / "a.test.yaml"), [AGENT], VOCABULARY)
+        [problem] = caught.value.diagnostics
+        assert problem.code == "unknown-agent"
+        assert "cannot be tested, as its file has errors" in problem.message
+        assert "possible here" not in problem.hint
+
+
+def test_replacements_are_bounded_by_the_size_of_a_tree() -> None:
+    spec = agent("sequence: [" + "{say: a}, " * 300 + "]")
+    many = "{sequence: [" + "{wait: 1 s}, " * (MAX_NODES // 300) + "]}"
+    with pytest.raises(ReadError, match="tree-too-large"):
+        cases_for(spec, f"- {{name: x, replace: {{'**.say': {many}}}, expect: {{ends: failed}}}}")

@@ -1,0 +1,243 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Syntax errors: where the slip is, how to mend it, and that the rest is still looked at."""
+
+from __future__ import annotations
+
+import textwrap
+
+import pytest
+
+from bt_agents_core.errors import ReadError
+from bt_agents_language.files.agent_reader import read_agent_text
+from bt_agents_language.yaml.diagnostics import Diagnostics
+from bt_agents_language.yaml.document import MAX_SLIPS, read_document
+from bt_agents_language.yaml.patched_source import Edit, PatchedSource, without_section
+from bt_agents_language.yaml.source import Source
+from bt_agents_language.yaml.yaml_reader import Mapping
+from tree_harness import VOCABULARY
+
+HEAD = "format: 1\nagent: a\nprofile: {age: 3, familiarity: 3, mood: 3}\n"
+
+
+def report(text: str) -> ReadError:
+    with pytest.raises(ReadError) as error:
+        read_agent_text(text, "a.yaml", VOCABULARY)
+    return error.value
+
+
+def found(text: str) -> list[str]:
+    return [f"{d.code} {d.position.line}:{d.position.column}" for d in report(text).diagnostics]
+
+
+def tree(text: str) -> str:
+    """Return an agent file; the first line of the tree is the fifth."""
+    return HEAD + "tree:\n" + textwrap.indent(text, "  ")
+
+
+@pytest.mark.parametrize(
+    ("text", "place", "message", "hint"),
+    [
+        ("say:Hello.", "", "", ""),
+        (
+            "sequence\n  - say: Hello.",
+            "5:3",
+            "a ':' is missing behind 'sequence'",
+            "write 'sequence:'",
+        ),
+        (
+            "sequence:\n  - say:Hello.\n    timeout: 5 s",
+            "6:10",
+            "a space is missing behind 'say:'",
+            "write 'say: Hello.'",
+        ),
+        (
+            "say: Hello.\ntimeout:5 s",
+            "6:10",
+            "a space is missing behind 'timeout:'",
+            "write 'timeout: 5 s'",
+        ),
+        (
+            "say = Hello.\ntimeout: 5 s",
+            "5:7",
+            "'=' stands behind 'say', expected ':'",
+            "write 'say: Hello.'",
+        ),
+        (
+            "say：Hello.\ntimeout: 5 s",  # noqa: RUF001
+            "5:6",
+            "'：' looks like a colon, but is another character",  # noqa: RUF001
+            "write 'say: …'",
+        ),
+        (
+            "say: Hello: you.",
+            "5:13",
+            "a second ':' stands in this line",
+            "quote a text with ': ' in it: \"…: …\"",
+        ),
+        (
+            "sequence:\n  - say: A.\n  -say: B.",
+            "7:5",
+            "a space is missing behind '-'",
+            "write '- say: B.'",
+        ),
+        (
+            "sequence:\n  - say: A.\n  say: B.",
+            "7:5",
+            "this line stands in a list of '-' items, but does not start with '- '",
+            "put '- ' in front of it, or indent it if it belongs to the item above",
+        ),
+        ("say: @home", "5:8", "a text cannot start with '@'", 'quote it: "…"'),
+        ("say: **A**", "5:8", "a text cannot start with '*'", 'quote it: "…"'),
+        ("say: ? what", "5:8", "a text cannot start with '?'", 'quote it: "…"'),
+        (
+            "say: - what",
+            "5:8",
+            "a '-' item starts in the middle of a line",
+            "start it on a line of its own, or quote a text that starts with '- '",
+        ),
+        (
+            'say: "A.\ntimeout: 5 s',
+            "5:8",
+            "this quotation mark is not closed",
+            "add one at the end of the text",
+        ),
+        (
+            'sequence:\n  - say: "A.\n  - say: "B."',
+            "6:12",
+            "this quotation mark is closed only in line 7",
+            "close it before",
+        ),
+        (
+            "say: {text: A.\ntimeout: 5 s",
+            "5:8",
+            "this '{' is not closed",
+            "close it with '}' at the end of the value",
+        ),
+        (
+            "say: {\n  text: A.\n  rate: 1.0\n}",
+            "7:5",
+            "a ',' is expected before 'rate'",
+            "put a ',' between two values, and quote a text with ': ' in it",
+        ),
+        (
+            "say: {text: Gate #4}",
+            "5:8",
+            "this '{' is not closed",
+            "a '#' behind a space starts a comment: put quotes around the text",
+        ),
+        (
+            "say: {text: ${a}}",
+            "5:15",
+            "${…} stands without quotes inside { … } or [ … ]",
+            'quote it there: "${name}"',
+        ),
+        (
+            "\tsay: A.",
+            "5:3",
+            "a tab indents this line",
+            "use spaces (most editors can turn tabs into spaces)",
+        ),
+        (
+            "say: A.\nthere friend\ntimeout: 5 s",
+            "6:3",
+            "this line is neither 'key: value' nor a '-' item",
+            "write 'there: friend', or indent the line if it belongs to the text above",
+        ),
+    ],
+)
+def test_a_slip_is_named_in_the_line_where_it_is(text, place, message, hint):
+    if not place:
+        # In an only line it is a text for YAML, so that the tree is what complains.
+        assert found(tree(text)) == ["not-a-node 5:3"]
+        return
+    (first, *_) = report(tree(text)).diagnostics
+    assert f"{first.position.line}:{first.position.column}" == place
+    assert (first.message, first.hint) == (message, hint)
+
+
+@pytest.mark.parametrize("first", ["format:1", "format", "format = 1"])
+def test_a_slip_in_the_first_line_is_not_reported_in_the_second(first):
+    text = HEAD.replace("format: 1", first) + "tree: {say: Hello.}\n"
+    (error, *_) = report(text).diagnostics
+    assert (error.code, error.position.line) == ("syntax", 1)
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "title:A guide",
+        "title: A guide: patient",
+        "title: @guide",
+        "title = A guide",
+        "tags: [a, b",
+        r'title: "A \guide"',
+        "tags: [a, b}",
+    ],
+)
+def test_after_a_slip_that_can_only_mean_one_thing_all_other_errors_are_found(line):
+    text = HEAD + line + "\ntree:\n  sequence:\n    - sya: Hello.\n    - wait: 3 parsecs\n"
+    assert [one.split()[0] for one in found(text)] == ["syntax", "unknown-node", "bad-duration"]
+    assert found(text)[1:] == ["unknown-node 7:7", "bad-duration 8:13"]
+
+
+def test_a_mended_line_has_its_own_errors_where_they_stand():
+    text = tree("sequence:\n  - sya:Hello ${who}.\n    timeout: 5 s")
+    assert found(text) == ["unknown-node 6:7", "syntax 6:10", "unknown-name 6:19"]
+
+
+def test_several_slips_are_found_in_one_pass():
+    text = tree("sequence\n  - say:A.\n    timeout: 5 s\n  -wait: 2 s\n  - say: B: C")
+    assert found(text) == ["syntax 5:3", "syntax 6:10", "syntax 8:5", "syntax 9:13"]
+
+
+def test_after_a_slip_that_could_mean_anything_other_keys_are_still_looked_through():
+    text = HEAD + "tree:\n  say: A.\n timeout: 5 s\ntitle: A: B\ntags: {a: b]\n"
+    assert found(text) == ["syntax 6:2", "syntax 7:9", "syntax 8:12"]
+
+
+def test_a_file_that_is_nothing_but_slips_ends():
+    for line in ("a: b: c\n", "}\n", "- a\nb\n"):
+        slips = [one for one in found(line * 500) if one.startswith("syntax")]
+        assert 1 <= len(slips) <= MAX_SLIPS
+
+
+def test_places_in_a_mended_text_are_those_of_the_file():
+    source = Source("a.yaml", "ab:c\nd: e\n")
+    mended = PatchedSource(source, Edit(start=3, stop=3, text=" "))
+    assert mended.text == "ab: c\nd: e\n"
+    assert [mended.position(i).column for i in range(6)] == [1, 2, 3, 4, 4, 5]
+    assert str(mended.position(6)) == "a.yaml:2:1"
+    assert mended.line(1) == "ab:c"
+    again = PatchedSource(mended, Edit(start=6, stop=7, text=""))
+    assert again.text == "ab: c\n: e\n"
+    assert str(again.position(6)) == "a.yaml:2:2"
+
+
+@pytest.mark.parametrize(
+    ("index", "rest"),
+    [(0, "b: 2\n"), (4, "b: 2\n"), (12, "a:\n  - 1\n# c\n")],
+)
+def test_a_section_is_a_key_of_the_file_with_all_below_it(index, rest):
+    mended = without_section(Source("a.yaml", "a:\n  - 1\n# c\nb: 2\n"), index + (index == 12) * 2)
+    assert mended is not None
+    assert mended.text == rest
+
+
+def test_a_file_of_one_section_leaves_nothing():
+    assert without_section(Source("a.yaml", "a: 1\n"), 2) is None
+
+
+def test_a_document_after_a_slip_keeps_what_stands_before_and_behind_it():
+    problems = Diagnostics(Source("a.yaml", ""))
+    _, root = read_document(Source("a.yaml", "a: 1\nb:2\nc: 3\n"), problems)
+    assert isinstance(root, Mapping)
+    assert [entry.key.text for entry in root.entries] == ["a", "b", "c"]
+    assert len(problems) == 1
+
+
+@pytest.mark.parametrize("behind", ["", " = x", ":x\nb: 1: 2", "\uff1a x", " - x: y: z"])
+def test_a_very_long_word_is_shortened_in_every_message(behind):
+    text = "format: 1\n" + "a" * 400 + behind + "\ntree: {say: x}\n"
+    with pytest.raises(ReadError) as caught:
+        read_agent_text(text, "a.yaml", VOCABULARY)
+    assert max(map(len, caught.value.report.splitlines())) <= 200

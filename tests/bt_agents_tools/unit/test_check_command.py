@@ -1,0 +1,328 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`bt-agents check`: what it looks at, how it tells, and that it looks again."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner
+
+from bt_agents_core.errors import BtAgentsError
+from bt_agents_core.file_watch import PERIOD_S, changes, poll
+from bt_agents_language.tools.folder_check import Checked, check_folder
+from bt_agents_tools.cli.commands import check as check_module
+from bt_agents_tools.cli.commands.check import check, check_paths, summary, watched
+from fake_interfaces import FakeInterfaces
+from tree_harness import TREES
+
+GOOD = (
+    "format: 1\nagent: {}\nprofile: {{age: 3, familiarity: 3, mood: 3}}\ntree: {{say: Hello.}}\n"
+)
+WARNED = GOOD.replace("{{say: Hello.}}", "{{wait_for: live.person}}")
+BROKEN = GOOD.replace("say", "sya")
+
+
+@pytest.fixture(autouse=True)
+def _without_ros(monkeypatch):
+    monkeypatch.setattr(check_module, "_installed", lambda: None)
+
+
+@pytest.fixture
+def trees(tmp_path, monkeypatch) -> Path:
+    """A trees folder in the current one, with two good agents."""
+    monkeypatch.chdir(tmp_path)
+    folder = tmp_path / "trees"
+    (folder / "agents").mkdir(parents=True)
+    (folder / "skills").mkdir()
+    shutil.copy(TREES / "scene.yaml", folder)
+    shutil.copy(TREES / "skills" / "robot.yaml", folder / "skills")
+    write("agents/one.yaml", GOOD.format("one"))
+    write("agents/two.yaml", GOOD.format("two"))
+    return folder
+
+
+def write(name: str, text: str) -> Path:
+    path = Path("trees") / name
+    path.parent.mkdir(exist_ok=True)
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def run(*arguments: str) -> tuple[int, str]:
+    result = CliRunner().invoke(check, arguments)
+    if result.exception is not None and not isinstance(result.exception, SystemExit):
+        raise result.exception
+    return result.exit_code, result.output
+
+
+def found(*paths: str) -> list[str]:
+    problems = check_paths(paths, None).problems
+    return [f"{p.position.file}:{p.position.line} {p.code}" for p in problems]
+
+
+def test_a_good_folder_is_fine(trees):
+    assert run() == (0, "2 agents are fine\n")
+
+
+def test_an_error_is_shown_and_makes_the_exit_code_1(trees):
+    write("agents/two.yaml", BROKEN.format("two"))
+    assert run() == (
+        1,
+        "trees/agents/two.yaml:4:8: error[unknown-node]: there is no node or skill 'sya'\n"
+        "    4 | tree: {sya: Hello.}\n"
+        "      |        ^^^\n"
+        "      hint: did you mean 'say'?\n"
+        "1 agent is fine, 1 error\n",
+    )
+
+
+def test_a_warning_is_shown_with_its_line_and_counts_only_when_strict(trees):
+    write("agents/two.yaml", WARNED.format("two"))
+    code, text = run()
+    assert code == 0
+    assert "    4 | tree: {wait_for: live.person}\n      |        ^^^^^^^^\n" in text
+    assert text.endswith("2 agents are fine, 1 warning\n")
+    assert run("--strict")[0] == 1
+
+
+def test_everything_in_the_folder_is_looked_at(trees):
+    write("agents/two.yaml", BROKEN.format("two"))
+    write(
+        "agents/one.test.yaml", "format: 1\ntest: nobody\ncases: [{name: a, expect: {ends: b}}]\n"
+    )
+    write("libraries/manners.yaml", "format: 1\nsubtrees: {greet: {tree: {sya: A.}}}\n")
+    write("scripts/morning.yaml", "format: 1\nvisits: [{label: a, person: maybe}]\n")
+    assert sorted(found()) == [
+        "trees/agents/one.test.yaml:2 unknown-agent",
+        "trees/agents/two.yaml:4 unknown-node",
+        "trees/libraries/manners.yaml:2 unknown-node",
+        "trees/scripts/morning.yaml:2 wrong-type",
+    ]
+    write("scripts/noon.yaml", "format: 1\nvisits:\n  - label: Gate #4\n")
+    assert "trees/scripts/noon.yaml:3 cut-text" in found()
+
+
+def test_a_path_may_be_a_file_or_folder_in_a_trees_folder(trees):
+    write("agents/two.yaml", BROKEN.format("two"))
+    write("agents/three.yaml", WARNED.format("three"))
+    write("scripts/morning.yaml", "format: 1\nvisits: [{label: a}]\n")
+    assert run("trees/agents/one.yaml") == (0, "1 agent is fine\n")
+    assert run("trees/scripts/morning.yaml") == (0, "1 file is fine\n")
+    assert found("trees/agents/two.yaml") == ["trees/agents/two.yaml:4 unknown-node"]
+    assert found("trees/agents/two.yaml", "trees/agents/three.yaml") == found("trees/agents")
+    assert found("trees/agents", "trees") == found("trees") == found(".")
+
+
+def test_a_broken_skills_file_is_told_to_whom_needs_it(trees):
+    write("skills/more.yaml", "format: 1\nskills: {bow: {descriptoin: a}}\n")
+    checked = check_paths(["trees/agents/one.yaml"], None)
+    assert [problem.code for problem in checked.problems] == ["unknown-key"]
+    assert checked.unchecked == ("trees/agents/one.yaml",)
+    assert summary(checked) == (
+        "1 error, 1 file not checked: mend the scene and the skills first, which they need"
+    )
+
+
+def test_scene_files_of_other_robots_are_checked_as_far_as_their_types_are_known(trees):
+    text = (
+        "format: 1\nparameters: {mood: {min: 1, max: 5, default: 3}}\nsources:\n"
+        "  mood: {topic: a, type: NAME, field: msg.good + msg.bad, stale_after: 2 s}\n"
+    )
+    write("scenes/absent.yaml", text.replace("NAME", "absent_msgs/msg/X"))
+    write("scenes/known.yaml", text.replace("NAME", "known_msgs/msg/X"))
+    write("scenes/wrong.yaml", text.replace("NAME", "known_msgs/msg/X").replace("2 s", "soon"))
+    mended = (TREES / "scene.yaml").read_text().replace("std_msgs/", "known_msgs/")
+    write("scene.yaml", mended.replace("field: data", "field: good"))
+    (trees / "skills" / "robot.yaml").unlink()
+    for name in ("one", "two"):
+        (trees / "agents" / f"{name}.yaml").unlink()
+    found = check_folder(trees, FakeInterfaces(), only=[trees / "scenes"])
+    assert found.files == 3
+    told = [(Path(d.position.file).stem, d.position.column, d.code) for d in found.problems]
+    assert told == [
+        ("known", 62, "unknown-ros-field"),
+        ("wrong", 62, "unknown-ros-field"),
+        ("wrong", 84, "bad-duration"),
+    ]
+
+
+def test_the_problems_of_scene_and_skills_are_told_together(trees):
+    write("skills/more.yaml", "format: 1\nskills: {bow: {descriptoin: a}}\n")
+    (trees / "scene.yaml").write_text("format: 1\nparameters: {age: {min: 1}}\n")
+    assert {line.split(":")[0] for line in found()} == {
+        "trees/scene.yaml",
+        "trees/skills/more.yaml",
+    }
+
+
+def test_a_folder_without_agents_is_an_error(trees):
+    shutil.rmtree(trees / "agents")
+    assert found() == ["trees/agents:1 no-agents"]
+
+
+@pytest.mark.parametrize(
+    ("path", "words"),
+    [
+        ("nowhere.yaml", "there is no file or folder 'nowhere.yaml'"),
+        ("loose.yaml", "'loose.yaml' lies in no trees folder"),
+        ("trees/notes.txt", "'trees/notes.txt' is no file that the robot reads"),
+    ],
+)
+def test_a_path_that_is_nothing_to_check_is_refused(trees, path, words):
+    Path("loose.yaml").write_text(GOOD.format("loose"))
+    write("notes.txt", "")
+    with pytest.raises(BtAgentsError, match=words):
+        run(path)
+
+
+def test_json_tells_the_same_to_programs(trees):
+    write("agents/two.yaml", BROKEN.format("two"))
+    code, text = run("--format", "json")
+    report = json.loads(text)
+    assert code == 1
+    assert report["agents"] == ["one"]
+    assert report["files"] == 4
+    assert report["unchecked"] == []
+    assert [problem["code"] for problem in report["problems"]] == ["unknown-node"]
+
+
+def test_github_gets_annotations(trees):
+    write("agents/two.yaml", BROKEN.format("two"))
+    _, text = run("--format", "github")
+    first, last = text.splitlines()
+    assert first.startswith("::error file=trees/agents/two.yaml,line=4,col=8,endColumn=10,")
+    assert last == "1 agent is fine, 1 error"
+
+
+def test_no_colour_is_written_where_the_output_is_no_terminal(trees):
+    write("agents/two.yaml", BROKEN.format("two"))
+    assert "\x1b" not in run()[1]
+
+
+def test_a_warning_in_a_library_is_told_once_for_all_that_use_it(trees):
+    write(
+        "libraries/waits.yaml",
+        "format: 1\nsubtrees: {await: {tree: {wait_for: live.person}}}\n",
+    )
+    for name in ("one", "two"):
+        text = GOOD.format(name).replace("{say: Hello.}", "{subtree: await}")
+        write(f"agents/{name}.yaml", text + "imports: [libraries/waits.yaml]\n")
+    assert found() == ["trees/libraries/waits.yaml:2 endless-wait"]
+
+
+class Steps:
+    """A sleep that does something to the files each time, and ends the watch after that."""
+
+    def __init__(self, *steps) -> None:
+        self.steps = list(steps)
+        self.slept: list[float] = []
+
+    def __call__(self, seconds: float) -> None:
+        self.slept.append(seconds)
+        if not self.steps:
+            raise KeyboardInterrupt
+        self.steps.pop(0)()
+
+
+def nothing() -> None:
+    """Do not touch any file."""
+
+
+def test_a_watch_checks_again_only_after_a_change(trees):
+    shown: list[Checked] = []
+    steps = Steps(
+        nothing,
+        lambda: write("agents/two.yaml", BROKEN.format("two") + "# longer\n"),
+        nothing,
+        lambda: Path("trees/agents/two.yaml").unlink(),
+    )
+    changed = []
+    with pytest.raises(KeyboardInterrupt):
+        changed.extend(iter_all(watched((), shown.append, steps), changed))
+    assert [len(checked.problems) for checked in shown] == [0, 1, 0]
+    assert changed == [("trees/agents/two.yaml",)] * 2
+    assert steps.slept == [PERIOD_S] * 5
+
+
+def iter_all(source, seen: list) -> list:
+    for one in source:
+        seen.append(one)
+    return []
+
+
+def test_a_watch_goes_on_when_the_folder_is_gone_for_a_moment(trees, capsys):
+    shown: list[Checked] = []
+    steps = Steps(
+        lambda: (trees / "scene.yaml").rename("scene.yaml"),
+        lambda: Path("scene.yaml").rename(trees / "scene.yaml"),
+    )
+    with pytest.raises(KeyboardInterrupt):
+        iter_all(watched(("trees",), shown.append, steps), [])
+    assert len(shown) == 2
+    assert "error: " in capsys.readouterr().err
+
+
+def test_ctrl_c_ends_a_watch_in_order(trees, monkeypatch):
+    monkeypatch.setattr("time.sleep", Steps())
+    code, text = run("--watch")
+    assert code == 0
+    assert "2 agents are fine\n" in text
+
+
+def test_a_look_sees_what_is_new_changed_or_gone(tmp_path):
+    steps = Steps(
+        lambda: (tmp_path / "a.yaml").write_text("1"),
+        lambda: (tmp_path / "notes.txt").write_text("1"),
+        lambda: (tmp_path / "a.yaml").write_text("22"),
+        lambda: (tmp_path / "a.yaml").unlink(),
+    )
+    seen = []
+    with pytest.raises(KeyboardInterrupt):
+        iter_all(changes(lambda: poll([tmp_path], (".yaml",)), steps), seen)
+    assert seen == [(str(tmp_path / "a.yaml"),)] * 3
+
+
+def test_the_shipped_agents_have_no_errors():
+    checked = check_folder(TREES)
+    assert [str(p) for p in checked.problems if p.severity.value == "error"] == []
+    assert len(checked.agents) >= 4
+
+
+@pytest.mark.parametrize("neighbour", ["loop", "pipe", "nowhere"])
+def test_a_file_is_checked_beside_one_that_cannot_be_read(trees, neighbour):
+    strange = trees / "agents" / f"{neighbour}.yaml"
+    if neighbour == "pipe":
+        os.mkfifo(strange)
+    else:
+        strange.symlink_to(strange.name if neighbour == "loop" else "not_there.yaml")
+    assert run("trees/agents/one.yaml") == (0, "1 agent is fine\n")
+    code, output = run(f"trees/agents/{neighbour}.yaml")
+    assert code == 1
+    assert f"{neighbour}.yaml" in output
+
+
+def test_an_unused_input_of_a_library_is_a_warning_and_agents_may_import_it(trees):
+    write(
+        "libraries/manners.yaml",
+        "format: 1\nsubtrees:\n  greet: {inputs: {who: text}, tree: {say: Hello.}}\n",
+    )
+    tree = "{{subtree: greet, with: {{who: Ann}}}}\nimports: [libraries/manners.yaml]"
+    write("agents/two.yaml", GOOD.replace("{{say: Hello.}}", tree).format("two"))
+    assert found() == ["trees/libraries/manners.yaml:3 unused-input"]
+    assert found("trees/agents") == []
+
+
+def test_an_agent_that_is_imported_is_not_blamed_for_it(trees):
+    write("agents/one.yaml", GOOD.format("one") + "imports: [agents/two.yaml]\n")
+    assert found() == ["trees/agents/one.yaml:5 bad-import"]
+    write("agents/one.yaml", GOOD.format("one") + "imports: [agents/one.yaml]\n")
+    assert found() == ["trees/agents/one.yaml:5 bad-import"]
+
+
+def test_the_folder_one_stands_in_is_checked_when_it_is_a_trees_folder(trees, monkeypatch):
+    monkeypatch.chdir(trees)
+    assert run() == (0, "2 agents are fine\n")

@@ -1,0 +1,273 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What README, docs and launch files say is so."""
+
+from __future__ import annotations
+
+import re
+import shlex
+import shutil
+from importlib.metadata import EntryPoint
+from pathlib import Path
+
+import click
+import pytest
+import yaml
+from click.testing import CliRunner
+
+from bt_agents_language.files.agent_reader import read_agent_text
+from bt_agents_language.files.folder_reader import read_trees
+from bt_agents_language.files.libraries import FolderLibraries
+from bt_agents_language.files.market_reader import read_market
+from bt_agents_language.files.scene_reader import read_scene_text
+from bt_agents_language.files.skills_reader import read_skills
+from bt_agents_language.files.testing.test_reader import read_test_text
+from bt_agents_language.model.plugins import GROUP, read_plugins
+from bt_agents_language.nodes import KINDS, MODIFIERS
+from bt_agents_language.tools.schema.scene_files import scene_schema
+from bt_agents_language.yaml.source import Source
+from bt_agents_tools.cli.main import bt_agents
+from bt_agents_tools.rehearsal.rehearsal import Limits, rehearse
+from bt_agents_tools.rehearsal.suite import failure, run_case
+from journal_fixture import morning
+from marketplace_node.strategies import StrategySpec
+from rehearsal_harness import scenario
+from tree_harness import SPACE, TREES, VOCABULARY
+
+ROOT = Path(__file__).parents[3]
+OFFLINE = {
+    "check",
+    "explain",
+    "export",
+    "fmt",
+    "import",
+    "new",
+    "rehearse",
+    "replay",
+    "schema",
+    "show",
+    "test",
+    "what-if",
+}
+"""Commands that need neither ROS nor a robot."""
+
+DOCUMENTS = sorted([ROOT / "README.md", *(ROOT / "docs").glob("*.md")])
+AGENT = """
+format: 1
+agent: example
+title: Example
+description: d
+profile: {age: 3, familiarity: 3, mood: 3}
+tree: {wait: 1 s}
+"""
+PATROL = """
+<root BTCPP_format="4">
+  <BehaviorTree ID="Main">
+    <Sequence><AlwaysSuccess/></Sequence>
+  </BehaviorTree>
+</root>
+"""
+
+
+def blocks(language: str) -> list[tuple[str, str]]:
+    found = []
+    for path in DOCUMENTS:
+        for text in re.findall(rf"```{language}\n(.*?)```", path.read_text(), re.DOTALL):
+            found.append((path.name, text))
+    return found
+
+
+TRANSCRIPTS = [
+    (path.name, command.strip(), written)
+    for path in DOCUMENTS
+    for command, written in re.findall(
+        r"```console\n([^\n]+)\n```\n\n?```text\n(.*?)```", path.read_text(), re.DOTALL
+    )
+]
+
+
+@pytest.mark.parametrize(("document", "text"), blocks("yaml"))
+def test_every_yaml_example_can_be_read(document: str, text: str, tmp_path: Path) -> None:
+    keys = yaml.safe_load(text)
+    if {"test", "cases"} <= keys.keys():
+        _check_test(text, document)
+        return
+    if {"parameters", "sources"} <= keys.keys():
+        assert read_scene_text(text, document).sources
+        return
+    if "rules" in keys:
+        assert read_market(Source(document, text), SPACE).rules
+        return
+    if {"skills", "bindings"} & keys.keys():
+        path = tmp_path / "their.yaml"
+        path.write_text(text)
+        assert read_skills([TREES / "skills" / "robot.yaml", path])
+        return
+    if "format" in keys and "tree" not in keys:
+        (tmp_path / "libraries").mkdir()
+        (tmp_path / "libraries" / "their.yaml").write_text(text)
+        assert FolderLibraries(tmp_path, VOCABULARY).load("libraries/their.yaml").subtrees
+        return
+    missing = [line for line in AGENT.splitlines() if line and line.split(":")[0] not in keys]
+    agent = read_agent_text("\n".join(missing) + "\n" + text, document, VOCABULARY)
+    # It ends, or goes on to the limit, or waits for what nobody announces: it never raises.
+    limits = Limits(duration_s=600.0, ticks=2000)
+    told = rehearse(agent, SPACE, scenario(agent), limits=limits, against_its_bid=True)
+    assert told.events
+    assert told.message
+
+
+def _check_test(text: str, document: str) -> None:
+    """Run the cases of a test file for one of the shipped agents."""
+    test = read_test_text(text, document, read_trees(TREES).agents, VOCABULARY)
+    results = [run_case(test.agent, SPACE, case) for case in test.cases]
+    assert not [failure(result) for result in results if not result.passed]
+
+
+def test_the_page_of_the_scene_names_every_key() -> None:
+    page = (ROOT / "docs" / "scene.md").read_text()
+
+    def keys(schema: object) -> set[str]:
+        if isinstance(schema, list):
+            return {key for item in schema for key in keys(item)}
+        if not isinstance(schema, dict):
+            return set()
+        below = {key for part in schema.values() for key in keys(part)}
+        return below | set(schema.get("properties", ()))
+
+    missing = {key for key in keys(scene_schema()) if f"`{key}`" not in page}
+    assert missing == {"format"}
+
+
+@pytest.mark.parametrize(("document", "text"), blocks("console"))
+def test_every_command_exists_with_its_options(document: str, text: str) -> None:
+    for command in re.findall(r"bt-agents ((?:[^#\n`]|#\S)+)", text):
+        name, *words = command.split()
+        found = bt_agents.get_command(click.Context(bt_agents), name)
+        if isinstance(found, click.Group) and words:
+            found = found.get_command(click.Context(found), words[0])
+        assert found is not None, f"{document}: bt-agents {command}"
+        known = {o for p in found.params for o in (*p.opts, *p.secondary_opts)}
+        assert {word for word in words if word.startswith("--")} <= known
+    for script in re.findall(r"scripts/\w+", text):
+        assert (ROOT / script).exists(), f"{document}: {script}"
+
+
+@pytest.fixture(scope="module")
+def kept(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A small journal."""
+    folder = tmp_path_factory.mktemp("kept")
+    return morning(folder / "trees").keep(folder / "morning.mcap")
+
+
+@pytest.fixture
+def here(tmp_path: Path, kept: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A folder to work in, with the trees, as the documents suppose it."""
+    shutil.copytree(TREES, tmp_path / "trees")
+    shutil.copytree(ROOT / "schema", tmp_path / "schema")
+    shutil.copy(kept, tmp_path)
+    (tmp_path / "patrol.xml").write_text(PATROL)
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+@pytest.mark.parametrize(("document", "text"), blocks("console"))
+@pytest.mark.usefixtures("here")
+def test_every_command_without_a_robot_does_what_is_written_below_it(
+    document: str, text: str
+) -> None:
+    for command, written in _sessions(text):
+        output = _run(command)
+        if written and output is not None:
+            assert output == written, f"{document}: {command}"
+
+
+@pytest.mark.parametrize(("document", "command", "written"), TRANSCRIPTS)
+@pytest.mark.usefixtures("here")
+def test_every_transcript_is_what_the_command_above_it_prints(
+    document: str, command: str, written: str
+) -> None:
+    assert _run(command) == written, f"{document}: {command}"
+
+
+def test_there_are_transcripts_to_compare() -> None:
+    assert TRANSCRIPTS
+
+
+def _sessions(text: str) -> list[tuple[str, str]]:
+    """Return the commands of a block, each with what is written below it."""
+    if not text.startswith("$ "):
+        return [(line, "") for line in text.splitlines()]
+    parts = re.split(r"^\$ ", text, flags=re.MULTILINE)[1:]
+    return [(head, below) for head, _, below in (part.partition("\n") for part in parts)]
+
+
+def _run(line: str) -> str | None:
+    """Return what a command prints, None when it needs more than this test has."""
+    program, *words = shlex.split(line, comments=True)
+    if Path(program).name != "bt-agents" or words[0] not in OFFLINE:
+        return None
+    # It would watch for ever.
+    words = [word for word in words if word != "--watch"]
+    result = CliRunner().invoke(bt_agents, words, catch_exceptions=False)
+    assert result.exit_code == 0, f"{line}\n{result.output}"
+    return result.stdout
+
+
+def test_the_reference_names_every_node_and_every_modifier_in_order() -> None:
+    text = (ROOT / "docs" / "language.md").read_text()
+    for kind in KINDS:
+        assert re.search(rf"^\| .*`{kind}[:` ]", text, re.MULTILINE), kind
+    table = text.partition("## Modifiers")[2].partition("\n## ")[0]
+    written = re.findall(r"^\| `(\w+):", table, re.MULTILINE)
+    assert written == ["name", *MODIFIERS]
+
+
+@pytest.mark.parametrize(("document", "text"), blocks("python"))
+def test_every_python_example_runs_and_is_a_node_or_a_strategy(document: str, text: str) -> None:
+    found: dict[str, object] = {}
+    exec(compile(text, document, "exec"), found)
+    if "SPEC" in found:
+        assert isinstance(found["SPEC"], StrategySpec)
+        return
+    classes = [one for one in found.values() if isinstance(one, type) and "fields" in vars(one)]
+    assert len(classes) == 1
+    point = EntryPoint(name="example", value=document, group=GROUP)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(EntryPoint, "load", lambda _: classes[0])
+        assert read_plugins([point]).problems == ()
+
+
+def test_links_between_documents_lead_somewhere() -> None:
+    for path in DOCUMENTS:
+        for target in re.findall(r"\]\(([^)#:]+)\)", path.read_text()):
+            assert (path.parent / target).exists(), f"{path.name}: {target}"
+
+
+@pytest.mark.parametrize("path", sorted((ROOT / "bringup" / "launch").glob("*.yaml")))
+def test_every_node_of_a_launch_file_is_an_executable_of_its_package(path: Path) -> None:
+    folders = {
+        re.search(r"<name>(.*)</name>", xml.read_text())[1]: xml.parent  # type: ignore[index]
+        for xml in ROOT.glob("*/package.xml")
+    }
+    nodes = [
+        entry["node"] for entry in yaml.safe_load(path.read_text())["launch"] if "node" in entry
+    ]
+    assert nodes
+    for node in nodes:
+        setup = (folders[node["pkg"]] / "setup.py").read_text()
+        assert f'"{node["exec"]} = ' in setup, node
+
+
+@pytest.mark.parametrize("folder", ["", "/data/day"])
+def test_a_launched_system_keeps_a_journal_only_where_it_is_told_to(folder: str) -> None:
+    entries = yaml.safe_load((ROOT / "bringup" / "launch" / "system.launch.yaml").read_text())
+    arguments = {e["arg"]["name"]: e["arg"] for e in entries["launch"] if "arg" in e}
+    assert arguments["journal"]["default"] == ""
+    [node] = [
+        entry["node"]
+        for entry in entries["launch"]
+        if "node" in entry and entry["node"]["pkg"] == "bt_agents_lab"
+    ]
+    assert {"name": "folder", "value": "$(var journal)", "type": "str"} in node["param"]
+    [condition] = re.findall(r'^\$\(eval "(.*)"\)$', node["if"])
+    assert eval(condition.replace("$(var journal)", folder)) is bool(folder)

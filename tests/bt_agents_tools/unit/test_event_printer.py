@@ -1,0 +1,321 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the terminal shows of an event, line by line."""
+
+from __future__ import annotations
+
+import io
+import math
+import re
+from types import SimpleNamespace as Message
+from typing import Any
+
+from rich.console import Console
+
+from bt_agents_tools.cli.event_printer import EventPrinter
+from tree_harness import SPACE
+
+KINDS = {"DIRECT": 0, "POSITIVE": 1, "NEGATIVE": 2, "SET": 3}
+
+
+def told(*events: tuple[str, Any]) -> list[str]:
+    output = io.StringIO()
+    story = EventPrinter(Console(file=output, width=100, color_system=None), SPACE)
+    for name, argument in events:
+        getattr(story, name)(argument)
+    return [line.rstrip() for line in output.getvalue().splitlines() if line.strip()]
+
+
+def scene(mood: float = 3.0, age: float = 1.0, person: bool = True, **more: Any) -> Message:
+    values = {"age": age, "familiarity": math.nan, "mood": mood}
+    known = {"scene_id": "s1", "label": "", "urgent": False}
+    known["values"] = [Message(name=n, value=v) for n, v in values.items()]
+    return Message(person=person, **(known | more))
+
+
+def run_event(event: int, **more: Any) -> Message:
+    events = {"STARTED": 1, "CANCELLING": 2, "ENDED": 3, "REFUSED": 4}
+    outcomes = {"SUCCEEDED": 1, "FAILED": 2, "CANCELLED": 3, "LOST": 4}
+    known = {"agent": "a", "epoch": "e", "round": 2, "scene": scene()}
+    return Message(**events, **outcomes, event=event, **(known | more))
+
+
+def auction(outcome: int, **more: Any) -> Message:
+    outcomes = {"AWARDED": 1, "NO_BIDS": 2, "PREEMPTS": 3, "WAITS": 4}
+    values = {"round": 2, "follows": 0, "winner": "a", "ranking": [], "refused": []}
+    values["scene"] = scene()
+    return Message(**outcomes, outcome=outcome, **(values | more))
+
+
+def change(path: str, status: int, message: str = "") -> Message:
+    return Message(
+        path=path, name=path.rpartition("/")[2], status=status, message=message,
+        INVALID=0, RUNNING=1, SUCCESS=2, FAILURE=3,
+    )  # fmt: skip
+
+
+def test_a_scene_says_the_words_of_its_values_and_what_is_missing() -> None:
+    assert told(("scene", scene())) == [
+        "    scene  age 1 (a child), familiarity missing, mood 3 (neutral)"
+    ]
+
+
+def test_nothing_known_and_nobody_there_is_said_in_words() -> None:
+    nobody = scene(mood=math.nan, age=math.nan, person=False)
+    assert told(("scene", nobody)) == ["    scene  no person, nothing else is known"]
+
+
+def test_an_auction_shows_each_bid_each_refusal_and_the_reason() -> None:
+    awarded = auction(
+        outcome=1,
+        reason="a 1.0 = |4−3|",
+        ranking=[Message(agent="a", distance=1.0, calculation="1.0 = |4−3|")],
+        refused=[Message(agent="b", reason="needs scene.person")],
+    )
+    assert told(("scene", scene()), ("auction", awarded))[1:] == [
+        "    bid 2  a                       1.00 = |4−3|",
+        "    bid 2  b                        –   needs scene.person",
+        "    award  a wins  a 1.0 = |4−3|",
+    ]
+
+
+def test_a_challenge_says_whether_the_run_goes_on() -> None:
+    words = "b 0.5 for the new scene, a who runs has 2.5: better by 2.0, margin 1.0"
+    assert told(
+        ("scene", scene()),
+        ("auction", auction(outcome=3, reason=f"{words}: a is stopped")),
+        ("auction", auction(outcome=4, reason=f"{words}: a goes on, the scene waits")),
+    )[1:] == [
+        f"challenge  the run is stopped  {words}: a is stopped",
+        f"challenge  the run goes on  {words}: a goes on, the scene waits",
+    ]
+
+
+def test_a_scene_says_its_label_and_that_it_is_urgent() -> None:
+    assert told(("scene", scene(label="[Mrs] Smith", urgent=True))) == [
+        "    scene  urgent [Mrs] Smith: age 1 (a child), familiarity missing, mood 3 (neutral)"
+    ]
+
+
+def test_a_scene_that_was_not_heard_is_told_with_its_auction() -> None:
+    again = auction(outcome=1, reason="a 1.0", scene=scene(scene_id="s1+again"))
+    assert told(("scene", scene()), ("auction", again)) == [
+        "    scene  age 1 (a child), familiarity missing, mood 3 (neutral)",
+        "    scene  age 1 (a child), familiarity missing, mood 3 (neutral)",
+        "    award  a wins  a 1.0",
+    ]
+
+
+def test_a_scene_that_has_to_wait_is_said_to_wait() -> None:
+    assert told(
+        ("market", Message(queued=0, agent="")),
+        ("market", Message(queued=1, agent="a")),
+        ("market", Message(queued=1, agent="a")),
+        ("market", Message(queued=2, agent="")),
+        ("market", Message(queued=0, agent="")),
+    ) == [
+        "    scene  waits in line: a has the robot",
+        "    scene  waits in line as the last of 2: another is under way",
+    ]
+
+
+def cleaning() -> tuple[str, Message]:
+    return "tree", Message(agent="a", tick=9, changes=[change("on_cancel", 1)])
+
+
+def test_a_host_that_stops_its_run_without_the_market_is_said_to() -> None:
+    assert told(("run", run_event(1)), cleaning(), cleaning()) == [
+        "      run  a starts",
+        "      run  stopping a: its host hears no market",
+        "     tree     9 ▶ on_cancel",
+        "     tree     9 ▶ on_cancel",
+    ]
+
+
+def test_scenes_are_called_by_their_labels_not_by_their_ids() -> None:
+    stopped = run_event(2, message="preempted by scene 's2': b 0.5, s1 has 'none'")
+    lost = Message(code="LOST", message="asked again as scene 's1+again'")
+    assert told(
+        ("scene", scene(label="Anna")), ("scene", scene(scene_id="s2", label="Ben")),
+        ("run", stopped), ("end", lost),
+    )[2:] == [
+        "      run  stopping a: preempted by scene 'Ben': b 0.5, s1 has 'none'",
+        "    scene  lost: asked again as scene 'Anna'",
+    ]  # fmt: skip
+
+
+def test_a_scene_without_a_label_is_called_by_what_is_known_of_it() -> None:
+    refused = Message(code="BUSY", message="scene 's1' is under way")
+    assert told(("scene", scene()), ("end", refused))[1:] == [
+        "    scene  busy: scene 'age 1, mood 3' is under way"
+    ]
+
+
+def test_a_run_that_the_market_stops_is_not_said_to_be_stopped_by_its_host() -> None:
+    stopped = run_event(2, message="she says stop")
+    assert told(("run", run_event(1)), ("run", stopped), cleaning()) == [
+        "      run  a starts",
+        "      run  stopping a: she says stop",
+        "     tree     9 ▶ on_cancel",
+    ]
+
+
+def tuned(revision: int, *reasons: str) -> tuple[str, Message]:
+    tunings = [
+        Message(
+            revision=number,
+            name="a.patience",
+            before="8 s",
+            after="12 s",
+            author="root",
+            reason=reason,
+        )
+        for number, reason in enumerate(reasons, start=1)
+    ]
+    return "tunings", Message(host="/agents", revision=revision, tunings=tunings)
+
+
+def test_each_tuning_is_told_once_and_none_of_before_the_start() -> None:
+    assert told(
+        tuned(1, "long ago"),
+        tuned(2, "long ago", "Mrs Smith is slow"),
+        tuned(3, "long ago", "Mrs Smith is slow", ""),
+    ) == [
+        "    tuned  a.patience: 8 s → 12 s (root: Mrs Smith is slow, revision 2)",
+        "    tuned  a.patience: 8 s → 12 s (root, revision 3)",
+    ]
+
+
+def test_the_end_of_a_scene_is_told_when_no_run_has_told_it() -> None:
+    assert told(
+        ("end", Message(code="QUEUE_FULL", message="10 wait, at most 10 may")),
+        ("end", Message(code="PREEMPTED", message="a cancelled: preempted by scene 's2'")),
+        ("end", Message(code="SUCCEEDED", message="a succeeded: done")),
+        ("end", Message(code="NO_BIDS", message="no agents are registered")),
+    ) == [
+        "    scene  queue full: 10 wait, at most 10 may",
+    ]
+
+
+def test_a_run_ends_with_its_outcome_in_words() -> None:
+    ended = run_event(3, outcome=4, duration_s=1.5, ticks=30, message="no heartbeat", orphans=[])
+    assert told(("run", ended)) == ["      run  a lost after 1.5 s, 30 ticks: no heartbeat"]
+
+
+def test_mood_is_told_only_during_a_run_and_only_when_it_has_changed() -> None:
+    assert told(
+        ("live", scene(mood=1.0)),
+        ("run", run_event(1)),
+        ("live", scene(mood=3.1)),
+        ("live", scene(mood=1.5)),
+        ("live", scene(mood=1.5)),
+        ("live", scene(mood=4.0)),
+    ) == [
+        "      run  a starts",
+        "     mood  falls from 3 to 1.5",
+        "     mood  rises from 1.5 to 4",
+    ]
+
+
+def test_a_tick_shows_first_what_ended_then_what_began_parents_first() -> None:
+    changes = [
+        change("tree/0.say", 2),
+        change("tree/1.sequence/0.ask", 1, "Where to?"),
+        change("tree/1.sequence", 1),
+        change("tree/1.sequence@timeout", 1),
+        change("tree/2.wait", 0),
+    ]
+    assert told(("tree", Message(agent="a", tick=7, changes=changes))) == [
+        "     tree     7   ✔ 0.say",
+        "     tree     7   ▶ 1.sequence",
+        "     tree     7     ▶ 0.ask Where to?",
+    ]
+
+
+def test_a_run_is_said_to_start_once_and_before_its_first_tick() -> None:
+    first = Message(agent="a", epoch="e", round=2, tick=1, changes=[change("tree/0.say", 1)])
+    again = run_event(1, round=3)
+    assert told(("tree", first), ("run", run_event(1)), ("run", again)) == [
+        "      run  a starts",
+        "     tree     1   ▶ 0.say",
+        "      run  a starts",
+    ]
+
+
+def test_a_modifier_is_shown_when_it_made_something_fail() -> None:
+    changes = [change("tree/0.say@timeout", 3, "not done within 5 s")]
+    assert told(("tree", Message(agent="a", tick=7, changes=changes))) == [
+        "     tree     7   ✘ 0.say@timeout not done within 5 s"
+    ]
+
+
+def test_feedback_shows_the_profile_before_and_after() -> None:
+    feedback = Message(
+        **KINDS,
+        agent="a",
+        kind=2,
+        source="mood rule",
+        reason="mood.change <= -1 held 1 s",
+        layer="",
+        before=[4.0, 1.5, 3.0],
+        after=[4.1, 1.4, 3.0],
+        revision=3,
+    )
+    assert told(("feedback", feedback)) == [
+        " feedback  negative for a by mood rule: mood.change <= -1 held 1 s",
+        "  profile  a [4, 1.5, 3] → [4.1, 1.4, 3] (revision 3)",
+    ]
+
+
+def test_a_profile_that_was_tuned_has_no_second_reason() -> None:
+    feedback = Message(
+        **KINDS,
+        agent="a",
+        kind=3,
+        source="tuning",
+        reason="tuned by root",
+        layer="",
+        before=[4.0],
+        after=[5.0],
+        revision=3,
+    )
+    assert told(("feedback", feedback)) == ["  profile  a [4] → [5] (revision 3)"]
+
+
+def test_a_long_line_is_wrapped_at_words_behind_its_column_on_a_terminal() -> None:
+    output = io.StringIO()
+    terminal = Console(file=output, width=40, color_system=None, force_terminal=True)
+    ended = run_event(3, outcome=1, duration_s=1.5, ticks=30, message="all is said", orphans=[])
+    EventPrinter(terminal, SPACE).run(ended)
+    assert output.getvalue().splitlines() == [
+        "      run  a succeeded after 1.5 s, 30",
+        "           ticks: all is said",
+    ]
+
+
+def test_what_a_person_wrote_is_never_taken_for_markup() -> None:
+    assert told(("act", "says: [red]hello[/red]")) == ["    robot  says: [red]hello[/red]"]
+
+
+def test_the_summary_shows_every_profile_whole_on_a_narrow_terminal() -> None:
+    output = io.StringIO()
+    story = EventPrinter(Console(file=output, width=80, color_system=None), SPACE)
+    story.profiles({"professional_express": [3.0, 5.0, 3.0], "attentive_guide": [4.0, 1.5, 3.0]})
+    story.feedback(
+        Message(
+            **KINDS,
+            agent="attentive_guide",
+            kind=2,
+            source="mood rule",
+            reason="",
+            layer="",
+            before=[4.0, 1.5, 3.0],
+            after=[4.12, 1.28, 3.0],
+            revision=1,
+        )
+    )
+    story.summary()
+    shown = output.getvalue()
+    assert re.search(
+        r"attentive_guide +– +negative +\[4, 1\.5, 3\] → \[4\.12, 1\.28, 3\]\n", shown
+    )
+    assert re.search(r"professional_express +– +– +\[3, 5, 3\]\n", shown)

@@ -1,0 +1,153 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`bt-agents explain`: pages of the reference in the terminal."""
+
+from __future__ import annotations
+
+import io
+import shutil
+
+import pytest
+from click.testing import CliRunner
+from rich.console import Console
+
+from bt_agents_core.errors import BtAgentsError
+from bt_agents_language.reference.codes.table import CODES
+from bt_agents_language.reference.node_pages import node_pages
+from bt_agents_tools.cli.commands.explain import explain, explanation, print_page
+from tree_harness import TREES, VOCABULARY
+
+
+def explained(word: str = "") -> str:
+    result = CliRunner().invoke(
+        explain, [*([word] if word else []), "--dir", str(TREES)], catch_exceptions=False
+    )
+    assert result.exit_code == 0
+    assert not [line for line in result.output.splitlines() if line.endswith(" ")]
+    return result.output.strip()
+
+
+def page(word: str) -> str:
+    console = Console(file=io.StringIO(), width=100)
+    print_page(console, explanation(word, VOCABULARY))
+    return console.file.getvalue()
+
+
+def test_a_code_is_explained_by_its_meaning_and_two_examples():
+    assert explained("two-nodes") == (
+        "error[two-nodes]  part of an agent file\n"
+        "\n"
+        "Two nodes stand in one item.\n"
+        "\n"
+        "Wrong:\n"
+        "  tree:\n"
+        "    sequence:\n"
+        "      - say: Hello.\n"
+        "        wait: 2 s\n"
+        "\n"
+        "Right:\n"
+        "  tree:\n"
+        "    sequence:\n"
+        "      - say: Hello.\n"
+        "      - wait: 2 s"
+    )
+
+
+@pytest.mark.parametrize("word", ["error[tab]", "error[tab]:", "tab", " tab:"])
+def test_a_code_may_be_copied_from_a_report(word):
+    assert page(word).startswith("error[tab]")
+
+
+def test_a_skill_is_explained_by_its_fields_and_what_it_gives():
+    text = explained("ask")
+    assert text.startswith("ask  skill\n\nAsk a question")
+    assert "  ask: {text: …, choices: …, wait: …}" in text
+    assert "needed" in text
+    assert "${answer} (text)  what the person answered" in text
+
+
+@pytest.mark.parametrize("code", CODES)
+def test_every_code_has_a_page(code):
+    assert CODES[code].meaning.split()[0] in page(code)
+
+
+@pytest.mark.parametrize("word", [page.key for page in node_pages(VOCABULARY)])
+def test_every_word_of_the_language_has_a_page(word):
+    assert page(word).startswith(f"{word}  ")
+
+
+def test_an_example_is_whole_however_narrow_the_terminal():
+    console = Console(file=io.StringIO(), width=40)
+    print_page(console, explanation("wait_for", VOCABULARY))
+    line = "      - wait_for: {topic: buttons/confirm, type: std_msgs/msg/Bool, until: msg.data}\n"
+    assert line in console.file.getvalue()
+
+
+def test_a_subtree_of_a_library_is_explained_with_what_imports_it():
+    assert explained("greet") == (
+        "greet  subtree of a library\n"
+        "\n"
+        "One of three greetings, so that nobody hears the same words every day.\n"
+        "\n"
+        "  subtree: greet\n"
+        "  with: {rate: …}\n"
+        "\n"
+        "  field  value   left out\n"
+        "  rate   number  1         speed of speech\n"
+        "\n"
+        "Declared in libraries/manners.yaml, which an agent imports.\n"
+        "\n"
+        "Example:\n"
+        "  imports: [libraries/manners.yaml]\n"
+        "  tree:\n"
+        "    subtree: greet\n"
+        "    with: {rate: 1}"
+    )
+
+
+def test_a_topic_is_explained_by_its_tables():
+    assert "  length  mm, cm, m or km, for example 1.5 m; a bare number is in m\n" in (
+        explained("units")
+    )
+    assert "\n  round(x) or round(x, 2) for two digits behind the point\n" in (
+        explained("expressions")
+    )
+    assert "live.mood  live.person  live.stale  the others have no value\n" in explained("names")
+
+
+def test_a_library_with_errors_explains_nothing(tmp_path):
+    folder = tmp_path / "trees"
+    shutil.copytree(TREES, folder)
+    (folder / "libraries" / "odd.yaml").write_text("format: 1\n", encoding="utf-8")
+    result = CliRunner().invoke(explain, ["--dir", str(folder)], catch_exceptions=False)
+    assert "clear_the_way\n" in result.output
+    assert "odd.yaml" not in result.output
+
+
+def test_without_a_word_all_are_listed():
+    text = explained().split()
+    assert {"sequence", "say", "retry", "greet", "units", "unknown-node"} <= set(text)
+
+
+@pytest.mark.parametrize(
+    ("word", "hint"),
+    [
+        ("sya", "did you mean 'say'?"),
+        ("unknown_node", "did you mean 'unknown-node'?"),
+        ("clear_way", "did you mean 'clear_the_way'?"),
+        ("unit", "did you mean 'units'?"),
+        ("qqqqqq", "'bt-agents explain' lists all"),
+    ],
+)
+def test_an_unknown_word_gets_the_most_similar_one(word, hint):
+    with pytest.raises(BtAgentsError) as error:
+        CliRunner().invoke(explain, [word, "--dir", str(TREES)], catch_exceptions=False)
+    assert str(error.value) == f"there is no word or code '{word}'; {hint}"
+
+
+def test_without_a_trees_folder_the_language_itself_is_explained(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("AMENT_PREFIX_PATH", "")
+    monkeypatch.setattr("sys.prefix", str(tmp_path))
+    result = CliRunner().invoke(explain, ["wait"], catch_exceptions=False)
+    assert "Waits for a time." in result.output
+    assert "without the skills of a trees folder" in result.stderr

@@ -1,0 +1,193 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`bt-agents profile` in front of a feedback node that answers from memory."""
+
+from __future__ import annotations
+
+import re
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+from click.testing import CliRunner, Result
+
+from bt_agents_core.errors import Refused
+from bt_agents_tools.cli.commands import profile as command
+from bt_agents_tools.cli.main import bt_agents
+from bt_agents_tools.client import system
+from feedback_node.ledger.ledger_rows import RevisionCause
+from feedback_node.management.management import ManagementAction
+from ledger_fixture import Desk
+
+ANNA = "person/anna"
+
+
+class Room:
+    """The commands, a desk that does what they order, and a scene layer."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        self.desk = Desk()
+        self.scene_layer: Any = None
+        self.asked: list[tuple[str, str]] = []
+        monkeypatch.setattr(command, "running_system", self._join)
+        monkeypatch.setattr(system, "manage_profiles", self._manage)
+        monkeypatch.setenv("COLUMNS", "200")
+
+    @contextmanager
+    def _join(self) -> Iterator[None]:
+        yield None
+
+    def _manage(self, _: Any, action: str, *, node: str = "feedback", **fields: Any) -> Any:
+        self.asked.append((node, action))
+        fields.pop("find_s", None)
+        if node == "scene_layer":
+            return self.scene_layer
+        try:
+            done = self.desk.do(ManagementAction[action], **fields)
+        except Refused as refused:
+            return SimpleNamespace(accepted=False, code=refused.code, message=refused.reason)
+        return SimpleNamespace(
+            accepted=True, code="", message=done.message, document=done.document
+        )
+
+    def run(self, *words: str, answer: str = "") -> Result:
+        return CliRunner().invoke(bt_agents, ["profile", *words], input=answer)
+
+
+@pytest.fixture
+def room(monkeypatch: pytest.MonkeyPatch) -> Room:
+    return Room(monkeypatch)
+
+
+def test_all_profiles_stand_in_a_table_each_layer_below_its_agent(room):
+    room.desk.teach("f1")
+    room.desk.layer(ANNA, age=2.0)
+    lines = room.run().output.splitlines()
+    assert lines[0].split() == [
+        *("agent", "for", "revision", "feedbacks", "changed", "seem", "wrong", "age", "mood"),
+    ]
+    assert [line.split()[:2] for line in lines[1:]] == [
+        ["express", "everybody"],
+        ["guide", "everybody"],
+        [ANNA, "1"],
+    ]
+    assert lines[2].split()[2:4] == ["1", "1"]
+    assert [line.split()[-2:] for line in lines[2:]] == [["4", "3"], ["2", "3"]]
+    assert len(room.run("guide").output.splitlines()) == 3
+    assert room.run("show", "guide").output == room.run("guide").output
+
+
+def test_the_history_of_a_profile_says_what_changed_by_whom_and_why(room):
+    room.desk.teach("f1")
+    assert room.run("undo", "guide", "--author", "eva", "--reason", "[wrong]").output == (
+        "guide: age 4 → 3 (revision 2)\n"
+    )
+    lines = room.run("history", "guide").output.splitlines()
+    assert [line.split()[0] for line in lines] == ["revision", "0", "1", "2"]
+    assert lines[2].split()[3:] == ["direct", "t", "age", "3", "→", "4"]
+    assert lines[3].split()[3:] == ["undo", "eva", "age", "4", "→", "3", "[wrong]"]
+    assert '"cause": "undo"' in room.run("history", "guide", "--json").output
+
+
+def test_what_is_exported_can_be_imported_and_nothing_is_overwritten(room, tmp_path):
+    room.desk.teach("f1")
+    file = tmp_path / "learned.json"
+    assert room.run("export", str(file)).output == f"2 profiles written to {file}\n"
+    again = room.run("export", str(file))
+    assert "File exists; choose another name" in str(again.exception)
+    room.run("reset", "guide")
+    assert "guide: age 3 → 4" in room.run("import", str(file)).output
+    assert "was taken in before" in room.run("import", str(file)).output
+    (tmp_path / "bad.json").write_bytes(b"\xff\xfe")
+    assert "cannot be read" in str(room.run("import", str(tmp_path / "bad.json")).exception)
+
+
+def test_forgetting_asks_first_and_tells_the_scene_layer_as_well(room):
+    room.desk.layer(ANNA)
+    room.scene_layer = SimpleNamespace(accepted=True, code="", message="anna is forgotten")
+    assert room.run("forget", ANNA, answer="n\n").exit_code == 1
+    assert room.asked == []
+    done = room.run("forget", ANNA, answer="y\n")
+    assert done.output.splitlines()[-2:] == [
+        "scene layer: anna is forgotten",
+        "1 profile forgotten",
+    ]
+    assert room.asked == [("feedback", "FORGET"), ("scene_layer", "FORGET")]
+    # Only the scene layer knows somebody who has taught nothing.
+    again = room.run("forget", ANNA, "--yes")
+    assert (again.exit_code, again.output.splitlines()[-1]) == (
+        0,
+        f"ledger: no layer '{ANNA}'; there are: none",
+    )
+    room.scene_layer = None
+    assert isinstance(room.run("forget", ANNA, "--yes").exception, Refused)
+
+
+@pytest.mark.parametrize(
+    ("text", "seconds"), [("90d", 7_776_000), ("2 weeks", 1_209_600), ("12 h", 43_200)]
+)
+def test_an_age_is_in_days_weeks_or_the_usual_units(room, text, seconds):
+    room.desk.layer(ANNA)
+    room.desk.now += seconds - 1
+    expire = ("expire", "--yes", "--older", text)
+    assert room.run(*expire).output == "nothing to forget\n"
+    room.desk.now += 2
+    assert room.run(*expire, "--kind", "place").output == "nothing to forget\n"
+    assert room.run(*expire).output == "1 profile forgotten\n"
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [("90", "without a unit"), ("1.5", "without a unit"), ("-3d", "more than 0"), ("soon", "90d")],
+)
+def test_an_age_without_a_unit_or_below_0_forgets_nobody(room, text, words):
+    room.desk.layer(ANNA)
+    refused = room.run("expire", "--yes", f"--older={text}").exception
+    assert f"BAD_AGE: --older {text}: " in str(refused)
+    assert words in str(refused)
+    assert room.asked == []
+
+
+def test_expiring_shows_who_would_be_forgotten_and_asks(room):
+    room.desk.now = time.time() - 200 * 86_400.0
+    room.desk.layer(ANNA)
+    room.desk.layer("place/lobby")
+    room.desk.now = time.time()
+    room.desk.layer("person/bob")
+    asked = room.run("expire", "--older", "90d", "--kind", "person", answer="n\n")
+    assert (asked.exit_code, "person/anna" in asked.output) == (1, True)
+    assert "bob" not in asked.output
+    assert "lobby" not in asked.output
+    assert room.asked == [("feedback", "HISTORY")]
+    done = room.run("expire", "--older", "90d", answer="y\n")
+    assert done.output.splitlines()[-1] == "2 profiles forgotten"
+    assert room.run("expire", "--older", "90d").output == "nothing to forget\n"
+
+
+def test_what_a_terminal_would_obey_is_written_out(room):
+    room.desk.ledger.append(
+        "guide", {"age": 4.0}, RevisionCause(reason="a\x1b[2Jb\nc", source="x\r")
+    )
+    lines = room.run("history", "guide").output
+    assert "\x1b" not in lines
+    assert r"a\x1b[2Jb\nc" in lines
+    assert r"x\r" in lines
+
+
+def test_a_refusal_is_said_in_its_own_words(room):
+    assert str(room.run("undo", "nobody").exception) == (
+        "UNKNOWN_AGENT: no agent 'nobody'; known are: express, guide"
+    )
+
+
+def test_numbers_dates_and_heads_stay_whole_in_a_narrow_terminal(room, monkeypatch):
+    room.desk.layer("person/" + "somebody" * 9)
+    monkeypatch.setattr(command, "_WIDE", 80)
+    lines = room.run().output.splitlines()
+    assert max(map(len, lines)) <= 80
+    for head in ("revision", "feedbacks", "changed", "seem wrong", "age", "mood"):
+        assert head in lines[0]
+    row = next(line for line in lines if line.startswith("guide"))
+    assert re.search(r"\d\d-\d\d \d\d:\d\d", row)

@@ -1,0 +1,461 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Trees rehearsed on a virtual clock: what happens when, and how it ends."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import pytest
+
+from bt_agents.engine.run import TreeOutcome
+from bt_agents_core.feedback import FeedbackKind
+from bt_agents_language.files.agent_reader import read_agent_text
+from bt_agents_language.files.skills_reader import read_skills_text
+from bt_agents_language.files.testing.scenarios import ScriptedEvent
+from bt_agents_language.model.specs import NodeSpec
+from bt_agents_tools.rehearsal.events import EventKind
+from bt_agents_tools.rehearsal.rehearsal import Limits, rehearse
+from rehearsal_harness import rehearsed, said, scenario, told
+from tree_harness import SPACE, VOCABULARY, agent
+
+RULES = """
+feedback:
+  - {when: mood.change >= 0.5, for: 2 s, give: positive}
+  - {when: mood.change <= -1.0, for: 2 s, give: negative, then: cancel}
+"""
+
+
+def test_a_text_takes_as_long_as_it_takes_to_say() -> None:
+    slow = rehearsed("say: {text: 0123456789, rate: 0.5}")
+    assert slow.outcome is TreeOutcome.SUCCEEDED
+    assert slow.duration_s == pytest.approx((0.4 + 10 * 0.06) / 0.5)
+
+
+def test_services_and_messages_take_no_time_and_other_actions_a_second() -> None:
+    result = rehearsed("sequence: [light: green, sound: chirp, drive: gate 7, drive: gate 8]")
+    assert told(result, EventKind.BEGINS, EventKind.SENDS) == [
+        (0.0, "light"),
+        (0.0, "sound"),
+        (0.0, "drive"),
+        (1.0, "drive"),
+    ]
+    assert result.duration_s == 2.0
+
+
+def test_what_has_a_duration_takes_it() -> None:
+    assert rehearsed("show: {text: a, duration: 7 s}").duration_s == 7.0
+
+
+def test_a_question_with_choices_is_answered_with_the_first() -> None:
+    result = rehearsed(
+        """
+        sequence:
+          - ask: {text: Which?, choices: [bag, bear]}
+          - say: ${answer}
+        """
+    )
+    assert said(result) == ["Which?", "bag"]
+
+
+def test_answers_come_in_turn_and_the_last_one_for_ever() -> None:
+    result = rehearsed(
+        """
+        repeat: 3
+        sequence:
+          - ask: Which?
+          - say: ${answer}
+        """,
+        "answers: {ask: [one, two]}",
+    )
+    assert said(result)[1::2] == ["one", "two", "two"]
+
+
+def test_the_answer_of_a_path_counts_before_that_of_a_skill() -> None:
+    result = rehearsed(
+        """
+        sequence:
+          - ask: First?
+          - say: ${answer}
+          - ask: Second?
+          - say: ${answer}
+        """,
+        "answers: {ask: by skill, tree/2.ask: by path}",
+    )
+    assert said(result)[1::2] == ["by skill", "by path"]
+
+
+def test_words_that_are_no_choice_do_not_count_as_an_answer() -> None:
+    result = rehearsed("ask: {text: Which?, choices: [bag], wait: 4 s}", "answers: {ask: cat}")
+    assert result.outcome is TreeOutcome.FAILED
+    assert "'cat' is none of the choices" in result.message
+    assert result.duration_s == pytest.approx(0.4 + 6 * 0.06 + 4.0)
+
+
+def test_capitals_do_not_matter_among_choices() -> None:
+    result = rehearsed("ask: {text: Which?, choices: [bag]}", "answers: {ask: Bag}")
+    assert result.outcome is TreeOutcome.SUCCEEDED
+
+
+def test_an_empty_answer_fails_as_the_skill_says() -> None:
+    result = rehearsed("ask: Which?", "answers: {ask: {outputs: {answer: ''}}}")
+    assert result.outcome is TreeOutcome.FAILED
+    assert "result.answer != ''" in result.message
+
+
+@pytest.mark.parametrize(
+    ("answer", "words"),
+    [
+        ("{fails: the way is blocked}", "aborted: the way is blocked"),
+        ("{ends: rejected}", "rejected"),
+        ("{ends: unreachable}", "unreachable"),
+    ],
+)
+def test_a_skill_can_fail_in_every_way(answer: str, words: str) -> None:
+    result = rehearsed("drive: gate 7", f"answers: {{drive: {answer}}}")
+    assert result.outcome is TreeOutcome.FAILED
+    assert words in result.message
+    assert "(tree, a.yaml:" in result.message
+
+
+def test_a_skill_that_never_ends_is_stopped_by_its_timeout() -> None:
+    result = rehearsed("drive: gate 7\ntimeout: 30 s", "answers: {drive: {ends: never}}")
+    assert result.outcome is TreeOutcome.FAILED
+    assert result.duration_s == 30.0
+    assert told(result, EventKind.STOPS, EventKind.GIVES_UP) == [
+        (30.0, "timeout"),
+        (30.0, "drive"),
+    ]
+
+
+def test_failures_are_told_before_what_follows_from_them() -> None:
+    result = rehearsed(
+        "drive: gate 7\non_failure: {say: Sorry.}", "answers: {drive: {ends: rejected}}"
+    )
+    assert told(result, EventKind.BEGINS, EventKind.FAILS) == [
+        (0.0, "drive"),
+        (0.0, "drive"),
+        (0.0, "say"),
+    ]
+    assert [e.kind for e in result.events if e.kind in (EventKind.BEGINS, EventKind.FAILS)] == [
+        EventKind.BEGINS,
+        EventKind.FAILS,
+        EventKind.BEGINS,
+    ]
+
+
+def test_a_tree_that_waits_for_what_nobody_announces_does_not_end_and_says_where() -> None:
+    result = rehearsed("wait_for: {topic: buttons/confirm, type: std_msgs/msg/Bool}")
+    assert result.outcome is None
+    assert "waits for ever" in result.message
+    assert "a.yaml:" in result.message
+    assert result.ticks < 5
+
+
+def test_whoever_is_asked_then_can_let_something_happen() -> None:
+    spec = agent("wait_for: {topic: buttons/confirm, type: std_msgs/msg/Bool, until: msg.data}")
+    asked: list[str] = []
+
+    def prompt(reason: str, waits: Sequence[NodeSpec]) -> ScriptedEvent:
+        asked.append(reason)
+        return ScriptedEvent(after_s=5.0, topic="buttons/confirm", message={"data": True})
+
+    result = rehearse(spec, SPACE, scenario(spec), prompt=prompt)
+    assert result.outcome is TreeOutcome.SUCCEEDED
+    assert len(asked) == 1
+    assert result.duration_s == pytest.approx(5.1, abs=0.11)
+
+
+def test_a_tree_without_an_end_is_ended() -> None:
+    spec = agent("light: green\nrepeat: forever")
+    result = rehearse(spec, SPACE, scenario(spec), limits=Limits(duration_s=60.0))
+    assert result.outcome is None
+    assert "still runs after 1:00.1" in result.message
+
+
+def test_an_hour_of_waiting_takes_a_handful_of_ticks() -> None:
+    result = rehearsed(
+        """
+        sequence:
+          - say: Good night.
+          - wait: 1 h
+          - say: Good morning.
+        """,
+        "during: [{after: 30 min, mood: 3.1}]",
+        head=RULES,
+    )
+    assert result.outcome is TreeOutcome.SUCCEEDED
+    assert result.duration_s > 3600.0
+    assert result.ticks < 12
+
+
+def test_an_hour_of_talking_is_ticked_when_something_happens_only() -> None:
+    result = rehearsed(
+        """
+        repeat: 360
+        sequence:
+          - say: Drink something, please.
+          - wait_for: {condition: live.mood > 4.5}
+            timeout: 5 s
+            on_failure: {wait: 3.16 s}
+        """,
+        head=RULES,
+    )
+    assert result.duration_s == pytest.approx(3600.0, rel=0.02)
+    assert len(said(result)) == 360
+    assert result.ticks < 12 * 360
+
+
+def test_a_mood_that_stays_down_gives_feedback_and_cancels_by_its_rule() -> None:
+    result = rehearsed(
+        "say: A very long text.",
+        """
+        answers: {say: {after: 20 s}}
+        during:
+          - {after: 3 s, mood: 1.5}
+          - {after: 4 s, mood: 3}
+          - {after: 6 s, mood: 1.5}
+        """,
+        head=RULES + "on_cancel: {light: white}\n",
+    )
+    assert result.outcome is TreeOutcome.CANCELLED
+    assert result.cancelled_by == "mood.change <= -1.0"
+    assert result.feedback == (FeedbackKind.NEGATIVE,)
+    assert told(result, EventKind.FEEDBACK, EventKind.STOPS, EventKind.BEGINS)[1:] == [
+        (8.0, "negative: mood.change <= -1.0 held 2 s: mood 3 → 1.5"),
+        (8.0, "say"),
+        (8.0, "light"),
+    ]
+
+
+def test_a_rule_that_only_gives_feedback_lets_the_run_go_on() -> None:
+    result = rehearsed("wait: 20 s", "during: [{after: 3 s, mood: 4}]", head=RULES)
+    assert result.outcome is TreeOutcome.SUCCEEDED
+    assert told(result, EventKind.FEEDBACK) == [
+        (5.0, "positive: mood.change >= 0.5 held 2 s: mood 3 → 4")
+    ]
+
+
+def test_a_mood_that_is_held_for_minutes_is_watched_without_ticking_the_tree() -> None:
+    rules = "feedback:\n  - {when: mood.change <= -1.0, for: 10 min, give: negative}\n"
+    result = rehearsed("wait: 1 h", "during: [{after: 1 min, mood: 1}]", head=rules)
+    assert told(result, EventKind.FEEDBACK)[0][0] == pytest.approx(660.0)
+    assert result.ticks < 12
+
+
+def test_nothing_is_known_of_the_mood_when_the_person_has_left() -> None:
+    result = rehearsed("wait: 20 s", "during: [{after: 1 s, mood: 1, person: false}]", head=RULES)
+    assert result.feedback == ()
+
+
+def test_a_node_can_be_waited_for_before_something_happens() -> None:
+    result = rehearsed(
+        """
+        sequence:
+          - say: A text whose length nobody wants to count.
+          - wait_for: {topic: button, type: std_msgs/msg/Bool, until: msg.data}
+        """,
+        """
+        during:
+          - at: tree/1.wait_for
+            after: 2 s
+            publish: {topic: button, message: {data: true}}
+        """,
+    )
+    assert result.outcome is TreeOutcome.SUCCEEDED
+    [(said_s, _), *_] = told(result, EventKind.WAITS)
+    assert result.duration_s == pytest.approx(said_s + 2.0)
+
+
+def test_tunables_can_be_set_from_the_start_and_changed_meanwhile() -> None:
+    head = "tunables: {pause: {default: 10 s, min: 1 s, max: 60 s, description: d}}"
+    assert rehearsed("wait: ${pause}", "tunables: {pause: 5 s}", head=head).duration_s == 5.0
+    result = rehearsed("wait: ${pause}", "during: [{after: 2 s, tune: {pause: 30 s}}]", head=head)
+    assert result.duration_s == 30.0
+    assert told(result, EventKind.TUNES) == [(2.0, "pause 30 s")]
+
+
+def test_a_run_can_be_cancelled_from_outside() -> None:
+    result = rehearsed("wait: 1 min", "during: [{after: 7 s, cancel: the operator}]")
+    assert result.outcome is TreeOutcome.CANCELLED
+    assert (result.duration_s, result.cancelled_by) == (7.0, "the operator")
+
+
+def test_a_missing_value_stays_missing() -> None:
+    result = rehearsed("check: scene.age > 2", "scene: {mood: 3}")
+    assert result.outcome is TreeOutcome.FAILED
+    assert "'scene.age' has no value" in result.message
+
+
+def test_replaced_nodes_are_not_rehearsed() -> None:
+    tree = """
+        sequence:
+          - name: way
+            timeout: 5 s
+            sequence: [drive: gate 7, drive: gate 8]
+          - say: Here we are.
+    """
+    result = rehearsed(tree, 'replace: {"tree/*.way*": succeed}')
+    assert (result.outcome, said(result)) == (TreeOutcome.SUCCEEDED, ["Here we are."])
+    assert [use.skill for use in result.uses] == ["say"]
+    assert not any("way" in path for path in result.marks)
+    assert rehearsed(tree, 'replace: {"**.way": fail}').outcome is TreeOutcome.FAILED
+
+
+def test_the_same_seed_gives_the_same_picks() -> None:
+    tree = "repeat: 20\nrandom: [say: one, say: two, say: three]"
+    first, same, other = (said(rehearsed(tree, f"seed: {seed}")) for seed in (7, 7, 8))
+    assert first == same
+    assert first != other
+
+
+def test_an_agent_that_does_not_bid_does_not_run_unless_it_is_told_to() -> None:
+    spec = agent("say: Hello.", "requires: scene.person")
+    nobody = scenario(spec, "person: false")
+    assert rehearse(spec, SPACE, nobody).declined == "needs scene.person"
+    assert rehearse(spec, SPACE, nobody).uses == ()
+    assert said(rehearse(spec, SPACE, nobody, against_its_bid=True)) == ["Hello."]
+
+
+def test_what_a_tree_does_again_at_each_tick_is_done_again_while_it_waits() -> None:
+    result = rehearsed(
+        """
+        sequence:
+          memory: false
+          children:
+            - sound: beep
+            - wait: 1 s
+        """
+    )
+    assert len(result.uses) == 11
+
+
+def test_feedback_and_lines_of_the_log_are_told() -> None:
+    result = rehearsed(
+        """
+        sequence:
+          - log: {message: "age ${scene.age}", level: warning}
+          - give_feedback: {kind: positive, reason: thanked}
+        """
+    )
+    assert told(result, EventKind.LOGS, EventKind.FEEDBACK) == [
+        (0.0, "warning: age 3"),
+        (0.0, "positive: the tree: thanked"),
+    ]
+    assert result.feedback == (FeedbackKind.POSITIVE,)
+
+
+def test_a_skill_that_no_robot_offers_yet_can_be_rehearsed() -> None:
+    dance = read_skills_text(
+        """
+format: 1
+skills:
+  dance:
+    main: style
+    inputs: {style: {type: text}}
+    outputs: {applause: {type: number}}
+""",
+        "s.yaml",
+    )
+    vocabulary = VOCABULARY.with_skills(dance)
+    spec = read_agent_text(
+        """
+format: 1
+agent: dancer
+profile: {age: 3, familiarity: 3, mood: 3}
+tree:
+  sequence:
+    - dance: tango
+      outputs: {loud: applause}
+    - say: Thank you for ${loud}.
+""",
+        "a.yaml",
+        vocabulary,
+    )
+    result = rehearse(spec, SPACE, scenario(spec, "answers: {dance: 0.7}"))
+    assert said(result) == ["Thank you for 0.7."]
+
+
+def test_nodes_can_be_replaced_by_others_that_give_the_same_names_a_value() -> None:
+    tree = """
+        sequence:
+          - ask: Where to?
+          - drive: ${answer}
+            timeout: 9 s
+          - say: Here we are, at ${answer}.
+    """
+    result = rehearsed(
+        tree,
+        """
+        replace:
+          "**.ask": {set: {answer: home}}
+          "**.drive*":
+            sequence:
+              - wait: ${patience}
+              - say: I would drive.
+        """,
+        head="tunables: {patience: {default: 3 s, min: 1 s, max: 9 s, description: d}}",
+    )
+    assert result.outcome is TreeOutcome.SUCCEEDED
+    assert said(result) == ["I would drive.", "Here we are, at home."]
+    assert result.duration_s > 3.0
+    assert not {path for path in result.marks if "drive" in path and path.count("/") == 1}
+
+
+def test_a_failure_of_a_check_is_told_before_what_follows_from_it() -> None:
+    result = rehearsed(
+        """
+        selector:
+          - check: scene.age > 3
+          - say: Hello.
+        """,
+        "scene: {mood: 3}",
+    )
+    kinds = [e.kind for e in result.events if e.kind in (EventKind.GIVES_UP, EventKind.BEGINS)]
+    assert kinds == [EventKind.GIVES_UP, EventKind.BEGINS]
+
+
+def test_a_limit_that_is_reached_is_told_before_its_handling() -> None:
+    result = rehearsed(
+        "wait_for: live.mood > 4\ntimeout: 5 s\nretry: 2\non_failure: {log: nobody came}"
+    )
+    assert told(result, EventKind.GIVES_UP, EventKind.LOGS) == [
+        (5.0, "timeout"),
+        (10.1, "timeout"),
+        (10.1, "retry"),
+        (10.1, "info: nobody came"),
+    ]
+
+
+def test_a_tick_is_told_from_the_top_of_the_tree() -> None:
+    result = rehearsed("sequence: [{selector: [{say: Hello.}]}, {wait: 1 s}]")
+    first = [
+        event.change.path
+        for event in result.events
+        if event.change is not None and event.at_s == 0.0
+    ]
+    assert first == ["tree", "tree/0.selector", "tree/0.selector/0.say"]
+
+
+def test_whoever_types_is_asked_at_a_wait_with_a_limit_once() -> None:
+    spec = agent("wait_for: live.mood > 4\ntimeout: 20 s\nsucceed: true")
+    asked: list[str] = []
+
+    def prompt(reason: str, waits: Sequence[NodeSpec]) -> None:
+        asked.append(reason)
+
+    result = rehearse(spec, SPACE, scenario(spec), prompt=prompt)
+    assert asked == ["it waits: wait_for live.mood > 4, 19.9 s at most"]
+    assert result.duration_s == 20.0
+
+
+def test_what_happens_at_a_wait_is_asked_again_until_nothing_does() -> None:
+    spec = agent("wait_for: live.mood > 4\ntimeout: 20 s")
+    moods = [2.0, 5.0]
+
+    def prompt(reason: str, waits: Sequence[NodeSpec]) -> ScriptedEvent:
+        return ScriptedEvent(after_s=3.0, values={"mood": moods.pop(0)})
+
+    result = rehearse(spec, SPACE, scenario(spec), prompt=prompt)
+    assert result.outcome is TreeOutcome.SUCCEEDED
+    assert moods == []
+    assert result.duration_s == pytest.approx(6.2, abs=0.21)

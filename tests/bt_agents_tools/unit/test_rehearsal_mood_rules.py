@@ -1,0 +1,48 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Rehearsals judge mood rules by the code that judges them on the robot."""
+
+from __future__ import annotations
+
+import pytest
+
+from bt_agents_tools.rehearsal.events import EventKind
+from rehearsal_harness import rehearsed, told
+
+
+def feedback(rule: str, *happenings: str) -> list[tuple[float, str]]:
+    """Return when a rule fires, and why, in a run of 60 s."""
+    during = "during: [" + ", ".join(f"{{{one}}}" for one in happenings) + "]\n"
+    head = f"feedback: [{{give: positive, {rule}}}]\n"
+    return told(rehearsed("wait: 60 s", during, head=head), EventKind.FEEDBACK)
+
+
+BETTER = "when: mood.change >= 0.5, for: 2 s"
+
+
+def test_a_rule_with_a_cooldown_fires_each_time_it_has_held_again_after_it():
+    fired = feedback(f"{BETTER}, cooldown: 20 s", "after: 1 s, mood: 4")
+    assert [at for at, _ in fired] == pytest.approx([3.0, 25.0, 47.0], abs=0.01)
+
+
+def test_a_rule_with_a_release_waits_until_the_mood_has_been_back():
+    fired = feedback(
+        f"{BETTER}, release: mood.change < 0.2",
+        "after: 1 s, mood: 4",
+        "after: 10 s, mood: 3.4",
+        "after: 20 s, mood: 4",
+        "after: 30 s, mood: 3",
+        "after: 40 s, mood: 4",
+    )
+    assert [at for at, _ in fired] == pytest.approx([3.0, 42.0], abs=0.01)
+
+
+def test_a_baseline_is_the_mean_mood_of_the_first_seconds():
+    fired = feedback(f"{BETTER}, baseline: 4 s", "after: 2 s, mood: 4", "after: 30 s, mood: 4.5")
+    assert fired[0][0] == pytest.approx(6.0, abs=0.3)
+    assert fired[0][1].endswith("mood 3.5 → 4")
+    assert len(fired) == 1
+
+
+def test_a_baseline_is_complete_although_nothing_happens_meanwhile():
+    fired = feedback("when: live.mood == 3 and mood.change == 0, baseline: 10 s")
+    assert [at for at, _ in fired] == pytest.approx([10.0], abs=0.3)

@@ -1,0 +1,290 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a rehearsal is compared with, what it covers, and how both are shown."""
+
+from __future__ import annotations
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from bt_agents_tools.rehearsal.assertions import AssertionFailure, aligned
+from bt_agents_tools.rehearsal.coverage import coverage
+from bt_agents_tools.rehearsal.suite import failure, run_case
+from bt_agents_tools.rehearsal.transcript import table, time_text, transcript
+from rehearsal_harness import cases_for, rehearsed
+from tree_harness import SPACE, agent
+
+TWO = """
+sequence:
+  - say: Hello.
+  - drive: gate 7
+  - say: Goodbye.
+"""
+RULES = "feedback: [{when: mood.change <= -1.0, give: negative, then: cancel}]"
+
+
+def found(tree: str, expect: str, more: str = "", head: str = "") -> list[AssertionFailure]:
+    spec = agent(tree, head)
+    case = f"- {{name: x, scene: {{mood: 3}}, {more} expect: {{{expect}}}}}"
+    [one] = cases_for(spec, case).cases
+    return list(run_case(spec, SPACE, one).findings)
+
+
+@pytest.mark.parametrize(
+    "expect",
+    [
+        "ends: succeeded",
+        "says: [Hello., Goodbye.]",
+        "says: {contains: [Goodbye.]}",
+        "does: [say, drive: gate 7, say: Goodbye.]",
+        "does: {contains: [drive]}",
+        "visited: tree/*.drive",
+        "within: 10 s",
+        "feedback: []",
+        "bids: true",
+    ],
+)
+def test_what_is_as_expected_is_not_mentioned(expect: str) -> None:
+    assert found(TWO, expect) == []
+
+
+@pytest.mark.parametrize(
+    ("expect", "message"),
+    [
+        ("ends: failed", "ends: expected failed, found succeeded"),
+        ("says: [Hello.]", "says: 1 not expected (in this order, these and no others)"),
+        ("says: [Hello., Bye.]", "says: 1 missing, 1 not expected"),
+        ("says: {contains: [Goodbye., Hello.]}", "says: 1 missing (in this order, among others)"),
+        ("does: {contains: [drive: gate 8]}", "does: 1 missing"),
+        ("not_visited: '**.drive'", "not_visited: tree/1.drive was ticked"),
+        ("within: 2 s", "within: expected at most 2.0 s, found 2.6 s"),
+        ("feedback: positive", "feedback: expected positive, found none"),
+        ("because: blocked", "because: expected a reason with 'blocked', but the tree succeeded"),
+        ("bids: false", "bids: expected no bid, but nothing speaks against one"),
+    ],
+)
+def test_what_is_not_as_expected_is_named_with_what_was_found(expect: str, message: str) -> None:
+    [finding] = found(TWO, expect)
+    assert finding.message.startswith(message)
+    assert str(finding.position).startswith("a.test.yaml:4:")
+
+
+def test_a_node_that_was_never_ticked_was_not_visited() -> None:
+    [finding] = found("sequence: [{check: false}, {say: a}]", "visited: tree/1.say")
+    assert finding.message == "visited: tree/1.say was never ticked"
+
+
+def test_whoever_cancels_is_compared() -> None:
+    during = "during: [{after: 1 s, cancel: operator}],"
+    [finding] = found("wait: 9 s", "cancelled_by: mood.change <= -1.0", during, RULES)
+    assert finding.message == "cancelled_by: expected 'mood.change <= -1.0', found operator"
+
+
+def test_a_run_that_never_ends_fails_every_test() -> None:
+    [finding] = found("sequence: [{say: a}, {wait_for: live.mood > 4}]", "says: [a]")
+    assert "the run did not end: it waits for ever" in finding.message
+
+
+def test_a_scene_for_which_the_agent_does_not_bid_fails_a_test_that_does_not_say_so() -> None:
+    head = "requires: scene.person"
+    assert found(TWO, "bids: false", "person: false,", head) == []
+    [finding] = found(TWO, "ends: succeeded", "person: false,", head)
+    assert "it needs scene.person" in finding.message
+    assert "'bids: false'" in finding.message
+
+
+def test_a_failure_shows_both_sides_and_what_happened() -> None:
+    spec = agent(TWO)
+    [case] = cases_for(
+        spec,
+        """
+        - name: x
+          scene: {mood: 3}
+          expect:
+            says: [Hello., Shall we go?, Goodbye.]
+        """,
+    ).cases
+    assert failure(run_case(spec, SPACE, case)).splitlines() == [
+        "a.test.yaml:8: says: 1 missing (in this order, these and no others)",
+        "    expected                             │ found",
+        "    Hello.                               │ Hello.",
+        "  ✘ Shall we go?                         │ –",
+        "    Goodbye.                             │ Goodbye.",
+        "",
+        "what happened (succeeded after 2.6 s, 7 ticks):",
+        '    0.0 s  ▶ say "Hello."                                                  0.8 s',
+        "    0.8 s  ▶ drive gate 7                                                  1.0 s",
+        "    1.8 s  ✔ drive gate 7",
+        '    1.8 s  ▶ say "Goodbye."                                                0.9 s',
+        "    2.6 s  ● succeeded",
+    ]
+
+
+def test_what_stands_in_the_place_of_something_else_stands_beside_it() -> None:
+    [finding] = found(TWO, "says: [Hi., Goodbye.]")
+    assert finding.rows == (("Hi.", "Hello.", False), ("Goodbye.", "Goodbye.", True))
+
+
+def test_long_texts_are_folded_in_both_columns() -> None:
+    lines = list(table([("one " * 20, "two " * 5, False)]))
+    assert all(len(line) <= 80 for line in lines)
+    assert lines[1].startswith("  ✘ one one")
+    assert lines[2].startswith("    one one")
+
+
+@given(st.lists(st.sampled_from("abc"), max_size=8), st.lists(st.sampled_from("abc"), max_size=8))
+def test_an_alignment_loses_nothing_and_pairs_only_what_is_alike(
+    left: list[str], right: list[str]
+) -> None:
+    pairs = aligned(left, right, str.__eq__, exact=True)
+    assert [one for one, _ in pairs if one is not None] == left
+    assert [other for _, other in pairs if other is not None] == right
+    assert all(one == other for one, other in pairs if one is not None and other is not None)
+    if left == right:
+        assert all(one is not None and other is not None for one, other in pairs)
+
+
+@pytest.mark.parametrize(
+    ("seconds", "text"),
+    [(0.0, "0.0 s"), (59.94, "59.9 s"), (59.96, "1:00.0"), (63.2, "1:03.2"), (3661.0, "1:01:01")],
+)
+def test_times_read_like_a_stopwatch(seconds: float, text: str) -> None:
+    assert time_text(seconds) == text
+
+
+def test_no_line_of_a_transcript_is_wider_than_a_terminal() -> None:
+    text = "This is a text that goes on and on and does not end before the line does. " * 3
+    shown = transcript(rehearsed(f"say: {{text: '{text}', rate: 0.8}}").events)
+    assert all(len(line) <= 80 for line in shown.splitlines())
+    assert shown.splitlines()[1].startswith(" " * 13)
+
+
+def test_ticks_show_every_change() -> None:
+    result = rehearsed(TWO)
+    assert "✔ drive" in transcript(result.events, ticks=True)
+    assert transcript(result.events, ticks=True).count("\n") > transcript(result.events).count(
+        "\n"
+    )
+
+
+def gaps(tree: str, *texts: str, head: str = "") -> list[str]:
+    spec = agent(tree, head)
+    results = [rehearsed(tree, text, head=head) for text in texts]
+    return [str(gap) for gap in coverage(spec, [one.marks for one in results]).gaps]
+
+
+def test_coverage_names_nodes_that_were_never_ticked_and_where_they_stand() -> None:
+    tree = "selector:\n  - say: one\n  - sequence:\n      - say: two\n      - say: three\n"
+    assert gaps(tree, "") == [
+        "never ticked: tree/1.sequence (a.yaml:10)",
+    ]
+
+
+def test_coverage_counts_both_ways_of_what_decides() -> None:
+    tree = """
+        sequence:
+          - check: scene.age > 3
+            succeed: true
+          - when: scene.age > 3
+            say: old
+          - drive: gate 7
+            timeout: 5 s
+            succeed: true
+    """
+    assert gaps(tree, "scene: {age: 5}") == [
+        "never false: tree/0.check (a.yaml:10)",
+        "never left out: tree/1.say@when (a.yaml:12)",
+        "never ran out of time: tree/2.drive@timeout (a.yaml:15)",
+    ]
+    assert gaps(tree, "scene: {age: 5}", "scene: {age: 1}\nanswers: {drive: {ends: never}}") == []
+
+
+def test_coverage_wants_every_alternative_to_succeed_once() -> None:
+    tree = "selector: [{drive: gate 7}, {drive: gate 8}]"
+    fails = "answers: {drive: {fails: blocked}}"
+    assert gaps(tree, fails) == [
+        "never succeeded: tree/0.drive (a.yaml:8)",
+        "never succeeded: tree/1.drive (a.yaml:8)",
+    ]
+    assert gaps(tree, "", "answers: {drive: [{fails: blocked}, {after: 1 s}]}") == []
+
+
+def test_coverage_counts_a_percentage_that_is_100_only_when_nothing_is_missing() -> None:
+    spec = agent("sequence: [{say: one}, {say: two}]")
+    none = coverage(spec, [])
+    assert (none.total, none.missed, none.percent) == (3, 3, 0)
+    all_of_it = coverage(spec, [rehearsed("sequence: [{say: one}, {say: two}]").marks])
+    assert all_of_it.percent == 100
+
+
+def test_the_clean_up_counts_too() -> None:
+    assert gaps("say: a", "", head="on_cancel: {light: white}") == [
+        "never ticked: on_cancel (a.yaml:6)"
+    ]
+
+
+def test_an_alternative_that_can_only_fail_need_not_succeed() -> None:
+    tree = "selector: [{drive: gate 7}, {say: Sorry., fail: true}]"
+    fails = "answers: {drive: {fails: blocked}}"
+    assert gaps(tree, "", fails) == []
+
+
+def test_a_check_that_is_always_false_need_not_be_true() -> None:
+    assert gaps("selector: [{check: false}, {say: a}]", "") == []
+
+
+@pytest.mark.parametrize("expect", ["does_not: show", "does_not: [show, drive: gate 8, light]"])
+def test_what_must_not_be_done_need_not_be_in_the_tree(expect: str) -> None:
+    assert found(TWO, expect) == []
+
+
+def test_what_must_not_be_done_and_is_is_named() -> None:
+    [finding] = found(TWO, "does_not: [show, say: Goodbye.]")
+    assert finding.message == 'does_not: expected no say "Goodbye.", found say "Goodbye."'
+
+
+def test_both_sides_of_a_table_have_the_same_words() -> None:
+    [finding] = found(TWO, "does: [say: Hi., drive: gate 7, say]")
+    assert finding.rows[0] == ('say "Hi."', 'say "Hello."', False)
+
+
+def test_an_agent_that_does_not_bid_has_nothing_that_happened() -> None:
+    spec = agent(TWO, "requires: scene.person")
+    [case] = cases_for(spec, "- {name: x, person: false, expect: {bids: true}}").cases
+    shown = failure(run_case(spec, SPACE, case))
+    assert shown.endswith("bids: expected a bid, but it needs scene.person")
+
+
+def test_paths_are_never_cut_and_left_out_when_they_are_too_long() -> None:
+    deep = "check: scene.age > 3"
+    for number in range(9):
+        deep = f"{{name: a rather long name {number}, sequence: [{{{deep.strip('{}')}}}]}}"
+    shown = transcript(rehearsed(deep, "scene: {mood: 3}").events)
+    assert all(len(line) <= 80 for line in shown.splitlines())
+    assert "(a.yaml:" in shown
+    assert "a_rather" not in shown
+
+
+def test_nodes_are_called_as_their_author_calls_them() -> None:
+    tree = "sequence:\n  - name: the way is free\n    wait_for: live.mood > 4\n    timeout: 5 s"
+    shown = transcript(rehearsed(tree).events)
+    assert "… waits: the way is free" in shown
+    assert "✘ the way is free: not done within 5 s" in shown
+
+
+def test_a_wait_says_how_long_it_is() -> None:
+    head = "tunables: {patience: {default: 4 s, min: 1 s, max: 9 s, description: d}}"
+    assert "… waits: wait 4 s" in transcript(rehearsed("wait: ${patience}", head=head).events)
+
+
+def test_inputs_stand_with_commas_between_them() -> None:
+    assert "▶ light blue, blink true" in transcript(
+        rehearsed("light: {colour: blue, blink: true}").events
+    )
+
+
+def test_a_node_that_is_stopped_is_marked() -> None:
+    shown = transcript(
+        rehearsed("drive: a\ntimeout: 3 s", "answers: {drive: {ends: never}}").events, ticks=True
+    )
+    assert "    3.0 s    ■ drive" in shown

@@ -1,0 +1,84 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Rehearsals in which the scene layer falls silent."""
+
+from __future__ import annotations
+
+import re
+import textwrap
+from pathlib import Path
+
+import pytest
+
+from bt_agents.engine.run import TreeOutcome
+from bt_agents_tools.rehearsal.events import EventKind, Rehearsed
+from rehearsal_harness import rehearsed, said, told
+
+ROOT = Path(__file__).parents[3]
+
+
+def documented_tree() -> str:
+    """Return the example of the documentation that copes with a stale scene."""
+    text = (ROOT / "docs" / "language.md").read_text()
+    examples = re.findall(r"```yaml\ntree:\n(.*?)```", text, re.DOTALL)
+    (example,) = [one for one in examples if "live.stale" in one]
+    return textwrap.dedent(example)
+
+
+def story(tree: str, *happenings: str, head: str = "", more: str = "") -> Rehearsed:
+    """Return how a tree does when things happen."""
+    items = "".join(f"  - {{{one}}}\n" for one in happenings)
+    return rehearsed(tree, more + (f"during:\n{items}" if items else ""), head=head)
+
+
+def test_a_silent_scene_layer_makes_the_live_scene_stale_after_the_lease() -> None:
+    result = story("wait_for: live.stale", "after: 2 s, scene_layer: silent")
+    assert result.outcome is TreeOutcome.SUCCEEDED
+    assert result.duration_s == pytest.approx(3.0, abs=0.01)
+    assert told(result, EventKind.SCENE) == [(2.0, "the scene layer is silent")]
+
+
+def test_what_changes_in_silence_is_known_when_the_scene_layer_is_back() -> None:
+    result = story(
+        "wait_for: live.mood == 5",
+        "after: 2 s, scene_layer: silent",
+        "after: 2500 ms, mood: 5",
+        "after: 9 s, scene_layer: back",
+    )
+    assert result.duration_s == pytest.approx(9.0)
+
+
+def test_a_mood_rule_does_not_fire_in_silence_and_begins_anew_after_it() -> None:
+    rule = "feedback: [{when: mood.change <= -1, for: 2 s, give: negative, then: cancel}]"
+    worse, silent = "after: 1 s, mood: 1", "after: 1500 ms, scene_layer: silent"
+    result = story("wait: 30 s", worse, silent, "after: 10 s, scene_layer: back", head=rule)
+    assert result.cancelled_by == "mood.change <= -1"
+    assert result.duration_s == pytest.approx(12.0, abs=0.01)
+    assert not story("wait: 30 s", worse, silent, head=rule).cancelled_by
+
+
+@pytest.mark.parametrize(
+    ("happenings", "texts"),
+    [
+        ((), ["Let me show you everything."]),
+        (("after: 0 s, mood: 1",), ["I will be quick."]),
+        (
+            ("after: 500 ms, scene_layer: silent",),
+            ["Let me show you everything.", "I wait here until I see you again."],
+        ),
+        (
+            ("after: 500 ms, scene_layer: silent", "after: 4 s, scene_layer: back"),
+            ["Let me show you everything."],
+        ),
+    ],
+)
+def test_the_documented_tree_copes_with_a_stale_scene(
+    happenings: tuple[str, ...], texts: list[str]
+) -> None:
+    result = story(documented_tree(), *happenings, more="answers: {drive: {after: 20 s}}\n")
+    assert (said(result), result.outcome) == (texts, TreeOutcome.SUCCEEDED)
+
+
+def test_the_documented_tree_does_without_a_mood_that_is_stale_when_it_asks() -> None:
+    rest = textwrap.indent(documented_tree(), "    ").strip()
+    result = story(f"sequence:\n  - wait: 3 s\n  - {rest}", "after: 0 s, scene_layer: silent")
+    assert said(result)[0] == "Follow me."

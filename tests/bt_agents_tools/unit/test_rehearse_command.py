@@ -1,0 +1,256 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`bt-agents rehearse`: what an author types, and what the terminal shows."""
+
+from __future__ import annotations
+
+import os
+import shutil
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner, Result
+
+from bt_agents_core.errors import BtAgentsError
+from bt_agents_tools.cli.main import bt_agents
+from bt_agents_tools.cli.scenario_options import happening_text
+from tree_harness import TREES, agent
+
+ROOT = TREES.parent
+GUIDE = "trees/agents/attentive_guide"
+
+
+@pytest.fixture(autouse=True)
+def _in_the_checkout(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(ROOT)
+
+
+def rehearse(*words: str, typed: str | None = None) -> Result:
+    return CliRunner().invoke(bt_agents, ["rehearse", *words], input=typed)
+
+
+@pytest.mark.parametrize("name", ["attentive_guide", f"{GUIDE}.yaml"])
+def test_an_agent_is_rehearsed_by_its_name_or_file(name: str) -> None:
+    result = rehearse(name, "--scene", "age=4", "familiarity=1")
+    assert result.exit_code == 0, result.output
+    assert result.output.startswith("Attentive guide\nage 4 (an older adult), familiarity 1")
+    assert '0.0 s  ▶ say "Hello. I carry your luggage."' in result.output
+    assert "● succeeded" in result.output
+
+
+def test_the_values_of_a_scene_may_stand_before_the_agent() -> None:
+    assert rehearse("--scene", "age=4", "mood=3", "attentive_guide").exit_code == 0
+
+
+def test_no_line_is_wider_than_80_columns_and_there_is_no_colour() -> None:
+    output = rehearse("attentive_guide", "--answer", "drive={fails: the way is blocked}").output
+    assert all(len(line) <= 80 for line in output.splitlines()[3:])
+    assert "\x1b" not in output
+
+
+def test_everything_can_be_said_by_options() -> None:
+    result = rehearse(
+        "silent_text",
+        *("--scene", "mood=2"),
+        *("--tune", "patience=20s"),
+        *("--at", "1s mood=3.5"),
+        *("--at", "3s buttons/confirm data=true"),
+        *("--at", "3.5 s reading_time=4s"),
+        *("--answer", "drive={after: 1 min}"),
+        *("--at", "20s cancel it is in the way"),
+        *("--seed", "3"),
+    )
+    for line in (
+        "patience 20 s",
+        "1.0 s  ◆ mood 3.5",
+        "2.0 s  ★ feedback positive: mood.change >= 0.5 held 1 s: mood 2 → 3.5",
+        "3.0 s  ◆ message on buttons/confirm: data true",
+        "3.5 s  ◆ tuned: reading_time 4 s",
+        "20.0 s  ■ cancelled: it is in the way",
+        "20.0 s  ● cancelled: it is in the way",
+    ):
+        assert line in result.output, result.output
+
+
+def test_a_case_of_a_test_file_is_rehearsed_and_judged() -> None:
+    script = f"{GUIDE}.test.yaml:annoyed"
+    result = rehearse("attentive_guide", "--script", script)
+    assert "Attentive guide · somebody who gets annoyed is left alone" in result.output
+    assert "✔ as the test expects" in result.output
+    assert result.exit_code == 0
+    other = rehearse(script, "--at", "1s cancel")
+    assert other.exit_code == 1
+    assert "✘ trees/agents/attentive_guide.test.yaml:" in other.output
+
+
+def test_an_agent_that_would_not_bid_is_rehearsed_all_the_same_with_a_note() -> None:
+    result = rehearse("attentive_guide", "--scene", "person=false")
+    assert "it does not bid, it needs scene.person" in result.output
+    assert "● succeeded" in result.output
+
+
+def test_a_run_that_fails_or_never_ends_has_exit_code_1() -> None:
+    assert rehearse("attentive_guide", "--answer", "ask={fails: silence}").exit_code == 1
+
+
+def test_ticks_show_every_node() -> None:
+    assert "· ▷ ask" in rehearse("attentive_guide", "--ticks").output
+
+
+def test_answers_can_be_typed() -> None:
+    result = rehearse("professional_express", "-i", typed="gate 9\nfail the lift is out\n")
+    assert result.exit_code == 1
+    assert "? answer [yes] > gate 9\n" in result.output
+    assert "✔ answer: gate 9" in result.output
+    assert "drive gate 9 – aborted: the lift is out" in result.output
+
+
+def test_a_typed_answer_that_fits_nothing_is_asked_for_again() -> None:
+    result = rehearse("professional_express", "-i", typed="gate 9\nperhaps\n\n")
+    assert "it gives nothing back that could be 'perhaps'" in result.output
+    assert "● succeeded" in result.output
+
+
+def test_whoever_types_can_let_something_happen_when_nothing_else_does() -> None:
+    result = rehearse(
+        "silent_text",
+        *("--tune", "patience=60s"),
+        *("--answer", "show={ends: never}"),
+        "-i",
+        typed="nonsense=1\ncancel enough\n",
+    )
+    assert "what happens?" in result.output
+    assert "[unknown-key]" in result.output
+    assert "● cancelled: enough" in result.output
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (("attentive_gide",), "there is no agent 'attentive_gide'"),
+        (("trees/agents/nobody.yaml",), "there is no file"),
+        (("attentive_guide", "--scene", "age"), "write --scene age=4"),
+        (("attentive_guide", "--scene", "agee=4"), "did you mean 'age'?"),
+        (("attentive_guide", "--at", "2s"), "does not say what happens"),
+        (("attentive_guide", "--at", "5m mood=2"), "'5m' in '5m mood=2' is no time; write a"),
+        (("attentive_guide", "--at", "5m mood=2"), "such as '5 min'"),
+        (("attentive_guide", "--at", "3 sec cancel"), "such as '3 s'"),
+        (("attentive_guide", "--at", "cancle"), "did you mean 'cancel'?"),
+        (("silent_text", "--at", "x"), "possible here: cancel, buttons/confirm"),
+        (("attentive_guide", "--at", "2s mood=bad"), "[bad-number]"),
+        (("attentive_guide", "--answer", "drive=yes"), "it gives nothing back"),
+        (("attentive_guide", "--answer", "ask={broken"), "an option cannot be understood"),
+        (("attentive_guide", "--script", f"{GUIDE}.test.yaml:xyz"), "no case has 'xyz'"),
+        (("silent_text", "--script", f"{GUIDE}.test.yaml"), "is a test of attentive_guide"),
+    ],
+)
+def test_slips_are_named(words: tuple[str, ...], message: str) -> None:
+    result = rehearse(*words)
+    assert isinstance(result.exception, BtAgentsError)
+    assert message in str(result.exception)
+
+
+def test_an_agent_outside_of_a_trees_folder_says_where_it_belongs(tmp_path: Path) -> None:
+    (tmp_path / "a.yaml").write_text("format: 1")
+    assert "lies in no trees folder" in str(rehearse(os.fspath(tmp_path / "a.yaml")).exception)
+
+
+@pytest.mark.parametrize(
+    ("typed", "text"),
+    [
+        ("2s mood=1.5", "{after: 2s, mood: 1.5}"),
+        ("2 s mood=1.5 person=false", "{after: 2 s, mood: 1.5, person: false}"),
+        ("mood=1", "{after: 0 s, mood: 1}"),
+        ("1min patience=3s", "{after: 1min, tune: {patience: 3s}}"),
+        ("4s bell", "{after: 4s, publish: {topic: bell, message: {}}}"),
+        (
+            "4s bell data='a, b' n=1",
+            '{after: 4s, publish: {topic: bell, message: {data: "a, b", n: 1}}}',
+        ),
+        ("5s cancel", '{after: 5s, cancel: "cancelled by hand"}'),
+    ],
+)
+def test_what_happens_is_written_as_in_a_test_file(typed: str, text: str) -> None:
+    head = "tunables: {patience: {default: 8 s, min: 2 s, max: 30 s, description: d}}"
+    assert happening_text(agent("wait: ${patience}", head), typed) == text
+
+
+def test_a_wrong_option_is_shown_as_it_was_typed() -> None:
+    result = rehearse("attentive_guide", "--at", "3s mod=1", "--scene", "mood=x")
+    shown = str(result.exception)
+    assert (
+        """
+      --at "3s mod=1"
+               ^^^
+      hint: did you mean 'mood'?"""
+        in shown
+    )
+    assert (
+        """
+      --scene mood=x
+                   ^"""
+        in shown
+    )
+    assert "the options" not in shown
+
+
+def test_what_was_typed_and_is_wrong_is_shown_with_a_caret() -> None:
+    result = rehearse("silent_text", "--scene", "mood=2", "-i", typed="3s mod=1\n\n")
+    assert "\n      3s mod=1\n         ^^^\n" in result.output
+
+
+def test_the_begin_of_a_skill_is_told_before_its_answer_is_asked_for() -> None:
+    lines = rehearse("professional_express", "-i", typed="gate 9\n\n").output.splitlines()
+    at = next(i for i, line in enumerate(lines) if '▶ ask "Where to?"' in line)
+    assert lines[at + 3] == "          ? answer [yes] > gate 9"
+    assert lines[at + 4].endswith("✔ answer: gate 9")
+
+
+def test_choices_are_all_shown_at_the_question() -> None:
+    assert "? answer [good] or bad >" in rehearse("evening_round", "-i", typed="\nbad\n").output
+
+
+@pytest.mark.parametrize("typed", ["mood=1.5", "0.5s mood=1.5", "tune patience=30s", "0 s cancel"])
+def test_something_may_happen_at_any_question(typed: str) -> None:
+    output = rehearse("attentive_guide", "--scene", "age=4", "-i", typed=f"\n{typed}\n\n").output
+    assert any(word in output for word in ("◆ mood 1.5", "◆ tuned: patience 30 s", "■ cancelled"))
+    assert "is none of the choices" not in output
+
+
+def test_a_button_can_be_pressed_at_a_wait_that_has_a_limit() -> None:
+    result = rehearse(
+        "large_print", "-i", "--scene", "age=5", typed="8s buttons/confirm data=true\n\n"
+    )
+    assert "it waits: pressed, 19.9 s at most" in result.output
+    assert "◆ message on buttons/confirm: data true" in result.output
+    assert "✘" not in result.output
+
+
+def test_the_head_says_that_an_agent_would_not_be_called() -> None:
+    lines = rehearse("patient_carrier").output.splitlines()
+    assert lines[1].endswith("a person is there")
+    assert lines[2].startswith("The market would not call it: it does not bid, it needs not")
+    assert "nobody is there" in rehearse("patient_carrier", "person=false").output
+
+
+@pytest.fixture
+def copied(tmp_path: Path) -> Path:
+    """A copy of the shipped trees in which one agent says something else."""
+    folder = tmp_path / "copied"
+    shutil.copytree(TREES, folder)
+    guide = folder / "agents" / "attentive_guide.yaml"
+    guide.write_text(guide.read_text().replace("Hello. I carry", "Good day. I carry"))
+    return folder
+
+
+def test_an_agent_is_that_of_the_trees_folder_one_stands_in(
+    copied: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(copied)
+    assert "Good day. I carry" in rehearse("attentive_guide").output
+    shown = CliRunner().invoke(bt_agents, ["show", "attentive_guide"])
+    assert "Good day. I carry" in shown.output
+
+
+def test_the_trees_folder_can_be_named(copied: Path) -> None:
+    assert "Good day. I carry" in rehearse("attentive_guide", "--dir", str(copied)).output
+    assert "Good day. I carry" not in rehearse("attentive_guide").output

@@ -1,0 +1,316 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`bt-agents show` and its pictures, to the letter."""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ET
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from bt_agents_core.errors import BtAgentsError, ReadError
+from bt_agents_language.files.folder_reader import read_trees
+from bt_agents_language.model.specs import AgentSpec
+from bt_agents_language.model.walking import iter_nodes
+from bt_agents_language.tools.drawing.boxes import BoxKind, box_of
+from bt_agents_language.tools.drawing.layout import Placed, place
+from bt_agents_language.tools.drawing.mermaid import mermaid
+from bt_agents_language.tools.drawing.outline import outline
+from bt_agents_language.tools.drawing.svg import svg
+from bt_agents_language.yaml.renderers import columns
+from bt_agents_tools.cli.commands.show import show
+from tree_harness import SPACE, TREES, agent
+
+HEAD = """\
+requires: scene.person
+tunables:
+  patience: {default: 8 s, min: 2 s, max: 2 min, description: how long}
+  rate: {default: 0.9, min: 0.5, max: 1.5, description: speed}
+  polite: {default: true, description: manners}
+on_cancel: {say: Bye.}
+subtrees:
+  pause:
+    inputs: {long: duration}
+    tree: {wait: "${long}"}
+"""
+TREE = """\
+sequence:
+  - say: {text: "Hello.", rate: "${rate}"}
+  - name: look
+    timeout: 90 s
+    invert: true
+    selector:
+      memory: false
+      children:
+        - check: scene.age >= 4
+        - ask: {text: "Where to?", wait: "${patience}"}
+          retry: {attempts: 3, pause: 2 s}
+          on_failure: {log: {message: "nobody  answers"}}
+  - subtree: pause
+    with: {long: "${patience}"}
+  - set: {a: 5 s, b: "x ${answer}"}
+    when: polite
+"""
+
+
+def example(**changes: object) -> AgentSpec:
+    return replace(agent(TREE, HEAD), **changes)
+
+
+def test_the_outline_shows_modifiers_as_nodes_with_their_lines():
+    assert (
+        outline(example(), SPACE)
+        == """\
+a: A
+  profile   age 3, familiarity 3, mood 3
+  requires  scene.person
+  tunables  patience 8 s (2 s to 2 min), rate 0.9 (0.5 to 1.5), polite true
+
+tree
+  18  ▼ sequence
+  19  ├─ ● say "Hello.", rate ${rate}
+  21  ├─ ◇ timeout 1.5 min
+  22  │  └─ ◇ invert
+  23  │     └─ ▼ look: selector starts over at each tick
+  26  │        ├─ ○ check scene.age >= 4
+  29  │        └─ ◇ on_failure
+  28  │           ├─ ◇ retry 3, pause 2 s
+  27  │           │  └─ ● ask "Where to?", wait ${patience} → answer
+  29  │           └─ on failure: ○ log "nobody answers"
+  30  ├─ ▶ subtree pause with long ${patience}
+  15  │  └─ ○ wait ${long}
+  33  └─ ◇ when polite
+  32     └─ ○ set a = 5, b = "x ${answer}"
+
+on_cancel
+  11  ● say "Bye."
+"""
+    )
+
+
+def test_what_the_robot_cannot_do_is_named():
+    missing = example(unoffered=("say: no robot offers it",))
+    assert "\n  missing   say: no robot offers it\n" in outline(missing, SPACE)
+
+
+def test_choices_show_their_conditions_and_weights():
+    tree = """\
+    choose:
+      children:
+        - name: old
+          when: scene.age >= 4
+          random:
+            - wait: 1 s
+            - wait: 2 s
+              weight: 2.5
+      otherwise: {wait: 3 s}
+    """
+    assert (
+        outline(agent(tree), SPACE).partition("tree\n")[2]
+        == """\
+   8  ▼ choose
+  12  ├─ ◇ case scene.age >= 4
+  12  │  └─ ▼ old: random
+  13  │     ├─ ◇ weight 1
+  13  │     │  └─ ○ wait 1 s
+  14  │     └─ ◇ weight 2.5
+  14  │        └─ ○ wait 2 s
+  16  └─ ◇ otherwise
+  16     └─ ○ wait 3 s
+"""
+    )
+
+
+def test_lines_are_not_wider_than_the_terminal():
+    head = """\
+    subtrees:
+      tell: {inputs: {words: text, again: text}, tree: {say: "${words}${again}"}}
+    """
+    tree = """\
+    selector:
+      - subtree: tell
+        with: {words: "Put your bag on the platform, please.", again: "Your bag goes here."}
+      - retry: 3
+        say: {text: "A text of many words that the robot says slowly.", rate: 0.5}
+    """
+    spec = agent(tree, head)
+    assert (
+        outline(spec, SPACE, 60).partition("tree\n")[2]
+        == """\
+  10  ▼ selector
+  11  ├─ ▶ subtree tell with words "Put your bag on the
+      │  │     platform, please.",
+      │  │     again "Your bag goes here."
+   7  │  └─ ● say "${words}${again}"
+  13  └─ ◇ retry 3
+  14     └─ ● say "A text of many words that the robot
+                  says slowly.", rate 0.5
+"""
+    )
+    long = replace(spec, tunables=example().tunables)
+    assert outline(long, SPACE, 60).splitlines()[2:4] == [
+        "  tunables  patience 8 s (2 s to 2 min),",
+        "            rate 0.9 (0.5 to 1.5), polite true",
+    ]
+    lines = outline(long, SPACE, 60).splitlines()
+    assert max(map(len, lines)) <= 60
+
+
+@pytest.mark.parametrize("spec", read_trees(TREES).agents, ids=lambda spec: spec.name)
+def test_every_agent_is_shown_in_80_columns_and_drawn_no_wider_than_1700_pixels(spec):
+    assert max(map(columns, outline(spec, SPACE).splitlines())) <= 80
+    width = ET.fromstring(svg(spec, SPACE)).get("width")
+    assert width is not None
+    assert int(width) < 1700
+
+
+def test_children_that_a_parallel_needs_are_shown_by_their_names():
+    tree = """\
+    parallel:
+      succeed_on: [way]
+      children:
+        - {say: a}
+        - {name: way, timeout: 3 s, drive: b}
+    """
+    assert "▼ parallel succeed on [way]\n" in outline(agent(tree), SPACE)
+
+
+def test_pictures_have_shorter_texts_and_one_input_a_line():
+    text = "Put your bag on the platform, please."
+    spec = agent(f"ask: {{text: '{text}', choices: [now, later], wait: 5 s}}")
+    label = "ask<br/>#34;Put your bag on the platform,…#34;,<br/>choices "
+    assert label in mermaid(spec)
+    root = ET.fromstring(svg(spec, SPACE))
+    texts = [one.text for one in root.iter("{http://www.w3.org/2000/svg}text")]
+    assert '"Put your bag on the platform,…",' in texts
+    assert 'choices ["now", "later"],' in texts
+    tips = [one.text for one in root.iter("{http://www.w3.org/2000/svg}title")]
+    assert any(text in (tip or "") for tip in tips)
+
+
+def test_an_only_child_stands_below_its_parent_and_several_beside_it():
+    tree = place(box_of(agent("{retry: 2, sequence: [{say: a}, {say: b}]}").tree), 0, 0)
+    (below,) = tree.children
+    assert below.x == tree.x
+    assert below.y > tree.y + tree.height
+    assert [child.x > below.x + below.width for child in below.children] == [True, True]
+    assert below.children[0].y == below.y
+
+
+def test_long_texts_are_shortened():
+    text = outline(agent(f"say: {'word ' * 40}"), SPACE)
+    assert f'say "{"word " * 11}word…"' in text
+
+
+def test_mermaid_escapes_what_it_could_misread():
+    nasty = replace(agent("say: 'a \"b\" <i> #1; %% {x} | ]'"), title='T: "x"\n---')
+    assert (
+        mermaid(nasty)
+        == """\
+---
+title: "T: \\"x\\"\\n---"
+---
+flowchart TD
+  tree_start([tree]) --> n0
+  n0(["say #34;a #34;b#34; #60;i#62; #35;1#59; #37;#37; #123;x#125; #124; #93;#34;"]):::skill
+  classDef composite fill:#dbe9ff,stroke:#2f6fd0,color:#0b2a5b
+  classDef modifier fill:#fff1cc,stroke:#c98a00,color:#4a3200
+  classDef leaf fill:#eef0f3,stroke:#6b7480,color:#222a33
+  classDef skill fill:#daf3df,stroke:#2e8b47,color:#0d3b1a
+  classDef subtree fill:#eee0fb,stroke:#8247b8,color:#3a125e
+"""
+    )
+
+
+def test_mermaid_joins_every_node_to_its_parent():
+    lines = mermaid(example()).splitlines()
+    nodes = sum(
+        1 for root in (example().tree, example().on_cancel) for _ in iter_nodes(box_of(root))
+    )
+    assert sum(":::" in line for line in lines) == nodes
+    assert sum("-->" in line for line in lines) == nodes
+    assert '  n6 -->|"on failure"| n9' in lines
+
+
+def test_the_picture_is_xml_and_holds_every_node_with_its_path():
+    nasty = example(title='<b> & "q" \x01 \'')
+    root = ET.fromstring(svg(nasty, SPACE))
+    paths = [group.get("data-path") for group in root.iter("{http://www.w3.org/2000/svg}g")]
+    wanted = [
+        box.path for tree in (nasty.tree, nasty.on_cancel) for box in iter_nodes(box_of(tree))
+    ]
+    assert [path for path in paths if path] == wanted
+    title = root.find("{http://www.w3.org/2000/svg}title")
+    assert title is not None
+    assert title.text == '<b> & "q"  \''
+
+
+def boxes_of(placed: Placed) -> list[tuple[float, float, float, float]]:
+    return [(p.x, p.y, p.x + p.width, p.y + p.height) for p in iter_nodes(placed)]
+
+
+@pytest.mark.parametrize("spec", read_trees(TREES).agents, ids=lambda spec: spec.name)
+def test_no_two_boxes_of_a_picture_touch(spec):
+    boxes = boxes_of(place(box_of(spec.tree), 10, 20))
+    assert min(x for x, _, _, _ in boxes) == 10
+    assert min(y for _, y, _, _ in boxes) == 20
+    for number, (left, top, right, bottom) in enumerate(boxes):
+        for x, y, other_right, other_bottom in boxes[:number]:
+            assert left >= other_right or x >= right or top >= other_bottom or y >= bottom
+
+
+def test_every_kind_of_box_is_told_apart():
+    kinds = {box.kind for box in iter_nodes(box_of(example().tree))}
+    assert kinds == set(BoxKind)
+
+
+@pytest.fixture
+def shown(capsys):
+    def call(*arguments: object) -> str:
+        show.main([str(one) for one in arguments], standalone_mode=False)
+        return capsys.readouterr().out
+
+    return call
+
+
+def test_an_agent_is_shown_by_its_name_or_its_file(shown):
+    by_name = shown("attentive_guide", "--dir", TREES)
+    assert by_name.startswith("attentive_guide: Attentive guide\n  profile   age 4, ")
+    assert shown(TREES / "agents" / "attentive_guide.yaml") == by_name
+
+
+def test_every_form_is_printed(shown):
+    assert shown("silent_text", "--dir", TREES, "--format", "mermaid").startswith("---\ntitle: ")
+    assert shown("silent_text", "--dir", TREES, "--format", "svg").startswith("<svg ")
+
+
+def test_a_picture_is_written_to_a_file(shown, tmp_path):
+    out = tmp_path / "a.svg"
+    assert shown("silent_text", "--dir", TREES, "--svg", out) == f"wrote {out}\n"
+    assert out.read_text(encoding="utf-8").startswith("<svg ")
+    with pytest.raises(BtAgentsError, match="cannot be written: No such file or directory"):
+        shown("silent_text", "--dir", TREES, "--svg", tmp_path / "absent" / "a.svg")
+
+
+def test_an_agent_that_is_not_there_is_an_error_with_a_hint(shown):
+    with pytest.raises(BtAgentsError, match=r"there is no agent 'silent_txt' in .*'silent_text'"):
+        shown("silent_txt", "--dir", TREES)
+    with pytest.raises(BtAgentsError, match=r"there is no file 'no\.yaml'"):
+        shown("no.yaml")
+
+
+def test_a_broken_agent_is_shown_with_its_errors(shown, tmp_path):
+    (tmp_path / "agents").mkdir()
+    (tmp_path / "scene.yaml").write_bytes((TREES / "scene.yaml").read_bytes())
+    file = tmp_path / "agents" / "odd.yaml"
+    file.write_text("format: 1\nagent: odd\n")
+    for word in ("odd", file):
+        with pytest.raises(ReadError, match=r"error\[missing-key\]"):
+            shown(word, "--dir", tmp_path)
+
+
+def test_files_are_named_as_seen_from_here(shown, monkeypatch):
+    monkeypatch.chdir(TREES.parent)
+    text = shown(Path("trees/agents/cheerful_voice.yaml"))
+    assert "random  (trees/libraries/manners.yaml)\n" in text

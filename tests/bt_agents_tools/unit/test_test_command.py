@@ -1,0 +1,224 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`bt-agents test` and the pytest plugin: what they run, what they print, how they end."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from xml.etree import ElementTree
+
+import pytest
+from click.testing import CliRunner, Result
+
+from bt_agents_core.errors import BtAgentsError
+from bt_agents_tools.cli.main import bt_agents
+from tree_harness import TREES
+
+AGENT = """
+format: 1
+agent: porter
+title: Porter
+description: d
+profile: {age: 3, familiarity: 3, mood: 3}
+tree:
+  sequence:
+    - say: Hello.
+    - drive: gate 7
+      on_failure: {say: Sorry.}
+"""
+GOOD = """
+format: 1
+test: porter
+cases:
+  - name: all goes well
+    scene: {mood: 3}
+    expect: {says: [Hello.], ends: succeeded}
+"""
+BAD = """\
+format: 1
+test: porter
+cases:
+  - name: it apologises
+    scene: {mood: 3}
+    expect:
+      says: [Hello., Sorry.]
+"""
+
+
+@pytest.fixture
+def trees(tmp_path: Path) -> Path:
+    """A trees folder with one agent."""
+    folder = tmp_path / "trees"
+    (folder / "agents").mkdir(parents=True)
+    (folder / "skills").mkdir()
+    for name in ("scene.yaml", "skills/robot.yaml"):
+        (folder / name).write_text((TREES / name).read_text())
+    (folder / "agents" / "porter.yaml").write_text(AGENT)
+    return folder
+
+
+@pytest.fixture
+def run() -> Callable[..., Result]:
+    """The command, as typed."""
+    return lambda *words: CliRunner().invoke(bt_agents, ["test", *map(str, words)])
+
+
+def test_passing_cases_are_listed_and_the_exit_code_is_0(
+    trees: Path, run: Callable[..., Result]
+) -> None:
+    (trees / "agents" / "porter.test.yaml").write_text(GOOD)
+    result = run(trees)
+    assert result.exit_code == 0
+    assert "✔ all goes well" in result.output
+    assert "1 case: 1 passed" in result.output
+
+
+def test_a_failing_case_shows_where_and_what_and_the_exit_code_is_1(
+    trees: Path, run: Callable[..., Result]
+) -> None:
+    file = trees / "agents" / "porter.test.yaml"
+    file.write_text(BAD)
+    result = run(file)
+    assert result.exit_code == 1
+    assert f"{file}:7: says: 1 missing" in result.output
+    assert "✘ Sorry." in result.output
+    assert '0.0 s  ▶ say "Hello."' in result.output
+    assert "1 case: 0 passed, 1 failed" in result.output
+
+
+def test_a_file_with_errors_does_not_stop_the_others(
+    trees: Path, run: Callable[..., Result]
+) -> None:
+    (trees / "agents" / "a.test.yaml").write_text(BAD.replace("says:", "sais:"))
+    (trees / "agents" / "b.test.yaml").write_text(GOOD)
+    result = run(trees)
+    assert result.exit_code == 1
+    assert "error[unknown-key]: 'expect' has no key 'sais'" in result.output
+    assert "1 passed, 1 file with errors" in result.output
+
+
+def test_one_word_chooses_cases(trees: Path, run: Callable[..., Result]) -> None:
+    (trees / "agents" / "a.test.yaml").write_text(GOOD)
+    (trees / "agents" / "b.test.yaml").write_text(BAD)
+    assert run(trees, "-k", "WELL").exit_code == 0
+    assert isinstance(run(trees, "-k", "nothing").exception, BtAgentsError)
+
+
+def test_coverage_lists_what_no_case_goes_through(trees: Path, run: Callable[..., Result]) -> None:
+    (trees / "agents" / "a.test.yaml").write_text(GOOD)
+    result = run(trees, "--coverage")
+    handler = "tree/1.drive@on_failure/0.say"
+    assert f"never ticked: {handler} ({trees / 'agents' / 'porter.yaml'}:11)" in result.output
+    assert "80 % porter  4 of 5" not in result.output
+    assert " % porter " in result.output
+
+
+def test_verbose_shows_what_happened(trees: Path, run: Callable[..., Result]) -> None:
+    (trees / "agents" / "a.test.yaml").write_text(GOOD)
+    assert "▶ drive gate 7" in run(trees, "--verbose").output
+
+
+def test_junit_is_what_build_servers_read(
+    trees: Path, run: Callable[..., Result], tmp_path: Path
+) -> None:
+    (trees / "agents" / "a.test.yaml").write_text(GOOD)
+    (trees / "agents" / "b.test.yaml").write_text(BAD)
+    (trees / "agents" / "c.test.yaml").write_text("format: 1")
+    run(trees, "--junit", tmp_path / "junit.xml")
+    root = ElementTree.parse(tmp_path / "junit.xml").getroot()
+    suites = {Path(suite.attrib["name"]).name[0]: suite.attrib for suite in root}
+    assert [suites[name]["failures"] for name in "abc"] == ["0", "1", "0"]
+    assert suites["c"]["errors"] == "1"
+    [failed] = root.iter("failure")
+    assert failed.attrib["message"].startswith("says: 1 missing")
+    assert "what happened" in (failed.text or "")
+    assert {case.attrib["classname"] for case in root[0]} == {"porter"}
+
+
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [("nowhere", "there is no file or folder"), ("scene.yaml", "is no test file")],
+)
+def test_a_path_that_is_no_test_is_refused(
+    trees: Path, run: Callable[..., Result], name: str, words: str
+) -> None:
+    assert words in str(run(trees / name).exception)
+
+
+def test_a_test_outside_of_any_trees_folder_is_refused(
+    tmp_path: Path, run: Callable[..., Result]
+) -> None:
+    (tmp_path / "a.test.yaml").write_text(GOOD)
+    assert "no folder above it has a scene.yaml" in str(run(tmp_path).exception)
+
+
+def test_no_tests_at_all_are_no_success(trees: Path, run: Callable[..., Result]) -> None:
+    assert "docs/testing.md" in str(run(trees).exception)
+
+
+def pytest_on(folder: Path, *words: str) -> subprocess.CompletedProcess[str]:
+    """Run pytest with the plugin alone."""
+    return subprocess.run(
+        [sys.executable, "-m", "pytest", "-p", "bt_agents_tools.rehearsal.pytest_plugin", "-p",
+         "no:cacheprovider", *words, str(folder)],
+        cwd=folder,
+        capture_output=True,
+        text=True,
+        env={**os.environ, "PYTEST_DISABLE_PLUGIN_AUTOLOAD": "1", "COLUMNS": "100"},
+        check=False,
+    )  # fmt: skip
+
+
+def test_pytest_runs_each_case_as_an_item_and_shows_the_same_text(trees: Path) -> None:
+    (trees / "agents" / "a.test.yaml").write_text(GOOD)
+    (trees / "agents" / "b.test.yaml").write_text(BAD)
+    (trees / "agents" / "c.test.yaml").write_text("format: 1\ntest: porter\ncases: 3\n")
+    (trees / "agents" / "d.test.yaml").write_text(GOOD.replace("test: ", "tset: "))
+    (trees.parent / "other.test.yaml").write_text("suite: something of another program\n")
+    done = pytest_on(trees.parent, "-v", "--continue-on-collection-errors")
+    assert "agents/a.test.yaml::all goes well PASSED" in done.stdout
+    assert "agents/b.test.yaml::it apologises FAILED" in done.stdout
+    assert "says: 1 missing" in done.stdout
+    assert "what happened" in done.stdout
+    assert "Traceback" not in done.stdout
+    assert "'cases': expected a list, found '3'" in done.stdout
+    assert "tset" in done.stdout
+    assert "did you mean 'test'?" in done.stdout
+    assert "other.test.yaml" not in done.stdout
+    assert done.returncode == 1
+
+
+def test_the_plugin_brings_neither_ros_nor_the_engine_into_other_projects() -> None:
+    script = (
+        "import sys, bt_agents_tools.rehearsal.pytest_plugin; "
+        "print([m for m in ('rclpy', 'py_trees', 'yaml', 'rich') if m in sys.modules])"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", script], capture_output=True, text=True, check=True
+    )
+    assert done.stdout.strip() == "[]"
+
+
+@pytest.mark.parametrize(
+    ("path", "hint"),
+    [
+        ("tree/1", "did you mean 'tree/1.say'?"),
+        ("tree/9", "possible here: tree/0.drive, tree/1.say"),
+        ("tree/1.sya", "did you mean 'tree/1.say'?"),
+    ],
+)
+def test_a_path_that_is_not_there_gets_those_beside_it(
+    trees: Path, run: Callable[..., Result], path: str, hint: str
+) -> None:
+    (trees / "agents" / "porter.yaml").write_text(
+        AGENT.partition("tree:")[0] + "tree: {sequence: [{drive: gate 4}, {say: Hello.}]}\n"
+    )
+    (trees / "agents" / "porter.test.yaml").write_text(
+        BAD.partition("      says")[0] + f"      visited: {path}\n"
+    )
+    output = run(trees).output
+    assert "unknown-path" in output
+    assert hint in output

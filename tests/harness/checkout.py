@@ -1,0 +1,80 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the checkout says about itself: its ROS packages and their metadata."""
+
+from __future__ import annotations
+
+import ast
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+ROOT = Path(__file__).parents[2]
+
+
+@dataclass(frozen=True, kw_only=True)
+class RosPackage:
+    """One directory with a ``package.xml``."""
+
+    folder: Path
+    name: str
+    manifest: ElementTree.Element
+
+    @property
+    def build_type(self) -> str | None:
+        """``ament_python`` or ``ament_cmake``."""
+        return self.manifest.findtext("export/build_type")
+
+    @property
+    def dependencies(self) -> set[str]:
+        """Keys of what the package needs when it runs."""
+        found = [*self.manifest.iter("depend"), *self.manifest.iter("exec_depend")]
+        return {element.text or "" for element in found}
+
+    @property
+    def data(self) -> set[str]:
+        """The YAML files that are installed, relative to the folder."""
+        return {str(path.relative_to(self.folder)) for path in self.folder.rglob("*.yaml")}
+
+    @property
+    def modules(self) -> set[Path]:
+        """The Python modules, relative to the folder."""
+        found = (self.folder / self.name).rglob("*.py")
+        return {path.relative_to(self.folder) for path in found}
+
+    def setup(self) -> dict[str, Any]:
+        """Return the arguments of ``setup()`` in ``setup.py`` that are literals."""
+        tree = ast.parse((self.folder / "setup.py").read_text(encoding="utf-8"))
+        (call,) = (
+            node
+            for node in ast.walk(tree)
+            if isinstance(node, ast.Call) and ast.unparse(node.func) == "setup"
+        )
+        return {
+            keyword.arg: ast.literal_eval(keyword.value)
+            for keyword in call.keywords
+            if keyword.arg and not isinstance(keyword.value, ast.Call)
+        }
+
+    def executables(self) -> dict[str, str]:
+        """Return the names of the executables and the functions they call."""
+        lines = self.setup()["entry_points"]["console_scripts"]
+        return dict(line.split(" = ") for line in lines)
+
+
+def ros_packages() -> list[RosPackage]:
+    """Return all ROS packages of the checkout, by name."""
+    found = []
+    for path in ROOT.glob("*/package.xml"):
+        manifest = ElementTree.parse(path).getroot()
+        found.append(
+            RosPackage(folder=path.parent, name=manifest.findtext("name", ""), manifest=manifest)
+        )
+    return sorted(found, key=lambda package: package.name)
+
+
+PACKAGES = ros_packages()
+PYTHON_PACKAGES = [package for package in PACKAGES if package.build_type == "ament_python"]
+DATA_PACKAGES = [
+    package for package in PACKAGES if package.build_type == "ament_cmake" and package.data
+]

@@ -1,0 +1,157 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A probe that is the market of a host under test, and trees folders written in a test."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from rclpy.action import ActionClient
+from rclpy.clock import Clock, ClockType
+
+from bt_agents.host.node import HostNode
+from bt_agents_interfaces.action import RunAgent
+from bt_agents_interfaces.msg import Bids, CallForBids, MarketHeartbeat, MarketStatus, Run
+from bt_agents_interfaces.srv import RegisterHost
+from bt_agents_language.files.folder_reader import read_trees
+from bt_agents_ros import qos
+from bt_agents_ros.installed import InstalledInterfaces
+from bt_agents_ros.messages import scene_to_msg
+from tree_harness import TREES, scene
+
+
+class Market:
+    """A probe that does what a marketplace does, one message at a time.
+
+    Attributes:
+        epoch: Its name; another one is a market that was started anew.
+        requests: Registrations so far.
+        refuse: Names of agents that it refuses → why.
+        refuses_host: Why it refuses every host; empty to take them.
+        award: Round and agent that its heartbeat names: those of the goal sent last.
+        on_register: Called before a registration is answered.
+        bids: Answers to its calls so far.
+    """
+
+    def __init__(self, ros: Any) -> None:
+        self.ros = ros
+        node = ros.node
+        self.epoch = "e1"
+        self.requests: list[Any] = []
+        self.refuse: dict[str, str] = {}
+        self.refuses_host = ""
+        self.award = (0, "")
+        self.on_register: Callable[[], None] = lambda: None
+        self._status = node.create_publisher(MarketStatus, "market", qos.FACT)
+        self._calls = node.create_publisher(CallForBids, "calls", qos.EVENTS)
+        self.bids = ros.collect(Bids, "bids", qos.EVENTS)
+        node.create_service(
+            RegisterHost, "marketplace/register", self._register, qos_profile=qos.SERVICE
+        )
+        self.action = ActionClient(
+            node,
+            RunAgent,
+            "agents/run",
+            goal_service_qos_profile=qos.SERVICE,
+            result_service_qos_profile=qos.SERVICE,
+            cancel_service_qos_profile=qos.SERVICE,
+        )
+        self._runs = node.create_publisher(Run, "runs", qos.HISTORY)
+        self._heart = node.create_publisher(MarketHeartbeat, "marketplace/heartbeat", qos.EVENTS)
+        self._beats = node.create_timer(
+            0.05, self.beat, clock=Clock(clock_type=ClockType.STEADY_TIME), autostart=False
+        )
+
+    def _register(self, request: Any, response: Any) -> Any:
+        self.requests.append(request)
+        self.on_register()
+        response.accepted = not self.refuses_host
+        response.message = self.refuses_host
+        response.epoch = self.epoch
+        response.reasons = [self.refuse.get(name, "") for name in request.agents]
+        response.agent_ids = [
+            0 if reason else index for index, reason in enumerate(response.reasons, start=1)
+        ]
+        return response
+
+    def open(self) -> None:
+        """Say that it is there."""
+        self._status.publish(MarketStatus(epoch=self.epoch))
+
+    def beat(self) -> None:
+        """Give a sign of life."""
+        number, agent = self.award
+        self._heart.publish(MarketHeartbeat(epoch=self.epoch, round=number, agent=agent))
+
+    def live(self) -> None:
+        """Give signs of life from now on."""
+        self._beats.reset()
+
+    def fall_silent(self) -> None:
+        """Give none any more."""
+        self._beats.cancel()
+
+    def announce(self, round_number: int, agent: str, event: int = Run.ENDED) -> None:
+        """Say what has become of a run."""
+        self._runs.publish(Run(epoch=self.epoch, round=round_number, agent=agent, event=event))
+
+    def call(self, round_number: int = 1, **changes: Any) -> None:
+        """Call for bids."""
+        message = CallForBids(
+            epoch=self.epoch,
+            round=round_number,
+            scene=scene_to_msg(scene(age=3, familiarity=3, mood=3)),
+            parameters=["age", "familiarity", "mood"],
+            deadline_s=0.5,
+        )
+        for name, value in changes.items():
+            setattr(message, name, value)
+        self.ros.until(lambda: self._calls.get_subscription_count() > 0)
+        self._calls.publish(message)
+
+    def goal(self, host: HostNode, agent: str = "talker", **changes: Any) -> RunAgent.Goal:
+        """Return a goal for an agent of a host, with other values for some fields."""
+        member = host.roster.members.get(agent)
+        goal = RunAgent.Goal(
+            epoch=self.epoch,
+            round=1,
+            host_instance=host.instance,
+            agent=agent,
+            agent_id=member.agent_id if member else 1,
+            scene=scene_to_msg(scene(age=3, familiarity=3, mood=3)),
+        )
+        for name, value in changes.items():
+            setattr(goal, name, value)
+        return goal
+
+    def send(self, goal: RunAgent.Goal) -> Any:
+        """Send a goal; return its handle when the host has answered."""
+        self.ros.until(self.action.server_is_ready)
+        self.award = (goal.round, goal.agent)
+        future = self.action.send_goal_async(goal)
+        self.ros.until(future.done)
+        return future.result()
+
+    def result(self, handle: Any) -> Any:
+        """Wait for the end of a run; return status and result."""
+        future = handle.get_result_async()
+        self.ros.until(future.done)
+        return future.result()
+
+
+def folder(tmp_path: Path, *agents: str) -> Path:
+    """Return a trees folder with these agents and the shipped skills and scene."""
+    trees = tmp_path / "trees"
+    shutil.copytree(TREES / "skills", trees / "skills")
+    shutil.copy(TREES / "scene.yaml", trees)
+    (trees / "agents").mkdir()
+    for number, text in enumerate(agents):
+        (trees / "agents" / f"{number}.yaml").write_text(text)
+    return trees
+
+
+def make_host(path: Path, **arguments: Any) -> HostNode:
+    """Return a host with the agents of a folder."""
+    return HostNode(read_trees(path, InstalledInterfaces()), **arguments)

@@ -1,0 +1,364 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A small journal as a system would have written it: rounds, feedback and a run of a tree."""
+
+from __future__ import annotations
+
+import math
+import textwrap
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+from mcap.records import Message
+from rclpy.serialization import serialize_message
+
+from bt_agents.engine.scripted_environment import ScriptedEnvironment, ScriptedReply
+from bt_agents.host.reload.source_bundle import texts
+from bt_agents.host.reload.versions import AgentVersions
+from bt_agents.host.run_messages import tree_status
+from bt_agents.recording.recording_run import RecordingRun
+from bt_agents_core.feedback import FeedbackKind
+from bt_agents_core.scene import Scene
+from bt_agents_interfaces.msg import (
+    AgentCard,
+    AgentFiles,
+    Feedback,
+    HostCard,
+    Learning,
+    Run,
+    RunRecord,
+    TreeStatus,
+)
+from bt_agents_lab.recorder.daily_recorder import RecordedMessage, RecordedTopic
+from bt_agents_lab.recorder.definition_texts import definition_text
+from bt_agents_lab.recorder.definitions import definition
+from bt_agents_lab.recorder.file import JournalFile
+from bt_agents_lab.recorder.reading import JournalReader
+from bt_agents_lab.replay.recording_index import RecordingIndex, tell
+from bt_agents_language.files.folder_reader import read_trees
+from bt_agents_ros.messages import scene_to_msg, to_time
+from feedback_node.learning.learning_step import PLAIN, Evidence, step
+from marketplace_node.effects import PublishAuction
+from marketplace_node.explanation.explanation import explanation
+from marketplace_node.explanation.reason import reason
+from marketplace_node.node.messages import auction_to_msg
+from marketplace_node.round.decision import AcceptedBid, AuctionOutcome, ClosedBy, Decision, Terms
+from marketplace_node.round.ranking import decide
+from tree_harness import SPACE, TREES, scene
+
+NAN = math.nan
+EPOCH = "e1"
+TREE = """
+sequence:
+  - say: Hello
+  - {check: live.mood > 2, name: mood}
+  - {say: "You are ${answer}", name: reply}
+  - wait: 1 s
+"""
+SKILLS = """
+format: 1
+skills:
+  say:
+    description: Speak a text.
+    main: text
+    inputs: {text: {type: text, description: what to say}}
+    outputs: {answer: {type: text, description: what is answered}}
+    action: {name: say, type: bt_agents_interfaces/action/Say, goal: {text: "${text}"}}
+"""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Spoken:
+    """One message and where it is said."""
+
+    topic: str
+    message: Any
+
+
+def write_folder(folder: Path, **profiles: tuple[float, float, float]) -> Path:
+    """Make a trees folder with agents of these profiles; return it."""
+    (folder / "agents").mkdir(parents=True)
+    (folder / "skills").mkdir()
+    (folder / "scene.yaml").write_text((TREES / "scene.yaml").read_text())
+    (folder / "skills" / "voice.yaml").write_text(SKILLS)
+    for name, (age, familiarity, mood) in profiles.items():
+        text = (
+            f"format: 1\nagent: {name}\ntitle: {name}\ndescription: d\nlearning_rate: 0.2\n"
+            f"profile: {{age: {age}, familiarity: {familiarity}, mood: {mood}}}\ntree:\n"
+        )
+        (folder / "agents" / f"{name}.yaml").write_text(text + textwrap.indent(TREE, "  "))
+    return folder
+
+
+class Town:
+    """Two agents, a market and a robot, without processes; says what a journal would hear.
+
+    Args:
+        folder: For the trees folder.
+        strategy: By which bids are ranked.
+        options: What is set about it.
+        shadow: Strategy that only looks on.
+    """
+
+    def __init__(
+        self,
+        folder: Path,
+        strategy: str = "manhattan",
+        options: Mapping[str, float] | None = None,
+        shadow: str = "",
+    ) -> None:
+        self.said: list[Spoken] = []
+        self.profiles = {"anna": (1.0, 1.0, 3.0), "bert": (4.5, 2.1, 3.3)}
+        self._strategy = strategy
+        self._options = dict(options or {})
+        self._shadow = shadow
+        self._folder = write_folder(folder, **self.profiles)
+        self._trees = read_trees(self._folder)
+        self._runs: list[str] = []
+        self._revisions = dict.fromkeys(self.profiles, 0)
+        self._asked: dict[str, int] = dict.fromkeys(self.profiles, 0)
+        versions = AgentVersions(self._trees, 0.0)
+        found = texts(versions, lambda _package: True)
+        self.say(
+            "/agents/files",
+            AgentFiles(
+                host="/agents",
+                host_instance="i1",
+                files=list(found.files),
+                texts=list(found.files.values()),
+                agents=list(found.versions),
+                versions=list(found.versions.values()),
+            ),
+        )
+        self.say("/cards", self._card())
+
+    def say(self, topic: str, message: Any) -> None:
+        """Say something."""
+        self.said.append(Spoken(topic=topic, message=message))
+
+    def round(self, person: Scene) -> str:
+        """Hold a round; return the winner, whose run begins."""
+        number = self._number = len(self._rounds) + 1
+        terms = Terms(
+            epoch=EPOCH,
+            round=number,
+            follows=0,
+            scene=person,
+            strategy=self._strategy,
+            tie_break="least_recently_run",
+            last_run={name: self._last(name) for name in self.profiles},
+            runs={name: self._runs.count(name) for name in self.profiles},
+            rounds_run=len(self._runs),
+            options=self._options,
+            shadow=self._shadow,
+            seed=f"{EPOCH}/{number}",
+        )
+        bids = [
+            AcceptedBid(agent=name, agent_id=i, host="/agents", instance="i1", vector=profile)
+            for i, (name, profile) in enumerate(self.profiles.items(), 1)
+        ]
+        ranked = decide(SPACE, terms, bids)
+        best = ranked.bids[0]
+        decision = Decision(
+            terms=terms,
+            outcome=AuctionOutcome.AWARDED,
+            closed_by=ClosedBy.ALL_ANSWERED,
+            duration_s=0.1,
+            ranked=ranked,
+            refused=(),
+            silent_hosts=(),
+        )
+        self.say(
+            "/auctions",
+            auction_to_msg(
+                PublishAuction(
+                    decision=decision,
+                    say=partial(reason, decision),
+                    explain=partial(explanation, decision, SPACE),
+                ),
+                self._stamp(),
+            ),
+        )
+        self._runs.append(best.agent)
+        self.say(
+            "/runs",
+            Run(
+                stamp=self._stamp(),
+                epoch=EPOCH,
+                round=number,
+                event=Run.STARTED,
+                scene=scene_to_msg(person),
+                agent=best.agent,
+            ),
+        )
+        return best.agent
+
+    def run(self, agent: str, person: Scene, mood: float = 3.0) -> str:
+        """Tick the tree of the last winner to its end; return how it ended."""
+        world = ScriptedEnvironment(
+            {"say": [ScriptedReply(after_s=1.0, result={"message": "", "answer": "kind"})]}
+        )
+        spec = next(one for one in self._trees.agents if one.name == agent)
+        where = {"epoch": EPOCH, "round": self._number, "agent": agent}
+
+        def keep(tick: int, line: str) -> None:
+            self.say(
+                "/agents/records",
+                RunRecord(host="/agents", host_instance="i1", tick=tick, record=line, **where),
+            )
+
+        moody = replace(
+            person,
+            values=tuple(
+                replace(value, value=mood) if value.name == "mood" else value
+                for value in person.values
+            ),
+        )
+        run = RecordingRun(
+            spec,
+            space=SPACE,
+            scene=person,
+            profile=spec.profile,
+            live=lambda: moody,
+            tunables={},
+            world=world,
+            steady=world.clock,
+            seed=5,
+            sink=keep,
+            version=1,
+        )
+        while run.result is None:
+            changes = run.tick()
+            if changes:
+                status = tree_status(to_time(0.0), SimpleNamespace(**where), "i1", run, changes)
+                self.say("/agents/status", status)
+            world.clock.advance(0.4)
+        return run.result.outcome.value
+
+    def teach(self, agent: str, kind: FeedbackKind, target: tuple[float, ...]) -> None:
+        """Give feedback about the last run."""
+        before = self.profiles[agent]
+        evidence = Evidence(changes=self._asked[agent], authored=before)
+        done = step(kind, before, target, rate=0.2, space=SPACE, rule=PLAIN, evidence=evidence)
+        self.profiles[agent] = done.after
+        self._asked[agent] += 1
+        self._revisions[agent] += 1
+        self.say(
+            "/feedback",
+            Feedback(
+                stamp=self._stamp(),
+                feedback_id=f"f{len(self.said)}",
+                agent=agent,
+                kind=int(kind),
+                source="button",
+                epoch=EPOCH,
+                round=self._number,
+                parameters=list(SPACE.names),
+                before=list(before),
+                after=list(done.after),
+                target=list(target),
+                rates=list(done.rates),
+                weight=done.weight,
+                learning_rate=done.rate,
+                revision=self._revisions[agent],
+                false_rate=NAN,
+            ),
+        )
+
+    def keep(self, path: Path, alter: Callable[[int, Any], Any] | None = None) -> Path:
+        """Write what was said into a journal; ``alter`` may change or drop (None) a message."""
+        file = JournalFile(path)
+        counts: dict[str, int] = {}
+        for number, spoken in enumerate(self.said):
+            message = spoken.message if alter is None else alter(number, spoken.message)
+            counts[spoken.topic] = counts.get(spoken.topic, 0) + 1
+            if message is None:
+                continue
+            topic = topic_of(type(message), spoken.topic)
+            file.add(
+                Message(
+                    channel_id=file.channel(topic.name, topic.type, topic.definition),
+                    log_time=number + 1,
+                    publish_time=number + 1,
+                    sequence=counts[spoken.topic],
+                    data=serialize_message(message),
+                )
+            )
+        file.close()
+        return path
+
+    @property
+    def _rounds(self) -> list[Spoken]:
+        return [spoken for spoken in self.said if spoken.topic == "/auctions"]
+
+    def _stamp(self) -> Any:
+        return to_time(float(len(self.said)))
+
+    def _last(self, name: str) -> int:
+        return max((i for i, ran in enumerate(self._runs, 1) if ran == name), default=0)
+
+    def _card(self) -> HostCard:
+        nothing = [NAN] * len(SPACE.names)
+        return HostCard(
+            host="/agents",
+            host_instance="i1",
+            parameters=list(SPACE.names),
+            agents=[
+                AgentCard(
+                    name=name,
+                    profile=list(profile),
+                    current=list(profile),
+                    learning_rate=0.2,
+                    learning=Learning(
+                        rates=nothing,
+                        update="plain",
+                        width=nothing,
+                        window=5,
+                        drift=nothing,
+                        general=1.0,
+                    ),
+                )
+                for name, profile in self.profiles.items()
+            ],
+        )
+
+
+def morning(folder: Path, **how: Any) -> Town:
+    """Return a town after four rounds, with runs and feedback."""
+    town = Town(folder, **how)
+    for number, (age, mood) in enumerate([(4.0, 3.0), (1.0, 3.0), (3.0, 2.5), (4.4, 1.0)]):
+        person = scene(f"s{number}", age=age, familiarity=2.0, mood=mood)
+        agent = town.round(person)
+        town.run(agent, person, mood)
+        kind = FeedbackKind.POSITIVE if number % 2 else FeedbackKind.DIRECT
+        town.teach(agent, kind, (age, 2.0, NAN))
+    return town
+
+
+def topic_of(kind: Any, name: str) -> RecordedTopic:
+    """Return a topic with the definition of its type."""
+    type_name = f"bt_agents_interfaces/msg/{kind.__name__}"
+    return RecordedTopic(
+        name=name, type=type_name, definition=definition(type_name, definition_text)
+    )
+
+
+def said(number: int, *, topic: str = "/agents/status", size: int = 0) -> RecordedMessage:
+    """Return a small message that is told from others by its number."""
+    message = TreeStatus(tick=number, tip="x" * size)
+    data = serialize_message(message)
+    ns = 1_000_000_000 * (number + 1)
+    return RecordedMessage(topic=topic_of(TreeStatus, topic), data=data, sent_ns=ns, heard_ns=ns)
+
+
+def ticks(path: Path) -> list[int]:
+    """Return the numbers of the messages of :func:`said` in a journal."""
+    return [entry.decode().tick for entry in JournalReader([path]).entries()]
+
+
+def story_of(path: Path) -> RecordingIndex:
+    """Return what a journal holds."""
+    return tell(JournalReader([path]).entries())

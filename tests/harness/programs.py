@@ -1,0 +1,109 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Real processes of the command line, whose lines a test waits for."""
+
+from __future__ import annotations
+
+import queue
+import re
+import signal
+import subprocess
+import sys
+import threading
+import time
+from contextlib import suppress
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+HANG_S = 60.0
+
+
+class Program:
+    """One ``bt-agents`` process whose lines a test waits for."""
+
+    def __init__(self, arguments: tuple[str, ...], environment: dict[str, str]) -> None:
+        self.output = ""
+        self._lines: queue.Queue[str] = queue.Queue()
+        self.process = subprocess.Popen(
+            [sys.executable, "-m", "bt_agents_tools.cli", *arguments],
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+            env=environment,
+            cwd=ROOT,
+            start_new_session=True,
+        )
+        self._reader = threading.Thread(target=self._read, daemon=True)
+        self._reader.start()
+
+    def _read(self) -> None:
+        assert self.process.stdout is not None
+        for line in self.process.stdout:
+            self._lines.put(line)
+
+    def until(self, pattern: str, limit_s: float = HANG_S) -> str:
+        """Read lines until one matches; return it."""
+        end = time.monotonic() + limit_s
+        while True:
+            try:
+                line = self._lines.get(timeout=max(0.0, end - time.monotonic()))
+            except queue.Empty:
+                pytest.fail(f"no line '{pattern}' within {limit_s} s in:\n{self.output}")
+            self.output += line
+            if re.search(pattern, line):
+                return line
+
+    def seen(self, limit_s: float) -> str:
+        """Read the lines that come within some seconds; return all so far."""
+        end = time.monotonic() + limit_s
+        with suppress(queue.Empty):
+            while True:
+                self.output += self._lines.get(timeout=max(0.0, end - time.monotonic()))
+        return self.output
+
+    def wait(self, limit_s: float = HANG_S) -> int:
+        """Wait for the end; return the exit code."""
+        try:
+            code = self.process.wait(limit_s)
+        except subprocess.TimeoutExpired:
+            pytest.fail(f"still running after {limit_s} s; its output:\n{self.output}")
+        self.close()
+        while not self._lines.empty():
+            self.output += self._lines.get()
+        return code
+
+    def close(self) -> None:
+        """Read what is left once the process has ended."""
+        self._reader.join()
+        assert self.process.stdout is not None
+        self.process.stdout.close()
+
+    def stop(self, number: int = signal.SIGINT) -> tuple[int, float]:
+        """Send a signal; return the exit code and the time it took [s]."""
+        start = time.monotonic()
+        self.process.send_signal(number)
+        code = self.wait(20.0)
+        return code, time.monotonic() - start
+
+
+def children(pid: int) -> list[int]:
+    """Return the pids of all direct children of a process."""
+    found = []
+    for stat in Path("/proc").glob("[0-9]*/stat"):
+        try:
+            fields = stat.read_text().rpartition(")")[2].split()
+        except OSError:
+            continue
+        if int(fields[1]) == pid:
+            found.append(int(stat.parent.name))
+    return found
+
+
+def alive(pid: int) -> bool:
+    """Return whether a process exists and is no zombie."""
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
+    except OSError:
+        return False

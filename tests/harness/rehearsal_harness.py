@@ -1,0 +1,49 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Agents and scenarios written in a test, rehearsed."""
+
+from __future__ import annotations
+
+import textwrap
+
+from bt_agents_language.files.testing.scenarios import AgentTest, Scenario
+from bt_agents_language.files.testing.test_reader import read_scenario_text, read_test_text
+from bt_agents_language.model.specs import AgentSpec
+from bt_agents_tools.rehearsal.events import EventKind, Rehearsed
+from bt_agents_tools.rehearsal.rehearsal import rehearse
+from tree_harness import SPACE, VOCABULARY, agent
+
+
+def scenario(spec: AgentSpec, text: str = "") -> Scenario:
+    """Return the scenario that a text says, with the keys of a case."""
+    head = "format: 1\n"
+    if "scene:" not in text:
+        head += "scene: {age: 3, familiarity: 3, mood: 3}\n"
+    return read_scenario_text(head + textwrap.dedent(text), "options", spec, VOCABULARY)
+
+
+def rehearsed(tree: str, text: str = "", *, head: str = "") -> Rehearsed:
+    """Return how the agent of a tree does in a scenario."""
+    spec = agent(tree, head)
+    return rehearse(spec, SPACE, scenario(spec, text))
+
+
+def cases_for(spec: AgentSpec, cases: str) -> AgentTest:
+    """Return a test file for an agent."""
+    text = f"format: 1\ntest: {spec.name}\ncases:\n" + textwrap.indent(
+        textwrap.dedent(cases), "  "
+    )
+    return read_test_text(text, "a.test.yaml", [spec], VOCABULARY)
+
+
+def told(result: Rehearsed, *kinds: EventKind) -> list[tuple[float, str]]:
+    """Return when events of some kinds happened, and to which skill or in which words."""
+    return [
+        (round(event.at_s, 6), event.node.kind if event.node is not None else event.words)
+        for event in result.events
+        if event.kind in kinds
+    ]
+
+
+def said(result: Rehearsed) -> list[object]:
+    """Return what was said and asked, in order."""
+    return [use.main for use in result.uses if use.spoken]

@@ -1,0 +1,173 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A stage for trees: an agent written in a test, a scripted world, a clock turned by hand."""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from random import Random
+
+from py_trees.behaviour import Behaviour
+from py_trees.common import Status
+
+from bt_agents.engine.run import Run, RunLimits, StatusChange
+from bt_agents.engine.scripted_environment import ScriptedEnvironment, ScriptedReply
+from bt_agents_core.scene import Origin, Scene, SceneSpace, SceneValue
+from bt_agents_language.files.agent_reader import read_agent_text
+from bt_agents_language.files.folder_reader import read_vocabulary
+from bt_agents_language.files.scene_reader import read_scene
+from bt_agents_language.model.specs import AgentSpec, NodeSpec, Plain
+from bt_agents_language.model.symbols import SymbolTable
+
+TREES = Path(__file__).parents[2] / "trees"
+SPACE: SceneSpace = read_scene(TREES / "scene.yaml").space
+VOCABULARY: SymbolTable = read_vocabulary(TREES, read_scene(TREES / "scene.yaml"))
+
+
+def scene(scene_id: str = "s1", person: bool = True, **values: float) -> Scene:
+    """Return a scene; parameters that are not named are missing."""
+    return Scene(
+        scene_id=scene_id,
+        label="",
+        person=person,
+        values=tuple(
+            SceneValue(name=name, value=values[name], origin=Origin.GIVEN)
+            if name in values
+            else SceneValue.missing(name)
+            for name in SPACE.names
+        ),
+    )
+
+
+def agent(tree: str, head: str = "") -> AgentSpec:
+    """Return the agent of a tree, and of more top-level keys in ``head``."""
+    text = (
+        "format: 1\nagent: a\ntitle: A\ndescription: d\n"
+        "profile: {age: 3, familiarity: 3, mood: 3}\n"
+        + textwrap.dedent(head)
+        + "\ntree:\n"
+        + textwrap.indent(textwrap.dedent(tree), "  ")
+    )
+    return read_agent_text(text, "a.yaml", VOCABULARY)
+
+
+class Stage:
+    """One run of a tree that a test watches tick by tick.
+
+    Args:
+        tree: As an author writes it, or what the reader would make of it.
+        head: More top-level keys of the agent's file.
+        answers: See :class:`ScriptedEnvironment`.
+        awarded: The scene; None takes one without anything special.
+        limits: See :class:`Run`.
+        random: See :class:`Run`.
+    """
+
+    def __init__(
+        self,
+        tree: str | NodeSpec,
+        *,
+        head: str = "",
+        answers: Mapping[str, Sequence[ScriptedReply]] | None = None,
+        awarded: Scene | None = None,
+        limits: RunLimits | None = None,
+        random: Random | None = None,
+    ) -> None:
+        if isinstance(tree, NodeSpec):
+            self.spec = replace(agent("wait: 0 s", head), tree=tree)
+        else:
+            self.spec = agent(tree, head)
+        self.world = ScriptedEnvironment(
+            answers, result={"message": "", "answer": "yes", "accepted": True}
+        )
+        self.scene = awarded or scene(age=3, familiarity=3, mood=3)
+        self.live = self.scene
+        self.tunables: dict[str, Plain] = {t.name: t.default for t in self.spec.tunables}
+        self.run = Run(
+            self.spec,
+            space=SPACE,
+            scene=self.scene,
+            profile=self.spec.profile,
+            live=lambda: self.live,
+            tunables=self.tunables,
+            world=self.world,
+            steady=self.world.clock,
+            limits=limits,
+            random=random,
+            visit=lambda node, status: self.ticked.append((node, status)),
+        )
+        self.ticked: list[tuple[Behaviour, Status]] = []
+        self.changes: list[StatusChange] = []
+
+    def tick(self, times: int = 1, step_s: float = 0.0) -> str:
+        """Tick, moving the clock on before each tick but the first; return how it stands."""
+        for number in range(times):
+            if number:
+                self.world.clock.advance(step_s)
+            self.ticked.clear()
+            self.changes += self.run.tick()
+        return self.outcome
+
+    def after(self, seconds: float) -> str:
+        """Move the clock on and tick once."""
+        self.world.clock.advance(seconds)
+        return self.tick()
+
+    def set_mood(self, mood: float) -> None:
+        """Let the live mood change."""
+        self.set_live("mood", mood)
+
+    def set_live(self, name: str, value: float) -> None:
+        """Let a value of the live scene change."""
+        values = tuple(
+            replace(v, value=value, origin=Origin.MEASURED) if v.name == name else v
+            for v in self.live.values
+        )
+        self.live = replace(self.live, values=values)
+
+    def interrupt(self) -> None:
+        """Stop the tree from above; the next tick starts it afresh."""
+        self.run.changes = []
+        self.run._ticker(self.root).halt()
+        self.changes += self.run.changes
+
+    @property
+    def root(self) -> Behaviour:
+        """The outermost node."""
+        return self.run._root
+
+    def status(self, path: str) -> str:
+        """Return the status of the node with this path, or with this end of its path."""
+        [found] = [
+            node.status.name
+            for node in self.root.iterate()
+            if node.spec.path == path or node.spec.path.endswith(f"/{path}")
+        ]
+        return found
+
+    def told(self, path: str) -> list[tuple[str, str]]:
+        """Return status and message of each change of a node so far."""
+        return [(c.status.name, c.message) for c in self.changes if c.path == path]
+
+    @property
+    def message(self) -> str:
+        """Why the run has ended so."""
+        assert self.run.result is not None
+        return self.run.result.message
+
+    @property
+    def outcome(self) -> str:
+        """``running``, or the outcome of the run."""
+        return self.run.result.outcome.value if self.run.result else "running"
+
+    @property
+    def said(self) -> list[Plain]:
+        """Texts of all ``say`` goals so far, in order."""
+        return [g.goal.fields["text"] for g in self.world.goals if g.goal.name == "say"]
+
+    @property
+    def asked(self) -> list[str]:
+        """Names of everything sent so far, in order."""
+        return [g.goal.name for g in self.world.goals]

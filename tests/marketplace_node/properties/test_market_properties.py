@@ -1,0 +1,267 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Whatever happens: one tree at a time, one end a scene, and the market comes to rest."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from hypothesis import settings
+from hypothesis import strategies as st
+from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, rule
+
+from bt_agents_core.errors import Refused
+from market_harness import Driver, scene
+from marketplace_node.effects import (
+    AnnounceRun,
+    CancelGoal,
+    Collect,
+    Effect,
+    OpenCall,
+    PreviewEnded,
+    PublishAuction,
+    RequestRanking,
+    RunEventKind,
+    RunGoal,
+    SendGoal,
+    State,
+)
+from marketplace_node.market_state import PREVIEWS
+from marketplace_node.operators.operator_overrides import OperatorAction, OperatorCommand
+from marketplace_node.operators.previews import MOST
+from marketplace_node.round.decision import AuctionOutcome, External
+from marketplace_node.settings import ON_NEW_SCENE
+
+AGENTS = {"/a": ("ann", "abe"), "/b": ("bob", "bea")}
+hosts = st.sampled_from(sorted(AGENTS))
+values = st.sampled_from([1.0, 2.5, 3.0, 5.0])
+
+
+class AnyMarket(RuleBasedStateMachine):
+    """Hosts, people and the network at their worst, in any order."""
+
+    @initialize(
+        mode=st.sampled_from(ON_NEW_SCENE),
+        limit=st.integers(0, 2),
+        strategy=st.sampled_from(["manhattan", "external", "softmax"]),
+    )
+    def open_market(self, mode: str, limit: int, strategy: str) -> None:
+        self.mode = mode
+        self.driver = Driver(
+            on_new_scene=mode, queue_limit=limit, preempt_cooldown_s=1.0, strategy=strategy
+        )
+        self.previews: set[int] = set()
+        self.asked: set[int] = set()
+        self.scenes = 0
+        self.starts = 0
+        self.seen = 0
+        self.outstanding: RunGoal | None = None
+        self.open_rounds: set[int] = set()
+        self.decided: list[int] = []
+        for host, agents in AGENTS.items():
+            self.driver.register(host, *agents, instance="start0")
+        self.sent = 0
+
+    @rule(host=hosts, fresh=st.booleans())
+    def register(self, host: str, fresh: bool) -> None:
+        if fresh:
+            self.starts += 1
+        self.driver.register(host, *AGENTS[host], instance=f"start{self.starts}")
+
+    @rule(host=hosts)
+    def die(self, host: str) -> None:
+        self.driver.busy.pop(host, None)
+
+    @rule(seconds=st.sampled_from([0.0625, 0.25, 0.5, 1.25, 2.5, 6.0]))
+    def wait(self, seconds: float) -> None:
+        self.driver.wait(seconds)
+
+    @rule(lasted_s=st.sampled_from([0.5, 2.5, 30.0]))
+    def hold_the_market_up(self, lasted_s: float) -> None:
+        since, self.driver.now = self.driver.now, self.driver.now + lasted_s
+        self.driver.do(self.driver.market.excuse(since, self.driver.now))
+
+    @rule(host=hosts, round_number=st.sampled_from([1, 99]), own=st.booleans())
+    def run_something_else(self, host: str, round_number: int, own: bool) -> None:
+        epoch = "epoch" if own else "old"
+        self.driver.beat(host, epoch=epoch, round_number=round_number)
+
+    @rule(again=st.sampled_from([0, 0, 0, 1]), urgent=st.sampled_from([False, False, True]))
+    def scene(self, again: int, urgent: bool = False) -> None:
+        if not (again and self.scenes):
+            self.scenes += 1
+        self.sent += 1
+        self.driver.scene(f"s{self.scenes}", urgent=urgent)
+
+    @rule(
+        host=hosts,
+        bids=st.lists(st.tuples(values, values, values), min_size=2, max_size=2),
+        decline=st.booleans(),
+        spoil=st.sampled_from(
+            [{}, {}, {}, {}, {"epoch": "x"}, {"agent_ids": (1,) * 3}, {"round": 0}, {"round": 99}]
+        ),
+        challenge=st.booleans(),
+    )
+    def bid(
+        self,
+        host: str,
+        bids: list[tuple[float, float, float]],
+        decline: bool,
+        spoil: dict[str, Any],
+        challenge: bool,
+    ) -> None:
+        first, second = AGENTS[host]
+        if challenge and self.driver.calls:
+            spoil = {"round": self.driver.calls[-1].round} | spoil
+        vectors = {first: bids[0]} if decline else {first: bids[0], second: bids[1]}
+        declined = {second: "needs a rest"} if decline else {}
+        self.driver.bid(host, vectors, declined, **spoil)
+
+    @rule()
+    def all_is_well_up_to_a_run(self) -> None:
+        self.scene(again=0)
+        for host, agents in AGENTS.items():
+            if self.driver.status.state is State.BIDDING:
+                self.driver.bid(host, dict.fromkeys(agents, (3.0, 3.0, 3.0)))
+        goals = [effect.goal for effect in self.driver.all(SendGoal)]
+        is_sent = bool(goals) and goals[-1] == self.driver.market.goal
+        if is_sent and self.outstanding is None and self.driver.status.state is State.AWARDING:
+            self.driver.accept()
+
+    @rule(data=st.data(), what=st.sampled_from(["accept", "accept", "refuse", "end", "end"]))
+    def answer_a_goal(self, data: st.DataObject, what: str) -> None:
+        goals = [effect.goal for effect in self.driver.all(SendGoal)][-4:]
+        if not goals:
+            return
+        goal = data.draw(st.sampled_from(goals[::-1]))
+        alive = goal.host in self.driver.busy
+        if what == "accept":
+            waited_for = goal == self.outstanding
+            effects = self.driver.do(self.driver.market.goal_accepted(goal, self.driver.now))
+            assert waited_for or CancelGoal(goal=goal) in effects, "no tree runs unwatched"
+            if alive:
+                self.driver.busy[goal.host] = goal.round
+        elif what == "refuse":
+            self.driver.refuse(goal)
+        elif alive:
+            self.driver.end(data.draw(st.sampled_from([1, 2, 3, 9])), goal=goal)
+
+    @rule(
+        data=st.data(), agents=st.permutations(["ann", "abe", "bob", "bea"]), fails=st.booleans()
+    )
+    def rank_from_outside(self, data: st.DataObject, agents: list[str], fails: bool) -> None:
+        if not self.driver.questions:
+            return
+        question = data.draw(st.sampled_from(self.driver.questions[-3:]))
+        named = tuple(agent for agent in agents if agent in question.agents)
+        external = External(failure="busy") if fails else External(ranking=named)
+        self.driver.do(self.driver.market.ranked(question.round, external, self.driver.now))
+
+    @rule(
+        act=st.sampled_from(
+            [
+                OperatorAction.PIN,
+                OperatorAction.UNPIN,
+                OperatorAction.UNPIN,
+                OperatorAction.VETO,
+                OperatorAction.ALLOW,
+                OperatorAction.ALLOW,
+            ]
+        ),
+        agent=st.sampled_from(["ann", "abe", "bob", "bea", "nobody"]),
+    )
+    def operate(self, act: OperatorAction, agent: str) -> None:
+        self.driver.operate(act, agent)
+
+    @rule(agent=st.sampled_from(["ann", "abe", "bob"]), own=st.booleans())
+    def award(self, agent: str, own: bool) -> None:
+        theirs = scene(f"award{self.scenes}") if own else None
+        order = OperatorCommand(act=OperatorAction.AWARD, agent=agent, scene=theirs)
+        try:
+            _, effects = self.driver.market.operate(order, self.driver.now)
+        except Refused:
+            return
+        self.sent += 1
+        self.scenes += 1
+        self.driver.do(effects)
+
+    @rule(strategy=st.sampled_from(["", "external", "ucb"]))
+    def preview(self, strategy: str) -> None:
+        try:
+            number = self.driver.preview(3.0, 3.0, 3.0, strategy=strategy)
+        except Refused:
+            assert len(self.previews) == MOST
+            return
+        ended = {effect.number for effect in self.driver.previews}
+        self.previews |= {number} - ended
+
+    @rule()
+    def collect(self) -> None:
+        self.driver.collect()
+
+    @rule(again=st.booleans(), fresh=st.booleans(), round_number=st.sampled_from([0, 0, 1, 99]))
+    def cancel(self, again: bool, fresh: bool, round_number: int) -> None:
+        other = scene("live", 1.0, 1.0, 1.0) if fresh else None
+        self.driver.cancel("enough", again=again, scene=other, round_number=round_number)
+
+    @invariant()
+    def the_effects_keep_the_law(self) -> None:
+        if not hasattr(self, "driver"):
+            return
+        news, self.seen = self.driver.effects[self.seen :], len(self.driver.effects)
+        for effect in news:
+            self.check(effect)
+        ends = len(self.driver.ends)
+        under_way = self.driver.status.queued + (self.driver.status.state is not State.IDLE)
+        assert self.sent == ends + under_way, "every scene has one end or is still to end"
+
+    def check(self, effect: Effect) -> None:
+        match effect:
+            case OpenCall() if effect.round > PREVIEWS:
+                pass
+            case PreviewEnded():
+                self.previews.discard(effect.number)
+            case RequestRanking():
+                assert effect.round not in self.asked, "a question is asked once"
+                self.asked.add(effect.round)
+            case OpenCall():
+                assert not self.open_rounds, "a round for an award or a challenge, never both"
+                assert self.outstanding is None or self.mode == "preempt"
+                self.open_rounds.add(effect.round)
+            case PublishAuction():
+                number = effect.decision.terms.round
+                self.open_rounds.discard(number)
+                self.decided.append(number)
+                assert not effect.decision.terms.preview
+                vetoed = {bid.agent for bid in effect.decision.terms.barred}
+                assert vetoed.isdisjoint(bid.agent for bid in effect.decision.ranking)
+                assert self.decided == list(range(1, number + 1)), "one outcome a round"
+                if effect.decision.outcome in (AuctionOutcome.PREEMPTS, AuctionOutcome.WAITS):
+                    assert self.mode == "preempt"
+                elif self.outstanding is not None:
+                    assert self.outstanding.round == number, "no award while a tree may run"
+            case SendGoal():
+                assert self.outstanding is None, "never two goals outstanding"
+                self.outstanding = effect.goal
+            case AnnounceRun(event=RunEventKind.REFUSED | RunEventKind.ENDED):
+                if self.outstanding == effect.goal:
+                    self.outstanding = None
+            case AnnounceRun(event=RunEventKind.STARTED):
+                assert effect.goal == self.outstanding
+            case Collect():
+                assert self.outstanding is None
+            case _:
+                pass
+
+    def teardown(self) -> None:
+        if not hasattr(self, "driver"):
+            return
+        for _ in range(20 * (self.driver.status.queued + 1)):
+            self.driver.wait(1.0)
+        self.the_effects_keep_the_law()
+        assert self.previews == set(), "every preview is answered"
+        runs = self.driver.status.state is State.RUNNING
+        assert runs or self.driver.status.state is State.IDLE, "nothing waits for ever"
+
+
+AnyMarket.TestCase.settings = settings(max_examples=60, stateful_step_count=40, deadline=None)
+test_any_market = AnyMarket.TestCase

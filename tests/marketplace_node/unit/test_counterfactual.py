@@ -1,0 +1,135 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The smallest change of a scene in some rounds that are easy to work out."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from market_harness import Driver, scene
+from marketplace_node.effects import PublishAuction, SendGoal
+from marketplace_node.explanation import counterfactual
+from marketplace_node.round import round_model
+from marketplace_node.round.decision import Counterfactual, External
+from marketplace_node.round.ranking import decide
+from marketplace_node.round.round_model import scored as measured
+from marketplace_node.strategies import STRATEGIES, RoundArrays, Scores, StrategySpec
+from ranked_rounds import bids, decided, terms
+from ranking import case
+
+NAN = math.nan
+
+
+def change(
+    values: tuple[float, ...], *vectors: tuple[float, ...], **changes: object
+) -> Counterfactual:
+    external = changes.pop("external", None)
+    of = terms(scene("s", *values), **changes)
+    found = decided(of, bids(dict(zip("abcd", vectors, strict=False))), external=external).change
+    assert found is not None
+    return found
+
+
+def test_the_parameter_that_has_to_change_least_is_named() -> None:
+    found = change((4.0, 1.0, 3.0), (4.0, 1.0, 3.0), (2.0, 2.0, 3.0), last_run={"a": 1})
+
+    assert (found.names, found.values, found.shown) == (("age",), (2.5,), (2.5,))
+
+
+def test_where_an_equal_score_loses_the_change_goes_a_little_further() -> None:
+    found = change((4.0, 1.0, 3.0), (4.0, 1.0, 3.0), (2.0, 2.0, 3.0), last_run={"b": 1})
+
+    assert found.values[0] == pytest.approx(2.5, abs=1e-6)
+    assert found.values[0] < 2.5
+    assert found.shown == (2.49,)
+
+
+def test_who_is_between_has_to_be_passed_too() -> None:
+    found = change((5.0, 3.0, 3.0), (5.0, 3.0, 3.0), (1.0, 3.0, 3.0), (2.0, 3.0, 4.5))
+
+    assert found.names == ("age",)
+    assert found.values[0] == pytest.approx(3.0, abs=1e-6)
+
+
+def test_what_only_just_reaches_is_found_in_time() -> None:
+    found = change(
+        (4.0, 2.6, 4.2),
+        (3.8, 3.1, 4.5), (4.2, 3.3, 4.7), (3.1, 2.2, 3.0), (3.4, 3.8, 2.1),
+        tie_break="name",
+    )  # fmt: skip
+
+    assert found.names
+
+
+def test_several_parameters_change_when_one_is_not_enough() -> None:
+    found = change((3.0, 3.0, 3.0), (3.0, 3.0, 3.0), (4.0, 4.0, 4.0), tie_break="name")
+
+    assert len(found.names) > 1
+    assert sum(abs(value - 3.0) for value in found.values) == pytest.approx(1.5, abs=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("values", "changes", "words"),
+    [
+        ((NAN, NAN, NAN), {}, "no value of the scene is known"),
+        ((3.0, 3.0, 3.0), {}, "no change of the scene within its ranges was found"),
+        ((3.0, 3.0, 3.0), {"strategy": "epsilon_greedy", "options": {"epsilon": 1.0}},
+         "chance alone ranked, whatever the scene"),
+        ((3.0, 3.0, 3.0), {"strategy": "external", "external": External(ranking=("a",))},
+         "nobody knows how the program outside would have ranked another scene"),
+    ],
+)  # fmt: skip
+def test_it_is_said_why_there_is_no_change(
+    values: tuple[float, ...], changes: dict[str, object], words: str
+) -> None:
+    found = change(values, (2.0, 2.0, 2.0), (2.0, 2.0, 2.0), **changes)
+
+    assert (found.names, found.obstacle) == ((), words)
+
+
+@pytest.mark.parametrize("strategy", sorted(STRATEGIES))
+@pytest.mark.parametrize(("agents", "width"), [(110, 32), (1800, 8), (5000, 3)])
+def test_the_search_scores_so_much_and_no_more(
+    strategy: str, agents: int, width: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    of = case(agents, width)
+    values = tuple(replace(value, std=0.5) for value in of.terms.scene.values)
+    of_round = replace(
+        of.terms, scene=replace(of.terms.scene, values=values), strategy=strategy, seed="a/1"
+    )
+    ranked = decide(of.space, of_round, of.table)
+    scored: list[int] = []
+
+    def counted(spec: StrategySpec, field: RoundArrays, *rest: Any) -> Scores:
+        scored.append(int(np.prod(field.shape)) * width)
+        return measured(spec, field, *rest)
+
+    monkeypatch.setattr(round_model, "scored", counted)
+    assert ranked.change is not None
+
+    assert sum(scored) + counterfactual._LOOK * len(scored) <= counterfactual.MOST_WORK
+    assert bool(ranked.change.names) != bool(ranked.change.obstacle)
+
+
+def test_nothing_is_searched_before_somebody_asks_for_it() -> None:
+    market = Driver()
+    market.register()
+    market.scene()
+    market.bid()
+    sent, published = (
+        next(i for i, effect in enumerate(market.effects) if isinstance(effect, kind))
+        for kind in (SendGoal, PublishAuction)
+    )
+
+    assert sent < published, "the winner does not wait for the words"
+    assert "change" not in vars(market.auction.decision.ranked)
+    assert "would have won" in market.auction.explanation
+    assert "change" in vars(market.auction.decision.ranked)
+
+
+def test_a_single_bid_has_no_runner_up() -> None:
+    assert decided(terms(), bids({"a": (4.0, 1.0, 3.0)})).change is None

@@ -1,0 +1,156 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Typical decisions in words: first on one line, then in plain sentences, as written down."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from bt_agents_core.scene import Origin, Scene, SceneValue
+from bt_agents_language.files.market_reader import market_of
+from bt_agents_language.files.scene_reader import read_scene
+from marketplace_node.explanation.explanation import explanation
+from marketplace_node.explanation.reason import reason
+from marketplace_node.round.decision import (
+    AuctionOutcome,
+    ClosedBy,
+    Decision,
+    External,
+    RefusedBid,
+    RoundKind,
+)
+from ranked_rounds import bids, decided, terms
+
+ROOT = Path(__file__).parents[3]
+KEPT = ROOT / "tests" / "corpus" / "explanations"
+SPACE = read_scene(ROOT / "trees" / "scene.yaml").space
+GUIDE, EXPRESS, CHILD = "attentive_guide", "professional_express", "playful_companion"
+PROFILES = {GUIDE: (4.0, 1.5, 3.0), EXPRESS: (3.0, 5.0, 3.5), CHILD: (1.0, 2.0, 4.0)}
+AS_GIVEN = Scene(
+    scene_id="v1",
+    label="",
+    person=True,
+    values=tuple(
+        SceneValue(name=name, value=value, origin=Origin.GIVEN)
+        for name, value in (("age", 2.0), ("familiarity", 2.0), ("mood", 3.0))
+    ),
+)
+
+
+def refused(agent: str, kind: RoundKind, code: str, why: str) -> RefusedBid:
+    return RefusedBid(agent=agent, host="/agents", kind=kind, code=code, reason=why)
+
+
+def declined(agent: str) -> RefusedBid:
+    return refused(agent, RoundKind.DECLINED, "DECLINED", "needs scene.person")
+
+
+def of(scene: Scene = AS_GIVEN, agents: Any = None, **changes: Any) -> Decision:
+    """Return a decision among the agents; the rest of the changes is about how it ended."""
+    ended = ("refused", "silent_hosts", "external", "outcome", "closed_by", "stopped")
+    how = {name: changes.pop(name) for name in ended if name in changes}
+    weights = changes.pop("weights", {})
+    accepted = bids(PROFILES if agents is None else agents, **weights)
+    return decided(terms(scene, **changes), accepted, space=SPACE, **how)
+
+
+def estimated() -> Decision:
+    values = (
+        SceneValue(
+            name="age", value=4.0, origin=Origin.MEASURED, age_s=0.2, std=0.3, confidence=0.8,
+            source="person/age",
+        ),
+        SceneValue(
+            name="familiarity", value=1.5, origin=Origin.ESTIMATED, age_s=9.0, std=0.4,
+            source="12 earlier visits",
+        ),
+        SceneValue.missing("mood"),
+    )  # fmt: skip
+    scene = Scene(
+        scene_id="v1", label="an elderly lady", person=True, person_id="anna",
+        place="the lobby", values=values,
+    )  # fmt: skip
+    return of(scene)
+
+
+def tie() -> Decision:
+    profiles = {GUIDE: (2.0, 2.0, 2.0), CHILD: (2.0, 2.0, 4.0)}
+    return of(agents=profiles, last_run={GUIDE: 2, CHILD: 1})
+
+
+def drawn() -> Decision:
+    return of(strategy="softmax", options={"temperature": 2.0}, shadow="manhattan")
+
+
+def by_rule() -> Decision:
+    values = (AS_GIVEN.values[0], replace(AS_GIVEN.values[1], value=5.0), AS_GIVEN.values[2])
+    rules = market_of(ROOT / "trees", SPACE).rules
+    return of(replace(AS_GIVEN, values=values), strategy="rules", rules=rules)
+
+
+def outside_is_late() -> Decision:
+    bad = refused(
+        "leo", RoundKind.REFUSED, "OUT_OF_RANGE", "bid of leo: age is 9, expected 1 to 5"
+    )
+    return of(
+        strategy="external",
+        external=External(failure="the program outside did not answer within 0.5 s"),
+        refused=(declined("silent_text"), bad),
+        silent_hosts=("/others",),
+    )
+
+
+def outside_ranks() -> Decision:
+    answer = External(ranking=(EXPRESS,), message="she is in a hurry")
+    return of(strategy="external", external=answer)
+
+
+def pinned() -> Decision:
+    words = "anna pins attentive_guide: a film crew is here"
+    barred = tuple(
+        refused(one, RoundKind.REFUSED, "NOT_PINNED", words) for one in (EXPRESS, CHILD)
+    )
+    return of(agents={GUIDE: PROFILES[GUIDE]}, barred=barred, refused=barred, intervention=words)
+
+
+def weighted() -> Decision:
+    return of(strategy="weighted_manhattan", weights={GUIDE: (0.25, 1.0, 1.0)}, preview=True)
+
+
+def seldom() -> Decision:
+    runs = {GUIDE: 4, CHILD: 1}
+    return of(strategy="ucb", options={"c": 2.0}, runs=runs, last_run=runs, rounds_run=5)
+
+
+def nobody() -> Decision:
+    ladder = replace(AS_GIVEN, person=False, label="a ladder")
+    return of(ladder, agents={}, refused=(declined(GUIDE), declined(CHILD)))
+
+
+def stopped() -> Decision:
+    return of(closed_by=ClosedBy.STOPPED, outcome=AuctionOutcome.NO_BIDS, stopped="anna said stop")
+
+
+DECISIONS: dict[str, Callable[[], Decision]] = {
+    make.__name__: make
+    for make in (
+        estimated, tie, drawn, by_rule, outside_is_late, outside_ranks, pinned, weighted, seldom,
+        nobody, stopped,
+    )
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", DECISIONS)
+def test_a_decision_is_told_as_written_down(name: str) -> None:
+    decision = DECISIONS[name]()
+
+    told = f"{reason(decision)}\n\n{explanation(decision, SPACE)}\n"
+    assert told == (KEPT / f"{name}.txt").read_text(encoding="utf-8")
+
+
+def test_every_text_belongs_to_a_decision() -> None:
+    assert {path.stem for path in KEPT.iterdir()} == set(DECISIONS)

@@ -1,0 +1,425 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The market from a scene to its one end, with a clock turned by hand."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from bt_agents_core.errors import Refused
+from market_harness import EXPRESS, GUIDE, PLAIN, Driver, registration, scene
+from marketplace_node.effects import (
+    AnnounceRun,
+    CancelAll,
+    CancelGoal,
+    Collect,
+    Connect,
+    Note,
+    PublishAuction,
+    State,
+    StatusChanged,
+)
+from marketplace_node.round.decision import AuctionOutcome, ClosedBy
+from marketplace_node.settings import SECONDS, Settings
+
+ROOT = Path(__file__).parents[3]
+
+
+@pytest.fixture
+def market() -> Driver:
+    driver = Driver()
+    driver.register()
+    return driver
+
+
+def test_an_interaction_goes_through_all_states_to_its_end(market: Driver) -> None:
+    market.scene()
+    market.bid()
+    market.accept()
+    market.wait(3.0)
+    market.end()
+    market.collect("moved")
+
+    states = [effect.state for effect in market.all(StatusChanged)]
+    assert list(dict.fromkeys(states)) == [
+        State.IDLE,
+        State.BIDDING,
+        State.AWARDING,
+        State.RUNNING,
+        State.COLLECTING,
+    ]
+    assert market.events == ["1 attentive_guide STARTED", "1 attentive_guide ENDED SUCCEEDED"]
+    ended = market.all(AnnounceRun)[-1]
+    assert (ended.message, ended.orphans, ended.ticks) == ("done", ("tree/0.say",), 7)
+    assert ended.duration_s == 3.0
+    assert market.over == ["s1"]
+    assert market.status.state is State.IDLE
+    assert market.status.finished_scene_id == "s1"
+    assert market.status.message == ("scene 's1' is over: attentive_guide succeeded: done; moved")
+    assert (market.status.scene_id, market.status.agent, market.status.host) == ("", "", "")
+
+
+def test_the_status_names_the_hosts_and_agents_that_live(market: Driver) -> None:
+    market.register("/others", PLAIN)
+    assert (market.status.hosts, market.status.agents) == (2, 3)
+
+    market.die("/others")
+    market.wait(1.1)
+    assert (market.status.hosts, market.status.agents) == (1, 2)
+
+
+def test_a_round_closes_at_the_deadline_with_a_silent_host(market: Driver) -> None:
+    market.register("/others", PLAIN)
+    market.scene()
+    market.bid()
+    market.wait(0.4)
+    assert market.status.state is State.BIDDING
+
+    market.wait(0.2)
+    decision = market.auction.decision
+    assert decision.closed_by is ClosedBy.DEADLINE
+    assert decision.duration_s == 0.5
+    assert decision.silent_hosts == ("/others",)
+    assert market.goal.agent == GUIDE
+
+
+def test_the_market_says_when_its_next_deadline_passes(market: Driver) -> None:
+    market.register("/others", PLAIN)
+    assert market.market.due == math.inf
+    began = market.now
+    market.scene()
+    assert market.market.due == began + 0.5
+    market.bid()
+    market.do(market.market.tick(began + 0.4999))
+    assert market.status.state is State.BIDDING
+    market.now = began + 0.5
+    market.do(market.market.tick(market.now))
+    assert market.status.state is State.AWARDING
+    assert market.market.due == market.now + market.market.settings.goal_deadline_s
+    market.accept()
+    assert market.market.due == math.inf
+    market.end()
+    assert market.market.due == market.now + market.market.settings.collect_deadline_s
+
+
+def test_the_clock_of_a_round_starts_with_its_publication(market: Driver) -> None:
+    effects = market.market.scene(scene(), market.now)
+    market.effects += effects
+    market.wait(0.4)
+    market.effects += market.market.called(1, market.now)
+    market.wait(0.4)
+    assert market.status.state is State.BIDDING
+
+    market.wait(0.2)
+    assert market.auction.decision.closed_by is ClosedBy.DEADLINE
+
+
+def test_a_call_that_is_never_published_ends_all_the_same(market: Driver) -> None:
+    market.effects += market.market.scene(scene(), market.now)
+    market.wait(1.1)
+
+    assert market.auction.decision.outcome is AuctionOutcome.NO_BIDS
+    assert market.over == ["s1"]
+
+
+def test_without_any_host_the_round_closes_at_once() -> None:
+    market = Driver()
+    market.scene()
+
+    assert market.auction.decision.outcome is AuctionOutcome.NO_BIDS
+    assert market.calls == []
+    assert market.over == ["s1"]
+
+
+def test_agents_of_dead_hosts_are_not_asked(market: Driver) -> None:
+    market.register("/others", PLAIN)
+    market.die()
+    market.wait(1.1)
+    market.scene()
+    market.bid("/others", {PLAIN: (1.0, 5.0, 5.0)})
+
+    assert market.auction.decision.closed_by is ClosedBy.ALL_ANSWERED
+    assert market.goal.agent == PLAIN
+
+
+def test_a_late_answer_is_counted_and_changes_nothing(market: Driver) -> None:
+    market.run()
+    market.bid(vectors={EXPRESS: (5.0, 1.0, 3.0)})
+
+    assert market.market.late_bids == 1
+    assert market.all(Note)[-1].message.startswith("LATE")
+    assert len(market.all(PublishAuction)) == 1
+
+
+@pytest.mark.parametrize("changes", [{"epoch": "x"}, {"round": 0}, {"round": 9}])
+def test_bids_without_an_open_round_are_only_noted(
+    market: Driver, changes: dict[str, Any]
+) -> None:
+    market.bid(**changes)
+
+    assert "refused" in market.all(Note)[-1].message
+    assert market.all(PublishAuction) == []
+
+
+def test_a_refused_goal_goes_to_the_next_best(market: Driver) -> None:
+    market.scene()
+    market.bid()
+    market.refuse()
+    assert market.goal.agent == EXPRESS
+    market.accept()
+
+    assert market.events == ["1 attentive_guide REFUSED", "1 professional_express STARTED"]
+    assert len(market.all(PublishAuction)) == 1
+    assert market.status.agent == EXPRESS
+
+
+def test_when_nobody_takes_the_run_the_interaction_is_over(market: Driver) -> None:
+    market.scene()
+    market.bid()
+    market.refuse()
+    market.refuse()
+
+    assert market.events == ["1 attentive_guide REFUSED", "1 professional_express REFUSED"]
+    assert market.status.message == (
+        "scene 's1' is over: nobody took the run: attentive_guide (busy); "
+        "professional_express (busy)"
+    )
+
+
+def test_a_silent_host_loses_the_award_and_its_late_acceptance_is_cancelled(
+    market: Driver,
+) -> None:
+    market.register("/others", PLAIN)
+    market.scene()
+    market.bid()
+    market.bid("/others", {PLAIN: (1.0, 5.0, 5.0)})
+    first = market.goal
+    market.wait(2.1)
+
+    assert market.goal.agent == PLAIN, "the other agent of the silent host is passed over"
+    market.accept()
+    cancelled = len(market.all(CancelGoal))
+    market.accept(first)
+    assert market.all(CancelGoal)[cancelled:] == [CancelGoal(goal=first)]
+    assert market.status.state is State.RUNNING
+    assert market.status.agent == PLAIN
+
+    market.end(outcome=3, goal=first)
+    assert market.status.state is State.RUNNING, "the end of an old goal ends nothing else"
+
+
+def test_an_acceptance_after_the_interaction_is_cancelled_too(market: Driver) -> None:
+    market.scene()
+    market.bid()
+    first = market.goal
+    market.wait(2.1)
+    assert market.status.state is State.IDLE
+    market.accept(first)
+
+    assert market.effects[-1] == CancelGoal(goal=first)
+    market.scene("s2")
+    assert "took the run of round 1 too late" in market.auction.reason
+    market.end(outcome=3, goal=first)
+    market.scene("s3")
+    assert market.status.state is State.BIDDING
+
+
+def test_a_host_that_dies_with_the_award_loses_it(market: Driver) -> None:
+    market.register("/others", PLAIN)
+    market.scene()
+    market.bid()
+    market.bid("/others", {PLAIN: (1.0, 5.0, 5.0)})
+    market.die()
+    market.wait(1.1)
+
+    assert market.goal.agent == PLAIN
+    assert market.events == ["1 attentive_guide REFUSED", "1 professional_express REFUSED"]
+
+
+def test_a_lost_host_is_followed_by_a_round_among_the_rest(market: Driver) -> None:
+    market.register("/others", PLAIN)
+    market.scene()
+    market.bid()
+    market.bid("/others", {PLAIN: (1.0, 5.0, 5.0)})
+    market.accept()
+    market.die()
+    market.wait(1.1)
+
+    assert market.events[-1] == "1 attentive_guide ENDED LOST"
+    assert "no heartbeat" in market.all(AnnounceRun)[-1].message
+    assert market.all(Collect) == [], "a lost run teaches nothing"
+    call = market.calls[-1]
+    assert (call.round, call.scene.scene_id, call.excluded) == (2, "s1", (GUIDE,))
+    market.bid("/others", {PLAIN: (1.0, 5.0, 5.0)})
+    market.accept()
+    assert market.auction.decision.terms.follows == 1
+    market.end()
+    market.collect()
+    assert market.over == ["s1"]
+
+
+def test_a_lost_host_that_comes_back_running_is_stopped_before_it_is_asked_again(
+    market: Driver,
+) -> None:
+    first = market.run()
+    market.die()
+    market.wait(1.1)
+    assert market.status.state is State.IDLE, "there was nobody else"
+    assert market.all(CancelGoal) == [CancelGoal(goal=first)]
+
+    market.busy["/agents"] = 1
+    market.wait(1.1)
+    assert market.all(CancelAll) == [CancelAll(host="/agents")]
+    market.scene("s2")
+    assert "has not ended" in market.auction.reason
+    market.busy["/agents"] = 0
+    market.wait(0.1)
+    market.scene("s3")
+    assert market.status.state is State.BIDDING
+
+
+def test_a_restarted_host_ends_the_run_of_its_earlier_start(market: Driver) -> None:
+    market.run()
+    market.die()
+    market.now += 1.1
+    market.register(instance="second")
+
+    assert market.events[-1] == "1 attentive_guide ENDED LOST"
+    assert market.all(Connect)[-1].entry.instance == "second"
+    assert market.calls[-1].excluded == (GUIDE,)
+
+
+def test_a_host_that_forgets_a_run_has_lost_it(market: Driver) -> None:
+    market.run()
+    market.busy["/agents"] = 0
+    market.wait(0.75)
+    assert market.status.state is State.RUNNING
+    market.wait(0.2)
+
+    assert market.events[-1] == "1 attentive_guide ENDED LOST"
+    market.bid(vectors={EXPRESS: (1.0, 1.0, 1.0)})
+    market.accept()
+    assert market.status.state is State.RUNNING
+
+
+def test_an_idle_heartbeat_on_its_way_at_the_start_does_not_end_a_run(market: Driver) -> None:
+    market.run()
+    market.beat(round_number=0)
+    market.wait(5.0)
+
+    assert market.status.state is State.RUNNING
+
+
+def test_a_host_that_runs_for_an_earlier_market_is_not_asked(market: Driver) -> None:
+    market.beat(epoch="earlier", round_number=3)
+    market.scene()
+    assert "another market" in market.auction.reason
+
+    market.beat()
+    market.scene("s2")
+    assert market.status.state is State.BIDDING
+
+
+@pytest.mark.parametrize("outcome", [1, 2, 3])
+def test_feedback_is_collected_after_every_run_that_ended(market: Driver, outcome: int) -> None:
+    market.run()
+    market.end(outcome=outcome)
+    request = market.all(Collect)[-1]
+
+    assert (request.goal.agent, request.outcome, request.scene.scene_id) == (GUIDE, outcome, "s1")
+    assert market.over == []
+    market.wait(2.1)
+    assert market.over == ["s1"]
+    assert market.status.message.endswith("feedback is kept until the feedback node is back")
+
+
+def test_an_unknown_outcome_is_a_failure_that_says_so(market: Driver) -> None:
+    market.run()
+    market.end(outcome=77)
+
+    assert market.events[-1] == "1 attentive_guide ENDED FAILED"
+    assert "unknown outcome 77" in market.all(AnnounceRun)[-1].message
+
+
+def test_registering_again_connects_only_when_something_has_moved(market: Driver) -> None:
+    market.register()
+    market.register("/agents", GUIDE)
+    assert len(market.all(Connect)) == 1
+
+    market.register(heartbeat="/agents/pulse")
+    assert len(market.all(Connect)) == 2
+
+
+def test_a_host_that_cannot_be_reached_is_forgotten(market: Driver) -> None:
+    market.run()
+    market.do(market.market.disconnect("/agents", market.now))
+
+    assert market.events[-1] == "1 attentive_guide ENDED LOST"
+    assert (market.status.hosts, market.status.state) == (0, State.IDLE)
+
+
+def test_settings_count_from_the_next_decision_on(market: Driver) -> None:
+    market.do(market.market.configure(Settings(tie_break="name", bid_deadline_s=3.0), market.now))
+    market.scene()
+    market.wait(2.9)
+    assert market.status.state is State.BIDDING
+    market.wait(0.2)
+
+    assert market.auction.decision.terms.tie_break == "name"
+
+
+@pytest.mark.parametrize(
+    ("changes", "code"),
+    [
+        ({"strategy": "magic"}, "UNKNOWN_STRATEGY"),
+        ({"shadow_strategy": "magic"}, "UNKNOWN_STRATEGY"),
+        ({"shadow_strategy": "external"}, "NO_SHADOW"),
+        ({"options": {"softmax.heat": 1.0}}, "UNKNOWN_OPTION"),
+        ({"options": {"softmax.temperature": 0.0}}, "OUT_OF_RANGE"),
+        ({"options": {"softmax.temperature": float("nan")}}, "OUT_OF_RANGE"),
+        ({"starvation_rounds": -1}, "OUT_OF_RANGE"),
+        ({"on_new_scene": ""}, "UNKNOWN_CHOICE"),
+        ({"tie_break": "random"}, "UNKNOWN_CHOICE"),
+        ({"bid_deadline_s": float("nan")}, "OUT_OF_RANGE"),
+        ({"host_lease_s": 0.0}, "OUT_OF_RANGE"),
+        ({"queue_limit": 101}, "OUT_OF_RANGE"),
+        ({"on_new_scene": "refuse"}, "UNKNOWN_CHOICE"),
+        ({"preempt_margin": -0.1}, "OUT_OF_RANGE"),
+        ({"preempt_margin": float("nan")}, "OUT_OF_RANGE"),
+        ({"preempt_cooldown_s": 601.0}, "OUT_OF_RANGE"),
+    ],
+)
+def test_settings_that_make_no_sense_are_refused(changes: dict[str, Any], code: str) -> None:
+    with pytest.raises(Refused) as caught:
+        Settings(**changes)
+    assert caught.value.code == code
+
+
+def test_a_stranger_changes_nothing(market: Driver) -> None:
+    request = registration("/strangers", parameters=("age",))
+    answer, effects = market.market.register(request, market.now)
+
+    assert not answer.accepted
+    assert effects == []
+
+
+def test_the_document_of_the_market_names_every_setting_with_its_default_and_range() -> None:
+    text = (ROOT / "docs" / "market.md").read_text()
+    rows = [line.split("|")[1:-1] for line in text.partition("## Settings")[2].splitlines()]
+    told = {
+        name.strip(" `"): (value.strip(" `"), span.strip())
+        for name, value, span, _ in (row for row in rows if row)
+    }
+    settings = dataclasses.asdict(Settings())
+    assert settings.pop("options") == {}, "each strategy tells of its own"
+    for name, default in settings.items():
+        value, span = told[name.removesuffix("_s")]
+        if name in SECONDS:
+            least, most = SECONDS[name]
+            assert (value, span) == (f"{default:g} s", f"{least:g} to {most:g} s"), name
+        else:
+            assert value == str(default), name

@@ -1,0 +1,202 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Each way in which a scene ends, with its code; and hosts that die around an award."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import pytest
+
+from bt_agents_core.errors import Refused
+from market_harness import EXPRESS, GUIDE, PLAIN, Driver
+from marketplace_node.effects import AnnounceRun as Announced
+from marketplace_node.effects import CancelGoal, RunEventKind, SceneEnded, State
+
+
+def nobody(market: Driver) -> None:
+    market.bid(vectors={}, declined=dict.fromkeys((GUIDE, EXPRESS), "is tired"))
+
+
+def refused(market: Driver) -> None:
+    market.bid()
+    market.refuse()
+    market.refuse()
+
+
+def run_to(outcome: int) -> Callable[[Driver], None]:
+    def play(market: Driver) -> None:
+        market.bid()
+        market.accept()
+        market.end(outcome=outcome)
+        market.collect()
+
+    return play
+
+
+def lost(market: Driver) -> None:
+    market.bid()
+    market.accept()
+    market.die()
+    market.wait(1.0)
+
+
+def stopped_while_bidding(market: Driver) -> None:
+    market.cancel()
+
+
+def stopped_while_awarding(market: Driver) -> None:
+    market.bid()
+    market.cancel()
+    market.accept()
+    market.end(outcome=3)
+
+
+def stopped_while_running(market: Driver) -> None:
+    market.bid()
+    market.accept()
+    market.cancel()
+    market.end(outcome=3)
+    market.collect()
+
+
+def stopped_without_a_follower(market: Driver) -> None:
+    market.bid()
+    market.accept()
+    market.cancel(again=True)
+    market.end(outcome=3)
+    market.collect()
+    market.bid(vectors={}, declined={EXPRESS: "is tired"})
+
+
+def shut_while_bidding(market: Driver) -> None:
+    market.do(market.market.shut("shutting down", market.now))
+
+
+@pytest.mark.parametrize(
+    ("play", "code", "round_number", "agent"),
+    [
+        (nobody, "NO_BIDS", 1, ""),
+        (refused, "NOT_TAKEN", 1, ""),
+        (run_to(1), "SUCCEEDED", 1, GUIDE),
+        (run_to(2), "FAILED", 1, GUIDE),
+        (run_to(3), "CANCELLED", 1, GUIDE),
+        (lost, "LOST", 2, GUIDE),
+        (stopped_while_bidding, "STOPPED", 1, ""),
+        (stopped_while_awarding, "STOPPED", 1, ""),
+        (stopped_while_running, "CANCELLED", 1, GUIDE),
+        (stopped_without_a_follower, "CANCELLED", 2, GUIDE),
+        (shut_while_bidding, "SHUTTING_DOWN", 1, ""),
+    ],
+)
+def test_every_scene_has_one_end(
+    play: Callable[[Driver], None], code: str, round_number: int, agent: str
+) -> None:
+    market = Driver()
+    market.register()
+    market.scene()
+    play(market)
+
+    (end,) = market.all(SceneEnded)
+    assert (end.scene_id, end.code, end.round, end.agent) == ("s1", code, round_number, agent)
+    assert end.message
+    assert market.status.state is State.IDLE
+
+
+def test_a_scene_that_cannot_be_read_ends_with_the_code_of_its_refusal() -> None:
+    market = Driver()
+    market.do(market.market.malformed("bad", Refused("NOT_FINITE", "age is nan"), market.now))
+
+    assert market.all(SceneEnded) == [
+        SceneEnded(scene_id="bad", code="NOT_FINITE", message="age is nan")
+    ]
+
+
+@pytest.fixture
+def two() -> Driver:
+    """A market that has awarded a scene to the first of two hosts."""
+    market = Driver()
+    market.register()
+    market.register("/others", PLAIN)
+    market.scene()
+    market.bid()
+    market.bid("/others", {PLAIN: (1.0, 5.0, 5.0)})
+    assert market.goal.agent == GUIDE
+    return market
+
+
+def test_a_host_that_died_before_the_goal_came_loses_it_to_the_next_best_within_a_second(
+    two: Driver,
+) -> None:
+    two.wait(0.125)
+    two.die()
+    died = two.now
+    while two.goal.agent != PLAIN:
+        two.wait(1 / 16)
+    assert two.now - died < 1.0
+    two.accept()
+
+    starts = [run.goal.agent for run in two.all(Announced) if run.event is RunEventKind.STARTED]
+    assert starts == [PLAIN]
+
+
+@pytest.mark.parametrize("when", ["before", "during", "after"])
+def test_a_host_that_wakes_up_too_late_never_runs_what_another_was_given(
+    two: Driver, when: str
+) -> None:
+    first = two.goal
+    two.die()
+    two.wait(0.9)
+    second = two.goal
+    assert second.agent == PLAIN
+    assert two.all(CancelGoal) == [CancelGoal(goal=first)], "it finds the cancel beside the goal"
+    if when != "before":
+        two.accept(second)
+    if when == "after":
+        two.end(goal=second)
+        two.collect()
+    two.busy["/agents"] = 0
+    two.beat("/agents")
+    two.accept(first)
+
+    assert two.effects[-1] == CancelGoal(goal=first)
+    starts = [run.goal for run in two.all(Announced) if run.event is RunEventKind.STARTED]
+    assert starts == ([] if when == "before" else [second])
+    two.scene("s2")
+    two.end(outcome=3, goal=first)
+    if when == "before":
+        assert two.goal == second, "the end of the old goal takes nothing from the new one"
+
+
+def test_a_host_that_was_started_anew_is_not_given_the_goal_of_its_earlier_start(
+    two: Driver,
+) -> None:
+    two.die()
+    two.wait(0.9)
+    two.register(instance="second")
+    two.accept()
+
+    assert two.status.agent == PLAIN
+    assert [run.goal.agent for run in two.all(Announced)][-1] == PLAIN
+
+
+def test_a_host_that_dies_during_the_run_is_noticed_within_a_second(two: Driver) -> None:
+    two.accept()
+    two.wait(0.125)
+    two.die()
+    died = two.now
+    while two.events[-1] != "1 attentive_guide ENDED LOST":
+        two.wait(1 / 16)
+
+    assert two.now - died < 1.0
+
+
+def test_a_lost_run_is_told_when_the_excuse_of_a_held_up_market_has_run_out(two: Driver) -> None:
+    two.accept()
+    two.die()
+    two.now += 5.0
+    two.do(two.market.excuse(two.now - 5.0, two.now))
+    two.do(two.market.tick(two.now))
+    assert two.status.state is State.RUNNING, "nobody has listened to its heartbeats"
+    two.now += 0.5
+    two.do(two.market.tick(two.now))
+    assert two.events[-1] == "1 attentive_guide ENDED LOST"

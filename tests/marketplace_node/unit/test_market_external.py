@@ -1,0 +1,252 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The wait for a ranking from outside: answers, silence, and whatever else happens meanwhile."""
+
+from __future__ import annotations
+
+import pytest
+
+from bt_agents_core.errors import Refused
+from market_harness import EXPRESS, GUIDE, PLAIN, Driver
+from marketplace_node.effects import Note, OpenCall, PublishAuction, SendGoal, State
+from marketplace_node.external_ranking.external_ranking_check import check_ranking, shown
+from marketplace_node.round.decision import AuctionOutcome, ClosedBy
+from marketplace_node.settings import Settings
+
+
+@pytest.fixture
+def market() -> Driver:
+    driver = Driver(strategy="external")
+    driver.register()
+    return driver
+
+
+def asked(market: Driver) -> None:
+    market.scene()
+    market.bid()
+    assert [question.round for question in market.questions] == [1]
+    assert market.all(PublishAuction) == []
+
+
+def test_the_question_tells_scene_bids_and_distances(market: Driver) -> None:
+    asked(market)
+    [question] = market.questions
+
+    assert dict(zip(question.agents, question.distances, strict=True)) == {
+        GUIDE: 1.5,
+        EXPRESS: 6.5,
+    }
+    assert set(question.vectors) == {(4.0, 1.5, 3.0), (3.0, 5.0, 3.5)}
+    assert question.scene.scene_id == "s1"
+    assert question.limit_s == 0.5
+    assert market.status.state is State.BIDDING
+    assert market.status.message == "asking outside for a ranking"
+
+
+def test_the_answer_decides(market: Driver) -> None:
+    asked(market)
+    market.ranked(EXPRESS, GUIDE)
+
+    assert market.goal.agent == EXPRESS
+    assert [bid.agent for bid in market.auction.decision.ranking] == [EXPRESS, GUIDE]
+    assert market.auction.decision.closed_by is ClosedBy.ALL_ANSWERED
+
+
+def test_who_is_not_named_comes_after_by_distance(market: Driver) -> None:
+    market.register("/others", PLAIN)
+    market.scene()
+    market.bid()
+    market.bid("/others", {PLAIN: (5.0, 1.0, 3.0)})
+    market.ranked(EXPRESS)
+
+    assert [bid.agent for bid in market.auction.decision.ranking] == [EXPRESS, PLAIN, GUIDE]
+
+
+@pytest.mark.parametrize("failure", ["nobody serves /select", "it ranks 'bob', which has not bid"])
+def test_without_a_ranking_the_nearest_wins_and_the_reason_says_why(
+    market: Driver, failure: str
+) -> None:
+    asked(market)
+    market.ranked(failure=failure)
+
+    assert market.goal.agent == GUIDE
+    assert failure in market.auction.reason
+
+
+def test_silence_ends_at_the_limit(market: Driver) -> None:
+    asked(market)
+    market.wait(0.4)
+    assert market.all(PublishAuction) == []
+
+    market.wait(0.2)
+    assert market.goal.agent == GUIDE
+    assert "did not answer within 0.5 s" in market.auction.reason
+
+
+def test_an_answer_after_the_limit_changes_nothing(market: Driver) -> None:
+    asked(market)
+    market.wait(1.0)
+    market.ranked(EXPRESS)
+
+    assert market.goal.agent == GUIDE
+    assert len(market.all(PublishAuction)) == 1
+    assert "LATE" in market.all(Note)[-1].message
+
+
+def test_the_first_of_two_answers_counts(market: Driver) -> None:
+    asked(market)
+    market.ranked(EXPRESS)
+    market.ranked(GUIDE)
+
+    assert market.goal.agent == EXPRESS
+    assert len(market.all(SendGoal)) == 1
+
+
+@pytest.mark.parametrize("bids", [{}, {GUIDE: (1.0, 1.0, 1.0)}])
+def test_nobody_is_asked_where_there_is_nothing_to_rank(
+    market: Driver, bids: dict[str, tuple[float, ...]]
+) -> None:
+    declined = {name: "tired" for name in (GUIDE, EXPRESS) if name not in bids}
+    market.scene()
+    market.bid(vectors=bids, declined=declined)
+
+    assert market.questions == []
+    assert len(market.all(PublishAuction)) == 1
+
+
+def test_bids_that_come_during_the_wait_are_late(market: Driver) -> None:
+    market.register("/others", PLAIN)
+    market.scene()
+    market.bid()
+    market.wait(0.6)
+    market.bid("/others", {PLAIN: (5.0, 1.0, 3.0)})
+    market.ranked(EXPRESS)
+
+    assert market.market.late_bids == 1
+    assert {bid.agent for bid in market.auction.decision.ranking} == {GUIDE, EXPRESS}
+    assert market.auction.decision.silent_hosts == ("/others",)
+
+
+def test_a_stop_during_the_wait_ends_the_scene(market: Driver) -> None:
+    asked(market)
+    assert market.cancel()[0]
+    market.ranked(EXPRESS)
+
+    assert market.ends == [("s1", "STOPPED")]
+    assert market.auction.decision.closed_by is ClosedBy.STOPPED
+    assert market.all(SendGoal) == []
+
+
+def test_a_shutdown_during_the_wait_ends_the_scene(market: Driver) -> None:
+    asked(market)
+    market.do(market.market.shut("the end", market.now))
+
+    assert market.ends == [("s1", "SHUTTING_DOWN")]
+    assert market.status.state is State.IDLE
+
+
+def test_a_host_that_dies_during_the_wait_is_passed_over(market: Driver) -> None:
+    market.register("/others", PLAIN)
+    market.do(
+        market.market.configure(
+            Settings(strategy="external", options={"external.limit": 5.0}), market.now
+        )
+    )
+    market.scene()
+    market.bid()
+    market.bid("/others", {PLAIN: (1.0, 5.0, 5.0)})
+    market.die()
+    market.wait(1.5)
+    market.ranked(EXPRESS, GUIDE, PLAIN)
+
+    assert market.goal.agent == PLAIN
+    assert market.events == ["1 professional_express REFUSED", "1 attentive_guide REFUSED"]
+
+
+def test_a_scene_that_comes_during_the_wait_waits_in_line(market: Driver) -> None:
+    asked(market)
+    market.scene("s2")
+    assert market.status.queued == 1
+
+    market.ranked(EXPRESS)
+    market.accept()
+    market.end()
+    market.collect()
+    assert [question.round for question in market.questions] == [1]
+    assert market.calls[-1].scene.scene_id == "s2"
+
+
+def test_a_switch_during_the_wait_acts_from_the_next_round_on(market: Driver) -> None:
+    asked(market)
+    market.do(market.market.configure(Settings(strategy="manhattan"), market.now))
+    market.ranked(EXPRESS)
+    assert market.goal.agent == EXPRESS
+
+    market.accept()
+    market.end()
+    market.collect()
+    market.scene("s2")
+    market.bid()
+    assert market.goal.agent == GUIDE
+    assert len(market.questions) == 1
+
+
+def test_a_market_that_is_held_up_waits_as_much_longer(market: Driver) -> None:
+    asked(market)
+    since, market.now = market.now, market.now + 30.0
+    market.do(market.market.excuse(since, market.now))
+    market.beat()
+    market.ranked(EXPRESS)
+
+    assert market.goal.agent == EXPRESS
+
+
+def test_a_challenge_asks_outside_too() -> None:
+    market = Driver(strategy="external", on_new_scene="preempt")
+    market.register()
+    asked(market)
+    market.ranked(GUIDE, EXPRESS)
+    market.accept()
+    market.scene("s2", 3.0, 5.0, 3.5)
+    market.bid(round=2)
+    assert len(market.questions) == 2
+    market.ranked(EXPRESS, GUIDE)
+
+    assert market.auction.decision.outcome is AuctionOutcome.PREEMPTS
+
+
+def test_a_run_that_ends_during_the_wait_of_a_challenge_closes_it() -> None:
+    market = Driver(strategy="external", on_new_scene="preempt")
+    market.register()
+    asked(market)
+    market.ranked(GUIDE)
+    market.accept()
+    market.scene("s2")
+    market.bid(round=2)
+    market.end()
+
+    assert market.auction.decision.outcome is AuctionOutcome.WAITS
+    assert market.auction.decision.closed_by is ClosedBy.STOPPED
+    market.collect()
+    assert market.all(OpenCall)[-1].scene.scene_id == "s2"
+
+
+@pytest.mark.parametrize(
+    ("ranking", "code"),
+    [
+        ([], "EMPTY"),
+        (["bob"], "UNKNOWN_AGENT"),
+        ([GUIDE, ""], "UNKNOWN_AGENT"),
+        ([GUIDE, EXPRESS, GUIDE], "DUPLICATE"),
+        (["x" * 100_000], "UNKNOWN_AGENT"),
+    ],
+)
+def test_a_malformed_ranking_is_refused(ranking: list[str], code: str) -> None:
+    with pytest.raises(Refused) as caught:
+        check_ranking(ranking, [GUIDE, EXPRESS])
+    assert caught.value.code == code
+    assert len(caught.value.reason) < 500
+
+
+def test_words_from_outside_become_one_short_line() -> None:
+    assert shown("a\n\x1b[31mb\u202e  c") == "a [31mb c"
+    assert len(shown("x" * 10_000)) == 300

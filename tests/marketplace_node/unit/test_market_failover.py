@@ -1,0 +1,168 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Runs of an earlier market: recorded once, and asked for again once when they were cut off."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from market_harness import GUIDE, Driver, scene
+from marketplace_node.effects import (
+    AnnounceEarlierRun,
+    EarlierRun,
+    Note,
+    RunGoal,
+    RunOutcome,
+    SceneEnded,
+    State,
+)
+
+
+def run(**changes: Any) -> EarlierRun:
+    """Return a run that was cut off a second ago, but for ``changes``."""
+    goal = {"round": 7, "agent": GUIDE, "agent_id": 3, "host": "/agents", "instance": "first"}
+    goal |= {name: changes.pop(name) for name in tuple(changes) if name in goal}
+    values: dict[str, Any] = {
+        "epoch": "earlier",
+        "goal": RunGoal(**goal),
+        "outcome": RunOutcome.CANCELLED,
+        "scene": scene("old"),
+        "message": "its market is gone",
+        "cut_off": True,
+        "age_s": 1.0,
+    }
+    return EarlierRun(**(values | changes))
+
+
+@pytest.fixture
+def market() -> Driver:
+    driver = Driver()
+    driver.register()
+    return driver
+
+
+def tell(market: Driver, *runs: EarlierRun, host: str = "/agents") -> None:
+    market.do(market.market.unreported(host, runs, market.now))
+
+
+@pytest.mark.parametrize("outcome", [RunOutcome.CANCELLED, RunOutcome.LOST])
+def test_a_run_that_was_cut_off_is_recorded_and_its_scene_asked_for_again(
+    market: Driver, outcome: RunOutcome
+) -> None:
+    cut_off = run(outcome=outcome)
+    tell(market, cut_off)
+
+    assert market.all(AnnounceEarlierRun) == [AnnounceEarlierRun(run=cut_off)]
+    assert market.ends == [("old", "LOST")]
+    assert market.end_words == ("the marketplace was restarted; asked again as scene 'old+again'")
+    assert market.calls == [], "other hosts may still be on their way"
+    market.wait(1.6)
+    assert (market.status.scene_id, market.status.state) == ("old+again", State.BIDDING)
+    assert market.calls[-1].scene.vector == cut_off.scene.vector
+    assert market.calls[-1].round == 1
+
+
+@pytest.mark.parametrize(
+    ("outcome", "code"),
+    [
+        (RunOutcome.SUCCEEDED, "SUCCEEDED"),
+        (RunOutcome.FAILED, "FAILED"),
+        (RunOutcome.CANCELLED, "CANCELLED"),
+    ],
+)
+def test_a_run_that_ended_by_itself_ends_its_scene(
+    market: Driver, outcome: RunOutcome, code: str
+) -> None:
+    tell(market, run(outcome=outcome, message="done", cut_off=False))
+
+    (end,) = market.all(SceneEnded)
+    assert (end.scene_id, end.code, end.agent, end.round) == ("old", code, GUIDE, 0)
+    assert end.message == f"attentive_guide {code.lower()}: done"
+    market.wait(1.6)
+    assert market.calls == []
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"age_s": 12.0}, "it was cut off 12 s ago, more than 10 s"),
+        ({"age_s": -3600.0}, "it was cut off -3600 s ago"),
+        ({"age_s": float("nan")}, "it was cut off nan s ago"),
+        ({"scene": scene("old+again")}, "it was asked again once already"),
+    ],
+)
+def test_what_is_not_asked_for_again_says_why(
+    market: Driver, changes: dict[str, Any], words: str
+) -> None:
+    tell(market, run(**changes))
+
+    (end,) = market.all(SceneEnded)
+    assert end.code == "LOST"
+    assert words in end.message
+    market.wait(1.6)
+    assert market.calls == []
+
+
+def test_a_market_that_shuts_down_asks_for_nothing_again(market: Driver) -> None:
+    market.do(market.market.shut("the marketplace is shutting down", market.now))
+    tell(market, run())
+
+    assert market.ends == [("old", "LOST")]
+    assert market.end_words.endswith("not asked again, as the marketplace is shutting down")
+
+
+def test_what_was_to_be_asked_for_again_ends_when_the_market_shuts_down(market: Driver) -> None:
+    tell(market, run())
+    market.do(market.market.shut("shutting down", market.now))
+    market.wait(1.6)
+
+    assert market.ends == [("old", "LOST"), ("old+again", "SHUTTING_DOWN")]
+
+
+def test_nothing_is_asked_for_twice(market: Driver) -> None:
+    tell(market, run(), run(message="once more"))
+    tell(market, run())
+    tell(market, run(round=5, scene=scene("old")))
+    market.wait(1.4)
+    tell(market, run())
+    market.wait(0.2)
+
+    assert len(market.calls) == 1
+    assert market.ends == [("old", "LOST")]
+    assert [effect.run.goal.round for effect in market.all(AnnounceEarlierRun)] == [7, 5]
+    assert len([n for n in market.all(Note) if "once more; it is left out" in n.message]) == 3
+
+
+def test_the_last_run_for_a_scene_says_how_it_ended(market: Driver) -> None:
+    follow_up = run(round=9, scene=scene("old+1"), outcome=RunOutcome.SUCCEEDED, cut_off=False)
+    tell(market, run(round=8), follow_up)
+
+    assert market.ends == [("old", "SUCCEEDED")]
+    assert market.calls == []
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"epoch": "epoch"}, "this market knows its own runs"),
+        ({"host": "/others"}, "it was a run of '/others'"),
+    ],
+)
+def test_runs_that_a_host_cannot_know_of_are_left_out(
+    market: Driver, changes: dict[str, Any], words: str
+) -> None:
+    tell(market, run(**changes))
+
+    assert words in market.all(Note)[-1].message
+    assert market.all(AnnounceEarlierRun) == []
+    assert market.ends == []
+
+
+def test_what_is_asked_for_again_waits_like_any_other_scene(market: Driver) -> None:
+    market.run()
+    tell(market, run())
+    market.wait(1.6)
+
+    assert market.ends == [("old", "LOST")]
+    assert (market.status.scene_id, market.status.queued) == ("s1", 1)

@@ -1,0 +1,329 @@
+# SPDX-License-Identifier: Apache-2.0
+"""People have a say: pinned, vetoed and directly awarded agents."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+
+from bt_agents_core.errors import Refused
+from market_harness import EXPRESS, GUIDE, PLAIN, Driver, scene
+from marketplace_node.effects import CancelGoal, SendGoal, State, StoreOverrides
+from marketplace_node.operators.operator_overrides import OperatorAction
+from marketplace_node.round.decision import AuctionOutcome
+
+
+@pytest.fixture
+def market() -> Driver:
+    driver = Driver()
+    driver.register()
+    return driver
+
+
+def refusals(market: Driver) -> dict[str, tuple[str, str]]:
+    return {bid.agent: (bid.code, bid.reason) for bid in market.auction.decision.refused}
+
+
+def test_only_a_pinned_agent_may_bid(market: Driver) -> None:
+    words = market.operate(
+        OperatorAction.PIN, EXPRESS, author="anna", reason="a film crew is here"
+    )
+    market.scene()
+    market.bid(vectors={EXPRESS: (3.0, 5.0, 3.5)})
+
+    assert (
+        words == "only professional_express may bid from the next round on, until it is unpinned"
+    )
+    assert market.calls[0].excluded == (GUIDE,)
+    assert market.goal.agent == EXPRESS
+    said = "anna pins professional_express: a film crew is here"
+    assert refusals(market) == {GUIDE: ("NOT_PINNED", said)}
+    assert market.auction.decision.terms.intervention == said
+    assert market.status.pinned == EXPRESS
+
+
+def test_whoever_bids_in_spite_of_a_pin_is_refused(market: Driver) -> None:
+    market.operate(OperatorAction.PIN, EXPRESS)
+    market.scene()
+    market.bid()
+
+    assert [bid.agent for bid in market.auction.decision.ranking] == [EXPRESS]
+    assert {code for code, _ in refusals(market).values()} == {"NOT_PINNED"}
+
+
+def test_all_may_bid_once_nobody_is_pinned(market: Driver) -> None:
+    market.operate(OperatorAction.PIN, EXPRESS)
+    market.operate(OperatorAction.UNPIN)
+    market.run()
+
+    assert market.goal.agent == GUIDE
+    assert market.auction.decision.terms.intervention == ""
+
+
+def test_a_pin_lets_the_running_agent_go_on(market: Driver) -> None:
+    market.run()
+    words = market.operate(OperatorAction.PIN, EXPRESS)
+
+    assert words.endswith("; attentive_guide goes on until its run ends")
+    assert market.status.state is State.RUNNING
+
+
+def test_a_vetoed_agent_may_not_bid_until_it_is_allowed(market: Driver) -> None:
+    market.operate(OperatorAction.VETO, GUIDE, author="anna", reason="too loud")
+    market.scene()
+    market.bid(vectors={EXPRESS: (3.0, 5.0, 3.5)})
+    assert market.goal.agent == EXPRESS
+    assert refusals(market) == {GUIDE: ("VETOED", "anna vetoes attentive_guide: too loud")}
+    assert market.status.vetoed == (GUIDE,)
+
+    market.accept()
+    market.end()
+    market.collect()
+    assert market.operate(OperatorAction.ALLOW, GUIDE) == (
+        "attentive_guide may bid again from the next round on"
+    )
+    assert market.status.vetoed == ()
+    market.run("s2")
+    assert market.goal.agent == GUIDE
+
+
+def test_a_veto_stops_the_running_agent_and_the_others_are_asked(market: Driver) -> None:
+    market.run()
+    words = market.operate(OperatorAction.VETO, GUIDE, author="anna")
+    assert words == (
+        "attentive_guide may not bid; attentive_guide is told to stop, and the others are asked"
+    )
+    market.end(3)
+    market.collect()
+    market.bid(vectors={EXPRESS: (3.0, 5.0, 3.5)})
+    market.accept()
+
+    assert market.events[-1] == "2 professional_express STARTED"
+    assert market.auction.decision.terms.follows == 1
+    assert market.auction.decision.terms.scene.scene_id == "s1+1"
+
+
+def test_a_veto_of_an_agent_that_has_not_begun_gives_the_run_to_another(market: Driver) -> None:
+    market.scene()
+    market.bid()
+    goal = market.goal
+    market.operate(OperatorAction.VETO, GUIDE)
+    assert market.all(CancelGoal) == [CancelGoal(goal=goal)]
+    market.refuse(goal)
+    market.bid(vectors={EXPRESS: (3.0, 5.0, 3.5)})
+
+    assert market.goal.agent == EXPRESS
+    assert market.ends == []
+
+
+def test_a_veto_while_bids_come_in_counts_at_the_award(market: Driver) -> None:
+    market.scene()
+    market.operate(OperatorAction.VETO, GUIDE, author="anna")
+    market.bid()
+
+    assert market.events == ["1 attentive_guide REFUSED"]
+    assert market.goal.agent == EXPRESS
+
+
+def test_when_all_are_vetoed_nobody_gets_the_run(market: Driver) -> None:
+    market.operate(OperatorAction.VETO, GUIDE)
+    market.operate(OperatorAction.VETO, EXPRESS)
+    market.scene()
+
+    assert market.ends == [("s1", "NO_BIDS")]
+    assert market.calls == []
+    assert {code for code, _ in refusals(market).values()} == {"VETOED"}
+
+
+def test_an_award_beats_every_nearer_agent(market: Driver) -> None:
+    market.run()
+    market.end()
+    market.collect()
+    words = market.operate(OperatorAction.AWARD, EXPRESS, author="anna", reason="she asked for it")
+    market.bid(vectors={EXPRESS: (3.0, 5.0, 3.5)})
+
+    assert words == "professional_express gets the run for scene 's1' if it bids"
+    assert market.goal.agent == EXPRESS
+    said = "anna gives the run to professional_express: she asked for it"
+    assert refusals(market) == {GUIDE: ("NOT_AWARDED", said)}
+    assert market.auction.decision.terms.scene.vector == scene().vector
+
+
+def test_an_award_for_a_scene_of_its_own(market: Driver) -> None:
+    market.operate(OperatorAction.AWARD, EXPRESS, scene=scene("theirs", 5.0, 1.0, 3.0))
+    market.bid(vectors={EXPRESS: (3.0, 5.0, 3.5)})
+
+    assert market.auction.decision.terms.scene.scene_id == "theirs"
+    assert market.goal.agent == EXPRESS
+
+
+def test_an_award_to_an_agent_that_declines_goes_to_nobody(market: Driver) -> None:
+    market.operate(OperatorAction.AWARD, EXPRESS, scene=scene("s1"))
+    market.bid(vectors={}, declined={EXPRESS: "needs scene.person"})
+
+    assert market.auction.decision.outcome is AuctionOutcome.NO_BIDS
+    assert market.ends == [("s1", "NO_BIDS")]
+
+
+def test_after_the_awarded_run_is_lost_anybody_may_take_over(market: Driver) -> None:
+    market.register("/others", PLAIN)
+    market.operate(OperatorAction.AWARD, EXPRESS, scene=scene("s1"))
+    market.bid(vectors={EXPRESS: (3.0, 5.0, 3.5)})
+    market.accept()
+    market.die()
+    market.wait(1.0)
+    market.bid("/others", {PLAIN: (1.0, 1.0, 1.0)})
+
+    assert market.goal.agent == PLAIN
+
+
+def test_an_award_waits_in_line_like_a_scene(market: Driver) -> None:
+    market.run()
+    words = market.operate(OperatorAction.AWARD, EXPRESS)
+    assert words.endswith("; scene 's1' is under way")
+    assert market.status.queued == 1
+    market.end()
+    market.collect()
+    market.bid(vectors={EXPRESS: (3.0, 5.0, 3.5)})
+
+    assert market.goal.agent == EXPRESS
+
+
+def test_an_award_stops_the_run_where_scenes_preempt() -> None:
+    market = Driver(on_new_scene="preempt")
+    market.run()
+    market.operate(OperatorAction.AWARD, EXPRESS)
+    market.bid(vectors={EXPRESS: (3.0, 5.0, 3.5)}, round=2)
+
+    assert market.auction.decision.outcome is AuctionOutcome.PREEMPTS
+    market.end(3)
+    market.bid(vectors={EXPRESS: (3.0, 5.0, 3.5)})
+    assert market.goal.agent == EXPRESS
+
+
+def test_a_duplicate_of_an_awarded_scene_takes_nothing_from_it(market: Driver) -> None:
+    market.run()
+    market.operate(OperatorAction.AWARD, EXPRESS, scene=scene("theirs"))
+    market.scene("theirs")
+    assert market.operate(OperatorAction.AWARD, GUIDE, scene=scene("theirs")) == "DUPLICATE"
+    market.end()
+    market.collect()
+    market.bid(vectors={EXPRESS: (3.0, 5.0, 3.5)})
+
+    assert market.goal.agent == EXPRESS
+
+
+@pytest.mark.parametrize(
+    ("before", "act", "agent", "code"),
+    [
+        ([], OperatorAction.PIN, "guide", "UNKNOWN_AGENT"),
+        ([], OperatorAction.VETO, "", "UNKNOWN_AGENT"),
+        ([], OperatorAction.AWARD, "guide", "UNKNOWN_AGENT"),
+        ([], OperatorAction.UNPIN, "", "NOT_PINNED"),
+        ([], OperatorAction.ALLOW, GUIDE, "NOT_VETOED"),
+        ([], OperatorAction.AWARD, GUIDE, "NO_SCENE"),
+        ([(OperatorAction.VETO, GUIDE)], OperatorAction.PIN, GUIDE, "VETOED"),
+        ([(OperatorAction.VETO, GUIDE)], OperatorAction.AWARD, GUIDE, "VETOED"),
+        ([(OperatorAction.PIN, EXPRESS)], OperatorAction.AWARD, GUIDE, "NOT_PINNED"),
+    ],
+)
+def test_what_cannot_be_done_is_refused_and_changes_nothing(
+    market: Driver,
+    before: list[tuple[OperatorAction, str]],
+    act: OperatorAction,
+    agent: str,
+    code: str,
+) -> None:
+    for first, whom in before:
+        market.operate(first, whom)
+    status = market.status
+    assert market.operate(act, agent) == code
+    assert market.status == status
+    assert market.all(SendGoal) == []
+
+
+def test_an_award_that_finds_no_room_is_refused() -> None:
+    market = Driver(on_new_scene="reject")
+    market.run()
+    assert market.operate(OperatorAction.AWARD, EXPRESS) == "BUSY"
+    assert market.ends == []
+
+
+def test_a_veto_of_the_pinned_agent_is_taken_and_says_what_follows(market: Driver) -> None:
+    market.operate(OperatorAction.PIN, GUIDE)
+    assert "nobody may bid" in market.operate(OperatorAction.VETO, GUIDE)
+
+
+def test_a_market_that_is_started_again_has_the_pins_and_vetoes_of_the_last(
+    market: Driver,
+) -> None:
+    market.operate(OperatorAction.PIN, EXPRESS, author="anna")
+    market.operate(OperatorAction.VETO, GUIDE, reason="too loud")
+    again = Driver()
+    words, effects = again.market.restore_orders(market.all(StoreOverrides)[-1].text, again.now)
+    again.do(effects)
+
+    assert words == "anna pins professional_express; the operator vetoes attentive_guide: too loud"
+    assert (again.status.pinned, again.status.vetoed) == (EXPRESS, (GUIDE,))
+
+
+def test_a_market_that_is_started_again_goes_on_counting_runs() -> None:
+    market = Driver(starvation_rounds=1, strategy="ucb")
+    market.run()
+    again = Driver(starvation_rounds=1, strategy="ucb")
+    again.register()
+    _, effects = again.market.restore_orders(market.all(StoreOverrides)[-1].text, again.now)
+    again.do(effects)
+    assert again.status.starved == (EXPRESS,)
+    again.scene()
+    again.bid()
+
+    terms = again.auction.decision.terms
+    assert (terms.runs, terms.last_run) == ({GUIDE: 1}, {GUIDE: 1})
+    assert (terms.rounds_run, terms.earlier_runs) == (1, 1)
+    again.accept()
+    assert json.loads(again.all(StoreOverrides)[-1].text)["runs"] == {GUIDE: 2}
+
+
+def test_the_scene_of_an_award_is_named_as_people_know_it(market: Driver) -> None:
+    market.run()
+    market.end()
+    market.collect()
+    market.operate(OperatorAction.AWARD, EXPRESS)
+
+    assert "'s1'" in market.operate(OperatorAction.AWARD, EXPRESS)
+
+
+def test_who_is_vetoed_in_the_run_is_said_to_be_so_once(market: Driver) -> None:
+    market.run()
+    market.operate(OperatorAction.VETO, GUIDE, reason="too slow")
+    market.end(outcome=3)
+    market.collect()
+    market.bid(vectors={EXPRESS: (3.0, 5.0, 3.5)})
+
+    lines = market.auction.explanation.splitlines()
+    assert sum("attentive_guide may not bid" in line for line in lines) == 1
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "",
+        '{"pinned": null, "vetoed": {}, "runs": {"ann": -1}}',
+        '{"pinned": null, "vetoed": {}, "in_vain": [1]}',
+        "{",
+        "[]",
+        "{}",
+        '{"pinned": 1, "vetoed": {}}',
+        '{"pinned": {"agent": 1, "words": ""}, "vetoed": {}}',
+        '{"pinned": null, "vetoed": {"ann": 2}}',
+        "[" * 100_000,
+    ],
+)
+def test_kept_orders_that_cannot_be_read_change_nothing(market: Driver, text: str) -> None:
+    market.operate(OperatorAction.PIN, EXPRESS)
+    with pytest.raises(Refused) as caught:
+        market.market.restore_orders(text, market.now)
+    assert caught.value.code == "MALFORMED"
+    assert market.status.pinned == EXPRESS

@@ -1,0 +1,148 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Trees that nobody waits for: they are stopped, and no other host begins before they have."""
+
+from __future__ import annotations
+
+import pytest
+
+from market_harness import EXPRESS, GUIDE, Driver
+from marketplace_node.effects import CancelAll, CancelGoal, SendGoal, State
+
+A, B = "/a", "/b"
+
+
+@pytest.fixture
+def two() -> Driver:
+    """Return a market with a guide at one host and an express at the other."""
+    driver = Driver()
+    driver.register(A, GUIDE)
+    driver.register(B, EXPRESS)
+    return driver
+
+
+def bid(market: Driver, host: str) -> None:
+    market.bid(host, {GUIDE: (4.0, 1.5, 3.0)} if host == A else {EXPRESS: (3.0, 5.0, 3.5)})
+
+
+def award_to_b_while_a_runs_for_another_market(market: Driver) -> None:
+    market.beat(A, epoch="old", round_number=7)
+    market.scene("s1")
+    bid(market, B)
+
+
+def test_a_tree_that_another_start_of_its_host_has_refused_is_cancelled(two: Driver) -> None:
+    two.scene("s1")
+    bid(two, A)
+    bid(two, B)
+    first = two.goal
+    two.refuse(first)
+    two.refuse()
+    assert two.ends == [("s1", "NOT_TAKEN")]
+    two.busy[A] = first.round
+    two.wait(0.5)
+
+    assert two.all(CancelAll) == [CancelAll(host=A)]
+    two.wait(1.0)
+    assert two.all(CancelAll) == [CancelAll(host=A)] * 2, "again each second, until it has ended"
+    two.scene("s2")
+    bid(two, B)
+    reason = "it runs a tree of round 1 that nobody waits for"
+    assert two.auction.decision.terms.unasked == {A: reason}
+    assert two.status.message == f"{EXPRESS} gets the run, but {A} has not stopped: {reason}"
+    two.busy[A] = 0
+    two.wait(0.1)
+    assert two.goal.host == B
+
+
+def test_a_heartbeat_from_before_the_end_of_a_run_stops_nothing(two: Driver) -> None:
+    two.scene("s1")
+    bid(two, A)
+    bid(two, B)
+    two.accept()
+    two.end()
+    two.collect()
+    two.beat(A, round_number=1)
+    two.scene("s2")
+    assert two.calls[-1].hosts == 2
+    two.wait(0.1)
+
+    assert two.all(CancelAll) == []
+    assert two.status.state is State.BIDDING
+
+
+def test_no_host_begins_while_another_one_runs_a_tree_for_an_earlier_market(two: Driver) -> None:
+    award_to_b_while_a_runs_for_another_market(two)
+
+    assert two.all(SendGoal) == []
+    assert two.status.state is State.AWARDING
+    assert two.status.message == (
+        f"{EXPRESS} gets the run, but {A} has not stopped: it still runs a tree for another market"
+    )
+    two.beat(A, round_number=0)
+    assert two.goal.host == B
+    assert two.status.message == f"{EXPRESS} gets the run"
+    two.accept()
+    assert two.status.state is State.RUNNING
+
+
+def test_a_tree_that_never_stops_is_waited_for_only_so_long(two: Driver) -> None:
+    two.busy.pop(A)
+    award_to_b_while_a_runs_for_another_market(two)
+    for _ in range(50):
+        two.beat(A, epoch="old", round_number=7)
+        two.wait(0.1)
+    assert two.all(SendGoal) == []
+    for _ in range(5):
+        two.beat(A, epoch="old", round_number=7)
+        two.wait(0.1)
+
+    assert two.goal.host == B
+
+
+def test_a_host_that_falls_silent_is_not_waited_for(two: Driver) -> None:
+    award_to_b_while_a_runs_for_another_market(two)
+    two.die(A)
+    two.wait(0.9)
+
+    assert two.goal.host == B
+
+
+def test_a_run_that_was_given_up_is_waited_for_while_its_host_lives(two: Driver) -> None:
+    two.scene("s1")
+    bid(two, A)
+    bid(two, B)
+    two.accept()
+    two.scene("s2")
+    two.cancel(round_number=1)
+    two.wait(6.6)
+    assert two.events[-1] == "1 attentive_guide ENDED LOST"
+    bid(two, B)
+
+    assert [send.goal.host for send in two.all(SendGoal)] == [A]
+    assert f"{A} has not stopped: its run of round 1 has not ended" in two.status.message
+    two.busy[A] = 0
+    two.wait(0.1)
+    assert two.goal.host == B
+
+
+def test_a_goal_that_is_held_back_can_be_stopped(two: Driver) -> None:
+    award_to_b_while_a_runs_for_another_market(two)
+
+    assert two.cancel("enough") == (True, f"{EXPRESS} does not begin")
+    assert two.ends == [("s1", "STOPPED")]
+    assert two.all(CancelGoal) == []
+    two.beat(A, round_number=0)
+    assert two.all(SendGoal) == []
+
+
+def test_a_host_that_dies_while_its_goal_is_held_back_gets_none(two: Driver) -> None:
+    two.busy.pop(A)
+    award_to_b_while_a_runs_for_another_market(two)
+    two.die(B)
+    for _ in range(10):
+        two.beat(A, epoch="old", round_number=7)
+        two.wait(0.1)
+
+    assert two.all(SendGoal) == []
+    assert two.ends == [("s1", "NOT_TAKEN")]
+    assert two.all(CancelGoal) == []

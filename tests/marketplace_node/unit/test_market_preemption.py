@@ -1,0 +1,493 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A scene that comes during a run, where new scenes preempt: who is stopped for whom, and when."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import pytest
+
+from market_harness import EXPRESS, GUIDE, PLAIN, Driver
+from marketplace_node.effects import CancelGoal, Collect, OpenCall, PublishAuction, State
+from marketplace_node.round.decision import AuctionOutcome, ClosedBy
+from marketplace_node.settings import Settings
+
+# The scene of the tests is [5, 1, 3].
+NEAR, MIDDLE, FAR = (5.0, 1.0, 3.5), (5.0, 1.0, 5.0), (3.0, 1.0, 5.0)  # 0.5, 2.0 and 4.0 away
+
+
+@pytest.fixture
+def market() -> Driver:
+    """A market in which the guide runs."""
+    driver = Driver(on_new_scene="preempt", preempt_cooldown_s=5.0)
+    driver.run()
+    return driver
+
+
+def bid(market: Driver, guide: tuple[float, ...], express: tuple[float, ...]) -> None:
+    """Answer the challenge that is open."""
+    market.bid(vectors={GUIDE: guide, EXPRESS: express}, round=market.calls[-1].round)
+
+
+def outcome(market: Driver) -> AuctionOutcome:
+    return market.auction.decision.outcome
+
+
+def test_the_new_scene_is_asked_about_while_the_run_goes_on(market: Driver) -> None:
+    market.scene("s2")
+
+    assert (market.calls[-1].round, market.calls[-1].scene.scene_id) == (2, "s2")
+    assert market.calls[-1].excluded == ()
+    status = market.status
+    assert (status.state, status.round, status.scene_id) == (State.RUNNING, 1, "s1")
+    assert status.queued == 1
+    assert market.market.due < math.inf
+
+
+def test_a_better_agent_stops_the_run_and_gets_a_fresh_round(market: Driver) -> None:
+    market.scene("s2")
+    bid(market, guide=MIDDLE, express=NEAR)
+
+    assert outcome(market) is AuctionOutcome.PREEMPTS
+    assert market.auction.decision.winner is not None
+    assert market.auction.reason == (
+        "professional_express 0.5 for the new scene, attentive_guide who runs has 2.0: "
+        "better by 1.5, margin 1.0: attentive_guide is stopped"
+    )
+    assert market.status.state is State.CANCELLING
+    market.end(outcome=3)
+    assert market.ends == [("s1", "PREEMPTED")]
+    assert market.end_words.startswith("attentive_guide cancelled: preempted by scene 's2'")
+    assert (market.calls[-1].round, market.calls[-1].scene.scene_id) == (3, "s2")
+    assert (market.status.scene_id, market.status.round) == ("s2", 3)
+    market.bid()
+    assert outcome(market) is AuctionOutcome.AWARDED
+
+
+def test_the_next_scene_does_not_wait_for_the_feedback_on_a_preempted_run(market: Driver) -> None:
+    market.scene("s2")
+    bid(market, guide=MIDDLE, express=NEAR)
+    market.end(outcome=3)
+
+    assert len(market.all(Collect)) == 1
+    assert market.status.state is State.BIDDING
+    effects = market.market.collected(1, "late", market.now)
+    assert effects == [], "a late answer changes nothing"
+
+
+@pytest.mark.parametrize(
+    ("guide", "express", "words"),
+    [
+        (
+            NEAR,
+            MIDDLE,
+            "attentive_guide 0.5 for the new scene, it is the one that runs: "
+            "attentive_guide goes on, the scene waits",
+        ),
+        (
+            (5.0, 1.0, 4.25),
+            NEAR,
+            "professional_express 0.5 for the new scene, attentive_guide who runs has 1.25: "
+            "better by 0.75, margin 1.0: attentive_guide goes on, the scene waits",
+        ),
+    ],
+)
+def test_without_the_margin_the_scene_waits(
+    market: Driver, guide: tuple[float, ...], express: tuple[float, ...], words: str
+) -> None:
+    market.scene("s2")
+    bid(market, guide, express)
+
+    assert outcome(market) is AuctionOutcome.WAITS
+    assert market.auction.reason == words
+    assert (market.status.state, market.status.queued) == (State.RUNNING, 1)
+    assert market.all(CancelGoal) == []
+    market.end()
+    market.collect()
+    assert market.status.scene_id == "s2"
+
+
+@pytest.mark.parametrize(
+    ("margin", "better", "stops"),
+    [(1.0, 1.0, True), (1.0, 0.9375, False), (0.0, 0.5, True), (100.0, 4.0, False)],
+)
+def test_the_margin_is_reached_or_not(margin: float, better: float, stops: bool) -> None:
+    market = Driver(on_new_scene="preempt", preempt_margin=margin)
+    market.run()
+    market.scene("s2")
+    bid(market, guide=(5.0 - better, 1.0, 3.0), express=(5.0, 1.0, 3.0))
+
+    assert (outcome(market) is AuctionOutcome.PREEMPTS) == stops
+
+
+@pytest.mark.parametrize(
+    ("bids", "words"),
+    [
+        ({"declined": {GUIDE: "needs scene.person"}}, "who runs declines (needs scene.person)"),
+        ({}, "who runs is refused (/agents says nothing about it)"),
+    ],
+)
+def test_a_running_agent_without_a_bid_counts_as_infinitely_far(
+    market: Driver, bids: dict[str, Any], words: str
+) -> None:
+    market.scene("s2")
+    market.bid(vectors={EXPRESS: FAR}, round=2, **bids)
+
+    assert outcome(market) is AuctionOutcome.PREEMPTS
+    assert words in market.auction.reason
+
+
+def test_a_running_agent_whose_host_stays_silent_counts_as_infinitely_far() -> None:
+    market = Driver(on_new_scene="preempt")
+    market.register()
+    market.register("/others", PLAIN)
+    market.scene()
+    market.bid()
+    market.bid("/others", {PLAIN: FAR})
+    market.accept()
+    market.scene("s2")
+    market.bid("/others", {PLAIN: FAR}, round=2)
+    assert outcome(market) is AuctionOutcome.AWARDED, "it is still open"
+    market.wait(0.6)
+
+    assert outcome(market) is AuctionOutcome.PREEMPTS
+    assert market.auction.decision.closed_by is ClosedBy.DEADLINE
+    assert market.auction.reason == (
+        "plain 4.0 for the new scene, attentive_guide who runs does not bid: attentive_guide is "
+        "stopped; no answer in time from /agents"
+    )
+
+
+def test_when_nobody_bids_the_run_goes_on(market: Driver) -> None:
+    market.scene("s2")
+    market.bid(vectors={}, declined=dict.fromkeys((GUIDE, EXPRESS), "needs scene.person"), round=2)
+
+    assert outcome(market) is AuctionOutcome.WAITS
+    assert market.auction.decision.winner is None
+    assert market.auction.reason == (
+        "nobody bids: attentive_guide, professional_express need scene.person; "
+        "attentive_guide goes on, the scene waits"
+    )
+
+
+@pytest.mark.parametrize("express", [NEAR, FAR])
+def test_an_urgent_scene_stops_the_run_whoever_wins(
+    market: Driver, express: tuple[float, ...]
+) -> None:
+    market.scene("s2", urgent=True)
+    bid(market, guide=MIDDLE, express=express)
+
+    assert outcome(market) is AuctionOutcome.PREEMPTS
+    assert market.auction.reason.startswith("urgent: ")
+    assert market.auction.reason.endswith("attentive_guide is stopped")
+    market.end(outcome=3)
+    assert market.status.scene_id == "s2"
+
+
+def test_an_urgent_scene_that_nobody_wants_stops_nothing(market: Driver) -> None:
+    market.scene("s2", urgent=True)
+    market.bid(vectors={}, declined=dict.fromkeys((GUIDE, EXPRESS), "needs scene.person"), round=2)
+
+    assert outcome(market) is AuctionOutcome.WAITS
+
+
+def preempted(market: Driver) -> None:
+    """Let s2 preempt the run of s1, and its agent run."""
+    market.scene("s2")
+    bid(market, guide=MIDDLE, express=NEAR)
+    market.end(outcome=3)
+    market.bid()
+    market.accept()
+
+
+def test_after_a_preemption_none_other_for_the_cooldown(market: Driver) -> None:
+    preempted(market)
+    market.scene("s3")
+    bid(market, guide=MIDDLE, express=NEAR)
+
+    assert outcome(market) is AuctionOutcome.WAITS
+    assert market.auction.reason == (
+        "professional_express 0.5 for the new scene, attentive_guide who runs has 2.0: better by "
+        "1.5, margin 1.0: the next stop may come in 5.0 s at the earliest: attentive_guide goes "
+        "on, the scene waits"
+    )
+    market.wait(5.1)
+    market.scene("s4")
+    bid(market, guide=MIDDLE, express=NEAR)
+    assert outcome(market) is AuctionOutcome.PREEMPTS
+    market.end(outcome=3)
+    assert market.status.scene_id == "s4", "ahead of the line"
+
+
+def test_an_urgent_scene_does_not_wait_for_the_cooldown(market: Driver) -> None:
+    preempted(market)
+    market.scene("s3", urgent=True)
+    bid(market, guide=NEAR, express=FAR)
+
+    assert outcome(market) is AuctionOutcome.PREEMPTS
+
+
+def test_a_run_that_succeeds_before_the_stop_takes_hold_is_not_preempted(market: Driver) -> None:
+    market.scene("s2")
+    bid(market, guide=MIDDLE, express=NEAR)
+    market.end(outcome=1)
+
+    assert market.ends == [("s1", "SUCCEEDED")]
+    assert market.status.scene_id == "s2"
+
+
+@pytest.mark.parametrize("phase", ["bidding", "awarding"])
+def test_a_scene_that_comes_before_the_run_is_asked_about_once_it_runs(phase: str) -> None:
+    market = Driver(on_new_scene="preempt")
+    market.register()
+    market.scene("s1")
+    if phase == "awarding":
+        market.bid()
+    market.scene("s2")
+    market.scene("s3", urgent=True)
+    assert len(market.calls) == 1
+    if phase == "bidding":
+        market.bid()
+    market.accept()
+
+    assert market.calls[-1].scene.scene_id == "s3", "the urgent one first"
+    bid(market, guide=NEAR, express=NEAR)
+    assert outcome(market) is AuctionOutcome.PREEMPTS
+    assert len(market.calls) == 2, "s2 is not asked about while the run is stopped"
+
+
+def test_challenges_are_opened_one_after_the_other(market: Driver) -> None:
+    market.scene("s2")
+    market.scene("s3")
+    assert len(market.calls) == 2
+    bid(market, guide=NEAR, express=NEAR)
+
+    assert [call.scene.scene_id for call in market.calls] == ["s1", "s2", "s3"]
+    bid(market, guide=NEAR, express=NEAR)
+    market.wait(1.0)
+    assert len(market.calls) == 3, "each scene is asked about once"
+
+
+def test_a_challenge_needs_no_place_in_the_line_but_what_waits_does() -> None:
+    market = Driver(on_new_scene="preempt", queue_limit=0, preempt_cooldown_s=0.0)
+    market.run()
+    market.scene("s2")
+    market.scene("s3")
+    assert market.ends == [("s3", "QUEUE_FULL")]
+    bid(market, guide=NEAR, express=NEAR)
+    assert market.ends[-1] == ("s2", "QUEUE_FULL")
+    assert market.end_words == (
+        "professional_express 0.5 for the new scene, attentive_guide who runs has 0.5: better by "
+        "0.0, margin 1.0: attentive_guide goes on, but 0 wait already and at most 0 may"
+    )
+
+    market.scene("s4")
+    bid(market, guide=MIDDLE, express=NEAR)
+    market.end(outcome=3)
+    assert market.status.scene_id == "s4"
+
+
+def test_one_urgent_scene_finds_room_in_a_full_line_until_it_is_asked_about() -> None:
+    market = Driver(on_new_scene="preempt", queue_limit=1)
+    market.run()
+    for name, urgent in (("s2", False), ("s3", False), ("s4", True), ("s5", True)):
+        market.scene(name, urgent=urgent)
+
+    assert market.ends == [("s5", "QUEUE_FULL")]
+    bid(market, guide=NEAR, express=NEAR)
+    assert market.ends[-1] == ("s2", "QUEUE_FULL")
+    assert market.calls[-1].scene.scene_id == "s4"
+
+
+@pytest.mark.parametrize(
+    ("what", "words", "end"),
+    [
+        ("ends", "the run ended", "SUCCEEDED"),
+        ("lost", "the run ended", "LOST"),
+        ("cancel", "the run is being stopped", "CANCELLED"),
+        ("again", "the run is being stopped", "CANCELLED"),
+    ],
+)
+def test_a_challenge_ends_with_the_run(market: Driver, what: str, words: str, end: str) -> None:
+    market.scene("s2")
+    if what == "ends":
+        market.end()
+    elif what == "lost":
+        market.die()
+        market.now += 1.0
+        market.do(market.market.tick(market.now))
+        market.busy["/agents"] = 0
+    else:
+        market.cancel("button", again=what == "again", round_number=1)
+        market.end(outcome=3)
+
+    (auction,) = (a for a in market.all(PublishAuction) if a.decision.terms.round == 2)
+    assert auction.decision.outcome is AuctionOutcome.WAITS
+    assert auction.decision.closed_by is ClosedBy.STOPPED
+    assert auction.reason == f"stopped before the round closed: {words}"
+    market.collect()
+    if what == "again":
+        assert market.status.scene_id == "s1", "another agent takes over first"
+        market.bid(vectors={EXPRESS: FAR})
+        market.accept()
+        assert market.calls[-1].scene.scene_id == "s2", "then it is asked about anew"
+        market.end(goal=market.goal)
+        market.collect()
+    assert market.ends[0] == ("s1", end if what != "again" else "SUCCEEDED")
+
+
+def test_late_and_foreign_answers_to_a_challenge_change_nothing(market: Driver) -> None:
+    market.scene("s2")
+    market.bid(round=1)
+    assert market.market.late_bids == 1
+    market.bid(round=9)
+    bid(market, guide=NEAR, express=NEAR)
+
+    assert [bid.code for bid in market.auction.decision.refused] == ["FOREIGN_ROUND"]
+    market.bid(round=2)
+    assert market.market.late_bids == 2
+
+
+def test_a_cancel_names_the_run_not_the_challenge(market: Driver) -> None:
+    market.scene("s2")
+
+    assert market.cancel(round_number=2) == (
+        False,
+        "round 2 does not run; the current one is 1",
+    )
+    assert market.cancel(round_number=1)[0]
+
+
+def test_shutting_down_ends_the_challenge_and_its_scene(market: Driver) -> None:
+    market.scene("s2")
+    market.do(market.market.shut("shutting down", market.now))
+
+    assert market.ends == [("s2", "SHUTTING_DOWN")]
+    assert market.auction.reason == "stopped before the round closed: shutting down"
+    market.end(outcome=3)
+    assert market.ends[-1] == ("s1", "CANCELLED")
+    assert market.status.state is State.IDLE, "nobody waits for feedback any more"
+
+
+def test_outside_of_preempt_no_challenge_is_opened() -> None:
+    market = Driver()
+    market.run()
+    market.scene("s2", urgent=True)
+
+    assert len(market.calls) == 1
+
+
+def test_a_change_to_preempt_asks_about_what_waits_already() -> None:
+    market = Driver()
+    market.run()
+    market.scene("s2")
+    market.do(market.market.configure(Settings(on_new_scene="preempt"), market.now))
+
+    assert market.calls[-1].scene.scene_id == "s2"
+
+
+def test_a_call_that_is_never_published_decides_a_challenge_all_the_same(market: Driver) -> None:
+    effects = market.market.scene(market.calls[0].scene.with_id("s2"), market.now)
+    market.effects += effects
+    assert any(isinstance(effect, OpenCall) for effect in effects)
+    market.wait(1.1)
+
+    assert outcome(market) is AuctionOutcome.WAITS
+    assert math.isnan(market.auction.decision.margin)
+
+
+def test_a_challenge_stops_nothing_once_scenes_are_to_wait() -> None:
+    market = Driver(on_new_scene="preempt")
+    market.run()
+    market.scene("s2", 3.0, 5.0, 3.5)
+    market.do(market.market.configure(Settings(on_new_scene="queue"), market.now))
+    assert market.auction.decision.outcome is AuctionOutcome.WAITS
+    assert "on_new_scene is 'queue' now" in market.auction.reason
+    market.bid(round=2)
+
+    assert market.status.state is State.RUNNING
+    assert market.status.queued == 1
+
+
+def stopped_for_s2(market: Driver, **first: tuple[float, ...]) -> tuple[str, str, str]:
+    """Let s2 preempt; return who ran, who is named for it, and who gets it."""
+    ran = market.goal.agent
+    market.scene("s2", 3.25, 4.5, 3.0)
+    market.bid(vectors=first or None, round=market.calls[-1].round)
+    named = market.auction.decision
+    if named.outcome is not AuctionOutcome.PREEMPTS or named.winner is None:
+        return ran, "", ""
+    market.end(outcome=3)
+    market.bid()
+    return ran, named.winner.agent, market.goal.agent
+
+
+@pytest.mark.parametrize(
+    ("strategy", "options"),
+    [
+        ("softmax", {"softmax.temperature": 2.0}),
+        ("epsilon_greedy", {"epsilon_greedy.epsilon": 0.5}),
+        ("thompson", {"thompson.sigma": 0.5}),
+    ],
+)
+def test_whatever_chance_says_the_agent_that_is_named_gets_the_run(
+    strategy: str, options: dict[str, float]
+) -> None:
+    stops = 0
+    for skipped in range(40):
+        market = Driver(
+            on_new_scene="preempt", preempt_cooldown_s=0.0, strategy=strategy, options=options
+        )
+        market.register()
+        for number in range(skipped % 8):
+            market.scene(f"before{number}")
+            market.cancel()
+        market.scene("s1", 5.0 - skipped / 64, 1.0, 3.0)
+        market.bid()
+        market.accept()
+        ran, named, gets = stopped_for_s2(market)
+        stops += bool(named)
+        assert gets == named
+        assert not named or gets != ran
+    assert stops > 3
+
+
+def test_who_did_not_answer_in_time_is_not_stopped_for_itself() -> None:
+    market = Driver(on_new_scene="preempt")
+    market.run()
+
+    ran, named, gets = stopped_for_s2(market, **{EXPRESS: (3.0, 5.0, 3.5)})
+    assert (ran, named, gets) == (GUIDE, EXPRESS, EXPRESS)
+    assert market.calls[-1].excluded == (GUIDE,)
+    assert "its run was stopped for scene 's2'" in market.auction.explanation
+
+
+def test_a_program_outside_cannot_have_an_agent_stopped_for_itself() -> None:
+    market = Driver(on_new_scene="preempt", strategy="external")
+    market.register()
+    market.scene()
+    market.bid()
+    market.ranked(GUIDE)
+    market.accept()
+    market.scene("s2", 3.25, 4.5, 3.0)
+    market.bid(round=2)
+    market.ranked(EXPRESS)
+    assert outcome(market) is AuctionOutcome.PREEMPTS
+    market.end(outcome=3)
+
+    assert market.calls[-1].excluded == (GUIDE,)
+
+
+def test_an_urgent_scene_does_not_wait_for_a_ranking_from_outside() -> None:
+    market = Driver(on_new_scene="preempt", strategy="external")
+    market.register()
+    market.scene()
+    market.bid()
+    market.ranked(GUIDE)
+    market.accept()
+    market.scene("s2", urgent=True)
+    market.bid(round=2)
+
+    assert outcome(market) is AuctionOutcome.PREEMPTS
+    assert [question.round for question in market.questions] == [1]

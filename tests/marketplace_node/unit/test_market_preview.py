@@ -1,0 +1,167 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Previews: who would win, while nothing else changes."""
+
+from __future__ import annotations
+
+import pytest
+
+from bt_agents_core.errors import Refused
+from market_harness import EXPRESS, GUIDE, Driver
+from marketplace_node.effects import PublishAuction, SendGoal, State
+from marketplace_node.market_state import PREVIEWS
+from marketplace_node.operators.operator_overrides import OperatorAction
+from marketplace_node.operators.previews import MOST
+
+
+@pytest.fixture
+def market() -> Driver:
+    driver = Driver()
+    driver.register()
+    return driver
+
+
+def outcome(market: Driver) -> PublishAuction:
+    ended = market.previews[-1].outcome
+    assert isinstance(ended, PublishAuction), ended
+    return ended
+
+
+def test_a_preview_ranks_real_bids_and_gives_nobody_a_run(market: Driver) -> None:
+    number = market.preview()
+    market.bid(round=number)
+
+    assert number == PREVIEWS + 1
+    assert [bid.agent for bid in outcome(market).decision.ranking] == [GUIDE, EXPRESS]
+    assert outcome(market).decision.terms.preview
+    assert market.all(SendGoal) == []
+    assert market.all(PublishAuction) == []
+    assert market.status.state is State.IDLE
+
+
+def test_nothing_is_counted(market: Driver) -> None:
+    market.run()
+    market.end()
+    market.collect()
+    for _ in range(3):
+        market.bid(round=market.preview())
+    market.run("s2")
+
+    terms = market.auction.decision.terms
+    assert (terms.round, terms.rounds_run, dict(terms.runs)) == (2, 1, {GUIDE: 1})
+
+
+def test_a_preview_foretells_what_chance_will_draw() -> None:
+    market = Driver(strategy="softmax", options={"softmax.temperature": 5.0})
+    market.register()
+    for number in range(12):
+        market.bid(round=market.preview())
+        foretold = [bid.agent for bid in outcome(market).decision.ranking]
+        market.scene(f"s{number}")
+        market.bid()
+        assert [bid.agent for bid in market.auction.decision.ranking] == foretold
+        market.accept()
+        market.end()
+        market.collect()
+    winners = {publish.decision.ranking[0].agent for publish in market.all(PublishAuction)}
+    assert winners == {GUIDE, EXPRESS}, "chance has to have a say in this test"
+
+
+def test_a_preview_during_a_run_lets_it_go_on(market: Driver) -> None:
+    market.run()
+    market.bid(round=market.preview(3.0, 5.0, 3.5))
+
+    assert outcome(market).decision.ranking[0].agent == EXPRESS
+    assert market.status.state is State.RUNNING
+    assert market.events == ["1 attentive_guide STARTED"]
+
+
+def test_a_preview_may_try_another_strategy(market: Driver) -> None:
+    market.bid(round=market.preview(strategy="euclidean"))
+
+    assert outcome(market).decision.terms.strategy == "euclidean"
+    assert market.status.strategy == "manhattan"
+
+
+def test_a_preview_counts_with_pins_and_vetoes(market: Driver) -> None:
+    market.operate(OperatorAction.VETO, GUIDE)
+    market.bid(round=market.preview())
+
+    assert [bid.agent for bid in outcome(market).decision.ranking] == [EXPRESS]
+
+
+def test_a_preview_of_the_last_scene(market: Driver) -> None:
+    market.run()
+    market.bid(round=market.preview(last=True))
+
+    assert outcome(market).decision.terms.scene.scene_id == "s1"
+
+
+def test_a_preview_with_a_silent_host_ends_at_the_deadline(market: Driver) -> None:
+    market.preview()
+    market.wait(0.6)
+
+    assert outcome(market).decision.ranking == ()
+    assert outcome(market).decision.silent_hosts == ("/agents",)
+
+
+def test_a_preview_with_the_strategy_external_waits_for_it(market: Driver) -> None:
+    market.bid(round=market.preview(strategy="external"))
+    assert market.previews == []
+    market.ranked(EXPRESS)
+
+    assert outcome(market).decision.ranking[0].agent == EXPRESS
+
+
+def test_late_and_foreign_bids_for_a_preview_change_nothing(market: Driver) -> None:
+    number = market.preview()
+    market.bid(round=number)
+    before = list(market.previews)
+    for other in (number, number + 1, PREVIEWS):
+        market.bid(round=other)
+
+    assert market.previews == before
+    assert market.all(SendGoal) == []
+
+
+def test_bids_of_a_preview_never_get_into_a_round(market: Driver) -> None:
+    market.scene()
+    number = market.preview()
+    market.bid(round=number, vectors={EXPRESS: (5.0, 1.0, 3.0)}, declined={GUIDE: "tired"})
+    market.bid(round=1)
+
+    assert market.goal.agent == GUIDE
+
+
+@pytest.mark.parametrize(
+    ("strategy", "last", "code"),
+    [("magic", False, "UNKNOWN_STRATEGY"), ("", True, "NO_SCENE")],
+)
+def test_a_preview_that_makes_no_sense_is_refused(
+    market: Driver, strategy: str, last: bool, code: str
+) -> None:
+    with pytest.raises(Refused) as caught:
+        market.preview(strategy=strategy, last=last)
+    assert caught.value.code == code
+
+
+def test_only_so_many_previews_are_open_at_once(market: Driver) -> None:
+    for _ in range(MOST):
+        market.preview()
+    with pytest.raises(Refused) as caught:
+        market.preview()
+    assert caught.value.code == "BUSY"
+
+    market.wait(0.6)
+    assert len(market.previews) == MOST
+    market.preview()
+
+
+def test_a_market_that_shuts_down_ends_every_preview(market: Driver) -> None:
+    market.preview()
+    market.do(market.market.shut("the end", market.now))
+
+    [ended] = market.previews
+    assert isinstance(ended.outcome, Refused)
+    assert ended.outcome.code == "SHUTTING_DOWN"
+    with pytest.raises(Refused):
+        market.preview()

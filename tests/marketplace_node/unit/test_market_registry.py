@@ -1,0 +1,180 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Who may enter the market, under which id, and who is turned away."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from market_harness import EXPRESS, GUIDE, PLAIN, SPACE, Driver, registration
+from marketplace_node.effects import Disconnect
+from marketplace_node.registry import FIRST_BEAT_S, MOST_HOSTS, Registry
+
+
+@pytest.fixture
+def registry() -> Registry:
+    return Registry(SPACE.names, 1.0)
+
+
+def test_ids_count_from_one_and_stay_with_the_name(registry: Registry) -> None:
+    first = registry.register(registration(), 0.0)
+    registry.register(registration("/others", (PLAIN,)), 0.0)
+    again = registry.register(registration(agents=(EXPRESS, "newcomer", GUIDE)), 0.5)
+    restarted = registry.register(registration(instance="second"), 9.0)
+
+    assert first.accepted
+    assert first.agent_ids == (1, 2)
+    assert again.agent_ids == (2, 4, 1)
+    assert restarted.agent_ids == (1, 2)
+
+
+def test_registering_again_refreshes_the_list_and_the_lease(registry: Registry) -> None:
+    registry.register(registration(), 0.0)
+    registry.beat("/agents", "first", 0.0)
+    registry.register(registration(agents=(GUIDE,)), 0.9)
+
+    assert dict(registry.entries()[0].agents) == {GUIDE: 1}
+    assert [entry.host for entry in registry.live(1.8)] == ["/agents"]
+    assert registry.live(2.0) == ()
+
+
+def test_the_lease_of_a_host_begins_with_its_first_heartbeat_or_after_an_allowance(
+    registry: Registry,
+) -> None:
+    registry.register(registration(), 0.0)
+    registry.register(registration("/others", (PLAIN,)), 0.0)
+    registry.beat("/others", "first", 0.1)
+
+    assert [entry.host for entry in registry.heard(0.2)] == ["/others"]
+    assert [entry.host for entry in registry.live(1.2)] == ["/agents"]
+    assert [entry.host for entry in registry.live(0.99 + FIRST_BEAT_S)] == ["/agents"]
+    assert registry.live(1.0 + FIRST_BEAT_S) == ()
+
+
+def test_a_start_that_was_heard_gets_no_allowance_again_but_the_next_start_does(
+    registry: Registry,
+) -> None:
+    registry.register(registration(), 0.0)
+    registry.beat("/agents", "first", 0.1)
+    registry.register(registration(), 0.5)
+
+    assert registry.live(1.6) == ()
+    registry.register(registration(instance="second"), 2.0)
+    assert [entry.host for entry in registry.live(4.0)] == ["/agents"]
+
+
+def test_a_living_host_cannot_be_replaced_but_a_dead_one_can(registry: Registry) -> None:
+    registry.register(registration(), 0.0)
+    registry.beat("/agents", "first", 0.9)
+    early = registry.register(registration(instance="second"), 1.5)
+    late = registry.register(registration(instance="second"), 2.0)
+
+    assert not early.accepted
+    assert early.agent_ids == (0, 0)
+    assert "HOST_EXISTS" in early.message
+    assert late.accepted
+
+
+def test_heartbeats_of_strangers_and_earlier_starts_count_for_nothing(registry: Registry) -> None:
+    registry.register(registration(), 0.0)
+    registry.beat("/agents", "first", 0.0)
+
+    assert not registry.beat("/agents", "zeroth", 0.9)
+    assert not registry.beat("/strangers", "first", 0.9)
+    assert registry.live(1.0) == ()
+
+
+def test_a_name_held_by_a_living_host_is_refused_naming_the_holder(registry: Registry) -> None:
+    registry.register(registration(), 0.0)
+    answer = registry.register(registration("/others", (GUIDE, PLAIN)), 0.5)
+
+    assert answer.accepted
+    assert answer.agent_ids == (0, 3)
+    assert answer.reasons[0].startswith("AGENT_EXISTS: 'attentive_guide' is held by /agents")
+    assert answer.reasons[1] == ""
+
+
+def test_a_name_held_by_a_dead_host_moves(registry: Registry) -> None:
+    registry.register(registration(), 0.0)
+    answer = registry.register(registration("/others", (GUIDE,)), 5.0)
+
+    assert answer.agent_ids == (1,)
+    assert [dict(entry.agents) for entry in registry.entries()] == [{EXPRESS: 2}, {GUIDE: 1}]
+
+
+@pytest.mark.parametrize(
+    "name", ["", "Guide", "9lives", "a b", "näme", "a/b", "a\n", "x" * 5000 + "!"]
+)
+def test_bad_agent_names_are_refused_one_by_one(registry: Registry, name: str) -> None:
+    answer = registry.register(registration(agents=(name, GUIDE, GUIDE)), 0.0)
+
+    assert answer.accepted
+    assert answer.agent_ids == (0, 1, 0)
+    assert answer.reasons[0].startswith("BAD_NAME")
+    assert answer.reasons[2].startswith("DUPLICATE")
+    assert max(map(len, answer.reasons)) < 500
+
+
+@pytest.mark.parametrize(
+    ("changes", "code"),
+    [
+        ({"host": ""}, "BAD_NAME"),
+        ({"host": "agents"}, "BAD_NAME"),
+        ({"host": "/a//b"}, "BAD_NAME"),
+        ({"host": "/a/"}, "BAD_NAME"),
+        ({"run_action": "/agents/run now"}, "BAD_NAME"),
+        ({"run_action": "/a__b"}, "BAD_NAME"),
+        ({"heartbeat": "/9"}, "BAD_NAME"),
+        ({"heartbeat": "/x\n"}, "BAD_NAME"),
+        ({"heartbeat": "/" + "x" * 300}, "BAD_NAME"),
+        ({"instance": ""}, "NO_INSTANCE"),
+        ({"parameters": ()}, "OTHER_PARAMETERS"),
+        ({"parameters": ("familiarity", "age", "mood")}, "OTHER_PARAMETERS"),
+    ],
+)
+def test_hosts_that_do_not_fit_are_refused_without_a_trace(
+    registry: Registry, changes: dict[str, Any], code: str
+) -> None:
+    answer = registry.register(registration(**changes), 0.0)
+
+    assert not answer.accepted
+    assert answer.message.startswith(code)
+    assert answer.agent_ids == (0, 0)
+    assert registry.entries() == ()
+
+
+def test_leases_are_renewed_when_nobody_listened_but_the_dead_stay_dead(
+    registry: Registry,
+) -> None:
+    registry.register(registration(), 0.0)
+    registry.register(registration("/others", (PLAIN,)), 4.5)
+    registry.excuse(5.0, 9.0)
+
+    assert [entry.host for entry in registry.live(9.0)] == ["/others"]
+    assert registry.live(9.6) == ()
+
+
+def test_a_host_too_many_is_refused_while_all_others_live() -> None:
+    market = Driver()
+    for number in range(MOST_HOSTS):
+        market.register(f"/h{number}", f"a{number}")
+
+    answer = market.register("/more", "more")
+
+    assert not answer.accepted
+    assert answer.message.startswith(f"TOO_MANY_HOSTS: {MOST_HOSTS} hosts are alive")
+    assert market.register("/h0", "a0").accepted, "who is in may register again"
+
+
+def test_a_host_too_many_takes_the_place_of_the_one_that_is_gone_for_longest() -> None:
+    market = Driver()
+    for number in range(MOST_HOSTS):
+        market.register(f"/h{number}", f"a{number}")
+    market.die("/h7")
+    market.wait(1.0)
+    market.die("/h3")
+    market.wait(1.0)
+
+    assert market.register("/more", "more").accepted
+    assert market.all(Disconnect) == [Disconnect(host="/h7")]

@@ -1,0 +1,102 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A market that was held up itself reads what has come meanwhile before it acts on a deadline."""
+
+from __future__ import annotations
+
+import pytest
+
+from bt_agents.engine.run import RunLimits
+from market_harness import EXPRESS, GUIDE, Driver, scene
+from marketplace_node.effects import State
+from marketplace_node.settings import Settings
+
+
+@pytest.fixture
+def market() -> Driver:
+    driver = Driver()
+    driver.register()
+    return driver
+
+
+def hold_up(market: Driver, lasted_s: float) -> None:
+    """Let time pass without the market; what came meanwhile is read after this."""
+    since = market.now
+    market.now += lasted_s
+    market.do(market.market.excuse(since, market.now))
+    market.do(market.market.tick(market.now))
+
+
+def test_bids_that_came_meanwhile_count(market: Driver) -> None:
+    market.scene()
+    hold_up(market, 3.0)
+    assert market.status.state is State.BIDDING
+    market.bid()
+
+    assert market.goal.agent == GUIDE
+
+
+def test_a_goal_that_was_taken_meanwhile_runs(market: Driver) -> None:
+    market.scene()
+    market.bid()
+    hold_up(market, 5.0)
+    market.accept()
+
+    assert market.events == ["1 attentive_guide STARTED"]
+
+
+def test_a_result_that_came_after_the_idle_heartbeat_counts(market: Driver) -> None:
+    market.run()
+    market.busy["/agents"] = 0
+    market.beat()
+    hold_up(market, 3.0)
+    market.end()
+
+    assert market.events[-1] == "1 attentive_guide ENDED SUCCEEDED"
+    assert len(market.calls) == 1, "nobody is served twice"
+
+
+def test_a_run_that_was_cancelled_meanwhile_is_not_lost(market: Driver) -> None:
+    market.run()
+    market.cancel()
+    hold_up(market, 20.0)
+    market.end(outcome=3)
+
+    assert market.events[-1] == "1 attentive_guide ENDED CANCELLED"
+
+
+def test_bids_for_a_challenge_that_came_meanwhile_count() -> None:
+    market = Driver(on_new_scene="preempt")
+    market.run()
+    market.scene("s2", 3.0, 5.0, 3.5)
+    hold_up(market, 3.0)
+    market.bid(round=2)
+
+    assert market.auction.decision.winner is not None
+    assert market.auction.decision.winner.agent == EXPRESS
+    assert market.status.state is State.CANCELLING
+
+
+def test_deadlines_still_come_after_a_hold_up(market: Driver) -> None:
+    market.scene()
+    hold_up(market, 3.0)
+    market.wait(0.6)
+
+    assert market.ends == [("s1", "NO_BIDS")]
+
+
+def test_a_run_that_uses_all_its_time_to_end_is_waited_for() -> None:
+    limits, slowest_tick_s = RunLimits(), 1.0
+
+    assert Settings().cancel_deadline_s > limits.clean_up_s + limits.settle_s + slowest_tick_s
+
+
+def test_feedback_that_is_kept_holds_nothing_up(market: Driver) -> None:
+    market.run()
+    market.do(market.market.scene(scene("s2"), market.now))
+    market.end()
+    assert market.status.state is State.COLLECTING
+    market.do(market.market.kept(1, market.now))
+
+    assert market.ends == [("s1", "SUCCEEDED")]
+    assert market.end_words.endswith("feedback is kept until the feedback node is back")
+    assert (market.status.scene_id, market.status.state) == ("s2", State.BIDDING)

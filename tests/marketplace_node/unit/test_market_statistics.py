@@ -1,0 +1,174 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What many rounds tell together: starved agents, and a shadow that decides otherwise."""
+
+from __future__ import annotations
+
+import pytest
+
+from market_harness import EXPRESS, GUIDE, Driver
+from marketplace_node.effects import Alarm, Collect, PublishAuction
+from marketplace_node.operators.starvation import Starvation
+from marketplace_node.registry import HostEntry
+from marketplace_node.round.decision import AuctionOutcome
+from marketplace_node.settings import Settings
+
+
+def play(market: Driver, scenes: int, **bids: tuple[float, ...]) -> None:
+    for _ in range(scenes):
+        market.scene(f"s{len(market.all(PublishAuction))}")
+        market.bid(vectors=bids or None)
+        market.accept()
+        market.end()
+        market.collect()
+
+
+@pytest.fixture
+def market() -> Driver:
+    driver = Driver(starvation_rounds=3)
+    driver.register()
+    return driver
+
+
+def test_an_agent_is_starved_after_so_many_rounds_in_vain(market: Driver) -> None:
+    play(market, 2)
+    assert market.status.starved == ()
+    play(market, 1)
+
+    assert market.status.starved == (EXPRESS,)
+    [alarm] = market.all(Alarm)
+    assert alarm.message.startswith("professional_express is starved: it has bid in 3 awarded")
+
+
+def test_the_alarm_is_said_once_until_it_wins(market: Driver) -> None:
+    play(market, 7)
+    assert len(market.all(Alarm)) == 1
+
+    play(market, 1, **{EXPRESS: (5.0, 1.0, 3.0), GUIDE: (1.0, 5.0, 5.0)})
+    assert market.status.starved == ()
+    play(market, 3)
+    assert market.status.starved == (EXPRESS,)
+    assert len(market.all(Alarm)) == 2
+
+
+def test_a_host_that_registers_again_is_not_compared_once_for_each_of_its_agents(
+    market: Driver, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    play(market, 3)
+    compared = []
+    equals = HostEntry.__eq__
+    monkeypatch.setattr(
+        HostEntry, "__eq__", lambda one, other: compared.append(one) or equals(one, other)
+    )
+    assert market.register().accepted
+    assert market.status.starved == (EXPRESS,)
+    assert len(compared) == 1
+
+
+def test_without_a_limit_nobody_is_starved(market: Driver) -> None:
+    market.do(market.market.configure(Settings(starvation_rounds=0), market.now))
+    play(market, 5)
+
+    assert market.status.starved == ()
+    assert market.all(Alarm) == []
+
+
+def test_who_does_not_bid_is_not_starved() -> None:
+    starvation = Starvation()
+    for _ in range(10):
+        starvation.ran("ann", ["ann"])
+    starvation.ran("ann", ["ann", "bob"])
+
+    assert starvation.starved(2) == ()
+    assert starvation.in_vain == {"ann": 0, "bob": 1}
+
+
+def test_previews_and_rounds_without_an_award_starve_nobody(market: Driver) -> None:
+    for _ in range(5):
+        market.bid(round=market.preview())
+        market.scene(f"stopped{market.status.round}")
+        market.cancel()
+
+    assert market.status.starved == ()
+
+
+def test_the_shadow_counts_where_it_disagrees() -> None:
+    market = Driver(shadow_strategy="euclidean")
+    market.register()
+    # To [5, 1, 3]: one big difference against several small ones.
+    play(market, 2, **{GUIDE: (5.0, 4.0, 3.0), EXPRESS: (3.0, 2.0, 4.0)})
+    play(market, 3, **{GUIDE: (5.0, 1.0, 3.0), EXPRESS: (3.0, 2.0, 4.0)})
+
+    published = market.all(PublishAuction)
+    assert [p.decision.ranking[0].agent for p in published] == [GUIDE] * 5
+    assert [p.decision.shadow_winner for p in published] == [EXPRESS] * 2 + [GUIDE] * 3
+    assert [(p.shadow_rounds, p.shadow_disagreements) for p in published] == [
+        (1, 1),
+        (2, 2),
+        (3, 2),
+        (4, 2),
+        (5, 2),
+    ]
+
+
+def test_another_pair_of_strategies_is_counted_anew() -> None:
+    market = Driver(shadow_strategy="euclidean")
+    market.register()
+    play(market, 2)
+    market.do(market.market.configure(Settings(shadow_strategy="ucb"), market.now))
+    play(market, 1)
+
+    assert market.auction.shadow_rounds == 1
+
+
+@pytest.mark.parametrize("strategy", ["manhattan", "softmax", "epsilon_greedy", "thompson", "ucb"])
+@pytest.mark.parametrize("shadow", ["softmax", "thompson"])
+def test_a_shadow_never_changes_an_award(strategy: str, shadow: str) -> None:
+    def awards(shadow_strategy: str) -> list[list[tuple[str, float]]]:
+        market = Driver(strategy=strategy, shadow_strategy=shadow_strategy)
+        market.register()
+        play(market, 15)
+        return [
+            [(bid.agent, bid.score) for bid in published.decision.ranking]
+            for published in market.all(PublishAuction)
+        ]
+
+    assert awards(shadow) == awards("")
+
+
+def test_who_runs_as_the_next_best_is_not_starved_and_the_winner_is() -> None:
+    market = Driver(starvation_rounds=3)
+    market.register()
+    for number in range(4):
+        market.scene(f"s{number}")
+        market.bid()
+        market.refuse()
+        market.accept()
+        market.end()
+        market.collect()
+
+    assert {run.goal.agent for run in market.all(Collect)} == {EXPRESS}
+    assert market.status.starved == (GUIDE,)
+
+
+def test_a_scene_that_preempts_is_compared_once() -> None:
+    market = Driver(shadow_strategy="euclidean", on_new_scene="preempt")
+    market.run()
+    market.scene("s2", 3.0, 5.0, 3.5)
+    market.bid(round=2)
+    assert market.auction.decision.outcome is AuctionOutcome.PREEMPTS
+    assert market.auction.shadow_rounds == 1
+    market.end(outcome=3)
+    market.bid()
+
+    assert market.auction.shadow_rounds == 2
+
+
+def test_where_another_strategy_had_to_rank_the_shadow_is_not_compared() -> None:
+    market = Driver(strategy="external", shadow_strategy="manhattan")
+    market.register()
+    market.scene()
+    market.bid()
+    market.ranked(failure="no")
+
+    assert market.auction.decision.shadow_winner
+    assert market.auction.shadow_rounds == 0

@@ -1,0 +1,284 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How an interaction is stopped: by people, by a change of mood, by another scene."""
+
+from __future__ import annotations
+
+import pytest
+
+from market_harness import EXPRESS, GUIDE, Driver, scene
+from marketplace_node.effects import (
+    AnnounceRun,
+    CancelGoal,
+    Collect,
+    SendGoal,
+    State,
+)
+from marketplace_node.round.decision import AuctionOutcome, ClosedBy
+
+
+@pytest.fixture
+def market() -> Driver:
+    driver = Driver()
+    driver.register()
+    return driver
+
+
+def test_cancel_stops_the_run_and_ends_the_interaction(market: Driver) -> None:
+    goal = market.run()
+    assert market.cancel("button") == (True, "attentive_guide is told to stop")
+    assert market.all(CancelGoal) == [CancelGoal(goal=goal)]
+    assert market.cancel("button") == (True, "attentive_guide is being stopped already")
+    assert market.all(CancelGoal) == [CancelGoal(goal=goal)]
+    market.end(outcome=3)
+    market.collect()
+
+    assert market.events[1:] == [
+        "1 attentive_guide CANCELLING",
+        "1 attentive_guide ENDED CANCELLED",
+    ]
+    assert market.all(AnnounceRun)[-1].message == "button (done)"
+    assert market.over == ["s1"]
+    assert len(market.calls) == 1
+
+
+def test_the_reason_of_a_stop_stands_alone_when_the_host_has_nothing_to_add(
+    market: Driver,
+) -> None:
+    market.run()
+    market.cancel("she says stop")
+    market.end(outcome=3, message="the market stopped it")
+    assert market.all(AnnounceRun)[-1].message == "she says stop"
+
+
+def test_cancel_and_ask_again_leaves_out_the_stopped_until_nobody_is_left(
+    market: Driver,
+) -> None:
+    market.run()
+    market.cancel("bored", again=True, scene=scene("s1", 5.0, 1.0, 1.0))
+    market.end(outcome=3)
+    market.collect()
+    call = market.calls[-1]
+    assert (call.round, call.scene.scene_id, call.excluded) == (2, "s1+1", (GUIDE,))
+    assert call.scene.get("mood") == 1.0
+    assert market.status.scene_id == "s1"
+
+    market.bid(vectors={EXPRESS: (3.0, 5.0, 3.5)})
+    market.accept()
+    market.cancel("bored again", again=True)
+    market.end(outcome=3)
+    market.collect()
+
+    assert market.auction.decision.terms.follows == 2
+    assert "no other agents are registered" in market.auction.reason
+    assert market.over == ["s1"]
+    assert market.status.finished_scene_id == "s1"
+
+
+def test_a_plain_stop_wins_over_asking_again(market: Driver) -> None:
+    market.run()
+    market.cancel("bored", again=True)
+    market.cancel("stop")
+    market.end(outcome=3)
+    market.collect()
+
+    assert market.over == ["s1"]
+
+
+def test_a_stop_while_feedback_is_collected_prevents_the_follow_up(market: Driver) -> None:
+    market.run()
+    market.cancel("bored", again=True)
+    market.end(outcome=3)
+    assert market.cancel("stop") == (True, "no other agent is asked")
+    assert market.cancel("stop")[0] is False
+    market.collect()
+
+    assert market.over == ["s1"]
+
+
+def test_a_run_that_succeeded_before_the_cancel_took_hold_is_not_followed(
+    market: Driver,
+) -> None:
+    market.run()
+    market.cancel("bored", again=True)
+    market.end(outcome=1)
+    market.collect()
+
+    assert market.events[-1] == "1 attentive_guide ENDED SUCCEEDED"
+    assert market.over == ["s1"]
+
+
+@pytest.mark.parametrize(
+    ("epoch", "round_number", "words"),
+    [
+        ("epoch", 7, "round 7 does not run; the current one is 1"),
+        ("earlier", 1, "the market 'earlier' is gone, this one is 'epoch'"),
+    ],
+)
+def test_a_cancel_for_another_run_is_refused(
+    market: Driver, epoch: str, round_number: int, words: str
+) -> None:
+    market.run()
+
+    assert market.cancel(epoch=epoch, round_number=round_number) == (False, words)
+    assert market.all(CancelGoal) == []
+
+
+def test_a_cancel_without_an_interaction_is_refused(market: Driver) -> None:
+    assert market.cancel() == (False, "nothing runs")
+
+
+def test_cancel_while_bidding_stops_the_round(market: Driver) -> None:
+    market.scene()
+    assert market.cancel("button", again=True)[0]
+
+    decision = market.auction.decision
+    assert (decision.outcome, decision.closed_by) == (AuctionOutcome.NO_BIDS, ClosedBy.STOPPED)
+    assert market.auction.reason == "stopped before the round closed: button"
+    assert market.over == ["s1"]
+
+
+def test_cancel_while_awarding_cancels_on_acceptance(market: Driver) -> None:
+    market.scene()
+    market.bid()
+    goal = market.goal
+    market.cancel("button", again=True)
+    assert market.status.state is State.CANCELLING
+    market.accept()
+    assert market.effects[-1] == CancelGoal(goal=goal)
+    market.end(outcome=3)
+
+    assert market.events == [
+        "1 attentive_guide CANCELLING",
+        "1 attentive_guide ENDED CANCELLED",
+    ]
+    assert market.all(Collect) == [], "what never began teaches nothing"
+    assert market.over == ["s1"]
+
+
+@pytest.mark.parametrize("answer", ["refused", "silent", "gone"])
+def test_cancel_while_awarding_ends_when_the_host_does_not_take_it(
+    market: Driver, answer: str
+) -> None:
+    market.scene()
+    market.bid()
+    market.cancel("button")
+    if answer == "refused":
+        market.refuse()
+    elif answer == "gone":
+        market.die()
+    market.wait(2.1)
+
+    assert market.events[-1] == "1 attentive_guide ENDED CANCELLED"
+    assert len(market.all(SendGoal)) == 1
+    assert market.over == ["s1"]
+
+
+def test_a_run_that_ignores_the_stop_is_lost_and_its_host_left_out_until_it_is_free(
+    market: Driver,
+) -> None:
+    market.run()
+    market.cancel("button")
+    market.wait(6.6)
+    assert market.events[-1] == "1 attentive_guide ENDED LOST"
+    assert "did not end within 6.5 s" in market.all(AnnounceRun)[-1].message
+    assert market.over == ["s1"]
+
+    market.scene("s2")
+    assert "its run of round 1 has not ended" in market.auction.reason
+    market.busy["/agents"] = 0
+    market.wait(0.1)
+    market.scene("s3")
+    assert market.status.state is State.BIDDING
+
+
+def test_scenes_wait_in_order_up_to_the_limit() -> None:
+    market = Driver(queue_limit=2)
+    market.run()
+    for name in ("s2", "s3", "s4"):
+        market.scene(name)
+    assert market.status.queued == 2
+    assert market.ends == [("s4", "QUEUE_FULL")]
+    market.end()
+    market.collect()
+
+    assert (market.status.scene_id, market.status.finished_scene_id) == ("s2", "s1")
+    market.scene("s4")
+    assert market.status.queued == 2, "a refused scene may come again"
+
+
+def test_a_waiting_crowd_ends_scene_by_scene_without_agents(market: Driver) -> None:
+    market.run()
+    for number in range(2, 10):
+        market.scene(f"s{number}")
+    market.die()
+    market.wait(1.1)
+
+    assert market.over == [f"s{number}" for number in range(1, 10)]
+
+
+def test_a_new_scene_is_rejected_when_set_so() -> None:
+    market = Driver(on_new_scene="reject")
+    market.run()
+    market.scene("s2")
+
+    assert market.ends == [("s2", "BUSY")]
+
+
+def test_a_known_scene_id_is_a_duplicate(market: Driver) -> None:
+    market.run()
+    market.scene("s2")
+    for name in ("s1", "s2"):
+        market.scene(name)
+
+    assert market.ends == [("s1", "DUPLICATE"), ("s2", "DUPLICATE")]
+
+
+def test_shutting_stops_the_run_and_gives_up_what_waits(market: Driver) -> None:
+    market.run()
+    market.scene("s2")
+    market.do(market.market.shut("shutting down", market.now))
+    market.scene("s3")
+
+    assert market.ends == [("s2", "SHUTTING_DOWN"), ("s3", "SHUTTING_DOWN")]
+    assert market.status.state is State.CANCELLING
+
+
+def test_whoever_says_stop_is_not_spoken_to_by_the_next() -> None:
+    market = Driver()
+    market.run()
+    market.scene("s2")
+    market.scene("s3")
+
+    accepted, words = market.cancel("she says stop")
+
+    assert accepted
+    assert words == "attentive_guide is told to stop; 2 scenes that waited are forgotten"
+    assert market.ends == [("s2", "STOPPED"), ("s3", "STOPPED")]
+    market.end(outcome=3)
+    market.collect()
+    assert market.status.state is State.IDLE
+
+
+def test_a_cancel_that_names_its_round_leaves_the_scenes_in_line() -> None:
+    market = Driver()
+    market.run()
+    market.scene("s2")
+
+    assert market.cancel("the next, please", round_number=1) == (
+        True,
+        "attentive_guide is told to stop",
+    )
+    market.end(outcome=3)
+    market.collect()
+    assert market.status.scene_id == "s2"
+
+
+def test_a_stop_that_asks_again_forgets_nothing() -> None:
+    market = Driver()
+    market.run()
+    market.scene("s2")
+
+    market.cancel("the mood fell", again=True)
+
+    assert market.status.queued == 1
+    assert market.ends == []

@@ -1,0 +1,299 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Questions to a language model and what is made of its answers, with a real server."""
+
+from __future__ import annotations
+
+import json
+import math
+import socket
+import ssl
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import suppress
+from pathlib import Path
+
+import pytest
+
+from bt_agents_core.errors import Refused
+from bt_agents_core.scene import SceneParameter, SceneSpace
+from market_harness import EXPRESS, GUIDE, SPACE, scene
+from marketplace_node.external_ranking.http_client import post
+from marketplace_node.external_ranking.openai_protocol import (
+    MOST_BYTES,
+    Bidder,
+    Endpoint,
+    Ranking,
+    answer,
+    question,
+    ranking,
+)
+from model_server import ModelServer, completion, drips, free_port, model_server, sends
+
+BIDDERS = (GUIDE, EXPRESS)
+GOOD = json.dumps({"ranking": [EXPRESS, GUIDE], "reason": "quick"})
+
+OWN_CERTIFICATE = """
+-----BEGIN PRIVATE KEY-----
+MIGHAgEAMBMGByqGSM49AgEGCCqGSM49AwEHBG0wawIBAQQg/TSa+iTUXZ/TGeXx
+v+tN8OsWGUJ9SXFG1hnQMZVT5XqhRANCAARtIoW9FwXaviqN+0oLxhpzzqg4AVY0
+Wiq3H3zZ26/zkxRhHjz1GUFkAjrPMAreCpegSLoZFvKyBS4usHR6uTqx
+-----END PRIVATE KEY-----
+-----BEGIN CERTIFICATE-----
+MIIBkDCCATagAwIBAgIUHsVPLfyA+ZBaNAYPGWaILzz7PDUwCgYIKoZIzj0EAwIw
+FDESMBAGA1UEAwwJbG9jYWxob3N0MCAXDTI2MTEyMTE1NDEyNVoYDzIxMjYxMDI4
+MTU0MTI1WjAUMRIwEAYDVQQDDAlsb2NhbGhvc3QwWTATBgcqhkjOPQIBBggqhkjO
+PQMBBwNCAARtIoW9FwXaviqN+0oLxhpzzqg4AVY0Wiq3H3zZ26/zkxRhHjz1GUFk
+AjrPMAreCpegSLoZFvKyBS4usHR6uTqxo2QwYjAdBgNVHQ4EFgQUcBHUWbUC9Yhi
+5k1+6d9x7wq2LWUwHwYDVR0jBBgwFoAUcBHUWbUC9Yhi5k1+6d9x7wq2LWUwDwYD
+VR0TAQH/BAUwAwEB/zAPBgNVHREECDAGhwR/AAABMAoGCCqGSM49BAMCA0gAMEUC
+ICzTDN6fHd1YZT8Z38tRSY1fGydH7+vcNEh6WZzDckFqAiEA825Hm0VQoqrmXh6J
+4iIcysWRdgZ6kTgFbpeewaV5CAQ=
+-----END CERTIFICATE-----
+"""
+"""For 127.0.0.1, signed by itself, with its key: of no use but for this test."""
+
+
+@pytest.fixture
+def server() -> Iterator[ModelServer]:
+    with model_server() as running:
+        yield running
+
+
+def ask(server: ModelServer, limit_s: float = 5.0) -> Ranking:
+    endpoint = Endpoint(base_url=server.url, model="small", key="secret")
+    status, body = post(endpoint.url, endpoint.headers(), b"{}", limit_s=limit_s, most=MOST_BYTES)
+    return answer(status, body, BIDDERS)
+
+
+def test_the_question_holds_scene_labels_and_descriptions() -> None:
+    space = SceneSpace(
+        parameters=tuple(
+            SceneParameter(
+                name=name,
+                minimum=1.0,
+                maximum=5.0,
+                default=3.0,
+                description=f"what {name} is",
+                labels={5.0: "an older adult"},
+            )
+            for name in SPACE.names
+        )
+    )
+    bidder = Bidder(name=GUIDE, vector=(4.0, 1.5, 3.0), distance=1.5, description="Slow and loud")
+    asked = question("small", space, scene("s1", 5.0, 1.0, math.nan), [bidder])
+    told = json.loads(asked["messages"][1]["content"])
+
+    assert (asked["model"], asked["temperature"], asked["stream"]) == ("small", 0, False)
+    assert [message["role"] for message in asked["messages"]] == ["system", "user"]
+    assert told["scene"]["values"][0] == {
+        "name": "age",
+        "from": 1.0,
+        "to": 5.0,
+        "value": 5.0,
+        "meaning": "what age is",
+        "labels": {"5": "an older adult"},
+    }
+    assert told["scene"]["values"][2]["value"] == "unknown"
+    assert told["characters"] == [
+        {
+            "name": GUIDE,
+            "profile": {"age": 4.0, "familiarity": 1.5, "mood": 3.0},
+            "distance": 1.5,
+            "description": "Slow and loud",
+        }
+    ]
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        GOOD,
+        f"```json\n{GOOD}\n```",
+        f"Sure! Here you are: {GOOD} I hope it helps {{}}",
+        f'{{not json}} {{"ranking": 1}} {GOOD}',
+    ],
+)
+def test_a_ranking_is_found_alone_in_fences_and_amid_prose(content: str) -> None:
+    assert ranking(content, BIDDERS) == Ranking(agents=(EXPRESS, GUIDE), reason="quick")
+
+
+@pytest.mark.parametrize(
+    ("content", "code"),
+    [
+        ("", "NO_RANKING"),
+        ("attentive_guide, of course", "NO_RANKING"),
+        ('{"ranking": "attentive_guide"}', "NO_RANKING"),
+        ('{"ranking": [1, 2]}', "NO_RANKING"),
+        ('{"ranking": []}', "EMPTY"),
+        ('{"ranking": ["bob"]}', "UNKNOWN_AGENT"),
+        ('{"ranking": ["attentive_guide", "attentive_guide"]}', "DUPLICATE"),
+        ('{"ranking": [NaN]}', "NO_RANKING"),
+        ("{" * 500_000, "NO_RANKING"),
+        ('{"a":' * 100_000, "NO_RANKING"),
+    ],
+)
+def test_hostile_words_of_a_model_are_refused_soon(content: str, code: str) -> None:
+    start = time.monotonic()
+    with pytest.raises(Refused) as caught:
+        ranking(content, BIDDERS)
+    assert caught.value.code == code
+    assert len(caught.value.reason) < 700
+    assert time.monotonic() - start < 5.0
+
+
+@pytest.mark.parametrize(
+    ("status", "body", "code"),
+    [
+        (200, b"", "NOT_JSON"),
+        (200, b"<html>", "NOT_JSON"),
+        (200, b"\xff\xfe", "NOT_JSON"),
+        (200, b"[" * 100_000, "NOT_JSON"),
+        (200, b"[]", "NO_ANSWER"),
+        (200, b'{"choices": []}', "NO_ANSWER"),
+        (200, b'{"choices": [{"message": {"content": null}}]}', "NO_ANSWER"),
+        (401, b'{"error": "bad key"}', "HTTP_ERROR"),
+        (500, b"", "HTTP_ERROR"),
+        (302, completion(GOOD), "HTTP_ERROR"),
+        (200, completion("x" * 10_000_000), "TOO_LONG"),
+    ],
+)
+def test_hostile_answers_of_a_server_are_refused(
+    server: ModelServer, status: int, body: bytes, code: str
+) -> None:
+    server.reply = sends(body, status)
+    with pytest.raises(Refused) as caught:
+        ask(server)
+    assert caught.value.code == code
+    assert "secret" not in str(caught.value)
+
+
+def test_a_good_answer_comes_over_the_wire(server: ModelServer) -> None:
+    server.reply = sends(completion(GOOD))
+
+    assert ask(server).agents == (EXPRESS, GUIDE)
+    assert server.headers[0]["Authorization"] == "Bearer secret"
+
+
+@pytest.mark.parametrize("status_line", [b"", b"HTTP/1.0 200 OK\r\nContent-Length: 900\r\n\r\n"])
+def test_a_server_that_drips_is_left_in_time(server: ModelServer, status_line: bytes) -> None:
+    def reply(request: object) -> None:
+        request.wfile.write(status_line)  # type: ignore[attr-defined]
+        drips(b"HTTP/1.0 200 OK\r\n" * 100, server.ended)(request)  # type: ignore[arg-type]
+
+    server.reply = reply
+    start = time.monotonic()
+    with pytest.raises(Refused) as caught:
+        ask(server, limit_s=0.3)
+    assert caught.value.code == "TOO_LATE"
+    assert time.monotonic() - start < 3.0, "a byte every 0.05 s must not keep it"
+
+
+def test_a_certificate_that_nobody_vouches_for_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "own.pem").write_text(OWN_CERTIFICATE)
+    context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
+    context.load_cert_chain(tmp_path / "own.pem")
+    with socket.create_server(("127.0.0.1", 0)) as listening:
+
+        def serve() -> None:
+            with suppress(OSError), context.wrap_socket(listening.accept()[0], server_side=True):
+                pytest.fail("it shook hands with a server that nobody vouches for")
+
+        serving = threading.Thread(target=serve, daemon=True)
+        serving.start()
+        port = listening.getsockname()[1]
+        with pytest.raises(Refused) as caught:
+            post(f"https://127.0.0.1:{port}/v1", {}, b"", limit_s=5.0, most=10)
+        serving.join(5.0)
+    assert "certificate" in caught.value.reason.lower()
+
+
+def test_a_server_that_is_not_there_is_named() -> None:
+    port = free_port()
+    with pytest.raises(Refused) as caught:
+        post(f"http://127.0.0.1:{port}/v1", {}, b"", limit_s=2.0, most=10)
+    assert caught.value.code == "UNREACHABLE"
+    assert f"127.0.0.1:{port}" in caught.value.reason
+
+
+def test_a_name_that_nobody_looks_up_in_time_is_not_waited_for(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    over = threading.Event()
+
+    def hangs(*_: object, **__: object) -> list[object]:
+        over.wait(20.0)
+        return []
+
+    monkeypatch.setattr(socket, "getaddrinfo", hangs)
+    start = time.monotonic()
+    with pytest.raises(Refused) as caught:
+        post("http://x.example/v1", {}, b"", limit_s=0.1, most=10)
+    took = time.monotonic() - start
+    over.set()
+
+    assert caught.value.code == "TOO_LATE"
+    assert took < 10.0
+
+
+def test_many_addresses_share_the_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    limits: list[float] = []
+
+    class Silent(socket.socket):
+        def settimeout(self, value: float | None) -> None:
+            limits.append(value or 0.0)
+
+        def connect(self, address: object) -> None:
+            raise TimeoutError("no answer")
+
+    address = (socket.AF_INET, socket.SOCK_STREAM, 6, "", ("127.0.0.1", 9))
+    monkeypatch.setattr(socket, "getaddrinfo", lambda *_, **__: [address] * 4)
+    monkeypatch.setattr(socket, "socket", Silent)
+    with pytest.raises(Refused) as caught:
+        post("http://x.example/v1", {}, b"", limit_s=8.0, most=10)
+
+    assert caught.value.code == "TOO_LATE"
+    assert len(limits) == 4
+    assert limits[0] <= 2.0
+
+
+def test_a_name_that_cannot_be_in_a_certificate_is_refused(server: ModelServer) -> None:
+    port = server.url.split(":")[2].split("/")[0]
+    with pytest.raises(Refused) as caught:
+        post(f"https://127.0.0.1.:{port}/v1", {}, b"", limit_s=2.0, most=10)
+    assert caught.value.code == "UNREACHABLE"
+
+
+def test_plain_http_behind_https_is_refused(server: ModelServer) -> None:
+    with pytest.raises(Refused) as caught:
+        post(server.url.replace("http:", "https:"), {}, b"", limit_s=2.0, most=10)
+    assert caught.value.code in ("UNREACHABLE", "TOO_LATE")
+
+
+@pytest.mark.parametrize(
+    ("base_url", "model", "key", "code"),
+    [
+        ("", "m", "", "BAD_URL"),
+        ("localhost:11434", "m", "", "BAD_URL"),
+        ("ftp://localhost/v1", "m", "", "BAD_URL"),
+        ("http://localhost:99999999/v1", "m", "", "BAD_URL"),
+        ("http://me:pass@localhost/v1", "m", "", "BAD_URL"),
+        ("http://[::1/v1", "m", "", "BAD_URL"),
+        ("http://localhost/v1", "", "", "NO_MODEL"),
+        ("https://api.example.org/v1", "m", "two\r\nlines", "BAD_KEY"),
+        ("http://api.example.org/v1", "m", "secret", "INSECURE"),
+    ],
+)
+def test_an_endpoint_that_cannot_be_used_is_refused(
+    base_url: str, model: str, key: str, code: str
+) -> None:
+    with pytest.raises(Refused) as caught:
+        Endpoint(base_url=base_url, model=model, key=key)
+    assert caught.value.code == code
+    assert not key or key not in str(caught.value)
+
+
+def test_the_key_is_never_shown() -> None:
+    endpoint = Endpoint(base_url="https://api.example.org/v1/", model="m", key="secret")
+    assert "secret" not in repr(endpoint)
+    assert endpoint.url == "https://api.example.org/v1/chat/completions"

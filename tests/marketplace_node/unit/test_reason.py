@@ -1,0 +1,159 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The decision in words and numbers, as people read it in a terminal."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from bt_agents_core.scene import Origin, Scene, SceneParameter, SceneSpace, SceneValue
+from market_harness import EXPRESS, GUIDE, PLAIN, SPACE, Driver, scene
+from marketplace_node.explanation.calculation import calculation
+from marketplace_node.round.ranking import decide
+from ranked_rounds import bids, terms
+
+NAN = math.nan
+
+
+def test_an_award_shows_its_sum_and_the_margin_to_the_next() -> None:
+    market = Driver()
+    market.register()
+    market.scene()
+    market.bid()
+
+    assert market.auction.reason == (
+        "attentive_guide 1.5 = |4−5| + |1.5−1| + |3−3|; "
+        "next: professional_express 6.5 (margin 5.0)"
+    )
+
+
+def test_a_single_bid_says_that_there_was_no_other() -> None:
+    market = Driver()
+    market.register("/agents", GUIDE)
+    market.scene()
+    market.bid(vectors={GUIDE: (4.0, 1.5, 3.0)})
+
+    assert market.auction.reason == ("attentive_guide 1.5 = |4−5| + |1.5−1| + |3−3|; no other bid")
+
+
+@pytest.mark.parametrize(
+    ("values", "text"),
+    [
+        ((5.0, 1.0, NAN), "1.5 = |4−5| + |1.5−1|; mood is missing and left out"),
+        ((NAN, 1.0, NAN), "0.5 = |1.5−1|; age, mood are missing and left out"),
+        ((NAN, NAN, NAN), "0.0, as every value of the scene is missing"),
+        ((-1.0, 1.0, 3.0), "5.5 = |4−(−1)| + |1.5−1| + |3−3|"),
+    ],
+)
+def test_missing_and_negative_values_are_said(values: tuple[float, ...], text: str) -> None:
+    awarded_for = scene("s", *values)
+    bid = decide(SPACE, terms(awarded_for), bids({GUIDE: (4.0, 1.5, 3.0)})).bids[0]
+
+    assert calculation(bid, awarded_for, "manhattan") == text
+
+
+def tied(market: Driver, scene_id: str) -> str:
+    market.scene(scene_id)
+    market.bid(vectors={GUIDE: (4.0, 2.0, 3.0), EXPRESS: (4.0, 2.0, 3.0)})
+    reason = market.auction.reason
+    market.accept()
+    market.end()
+    market.collect()
+    return reason.split("; ")[1]
+
+
+def test_ties_are_explained_by_who_has_not_run_for_longest() -> None:
+    market = Driver()
+    market.register()
+
+    assert [tied(market, f"s{number}") for number in range(3)] == [
+        "tied with professional_express: attentive_guide is first by name among those that "
+        "have not run yet",
+        "tied with attentive_guide: professional_express has not run yet",
+        "tied with professional_express: attentive_guide has not run for the longest time",
+    ]
+
+
+def test_ties_by_name_are_explained_by_the_name() -> None:
+    market = Driver(tie_break="name")
+    market.register()
+
+    words = "tied with professional_express: attentive_guide is first by name"
+    assert [tied(market, f"s{number}") for number in range(2)] == [words, words]
+
+
+def test_decline_reasons_are_grouped() -> None:
+    market = Driver()
+    market.register("/agents", GUIDE, EXPRESS, PLAIN)
+    market.scene()
+    market.bid(
+        vectors={},
+        declined={GUIDE: "needs scene.person", EXPRESS: "needs scene.person", PLAIN: "is tired"},
+    )
+
+    assert market.auction.reason == (
+        "nobody bids: attentive_guide, professional_express need scene.person; plain: is tired"
+    )
+
+
+def test_refused_bids_and_silent_hosts_are_named() -> None:
+    market = Driver()
+    market.register("/agents", GUIDE)
+    market.register("/others", EXPRESS)
+    market.scene()
+    market.bid(vectors={GUIDE: (9.0, 1.5, 3.0)})
+    market.wait(0.6)
+
+    assert market.auction.reason == (
+        "nobody bids: refused: attentive_guide (OUT_OF_RANGE: bid of attentive_guide: age is 9, "
+        "expected 1 to 5); no answer in time from /others"
+    )
+
+
+def test_a_follow_up_round_says_what_it_continues() -> None:
+    market = Driver()
+    market.run()
+    market.cancel("mood.change <= -1.0", again=True, scene=scene("s1", 5.0, 1.0, 1.0))
+    market.end(outcome=3)
+    market.collect()
+    market.bid(vectors={EXPRESS: (3.0, 5.0, 3.5)})
+
+    assert market.auction.reason == (
+        "continues round 1, without attentive_guide (stopped: mood.change <= -1.0): "
+        "professional_express 8.5 = |3−5| + |5−1| + |3.5−1|; no other bid"
+    )
+
+
+def test_a_market_without_agents_says_so() -> None:
+    market = Driver()
+    market.scene()
+
+    assert market.auction.reason == "no agents are registered"
+    assert market.status.message == "scene 's1' is over: no agents are registered"
+
+
+def test_hosts_that_cannot_be_asked_are_named_with_the_reason() -> None:
+    market = Driver()
+    market.register()
+    market.die()
+    market.wait(1.1)
+    market.scene()
+
+    assert market.auction.reason == ("nobody bids: /agents is not asked: it has no heartbeat")
+
+
+def test_of_many_parameters_the_first_are_shown_and_the_rest_is_counted() -> None:
+    space = SceneSpace(
+        parameters=tuple(
+            SceneParameter(name=f"p{index}", minimum=0.0, maximum=5.0, default=0.0)
+            for index in range(64)
+        )
+    )
+    values = tuple(SceneValue(name=name, value=1.0, origin=Origin.GIVEN) for name in space.names)
+    awarded_for = Scene(scene_id="s", label="", person=True, values=values)
+    bid = decide(space, terms(awarded_for), bids({GUIDE: (2.0,) * 64})).bids[0]
+
+    assert calculation(bid, awarded_for, "manhattan") == (
+        f"64.0 = {' + '.join(['|2−1|'] * 12)} + 52 more"
+    )

@@ -1,0 +1,194 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The strategies on small numbers, their frequencies over many draws, and their table."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import yaml
+
+from field_values import field, scored
+from marketplace_node.settings import Settings
+from marketplace_node.strategies import STRATEGIES, BatchRandomSource, order, round_rng
+from marketplace_node.strategies.distances import folded_mean
+from marketplace_node.strategies.error_function import erf
+
+NAN = math.nan
+GUIDE, EXPRESS, CHILD = (4.0, 1.5, 3.0), (3.0, 5.0, 3.5), (1.0, 2.0, 4.0)
+
+
+@pytest.mark.parametrize(
+    ("bid", "scene", "distance"),
+    [
+        ((4.0, 1.5, 3.0), (5.0, 1.0, 3.0), 1.5),
+        ((2.5, 2.5, 2.5), (5.0, 4.0, 1.0), 5.5),
+        ((1.0,), (1.0,), 0.0),
+        ((4.0, 1.5, 3.0), (5.0, NAN, 3.0), 1.0),
+        ((4.0, 1.5, 3.0), (NAN, NAN, NAN), 0.0),
+        ((0.1, 0.2, 0.3), (0.0, 0.0, 0.0), 0.1 + 0.2 + 0.3),
+    ],
+)
+def test_the_manhattan_distance_of_some_bids(
+    bid: tuple[float, ...], scene: tuple[float, ...], distance: float
+) -> None:
+    assert scored("manhattan", field(scene, [bid])).distance[0] == distance
+
+
+def test_a_weight_multiplies_what_a_parameter_contributes() -> None:
+    scores = scored(
+        "weighted_manhattan", field((5.0, 1.0, 3.0), [GUIDE], weights=[(2.0, 0.0, 1.0)])
+    )
+
+    assert scores.contributions.tolist() == [[2.0, 0.0, 0.0]]
+    assert scores.score.tolist() == [2.0]
+
+
+def test_the_straight_line_is_shared_out_among_the_parameters() -> None:
+    scores = scored("euclidean", field((1.0, 1.0, NAN), [(4.0, 5.0, 3.0), (1.0, 1.0, 5.0)]))
+
+    assert scores.distance.tolist() == [5.0, 0.0]
+    assert scores.contributions.tolist() == [[9 / 5, 16 / 5, 0.0], [0.0, 0.0, 0.0]]
+
+
+def test_the_expected_distance_to_a_certain_value_is_the_distance() -> None:
+    unsure = field((3.0, 1.0, NAN), [(3.0, 4.0, 2.0)], std=(1.0, 0.0, NAN))
+
+    [[age, familiarity, mood]] = scored("expected_manhattan", unsure).contributions
+    assert age == pytest.approx(math.sqrt(2 / math.pi), rel=1e-15)
+    assert (familiarity, mood) == (3.0, 0.0)
+
+
+def test_the_error_function_is_that_of_python_to_the_last_digits() -> None:
+    values = np.concatenate([np.linspace(0.0, 8.0, 4001), 10.0 ** np.arange(-300, 9, 7)])
+
+    assert erf(values) == pytest.approx([math.erf(value) for value in values], abs=1e-15)
+
+
+@pytest.mark.parametrize("gap", [0.0, 0.3, -1.0, 2.5, -8.0, 60.0])
+@pytest.mark.parametrize("std", [1e-3, 0.4, 1.0, 7.0])
+def test_the_folded_mean_agrees_with_its_integral(gap: float, std: float) -> None:
+    points = np.linspace(-12.0, 12.0, 200_001)
+    density = np.exp(-0.5 * points**2) / math.sqrt(2 * math.pi)
+    integral = np.trapezoid(np.abs(gap + std * points) * density, points)
+
+    found = folded_mean(np.array([gap]), np.array([std]))[0]
+    assert found == pytest.approx(float(integral), rel=1e-7)
+
+
+def test_the_folded_mean_agrees_with_a_hundred_thousand_draws() -> None:
+    draws = np.abs(0.7 + 0.5 * round_rng("folded").standard_normal(100_000))
+
+    found = folded_mean(np.array([0.7]), np.array([0.5]))[0]
+    assert found == pytest.approx(draws.mean(), abs=5 * draws.std() / math.sqrt(100_000))
+
+
+def winners(strategy: str, rounds: int, bids: Any, **options: float) -> Any:
+    """Return how often each bid comes first, each round with chance of its own."""
+    many = field(np.tile((3.0, 3.0, 3.0), (rounds, 1)), bids)
+    places = order(
+        scored(strategy, many, round_rng("many"), **options).score, 0, "abc"[: len(bids)]
+    )
+    return np.bincount(places[:, 0], minlength=len(bids))
+
+
+def test_softmax_draws_with_the_chances_of_its_formula() -> None:
+    bids = [(3.0, 3.0, 3.0), (3.0, 3.5, 3.0), (2.0, 3.5, 3.0)]
+    expected = np.exp(-np.array([0.0, 0.5, 1.5]) / 0.5)
+    expected *= 20_000 / expected.sum()
+
+    found = winners("softmax", 20_000, bids, temperature=0.5)
+    chi_square = ((found - expected) ** 2 / expected).sum()
+    assert chi_square < 13.8, "with two degrees of freedom p is above 0.001"
+
+
+@pytest.mark.parametrize("epsilon", [0.0, 0.1, 1.0])
+def test_epsilon_greedy_leaves_its_share_of_rounds_to_chance(epsilon: float) -> None:
+    rounds = 20_000
+    nearest, *others = winners(
+        "epsilon_greedy", rounds, [(3.0, 3.0, 3.0), GUIDE, EXPRESS], epsilon=epsilon
+    )
+
+    share = epsilon / 3
+    allowed = 4 * math.sqrt(rounds * share * (1 - share))
+    assert all(abs(count - rounds * share) <= allowed for count in others)
+    assert nearest == rounds - sum(others)
+
+
+def test_the_bonus_of_ucb_falls_with_the_runs_of_an_agent_and_grows_with_those_of_others() -> None:
+    def bonus(runs: int, rounds: int) -> float:
+        seen = field((3.0, 3.0, 3.0), [GUIDE], runs=[runs], rounds=rounds)
+        return float(scored("ucb", seen, c=2.0).bonus[0])
+
+    assert bonus(0, 0) == 0.0
+    assert bonus(3, 7) == pytest.approx(2.0 * math.sqrt(math.log(8) / 4))
+    assert bonus(0, 10) > bonus(1, 10) > bonus(10, 10)
+    assert bonus(1, 100) > bonus(1, 10)
+
+
+def test_thompson_comes_to_manhattan_as_an_agent_runs_again_and_again() -> None:
+    def spread(runs: int) -> float:
+        many = field(np.tile((3.0, 3.0, 3.0), (2_000, 1)), [GUIDE], runs=[runs])
+        scores = scored("thompson", many, round_rng("thompson"), sigma=0.1)
+        return float(np.abs(scores.score - scores.distance).mean())
+
+    assert spread(0) > 1.9 * spread(3) > 1.9**2 * spread(15)
+    assert spread(10**12) < 1e-5
+    still = scored("thompson", field((3.0, 3.0, 3.0), [GUIDE, EXPRESS]), sigma=0.0)
+    assert np.array_equal(still.score, still.distance)
+
+
+def test_equal_scores_go_to_the_least_recently_run_then_to_the_name() -> None:
+    names = ["cat", "ann", "bob"]
+
+    def places(scores: list[float], last_run: list[int], tie_break: str) -> list[str]:
+        found = order(np.array(scores), last_run, names, tie_break)
+        return [names[index] for index in found]
+
+    assert places([2, 1, 1], [0, 0, 0], "least_recently_run") == ["ann", "bob", "cat"]
+    assert places([1, 1, 1], [3, 7, 0], "least_recently_run") == ["bob", "cat", "ann"]
+    assert places([1, 1, 1], [3, 7, 0], "name") == ["ann", "bob", "cat"]
+    in_order = order(np.array([1.0, 1.0, 0.0, 1.0]), [3, 7, 0, 3], None)
+    assert in_order.tolist() == [2, 0, 3, 1]
+
+
+def test_many_rounds_are_put_in_order_at_once() -> None:
+    scores = np.array([[2.0, 1.0, 1.0], [1.0, 1.0, 3.0]])
+
+    found = order(scores, np.array([[0, 5, 2], [4, 1, 0]]), "abc")
+    assert found.tolist() == [[2, 1, 0], [1, 0, 2]]
+
+
+def test_many_rounds_draw_what_each_draws_alone() -> None:
+    seeds = [f"e/{number}" for number in range(5)]
+    together = BatchRandomSource([round_rng(seed) for seed in seeds]).random((5, 3))
+
+    assert together.tolist() == [round_rng(seed).random((3,)).tolist() for seed in seeds]
+
+
+def test_the_chance_of_a_seed_is_the_same_on_every_machine() -> None:
+    assert round_rng("epoch/4").random() == 0.2232831641075249
+
+
+def test_every_strategy_says_what_it_does_and_what_can_be_set() -> None:
+    assert next(iter(STRATEGIES)) == "manhattan"
+    for name, spec in STRATEGIES.items():
+        assert spec.name == name
+        assert spec.description.endswith(".")
+        for option in spec.options:
+            assert option.minimum <= option.default <= option.maximum
+            assert option.description
+        assert spec.values({}) == {option.name: option.default for option in spec.options}
+
+
+def test_the_market_takes_the_recommended_parameters() -> None:
+    text = (Path(__file__).parents[3] / "bringup" / "params" / "recommended.yaml").read_text()
+    given = yaml.safe_load(text)["/**/marketplace"]["ros__parameters"]
+    options = {name: value for name, value in given.items() if "." in name}
+    rest = {name: value for name, value in given.items() if "." not in name}
+    settings = Settings(options=options, **rest)
+    assert settings.strategy == "ucb"
+    assert settings.options_of("ucb") == {"c": 6.0}

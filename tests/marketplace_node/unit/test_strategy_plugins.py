@@ -1,0 +1,277 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Strategies that other packages bring: found, checked, and checked again in every round."""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+import sys
+import textwrap
+from collections.abc import Mapping
+from dataclasses import replace
+from importlib.metadata import EntryPoint
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from market_harness import SPACE, Driver, scene
+from marketplace_node.explanation.explanation import explanation
+from marketplace_node.round import auction, ranking
+from marketplace_node.round.decision import Ranked
+from marketplace_node.round.ranking import decide
+from marketplace_node.strategies import (
+    STRATEGIES,
+    LinearScores,
+    Option,
+    Scores,
+    StrategySpec,
+    manhattan,
+)
+from marketplace_node.strategies.distances import manhattan_lines
+from marketplace_node.strategies.plugins import GROUP, read_plugins
+from ranked_rounds import bids, decided, terms
+
+ROOT = Path(__file__).parents[3]
+PAGE = (ROOT / "docs" / "strategies.md").read_text(encoding="utf-8")
+CODE, ENTRY = re.search(r"```python\n(.+?)```.*?```toml\n(.+?)```", PAGE, re.DOTALL).groups()
+BROKEN = '\nbroken = "their_strategies:nothing"\nmanhattan = "their_strategies:SPEC"\n'
+
+
+@pytest.fixture
+def package(tmp_path: Path) -> Path:
+    """Return a folder that holds the package of the page, and broken ones, as pip leaves it."""
+    (tmp_path / "their_strategies.py").write_text(CODE)
+    info = tmp_path / "their_strategies-1.0.dist-info"
+    info.mkdir()
+    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: theirs\nVersion: 1.0\n")
+    named = ENTRY.replace('[project.entry-points."bt_agents.strategies"]', f"[{GROUP}]")
+    (info / "entry_points.txt").write_text((named + BROKEN).replace('"', ""))
+    return tmp_path
+
+
+def test_the_strategy_of_the_page_ranks_and_broken_ones_stop_nothing(package: Path) -> None:
+    script = """
+        from market_driver import SPACE, scene
+        from marketplace_node.round.ranking import decide
+        from marketplace_node.strategies import STRATEGIES, add_installed
+        from ranked_rounds import bids, terms
+
+        for problem in add_installed():
+            print(problem)
+        of = terms(scene("s", 5.0, 1.0, 3.0), strategy="nearest_age", options={"tolerance": 0.5})
+        found = decide(SPACE, of, bids({"ann": (4.0, 4.0, 4.0), "bob": (2.0, 1.0, 3.0)}))
+        print([(bid.agent, bid.score) for bid in found.bids], found.fallback or "-")
+    """
+    environment = {
+        **os.environ,
+        "PYTHONPATH": os.pathsep.join([str(package), str(ROOT / "tests")]),
+    }
+    done = subprocess.run(
+        [sys.executable, "-c", textwrap.dedent(script)],
+        env=environment, capture_output=True, text=True, timeout=60, check=False,
+    )  # fmt: skip
+
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.splitlines() == [
+        "strategy 'broken' of theirs (their_strategies:nothing) cannot be loaded: "
+        "AttributeError: module 'their_strategies' has no attribute 'nothing'",
+        "strategy 'manhattan' of theirs (their_strategies:SPEC): there is a strategy of this name "
+        "already",
+        "[('ann', 0.5), ('bob', 2.5)] -",
+    ]
+
+
+SPEC = StrategySpec(name="own", description="As manhattan.", score=manhattan)
+UNFIT_OPTION = Option(name="c", default=5.0, minimum=0.0, maximum=1.0, description="too much")
+UNFIT = {
+    "Own": SPEC,
+    "function": manhattan,
+    "other": SPEC,
+    "unfit": replace(SPEC, name="unfit", options=(UNFIT_OPTION,)),
+    "twice": replace(SPEC, name="twice", options=(replace(UNFIT_OPTION, default=1.0),) * 2),
+    "no_score": replace(SPEC, name="no_score", score=None),  # type: ignore[arg-type]
+    "no_lines": replace(SPEC, name="no_lines", lines="x"),  # type: ignore[arg-type]
+    "no_words": replace(SPEC, name="no_words", description=None),  # type: ignore[arg-type]
+    "no_number": replace(SPEC, name="no_number", options=(replace(UNFIT_OPTION, minimum="a"),)),  # type: ignore[arg-type]
+    "no_default": replace(SPEC, name="no_default", options=(replace(UNFIT_OPTION, default=None),)),  # type: ignore[arg-type]
+    "no_name": replace(SPEC, name="no_name", options=(replace(UNFIT_OPTION, name=3),)),  # type: ignore[arg-type]
+    "no_meaning": replace(
+        SPEC, name="no_meaning", options=(replace(UNFIT_OPTION, default=1.0, description=None),)
+    ),  # type: ignore[arg-type]
+}
+"""Name of an entry point → what it leads to."""
+
+
+class Loaded(EntryPoint):
+    """An entry point whose object is at hand."""
+
+    def load(self) -> Any:
+        if self.name == "leaves":
+            sys.exit("no licence\nbye")
+        return {"own": SPEC, **UNFIT}[self.name]
+
+
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [
+        ("Own", "cannot be the name of a strategy"),
+        ("function", "is a function, expected a marketplace_node.strategies.StrategySpec"),
+        ("other", "calls itself 'own'; both names must be the same"),
+        ("unfit", "whose default lies between minimum and maximum"),
+        ("twice", "two options have the same name"),
+        ("no_score", "'score' is no function"),
+        ("no_lines", "'lines' is no function"),
+        ("no_words", "'description' is no text"),
+        ("no_number", "name and description as texts, and whose default lies between"),
+        ("no_default", "name and description as texts, and whose default lies between"),
+        ("no_name", "name and description as texts, and whose default lies between"),
+        ("no_meaning", "name and description as texts, and whose default lies between"),
+        ("leaves", "cannot be loaded: SystemExit: no licence bye"),
+    ],
+)
+def test_what_cannot_be_a_strategy_is_a_problem_in_words(name: str, words: str) -> None:
+    specs, problems = read_plugins([Loaded(name, "m:x", GROUP), Loaded("own", "m:SPEC", GROUP)])
+
+    assert list(specs) == ["own"]
+    assert len(problems) == 1
+    assert words in problems[0]
+
+
+def not_finite(field: Any, options: Mapping[str, float], random: Any) -> Scores:
+    scores = manhattan(field, options, random)
+    return replace(scores, score=scores.score * np.nan)
+
+
+def too_short(field: Any, options: Mapping[str, float], random: Any) -> Scores:
+    scores = manhattan(field, options, random)
+    return replace(scores, bonus=scores.bonus[:-1])
+
+
+def without_parts(field: Any, options: Mapping[str, float], random: Any) -> Scores:
+    return replace(manhattan(field, options, random), contributions=np.zeros(2))
+
+
+def no_scores(field: Any, options: Mapping[str, float], random: Any) -> Any:
+    return field.bids.sum(axis=-1)
+
+
+def raising(field: Any, options: Mapping[str, float], random: Any) -> Scores:
+    raise KeyError("temperature")
+
+
+def leaving(field: Any, options: Mapping[str, float], random: Any) -> Scores:
+    sys.exit("broken\nstrategy")
+
+
+def meddling(field: Any, options: Mapping[str, float], random: Any) -> Scores:
+    field.bids[:] = 3.0
+    return manhattan(field, options, random)
+
+
+def ranked_by(score: Any, patch: pytest.MonkeyPatch, **changes: Any) -> Ranked:
+    spec = StrategySpec(name="theirs", description="Of somebody else.", score=score)
+    patch.setattr(ranking, "STRATEGIES", {**STRATEGIES, "theirs": spec})
+    of = terms(scene("s", 3.0, 3.0, 3.0), **changes)
+    return decide(SPACE, of, bids({"ann": (4.0, 4.0, 4.0), "bob": (3.0, 3.0, 3.5)}))
+
+
+BAD = {
+    not_finite: "strategy theirs: its score is not a finite number for every bid",
+    too_short: "strategy theirs: its bonus has the shape [1], expected [2]",
+    without_parts: "strategy theirs: its contributions has the shape [2], expected [2, 3]",
+    no_scores: "strategy theirs raised AttributeError: 'numpy.ndarray' object has no attribute "
+    "'distance'",
+    raising: "strategy theirs raised KeyError: 'temperature'",
+    leaving: "strategy theirs raised SystemExit: broken strategy",
+    meddling: "strategy theirs raised ValueError: assignment destination is read-only",
+}
+
+
+@pytest.mark.parametrize("score", BAD)
+def test_a_strategy_that_fails_is_named_and_manhattan_ranks(
+    score: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    found = ranked_by(score, monkeypatch, strategy="theirs")
+
+    assert found.fallback == BAD[score]
+    assert (found.by, [bid.agent for bid in found.bids]) == ("manhattan", ["bob", "ann"])
+
+
+@pytest.mark.parametrize("score", BAD)
+def test_a_shadow_that_fails_chooses_nobody_and_is_named(
+    score: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    found = ranked_by(score, monkeypatch, shadow="theirs")
+
+    assert (found.shadow_winner, found.fallback, found.by) == ("", "", "manhattan")
+    assert found.shadow_failure == BAD[score]
+
+
+def test_a_shadow_that_fails_is_told_of_in_the_explanation(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    spec = replace(SPEC, name="theirs", score=raising)
+    monkeypatch.setattr(ranking, "STRATEGIES", {**STRATEGIES, "theirs": spec})
+    decision = decided(terms(shadow="theirs"), bids({"ann": (4.0, 4.0, 4.0)}))
+
+    assert explanation(decision, SPACE).splitlines()[-1] == (
+        "theirs only looks on: strategy theirs raised KeyError: 'temperature'."
+    )
+
+
+def raising_lines(field: Any, options: Mapping[str, float], random: Any) -> LinearScores:
+    raise ValueError("no lines")
+
+
+def mis_shaped(field: Any, options: Mapping[str, float], random: Any) -> LinearScores:
+    return LinearScores(profiles=np.zeros((1, 1)), weights=np.ones(1), offsets=np.zeros(1))
+
+
+def nowhere(field: Any, options: Mapping[str, float], random: Any) -> LinearScores:
+    return replace(manhattan_lines(field, options, random), offsets=np.array([np.nan, 0.0]))
+
+
+@pytest.mark.parametrize(
+    ("lines", "words"),
+    [
+        (raising_lines, "strategy theirs raised ValueError: no lines"),
+        (
+            mis_shaped,
+            "strategy theirs: its profiles of lines has the shape [1, 1], expected [2, 3]",
+        ),
+        (nowhere, "strategy theirs: its offsets of lines is not a finite number for every bid"),
+        (lambda *_: None, "strategy theirs raised AttributeError: 'NoneType' object has no "),
+    ],
+)
+def test_lines_that_fail_cost_the_smallest_change_and_nothing_else(
+    lines: Any, words: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    spec = replace(SPEC, name="theirs", lines=lines)
+    monkeypatch.setattr(ranking, "STRATEGIES", {**STRATEGIES, "theirs": spec})
+    found = decide(
+        SPACE, terms(strategy="theirs"), bids({"ann": (4.0, 4.0, 4.0), "bob": (3.0, 3.0, 3.5)})
+    )
+
+    assert (found.by, found.fallback) == ("theirs", "")
+    assert found.change is not None
+    assert found.change.names == ()
+    assert found.change.obstacle.startswith(words)
+
+
+def test_a_round_whose_ranking_breaks_ends_without_an_award(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def breaks(*_: Any, **__: Any) -> Ranked:
+        raise RuntimeError("out of order")
+
+    monkeypatch.setattr(auction, "decide", breaks)
+    market = Driver()
+    market.register()
+    market.scene()
+    market.bid()
+
+    assert market.ends == [("s1", "NO_BIDS")]
+    assert "the bids could not be ranked: RuntimeError: out of order" in market.auction.reason

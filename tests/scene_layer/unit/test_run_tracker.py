@@ -1,0 +1,149 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How long a live scene counts, and what trees make of one that does not count any more."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+from bt_agents_core.live_scene_view import LEASE_S, LiveSceneView
+from bt_agents_core.scene import Scene
+from tree_harness import Stage, scene
+
+AWARDED = scene(mood=3)
+
+
+class Story:
+    """A run's live scene on a manual clock."""
+
+    def __init__(self, lease_s: float = LEASE_S) -> None:
+        self.now = 7.0
+        self.view = LiveSceneView(AWARDED, lambda: self.now, lease_s)
+
+    def at(self, moment: float) -> Scene:
+        """Return the scene so many seconds after the start."""
+        self.now = 7.0 + moment
+        return self.view.now()
+
+    def see(self, moment: float, live: Scene) -> None:
+        """Let a live scene come."""
+        self.now = 7.0 + moment
+        self.view.see(live)
+
+
+@pytest.mark.parametrize(
+    ("moment", "stale_s"), [(0.0, 0.0), (0.5, 0.0), (1.0, 0.0), (1.25, 1.25), (60.0, 60.0)]
+)
+def test_the_scene_as_awarded_counts_for_the_lease_and_is_stale_then(moment, stale_s):
+    assert Story().at(moment) == replace(AWARDED, stale_s=stale_s)
+
+
+@pytest.mark.parametrize(
+    ("lease_s", "moment", "stale_s"),
+    [(1.0, 5.5, 0.0), (1.0, 6.0, 0.0), (1.0, 6.5, 1.5), (2.0, 6.5, 0.0), (0.25, 5.5, 0.5)],
+)
+def test_each_live_scene_counts_anew_for_the_lease(lease_s, moment, stale_s):
+    story = Story(lease_s)
+    live = scene(mood=1)
+    story.see(5.0, live)
+    assert story.at(moment) == replace(live, stale_s=stale_s)
+
+
+def test_a_live_scene_after_a_silence_counts_at_once():
+    story = Story()
+    assert story.at(9.0).stale_s
+    story.see(9.0, scene(mood=2))
+    assert story.at(9.5) == scene(mood=2)
+
+
+def test_a_live_scene_of_another_scene_neither_counts_nor_breaks_the_silence():
+    story = Story()
+    story.see(0.75, replace(scene(mood=5), scene_id="another"))
+    assert story.at(1.5) == replace(AWARDED, stale_s=1.5)
+
+
+def test_a_lease_that_is_tuned_acts_at_once():
+    story = Story()
+    assert story.at(2.0).stale_s
+    story.view.lease_s = 3.0
+    assert not story.at(2.0).stale_s
+
+
+# --- what trees make of it ------------------------------------------------------------------
+
+SILENT = "is stale: the scene layer has been silent for 2.3 s"
+
+
+def silenced(tree: str, **fields: object) -> Stage:
+    stage = Stage(tree, **fields)
+    stage.live = replace(stage.live, stale_s=2.3)
+    return stage
+
+
+@pytest.mark.parametrize(
+    ("condition", "name"),
+    [
+        ("live.mood >= 1", "live.mood"),
+        ("live.person", "live.person"),
+        ("not live.person", "live.person"),
+        ("mood.change >= -9", "mood.change"),
+        ("scene.mood == 3 and live.mood == 3", "live.mood"),
+    ],
+)
+def test_a_condition_over_a_stale_value_is_not_true_and_says_why(condition, name):
+    stage = silenced(f"check: {condition}")
+    assert stage.tick() == "failed"
+    assert f"'{name}' {SILENT}" in stage.message
+
+
+@pytest.mark.parametrize(
+    "condition",
+    ["scene.mood == 3", "live.stale", "live.stale or not live.person", "profile.age >= 1"],
+)
+def test_what_needs_no_fresh_value_is_told_as_ever(condition):
+    assert silenced(f"check: {condition}").tick() == "succeeded"
+
+
+def test_a_fresh_live_scene_is_not_stale():
+    assert Stage("check: not live.stale and live.mood == 3").tick() == "succeeded"
+
+
+def test_a_text_with_a_stale_value_is_not_said():
+    stage = silenced("log: the mood is ${live.mood}")
+    assert stage.tick() == "failed"
+    assert f"'live.mood' {SILENT}" in stage.message
+
+
+def test_a_node_is_left_out_while_its_condition_is_stale():
+    stage = silenced("{when: live.mood >= 1, wait: 1 s}")
+    assert stage.tick() == "succeeded"
+    assert f"left out: 'live.mood' {SILENT}" in [one.message for one in stage.changes]
+
+
+def test_a_while_ends_its_node_as_soon_as_the_value_is_stale():
+    stage = Stage("{while: live.person, wait: 10 s}")
+    assert stage.tick() == "running"
+    stage.live = replace(stage.live, stale_s=2.3)
+    assert stage.after(1.0) == "failed"
+    assert f"'live.person' {SILENT}" in stage.message
+
+
+def test_a_wait_says_once_that_it_is_stale_and_goes_on_when_the_scene_layer_is_back():
+    stage = Stage("wait_for: {condition: live.mood >= 3, for: 2 s}")
+    stage.tick()
+    for silent_s in (1.1, 1.2, 1.3):
+        stage.live = replace(stage.live, stale_s=silent_s)
+        assert stage.after(0.1) == "running"
+    told = [message for _, message in stage.told("tree") if "stale" in message]
+    assert told == ["'live.mood' is stale: the scene layer has been silent for 1.1 s"]
+    stage.live = replace(stage.live, stale_s=0.0)
+    assert stage.after(0.1) == "running"
+    assert stage.after(1.9) == "running"
+    assert stage.after(0.1) == "succeeded"
+
+
+def test_a_condition_that_is_not_so_calls_its_stale_names_stale():
+    stage = silenced("check: not live.stale and live.mood > 3")
+    assert stage.tick() == "failed"
+    assert "live.mood is stale" in stage.message
