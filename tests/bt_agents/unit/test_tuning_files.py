@@ -210,7 +210,7 @@ def test_a_change_outlives_a_process_that_is_killed(path):
         "journal.append(revision(1, 8.0, 12.0), {'a.x': 8.0})\n"
         "os.kill(os.getpid(), signal.SIGKILL)\n"
     )
-    folders = [str(Path(__file__).parent), str(Path(__file__).parents[2])]
+    folders = [str(Path(__file__).parent), str(Path(__file__).parents[2] / "harness")]
     killed = subprocess.run(
         [sys.executable, "-c", program, str(path)],
         env={**os.environ, "PYTHONPATH": os.pathsep.join(folders)},

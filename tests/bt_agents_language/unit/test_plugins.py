@@ -66,7 +66,7 @@ def run(package: Path, script: str) -> str:
     """Run a script in a Python of its own that has the package; return what it prints."""
     environment = {
         **os.environ,
-        "PYTHONPATH": os.pathsep.join([str(package), str(ROOT / "tests")]),
+        "PYTHONPATH": os.pathsep.join([str(package), str(ROOT / "tests" / "harness")]),
     }
     done = subprocess.run(
         [sys.executable, "-c", textwrap.dedent(script)],

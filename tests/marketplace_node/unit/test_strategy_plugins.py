@@ -67,7 +67,7 @@ def test_the_strategy_of_the_page_ranks_and_broken_ones_stop_nothing(package: Pa
     """
     environment = {
         **os.environ,
-        "PYTHONPATH": os.pathsep.join([str(package), str(ROOT / "tests")]),
+        "PYTHONPATH": os.pathsep.join([str(package), str(ROOT / "tests" / "harness")]),
     }
     done = subprocess.run(
         [sys.executable, "-c", textwrap.dedent(script)],
