@@ -78,8 +78,8 @@ class SubtreeCalls:
         used = {*callee.interface.inputs.values(), *callee.interface.outputs}
         for name in entries:
             if name not in used:
-                remark(RemarkLevel.NOTE, element, f"'{name}' is not passed on: '{callee.name}' never "
-                       "uses it")  # fmt: skip
+                text = f"'{name}' is not passed on: '{callee.name}' never uses it"
+                remark(RemarkLevel.NOTE, element, text)
         return _subtree(callee.name, given, outputs)
 
     def _inputs(

@@ -64,7 +64,7 @@ class GivenFeedback:
 
 
 class ScriptedGoal:
-    """One goal of a :class:`ScriptedEnvironment`; its timeouts count on the same clock as all else."""
+    """Goal of a :class:`ScriptedEnvironment`; its timeouts count on the same clock."""
 
     def __init__(self, goal: SkillGoal, answer: ScriptedReply, clock: Clock) -> None:
         self.goal = goal

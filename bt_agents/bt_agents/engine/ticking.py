@@ -40,8 +40,8 @@ class Ticker:
     Only ``iterator``, which py_trees itself never looks at, is not made anew.
 
     How a node is ticked is decided by the ``tick`` and ``stop`` that it has when it is ticked for
-    the first time: those of py_trees and of :class:`CallTicked` are known. A node with one of its own
-    is ticked by its generator, and so is everything below it. Its ``initialise`` and ``terminate``
+    the first time: those of py_trees and of :class:`CallTicked` are known. A node with one of its
+    own is ticked by its generator, and so is everything below it. Its ``initialise`` and ``terminate``
     are looked up then, too. Which children a node has is seen anew in each tick.
 
     Args:
@@ -101,7 +101,7 @@ class Ticker:
         return self.steps[node]()
 
     def drop_child(self, node: Behaviour) -> None:
-        """Leave a node out in the course of a :meth:`CallTicked.turn`: stop it, or forget its end."""
+        """Leave a node out during a :meth:`CallTicked.turn`: stop it, or forget its end."""
         if node.status is not INVALID:
             self.stops[node](INVALID)
         self.noted.append(node)

@@ -327,7 +327,7 @@ class Profiles:
         return tuple(told)
 
     def false_rate(self, name: str, layer: str = "") -> float:
-        """Return how much of what a profile was taught seems to be wrong; see :class:`ProfileChange`.
+        """Return the share of a profile's feedback that seems wrong; see :class:`ProfileChange`.
 
         Raises:
             LedgerError: ``LEDGER_CORRUPT`` or ``LEDGER_UNREADABLE``.

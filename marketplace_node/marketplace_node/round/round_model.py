@@ -42,7 +42,7 @@ class Scored:
 
     scores: Scores
     precedence: str = ""
-    apply_precedence: int = 0
+    placed: int = 0
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

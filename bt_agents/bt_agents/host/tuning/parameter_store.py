@@ -185,7 +185,8 @@ class ParameterStore:
         """Return values as authors write them, by name.
 
         Raises:
-            Refused: ``WRONG_LENGTH``, ``DUPLICATE``, or as in :meth:`knob` and :meth:`TunableParameter.read`.
+            Refused: ``WRONG_LENGTH``, ``DUPLICATE``, or as in :meth:`knob` and
+                :meth:`TunableParameter.read`.
         """
         if len(names) != len(texts) or not names:
             raise Refused(
