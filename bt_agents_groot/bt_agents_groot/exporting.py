@@ -54,7 +54,7 @@ class _TreeFile:
 
     fields: MappingReader
     vocabulary: SymbolTable
-    drafts: RawNodeReader
+    structure: RawNodeReader
     file: str
     subtrees: dict[str, SubtreeSpec] = field(default_factory=dict)
 
@@ -110,7 +110,7 @@ class _Export:
         opened = _TreeFile(
             fields=fields,
             vocabulary=vocabulary,
-            drafts=RawNodeReader(reading, vocabulary),
+            structure=RawNodeReader(reading, vocabulary),
             file=source.file,
             subtrees={**imported, **own},
         )
@@ -119,8 +119,8 @@ class _Export:
 
     def _tree(self, file: _TreeFile, node: Node | None, tree_id: str) -> Xml:
         assert node is not None
-        draft = file.drafts.read(node, "the tree")
-        assert draft is not None
+        raw = file.structure.read(node, "the tree")
+        assert raw is not None
 
         def find(name: str) -> tuple[str, SubtreeSpec]:
             subtree = file.subtrees[name]
@@ -129,7 +129,7 @@ class _Export:
                 self._waiting.setdefault(place)
             return self._models.subtree(place[0], subtree), subtree
 
-        tree = TreeExport(self._models, find, self._remarks).node(draft)
+        tree = TreeExport(self._models, find, self._remarks).node(raw)
         return Xml(tag="BehaviorTree", attributes={"ID": tree_id}, children=(tree,))
 
     def _subtree(self, file: str, name: str) -> Xml:

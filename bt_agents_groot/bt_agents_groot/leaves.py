@@ -14,8 +14,8 @@ from bt_agents_groot.script_nodes import as_node
 from bt_agents_groot.translation import Translation
 from bt_agents_groot.written import Data, Raw, YamlNode
 from bt_agents_groot.xml_reader import Element
+from bt_agents_language.model.node_type import FOREVER
 from bt_agents_language.model.specs import FieldType
-from bt_agents_language.nodes import FOREVER
 
 
 def count(tree: Translation, element: Element, port: str, default: str = "") -> Data:
@@ -84,7 +84,7 @@ def lost(tree: Translation, element: Element, reason: str = "") -> YamlNode:
     tree.remark(RemarkLevel.LOST, element, f"{shown_element(element)} has no equivalent{because}")
     message = f"not translated: {shown_element(element)}".replace("${", "$ {")
     node = YamlNode(key="log", value={"message": message, "level": "error"})
-    return replace(node, modifiers={"fail": True})
+    return replace(node, decorators={"fail": True})
 
 
 def shown_element(element: Element) -> str:

@@ -116,9 +116,9 @@ def _passed(text: str, names: TreeNames) -> Data:
 
 
 def _subtree(name: str, given: dict[str, Data], outputs: dict[str, Data]) -> YamlNode:
-    beside: dict[str, Data] = {}
+    siblings: dict[str, Data] = {}
     if given:
-        beside["with"] = given
+        siblings["with"] = given
     if outputs:
-        beside["outputs"] = outputs
-    return YamlNode(key="subtree", value=Raw(name), beside=beside)
+        siblings["outputs"] = outputs
+    return YamlNode(key="subtree", value=Raw(name), siblings=siblings)

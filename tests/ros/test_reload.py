@@ -28,7 +28,7 @@ from bt_agents_interfaces.srv import (
     SetProfile,
 )
 from bt_agents_language.files.folder_reader import read_trees
-from bt_agents_language.model.walking import iter_nodes
+from bt_agents_language.model.specs import iter_nodes
 from bt_agents_ros import qos
 from bt_agents_ros.messages import scene_to_msg
 from marketplace_node.node import MarketplaceNode

@@ -12,8 +12,7 @@ from rclpy.node import Node
 
 from bt_agents.engine.environment import SkillGoal
 from bt_agents.host.environment.ros_environment import RosEnvironment
-from bt_agents_language.model.specs import BindingKind, NodeSpec, Timeouts
-from bt_agents_language.model.walking import iter_nodes
+from bt_agents_language.model.specs import BindingKind, NodeSpec, Timeouts, iter_nodes
 from scripted_server import Script, ScriptedServer
 from tree_harness import SPACE, agent
 

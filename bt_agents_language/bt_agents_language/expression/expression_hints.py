@@ -35,8 +35,8 @@ _NO_FUNCTIONS = {
     "float": "numbers need no conversion",
     "bool": "compare, for example x > 0",
     "random": "use the node 'random'",
-    "now": "use the modifiers 'cooldown' and 'timeout', or the node 'wait'",
-    "time": "use the modifiers 'cooldown' and 'timeout', or the node 'wait'",
+    "now": "use the decorators 'cooldown' and 'timeout', or the node 'wait'",
+    "time": "use the decorators 'cooldown' and 'timeout', or the node 'wait'",
 }
 _METHODS = {
     "contains": "write 'word' in {0}",

@@ -15,10 +15,16 @@ from bt_agents_language.files.tunable_reader import read_tunable
 from bt_agents_language.gc_pause import gc_paused
 from bt_agents_language.model.scene_values import read_vector
 from bt_agents_language.model.scope import NameScope, scene_names
-from bt_agents_language.model.specs import AgentSpec, FieldType, NodeSpec, Tunable, UnusedInput
+from bt_agents_language.model.specs import (
+    AgentSpec,
+    FieldType,
+    NodeSpec,
+    Tunable,
+    UnusedInput,
+    iter_nodes,
+)
 from bt_agents_language.model.symbols import SymbolTable
 from bt_agents_language.model.values import read_condition
-from bt_agents_language.model.walking import iter_nodes
 from bt_agents_language.tree.trees_reader import TreesReader
 from bt_agents_language.yaml.source import Source
 from bt_agents_language.yaml.typed_reader import TypedReader

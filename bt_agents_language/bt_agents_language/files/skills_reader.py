@@ -12,7 +12,7 @@ from bt_agents_language.files.inputs import read_inputs, read_new_name, read_typ
 from bt_agents_language.files.skill_bindings import BindingCandidate, read_candidate
 from bt_agents_language.model.interfaces import Interfaces
 from bt_agents_language.model.specs import BindingKind, FieldSpec, FieldType, SkillSpec
-from bt_agents_language.nodes import WORDS
+from bt_agents_language.nodes.catalogue import WORDS
 from bt_agents_language.yaml.diagnostics import did_you_mean, joined, shown
 from bt_agents_language.yaml.mapping_reader import MappingReader
 from bt_agents_language.yaml.source import Source

@@ -1,13 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a checked file says: frozen data that the engine and the nodes are built from."""
+"""Specs: checked files as frozen data, from which the engine and the nodes are built."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from enum import Enum
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Protocol, Self, TypeVar
 
 from bt_agents_core.feedback import LearningRule
 from bt_agents_core.scene import Vector
@@ -232,15 +232,15 @@ class SkillSpec:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class NodeSpec:
-    """One node of a tree; a modifier is a node around the one it modifies.
+    """One node of a tree; a decorator is a node around the one it decorates.
 
     Attributes:
         path: Stable position in the tree, for example ``tree/0.say`` or ``tree/1.ask@timeout``.
         position: Where it stands in the file.
-        kind: Node key or modifier: ``sequence``, ``timeout``, ``say``.
+        kind: Node key or decorator: ``sequence``, ``timeout``, ``say``.
         name: Name for people.
         fields: Values and conditions by field name; see ``nodes.py`` for the fields of a kind.
-        children: In order; of a modifier the modified node first.
+        children: In order; of a decorator the decorated node first.
         skill: Set when ``kind`` is a skill.
         outputs: Name that is written → where its value comes from: a field path of the result or
             message, or a name inside of a subtree.
@@ -274,6 +274,24 @@ class NodeSpec:
             feedback=self.feedback,
             plugin=self.plugin,
         )
+
+
+class _Parent(Protocol):
+    @property
+    def children(self) -> tuple[Self, ...]: ...
+
+
+_Node = TypeVar("_Node", bound=_Parent)
+
+
+def iter_nodes(root: _Node) -> Iterator[_Node]:
+    """Give a node and all nodes below it, parents before children."""
+    waiting = [root]
+    while waiting:
+        node = waiting.pop()
+        yield node
+        if node.children:
+            waiting += reversed(node.children)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""``${…}`` inside of texts: names and expressions found, checked and told from plain text."""
+"""References ``${…}`` in texts: names and expressions, split from plain text and checked."""
 
 from __future__ import annotations
 

@@ -7,8 +7,7 @@ from collections import Counter
 from dataclasses import dataclass, replace
 from hashlib import blake2b
 
-from bt_agents_language.model.specs import NodeSpec, Position
-from bt_agents_language.model.walking import iter_nodes
+from bt_agents_language.model.specs import NodeSpec, Position, iter_nodes
 
 _NOWHERE = Position(file="", line=1, column=1)
 

@@ -133,6 +133,11 @@ def entries_of(node: Node | None) -> tuple[MappingEntry, ...]:
     return node.entries if isinstance(node, Mapping) else ()
 
 
+def key_or_node(node: Node, name: str) -> Node:
+    """Return a key of a mapping as it stands in the file; the whole node when it is missing."""
+    return next((entry.key for entry in entries_of(node) if entry.key.text == name), node)
+
+
 def read_yaml(source: Source, problems: Diagnostics) -> Node | None:
     """Return the one document of a file; every problem of its form goes to ``problems``.
 

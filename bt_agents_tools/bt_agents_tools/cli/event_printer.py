@@ -159,7 +159,7 @@ class EventPrinter:
             self._line("scene", f"{title} {self._words(message.message)}")
 
     def tree(self, message: Any) -> None:
-        """Show the nodes that changed in a tick, and modifiers that made something fail.
+        """Show the nodes that changed in a tick, and decorators that made something fail.
 
         First what ended, in the order of ending, then what began, parents before children.
         """
@@ -171,8 +171,8 @@ class EventPrinter:
             self._stopping = True
             self._line("run", f"[yellow]stopping {message.agent}:[/] its host hears no market")
         for change in [*ended, *sorted(begun, key=lambda change: _place(change.path))]:
-            modifier = "@" in change.path.rpartition("/")[2]
-            if change.status == change.INVALID or (modifier and change.status != change.FAILURE):
+            decorator = "@" in change.path.rpartition("/")[2]
+            if change.status == change.INVALID or (decorator and change.status != change.FAILURE):
                 continue
             depth = change.path.count("/")
             words = f" [dim]{escape(change.message)}[/]" if change.message else ""

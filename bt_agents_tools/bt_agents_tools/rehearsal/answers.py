@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How the world of a rehearsal answers a skill: as typed, as scripted, or as is likely."""
+"""Answers of a rehearsal to skills: as typed, as scripted, or by default."""
 
 from __future__ import annotations
 
@@ -99,12 +99,12 @@ def _messages(
     """Return outputs as the messages that they are read from: result and feedback."""
     binding = node.skill.binding if node.skill is not None else None
     paths = {**node.outputs, **(binding.outputs if binding is not None else {})}
-    told = {**node.feedback, **(binding.feedback if binding is not None else {})}
+    of_feedback = {**node.feedback, **(binding.feedback if binding is not None else {})}
     result: dict[str, Plain] = {}
     feedback: dict[str, Plain] = {}
     for name, value in outputs.items():
-        if name in told:
-            _put(feedback, told[name], value)
+        if name in of_feedback:
+            _put(feedback, of_feedback[name], value)
         else:
             _put(result, paths.get(name, name), value)
     return result, feedback

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Compares how a rehearsal went with what a test expects, for somebody who has to mend it."""
+"""Assertions of a test about the result of a rehearsal."""
 
 from __future__ import annotations
 
@@ -24,8 +24,8 @@ from bt_agents_language.files.testing.scenarios import (
     Visits,
     Within,
 )
+from bt_agents_language.model.node_type import Mark
 from bt_agents_language.model.specs import Position
-from bt_agents_tools.rehearsal.coverage import Mark
 from bt_agents_tools.rehearsal.events import Rehearsed, Use
 from bt_agents_tools.rehearsal.transcript import phrase, time_text, value_text
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a skill likely does when nobody says otherwise: how long it takes, what it gives."""
+"""Default answers of skills: how long a use takes, and what it gives."""
 
 from __future__ import annotations
 
@@ -82,8 +82,8 @@ def returned(node: NodeSpec) -> tuple[FieldSpec, ...]:
     if node.skill is None:
         return ()
     binding = node.skill.binding
-    told = binding.feedback if binding is not None else {}
-    return tuple(one for one in node.skill.outputs if one.name not in told)
+    of_feedback = binding.feedback if binding is not None else {}
+    return tuple(one for one in node.skill.outputs if one.name not in of_feedback)
 
 
 def _speaks(skill: SkillSpec) -> bool:

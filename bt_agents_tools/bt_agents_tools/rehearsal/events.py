@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What happened in a rehearsal, as data that can be shown, compared and counted."""
+"""Events of a rehearsal, as data that can be shown, compared and counted."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class EventKind(Enum):
 
 @dataclass(frozen=True, kw_only=True)
 class Event:
-    """One moment of a rehearsal.
+    """Event of a rehearsal.
 
     Attributes:
         at_s: Time since the start [s].
@@ -45,7 +45,7 @@ class Event:
         inputs: What a skill was given.
         outputs: What it gave back.
         takes_s: How long what begins will take [s]; infinite for ever.
-        words: The rest, in words.
+        text: The rest, for people.
         outcome: How the run ended; None when it did not, or for any other event.
         change: The node's new status, of a ``TICK``.
     """
@@ -56,7 +56,7 @@ class Event:
     inputs: Mapping[str, Plain] = field(default_factory=dict)
     outputs: Mapping[str, Plain] = field(default_factory=dict)
     takes_s: float = 0.0
-    words: str = ""
+    text: str = ""
     outcome: TreeOutcome | None = None
     change: StatusChange | None = None
 
@@ -87,11 +87,11 @@ class Use:
 
 @dataclass(frozen=True, kw_only=True)
 class Rehearsed:
-    """How a rehearsal went.
+    """Result of a rehearsal.
 
     Attributes:
         outcome: How the run ended; None when it did not end, or was not awarded.
-        message: Why, in words.
+        message: The reason.
         duration_s: How long it took [s].
         ticks: Ticks of the tree and of its clean-up.
         events: Everything that happened, in order.

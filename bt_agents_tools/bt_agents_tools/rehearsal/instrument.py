@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""An agent made ready for a rehearsal: its skills reach the script, some nodes are replaced."""
+"""Instrumented agents: skills that reach the script of a rehearsal, and replaced nodes."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The scene of a rehearsal, how it changes, and the mood rules that watch it."""
+"""Scene of a rehearsal: as awarded, live, and as scripted events change it."""
 
 from __future__ import annotations
 

@@ -16,8 +16,7 @@ from bt_agents.engine.run import Run, RunLimits, TreeOutcome
 from bt_agents.engine.scripted_environment import ManualClock, ScriptedEnvironment, ScriptedReply
 from bt_agents_core.scene import Origin, Scene, SceneValue
 from bt_agents_language.files.folder_reader import read_trees
-from bt_agents_language.model.specs import AgentSpec
-from bt_agents_language.model.walking import iter_nodes
+from bt_agents_language.model.specs import AgentSpec, iter_nodes
 from tree_harness import SPACE, TREES
 
 AGENTS = read_trees(TREES).agents

@@ -11,7 +11,7 @@ import pytest
 from bt_agents.engine.builder import COMPOSITES, LEAVES, MODIFIERS, SUBTREE
 from bt_agents.engine.environment import GoalState
 from bt_agents.engine.scripted_environment import ScriptedReply
-from bt_agents_language import nodes
+from bt_agents_language.nodes import catalogue
 from tree_harness import Stage, scene
 
 LONG = [ScriptedReply(after_s=100.0)]
@@ -20,8 +20,8 @@ FAILS = [ScriptedReply(state=GoalState.ABORTED, message="motor off")]
 
 
 def test_every_kind_of_the_language_has_a_class() -> None:
-    assert set(nodes.KINDS) <= {*LEAVES, *COMPOSITES, SUBTREE}
-    assert set(nodes.MODIFIERS) <= {*MODIFIERS, "on_failure"}
+    assert set(catalogue.NODE_TYPES) <= {*LEAVES, *COMPOSITES, SUBTREE}
+    assert set(catalogue.DECORATORS) <= {*MODIFIERS, "on_failure"}
     assert "on_failure" in COMPOSITES
 
 
@@ -49,7 +49,7 @@ PAIRS = [
 
 
 def test_the_pairs_below_cover_every_modifier() -> None:
-    assert list(WRITTEN) == list(nodes.MODIFIERS)
+    assert list(WRITTEN) == list(catalogue.DECORATORS)
 
 
 @pytest.mark.parametrize(("outer", "inner"), PAIRS)

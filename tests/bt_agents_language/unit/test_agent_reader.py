@@ -22,7 +22,7 @@ from bt_agents_language.model.specs import (
     Text,
 )
 from bt_agents_language.model.symbols import SymbolTable
-from bt_agents_language.nodes import KINDS, MODIFIERS
+from bt_agents_language.nodes.catalogue import DECORATORS, NODE_TYPES
 from bt_agents_language.tree.subtrees import MAX_NODES
 from fake_interfaces import FakeInterfaces
 from tree_harness import SPACE, TREES, VOCABULARY, agent
@@ -153,7 +153,7 @@ def test_modifiers_wrap_a_node_in_one_order_however_they_are_written(switch, oth
         kinds.append(spec.kind)
         assert spec.path == f"tree@{spec.kind}"
         spec = spec.children[0]
-    assert kinds == [key for key in MODIFIERS if key != other]
+    assert kinds == [key for key in DECORATORS if key != other]
     assert (spec.path, spec.name) == ("tree", "greet them all")
 
 
@@ -520,5 +520,5 @@ def test_without_interfaces_ros_types_are_not_looked_up():
 
 
 def test_every_kind_of_node_and_modifier_says_what_it_is_for():
-    assert all(kind.description.endswith(".") for kind in KINDS.values())
-    assert all(kind.description.endswith(".") for kind in MODIFIERS.values())
+    assert all(kind.description.endswith(".") for kind in NODE_TYPES.values())
+    assert all(kind.description.endswith(".") for kind in DECORATORS.values())

@@ -15,7 +15,7 @@ from py_trees.behaviour import Behaviour
 
 from bt_agents_language.model.node_type import Content, NodeField, NodeType
 from bt_agents_language.model.specs import FieldType
-from bt_agents_language.nodes import BESIDE, KINDS, MODIFIERS
+from bt_agents_language.nodes.catalogue import DECORATORS, NODE_TYPES, SIBLINGS
 from bt_agents_language.tools.schema.folder import (
     SCHEMAS,
     folder_vocabulary,
@@ -102,7 +102,7 @@ def test_every_file_is_taken_that_the_readers_take(path):
     assert problems(kind_of(path), read_source(path).text) == []
 
 
-@pytest.mark.parametrize("key", [*KINDS, *VOCABULARY.skills, *MODIFIERS, *BESIDE])
+@pytest.mark.parametrize("key", [*NODE_TYPES, *VOCABULARY.skills, *DECORATORS, *SIBLINGS])
 def test_every_word_of_the_language_is_described_in_a_node(key):
     properties = SCHEMAS["agent"](VOCABULARY)["definitions"]["node"]["properties"]
     assert properties[key]["description"]
@@ -199,21 +199,21 @@ def test_a_node_of_a_plugin_is_a_node_with_typed_fields():
         NodeField(name="data", required=False),
     )
     blink = NodeType(
-        key="blink", main="seconds", fields=fields, description="Blinks.", behaviour=Behaviour
+        key="blink", main="seconds", fields=fields, description="Blinks.", plugin=Behaviour
     )
     talk = NodeType(
         key="talk",
         main="what",
         fields=(NodeField(name="what"),),
         description="Talks.",
-        behaviour=Behaviour,
+        plugin=Behaviour,
     )
-    nod = NodeType(key="nod", behaviour=Behaviour)
+    nod = NodeType(key="nod", plugin=Behaviour)
     turn = NodeType(
         key="turn",
         main="mode",
         fields=(NodeField(name="mode", content=Content.CONSTANT, required=False, words=("a",)),),
-        behaviour=Behaviour,
+        plugin=Behaviour,
     )
     kinds = {one.key: one for one in (blink, talk, nod, turn)}
     words = replace(VOCABULARY, plugins=kinds)

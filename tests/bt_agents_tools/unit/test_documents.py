@@ -22,7 +22,7 @@ from bt_agents_language.files.scene_reader import read_scene_text
 from bt_agents_language.files.skills_reader import read_skills
 from bt_agents_language.files.testing.test_reader import read_test_text
 from bt_agents_language.model.plugins import GROUP, read_plugins
-from bt_agents_language.nodes import KINDS, MODIFIERS
+from bt_agents_language.nodes.catalogue import DECORATORS, NODE_TYPES
 from bt_agents_language.tools.schema.scene_files import scene_schema
 from bt_agents_language.yaml.source import Source
 from bt_agents_tools.cli.main import bt_agents
@@ -111,7 +111,7 @@ def test_every_yaml_example_can_be_read(document: str, text: str, tmp_path: Path
     agent = read_agent_text("\n".join(missing) + "\n" + text, document, VOCABULARY)
     # It ends, or goes on to the limit, or waits for what nobody announces: it never raises.
     limits = Limits(duration_s=600.0, ticks=2000)
-    told = rehearse(agent, SPACE, scenario(agent), limits=limits, against_its_bid=True)
+    told = rehearse(agent, SPACE, scenario(agent), limits=limits, force=True)
     assert told.events
     assert told.message
 
@@ -213,13 +213,13 @@ def _run(line: str) -> str | None:
     return result.stdout
 
 
-def test_the_reference_names_every_node_and_every_modifier_in_order() -> None:
+def test_the_reference_names_every_node_and_every_decorator_in_order() -> None:
     text = (ROOT / "docs" / "language.md").read_text()
-    for kind in KINDS:
+    for kind in NODE_TYPES:
         assert re.search(rf"^\| .*`{kind}[:` ]", text, re.MULTILINE), kind
-    table = text.partition("## Modifiers")[2].partition("\n## ")[0]
+    table = text.partition("## Decorators")[2].partition("\n## ")[0]
     written = re.findall(r"^\| `(\w+):", table, re.MULTILINE)
-    assert written == ["name", *MODIFIERS]
+    assert written == ["name", *DECORATORS]
 
 
 @pytest.mark.parametrize(("document", "text"), blocks("python"))

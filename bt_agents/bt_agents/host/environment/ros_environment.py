@@ -20,7 +20,8 @@ from bt_agents.host.environment.tree_clock import TreeClock
 from bt_agents_core.feedback import FeedbackKind
 from bt_agents_core.scene import SceneSpace
 from bt_agents_interfaces.msg import Scene as SceneMsg
-from bt_agents_language.model.specs import Binding, BindingKind, Literal, NodeSpec
+from bt_agents_language.model.specs import Binding, BindingKind, NodeSpec
+from bt_agents_language.nodes.catalogue import type_of
 from bt_agents_ros import qos
 from bt_agents_ros.types import fill, load_type
 
@@ -70,12 +71,13 @@ class RosEnvironment:
         What cannot be made is said in the log; the node fails when it is its turn.
         """
         try:
-            if spec.skill is not None and spec.skill.binding is not None:
-                self._prepare_binding(spec.skill.binding)
-            elif spec.kind == "give_feedback":
+            resources = type_of(spec).resources(spec)
+            if resources.binding is not None:
+                self._prepare_binding(resources.binding)
+            if resources.feedback:
                 self._feedback_requests()
-            elif spec.kind == "wait_for" and _constant(spec, "latched") is True:
-                self._latched_topic(str(_constant(spec, "topic")), str(_constant(spec, "type")))
+            if resources.latched and resources.topic is not None:
+                self._latched_topic(*resources.topic)
         except Exception as error:
             self._node.get_logger().warning(f"{spec.path}, {spec.position}: {error}")
 
@@ -89,13 +91,14 @@ class RosEnvironment:
         """
         clients, publishers, latched, beats = set(), set(), set(), set()
         for spec in specs:
-            if spec.skill is not None and (binding := spec.skill.binding) is not None:
+            resources = type_of(spec).resources(spec)
+            if (binding := resources.binding) is not None:
                 clients.add((binding.kind, binding.name, binding.type))
                 publishers.add((binding.name, binding.type))
                 if binding.heartbeat is not None:
                     beats.add((binding.heartbeat.topic, binding.heartbeat.type))
-            elif spec.kind == "wait_for":
-                latched.add((str(_constant(spec, "topic")), str(_constant(spec, "type"))))
+            if resources.topic is not None:
+                latched.add(resources.topic)
         in_use = self._lookout.clients()
         for key in [key for key in self._clients if key not in clients]:
             if self._clients[key] not in in_use:
@@ -236,8 +239,3 @@ class RosEnvironment:
                 self._node, self._wake, space=self._space, agent=self._agent, scene=self._scene
             )
         return self._feedback
-
-
-def _constant(spec: NodeSpec, field: str) -> object:
-    value = spec.fields.get(field)
-    return value.value if isinstance(value, Literal) else None

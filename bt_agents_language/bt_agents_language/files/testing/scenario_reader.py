@@ -32,7 +32,7 @@ from bt_agents_language.model.specs import (
 )
 from bt_agents_language.model.symbols import SymbolTable
 from bt_agents_language.model.values import read_value
-from bt_agents_language.tree.ros_leaves import RAW_LEAVES
+from bt_agents_language.nodes.catalogue import NODE_TYPES
 from bt_agents_language.yaml.diagnostics import did_you_mean, shown
 from bt_agents_language.yaml.mapping_reader import MappingReader
 from bt_agents_language.yaml.typed_reader import TypedReader
@@ -70,7 +70,7 @@ class ScenarioReader:
         for node in self._nodes:
             if node.skill is not None:
                 self.skills.setdefault(node.kind, node.skill)
-        named = {name: one for name, one in self.skills.items() if name not in RAW_LEAVES}
+        named = {name: one for name, one in self.skills.items() if name not in NODE_TYPES}
         self.known_skills = {**vocabulary.skills, **named}
         self._replacements = ReplacementReader(
             reading, vocabulary.with_skills(named), self._nodes, self._tunables.values()

@@ -22,7 +22,7 @@ TREE_CODES = (
     ),
     error(
         "no-node",
-        "There are modifiers but no node that they modify.",
+        "There are decorators but no node that they decorate.",
         """
         tree:
           sequence:
@@ -54,7 +54,7 @@ TREE_CODES = (
     ),
     error(
         "unknown-node",
-        "No node, skill or modifier has this name.",
+        "No node, skill or decorator has this name.",
         """
         tree:
           sya: Hello.

@@ -48,7 +48,7 @@ Part = Text | Table | Padding
 def explain(word: str, directory: str) -> None:
     """Explain a word of the language or a code of an error; without one, list them all.
 
-    WORD is a node, a skill, a modifier, a subtree of a library, or one of units, expressions and
+    WORD is a node, a skill, a decorator, a subtree of a library, or one of units, expressions and
     names. CODE stands in brackets in a report of 'bt-agents check': error[unknown-node].
     """
     console = Console(highlight=False)

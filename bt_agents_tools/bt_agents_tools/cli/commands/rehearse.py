@@ -103,10 +103,10 @@ def rehearse(
         spec,
         space,
         scenario,
-        tell=_teller(console, width, ticks, realtime),
+        on_event=_printer(console, width, ticks, realtime),
         typist=typist,
         prompt=typist.happening if typist is not None else None,
-        against_its_bid=True,
+        force=True,
     )
     sys.exit(_close(console, rehearsed, case))
 
@@ -193,7 +193,7 @@ def _heading(
     return heading
 
 
-def _teller(console: Console, width: int, ticks: bool, realtime: bool) -> Callable[[Event], None]:
+def _printer(console: Console, width: int, ticks: bool, realtime: bool) -> Callable[[Event], None]:
     start = time.monotonic()
 
     def tell(event: Event) -> None:
