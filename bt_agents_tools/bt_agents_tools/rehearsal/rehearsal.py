@@ -154,7 +154,8 @@ class _Rehearsal:
         )
         rules = tuple(map(watched, agent.rules))
         self._watch = Watch(rules, self._scene, space, self._clock)
-        self._declined = unmet(agent, space, self._scene, agent.profile, self._tunables)
+        decline = unmet(agent, space, self._scene, agent.profile, self._tunables)
+        self._declined = decline.reason if decline is not None else ""
         for one in scenario.during:
             if not one.at:
                 self._plan(one, one.after_s)
@@ -169,7 +170,10 @@ class _Rehearsal:
             self._tick()
             if self._run.result is not None:
                 result = self._run.result
-                return self._rehearsed(result.outcome, self._reason(result))
+                succeeded = result.outcome is TreeOutcome.SUCCEEDED and not result.orphans
+                return self._rehearsed(
+                    result.outcome, self._reason(result), worth_telling=not succeeded
+                )
             message = self._move_on()
         return self._rehearsed(None, message)
 
@@ -346,10 +350,11 @@ class _Rehearsal:
 
         return ask
 
-    def _rehearsed(self, outcome: TreeOutcome | None, message: str) -> Rehearsed:
-        self._tell(
-            Event(at_s=self._clock.now, kind=EventKind.ENDS, words=message, outcome=outcome)
-        )
+    def _rehearsed(
+        self, outcome: TreeOutcome | None, message: str, *, worth_telling: bool = True
+    ) -> Rehearsed:
+        words = message if worth_telling else ""
+        self._tell(Event(at_s=self._clock.now, kind=EventKind.ENDS, words=words, outcome=outcome))
         return Rehearsed(
             outcome=outcome,
             message=message,
