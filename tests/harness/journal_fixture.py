@@ -174,8 +174,8 @@ class Town:
             auction_to_msg(
                 PublishAuction(
                     decision=decision,
-                    say=partial(reason, decision),
-                    explain=partial(explanation, decision, SPACE),
+                    reason_fn=partial(reason, decision),
+                    explanation_fn=partial(explanation, decision, SPACE),
                 ),
                 self._stamp(),
             ),

@@ -24,9 +24,6 @@ from bt_agents.plugins.plugin_leaf import PluginLeaf
 from bt_agents_core.scene import Scene, SceneSpace, Vector
 from bt_agents_language.model.specs import AgentSpec, NodeSpec, Plain
 
-TREE_SUCCEEDED = "the tree succeeded"
-"""Message of a run that nothing more is to be said about."""
-
 
 class TreeOutcome(Enum):
     """How a run ended."""
@@ -266,7 +263,7 @@ class Run:
         reason = "" if succeeded else _reason(self._root)
         self._end = (
             TreeOutcome.SUCCEEDED if succeeded else TreeOutcome.FAILED,
-            TREE_SUCCEEDED if succeeded else reason,
+            "the tree succeeded" if succeeded else reason,
             _path_of(tip),
         )
         self._settle()

@@ -92,7 +92,7 @@ class HostNode(BaseNode):
             self.roster,
             self._runs,
             self.instance,
-            heard=lambda: is_matched(self, self._bids, self._calls, partner="market"),
+            matched=lambda: is_matched(self, self._bids, self._calls, partner="market"),
             changed=lambda: self._introductions.admit(self._membership.accepted),
         )
         self._reloading = ReloadService(
@@ -250,7 +250,7 @@ class HostNode(BaseNode):
             )
         )
         self._membership.watch()
-        self._runs.look()
+        self._runs.check_stall()
 
 
 def _nodes(agent: AgentSpec) -> Iterator[NodeSpec]:

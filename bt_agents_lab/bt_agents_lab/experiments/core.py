@@ -146,7 +146,8 @@ class Core:
             agent_ids=tuple(member.agent_id for member in answer.bids),
             vectors=tuple(value for member in answer.bids for value in member.profile),
             declined=tuple(answer.declined),
-            decline_reasons=tuple(answer.declined.values()),
+            decline_reasons=tuple(one.reason for one in answer.declined.values()),
+            unmet=tuple(one.unmet for one in answer.declined.values()),
         )
 
     def _collect(self, effect: Collect) -> list[Effect]:

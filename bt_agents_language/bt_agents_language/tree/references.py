@@ -117,19 +117,13 @@ def read_expression(
         return None
     sound = True
     for mention in expression.mentions:
-        problem = names.problem(mention.name)
+        before = text[: mention.column - 1]
+        maybe_text = _WHERE_TEXTS_STAND.search(before) is not None
+        problem = names.problem(mention.name, maybe_text=maybe_text)
         if problem is None:
             continue
         sound = False
-        before = text[: mention.column - 1]
-        _report_name(
-            reading,
-            node,
-            mention.name,
-            offset + len(before),
-            problem,
-            maybe_text=_WHERE_TEXTS_STAND.search(before) is not None,
-        )
+        _report_name(reading, node, mention.name, offset + len(before), problem)
     return expression if sound else None
 
 
@@ -139,8 +133,6 @@ def _report_name(
     name: str,
     offset: int,
     problem: tuple[str, str, str],
-    *,
-    maybe_text: bool = False,
 ) -> None:
     """Report where it stands that a name cannot be used here.
 
@@ -150,9 +142,6 @@ def _report_name(
         name: The name.
         offset: Where it begins in the text of the scalar.
         problem: Code, message and hint.
-        maybe_text: Whether it can be meant as a text.
     """
     code, message, hint = problem
-    if maybe_text and "." not in name and hint.startswith("possible here"):
-        hint = f"if it is meant as a text, put it in quotation marks: '{name}'"
     reading.error_in(code, node, offset, len(name), message, hint)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Decisions of the market as people read them, and as JSON."""
+"""Decisions of the market formatted for people, and as JSON."""
 
 from __future__ import annotations
 

@@ -222,9 +222,9 @@ class EventPrinter:
                     f"[dim]({escape(one.author + reason)}, revision {one.revision})[/]",
                 )
 
-    def news(self, words: str, bad: bool) -> None:
+    def changed(self, text: str, is_error: bool) -> None:
         """Say what is new with the agents themselves."""
-        self._line("agents", f"[{'red' if bad else 'bold'}]{escape(words)}[/]")
+        self._line("agents", f"[{'red' if is_error else 'bold'}]{escape(text)}[/]")
 
     def summary(self) -> None:
         """Print what happened in all, and every profile before and after."""

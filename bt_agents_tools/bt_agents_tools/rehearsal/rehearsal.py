@@ -155,7 +155,8 @@ class _Rehearsal:
         )
         rules = tuple(map(watched, agent.rules))
         self._watch = Watch(rules, self._scene, space, self._clock)
-        self._declined = unmet(agent, space, self._scene, agent.profile, self._tunables)
+        decline = unmet(agent, space, self._scene, agent.profile, self._tunables)
+        self._declined = decline.reason if decline is not None else ""
         for one in scenario.during:
             if not one.at:
                 self._schedule(one, one.after_s)
@@ -170,7 +171,10 @@ class _Rehearsal:
             self._tick()
             if self._run.result is not None:
                 result = self._run.result
-                return self._rehearsed(result.outcome, self._reason(result))
+                succeeded = result.outcome is TreeOutcome.SUCCEEDED and not result.orphans
+                return self._rehearsed(
+                    result.outcome, self._reason(result), worth_reporting=not succeeded
+                )
             message = self._move_on()
         return self._rehearsed(None, message)
 
@@ -349,9 +353,12 @@ class _Rehearsal:
 
         return ask
 
-    def _rehearsed(self, outcome: TreeOutcome | None, message: str) -> Rehearsed:
+    def _rehearsed(
+        self, outcome: TreeOutcome | None, message: str, *, worth_reporting: bool = True
+    ) -> Rehearsed:
+        text = message if worth_reporting else ""
         self._publish(
-            Event(at_s=self._clock.now, kind=EventKind.ENDS, text=message, outcome=outcome)
+            Event(at_s=self._clock.now, kind=EventKind.ENDS, text=text, outcome=outcome)
         )
         return Rehearsed(
             outcome=outcome,

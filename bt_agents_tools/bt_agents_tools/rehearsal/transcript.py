@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 from py_trees.common import Status
 
-from bt_agents.engine.run import TREE_SUCCEEDED, StatusChange, TreeOutcome
+from bt_agents.engine.run import StatusChange, TreeOutcome
 from bt_agents.engine.scope import spoken
 from bt_agents_language.model.node_type import Waits
 from bt_agents_language.model.specs import BindingKind, FieldType, NodeSpec, Plain, Tunable
@@ -219,7 +219,7 @@ def _text(event: Event, ticks: bool) -> str | None:
             return _tick(event.change) if ticks and event.change is not None else None
         case EventKind.ENDS:
             outcome = event.outcome.value if event.outcome is not None else "did not end"
-            return outcome + (f": {event.text}" if event.text != TREE_SUCCEEDED else "")
+            return outcome + (f": {event.text}" if event.text else "")
     return event.text
 
 

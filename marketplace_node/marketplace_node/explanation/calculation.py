@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A distance as a sum that people can check."""
+"""Distance of a bid formatted as a sum that people can check."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Says in plain sentences, one a line, why a round of the marketplace ended as it did."""
+"""Explanation of a decision in plain sentences, one a line."""
 
 from __future__ import annotations
 
@@ -133,12 +133,12 @@ def _why(decision: Decision, winner: RankedBid, space: SceneSpace) -> Iterator[s
     if ranked.fallback:
         yield _sentence(f"{ranked.fallback}; so {ranked.by} ranks")
     if ranked.placed:
-        said = ranked.precedence or "it gave no reason"
+        reason = ranked.precedence or "it gave no reason"
         names = joined([bid.agent for bid in decision.ranking[: ranked.placed]])
         if ranked.by == RULES:
-            yield f"What holds is {said}; it names {names} before all nearer ones."
+            yield f"What holds is {reason}; it names {names} before all nearer ones."
         else:
-            yield f"The program outside puts {names} first: {said}."
+            yield f"The program outside puts {names} first: {reason}."
     elif ranked.by == RULES:
         yield "No rule holds for anybody who bids, so the nearest bid comes first."
     yield _parts(winner, decision, space)
@@ -154,7 +154,7 @@ def _parts(bid: RankedBid, decision: Decision, space: SceneSpace) -> str:
         (i for i in known if bid.contributions[i] > 0.0), key=lambda i: -bid.contributions[i]
     )
     fitting = [space.names[i] for i in known if bid.contributions[i] == 0.0]
-    said = []
+    parts = []
     for index in adding[:_PARAMETERS_SHOWN]:
         std = scene.std[index] if by == "expected_manhattan" else 0.0
         against = f"its {number(bid.vector[index], FEW)} against "
@@ -162,14 +162,14 @@ def _parts(bid: RankedBid, decision: Decision, space: SceneSpace) -> str:
         if by == "weighted_manhattan" and bid.weights:
             against += f", weight {number(bid.weights[index], FEW)}"
         adds = number(bid.contributions[index], FEW)
-        said.append(f"{space.names[index]} adds {adds} ({against})")
+        parts.append(f"{space.names[index]} adds {adds} ({against})")
     if len(adding) > _PARAMETERS_SHOWN:
-        said.append(f"{len(adding) - _PARAMETERS_SHOWN} more parameters the rest")
+        parts.append(f"{len(adding) - _PARAMETERS_SHOWN} more parameters the rest")
     if fitting:
-        said.append(f"{listed(fitting)} {'fits' if len(fitting) == 1 else 'fit'} exactly")
+        parts.append(f"{listed(fitting)} {'fits' if len(fitting) == 1 else 'fit'} exactly")
     measure = " by the straight line" if by == "euclidean" else ""
     away = f"{bid.agent} is {distance(bid.distance, FEW)} away{measure}"
-    return f"{away}: {', '.join(said)}."
+    return f"{away}: {', '.join(parts)}."
 
 
 def _chance(decision: Decision, winner: RankedBid) -> Iterator[str]:
@@ -244,19 +244,19 @@ def _change(decision: Decision, second: RankedBid, space: SceneSpace) -> Iterato
         yield f"What would have made {second.agent} win cannot be said: {change.obstacle}."
         return
     now = dict(zip(space.names, decision.terms.scene.vector, strict=True))
-    said = [
-        f"{name} {'had been ' if index == 0 else ''}{number(value)} instead of "
-        f"{number(now[name], FEW)}"
-        for index, (name, value) in enumerate(zip(change.names, change.shown, strict=True))
-    ]
-    yield f"If {joined(said)}, {second.agent} would have won."
+    for name, value in zip(change.names, change.values, strict=True):
+        then, before = number(value, FEW), number(now[name], FEW)
+        other = f"about {then} instead of {before}"
+        if then == before:
+            other = f"a little {'lower' if value < now[name] else 'higher'}"
+        yield f"If {name} had been {other}, {second.agent} would have won."
 
 
 def _others(decision: Decision) -> Iterator[str]:
     """Yield who has no say in it, unless that is all there is to tell."""
     if decision.winner is None:
         return
-    for why, agents in declined(decision).items():
+    for why, (_, agents) in declined(decision).items():
         yield f"{listed(agents)} {'does' if len(agents) == 1 else 'do'} not bid: {why}."
     barred: dict[str, list[str]] = {}
     for bid in decision.terms.barred:
@@ -286,7 +286,7 @@ def _ran(count: int) -> str:
     return {0: "never ran", 1: "ran once"}.get(count, f"ran {count} times")
 
 
-def _sentence(words: str) -> str:
+def _sentence(text: str) -> str:
     """Return words with a capital letter and a full stop."""
-    start = words[:1] if words.partition(" ")[0].count("_") else words[:1].upper()
-    return f"{start}{words[1:]}{'' if words.endswith(('.', '!', '?')) else '.'}"
+    start = text[:1] if text.partition(" ")[0].count("_") else text[:1].upper()
+    return f"{start}{text[1:]}{'' if text.endswith(('.', '!', '?')) else '.'}"

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Numbers and lists as the texts about decisions write them."""
+"""Formatting of numbers, lists and foreign texts for people."""
 
 from __future__ import annotations
 
@@ -13,21 +13,22 @@ FEW = 4
 """Digits of numbers of which more would tell people nothing, as where chance is part of them."""
 
 _NAMES_SHOWN = 4
+_LONGEST_LINE = 300  # characters
 
 
-def listed(words: Iterable[str]) -> str:
-    """Return words with commas, the first of many."""
-    all_words = list(words)
-    if len(all_words) <= _NAMES_SHOWN:
-        return ", ".join(all_words)
-    return f"{', '.join(all_words[:_NAMES_SHOWN])} and {len(all_words) - _NAMES_SHOWN} more"
+def listed(items: Iterable[str]) -> str:
+    """Return items with commas, the first of many."""
+    all_items = list(items)
+    if len(all_items) <= _NAMES_SHOWN:
+        return ", ".join(all_items)
+    return f"{', '.join(all_items[:_NAMES_SHOWN])} and {len(all_items) - _NAMES_SHOWN} more"
 
 
-def joined(words: Sequence[str]) -> str:
-    """Return words as a sentence lists them: ``a, b and c``."""
-    if len(words) < 2:
-        return "".join(words)
-    return f"{', '.join(words[:-1])} and {words[-1]}"
+def joined(items: Sequence[str]) -> str:
+    """Return items as a sentence lists them: ``a, b and c``."""
+    if len(items) < 2:
+        return "".join(items)
+    return f"{', '.join(items[:-1])} and {items[-1]}"
 
 
 @lru_cache(maxsize=4096)
@@ -49,3 +50,9 @@ def percent(share: float) -> str:
     if 0.99 < share < 1.0:
         return "more than 99 %"
     return f"{share * 100.0:.0f} %"
+
+
+def shown(text: str) -> str:
+    """Return words from outside as one line that is not too long."""
+    line = " ".join("".join(c if c.isprintable() else " " for c in text).split())
+    return line if len(line) <= _LONGEST_LINE else line[: _LONGEST_LINE - 1] + "…"

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Says on one line why a round of the marketplace ended as it did."""
+"""Reason of a decision on one line."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from marketplace_node.round.decision import (
     ClosedBy,
     Decision,
     RankedBid,
+    RefusedBid,
     RoundKind,
 )
 from marketplace_node.settings import RULES
@@ -36,7 +37,7 @@ def reason(decision: Decision) -> str:
 
 
 def challenge(
-    decision: Decision, running: str, margin: float, *, obstacle: str = "", line: str = ""
+    decision: Decision, running: str, margin: float, *, obstacle: str = "", no_room: str = ""
 ) -> str:
     """Return the decision about a scene that came during a run as one line for a terminal.
 
@@ -45,7 +46,7 @@ def challenge(
         running: The agent that runs.
         margin: By how much another agent has to be nearer to the scene.
         obstacle: Why a run is not stopped even for a better bid; empty when nothing is in the way.
-        line: Why the scene cannot wait; empty when it can.
+        no_room: Why the scene cannot wait; empty when it can.
 
     Example:
         ``mira 0.5 for the new scene, leo who runs has 2.5: better by 2.0, margin 1.0: leo is
@@ -53,7 +54,7 @@ def challenge(
     """
     if decision.closed_by is ClosedBy.STOPPED:
         return f"stopped before the round closed: {decision.stopped}"
-    goes_on = f"{running} goes on, " + (f"but {line}" if line else "the scene waits")
+    goes_on = f"{running} goes on, " + (f"but {no_room}" if no_room else "the scene waits")
     if decision.winner is None:
         return "; ".join([*nobody(decision), goes_on])
     verdict = f"{running} is stopped" if decision.outcome is AuctionOutcome.PREEMPTS else goes_on
@@ -75,13 +76,12 @@ def tie_rule(decision: Decision, winner: RankedBid, tied: Sequence[RankedBid]) -
 def nobody(decision: Decision) -> list[str]:
     """Return why nobody bids, in parts of a line."""
     parts = []
-    for why, agents in declined(decision).items():
+    for first, agents in declined(decision).values():
         names = listed(agents)
-        if why.startswith("needs "):
-            verb = "needs" if len(agents) == 1 else "need"
-            parts.append(f"{names} {verb} {why.removeprefix('needs ')}")
+        if first.unmet:
+            parts.append(f"{names} {'needs' if len(agents) == 1 else 'need'} {first.unmet}")
         else:
-            parts.append(f"{names}: {why}")
+            parts.append(f"{names}: {first.reason}")
     parts += _not_taken(decision)
     parts += [f"{host} is not asked: {why}" for host, why in decision.terms.unasked.items()]
     if not parts:
@@ -91,12 +91,12 @@ def nobody(decision: Decision) -> list[str]:
     return parts
 
 
-def declined(decision: Decision) -> dict[str, list[str]]:
-    """Return who does not want the scene, by the reason."""
-    groups: dict[str, list[str]] = {}
+def declined(decision: Decision) -> dict[str, tuple[RefusedBid, list[str]]]:
+    """Return the agents that do not want the scene, by reason, with the first of each as a bid."""
+    groups: dict[str, tuple[RefusedBid, list[str]]] = {}
     for bid in decision.refused:
         if bid.kind is RoundKind.DECLINED and bid.agent not in decision.terms.excluded:
-            groups.setdefault(bid.reason, []).append(bid.agent)
+            groups.setdefault(bid.reason, (bid, []))[1].append(bid.agent)
     return groups
 
 

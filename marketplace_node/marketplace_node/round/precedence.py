@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Bids that come before nearer ones: by a rule of ``market.yaml`` or a ranking from outside."""
+"""Precedence of bids over nearer ones, by a rule of ``market.yaml`` or an external ranking."""
 
 from __future__ import annotations
 
@@ -8,9 +8,13 @@ from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
+from bt_agents_core.errors import Refused
 from bt_agents_language.expression.expressions import EvaluationError, MissingValue
 from bt_agents_language.files.market_reader import MarketRule
+from marketplace_node.explanation.formatting import shown
 from marketplace_node.strategies import Scores
+
+_BIDDERS_NAMED = 5
 
 
 def applicable_rule(
@@ -44,6 +48,34 @@ def applicable_rule(
         if not bidders.isdisjoint(rule.agents) and _holds(rule, lookup):
             return number, rule
     return None
+
+
+def check_ranking(ranking: Sequence[str], bidders: Sequence[str]) -> tuple[str, ...]:
+    """Return a ranking from outside, best first, when it names bidders only and none twice.
+
+    Args:
+        ranking: Names of agents; those that it leaves out come after these by distance.
+        bidders: Who has bid.
+
+    Raises:
+        Refused: ``EMPTY``, ``UNKNOWN_AGENT`` or ``DUPLICATE``.
+    """
+    if not ranking:
+        raise Refused("EMPTY", "it ranks nobody, expected the names of bidders, best first")
+    known = set(bidders)
+    named: set[str] = set()
+    for agent in ranking:
+        if agent not in known:
+            few = ", ".join(bidders[:_BIDDERS_NAMED]) + (
+                " …" if len(bidders) > _BIDDERS_NAMED else ""
+            )
+            raise Refused(
+                "UNKNOWN_AGENT", f"it ranks '{shown(agent)}', which has not bid; there are {few}"
+            )
+        if agent in named:
+            raise Refused("DUPLICATE", f"it ranks '{agent}' twice, expected each bidder once")
+        named.add(agent)
+    return tuple(ranking)
 
 
 def apply_precedence(scores: Scores, places: Sequence[int]) -> Scores:

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import pytest
 
-from bt_agents.host.agent_registry import AgentRegistry
+from bt_agents.host.agent_registry import AgentRegistry, Decline
 from bt_agents_core.errors import Refused
 from bt_agents_core.profile_layers import MOST_LAYERS
 from tree_harness import SPACE, agent, scene
@@ -18,7 +18,7 @@ def declined(roster: AgentRegistry, **values: float) -> dict[str, str]:
     roster.enrol(names, range(1, len(names) + 1), [""] * len(names))
     answer = roster.answer(scene(**values))
     assert {m.spec.name for m in answer.bids} == set(names) - set(answer.declined)
-    return dict(answer.declined)
+    return {name: decline.reason for name, decline in answer.declined.items()}
 
 
 def test_an_agent_bids_when_what_it_requires_is_true():
@@ -28,6 +28,13 @@ def test_an_agent_bids_when_what_it_requires_is_true():
     assert declined(AgentRegistry(SPACE, [spec])) == {
         "a": "needs scene.age >= 3, but scene.age is missing"
     }
+
+
+def test_what_a_scene_lacks_is_told_apart_from_other_reasons_not_to_bid():
+    roster = AgentRegistry(SPACE, [agent("say: x", "requires: scene.age >= 3")])
+    roster.enrol(["a"], [1], [""])
+    unmet = "scene.age >= 3"
+    assert roster.answer(scene(age=2)).declined == {"a": Decline(f"needs {unmet}", unmet=unmet)}
 
 
 def test_an_agent_that_uses_a_skill_which_nobody_offers_does_not_bid_and_says_why():
@@ -52,7 +59,7 @@ def test_when_nobody_here_can_run_all_decline_with_that_reason():
     roster = AgentRegistry(SPACE, [agent("say: x", "requires: scene.age >= 3")])
     roster.enrol(["a"], [1], [""])
     answer = roster.answer(scene(age=2), obstacle="nothing publishes /clock")
-    assert (answer.bids, answer.declined) == ((), {"a": "nothing publishes /clock"})
+    assert (answer.bids, answer.declined) == ((), {"a": Decline("nothing publishes /clock")})
 
 
 def layered(kinds: str, **layers: float) -> AgentRegistry:

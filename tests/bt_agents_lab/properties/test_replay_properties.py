@@ -195,10 +195,12 @@ def test_all_that_is_decided_is_decided_again(
     message = auction_to_msg(
         PublishAuction(
             decision=decision,
-            say=partial(reason, decision),
-            explain=partial(explanation, decision, SPACE),
+            reason_fn=partial(reason, decision),
+            explanation_fn=partial(explanation, decision, SPACE),
         ),
         to_time(1.0),
     )
-    [finding] = decisions_again([Round(auction=message, runs=runs + 1 - runs // 2, parsed=PARSED)])
+    [finding] = decisions_again(
+        [Round(auction=message, runs=runs + 1 - runs // 2, parsed=PARSED, format=2)]
+    )
     assert finding.verdict is ReplayVerdict.EQUAL, finding.text

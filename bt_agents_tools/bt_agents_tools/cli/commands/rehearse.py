@@ -186,9 +186,9 @@ def _heading(
         heading.append(f" · {case.name}")
     heading.append(f"\n{', '.join(words)}\n", style="not bold dim")
     tunables = {one.name: one.default for one in spec.tunables} | {**scenario.tunables}
-    declined = unmet(spec, space, awarded(space, scenario), spec.profile, tunables)
-    if declined:
-        note = f"The market would not call it: it does not bid, it {declined}.\n"
+    decline = unmet(spec, space, awarded(space, scenario), spec.profile, tunables)
+    if decline is not None:
+        note = f"The market would not call it: it does not bid, it {decline.reason}.\n"
         heading.append(note, style="not bold yellow")
     return heading
 
