@@ -11,7 +11,7 @@ setup(
     maintainer="bt-agents maintainers",
     maintainer_email="maintainers@bt-agents.invalid",
     packages=find_packages(include=["bt_agents", "bt_agents.*"]),
-    package_data={"bt_agents": ["py.typed", "ros/*.xml"]},
+    package_data={"bt_agents": ["py.typed", "ros/*.xml", "language/*/*.yaml"]},
     data_files=[
         ("share/ament_index/resource_index/packages", ["resource/bt_agents"]),
         ("share/bt_agents", ["package.xml"]),

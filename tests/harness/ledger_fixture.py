@@ -36,7 +36,7 @@ class Desk:
             for name in ("guide", "express")
         )
         card = LearningCard(host="/agents", instance="i", parameters=SPACE.names, agents=agents)
-        self.profiles.introduce(card)
+        self.profiles.register_card(card)
         self._management = Management(
             self.profiles, self.ledger, wall=lambda: self.now, new_id=self._new_id
         )
@@ -56,7 +56,7 @@ class Desk:
             begins = RevisionCause(cause=LAYER)
             self.ledger.append(agent, {"age": 3.0, "mood": 3.0}, begins, layer=layer)
         row = self.ledger.append(agent, {"age": age, "mood": 3.0}, RevisionCause(), layer=layer)
-        self.profiles.taken([row])
+        self.profiles.on_recorded([row])
 
     def teach(self, feedback_id: str, agent: str = "guide") -> None:
         self.profiles.apply(

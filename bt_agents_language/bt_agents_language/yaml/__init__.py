@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""From the text of a file to located nodes, and from a slip in it to words that mend it."""
+"""YAML text: located nodes, and hints and fix-its for its syntax errors."""

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The current profiles of all known agents, and the one place where feedback changes them."""
+"""Current profiles of all known agents; the only place where feedback changes them."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from bt_agents_core.errors import Refused
 from bt_agents_core.feedback import FeedbackKind
 from bt_agents_core.profile_layers import MOST_LAYERS
 from bt_agents_core.scene import SceneSpace, Vector
+from bt_agents_core.text import printable_line
 from feedback_node.learning import learning_step
 from feedback_node.learning.cards import Agent, LearningCard, read_card
 from feedback_node.learning.changes import Delivery, ProfileChange, Table, changed, moved, together
@@ -24,7 +25,7 @@ from feedback_node.learning.layers import (
     taught,
 )
 from feedback_node.learning.runs import AnnouncedRun
-from feedback_node.learning.texts import check_texts, one_line
+from feedback_node.learning.texts import check_texts
 from feedback_node.ledger.ledger import Ledger, LedgerEntry
 from feedback_node.ledger.ledger_file import LedgerError
 from feedback_node.ledger.ledger_rows import FORGOTTEN, LAYER, ProfileRevision, RevisionCause
@@ -36,7 +37,7 @@ _BEGINS = "begins as the profile for everybody"
 
 
 class Profiles:
-    """Knows the agents of all hosts' cards and keeps their profiles in the ledger."""
+    """Agents of all cards, with their profiles in the ledger."""
 
     def __init__(self, space: SceneSpace, ledger: Ledger) -> None:
         self.space = space
@@ -47,7 +48,7 @@ class Profiles:
         self._false_rates: dict[tuple[str, str], tuple[int, float]] = {}
         self._lessons = LayerFeedback()
 
-    def introduce(self, card: LearningCard) -> tuple[tuple[Delivery, ...], tuple[str, ...]]:
+    def register_card(self, card: LearningCard) -> tuple[tuple[Delivery, ...], tuple[str, ...]]:
         """Take a host's card.
 
         One without agents is of a start that the market does not have: it takes nothing away from
@@ -131,7 +132,7 @@ class Profiles:
         )
 
     def delivery(self, name: str, layer: str = "") -> Delivery:
-        """Return what the host of a known agent is to be told, as it is now."""
+        """Return the delivery of a known agent's current profile to its host."""
         host = self._agents[name].host
         current = self._current.get((name, layer))
         if current is None:
@@ -145,11 +146,11 @@ class Profiles:
         )
 
     def clearing(self, host: str) -> Delivery:
-        """Return what makes a host forget all layers; those that there are follow its answer."""
+        """Return the delivery that makes a host forget all layers; the current ones follow it."""
         return Delivery(host=host, agent="", remove=True)
 
     def layers_at(self, host: str) -> tuple[Delivery, ...]:
-        """Return what a host is to be told of layers."""
+        """Return the deliveries of all layers of a host's agents."""
         return tuple(
             self.delivery(name, layer)
             for name, layer in sorted(self._current)
@@ -157,7 +158,7 @@ class Profiles:
         )
 
     def deliveries(self, changes: Iterable[ProfileChange]) -> tuple[Delivery, ...]:
-        """Return what the hosts of those agents that are known are to be told of changes."""
+        """Return the deliveries of changed profiles to the hosts of known agents."""
         return tuple(
             self.delivery(change.revision.agent, change.revision.layer)
             for change in changes
@@ -227,7 +228,7 @@ class Profiles:
         if (known := self.recorded(feedback_id)) is not None:
             return known
         agent = self.agent(name)
-        reason = one_line(reason)
+        reason = printable_line(reason)
         check_texts(feedback_id=feedback_id, source=source, reason=reason, leaf=leaf)
         cause = RevisionCause(
             kind=kind,
@@ -249,7 +250,7 @@ class Profiles:
             known_layer = self._current.get((name, layer))
             if known_layer is None:
                 try:
-                    entries.append(self.beginning(name, layer))
+                    entries.append(self.first_layer_entry(name, layer))
                 except LedgerError:
                     raise
                 except Refused as refusal:
@@ -279,16 +280,16 @@ class Profiles:
             raise
         for revision in recorded:
             if (step := steps.get(revision.layer)) and revision.cause is step.cause:
-                self._lessons.keep(revision, window, step.recent)
-        change = self.taken(recorded, steps)
+                self._lessons.store(revision, window, step.recent)
+        change = self.on_recorded(recorded, steps)
         if crowded:
             change = replace(change, words=f"{change.words}; {crowded[0].reason}")
         return change
 
-    def taken(
+    def on_recorded(
         self, revisions: Iterable[ProfileRevision], steps: Mapping[str, LayerStep] | None = None
     ) -> ProfileChange:
-        """Take over what the ledger has recorded for agents, known or not.
+        """Adopt revisions that the ledger has recorded, of agents known or not.
 
         Args:
             revisions: One or more; beginnings of layers belong to what follows them.
@@ -321,8 +322,8 @@ class Profiles:
             )
         return together(changes)
 
-    def gone(self, profiles: Iterable[tuple[str, str]]) -> tuple[Delivery, ...]:
-        """Take over that layers are forgotten; return what hosts are to be told."""
+    def on_erased(self, profiles: Iterable[tuple[str, str]]) -> tuple[Delivery, ...]:
+        """Drop erased layers; return the deliveries to their hosts."""
         told = []
         for name, layer in profiles:
             self._current.pop((name, layer), None)
@@ -357,8 +358,8 @@ class Profiles:
         self._false_rates[key] = (revision.revision, rate)
         return rate
 
-    def beginning(self, name: str, layer: str) -> LedgerEntry:
-        """Return how a layer of an agent that the ledger knows begins.
+    def first_layer_entry(self, name: str, layer: str) -> LedgerEntry:
+        """Return the first ledger entry of a layer, for an agent that the ledger knows.
 
         Raises:
             Refused: ``TOO_MANY_LAYERS``.

@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import json
-import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any, TypeGuard
@@ -83,11 +82,6 @@ def from_document(text: str, space: SceneSpace) -> tuple[str, tuple[ImportedProf
             raise _bad(f"profiles[{index}]: {imported.agent} {imported.layer} stands twice")
         found[imported.agent, imported.layer] = imported
     return document_id, tuple(found.values())
-
-
-def number(value: float) -> float | None:
-    """Return a number as JSON has it, None for NaN."""
-    return None if math.isnan(value) else value
 
 
 def _imported(told: Any, what: str, space: SceneSpace) -> ImportedProfiles:

@@ -11,13 +11,14 @@ from typing import Any
 from bt_agents_core.errors import Refused
 from bt_agents_core.feedback import FeedbackKind
 from bt_agents_core.profile_layers import MOST_LAYERS, PERSON, PLACE, checked_layer
+from bt_agents_core.scene import finite_or_none
 from feedback_node.learning.changes import Delivery, ProfileChange
 from feedback_node.learning.profiles import Profiles
 from feedback_node.learning.texts import check_texts
 from feedback_node.ledger.ledger import Ledger, LedgerEntry
 from feedback_node.ledger.ledger_file import LedgerError
 from feedback_node.ledger.ledger_rows import IMPORT, ProfileRevision, RevisionCause
-from feedback_node.management.documents import ImportedProfiles, from_document, number, to_document
+from feedback_node.management.documents import ImportedProfiles, from_document, to_document
 
 MOST_REVISIONS = 5000
 """Newest revisions that one document tells."""
@@ -157,7 +158,7 @@ class Management:
             "revision": one.revision,
             "changes": one.cause.changes,
             "stamp": one.stamp,
-            "false_rate": number(self._profiles.false_rate(one.agent, one.layer)),
+            "false_rate": finite_or_none(self._profiles.false_rate(one.agent, one.layer)),
             "values": dict(one.profile),
         }
 
@@ -187,7 +188,7 @@ class Management:
         self._check_room(found)
         known = {(one.agent, one.layer) for one in self._layers_of("")}
         begun = (one for one in found if one.layer and (one.agent, one.layer) not in known)
-        entries = [self._profiles.beginning(one.agent, one.layer) for one in begun]
+        entries = [self._profiles.first_layer_entry(one.agent, one.layer) for one in begun]
         entries += [
             LedgerEntry(
                 agent=one.agent,
@@ -260,10 +261,10 @@ class Management:
                 f"; traces stay in free parts of the file until it can be rewritten, which is "
                 f"tried again and again: {trouble}"
             )
-        return Done(message=message, deliveries=self._profiles.gone(keys), forgets=True)
+        return Done(message=message, deliveries=self._profiles.on_erased(keys), forgets=True)
 
     def _changed(self, revisions: Sequence[ProfileRevision]) -> Done:
-        changes = tuple(self._profiles.taken([one]) for one in revisions)
+        changes = tuple(self._profiles.on_recorded([one]) for one in revisions)
         message = "; ".join(
             f"{one.revision.agent}: {one.words} (revision {one.revision.revision})"
             for one in changes[:_TOLD]

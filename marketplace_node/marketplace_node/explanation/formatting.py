@@ -3,8 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from functools import lru_cache
+from bt_agents_core.text import format_number
 
 ALL_DIGITS = 6
 """Digits of all other numbers."""
@@ -12,33 +11,10 @@ ALL_DIGITS = 6
 FEW = 4
 """Digits of numbers of which more would tell people nothing, as where chance is part of them."""
 
-_NAMES_SHOWN = 4
-
-
-def listed(words: Iterable[str]) -> str:
-    """Return words with commas, the first of many."""
-    all_words = list(words)
-    if len(all_words) <= _NAMES_SHOWN:
-        return ", ".join(all_words)
-    return f"{', '.join(all_words[:_NAMES_SHOWN])} and {len(all_words) - _NAMES_SHOWN} more"
-
-
-def joined(words: Sequence[str]) -> str:
-    """Return words as a sentence lists them: ``a, b and c``."""
-    if len(words) < 2:
-        return "".join(words)
-    return f"{', '.join(words[:-1])} and {words[-1]}"
-
-
-@lru_cache(maxsize=4096)
-def number(value: float, digits: int = ALL_DIGITS) -> str:
-    """Return a number in at most so many digits, with a real minus sign."""
-    return f"{value + 0.0:.{digits}g}".replace("-", "−")
-
 
 def distance(value: float, digits: int = ALL_DIGITS) -> str:
     """Return a number that shows that it is no count: ``2.0``."""
-    text = number(value, digits)
+    text = format_number(value, digits)
     return text if set(text) & set(".e") else f"{text}.0"
 
 

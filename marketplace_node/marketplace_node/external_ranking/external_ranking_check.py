@@ -6,6 +6,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from bt_agents_core.errors import Refused
+from bt_agents_core.text import ellipsize, printable_line
 
 _SHOWN = 300  # characters of its words
 _NAMES = 5
@@ -39,5 +40,4 @@ def check_ranking(ranking: Sequence[str], bidders: Sequence[str]) -> tuple[str, 
 
 def shown(text: str) -> str:
     """Return words from outside as one line that is not too long."""
-    line = " ".join("".join(c if c.isprintable() else " " for c in text).split())
-    return line if len(line) <= _SHOWN else line[: _SHOWN - 1] + "…"
+    return ellipsize(printable_line(text), _SHOWN)

@@ -161,7 +161,7 @@ def test_what_is_exported_and_taken_in_elsewhere_gives_the_same_profiles(learned
         here = desks[0].ledger
         if layer and here.current(agent, layer) is None:
             here.append(agent, named, RevisionCause(cause=LAYER), layer=layer)
-        desks[0].profiles.taken([here.append(agent, named, RevisionCause(), layer=layer)])
+        desks[0].profiles.on_recorded([here.append(agent, named, RevisionCause(), layer=layer)])
     document = desks[0].do(ManagementAction.EXPORT).document
     for _ in range(2):
         desks[1].do(ManagementAction.IMPORT, document=document)
