@@ -7,6 +7,7 @@ import re
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 
+from bt_agents_core.field_types import FieldType
 from bt_agents_groot.catalogue import BUILTINS, CONDITIONS
 from bt_agents_groot.document import node_id
 from bt_agents_groot.formulas import Binary, Constant, Formula, Name, Untranslatable, negated
@@ -15,7 +16,6 @@ from bt_agents_groot.remarks import RemarkLevel
 from bt_agents_groot.translation import Translation
 from bt_agents_groot.written import Data, Raw, YamlNode, may_be_left_out, outside, sequence
 from bt_agents_groot.xml_reader import Attribute, Element
-from bt_agents_language.model.specs import FieldType
 from bt_agents_language.nodes.check import CHECK
 from bt_agents_language.nodes.parallel import PARALLEL
 from bt_agents_language.nodes.random import RANDOM

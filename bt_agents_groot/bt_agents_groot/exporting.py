@@ -16,9 +16,8 @@ from bt_agents_language.files.inputs import read_inputs
 from bt_agents_language.model.specs import SubtreeSpec, Tunable
 from bt_agents_language.model.symbols import SymbolTable
 from bt_agents_language.tree.raw_nodes import RawNodeReader
-from bt_agents_language.yaml.mapping_reader import MappingReader
 from bt_agents_language.yaml.source import Source, read_source
-from bt_agents_language.yaml.typed_reader import TypedReader
+from bt_agents_language.yaml.typed_reader import MappingReader, TypedReader
 from bt_agents_language.yaml.yaml_reader import Mapping, Node
 
 _NOT_IN_TREES = (
@@ -101,7 +100,7 @@ class _Export:
         assert isinstance(root, Mapping)
         keys = {entry.key.text: entry.key for entry in root.entries}
         nodes = {entry.key.text: entry.value for entry in root.entries}
-        fields = MappingReader(reading, "the file", root, nodes, keys)
+        fields = MappingReader(reading, root, nodes, keys)
         vocabulary, imported = read_imports(reading, fields, self._vocabulary)
         own = {
             entry.key.text: _interface(reading, entry.key.text, entry.value, source.file)

@@ -6,6 +6,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 
+from bt_agents_core.field_types import FieldType
 from bt_agents_groot.document import node_id
 from bt_agents_groot.formulas import Untranslatable
 from bt_agents_groot.ports import from_port, names_in, pointed_at
@@ -15,7 +16,6 @@ from bt_agents_groot.translation import Translation
 from bt_agents_groot.written import Data, Raw, YamlNode
 from bt_agents_groot.xml_reader import Element
 from bt_agents_language.model.node_type import FOREVER
-from bt_agents_language.model.specs import FieldType
 
 
 def count(tree: Translation, element: Element, port: str, default: str = "") -> Data:

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+from bt_agents_core.field_types import FieldType
 from bt_agents_groot.catalogue import CONDITIONS, OTHER_ATTRIBUTES
 from bt_agents_groot.document import node_id
 from bt_agents_groot.ports import PortError, from_port, names_in, names_of_expression
@@ -14,7 +15,6 @@ from bt_agents_groot.words import port
 from bt_agents_groot.written import Data, Raw, YamlNode
 from bt_agents_groot.xml_reader import Attribute, Element
 from bt_agents_language.model.node_type import Children, Content, NodeField
-from bt_agents_language.model.specs import FieldType
 from bt_agents_language.nodes.catalogue import NODE_TYPES
 from bt_agents_language.nodes.set import SET
 

@@ -6,6 +6,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
+from bt_agents_core.field_types import FieldType
 from bt_agents_groot.document import Document, Model, ModelPort, node_id
 from bt_agents_groot.own_words import Remarking, own_leaf, port_value, written_ports
 from bt_agents_groot.port_types import read_type
@@ -16,7 +17,7 @@ from bt_agents_groot.words import field_of, snake
 from bt_agents_groot.written import Data, Raw, YamlNode
 from bt_agents_groot.xml_reader import Attribute, Element
 from bt_agents_language.model.node_type import NodeType
-from bt_agents_language.model.specs import FieldType, SkillSpec
+from bt_agents_language.model.specs import SkillSpec
 from bt_agents_language.nodes.catalogue import WORDS
 
 

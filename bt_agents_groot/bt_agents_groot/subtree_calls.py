@@ -6,6 +6,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+from bt_agents_core.field_types import FieldType
 from bt_agents_groot.catalogue import CONDITIONS, OTHER_ATTRIBUTES
 from bt_agents_groot.own_words import Remarking
 from bt_agents_groot.ports import from_port, names_in, pointed_at
@@ -14,7 +15,6 @@ from bt_agents_groot.scopes import Interface, TreeNames
 from bt_agents_groot.words import entry_of, snake
 from bt_agents_groot.written import Data, Raw, YamlNode
 from bt_agents_groot.xml_reader import Element
-from bt_agents_language.model.specs import FieldType
 
 
 @dataclass(frozen=True, kw_only=True)

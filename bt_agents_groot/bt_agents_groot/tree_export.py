@@ -7,6 +7,7 @@ import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
+from bt_agents_core.field_types import FieldType, Plain
 from bt_agents_groot.catalogue import SKIP_IF
 from bt_agents_groot.export_values import condition_script, milliseconds, number_port, set_script
 from bt_agents_groot.formulas import Untranslatable
@@ -16,7 +17,7 @@ from bt_agents_groot.remarks import RemarkLevel, Remarks
 from bt_agents_groot.words import port
 from bt_agents_groot.xml_writer import Xml
 from bt_agents_language.model.node_type import Content, NodeField, NodeType, RawNode
-from bt_agents_language.model.specs import FieldSpec, FieldType, Plain, SubtreeSpec
+from bt_agents_language.model.specs import FieldSpec, SubtreeSpec
 from bt_agents_language.nodes.catalogue import DECORATORS
 from bt_agents_language.nodes.check import CHECK
 from bt_agents_language.nodes.parallel import PARALLEL

@@ -21,8 +21,9 @@ from bt_agents.host.environment.goal_deadlines import MOST_UNCONFIRMED
 from bt_agents.host.environment.goal_track import GoalTrack
 from bt_agents.host.environment.inbox import DEPTH
 from bt_agents.host.environment.ros_environment import RosEnvironment
+from bt_agents_core.field_types import BindingKind
 from bt_agents_interfaces.action import Ask
-from bt_agents_language.model.specs import BindingKind, HeartbeatSpec, Timeouts
+from bt_agents_language.model.specs import HeartbeatSpec, Timeouts
 from bt_agents_ros import qos
 from bt_agents_ros.message_view import MessageView
 from scripted_server import Script, ScriptedServer, ScriptedService

@@ -22,6 +22,7 @@ from rosgraph_msgs.msg import Clock as ClockMsg
 from std_msgs.msg import Bool
 
 from bt_agents.host.node import HostNode
+from bt_agents_core.diagnostic import Position
 from bt_agents_interfaces.action import RunAgent
 from bt_agents_interfaces.msg import (
     Heartbeat,
@@ -30,7 +31,7 @@ from bt_agents_interfaces.msg import (
     StatusChange,
     TreeStatus,
 )
-from bt_agents_language.model.specs import NodeSpec, Position
+from bt_agents_language.model.specs import NodeSpec
 from bt_agents_ros import qos
 from fake_market import Market, folder, make_host
 from scripted_server import Script, ScriptedServer

@@ -12,7 +12,8 @@ from rclpy.node import Node
 
 from bt_agents.engine.environment import SkillGoal
 from bt_agents.host.environment.ros_environment import RosEnvironment
-from bt_agents_language.model.specs import BindingKind, NodeSpec, Timeouts, iter_nodes
+from bt_agents_core.field_types import BindingKind
+from bt_agents_language.model.specs import NodeSpec, Timeouts, iter_nodes
 from scripted_server import Script, ScriptedServer
 from tree_harness import SPACE, agent
 

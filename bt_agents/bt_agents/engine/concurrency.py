@@ -15,7 +15,8 @@ from bt_agents.engine.halting import FAILURE, RUNNING, SUCCESS
 from bt_agents.engine.light_behaviour import LightBehaviour, adopt
 from bt_agents.engine.scope import Scope
 from bt_agents.engine.ticking import CallTicked, Ticker
-from bt_agents_language.model.specs import NodeSpec, Plain
+from bt_agents_core.field_types import Plain
+from bt_agents_language.model.specs import NodeSpec
 
 _ENDED = (SUCCESS, FAILURE)
 

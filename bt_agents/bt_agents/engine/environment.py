@@ -9,7 +9,8 @@ from enum import Enum
 from typing import Protocol
 
 from bt_agents_core.feedback import FeedbackKind
-from bt_agents_language.model.specs import BindingKind, HeartbeatSpec, Plain, Timeouts
+from bt_agents_core.field_types import BindingKind, Plain
+from bt_agents_language.model.specs import HeartbeatSpec, Timeouts
 
 GIVE_FEEDBACK = "feedback/give"
 """ROS name of the service that takes feedback."""

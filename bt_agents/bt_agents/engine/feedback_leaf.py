@@ -12,9 +12,9 @@ from bt_agents.engine.fields import finite
 from bt_agents.engine.leaves import Leaf
 from bt_agents_core.errors import Refused
 from bt_agents_core.feedback import FeedbackKind
+from bt_agents_core.field_types import Plain
 from bt_agents_core.scene import check_value
 from bt_agents_language.expression.expression_values import described
-from bt_agents_language.model.specs import Plain
 
 _DIRECT = "direct feedback"
 

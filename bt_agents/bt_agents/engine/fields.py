@@ -8,10 +8,11 @@ from dataclasses import dataclass
 
 from bt_agents.engine.scope import ValueSource, evaluate, holds, not_so
 from bt_agents_core.errors import Refused
+from bt_agents_core.field_types import Plain
 from bt_agents_language.expression.expression_values import described
 from bt_agents_language.expression.expressions import Expression
 from bt_agents_language.model.node_type import FOREVER
-from bt_agents_language.model.specs import Literal, NodeSpec, Plain
+from bt_agents_language.model.specs import Literal, NodeSpec
 
 
 @dataclass(frozen=True, kw_only=True)

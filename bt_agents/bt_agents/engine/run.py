@@ -21,8 +21,9 @@ from bt_agents.engine.halting import Step
 from bt_agents.engine.scope import RunScope
 from bt_agents.engine.ticking import Ticker, Visit
 from bt_agents.plugins.plugin_leaf import PluginLeaf
+from bt_agents_core.field_types import Plain
 from bt_agents_core.scene import Scene, SceneSpace, Vector
-from bt_agents_language.model.specs import AgentSpec, NodeSpec, Plain
+from bt_agents_language.model.specs import AgentSpec, NodeSpec
 
 
 class TreeOutcome(Enum):

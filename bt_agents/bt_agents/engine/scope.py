@@ -4,14 +4,15 @@
 from __future__ import annotations
 
 import json
-import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Protocol, cast
 
 from bt_agents_core.errors import Refused
-from bt_agents_core.mood import mood_of
-from bt_agents_core.scene import Scene, SceneSpace, Vector
+from bt_agents_core.field_path import NoSuchField, item_of, value_at
+from bt_agents_core.field_types import FieldType, Plain
+from bt_agents_core.scene import Scene, SceneSpace, Vector, mood_of
+from bt_agents_core.text import quote
 from bt_agents_language.expression.expression_values import described
 from bt_agents_language.expression.expressions import (
     EvaluationError,
@@ -19,21 +20,19 @@ from bt_agents_language.expression.expressions import (
     MissingValue,
     StaleValue,
 )
+from bt_agents_language.expression.name_resolution import resolve
 from bt_agents_language.model import quantities
 from bt_agents_language.model.specs import (
     Computed,
-    FieldType,
     ListValue,
     Literal,
     MapValue,
-    Plain,
     Reference,
     Text,
     Value,
 )
 
 _LONGEST_JSON = 100_000
-_LONGEST_TEXT = 40
 _MOST_NAMES = 4
 _QUANTITIES = (FieldType.DURATION, FieldType.LENGTH, FieldType.ANGLE)
 
@@ -91,40 +90,15 @@ class RunScope:
         """Return the value of a name that no node writes; see :class:`ValueSource`."""
         if name in self.tunables:
             return self.tunables[name]
-        group, _, member = name.partition(".")
-        if group == "scene":
-            return _of_scene(self.scene, name, member)
-        if name == "live.stale":
-            return self.live().stale_s > 0.0
-        if group == "live":
-            return _of_scene(self._fresh(name), name, member)
-        if name == "mood.change" and self.space.mood is not None:
-            live, start = (mood_of(s, self.space) for s in (self._fresh(name), self.scene))
-            return _known(name, live - start)
-        if group == "profile" and member in self.space.names:
-            return self.profile[self.space.names.index(member)]
-        raise MissingValue(name)
+        return resolve(name, self.scene, self.live, self._mood_change, self._own_value)
 
-    def _fresh(self, name: str) -> Scene:
-        live = self.live()
-        if live.stale_s:
-            raise StaleValue(name, live.stale_s)
-        return live
+    def _mood_change(self, live: Scene) -> float:
+        return mood_of(live, self.space) - mood_of(self.scene, self.space)
 
-
-def _of_scene(scene: Scene, name: str, member: str) -> Plain:
-    if member == "person":
-        return scene.person
-    try:
-        return _known(name, scene.get(member))
-    except KeyError:
-        raise MissingValue(name) from None
-
-
-def _known(name: str, value: float) -> float:
-    if math.isnan(value):
-        raise MissingValue(name)
-    return value
+    def _own_value(self, parameter: str) -> float:
+        if parameter not in self.space.names:
+            raise KeyError(parameter)
+        return self.profile[self.space.names.index(parameter)]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -199,19 +173,15 @@ def field_of(message: Mapping[str, Plain], path: str, name: str) -> Plain:
         Refused: ``NOT_JSON``.
     """
     outer, _, inner = path.partition("#")
-    value = _walk(message, outer, name)
-    return _walk(_parsed(value, name), inner, name) if inner else value
+    value = _value_at(message, outer, name)
+    return _value_at(_parsed(value, name), inner, name) if inner else value
 
 
-def _walk(value: Plain, path: str, name: str) -> Plain:
-    for part in path.split("."):
-        if isinstance(value, Mapping) and part in value:
-            value = value[part]
-        elif isinstance(value, (list, tuple)) and part.isdecimal() and int(part) < len(value):
-            value = value[int(part)]
-        else:
-            raise MissingValue(name)
-    return value
+def _value_at(value: Plain, path: str, name: str) -> Plain:
+    try:
+        return cast(Plain, value_at(value, path, item_of))
+    except NoSuchField:
+        raise MissingValue(name) from None
 
 
 def _parsed(text: Plain, name: str) -> Plain:
@@ -290,9 +260,7 @@ def _now(name: str, names: ValueSource) -> str:
         return "cannot be told"
     match value:
         case str():
-            flat = " ".join(value.split())
-            short = flat if len(flat) <= _LONGEST_TEXT else f"{flat[: _LONGEST_TEXT - 1]}…"
-            return f"is '{short}'"
+            return f"is {quote(value)}"
         case int() | float() if not isinstance(value, bool) and -1e15 < value < 1e15:
             return f"is {round(value, 3):.15g}"
     return f"is {described(value).removeprefix('the number ')}"

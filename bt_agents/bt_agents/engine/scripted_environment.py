@@ -11,7 +11,7 @@ from dataclasses import dataclass, field, replace
 from bt_agents.engine.environment import GIVE_FEEDBACK, Clock, GoalState, SkillGoal
 from bt_agents.host.environment.goal_track import no_acceptance, no_result, result_limit_s
 from bt_agents_core.feedback import FeedbackKind
-from bt_agents_language.model.specs import BindingKind, Plain
+from bt_agents_core.field_types import BindingKind, Plain
 
 
 class ManualClock:

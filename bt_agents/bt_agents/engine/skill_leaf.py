@@ -20,9 +20,10 @@ from bt_agents.engine.scope import (
     spoken,
 )
 from bt_agents_core.errors import Refused
+from bt_agents_core.field_types import BindingKind, Plain
+from bt_agents_core.text import ellipsize
 from bt_agents_language.expression.expressions import MissingValue
-from bt_agents_language.model.specs import Binding, BindingKind, Literal, Plain
-from bt_agents_language.shortened import shortened
+from bt_agents_language.model.specs import Binding, Literal
 
 _WHY = {
     GoalState.REJECTED: "its server did not take the goal and says nothing about why",
@@ -84,7 +85,7 @@ class SkillLeaf(Leaf):
             return self._succeeded(self._run.result)
         reason = self._run.message or _result_message(self._run.result) or _WHY.get(state, "")
         self.feedback_message = f"{self._binding().name} {state.value}" + (
-            f": {shortened(reason, _LONGEST_REASON)}" if reason else ""
+            f": {ellipsize(reason, _LONGEST_REASON)}" if reason else ""
         )
         return Status.FAILURE
 
@@ -140,4 +141,4 @@ class SkillLeaf(Leaf):
 
 def _result_message(result: Mapping[str, Plain]) -> str:
     message = result.get("message", "")
-    return shortened(message, _LONGEST_REASON) if isinstance(message, str) else ""
+    return ellipsize(message, _LONGEST_REASON) if isinstance(message, str) else ""

@@ -41,8 +41,8 @@ class Ticker:
 
     How a node is ticked is decided by the ``tick`` and ``stop`` that it has when it is ticked for
     the first time: those of py_trees and of :class:`CallTicked` are known. A node with one of its
-    own is ticked by its generator, and so is everything below it. Its ``initialise`` and ``terminate``
-    are looked up then, too. Which children a node has is seen anew in each tick.
+    own is ticked by its generator, and so is everything below it. Its ``initialise`` and
+    ``terminate`` are looked up then, too. Which children a node has is seen anew in each tick.
 
     Args:
         root: The outermost node.

@@ -12,8 +12,9 @@ from bt_agents.engine.context import RunContext
 from bt_agents.engine.environment import Clock, Inbox
 from bt_agents.engine.leaves import Leaf
 from bt_agents.engine.scope import MessageNames, Scope, field_of, holds, not_so
+from bt_agents_core.field_types import Plain
 from bt_agents_language.expression.expressions import MissingValue, StaleValue
-from bt_agents_language.model.specs import Literal, NodeSpec, Plain
+from bt_agents_language.model.specs import Literal, NodeSpec
 
 
 class Wait(Leaf):

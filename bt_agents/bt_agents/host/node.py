@@ -71,7 +71,7 @@ class HostNode(BaseNode):
             self,
             self.roster,
             self.instance,
-            live.follow,
+            live.begin_run,
             version=lambda name: self._versions.standing(name).version,
         )
         for member in self.roster.members.values():

@@ -17,8 +17,8 @@ from bt_agents.engine.scope import evaluate, holds
 from bt_agents.engine.ticking import Ticker
 from bt_agents.plugins.call_limit import bounded
 from bt_agents_core.errors import LONGEST_REASON, Refused
+from bt_agents_core.field_types import Plain
 from bt_agents_language.expression.expressions import Expression
-from bt_agents_language.model.specs import Plain
 
 BLOCKS_S = 0.25
 """How long a call into a plug-in may take [s], well below what the market waits for a host."""

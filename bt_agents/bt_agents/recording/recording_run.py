@@ -11,8 +11,9 @@ from random import Random
 from bt_agents.engine.environment import Clock, Environment
 from bt_agents.engine.run import Run, RunLimits, RunResult, StatusChange
 from bt_agents.recording.recording_world import Note, Notebook, NotedContext
+from bt_agents_core.field_types import Plain
 from bt_agents_core.scene import Scene, SceneSpace, Vector
-from bt_agents_language.model.specs import AgentSpec, Plain
+from bt_agents_language.model.specs import AgentSpec
 
 FORMAT = 1
 """Number of the form of the notes; a replay takes no other one."""

@@ -17,8 +17,9 @@ from bt_agents.engine.scope import RunScope, Scope
 from bt_agents.plugins.plugin_leaf import PluginLeaf
 from bt_agents_core.errors import Refused
 from bt_agents_core.feedback import FeedbackKind
+from bt_agents_core.field_types import Plain
 from bt_agents_core.scene import Scene
-from bt_agents_language.model.specs import NodeSpec, Plain
+from bt_agents_language.model.specs import NodeSpec
 
 Note = dict[str, Any]
 

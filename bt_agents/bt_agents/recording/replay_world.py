@@ -22,8 +22,9 @@ from bt_agents.recording.recording_run import FORMAT
 from bt_agents.recording.recording_world import at_first
 from bt_agents_core.errors import Refused
 from bt_agents_core.feedback import FeedbackKind
+from bt_agents_core.field_types import Plain
 from bt_agents_core.scene import Origin, Scene, SceneSpace, SceneValue
-from bt_agents_language.model.specs import AgentSpec, NodeSpec, Plain
+from bt_agents_language.model.specs import AgentSpec, NodeSpec
 
 MOST_TURNS = 10_000_000
 """Turns of a record that are repeated; more of them are a slip of the pen."""

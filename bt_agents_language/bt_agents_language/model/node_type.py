@@ -9,22 +9,14 @@ from enum import Enum
 from functools import cached_property
 from typing import Protocol
 
+from bt_agents_core.diagnostic import Position
+from bt_agents_core.field_types import BindingKind, FieldType, Plain
+from bt_agents_core.text import ellipsize
 from bt_agents_language.expression.expressions import Expression
 from bt_agents_language.model.endings import Outcome, Outcomes, Unreached, as_its_child
 from bt_agents_language.model.interfaces import Interfaces
 from bt_agents_language.model.scope import NameScope
-from bt_agents_language.model.specs import (
-    Binding,
-    BindingKind,
-    FieldType,
-    Literal,
-    NodeSpec,
-    Plain,
-    Position,
-    SkillSpec,
-    Value,
-)
-from bt_agents_language.shortened import shortened
+from bt_agents_language.model.specs import Binding, Literal, NodeSpec, SkillSpec, Value
 from bt_agents_language.yaml.typed_reader import TypedReader
 from bt_agents_language.yaml.yaml_reader import MappingEntry, Node, Scalar
 
@@ -428,4 +420,4 @@ def short(node: Node | None) -> str:
     """Return what is written somewhere as part of a label."""
     if not isinstance(node, Scalar):
         return "" if node is None else "…"
-    return shortened(" ".join(node.text.split()), LABEL_LENGTH)
+    return ellipsize(" ".join(node.text.split()), LABEL_LENGTH)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Node types that other packages bring, found by their entry points."""
+"""Node types of other packages, found by their entry points."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The names that a place in a file may use, their types, and which of them were used."""
+"""Scopes of names: those that a place in a file may use, their types, and which were used."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 
+from bt_agents_core.field_types import FieldType
 from bt_agents_core.scene import SceneSpace
 from bt_agents_language.expression.expression_tokens import NAME, OPERATOR_WORDS
 from bt_agents_language.expression.expressions import Expression, ValueKind, parse_expression
 from bt_agents_language.expression.functions import FUNCTIONS
 from bt_agents_language.model.interfaces import MessageFields
-from bt_agents_language.model.specs import FieldType
 from bt_agents_language.model.units import ANGLE, LENGTH, TIME, Dimension
 from bt_agents_language.yaml.diagnostics import did_you_mean, nearest
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a file with trees may speak of: scene parameters, skills, plug-ins, libraries, types."""
+"""Symbol table of a file with trees: scene parameters, skills, plug-ins, libraries, ROS types."""
 
 from __future__ import annotations
 

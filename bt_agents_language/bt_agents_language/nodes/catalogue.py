@@ -5,8 +5,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+from bt_agents_core.field_types import FieldType
 from bt_agents_language.model.node_type import Content, NodeField, NodeType, SiblingKey
-from bt_agents_language.model.specs import FieldType, NodeSpec
+from bt_agents_language.model.specs import NodeSpec
 from bt_agents_language.nodes.action import ACTION
 from bt_agents_language.nodes.case import CASE
 from bt_agents_language.nodes.check import CHECK

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from bt_agents_core.field_types import FieldType
 from bt_agents_language.model.node_type import (
     Content,
     NodeField,
@@ -12,7 +13,7 @@ from bt_agents_language.model.node_type import (
     Resources,
 )
 from bt_agents_language.model.scope import NameScope
-from bt_agents_language.model.specs import FieldType, Literal, NodeSpec
+from bt_agents_language.model.specs import Literal, NodeSpec
 from bt_agents_language.yaml.yaml_reader import Mapping, key_or_node
 
 

@@ -6,6 +6,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
+from bt_agents_core.field_types import Plain
+from bt_agents_core.text import quote
 from bt_agents_language.model.endings import EITHER, SUCCESS, Outcome, Outcomes, any_of
 from bt_agents_language.model.node_type import (
     Children,
@@ -17,8 +19,8 @@ from bt_agents_language.model.node_type import (
     Role,
 )
 from bt_agents_language.model.scope import NameScope
-from bt_agents_language.model.specs import Literal, NodeSpec, Plain
-from bt_agents_language.yaml.diagnostics import did_you_mean, shown
+from bt_agents_language.model.specs import Literal, NodeSpec
+from bt_agents_language.yaml.diagnostics import did_you_mean
 from bt_agents_language.yaml.typed_reader import TypedReader
 from bt_agents_language.yaml.yaml_reader import Node, Scalar
 from bt_agents_language.yaml.yaml_reader import Sequence as SequenceNode
@@ -47,7 +49,7 @@ def _read_succeed_on(reading: TypedReader, raw: RawNode, node: Node) -> Plain:
         reading.error(
             "bad-choice",
             node,
-            f"{what} is {shown(node.text)}, expected all, one, a number, or a list of names "
+            f"{what} is {quote(node.text)}, expected all, one, a number, or a list of names "
             "of children",
             did_you_mean(node.text, ("all", "one")) if node.text.isalpha() else "",
         )
@@ -66,10 +68,10 @@ def _place(reading: TypedReader, raw: RawNode, item: Node) -> int | None:
     known = [one for one in names if one]
     hint = "name the children with 'name: …' beside them"
     if name in names:
-        message = f"there are several children called {shown(name)}"
+        message = f"there are several children called {quote(name)}"
         hint = "give each its own name"
     else:
-        message = f"no child is called {shown(name)}"
+        message = f"no child is called {quote(name)}"
         hint = did_you_mean(name, known) or hint
     reading.error("unknown-name", item, message, hint)
     return None

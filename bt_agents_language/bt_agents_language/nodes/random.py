@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 
+from bt_agents_core.field_types import FieldType
 from bt_agents_language.model.endings import Outcomes, Unreached, any_of
 from bt_agents_language.model.node_type import (
     Children,
@@ -19,7 +20,7 @@ from bt_agents_language.model.node_type import (
     wrapped,
 )
 from bt_agents_language.model.scope import NameScope
-from bt_agents_language.model.specs import FieldType, Literal, NodeSpec
+from bt_agents_language.model.specs import Literal, NodeSpec
 from bt_agents_language.model.values import read_value
 from bt_agents_language.nodes.weight import WEIGHT, WEIGHT_KEY
 

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from bt_agents_core.field_types import BindingKind, FieldType
 from bt_agents_language.files.bindings import (
     RECEIVED,
     SENT,
@@ -13,8 +14,8 @@ from bt_agents_language.files.bindings import (
 )
 from bt_agents_language.model.node_type import Content, NodeField, NodeReader, RawNode
 from bt_agents_language.model.scope import NameScope
-from bt_agents_language.model.specs import BindingKind, FieldSpec, FieldType, NodeSpec, SkillSpec
-from bt_agents_language.yaml.mapping_reader import MappingReader
+from bt_agents_language.model.specs import FieldSpec, NodeSpec, SkillSpec
+from bt_agents_language.yaml.typed_reader import MappingReader
 from bt_agents_language.yaml.yaml_reader import Scalar
 
 ROS_TYPE = NodeField(

@@ -3,8 +3,8 @@
 
 from __future__ import annotations
 
+from bt_agents_core.field_types import FieldType
 from bt_agents_language.model.node_type import Content, NodeField
-from bt_agents_language.model.specs import FieldType
 
 MEMORY = NodeField(
     name="memory",

@@ -3,8 +3,8 @@
 
 from __future__ import annotations
 
+from bt_agents_core.field_types import FieldType
 from bt_agents_language.model.node_type import Children, Content, NodeField, NodeType, SiblingKey
-from bt_agents_language.model.specs import FieldType
 
 WITH = SiblingKey(
     field=NodeField(

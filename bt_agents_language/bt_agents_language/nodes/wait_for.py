@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+from bt_agents_core.field_types import BindingKind, FieldType
+from bt_agents_core.text import join_quoted
 from bt_agents_language.model.endings import EITHER, ENDLESS
 from bt_agents_language.model.node_type import (
     Content,
@@ -16,8 +18,7 @@ from bt_agents_language.model.node_type import (
     constant_field,
 )
 from bt_agents_language.model.scope import NameScope
-from bt_agents_language.model.specs import BindingKind, FieldType, NodeSpec
-from bt_agents_language.yaml.typed_reader import listed
+from bt_agents_language.model.specs import NodeSpec
 from bt_agents_language.yaml.yaml_reader import key_or_node
 
 _OF_A_MESSAGE = ("topic", "type", "until", "latched", "outputs")
@@ -41,7 +42,7 @@ def _read(reader: NodeReader, raw: RawNode, path: str, names: NameScope) -> Node
         reader.reading.error(
             "missing-key",
             raw.key,
-            f"'wait_for' needs a condition, or the keys {listed(_NEEDED)}",
+            f"'wait_for' needs a condition, or the keys {join_quoted(_NEEDED)}",
             "write wait_for: live.person, or add " + ", ".join(f"'{key}: …'" for key in missing),
         )
     label = nodes.get("condition") or nodes.get("topic")

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The reference of all nodes, skills and decorators as one Markdown page."""
+"""Markdown page of all nodes, skills and decorators."""
 
 from __future__ import annotations
 

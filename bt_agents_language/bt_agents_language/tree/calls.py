@@ -5,22 +5,17 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+from bt_agents_core.diagnostic import Position
+from bt_agents_core.text import join_quoted, quote
 from bt_agents_language.model.node_type import FieldValues, RawNode, short
 from bt_agents_language.model.scope import NameScope
-from bt_agents_language.model.specs import (
-    NOTHING,
-    FieldSpec,
-    NodeSpec,
-    Position,
-    SkillSpec,
-    SubtreeSpec,
-)
+from bt_agents_language.model.specs import NOTHING, FieldSpec, NodeSpec, SkillSpec, SubtreeSpec
 from bt_agents_language.model.symbols import SymbolTable
 from bt_agents_language.model.values import read_value
 from bt_agents_language.nodes.catalogue import SIBLING_KEYS
 from bt_agents_language.nodes.subtree import SUBTREE
-from bt_agents_language.yaml.diagnostics import did_you_mean, shown
-from bt_agents_language.yaml.typed_reader import TypedReader, found, listed
+from bt_agents_language.yaml.diagnostics import did_you_mean
+from bt_agents_language.yaml.typed_reader import TypedReader, found
 from bt_agents_language.yaml.yaml_reader import Mapping as MappingNode
 from bt_agents_language.yaml.yaml_reader import Node, Scalar
 
@@ -102,7 +97,7 @@ class CallReader:
             return None
         if called not in self._subtrees:
             if not self._vocabulary.incomplete:
-                message = f"there is no subtree {shown(called)}"
+                message = f"there is no subtree {quote(called)}"
                 self._reading.error("unknown-subtree", name_node, message, self._missing(called))
             return None
         subtree = self._subtrees[called]
@@ -156,7 +151,7 @@ class CallReader:
             self._reading.error(
                 "missing-key",
                 value,
-                f"'{skill.name}' needs also {listed(missing)}",
+                f"'{skill.name}' needs also {join_quoted(missing)}",
                 f"write {skill.name}: {{{skill.main}: …, {more}}}",
             )
         return {skill.main: value}
@@ -192,7 +187,7 @@ class CallReader:
                 self._reading.error(
                     "missing-key",
                     raw.value,
-                    f"subtree '{subtree.name}' needs the inputs {listed(required)}",
+                    f"subtree '{subtree.name}' needs the inputs {join_quoted(required)}",
                     f"add 'with: {{{more}}}' beside 'subtree'",
                 )
             return {}
@@ -226,7 +221,7 @@ class CallReader:
             self._reading.error(
                 "unknown-name",
                 item.value,
-                f"{what} has no output {shown(output)}",
+                f"{what} has no output {quote(output)}",
                 did_you_mean(output, known) or "remove it",
             )
         return outputs

@@ -7,13 +7,14 @@ import re
 import unicodedata
 from collections.abc import Collection, Mapping
 
+from bt_agents_core.text import join_quoted, quote
 from bt_agents_language.model.node_type import Children, Content, NodeType, RawNode
 from bt_agents_language.model.specs import NOTHING
 from bt_agents_language.model.symbols import SymbolTable
 from bt_agents_language.nodes.catalogue import DECORATORS, SIBLING_KEYS, SIBLINGS
 from bt_agents_language.nodes.skill import SKILL
-from bt_agents_language.yaml.diagnostics import did_you_mean, nearest, shown
-from bt_agents_language.yaml.typed_reader import TypedReader, found, listed
+from bt_agents_language.yaml.diagnostics import did_you_mean, nearest
+from bt_agents_language.yaml.typed_reader import Shape, TypedReader, found
 from bt_agents_language.yaml.yaml_reader import Mapping as MappingNode
 from bt_agents_language.yaml.yaml_reader import MappingEntry, Node, Scalar, Sequence
 
@@ -199,7 +200,7 @@ class RawNodeReader:
                 "missing-key",
                 entry.key,
                 f"a case of '{parent.key}' needs the key{'s' * (len(missing) > 1)} "
-                f"{listed(missing)} beside its node",
+                f"{join_quoted(missing)} beside its node",
                 parent.child_keys[missing[-1]],
             )
 
@@ -243,7 +244,9 @@ class RawNodeReader:
                 return options, ()
             written = children
         if not isinstance(written, Sequence):
-            self._reading.wrong_type(written, f"the children of '{word}'", "a list of nodes")
+            self._reading.wrong_type(
+                written, f"the children of '{word}'", "a list of nodes", Shape.LIST
+            )
             return options, ()
         if not written.items:
             self._reading.error(
@@ -327,7 +330,7 @@ class RawNodeReader:
             self._reading.error(
                 "unknown-node",
                 entry.key,
-                f"there is no node or skill {shown(entry.key.text)}",
+                f"there is no node or skill {quote(entry.key.text)}",
                 self._meant(entry) or did_you_mean(entry.key.text, [*words, *DECORATORS]),
             )
         if elsewhere:
@@ -366,7 +369,7 @@ class RawNodeReader:
             other = _OTHER_LANGUAGES.get(word.lower())
             hint = other or did_you_mean(word, SIBLING_KEYS)
         self._reading.error(
-            "unknown-key", entry.key, f"there is no decorator {shown(word)} beside a node", hint
+            "unknown-key", entry.key, f"there is no decorator {quote(word)} beside a node", hint
         )
 
 

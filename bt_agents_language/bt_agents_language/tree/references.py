@@ -6,11 +6,12 @@ from __future__ import annotations
 import re
 from functools import lru_cache
 
+from bt_agents_core.field_types import FieldType
+from bt_agents_core.text import quote
 from bt_agents_language.expression.expression_tokens import NAME
 from bt_agents_language.expression.expressions import Expression, ExpressionError
 from bt_agents_language.model.scope import NameScope
-from bt_agents_language.model.specs import Computed, FieldType, Reference
-from bt_agents_language.yaml.diagnostics import shown
+from bt_agents_language.model.specs import Computed, Reference
 from bt_agents_language.yaml.typed_reader import TypedReader
 from bt_agents_language.yaml.yaml_reader import Scalar
 
@@ -81,7 +82,7 @@ def _read_one(
             return _reference(inner, names.type_of(inner) or FieldType.ANY)
         _report_name(reading, node, inner, offset, unknown)
         return None
-    expression = read_expression(reading, node, inner, offset, shown(inner), names)
+    expression = read_expression(reading, node, inner, offset, quote(inner), names)
     return None if expression is None else Computed(expression=expression)
 
 

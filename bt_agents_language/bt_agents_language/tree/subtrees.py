@@ -6,7 +6,8 @@ from __future__ import annotations
 import operator
 from collections.abc import Mapping
 
-from bt_agents_language.model.specs import NodeSpec, Position
+from bt_agents_core.diagnostic import Position
+from bt_agents_language.model.specs import NodeSpec
 from bt_agents_language.yaml.typed_reader import TypedReader
 
 MAX_NODES = 10_000

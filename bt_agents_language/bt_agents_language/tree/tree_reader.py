@@ -6,6 +6,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 
+from bt_agents_core.diagnostic import Position
 from bt_agents_language.model.endings import Outcome
 from bt_agents_language.model.interfaces import Interfaces
 from bt_agents_language.model.node_type import (
@@ -18,7 +19,7 @@ from bt_agents_language.model.node_type import (
     wrapped,
 )
 from bt_agents_language.model.scope import NameScope
-from bt_agents_language.model.specs import NOTHING, Literal, NodeSpec, Position, SubtreeSpec
+from bt_agents_language.model.specs import NOTHING, Literal, NodeSpec, SubtreeSpec
 from bt_agents_language.model.symbols import SymbolTable
 from bt_agents_language.nodes.catalogue import DECORATORS
 from bt_agents_language.tree.assigned_names import AssignedNames, may_write

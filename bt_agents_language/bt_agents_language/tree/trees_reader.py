@@ -6,20 +6,39 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 
-from bt_agents_language.files.inputs import read_inputs
+from bt_agents_core.field_types import FieldType
+from bt_agents_language.files.inputs import INPUT, OUTPUT, read_inputs
+from bt_agents_language.model.file_kinds import NODE, TEXT, Entries, FieldDecl, Key, KeyTable
 from bt_agents_language.model.node_type import RawNode
 from bt_agents_language.model.scope import Assigned, NameScope, mood_names, scene_names
-from bt_agents_language.model.specs import FieldSpec, FieldType, NodeSpec, SubtreeSpec, UnusedInput
+from bt_agents_language.model.specs import FieldSpec, NodeSpec, SubtreeSpec, UnusedInput
 from bt_agents_language.model.symbols import SymbolTable
 from bt_agents_language.tree.assigned_names import AssignedNames
 from bt_agents_language.tree.raw_nodes import RawNodeReader
 from bt_agents_language.tree.subtrees import MAX_NODES, Expansion
 from bt_agents_language.tree.tree_reader import TreeReader
-from bt_agents_language.yaml.mapping_reader import MappingReader
-from bt_agents_language.yaml.typed_reader import TypedReader
+from bt_agents_language.yaml.typed_reader import MappingReader, TypedReader
 from bt_agents_language.yaml.yaml_reader import MappingEntry, Node, entries_of
 
-_KEYS = ("description", "inputs", "outputs", "tree")
+_SUBTREE = KeyTable(
+    fields=(
+        FieldDecl("description", TEXT, "What it does."),
+        FieldDecl("inputs", Entries(INPUT), "What its callers give with 'with'."),
+        FieldDecl(
+            "outputs",
+            Entries(OUTPUT),
+            "Names that it writes for its callers, with their types.",
+        ),
+        FieldDecl("tree", NODE, "What it does.", required=True),
+    ),
+)
+# The name of a subtree may be written as those of nodes, which the reader judges.
+SUBTREES = FieldDecl(
+    "subtrees",
+    Entries(_SUBTREE, "names and subtrees", keys=Key.ANY),
+    "Trees that 'subtree' nodes do.",
+)
+"""The key of a file's subtrees."""
 
 
 class TreesReader:
@@ -111,7 +130,7 @@ class TreesReader:
     def _declare(self, entry: MappingEntry) -> None:
         name = self._reading.name(entry.key, "the name of a subtree")
         what = f"subtree '{entry.key.text[:40]}'"
-        fields = self._reading.fields(entry.value, what, _KEYS, ("tree",))
+        fields = self._reading.keys(entry.value, _SUBTREE, what)
         if name is None:
             return
         if fields is None:

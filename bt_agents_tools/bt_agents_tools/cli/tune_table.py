@@ -8,8 +8,8 @@ from collections.abc import Iterable, Iterator, Sequence
 from typing import Protocol
 
 from bt_agents.host.tuning.tunable import Setting, TunableKind, TunableParameter, shown_value
+from bt_agents_core.text import ellipsize
 
-_LONGEST_SHOWN = 40
 _WIDEST = 22
 _GAP = "  "
 _NARROWEST = 28
@@ -57,11 +57,11 @@ def _cells(state: Stand) -> tuple[str, str, str, str]:
     knob = state.knob
     name = f"  {knob.name[len(knob.agent) + 1 :]}" if knob.agent else knob.name
     changed = state.value != knob.default
-    default = f"file: {_shortened(shown_value(knob, knob.default))}" if changed else ""
+    default = f"file: {ellipsize(shown_value(knob, knob.default))}" if changed else ""
     limits = ""
     if knob.minimum is not None and knob.maximum is not None:
         limits = f"{knob.written(knob.minimum)} to {knob.written(knob.maximum)}"
-    return name, _shortened(shown_value(knob, state.value)), default, limits
+    return name, ellipsize(shown_value(knob, state.value)), default, limits
 
 
 def _lines(
@@ -79,7 +79,3 @@ def _lines(
     first, *more = textwrap.wrap(description, rest) or [""]
     yield f"{row}{first}".rstrip()
     yield from (" " * (width - rest) + line for line in more)
-
-
-def _shortened(text: str) -> str:
-    return text if len(text) <= _LONGEST_SHOWN else f"{text[: _LONGEST_SHOWN - 1]}…"

@@ -14,10 +14,10 @@ from rclpy.parameter import parameter_value_to_python
 from bt_agents.host.tuning.tunable import TICK_RATE, Setting, TunableKind, TunableParameter
 from bt_agents.host.tuning.tunable_parameters import DEFAULT
 from bt_agents_core.errors import BtAgentsError
+from bt_agents_core.field_types import FieldType
 from bt_agents_interfaces.msg import Tunings
 from bt_agents_interfaces.srv import Tune
 from bt_agents_language.model.quantities import QuantityError
-from bt_agents_language.model.specs import FieldType
 from bt_agents_ros import qos
 from bt_agents_tools.client.observer import Observer
 

@@ -11,6 +11,7 @@ from typing import Protocol
 from bt_agents.engine.environment import GoalState
 from bt_agents.engine.scope import MessageNames, holds, not_so
 from bt_agents.engine.scripted_environment import ScriptedReply
+from bt_agents_core.field_types import Plain
 from bt_agents_language.expression.expressions import EvaluationError, MissingValue
 from bt_agents_language.files.testing.path_patterns import is_path, matches
 from bt_agents_language.files.testing.scenarios import (
@@ -19,7 +20,7 @@ from bt_agents_language.files.testing.scenarios import (
     ScriptedAnswer,
     ScriptedEvent,
 )
-from bt_agents_language.model.specs import NodeSpec, Plain
+from bt_agents_language.model.specs import NodeSpec
 from bt_agents_tools.rehearsal import default_answers
 from bt_agents_tools.rehearsal.events import Use
 

@@ -7,9 +7,10 @@ from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 
+from bt_agents_core.diagnostic import Position
 from bt_agents_language.model.endings import Outcome
 from bt_agents_language.model.node_type import Mark, Role
-from bt_agents_language.model.specs import AgentSpec, NodeSpec, Position
+from bt_agents_language.model.specs import AgentSpec, NodeSpec
 from bt_agents_language.nodes.catalogue import type_of
 from bt_agents_language.tools.linting.outcomes import outcomes
 

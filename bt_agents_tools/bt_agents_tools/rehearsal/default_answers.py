@@ -5,14 +5,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from bt_agents_language.model.specs import (
-    BindingKind,
-    FieldSpec,
-    FieldType,
-    NodeSpec,
-    Plain,
-    SkillSpec,
-)
+from bt_agents_core.field_types import BindingKind, FieldType, Plain
+from bt_agents_language.model.specs import FieldSpec, NodeSpec, SkillSpec
 
 BREATH_S = 0.4
 """Before the first word of a text [s]."""

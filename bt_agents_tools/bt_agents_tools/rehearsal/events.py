@@ -9,8 +9,9 @@ from enum import Enum, auto
 
 from bt_agents.engine.run import StatusChange, TreeOutcome
 from bt_agents_core.feedback import FeedbackKind
+from bt_agents_core.field_types import Plain
 from bt_agents_language.files.testing.scenarios import SPOKEN
-from bt_agents_language.model.specs import NodeSpec, Plain
+from bt_agents_language.model.specs import NodeSpec
 from bt_agents_tools.rehearsal.coverage import Marks
 
 

@@ -6,12 +6,12 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from dataclasses import replace
 
+from bt_agents_core.field_types import BindingKind
 from bt_agents_language.files.testing.path_patterns import matches
 from bt_agents_language.files.testing.scenarios import REPLACED, Replacement
 from bt_agents_language.model.specs import (
     AgentSpec,
     Binding,
-    BindingKind,
     MapValue,
     NodeSpec,
     Reference,

@@ -17,19 +17,21 @@ from py_trees.common import Status
 from bt_agents.engine.run import Run, RunResult, StatusChange, TreeOutcome
 from bt_agents.host.agent_registry import unmet
 from bt_agents_core.feedback import FeedbackKind
+from bt_agents_core.field_types import Plain
 from bt_agents_core.live_scene_view import LEASE_S
 from bt_agents_core.scene import SceneSpace
 from bt_agents_language.files.testing.path_patterns import matches, nodes_of
 from bt_agents_language.files.testing.scenarios import Scenario, ScriptedAnswer, ScriptedEvent
+from bt_agents_language.model.mood_rule import MoodAction
 from bt_agents_language.model.node_type import Mark, Waits
-from bt_agents_language.model.specs import AgentSpec, NodeSpec, Plain
+from bt_agents_language.model.specs import AgentSpec, NodeSpec
 from bt_agents_language.nodes.catalogue import type_of
 from bt_agents_tools.rehearsal.answers import Answers, AnswerSource
 from bt_agents_tools.rehearsal.event_order import EventOrder
 from bt_agents_tools.rehearsal.events import Event, EventKind, Rehearsed, Use
 from bt_agents_tools.rehearsal.instrument import replaced, with_open_bindings, with_replacements
 from bt_agents_tools.rehearsal.rehearsal_environment import RehearsalEnvironment
-from bt_agents_tools.rehearsal.rehearsal_scenes import RehearsedLive, awarded, change_text, watched
+from bt_agents_tools.rehearsal.rehearsal_scenes import RehearsedLive, awarded, change_text
 from bt_agents_tools.rehearsal.tick_analysis import at_rest, limit_of, mark, running_leaves
 from bt_agents_tools.rehearsal.transcript import time_text, tuned_text
 from feedback_node.rules import Watch
@@ -153,8 +155,7 @@ class _Rehearsal:
             random=Random(scenario.seed),
             visit=lambda node, status: self._ticked.append((node, status)),
         )
-        rules = tuple(map(watched, agent.rules))
-        self._watch = Watch(rules, self._scene, space, self._clock)
+        self._watch = Watch(agent.rules, self._scene, space, self._clock)
         decline = unmet(agent, space, self._scene, agent.profile, self._tunables)
         self._declined = decline.reason if decline is not None else ""
         for one in scenario.during:
@@ -300,12 +301,12 @@ class _Rehearsal:
         if self._cancelled_by or self._watch.over:
             return False
         live = self._live
-        fired = self._watch.tick() if live.silent else self._watch.see(live.now())
+        fired = self._watch.tick() if live.silent else self._watch.receive(live.now())
         for one in fired:
-            self._feedback(one.rule.kind, one.reason)
-        last = next((one for one in fired if one.rule.cancel), None)
+            self._feedback(one.rule.give, one.reason)
+        last = next((one for one in fired if one.rule.action is MoodAction.CANCEL), None)
         if last is not None:
-            self._cancel(last.reason, last.rule.text)
+            self._cancel(last.reason, last.rule.when.text)
         return bool(fired)
 
     def _cancel(self, reason: str, cause: str) -> None:
@@ -357,9 +358,7 @@ class _Rehearsal:
         self, outcome: TreeOutcome | None, message: str, *, worth_reporting: bool = True
     ) -> Rehearsed:
         text = message if worth_reporting else ""
-        self._publish(
-            Event(at_s=self._clock.now, kind=EventKind.ENDS, text=text, outcome=outcome)
-        )
+        self._publish(Event(at_s=self._clock.now, kind=EventKind.ENDS, text=text, outcome=outcome))
         return Rehearsed(
             outcome=outcome,
             message=message,

@@ -9,8 +9,9 @@ from dataclasses import dataclass
 from bt_agents.engine.environment import GoalState, SkillGoal
 from bt_agents.engine.scripted_environment import ManualClock, ScriptedEnvironment, ScriptedGoal
 from bt_agents_core.feedback import FeedbackKind
+from bt_agents_core.field_types import Plain
 from bt_agents_language.files.testing.scenarios import ScriptedAnswer
-from bt_agents_language.model.specs import NodeSpec, Plain
+from bt_agents_language.model.specs import NodeSpec
 from bt_agents_tools.rehearsal.answers import Answers, PlayedSkill
 from bt_agents_tools.rehearsal.events import Event, EventKind, Use
 

@@ -7,7 +7,8 @@ import math
 from collections.abc import Iterator, Sequence
 
 from bt_agents_core.scene import Origin, SceneParameter, SceneSpace, SceneValue
-from marketplace_node.explanation.formatting import FEW, distance, joined, listed, number, percent
+from bt_agents_core.text import format_number, join_first, join_words
+from marketplace_node.explanation.formatting import FEW, distance, percent
 from marketplace_node.explanation.reason import declined, nobody, tie_rule
 from marketplace_node.round.decision import (
     AuctionOutcome,
@@ -96,7 +97,7 @@ def _scene(decision: Decision, space: SceneSpace) -> Iterator[str]:
         yield f"The scene: {'; '.join(shown)}."
     if missing:
         verb = "is" if len(missing) == 1 else "are"
-        yield _sentence(f"{listed(missing)} {verb} not known and left out")
+        yield _sentence(f"{join_first(missing)} {verb} not known and left out")
 
 
 def _value(parameter: SceneParameter, value: SceneValue) -> str:
@@ -114,7 +115,7 @@ def _value(parameter: SceneParameter, value: SceneValue) -> str:
 
 
 def _with_std(value: float, std: float) -> str:
-    return number(value, FEW) + (f" ± {number(std, 2)}" if std > 0.0 else "")
+    return format_number(value, FEW) + (f" ± {format_number(std, 2)}" if std > 0.0 else "")
 
 
 def _origin(value: SceneValue) -> str:
@@ -134,7 +135,7 @@ def _why(decision: Decision, winner: RankedBid, space: SceneSpace) -> Iterator[s
         yield _sentence(f"{ranked.fallback}; so {ranked.by} ranks")
     if ranked.placed:
         reason = ranked.precedence or "it gave no reason"
-        names = joined([bid.agent for bid in decision.ranking[: ranked.placed]])
+        names = join_words([bid.agent for bid in decision.ranking[: ranked.placed]])
         if ranked.by == RULES:
             yield f"What holds is {reason}; it names {names} before all nearer ones."
         else:
@@ -157,16 +158,16 @@ def _parts(bid: RankedBid, decision: Decision, space: SceneSpace) -> str:
     parts = []
     for index in adding[:_PARAMETERS_SHOWN]:
         std = scene.std[index] if by == "expected_manhattan" else 0.0
-        against = f"its {number(bid.vector[index], FEW)} against "
+        against = f"its {format_number(bid.vector[index], FEW)} against "
         against += _with_std(scene.vector[index], std)
         if by == "weighted_manhattan" and bid.weights:
-            against += f", weight {number(bid.weights[index], FEW)}"
-        adds = number(bid.contributions[index], FEW)
+            against += f", weight {format_number(bid.weights[index], FEW)}"
+        adds = format_number(bid.contributions[index], FEW)
         parts.append(f"{space.names[index]} adds {adds} ({against})")
     if len(adding) > _PARAMETERS_SHOWN:
         parts.append(f"{len(adding) - _PARAMETERS_SHOWN} more parameters the rest")
     if fitting:
-        parts.append(f"{listed(fitting)} {'fits' if len(fitting) == 1 else 'fit'} exactly")
+        parts.append(f"{join_first(fitting)} {'fits' if len(fitting) == 1 else 'fit'} exactly")
     measure = " by the straight line" if by == "euclidean" else ""
     away = f"{bid.agent} is {distance(bid.distance, FEW)} away{measure}"
     return f"{away}: {', '.join(parts)}."
@@ -181,7 +182,7 @@ def _chance(decision: Decision, winner: RankedBid) -> Iterator[str]:
     if ranked.by == "softmax":
         share = softmax_share(decision.ranking, options["temperature"])
         yield (
-            f"The order was drawn with temperature {number(options['temperature'])}; "
+            f"The order was drawn with temperature {format_number(options['temperature'])}; "
             f"{winner.agent} had a chance of {percent(share)}."
         )
     elif ranked.by == "epsilon_greedy":
@@ -190,16 +191,16 @@ def _chance(decision: Decision, winner: RankedBid) -> Iterator[str]:
         yield f"{left} one of the {often} of rounds that are left to chance alone."
     elif ranked.by == "thompson":
         yield (
-            f"Profiles count as uncertain (sigma {number(options['sigma'])}); the one drawn for "
-            f"{winner.agent} is {score} away."
+            f"Profiles count as uncertain (sigma {format_number(options['sigma'])}); the one "
+            f"drawn for {winner.agent} is {score} away."
         )
     elif ranked.by == "ucb" and winner.bonus:
         rounds = decision.terms.rounds_run
         ran = f"It {_ran(winner.runs)} in {rounds} {'run' if rounds == 1 else 'runs'}"
-        forgiven = number(winner.bonus, FEW)
+        forgiven = format_number(winner.bonus, FEW)
         yield f"{ran}, for which {forgiven} is taken off its distance: {score}."
     elif winner.bonus and not ranked.placed:
-        yield f"The strategy {ranked.by} takes {number(winner.bonus, FEW)} off: {score}."
+        yield f"The strategy {ranked.by} takes {format_number(winner.bonus, FEW)} off: {score}."
 
 
 def softmax_share(ranking: Sequence[RankedBid], temperature: float) -> float:
@@ -218,7 +219,7 @@ def _next(decision: Decision, winner: RankedBid, space: SceneSpace) -> Iterator[
     away = f"{distance(second.distance, FEW)} away"
     tied = [bid for bid in others if bid.score == winner.score]
     if tied:
-        names = joined([bid.agent for bid in tied])
+        names = join_words([bid.agent for bid in tied])
         verb = "is" if len(tied) == 1 else "are"
         yield f"{names} {verb} as good, but {tie_rule(decision, winner, tied)}."
     elif decision.ranked.placed:
@@ -232,7 +233,7 @@ def _next(decision: Decision, winner: RankedBid, space: SceneSpace) -> Iterator[
         yield f"Next comes {second.agent}, {away}: further by {behind}."
     rest = others[max(1, len(tied)) :]
     if rest:
-        yield f"Then {listed(f'{b.agent} {distance(b.distance, FEW)}' for b in rest)}."
+        yield f"Then {join_first(f'{b.agent} {distance(b.distance, FEW)}' for b in rest)}."
     yield from _change(decision, second, space)
 
 
@@ -245,7 +246,7 @@ def _change(decision: Decision, second: RankedBid, space: SceneSpace) -> Iterato
         return
     now = dict(zip(space.names, decision.terms.scene.vector, strict=True))
     for name, value in zip(change.names, change.values, strict=True):
-        then, before = number(value, FEW), number(now[name], FEW)
+        then, before = format_number(value, FEW), format_number(now[name], FEW)
         other = f"about {then} instead of {before}"
         if then == before:
             other = f"a little {'lower' if value < now[name] else 'higher'}"
@@ -257,12 +258,12 @@ def _others(decision: Decision) -> Iterator[str]:
     if decision.winner is None:
         return
     for why, (_, agents) in declined(decision).items():
-        yield f"{listed(agents)} {'does' if len(agents) == 1 else 'do'} not bid: {why}."
+        yield f"{join_first(agents)} {'does' if len(agents) == 1 else 'do'} not bid: {why}."
     barred: dict[str, list[str]] = {}
     for bid in decision.terms.barred:
         barred.setdefault(bid.reason, []).append(bid.agent)
     for why, agents in barred.items():
-        yield f"{listed(agents)} may not bid: {why}."
+        yield f"{join_first(agents)} may not bid: {why}."
     people = {bid.agent for bid in decision.terms.barred}
     no_news = {*decision.terms.excluded, *people}
     refused = [
@@ -279,7 +280,7 @@ def _others(decision: Decision) -> Iterator[str]:
     for host, why in decision.terms.unasked.items():
         yield f"{host} is not asked: {why}."
     if decision.silent_hosts:
-        yield f"No answer came in time from {listed(decision.silent_hosts)}."
+        yield f"No answer came in time from {join_first(decision.silent_hosts)}."
 
 
 def _ran(count: int) -> str:

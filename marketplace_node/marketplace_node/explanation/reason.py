@@ -5,8 +5,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from bt_agents_core.text import join_first
 from marketplace_node.explanation.calculation import calculation
-from marketplace_node.explanation.formatting import ALL_DIGITS, FEW, distance, listed
+from marketplace_node.explanation.formatting import ALL_DIGITS, FEW, distance
 from marketplace_node.round.decision import (
     AuctionOutcome,
     ClosedBy,
@@ -77,7 +78,7 @@ def nobody(decision: Decision) -> list[str]:
     """Return why nobody bids, in parts of a line."""
     parts = []
     for first, agents in declined(decision).values():
-        names = listed(agents)
+        names = join_first(agents)
         if first.unmet:
             parts.append(f"{names} {'needs' if len(agents) == 1 else 'need'} {first.unmet}")
         else:
@@ -128,7 +129,7 @@ def _follows(decision: Decision) -> str:
     terms = decision.terms
     if not terms.follows:
         return ""
-    without = listed(f"{agent} ({why})" for agent, why in terms.excluded.items())
+    without = join_first(f"{agent} ({why})" for agent, why in terms.excluded.items())
     return f"continues round {terms.follows}, without {without}: "
 
 
@@ -152,7 +153,7 @@ def _award(decision: Decision, winner: RankedBid) -> list[str]:
         parts.append(f"next: {behind} (margin {distance(decision.margin, digits)})")
     else:
         tied = [bid for bid in others if bid.score == winner.score]
-        names = listed(bid.agent for bid in tied)
+        names = join_first(bid.agent for bid in tied)
         parts.append(f"tied with {names}: {tie_rule(decision, winner, tied)}")
     return parts + _not_taken(decision)
 
@@ -165,7 +166,7 @@ def _not_taken(decision: Decision) -> list[str]:
         for bid in decision.refused
         if bid.kind is RoundKind.REFUSED and bid.agent not in people
     ]
-    parts = [f"refused: {listed(refused)}"] if refused else []
+    parts = [f"refused: {join_first(refused)}"] if refused else []
     if decision.silent_hosts:
-        parts.append(f"no answer in time from {listed(decision.silent_hosts)}")
+        parts.append(f"no answer in time from {join_first(decision.silent_hosts)}")
     return parts

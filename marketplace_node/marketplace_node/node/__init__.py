@@ -12,6 +12,7 @@ from typing import Any
 
 from bt_agents_core.errors import ReadError, Refused
 from bt_agents_core.scene import SceneSpace
+from bt_agents_core.text import join_first
 from bt_agents_core.trees_folder import find_trees
 from bt_agents_interfaces.msg import Auction as AuctionMsg
 from bt_agents_interfaces.msg import Bids as BidsMsg
@@ -50,7 +51,6 @@ from marketplace_node.effects import (
     StatusChanged,
     StoreOverrides,
 )
-from marketplace_node.explanation.formatting import listed
 from marketplace_node.interaction.award import StopRequest
 from marketplace_node.market import Market
 from marketplace_node.node.bid_decoder import BidDecoder
@@ -313,7 +313,7 @@ class MarketplaceNode(BaseNode):
     def _connect(self, entry: HostEntry) -> None:
         try:
             self._hosts.connect(entry)
-            self.get_logger().info(f"{entry.host} is registered: {listed(entry.agents)}")
+            self.get_logger().info(f"{entry.host} is registered: {join_first(entry.agents)}")
         except Refused as refused:
             self.get_logger().error(refused.reason)
             self._execute(self._market.disconnect(entry.host, time.monotonic()))

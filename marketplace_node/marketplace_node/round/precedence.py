@@ -3,13 +3,13 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
+from functools import partial
 
 import numpy as np
 
 from bt_agents_core.errors import Refused
-from bt_agents_language.expression.expressions import EvaluationError, MissingValue
+from bt_agents_language.expression.name_resolution import SceneFacts, resolve, surely_true
 from bt_agents_language.files.market_reader import MarketRule
 from marketplace_node.explanation.formatting import shown
 from marketplace_node.strategies import Scores
@@ -33,19 +33,10 @@ def applicable_rule(
         person: Whether a person is there.
         agents: Who bids.
     """
-
-    def lookup(name: str) -> object:
-        parameter = name.partition(".")[2]
-        if parameter == "person":
-            return person
-        value = values[parameter]
-        if math.isnan(value):
-            raise MissingValue(name)
-        return value
-
+    names = partial(resolve, scene=SceneFacts(person=person, values=values))
     bidders = set(agents)
     for number, rule in enumerate(rules, 1):
-        if not bidders.isdisjoint(rule.agents) and _holds(rule, lookup):
+        if not bidders.isdisjoint(rule.agents) and surely_true(rule.condition, names):
             return number, rule
     return None
 
@@ -96,10 +87,3 @@ def apply_precedence(scores: Scores, places: Sequence[int]) -> Scores:
         score=score,
         contributions=scores.contributions,
     )
-
-
-def _holds(rule: MarketRule, lookup: Callable[[str], object]) -> bool:
-    try:
-        return rule.condition.evaluate(lookup) is True
-    except (MissingValue, EvaluationError):
-        return False

@@ -18,7 +18,8 @@ from bt_agents.engine.feedback_leaf import GiveFeedback
 from bt_agents.engine.scripted_environment import ScriptedReply
 from bt_agents.engine.skill_leaf import SkillLeaf
 from bt_agents.engine.waits import WaitForMessage
-from bt_agents_language.model.specs import NodeSpec, Plain
+from bt_agents_core.field_types import Plain
+from bt_agents_language.model.specs import NodeSpec
 from random_trees import ACTIONS, Puppet, placed, trees
 from tree_harness import Stage, scene
 

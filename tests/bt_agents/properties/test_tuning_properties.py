@@ -31,8 +31,9 @@ from bt_agents.host.tuning.tunable import (
     written,
 )
 from bt_agents_core.errors import Refused
+from bt_agents_core.field_types import FieldType
 from bt_agents_language.files.agent_reader import read_agent_text
-from bt_agents_language.model.specs import AgentSpec, FieldType
+from bt_agents_language.model.specs import AgentSpec
 from bt_agents_language.yaml.precheck import BAD_CHARACTER
 from bt_agents_language.yaml.source import Source
 from bt_agents_tools.client.write_back import TunedValue, write_defaults

@@ -10,7 +10,8 @@ import pytest
 from bt_agents.engine.environment import GoalState, SkillGoal
 from bt_agents.engine.scripted_environment import ManualClock, ScriptedReply
 from bt_agents.host.environment.goal_track import SECOND_LOOK_S, GoalTrack
-from bt_agents_language.model.specs import BindingKind, HeartbeatSpec, Timeouts
+from bt_agents_core.field_types import BindingKind
+from bt_agents_language.model.specs import HeartbeatSpec, Timeouts
 from tree_harness import Stage
 
 BEAT = HeartbeatSpec(topic="robot/heartbeat", type="std_msgs/msg/Empty", within_s=1.0)

@@ -9,8 +9,10 @@ import pytest
 
 from bt_agents.engine.environment import GIVE_FEEDBACK, GoalState
 from bt_agents.engine.scripted_environment import GivenFeedback, ScriptedReply
+from bt_agents_core.diagnostic import Position
 from bt_agents_core.feedback import FeedbackKind
-from bt_agents_language.model.specs import Literal, MapValue, NodeSpec, Plain, Position
+from bt_agents_core.field_types import Plain
+from bt_agents_language.model.specs import Literal, MapValue, NodeSpec
 from tree_harness import Stage, agent, scene
 
 TUNABLES = """

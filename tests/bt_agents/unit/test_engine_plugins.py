@@ -14,15 +14,9 @@ import py_trees
 import pytest
 from py_trees.common import Status
 
+from bt_agents_core.diagnostic import Position
 from bt_agents_language.expression.expressions import parse_expression
-from bt_agents_language.model.specs import (
-    ListValue,
-    Literal,
-    MapValue,
-    NodeSpec,
-    Position,
-    Reference,
-)
+from bt_agents_language.model.specs import ListValue, Literal, MapValue, NodeSpec, Reference
 from tree_harness import Stage, scene
 
 POSITION = Position(file="a.yaml", line=7, column=3)

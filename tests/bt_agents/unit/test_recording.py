@@ -15,7 +15,7 @@ from bt_agents.recording.recording_run import RecordingRun
 from bt_agents.recording.recording_world import Notebook
 from bt_agents.recording.replay_world import Turn, read_record, repeat
 from bt_agents_core.errors import Refused
-from bt_agents_language.model.specs import BindingKind
+from bt_agents_core.field_types import BindingKind
 from tree_harness import SPACE, Stage
 
 

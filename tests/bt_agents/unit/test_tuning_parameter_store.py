@@ -15,7 +15,7 @@ from bt_agents.host.tuning.pending_profiles import ProfileOrders
 from bt_agents.host.tuning.presets import Presets
 from bt_agents.host.tuning.tunable import TICK_RATE, TunableParameter, tunables_of
 from bt_agents_core.errors import Refused
-from bt_agents_language.model.specs import FieldType
+from bt_agents_core.field_types import FieldType
 from faulty_disk import Disk
 from tree_harness import SPACE, agent
 

@@ -15,7 +15,7 @@ from bt_agents.host.tuning.tunable import (
     written,
 )
 from bt_agents_core.errors import Refused
-from bt_agents_language.model.specs import FieldType
+from bt_agents_core.field_types import FieldType
 from tree_harness import SPACE, agent
 
 HEAD = """

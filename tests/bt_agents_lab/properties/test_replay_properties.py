@@ -11,7 +11,7 @@ from typing import Any
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from bt_agents.host.learning_messages import learning_to_msg
+from bt_agents.host.host_card import learning_to_msg
 from bt_agents_core.feedback import BUTTON, MOOD_RULE, FeedbackKind, LearningRule, Update
 from bt_agents_core.scene import Scene
 from bt_agents_interfaces.msg import AgentCard, HostCard
@@ -107,7 +107,7 @@ def test_all_that_is_learned_is_learned_again(
         ],
     )
     known = Profiles(SPACE, Ledger(":memory:"))
-    _, problems = known.introduce(card_from_msg(card))
+    _, problems = known.register_card(card_from_msg(card, SPACE))
     assert problems == ()
     kept = []
     for number, (kind, target, source, person) in enumerate(taught):

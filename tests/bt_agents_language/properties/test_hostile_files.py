@@ -21,6 +21,7 @@ from bt_agents.engine.environment import GoalState
 from bt_agents.engine.run import Run
 from bt_agents.engine.scripted_environment import ScriptedEnvironment, ScriptedReply
 from bt_agents_core.errors import ReadError
+from bt_agents_core.field_types import FieldType
 from bt_agents_language.files.agent_reader import read_agent
 from bt_agents_language.files.folder_reader import read_trees
 from bt_agents_language.files.libraries import FolderLibraries
@@ -30,10 +31,10 @@ from bt_agents_language.files.script_reader import read_script
 from bt_agents_language.files.skills_reader import read_skills
 from bt_agents_language.files.testing.test_reader import read_test
 from bt_agents_language.model.node_type import Children, Content, NodeField
-from bt_agents_language.model.specs import AgentSpec, FieldType
+from bt_agents_language.model.specs import AgentSpec
 from bt_agents_language.model.symbols import ImportProblem
 from bt_agents_language.nodes.catalogue import DECORATORS, NODE_TYPES, SIBLINGS
-from bt_agents_language.reference.codes.table import CODES
+from bt_agents_language.reference.codes.table import codes
 from bt_agents_language.yaml.renderers import MAX_SHOWN
 from tree_harness import SPACE, TREES, VOCABULARY, scene
 
@@ -161,7 +162,7 @@ def check_refusal(error: ReadError, content: bytes, place: Path) -> None:
     for line in error.lines[:MAX_SHOWN]:
         match = LINE.fullmatch(line.removeprefix(str(place.parent)))
         assert match is not None, line
-        assert match[3] in CODES
+        assert match[3] in codes()
         places.append((int(match[1]), int(match[2])))
     assert places == sorted(places)
     for number, column in places:

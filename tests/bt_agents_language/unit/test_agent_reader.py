@@ -8,19 +8,13 @@ from collections.abc import Iterator
 import pytest
 
 from bt_agents_core.errors import ReadError
+from bt_agents_core.feedback import FeedbackKind
+from bt_agents_core.field_types import BindingKind, FieldType
 from bt_agents_core.scene import SceneParameter, SceneSpace
 from bt_agents_language.expression.expressions import Expression
 from bt_agents_language.files.agent_reader import read_agent, read_agent_text
-from bt_agents_language.model.specs import (
-    BindingKind,
-    FieldType,
-    ListValue,
-    Literal,
-    MapValue,
-    NodeSpec,
-    Reference,
-    Text,
-)
+from bt_agents_language.model.mood_rule import MoodAction
+from bt_agents_language.model.specs import ListValue, Literal, MapValue, NodeSpec, Reference, Text
 from bt_agents_language.model.symbols import SymbolTable
 from bt_agents_language.nodes.catalogue import DECORATORS, NODE_TYPES
 from bt_agents_language.tree.subtrees import MAX_NODES
@@ -87,13 +81,17 @@ on_cancel: {light: red}
     assert spec.requires is not None
     assert spec.requires.text == "scene.person and scene.age >= 2"
     first, second = spec.rules
-    assert (first.when.text, first.hold_s, first.positive, first.cancel) == (
+    assert (first.when.text, first.hold_s, first.give, first.action) == (
         "mood.change <= -1",
         0.5,
-        False,
-        True,
+        FeedbackKind.NEGATIVE,
+        MoodAction.CANCEL,
     )
-    assert (second.hold_s, second.positive, second.cancel) == (0.0, True, False)
+    assert (second.hold_s, second.give, second.action) == (
+        0.0,
+        FeedbackKind.POSITIVE,
+        MoodAction.NONE,
+    )
     assert spec.on_cancel is not None
     assert spec.on_cancel.path == "on_cancel"
 

@@ -152,7 +152,7 @@ def test_freeze_all_stops_all_learning():
         (
             "learning: median\n",
             "5:11: error[wrong-type]: 'learning': expected a mapping with the keys 'rate', "
-            "'rates', 'freeze', 'update', 'window', …, found 'median'",
+            "'rates', 'freeze', 'update', 'width', …, found 'median'",
         ),
         (
             "weights: {age: -1}\n",

@@ -18,11 +18,13 @@ from typing import Any
 import pytest
 
 from bt_agents.engine import builder
+from bt_agents_core.diagnostic import Position
+from bt_agents_core.field_types import FieldType
 from bt_agents_groot import tree_export
 from bt_agents_language.files.agent_reader import read_agent_text
 from bt_agents_language.model.endings import always_success
 from bt_agents_language.model.node_type import Children, NodeType, Resources, Role
-from bt_agents_language.model.specs import FieldType, NodeSpec, Position
+from bt_agents_language.model.specs import NodeSpec
 from bt_agents_language.nodes import catalogue
 from bt_agents_language.nodes.catalogue import BRANCHES, DECORATORS, NODE_TYPES, SIBLINGS, type_of
 from bt_agents_language.nodes.plugin import PLUGIN

@@ -12,12 +12,12 @@ from py_trees.behaviours import Success
 from bt_agents.engine.run import Run
 from bt_agents.engine.scripted_environment import ScriptedEnvironment
 from bt_agents_core.errors import ReadError
+from bt_agents_core.field_types import FieldType
 from bt_agents_language.expression.functions import FUNCTIONS
 from bt_agents_language.expression.operators import BINARY, PREFIXES
 from bt_agents_language.files.agent_reader import read_agent_text
 from bt_agents_language.model.node_type import NodeField, NodeType
 from bt_agents_language.model.scope import mood_names, scene_names
-from bt_agents_language.model.specs import FieldType
 from bt_agents_language.model.units import DIMENSIONS
 from bt_agents_language.nodes.catalogue import DECORATORS, NODE_TYPES, SIBLINGS
 from bt_agents_language.reference.node_pages import Group, node_page, node_pages, subtree_page

@@ -18,12 +18,12 @@ from bt_agents_language.files.agent_reader import read_agent_text
 from bt_agents_language.files.folder_reader import read_trees
 from bt_agents_language.files.libraries import FolderLibraries
 from bt_agents_language.files.market_reader import read_market
-from bt_agents_language.files.scene_reader import read_scene_text
+from bt_agents_language.files.scene_reader import SCENE, read_scene_text
 from bt_agents_language.files.skills_reader import read_skills
 from bt_agents_language.files.testing.test_reader import read_test_text
 from bt_agents_language.model.plugins import GROUP, read_plugins
 from bt_agents_language.nodes.catalogue import DECORATORS, NODE_TYPES
-from bt_agents_language.tools.schema.scene_files import scene_schema
+from bt_agents_language.tools.schema.generator import file_schema
 from bt_agents_language.yaml.source import Source
 from bt_agents_tools.cli.main import bt_agents
 from bt_agents_tools.rehearsal.rehearsal import Limits, rehearse
@@ -134,7 +134,7 @@ def test_the_page_of_the_scene_names_every_key() -> None:
         below = {key for part in schema.values() for key in keys(part)}
         return below | set(schema.get("properties", ()))
 
-    missing = {key for key in keys(scene_schema()) if f"`{key}`" not in page}
+    missing = {key for key in keys(file_schema(SCENE, SPACE)) if f"`{key}`" not in page}
     assert missing == {"format"}
 
 

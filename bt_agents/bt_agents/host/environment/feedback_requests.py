@@ -12,10 +12,10 @@ from rclpy.node import Node
 
 from bt_agents.engine.environment import GIVE_FEEDBACK, GoalState
 from bt_agents_core.feedback import FeedbackKind
+from bt_agents_core.field_types import Plain
 from bt_agents_core.scene import SceneSpace
 from bt_agents_interfaces.msg import Scene as SceneMsg
 from bt_agents_interfaces.srv import GiveFeedback
-from bt_agents_language.model.specs import Plain
 from bt_agents_ros import qos
 from bt_agents_ros.outbox import Outbox
 

@@ -13,7 +13,7 @@ from action_msgs.srv import CancelGoal
 
 from bt_agents.engine.environment import GoalState
 from bt_agents.host.environment.goal_track import GoalTrack
-from bt_agents_language.model.specs import Plain
+from bt_agents_core.field_types import Plain
 from bt_agents_ros.message_view import MessageView
 
 _ENDS = {

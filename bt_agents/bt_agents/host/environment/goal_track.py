@@ -7,7 +7,8 @@ import math
 from collections.abc import Callable
 
 from bt_agents.engine.environment import Clock, GoalState, SkillGoal
-from bt_agents_language.model.specs import REPLY_LIMIT_S, BindingKind, Timeouts
+from bt_agents_core.field_types import BindingKind
+from bt_agents_language.model.specs import REPLY_LIMIT_S, Timeouts
 
 SECOND_LOOK_S = 0.02
 """A heartbeat that seems lost is waited for so much longer [s].

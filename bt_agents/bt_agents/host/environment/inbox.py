@@ -9,7 +9,7 @@ from typing import Any
 
 from rclpy.node import Node
 
-from bt_agents_language.model.specs import Plain
+from bt_agents_core.field_types import Plain
 from bt_agents_ros import qos
 from bt_agents_ros.message_view import MessageView
 

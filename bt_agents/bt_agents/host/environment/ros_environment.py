@@ -18,9 +18,10 @@ from bt_agents.host.environment.goal_track import GoalTrack
 from bt_agents.host.environment.inbox import LatchedTopic, open_inbox
 from bt_agents.host.environment.tree_clock import TreeClock
 from bt_agents_core.feedback import FeedbackKind
+from bt_agents_core.field_types import BindingKind
 from bt_agents_core.scene import SceneSpace
 from bt_agents_interfaces.msg import Scene as SceneMsg
-from bt_agents_language.model.specs import Binding, BindingKind, NodeSpec
+from bt_agents_language.model.specs import Binding, NodeSpec
 from bt_agents_language.nodes.catalogue import type_of
 from bt_agents_ros import qos
 from bt_agents_ros.types import fill, load_type

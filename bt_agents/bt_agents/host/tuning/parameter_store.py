@@ -21,7 +21,8 @@ from bt_agents.host.tuning.overrides import Overrides
 from bt_agents.host.tuning.presets import Presets, check_name
 from bt_agents.host.tuning.tunable import Setting, TunableKind, TunableParameter, same, shown_value
 from bt_agents_core.errors import Refused
-from bt_agents_language.yaml.diagnostics import did_you_mean, shown
+from bt_agents_core.text import quote
+from bt_agents_language.yaml.diagnostics import did_you_mean
 
 FILE = "file"
 """Author of what a changed file has set."""
@@ -173,12 +174,12 @@ class ParameterStore:
         if alike and not agent:
             more = f", and {len(alike) - _FEW} more" if len(alike) > _FEW else ""
             raise Refused(
-                "UNKNOWN_PARAMETER", f"whose {shown(name)}? {', '.join(alike[:_FEW])}{more}"
+                "UNKNOWN_PARAMETER", f"whose {quote(name)}? {', '.join(alike[:_FEW])}{more}"
             )
         if agent and own:
-            what = f"{shown(agent)} has no {shown(name[len(agent) + 1 :])}"
+            what = f"{quote(agent)} has no {quote(name[len(agent) + 1 :])}"
         else:
-            what = f"nothing here is called {shown(name)}"
+            what = f"nothing here is called {quote(name)}"
         raise Refused("UNKNOWN_PARAMETER", f"{what}; {hint}".rstrip("; "))
 
     def read(self, names: Sequence[str], texts: Sequence[str]) -> Mapping[str, Setting]:
@@ -308,7 +309,7 @@ class ParameterStore:
         values = {o: self._knobs[o].read(text) for o, text in preset.items() if o in self._knobs}
         if not values:
             raise Refused(
-                "NOTHING_LEFT", f"preset {shown(name)} has no value of an agent that is here"
+                "NOTHING_LEFT", f"preset {quote(name)} has no value of an agent that is here"
             )
         return values, [one for one in preset if one not in self._knobs]
 
@@ -348,7 +349,7 @@ class ParameterStore:
         for agent in agents:
             if agent not in self._agents:
                 hint = did_you_mean(agent, sorted(self._agents))
-                raise Refused("UNKNOWN_AGENT", f"no agent {shown(agent)} here; {hint}")
+                raise Refused("UNKNOWN_AGENT", f"no agent {quote(agent)} here; {hint}")
         return set(agents)
 
     def _possible(self, name: str, value: Setting) -> bool:
@@ -392,7 +393,7 @@ def words_of(text: str, what: str, longest: int = _LONGEST_WORDS) -> str:
         found = f", with the character {bad!r}" if bad else f", {len(text)} characters"
         raise Refused(
             "NOT_WORDS",
-            f"{what} is {shown(text)}{found}; expected one line of at most {longest} visible "
+            f"{what} is {quote(text)}{found}; expected one line of at most {longest} visible "
             "characters",
         )
     return text

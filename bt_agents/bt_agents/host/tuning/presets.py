@@ -8,8 +8,9 @@ from pathlib import Path
 
 from bt_agents_core.atomic_file import write_atomically
 from bt_agents_core.errors import ReadError, Refused
+from bt_agents_core.text import quote
 from bt_agents_language.tools.formatting.scalar_style import quoted
-from bt_agents_language.yaml.diagnostics import did_you_mean, shown
+from bt_agents_language.yaml.diagnostics import did_you_mean
 from bt_agents_language.yaml.source import read_source
 from bt_agents_language.yaml.typed_reader import TypedReader
 
@@ -63,7 +64,7 @@ class Presets:
         if name not in presets:
             self._refuse_broken()
             hint = did_you_mean(name, presets) or "'bt-agents preset save NAME' makes one"
-            raise Refused("UNKNOWN_PRESET", f"no preset {shown(name)}; {hint}")
+            raise Refused("UNKNOWN_PRESET", f"no preset {quote(name)}; {hint}")
         return presets[name]
 
     def save(self, name: str, values: Preset) -> None:
@@ -125,7 +126,7 @@ def check_name(name: str) -> str:
     if not 0 < len(name) <= LONGEST_NAME or not name.isprintable() or name != name.strip():
         raise Refused(
             "NOT_A_NAME",
-            f"a preset cannot be called {shown(name)}; expected 1 to {LONGEST_NAME} visible "
+            f"a preset cannot be called {quote(name)}; expected 1 to {LONGEST_NAME} visible "
             "characters in one line, for example 'morning' or 'care home'",
         )
     return name
@@ -156,8 +157,8 @@ def read_presets(path: Path) -> Mapping[str, Preset]:
         except Refused as refused:
             reading.error("out-of-range", entry.key, refused.reason)
         presets[name] = {}
-        for one in reading.entries(entry.value, f"preset {shown(name)}", "values"):
-            what = f"the value of {shown(one.key.text)}"
+        for one in reading.entries(entry.value, f"preset {quote(name)}", "values"):
+            what = f"the value of {quote(one.key.text)}"
             presets[name][one.key.text] = reading.text(one.value, what, empty=True) or ""
     reading.problems.raise_if_any()
     return presets

@@ -9,11 +9,12 @@ from dataclasses import dataclass
 from enum import Enum
 
 from bt_agents_core.errors import Refused
+from bt_agents_core.field_types import FieldType
 from bt_agents_core.scene import SceneSpace
+from bt_agents_core.text import quote
 from bt_agents_language.model import quantities
 from bt_agents_language.model.quantities import MAX_DURATION_S, QuantityError, spoken
-from bt_agents_language.model.specs import AgentSpec, FieldType, Tunable
-from bt_agents_language.yaml.diagnostics import shown
+from bt_agents_language.model.specs import AgentSpec, Tunable
 from bt_agents_language.yaml.precheck import BAD_CHARACTER
 from bt_agents_language.yaml.scalars import boolean
 
@@ -112,7 +113,7 @@ class TunableParameter:
         if self.type is FieldType.BOOLEAN:
             value = boolean(text.strip())
             if value is None:
-                raise QuantityError(f"expected true or false, found {shown(text)}")
+                raise QuantityError(f"expected true or false, found {quote(text)}")
             return value
         return text if self.type is FieldType.TEXT else quantities.number(text)
 
@@ -127,7 +128,7 @@ class TunableParameter:
         if type(value) is not wanted:
             raise Refused(
                 "WRONG_TYPE",
-                f"{self.name} is {shown(str(value))}, a {type(value).__name__}; expected "
+                f"{self.name} is {quote(str(value))}, a {type(value).__name__}; expected "
                 f"{_TYPE_WORDS[wanted]}",
             )
         if isinstance(value, str):

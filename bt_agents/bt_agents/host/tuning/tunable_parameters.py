@@ -29,8 +29,9 @@ from bt_agents.host.tuning.tunable import (
 )
 from bt_agents.host.tuning.tune_service import TuneServer
 from bt_agents_core.errors import BtAgentsError, Refused
+from bt_agents_core.field_types import FieldType
 from bt_agents_core.worker_thread import WorkerThread
-from bt_agents_language.model.specs import AgentSpec, FieldType
+from bt_agents_language.model.specs import AgentSpec
 from bt_agents_ros.future_poller import FuturePoller
 from bt_agents_ros.parameters import describe
 from bt_agents_ros.timers import steady_timer

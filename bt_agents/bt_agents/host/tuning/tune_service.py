@@ -17,9 +17,9 @@ from bt_agents.host.tuning.history import TuningAction, TuningCause, TuningChang
 from bt_agents.host.tuning.parameter_store import ParameterStore, words_of
 from bt_agents.host.tuning.tunable import Setting
 from bt_agents_core.errors import Refused
+from bt_agents_core.text import quote
 from bt_agents_interfaces.msg import Preset, Tuning, Tunings
 from bt_agents_interfaces.srv import Tune
-from bt_agents_language.yaml.diagnostics import shown
 from bt_agents_ros import qos
 from bt_agents_ros.future_poller import FuturePoller
 from bt_agents_ros.messages import to_time
@@ -204,18 +204,18 @@ class TuneServer:
 
     def _apply(self, request: Any, author: str, reason: str) -> _Done:
         values, gone = self._board.preset(request.preset)
-        words = f"preset {shown(request.preset)}"
+        words = f"preset {quote(request.preset)}"
         revision = self._set_together(values, TuningCause(author=author, reason=reason or words))
         left_out = f"; left out, as it is not here any more: {', '.join(gone)}" if gone else ""
         return _Done(words=f"{words}: {self._told(revision)}{left_out}", revision=revision)
 
     def _save(self, request: Any, _author: str, _reason: str) -> _Done:
         count, kept = self._board.save(request.preset, request.agents)
-        return _Done(words=f"preset {shown(request.preset)} keeps {count} values", kept=kept)
+        return _Done(words=f"preset {quote(request.preset)} keeps {count} values", kept=kept)
 
     def _forget(self, request: Any, _author: str, _reason: str) -> _Done:
         kept = self._board.forget(request.preset)
-        return _Done(words=f"preset {shown(request.preset)} is forgotten", kept=kept)
+        return _Done(words=f"preset {quote(request.preset)} is forgotten", kept=kept)
 
     def _told(self, revision: TuningRevision | None) -> str:
         if revision is None or not revision.changes:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Reads the nodes that a test puts in the place of others: ``"**.drive*": {log: would drive}``."""
+"""Reader of the nodes that replace others in a test: ``"**.drive*": {log: would drive}``."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from bt_agents_language.tree.tree_reader import TreeReader
 from bt_agents_language.yaml.typed_reader import TypedReader
 from bt_agents_language.yaml.yaml_reader import Mapping, Node
 
-_AT_ONCE = {"succeed": "true", "fail": "false"}
+AT_ONCE = {"succeed": "true", "fail": "false"}
 """Word for what ends at once → condition of the check that takes its place."""
 
 
@@ -84,7 +84,7 @@ class ReplacementReader:
         text = self._reading.text(node, "what stands in for it")
         if text is None:
             return None
-        if text not in _AT_ONCE:
+        if text not in AT_ONCE:
             self._reading.error(
                 "bad-choice",
                 node,
@@ -97,5 +97,5 @@ class ReplacementReader:
             position=node.position,
             kind=CHECK.key,
             name=text,
-            fields={"condition": parse_expression(_AT_ONCE[text])},
+            fields={"condition": parse_expression(AT_ONCE[text])},
         )

@@ -7,12 +7,15 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import Enum
 
+from bt_agents_core.diagnostic import Position
+from bt_agents_core.field_types import FieldType
+from bt_agents_core.text import excerpt
 from bt_agents_language.expression.expressions import Expression
 from bt_agents_language.model.node_type import Children, Content, Role
-from bt_agents_language.model.specs import FieldType, Literal, NodeSpec, Position, Value
+from bt_agents_language.model.specs import Literal, NodeSpec, Value
 from bt_agents_language.nodes.catalogue import type_of
 from bt_agents_language.nodes.skill import SKILL
-from bt_agents_language.tools.drawing.shown_values import LONGEST_TEXT, shortened, shown_value
+from bt_agents_language.tools.drawing.shown_values import LONGEST_TEXT, shown_value
 
 
 class BoxKind(Enum):
@@ -80,7 +83,7 @@ def box_of(spec: NodeSpec, longest_text: int = LONGEST_TEXT, role: str = "") -> 
     return Box(
         kind=_kind(spec),
         word=type_of(spec).drawn_key(spec),
-        name=shortened(_name(spec), longest_text),
+        name=excerpt(_name(spec), longest_text),
         details=_details(spec, longest_text),
         role=role,
         path=spec.path,

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The order in which the formatter writes the keys of a tree's nodes."""
+"""Order in which the formatter writes the keys of a node."""
 
 from __future__ import annotations
 

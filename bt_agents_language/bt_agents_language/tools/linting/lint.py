@@ -8,23 +8,17 @@ import re
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from itertools import chain
 
+from bt_agents_core.diagnostic import Diagnostic, Position, Severity
+from bt_agents_core.field_types import BindingKind
+from bt_agents_core.text import quote
 from bt_agents_language.files.testing.scenarios import SPOKEN
 from bt_agents_language.gc_pause import gc_paused
 from bt_agents_language.model.endings import Unreached
 from bt_agents_language.model.node_type import NodeType, Role, Waits
-from bt_agents_language.model.specs import (
-    AgentSpec,
-    BindingKind,
-    Literal,
-    NodeSpec,
-    Position,
-    UnusedInput,
-    iter_nodes,
-)
+from bt_agents_language.model.specs import AgentSpec, Literal, NodeSpec, UnusedInput, iter_nodes
 from bt_agents_language.nodes.catalogue import type_of
 from bt_agents_language.tools.linting.outcomes import endless, every_outcome
 from bt_agents_language.tools.linting.reads import names_read, texts_of
-from bt_agents_language.yaml.diagnostics import Diagnostic, shown
 
 _PATIENCE = 20
 """Oftener than that nobody wants to hear the same."""
@@ -218,7 +212,7 @@ def unused_inputs(inputs: Iterable[UnusedInput]) -> Found:
             "unused-input",
             one.position,
             len(one.name),
-            f"subtree {shown(one.subtree)} never uses its input {shown(one.name)}",
+            f"subtree {quote(one.subtree)} never uses its input {quote(one.name)}",
             f"write ${{{one.name}}} where it is needed, or remove the input",
         )
 
@@ -237,7 +231,7 @@ def _unread_tunables(agent: AgentSpec, nodes: Sequence[NodeSpec]) -> Found:
                 "unread-tunable",
                 tunable.position,
                 len(tunable.name),
-                f"nothing uses the tunable {shown(tunable.name)}: turning it changes nothing",
+                f"nothing uses the tunable {quote(tunable.name)}: turning it changes nothing",
                 f"write ${{{tunable.name}}} where it belongs, or remove it",
             )
 
@@ -277,4 +271,11 @@ def _at(spec: NodeSpec, code: str, message: str, hint: str) -> Diagnostic:
 
 def _warning(code: str, position: Position, width: int, message: str, hint: str) -> Diagnostic:
     end = position._replace(column=position.column + width)
-    return Diagnostic(code=code, position=position, message=message, hint=hint, end=end)
+    return Diagnostic(
+        code=code,
+        position=position,
+        message=message,
+        hint=hint,
+        end=end,
+        severity=Severity.WARNING,
+    )

@@ -5,20 +5,18 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+from bt_agents_core.field_types import FieldType
 from bt_agents_core.scene import SceneSpace
 from bt_agents_language.model.node_type import Children, Content, NodeField, NodeType
-from bt_agents_language.model.specs import FieldSpec, FieldType, SkillSpec
+from bt_agents_language.model.server_timeouts import HEARTBEAT, TIMEOUTS
+from bt_agents_language.model.specs import FieldSpec, SkillSpec
 from bt_agents_language.model.symbols import SymbolTable
 from bt_agents_language.nodes.catalogue import DECORATORS, SIBLINGS
 from bt_agents_language.nodes.skill import SKILL
 from bt_agents_language.reference.node_pages import NodePage, node_page
 from bt_agents_language.tools.schema import value_schemas
-from bt_agents_language.tools.schema.documents import mapping
-from bt_agents_language.tools.schema.servers import heartbeat, timeouts
-from bt_agents_language.tools.schema.value_schemas import Schema, described
-
-NODE: Schema = {"$ref": "#/definitions/node"}
-"""A node, wherever one stands."""
+from bt_agents_language.tools.schema.generator import table_schema
+from bt_agents_language.tools.schema.value_schemas import NODE, Schema, described, mapping
 
 
 def node_definitions(vocabulary: SymbolTable) -> Mapping[str, Schema]:
@@ -238,9 +236,9 @@ def _content(field: NodeField) -> Schema:
         case Content.OUTPUTS:
             return value_schemas.names(value_schemas.text())
         case Content.TIMEOUTS:
-            return timeouts(field.words)
+            return table_schema(TIMEOUTS.only(field.words))
         case Content.HEARTBEAT:
-            return heartbeat()
+            return table_schema(HEARTBEAT)
         case Content.NODE:
             return NODE
         case Content.COUNT:
