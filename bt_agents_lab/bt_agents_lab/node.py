@@ -32,6 +32,7 @@ from bt_agents_interfaces.msg import (
     SceneEnd,
     Trees,
     TreeStatus,
+    Tunables,
     Tunings,
 )
 from bt_agents_lab.recorder.daily_recorder import DailyRecorder, RecordedMessage, RecordedTopic
@@ -82,6 +83,7 @@ _SYSTEM = (
 _OF_A_HOST = (
     _Source(name="files", kind=AgentFiles, profile=qos.FACTS, fact=True),
     _Source(name="trees", kind=Trees, profile=qos.FACTS, fact=True),
+    _Source(name="tunables", kind=Tunables, profile=qos.FACTS, fact=True),
     _Source(name="tunings", kind=Tunings, profile=qos.FACTS, fact=True),
     _Source(name="status", kind=TreeStatus, profile=qos.EVENTS),
     _Source(name="records", kind=RunRecord, profile=qos.EVENTS),

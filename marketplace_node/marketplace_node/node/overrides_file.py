@@ -38,7 +38,7 @@ class OverridesFile:
 
     def keep(self, text: str) -> None:
         """Write what is to be kept from now on."""
-        self._jobs.follow(self._worker.submit(self._write, text), self._tell)
+        self._jobs.watch(self._worker.submit(self._write, text), self._tell)
 
     def close(self) -> None:
         """Write what still waits to be written."""
