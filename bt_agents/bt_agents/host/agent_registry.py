@@ -35,7 +35,7 @@ class HostedAgent:
         tunables: Current values by name; a running tree reads the same mapping.
         agent_id: Id from the market; 0 while it is not registered.
         refusal: Why the market does not take it; empty when it does.
-        leaving: Why it does not bid any more and goes; empty when it stays.
+        removal_reason: Why it does not bid any more and goes; empty when it stays.
     """
 
     on_change: Callable[[], None] = field(default=_nothing, repr=False, compare=False)
@@ -47,7 +47,7 @@ class HostedAgent:
     tunables: dict[str, Plain] = field(default_factory=dict)
     agent_id: int = 0
     refusal: str = ""
-    leaving: str = ""
+    removal_reason: str = ""
 
     def __setattr__(self, name: str, value: object) -> None:
         object.__setattr__(self, name, value)
@@ -275,7 +275,9 @@ class AgentRegistry:
             choosy=tuple(
                 member
                 for member in members
-                if member.leaving or member.spec.unoffered or member.spec.requires is not None
+                if member.removal_reason
+                or member.spec.unoffered
+                or member.spec.requires is not None
             ),
             layered=any(member.layers for member in members),
         )
@@ -313,8 +315,8 @@ class AgentRegistry:
             name, requires = member.spec.name, member.spec.requires
             if name in excluded:
                 continue
-            if member.leaving:
-                decline: Decline | None = Decline(member.leaving)
+            if member.removal_reason:
+                decline: Decline | None = Decline(member.removal_reason)
             elif member.spec.unoffered:
                 decline = Decline("; ".join(member.spec.unoffered))
             elif requires is not None and requires.text in unmet_ones:

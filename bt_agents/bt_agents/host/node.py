@@ -160,11 +160,11 @@ class HostNode(BaseNode):
                     f"{name}: what it has learned (revision {member.revision}) counts until the "
                     "feedback node has recorded the profile of the file"
                 )
-            if effect.act is ReloadAction.SWAP:
+            if effect.act is ReloadAction.REPLACE_TREE:
                 member.tunables = dict(member.tunables)
             self._replace(member, agent)
         if name in self.roster.members:
-            self.roster.members[name].leaving = self._versions.standing(name).leaving
+            self.roster.members[name].removal_reason = self._versions.standing(name).removal_reason
 
     def _add(self, agent: AgentSpec) -> None:
         try:
@@ -189,7 +189,7 @@ class HostNode(BaseNode):
         acts = {effect.act for effect in effects}
         if acts & {ReloadAction.ADD, ReloadAction.REMOVE}:
             self._membership.refresh()
-        if acts - {ReloadAction.NOTE}:
+        if acts - {ReloadAction.REPORT}:
             self._introductions.trees()
             self._introductions.files()
             self._changed = True
@@ -225,7 +225,7 @@ class HostNode(BaseNode):
                 self.roster.set_layer(agent, layer, request.values, request.revision)
                 response.message = f"{agent} bids with revision {request.revision} for {layer}"
             else:
-                self._tunables.take_profile(agent, request.values, request.revision)
+                self.roster.set_profile(agent, request.values, request.revision)
                 response.message = f"{agent} bids with revision {request.revision}"
         except Refused as refused:
             response.code, response.message = refused.code, refused.reason

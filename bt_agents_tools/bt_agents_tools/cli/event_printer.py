@@ -11,7 +11,6 @@ from rich.console import Console
 from rich.markup import escape
 from rich.text import Text
 
-from bt_agents_core.feedback import TUNING
 from bt_agents_core.scene import SceneSpace
 from bt_agents_tools.cli.constants import KINDS, OUTCOMES, code_words, word
 from bt_agents_tools.cli.scene_names import SceneNames
@@ -197,12 +196,11 @@ class EventPrinter:
             self._start.setdefault(message.agent, list(message.before))
             self._now[message.agent] = list(message.after)
         style = {"positive": "green", "negative": "red"}.get(kind, "blue")
-        if message.source != TUNING:
-            self._line(
-                "feedback",
-                f"[{style}]{kind}[/] for {message.agent} by {escape(message.source)}"
-                + (f": {escape(message.reason)}" if message.reason else ""),
-            )
+        self._line(
+            "feedback",
+            f"[{style}]{kind}[/] for {message.agent} by {escape(message.source)}"
+            + (f": {escape(message.reason)}" if message.reason else ""),
+        )
         self._line(
             "profile",
             f"{who} {_vector(message.before)} → [bold]{_vector(message.after)}[/] "

@@ -123,7 +123,7 @@ class OrdersFile:
 
     def store(self, text: str) -> None:
         """Write what is to be kept from now on."""
-        self._jobs.follow(self._worker.submit(self._write, text), self._report)
+        self._jobs.watch(self._worker.submit(self._write, text), self._report)
 
     def close(self) -> None:
         """Write what still waits to be written."""

@@ -116,7 +116,7 @@ class MemoryStore:
         self._saved = self._memory.changes
         kept = self._memory.snapshot(self._known())
         self._saving = self._disk.submit(save_memory, self._path, *kept)
-        self._jobs.follow(self._saving, self._told)
+        self._jobs.watch(self._saving, self._told)
         return self._saving
 
     def _told(self, trouble: str) -> None:
@@ -162,6 +162,6 @@ class MemoryStore:
         if job is None:
             return ""
         ended = Future(executor=self._node.executor)
-        self._jobs.follow(job, ended.set_result)
+        self._jobs.watch(job, ended.set_result)
         trouble: str = await ended
         return trouble

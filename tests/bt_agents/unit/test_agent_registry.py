@@ -47,7 +47,7 @@ def test_agents_come_and_go_and_one_that_leaves_bids_no_more_and_says_why():
     roster = AgentRegistry(SPACE, [agent("say: x")])
     second = roster.add(replace(agent("say: x"), name="b"))
     assert declined(roster, age=3) == {}
-    second.leaving = "its file is gone"
+    second.removal_reason = "its file is gone"
     assert declined(roster, age=3) == {"b": "its file is gone"}
     roster.remove("b")
     assert set(roster.members) == {"a"}
@@ -157,9 +157,9 @@ def test_every_change_of_an_agent_counts_in_the_next_answer():
     assert bid() == ["a", "b", 7, 8, 2.0, 3.0, 3.0, 3.0, 3.0, 3.0]
     roster.remove("a")
     assert bid() == ["b", 8, 3.0, 3.0, 3.0]
-    roster.member("b").leaving = "its file is gone"
+    roster.member("b").removal_reason = "its file is gone"
     assert bid() == []
-    roster.member("b").leaving = ""
+    roster.member("b").removal_reason = ""
     roster.member("b").spec = replace(agent("say: x", "weights: {age: 2}"), name="b")
     weights = [2.0, *(parameter.weight for parameter in SPACE.parameters[1:])]
     assert list(roster.answer(anna).bidders.weights) == weights

@@ -36,7 +36,7 @@ PLACE = replace(
 
 @dataclass(frozen=True)
 class Stand:
-    knob: TunableParameter
+    parameter: TunableParameter
     value: Setting
 
 

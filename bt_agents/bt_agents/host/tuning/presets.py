@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Presets: values that are applied together under a name, in a file that people can read."""
+"""Presets: named values that are applied together, in a YAML file that people can read."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ Preset = Mapping[str, str]
 
 
 class Presets:
-    """The presets of a host, on the disk before they count.
+    """Presets of a host, on the disk before they count.
 
     One thread may change them, and others read them meanwhile.
 
@@ -35,7 +35,7 @@ class Presets:
         file: Where they are kept; None keeps them in memory.
 
     Attributes:
-        problem: Why those of the file cannot be used, in words; empty when they can.
+        problem: Report of what is wrong with the file; empty when it can be used.
     """
 
     def __init__(self, file: Path | None) -> None:
@@ -50,7 +50,7 @@ class Presets:
 
     @property
     def by_name(self) -> Mapping[str, Preset]:
-        """All presets, by name in the order of the alphabet."""
+        """Presets in alphabetical order."""
         presets = self._presets
         return {name: presets[name] for name in sorted(presets)}
 
@@ -68,7 +68,7 @@ class Presets:
         return presets[name]
 
     def save(self, name: str, values: Preset) -> None:
-        """Keep values under a name, instead of what had it before.
+        """Save values under a name, instead of what had it before.
 
         Raises:
             Refused: ``NOT_A_NAME``, ``TOO_MANY``, ``BROKEN_PRESETS`` or ``NOT_KEPT``; nothing is
