@@ -7,7 +7,7 @@ from array import array
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
-from bt_agents.engine.scope import RunScope, holds
+from bt_agents.engine.scope import RunScope, is_true
 from bt_agents_core.errors import Refused
 from bt_agents_core.profile_layers import MOST_LAYERS, checked_layer, layers_of
 from bt_agents_core.scene import Scene, SceneSpace, Vector
@@ -318,7 +318,7 @@ def unmet(
         space=space, scene=scene, live=lambda: scene, profile=profile, tunables=tunables
     )
     try:
-        return "" if holds(requires, scope) else f"needs {requires.text}"
+        return "" if is_true(requires, scope) else f"needs {requires.text}"
     except MissingValue as missing:
         return f"needs {requires.text}, but {missing.name} is missing"
     except EvaluationError as error:

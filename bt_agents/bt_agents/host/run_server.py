@@ -164,7 +164,7 @@ class RunServer:
             return
         self._cancel_reason = self._cancel_reason or reason
         self._clean_up = clean_up
-        self._pace.hurry(time.monotonic())
+        self._pace.now(time.monotonic())
         self._set_timer()
 
     def stop(self, reason: str) -> None:
@@ -172,8 +172,8 @@ class RunServer:
         self._stopping = True
         self.cancel(reason, clean_up=False)
         if self._run is not None:
-            self._run.hurry(_STOP_SETTLE_S)
-            self._pace.hurry(time.monotonic())
+            self._run.shorten_settling(_STOP_SETTLE_S)
+            self._pace.now(time.monotonic())
             self._set_timer()
 
     def look(self) -> None:
@@ -289,7 +289,7 @@ class RunServer:
 
     def _take_news(self) -> None:
         if self._run is not None:
-            self._pace.news(time.monotonic())
+            self._pace.request(time.monotonic())
             self._set_timer()
 
     def _set_timer(self) -> None:
@@ -323,7 +323,7 @@ class RunServer:
             # The market may have given the run to another agent meanwhile, and will say so.
             self._set_timer()
             return
-        self._pace.begin()
+        self._pace.started()
         try:
             self._advance(run)
         except Exception as error:
@@ -333,7 +333,7 @@ class RunServer:
         if run.result is not None:
             self._end(run.result)
             return
-        self._pace.end(began, time.monotonic(), run.deadline)
+        self._pace.finished(began, time.monotonic(), run.deadline)
         self._set_timer()
 
     def _end(self, result: RunResult) -> None:

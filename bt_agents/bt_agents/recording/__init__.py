@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Recording."""
+"""Records runs, and replays them without the outside: each file holds both sides of one proxy."""

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from py_trees.common import Status
 
 from bt_agents.engine.run import TREE_SUCCEEDED, StatusChange, TreeOutcome
-from bt_agents.engine.scope import spoken
+from bt_agents.engine.scope import format_value
 from bt_agents_language.model.node_type import Waits
 from bt_agents_language.model.specs import BindingKind, FieldType, NodeSpec, Plain, Tunable
 from bt_agents_language.nodes.catalogue import type_of
@@ -175,7 +175,7 @@ def value_text(value: Plain) -> str:
             return ", ".join(map(value_text, value))
         case bool():
             return "true" if value else "false"
-    return spoken(value, FieldType.ANY)
+    return format_value(value, FieldType.ANY)
 
 
 def ending(rehearsed: Rehearsed) -> str:
