@@ -97,7 +97,7 @@ class Stage:
             steady=self.world.clock,
             limits=limits,
             random=random,
-            visit=lambda node, status: self.ticked.append((node, status)),
+            on_visit=lambda node, status: self.ticked.append((node, status)),
         )
         self.ticked: list[tuple[Behaviour, Status]] = []
         self.changes: list[StatusChange] = []
@@ -148,7 +148,7 @@ class Stage:
         ]
         return found
 
-    def told(self, path: str) -> list[tuple[str, str]]:
+    def reports(self, path: str) -> list[tuple[str, str]]:
         """Return status and message of each change of a node so far."""
         return [(c.status.name, c.message) for c in self.changes if c.path == path]
 

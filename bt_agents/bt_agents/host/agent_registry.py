@@ -8,7 +8,7 @@ from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
-from bt_agents.engine.scope import RunScope, holds
+from bt_agents.engine.scope import RunScope, is_true
 from bt_agents_core.errors import Refused
 from bt_agents_core.field_types import Plain
 from bt_agents_core.profile_layers import MOST_LAYERS, checked_layer, layers_of
@@ -347,7 +347,7 @@ def unmet(
         space=space, scene=scene, live=lambda: scene, profile=profile, tunables=tunables
     )
     try:
-        if holds(requires, scope):
+        if is_true(requires, scope):
             return None
         lacking = requires.text
     except MissingValue as missing:

@@ -143,7 +143,7 @@ class HostNode(BaseNode):
         if self._changed and not self._runs.busy:
             self._changed = False
             members = self.roster.members.values()
-            self._runs.world.keep(node for member in members for node in _nodes(member.spec))
+            self._runs.world.retain(node for member in members for node in _nodes(member.spec))
 
     def _change(self, effect: ReloadEffect) -> None:
         """Change one agent, or leave it as it was; a tree that runs keeps what it began with."""

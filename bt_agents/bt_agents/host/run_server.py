@@ -200,7 +200,7 @@ class RunServer:
             self._stop.clean_up = False
         else:
             return
-        self._pace.hurry(time.monotonic())
+        self._pace.now(time.monotonic())
         self._set_timer()
 
     def stop(self, reason: str) -> None:
@@ -208,8 +208,8 @@ class RunServer:
         self._stopping = True
         self.cancel(reason, clean_up=False)
         if self._run is not None:
-            self._run.hurry(_STOP_SETTLE_S)
-            self._pace.hurry(time.monotonic())
+            self._run.shorten_settling(_STOP_SETTLE_S)
+            self._pace.now(time.monotonic())
             self._set_timer()
 
     def check_stall(self) -> None:
@@ -327,7 +327,7 @@ class RunServer:
 
     def _on_news(self) -> None:
         if self._run is not None:
-            self._pace.news(time.monotonic())
+            self._pace.request(time.monotonic())
             self._set_timer()
 
     def _set_timer(self) -> None:
@@ -361,7 +361,7 @@ class RunServer:
             # The market may have given the run to another agent meanwhile, and will say so.
             self._set_timer()
             return
-        self._pace.begin()
+        self._pace.started()
         try:
             self._advance(run)
         except Exception as error:
@@ -371,7 +371,7 @@ class RunServer:
         if run.result is not None:
             self._end(run.result)
             return
-        self._pace.end(began, time.monotonic(), run.deadline)
+        self._pace.finished(began, time.monotonic(), run.deadline)
         self._set_timer()
 
     def _end(self, result: RunResult) -> None:

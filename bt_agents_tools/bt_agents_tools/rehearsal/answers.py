@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from bt_agents.engine.environment import GoalState
-from bt_agents.engine.scope import MessageNames, holds, not_so
+from bt_agents.engine.scope import MessageNames, explain_false, is_true
 from bt_agents.engine.scripted_environment import ScriptedReply
 from bt_agents_core.field_types import Plain
 from bt_agents_language.expression.expressions import EvaluationError, MissingValue
@@ -140,11 +140,11 @@ def _objection(use: Use, outputs: Mapping[str, Plain], result: Mapping[str, Plai
 
     names = MessageNames(prefix="result", message=result, around=_NoNames())
     try:
-        if holds(binding.succeed_when, names):
+        if is_true(binding.succeed_when, names):
             return ""
     except (MissingValue, EvaluationError):
         return ""
-    return not_so(binding.succeed_when, names)
+    return explain_false(binding.succeed_when, names)
 
 
 class _NoNames:

@@ -153,7 +153,7 @@ class _Rehearsal:
             world=self._world,
             steady=self._clock,
             random=Random(scenario.seed),
-            visit=lambda node, status: self._ticked.append((node, status)),
+            on_visit=lambda node, status: self._ticked.append((node, status)),
         )
         self._watch = Watch(agent.rules, self._scene, space, self._clock)
         decline = unmet(agent, space, self._scene, agent.profile, self._tunables)
@@ -201,7 +201,7 @@ class _Rehearsal:
         self._publish_changes(changes)
         self._held = None
         self._rests = (
-            not changes and not self._world.active and at_rest(self._ticked, self._run.wakes)
+            not changes and not self._world.active and at_rest(self._ticked, self._run.deadlines)
         )
 
     def _move_on(self) -> str:
@@ -214,7 +214,7 @@ class _Rehearsal:
             )
         while True:
             moments = [self._world.next_change, self._run.deadline]
-            moments += [max(at, now + _NUDGE_S) for at in self._run.wakes.values()]
+            moments += [max(at, now + _NUDGE_S) for at in self._run.deadlines.values()]
             moments += [self._agenda[0][0]] if self._agenda else []
             if not self._rests:
                 moments.append(round(now + TICK_S, 6))
@@ -256,7 +256,7 @@ class _Rehearsal:
         elif all(one.path in self._unprompted for one in waits):
             return None
         else:
-            limit = min(limit_of(one, self._run.wakes) for one in waits)
+            limit = min(limit_of(one, self._run.deadlines) for one in waits)
             reason = f"it waits: {', '.join(one.name for one in waits)}"
             if limit < math.inf:
                 reason += f", {time_text(limit - self._clock.now)} at most"

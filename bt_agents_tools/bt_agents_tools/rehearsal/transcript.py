@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from py_trees.common import Status
 
 from bt_agents.engine.run import StatusChange, TreeOutcome
-from bt_agents.engine.scope import spoken
+from bt_agents.engine.scope import format_value
 from bt_agents_core.field_types import BindingKind, FieldType, Plain
 from bt_agents_language.model.node_type import Waits
 from bt_agents_language.model.specs import NodeSpec, Tunable
@@ -176,7 +176,7 @@ def value_text(value: Plain) -> str:
             return ", ".join(map(value_text, value))
         case bool():
             return "true" if value else "false"
-    return spoken(value, FieldType.ANY)
+    return format_value(value, FieldType.ANY)
 
 
 def ending(rehearsed: Rehearsed) -> str:

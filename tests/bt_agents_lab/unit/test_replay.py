@@ -183,7 +183,7 @@ def _in_note(old: str, new: str) -> Callable[[Any], None]:
 
 
 NOTES = {
-    "goal": ('"say",{"text":"Hello"}', '"say",{"text":"Hey"}'),
+    "goal": ('"fields":{"text":"Hello"}', '"fields":{"text":"Hey"}'),
     "state": ("SUCCEEDED", "ABORTED"),
     "result": ("kind", "keen"),
 }
@@ -256,7 +256,7 @@ def test_a_gap_in_the_notes_is_no_difference(town: Town, tmp_path: Path) -> None
     numbers = [n for n, one in enumerate(town.published) if isinstance(one.message, RunRecord)]
     found = again(town.write(tmp_path / "a.mcap", lambda n, m: None if n == numbers[2] else m))
     assert found.different == 0
-    assert "notes between the turns 1 and 7 are missing" in found.unequal[0].text
+    assert "entries between the steps 1 and 7 are missing" in found.unequal[0].text
 
 
 def test_notes_that_never_reached_the_journal_are_missing_and_no_difference(

@@ -135,7 +135,7 @@ def test_a_wait_says_once_that_it_is_stale_and_goes_on_when_the_scene_layer_is_b
     for silent_s in (1.1, 1.2, 1.3):
         stage.live = replace(stage.live, stale_s=silent_s)
         assert stage.after(0.1) == "running"
-    told = [message for _, message in stage.told("tree") if "stale" in message]
+    told = [message for _, message in stage.reports("tree") if "stale" in message]
     assert told == ["'live.mood' is stale: the scene layer has been silent for 1.1 s"]
     stage.live = replace(stage.live, stale_s=0.0)
     assert stage.after(0.1) == "running"
