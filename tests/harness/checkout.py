@@ -73,6 +73,17 @@ def ros_packages() -> list[RosPackage]:
     return sorted(found, key=lambda package: package.name)
 
 
+def needed_by(name: str) -> set[str]:
+    """Return the keys of all that is installed with a package: its own, and those of these."""
+    packages = {package.name: package for package in PACKAGES}
+    found: set[str] = set()
+    new = {name}
+    while new:
+        found |= new
+        new = {key for one in new & packages.keys() for key in packages[one].dependencies} - found
+    return found
+
+
 PACKAGES = ros_packages()
 PYTHON_PACKAGES = [package for package in PACKAGES if package.build_type == "ament_python"]
 DATA_PACKAGES = [

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from bt_agents_core.scene import SceneParameter, SceneSpace
-from feedback_node.simulated_feedback import Errors, SimulatedFeedback
+from bt_agents_language.model.simulated_feedback import Errors, SimulatedFeedback
 
 A, B = (1.0, 1.0), (5.0, 5.0)
 WRONG = (2.0, 2.0)
