@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from checkout import DATA_PACKAGES, PACKAGES, PYTHON_PACKAGES, ROOT, RosPackage
+from checkout import DATA_PACKAGES, PACKAGES, PYTHON_PACKAGES, ROOT, RosPackage, needed_by
 
 pytestmark = [pytest.mark.packaging, pytest.mark.xdist_group("packaging")]
 
@@ -95,6 +95,11 @@ def test_executables_call_functions_that_exist_and_go_where_ros_looks(package: R
 def test_a_manifest_names_what_the_package_imports_and_nothing_else(package: RosPackage):
     imported = {KEYS.get(module, (module,))[0] for module in _imports(package)}
     assert package.dependencies == imported
+
+
+@every_package
+def test_no_package_needs_itself_so_there_is_an_order_to_build_them_in(package: RosPackage):
+    assert package.name not in set().union(*map(needed_by, package.dependencies))
 
 
 def test_the_wheel_requires_what_the_packages_import(pyproject: dict[str, Any]):
