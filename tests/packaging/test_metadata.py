@@ -79,16 +79,17 @@ def test_a_python_package_is_registered_in_the_ament_index(package: RosPackage):
     ]
 
 
+def test_the_packages_hold_more_than_python_modules():
+    held = set().union(*(package.package_data for package in PYTHON_PACKAGES))
+    assert {Path("bt_agents/py.typed"), Path("bt_agents_tools/launcher/loopback.xml")} <= held
+
+
 @every_python_package
 def test_executables_call_functions_that_exist_and_go_where_ros_looks(package: RosPackage):
     settings = (package.folder / "setup.cfg").read_text(encoding="utf-8")
     assert settings.count(f"=$base/lib/{package.name}\n") == 2
     for target in package.executables().values():
-        module, _, function = target.partition(":")
-        stem = module.replace(".", "/")
-        (path,) = {Path(f"{stem}.py"), Path(f"{stem}/__init__.py")} & package.modules
-        defined = ast.parse((package.folder / path).read_text(encoding="utf-8")).body
-        assert function in {node.name for node in defined if isinstance(node, ast.FunctionDef)}
+        assert _exists(package, target)
 
 
 @every_python_package
@@ -121,10 +122,32 @@ def test_the_wheel_holds_every_python_package(pyproject: dict[str, Any]):
     assert set(pyproject["tool"]["importlinter"]["root_packages"]) == set(folders)
 
 
+def test_the_wheel_is_found_by_what_the_packages_are_found_by(pyproject: dict[str, Any]):
+    found: dict[str, dict[str, str]] = {}
+    for package in PYTHON_PACKAGES:
+        for group, names in package.entry_points().items():
+            assert all(_exists(package, target) for target in names.values())
+            found.setdefault(group, {}).update(names)
+    executables = found.pop("console_scripts")
+    project = pyproject["project"]
+    assert project["entry-points"] == found
+    assert project["scripts"].items() <= executables.items()
+
+
 def test_the_scripts_link_every_data_package():
     script = (ROOT / "scripts" / "setup.bash").read_text(encoding="utf-8")
     folders = " ".join(sorted(package.folder.name for package in DATA_PACKAGES))
     assert f"for folder in {folders}; do" in script
+
+
+def _exists(package: RosPackage, target: str) -> bool:
+    """Return whether a package has a module, or a function that a module defines."""
+    module, _, function = target.partition(":")
+    stem = module.replace(".", "/")
+    (path,) = {Path(f"{stem}.py"), Path(f"{stem}/__init__.py")} & package.modules
+    defined = ast.parse((package.folder / path).read_text(encoding="utf-8")).body
+    functions = {node.name for node in defined if isinstance(node, ast.FunctionDef)}
+    return not function or function in functions
 
 
 def _imports(package: RosPackage) -> set[str]:
