@@ -4,11 +4,13 @@
 from __future__ import annotations
 
 import ast
+import re
 import sys
 from pathlib import Path
 from typing import Any
 
 import pytest
+import yaml
 
 from checkout import DATA_PACKAGES, PACKAGES, PYTHON_PACKAGES, ROOT, RosPackage, needed_by
 
@@ -26,6 +28,10 @@ KEYS = {
     "zstandard": ("python3-zstandard", "zstandard"),
 }
 """What a module that is no ROS package is called by rosdep and on PyPI."""
+
+LAUNCH_FILES = sorted(
+    path for package in PACKAGES for path in package.folder.rglob("*.launch.yaml")
+)
 
 PYTEST = {"pytest", "_pytest"}
 
@@ -132,6 +138,16 @@ def test_the_wheel_is_found_by_what_the_packages_are_found_by(pyproject: dict[st
     project = pyproject["project"]
     assert project["entry-points"] == found
     assert project["scripts"].items() <= executables.items()
+
+
+@pytest.mark.parametrize("launch", LAUNCH_FILES, ids=lambda path: path.name)
+def test_a_launch_file_uses_packages_that_its_own_depends_on(launch: Path):
+    (owner,) = (package for package in PACKAGES if launch.is_relative_to(package.folder))
+    text = launch.read_text(encoding="utf-8")
+    started = {entry["node"]["pkg"] for entry in yaml.safe_load(text)["launch"] if "node" in entry}
+    shares = set(re.findall(r"\$\(find-pkg-share (\w+)\)", text))
+    assert started
+    assert started | shares <= owner.dependencies | {owner.name}
 
 
 def test_the_scripts_link_every_data_package():
