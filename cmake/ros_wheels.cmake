@@ -37,6 +37,9 @@ cmake_language(SET_DEPENDENCY_PROVIDER ros_wheels_find SUPPORTED_METHODS FIND_PA
 # compiled together, except those that define the same names.
 function(ros_wheels_compile_together)
   set(prefix "${PROJECT_NAME}__rosidl")
+  if(NOT TARGET ${prefix}_generator_c)
+    return() # no interfaces in this package
+  endif()
 
   get_target_property(sources ${prefix}_generator_c SOURCES)
   list(FILTER sources INCLUDE REGEX "__description\\.c$")
