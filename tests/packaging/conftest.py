@@ -139,9 +139,11 @@ def sourced(
 def run(command: list[str], programs: Path, cwd: Path) -> str:
     """Return what a command prints, with ``programs`` first on its path; fail unless it ends well.
 
-    The environment of these tests runs on ROS wheels too, and would hand down its own paths.
+    The environment of these tests runs on ROS wheels too, and would hand down its own paths; what
+    Python has compiled is kept, as it is for everybody else.
     """
-    own = {"_ROS_WHEELS_BOOTSTRAP_COMPLETE", "AMENT_PREFIX_PATH", "LD_LIBRARY_PATH", "PYTHONPATH"}
+    own = {"_ROS_WHEELS_BOOTSTRAP_COMPLETE", "AMENT_PREFIX_PATH", "LD_LIBRARY_PATH"}
+    own |= {"PYTHONDONTWRITEBYTECODE", "PYTHONPATH"}
     environment = {name: value for name, value in os.environ.items() if name not in own}
     environment |= {"PATH": f"{programs}:/usr/bin:/bin", "XDG_STATE_HOME": str(cwd)}
     done = subprocess.run(
