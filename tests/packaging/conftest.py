@@ -26,6 +26,9 @@ COLCON = [
 
 CMAKE = ["cmake>=3.24", "ninja"]
 
+NOT_COMPILED = "--no-compile"
+"""Of the many modules of an environment few are imported; Python compiles these when they are."""
+
 
 class Installation:
     """One installed copy of the project, and its programs run in an empty folder."""
@@ -73,7 +76,7 @@ def requirements(tmp_path_factory: pytest.TempPathFactory, pyproject: dict[str, 
     """An environment with what the project says that it needs to run, and nothing else."""
     folder = tmp_path_factory.mktemp("installed")
     run([sys.executable, "-m", "venv", str(folder)], folder, folder)
-    _install(folder / "bin", pyproject["project"]["dependencies"])
+    _install(folder / "bin", NOT_COMPILED, *pyproject["project"]["dependencies"])
     return folder
 
 
@@ -85,7 +88,8 @@ def tools(
     folder = tmp_path_factory.mktemp("tools") / "environment"
     # Installers replace files and never write into them, so a second name is as good as a copy.
     shutil.copytree(requirements, folder, symlinks=True, copy_function=os.link)
-    _install(folder / "bin", [*pyproject["build-system"]["requires"], *COLCON, *CMAKE])
+    needed = [*pyproject["build-system"]["requires"], *COLCON, *CMAKE]
+    _install(folder / "bin", NOT_COMPILED, *needed)
     return folder / "bin"
 
 
@@ -110,7 +114,7 @@ def installed(
     wheel: Path, requirements: Path, tmp_path_factory: pytest.TempPathFactory
 ) -> Installation:
     """The wheel in an environment of its own."""
-    _install(requirements / "bin", [str(wheel)])
+    _install(requirements / "bin", str(wheel))
     return Installation(requirements / "bin", "", tmp_path_factory.mktemp("empty"))
 
 
@@ -154,7 +158,5 @@ def run(command: list[str], programs: Path, cwd: Path) -> str:
     return done.stdout
 
 
-def _install(programs: Path, requirements: list[str]) -> None:
-    """Install into an environment; what is imported there is compiled when that happens."""
-    pip = ["python", "-m", "pip", "install", "--quiet", "--no-compile"]
-    run([*pip, *requirements], programs, programs.parent)
+def _install(programs: Path, *requirements: str) -> None:
+    run(["python", "-m", "pip", "install", "--quiet", *requirements], programs, programs.parent)
