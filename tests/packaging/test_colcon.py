@@ -20,8 +20,8 @@ def test_every_package_is_built(install_space: Path):
 
 def test_every_executable_is_where_ros_looks_for_it(install_space: Path):
     for package in PYTHON_PACKAGES:
-        folder = install_space / package.name / "lib" / package.name
-        assert {path.name for path in folder.iterdir()} == set(package.executables())
+        found = (install_space / package.name / "lib" / package.name).glob("*")
+        assert {path.name for path in found} == set(package.executables())
 
 
 @pytest.mark.parametrize("package", PYTHON_PACKAGES, ids=lambda package: package.name)
