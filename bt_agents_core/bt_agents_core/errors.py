@@ -3,7 +3,10 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from bt_agents_language.yaml.diagnostics import Diagnostic
 
 
 class BtAgentsError(Exception):
@@ -39,11 +42,12 @@ class ReadError(BtAgentsError):
     Attributes:
         report: All problems as text, one block each, ready for a terminal.
         lines: One line a problem: ``file:line:col: error[code]: message``.
-        diagnostics: The problems themselves as the reader of the file has them, for other ways of
-            showing them.
+        diagnostics: The problems themselves, for other ways of showing them.
     """
 
-    def __init__(self, report: str, lines: tuple[str, ...], diagnostics: tuple[Any, ...]) -> None:
+    def __init__(
+        self, report: str, lines: tuple[str, ...], diagnostics: tuple[Diagnostic, ...]
+    ) -> None:
         super().__init__(report)
         self.diagnostics = diagnostics
         self.report = report

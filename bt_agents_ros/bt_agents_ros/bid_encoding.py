@@ -4,13 +4,11 @@
 from __future__ import annotations
 
 import sys
-from array import array
-from collections.abc import Mapping
 from functools import lru_cache
-from typing import Protocol
 
 from rclpy.serialization import serialize_message
 
+from bt_agents.host.agent_registry import HostBids
 from bt_agents_interfaces.msg import Bids
 
 _HEADER_BYTES = 4
@@ -18,38 +16,6 @@ _HEADER_BYTES = 4
 
 _NUMBER_BYTES = 4
 _MARKS = (0x01020304, 0xF1F2F3F4)
-
-
-class EncodedColumns(Protocol):
-    """Agents that bid, column by column as ``Bids.msg`` has them."""
-
-    @property
-    def names(self) -> list[str]:
-        """Their names."""
-
-    @property
-    def ids(self) -> array[int]:
-        """Their ids."""
-
-    @property
-    def vectors(self) -> array[float]:
-        """What they bid, one after the other."""
-
-    @property
-    def weights(self) -> array[float]:
-        """How much each parameter counts for each of them, as the vectors; or empty."""
-
-
-class EncodedAnswer(Protocol):
-    """A host's answer to a call for bids."""
-
-    @property
-    def bidders(self) -> EncodedColumns:
-        """Who bids."""
-
-    @property
-    def declined(self) -> Mapping[str, str]:
-        """Agent → why it does not bid."""
 
 
 class BidEncoder:
@@ -63,10 +29,10 @@ class BidEncoder:
     def __init__(self, host: str, instance: str) -> None:
         self._host = host
         self._instance = instance
-        self._said: tuple[str, EncodedAnswer] | None = None
+        self._said: tuple[str, HostBids] | None = None
         self._rest = b""
 
-    def message(self, epoch: str, number: int, answer: EncodedAnswer) -> bytes:
+    def message(self, epoch: str, number: int, answer: HostBids) -> bytes:
         """Return the serialized message of an answer in a round of a market."""
         if self._said != (epoch, answer):
             message = serialize_message(

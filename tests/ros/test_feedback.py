@@ -24,13 +24,13 @@ from bt_agents_interfaces.msg import (
 )
 from bt_agents_interfaces.msg import Scene as SceneMsg
 from bt_agents_interfaces.srv import CancelRun, CollectFeedback, GiveFeedback, SetProfile
-from bt_agents_language.model.simulated_feedback import SimulatedFeedback
 from bt_agents_ros import qos
 from bt_agents_ros.messages import scene_to_msg
 from feedback_node.ledger import Ledger
 from feedback_node.ledger.file import LedgerError
 from feedback_node.ledger.rows import Cause
 from feedback_node.node import FeedbackNode
+from feedback_node.simulated_feedback import SimulatedFeedback
 
 pytestmark = pytest.mark.ros
 

@@ -15,7 +15,7 @@ from bt_agents_lab.experiments.simulated_world import Arm
 from bt_agents_lab.experiments.verdicts import Claim, ClaimVerdict, judged, percent
 from bt_agents_language.files.folder_reader import Trees
 from bt_agents_language.model.experiment import ExperimentSpec
-from bt_agents_language.model.simulated_feedback import Errors
+from feedback_node.simulated_feedback import Errors
 from marketplace_node.strategies.arrays import Floats
 
 RATES = {"conservative": 0.05, "moderate": 0.2, "aggressive": 0.5}

@@ -14,7 +14,7 @@ from bt_agents_lab.experiments.simulated_world import Arm, SimulatedWorld, vecto
 from bt_agents_lab.experiments.simulation import Course, simulate
 from bt_agents_language.files.folder_reader import Trees
 from bt_agents_language.model.experiment import ExperimentSpec
-from bt_agents_language.model.simulated_feedback import Errors
+from feedback_node.simulated_feedback import Errors
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -9,10 +9,10 @@ from pathlib import Path
 from bt_agents_core.scene import SceneSpace, Vector
 from bt_agents_language.model.experiment import ExperimentSpec
 from bt_agents_language.model.scene_values import read_values, read_vector
-from bt_agents_language.model.simulated_feedback import Errors, SimulatedFeedback
 from bt_agents_language.yaml.source import Source
 from bt_agents_language.yaml.typed_reader import TypedReader
 from bt_agents_language.yaml.yaml_reader import Node, Sequence
+from feedback_node.simulated_feedback import Errors, SimulatedFeedback
 
 MAX_ROUNDS = 1_000_000
 

@@ -9,7 +9,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from bt_agents_core.scene import Vector
-from bt_agents_language.model.simulated_feedback import SimulatedFeedback
+from feedback_node.simulated_feedback import SimulatedFeedback
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -12,7 +12,6 @@ from bt_agents_core.errors import STORAGE_FULL, Refused
 from bt_agents_core.feedback import MOOD_RULE, FeedbackKind
 from bt_agents_core.live_scene_view import LEASE_S
 from bt_agents_core.scene import Scene, Vector
-from bt_agents_language.model.simulated_feedback import SimulatedFeedback
 from feedback_node.learning.cards import LearningCard
 from feedback_node.learning.changes import Delivery, ProfileChange
 from feedback_node.learning.profiles import Profiles
@@ -21,6 +20,7 @@ from feedback_node.ledger.file import LedgerError
 from feedback_node.ledger.rows import FORGOTTEN
 from feedback_node.mood_trace import MoodTrace, ReportedMood
 from feedback_node.rules import Fired, Watch
+from feedback_node.simulated_feedback import SimulatedFeedback
 
 SETTLE_S = 0.5
 """How long the rules of a run wait that was replayed from history: its end may follow."""

@@ -26,7 +26,6 @@ from bt_agents_interfaces.msg import Scene as SceneMsg
 from bt_agents_interfaces.srv import CollectFeedback, GiveFeedback
 from bt_agents_language.files.experiment_reader import read_simulated_feedback
 from bt_agents_language.files.scene_reader import read_scene
-from bt_agents_language.model.simulated_feedback import SimulatedFeedback
 from bt_agents_ros import qos
 from bt_agents_ros.base_node import BaseNode
 from bt_agents_ros.calls import Calls
@@ -53,6 +52,7 @@ from feedback_node.node.messages import (
     run_from_msg,
     table_to_msg,
 )
+from feedback_node.simulated_feedback import SimulatedFeedback
 
 CARDS_S = 10.0
 """So long after its start the node waits for the card of an agent that it is asked about [s]."""

@@ -14,7 +14,7 @@ from bt_agents_lab.experiments.random_streams import RandomStreams, draw
 from bt_agents_lab.experiments.simulated_world import Arm, Person, SimulatedWorld
 from bt_agents_lab.experiments.simulation import simulate
 from bt_agents_language.model.experiment import closed_form
-from bt_agents_language.model.simulated_feedback import Errors, SimulatedFeedback
+from feedback_node.simulated_feedback import Errors, SimulatedFeedback
 from one_run import react
 
 SPACE = SceneSpace(

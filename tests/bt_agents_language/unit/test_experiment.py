@@ -12,7 +12,7 @@ from bt_agents_language.model.experiment import (
     deviation,
     difference,
 )
-from bt_agents_language.model.simulated_feedback import SimulatedFeedback
+from feedback_node.simulated_feedback import SimulatedFeedback
 
 
 def spec(seed: int) -> ExperimentSpec:

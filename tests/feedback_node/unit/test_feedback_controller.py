@@ -13,7 +13,6 @@ import pytest
 from bt_agents_core.errors import Refused
 from bt_agents_core.feedback import FeedbackKind
 from bt_agents_core.scene import Origin, Scene, SceneParameter, SceneSpace, SceneValue
-from bt_agents_language.model.simulated_feedback import SimulatedFeedback
 from feedback_node.learning.cards import AgentEntry, LearningCard, LearningEntry, RuleEntry
 from feedback_node.learning.feedback_controller import (
     MOST_UNRECORDED,
@@ -26,6 +25,7 @@ from feedback_node.learning.runs import AnnouncedRun, AnnouncedRuns
 from feedback_node.ledger import Ledger
 from feedback_node.ledger.file import LedgerError
 from feedback_node.mood_trace import LeafMood
+from feedback_node.simulated_feedback import SimulatedFeedback
 
 NAN = math.nan
 SPACE = SceneSpace(
