@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One thread that reads or saves files, for which a process that ends does not wait for ever."""
+"""Daemon thread for slow file work, for which an ending process waits only a bounded time."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _T = TypeVar("_T")
 
 
 class WorkerThread(Executor):
-    """Does one piece of work after the other.
+    """Executor with one thread that is no obstacle to the end of its process.
 
     The threads of :mod:`concurrent.futures` are waited for at the end of a process, however long a
     disk or a network folder takes; this one is not.
@@ -35,7 +35,7 @@ class WorkerThread(Executor):
         self._thread.start()
 
     def submit(self, fn: Callable[_P, _T], /, *args: _P.args, **kwargs: _P.kwargs) -> Future[_T]:
-        """Have something done; return what tells its result.
+        """Queue a call; return the future of its result.
 
         Raises:
             RuntimeError: After :meth:`shutdown`.
@@ -57,7 +57,7 @@ class WorkerThread(Executor):
         return future
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
-        """Take no more work.
+        """Accept no more work.
 
         Args:
             wait: Whether to wait until all is done, for :data:`LIMIT_S` at most.

@@ -7,6 +7,7 @@ import re
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 
+from bt_agents_core.field_types import FieldType
 from bt_agents_groot.catalogue import BUILTINS, CONDITIONS
 from bt_agents_groot.document import node_id
 from bt_agents_groot.formulas import Binary, Constant, Formula, Name, Untranslatable, negated
@@ -15,10 +16,14 @@ from bt_agents_groot.remarks import RemarkLevel
 from bt_agents_groot.translation import Translation
 from bt_agents_groot.written import Data, Raw, YamlNode, may_be_left_out, outside, sequence
 from bt_agents_groot.xml_reader import Attribute, Element
-from bt_agents_language.model.specs import FieldType
+from bt_agents_language.nodes.check import CHECK
+from bt_agents_language.nodes.parallel import PARALLEL
+from bt_agents_language.nodes.random import RANDOM
+from bt_agents_language.nodes.selector import SELECTOR
+from bt_agents_language.nodes.when import WHEN
 
 ON_FAILURE = "on_failure"
-"""Name of a ``Fallback`` that stands for our modifier."""
+"""Name of a ``Fallback`` that stands for our decorator."""
 
 _NUMBER = re.compile(r"-?[0-9]{1,15}(\.[0-9]{1,15})?")
 
@@ -27,7 +32,7 @@ Compose = Callable[[Translation, Element], YamlNode]
 
 def _composite(key: str, *, memory: bool = True) -> Compose:
     def translate(tree: Translation, element: Element) -> YamlNode:
-        fallback = key == "selector"
+        fallback = key == SELECTOR.key
         children = tuple(tree.node(c, below_fallback=fallback) for c in element.children)
         if not memory:
             _note_slow(tree, element.children[:-1])
@@ -60,14 +65,14 @@ def _fallback(tree: Translation, element: Element) -> YamlNode:
     if element.get("name") != ON_FAILURE or len(element.children) != 2:
         return plain(tree, element)
     node = tree.node(element.children[0])
-    if "when" in node.modifiers:
+    if WHEN.key in node.decorators:
         return plain(tree, element)
     return outside(node, ON_FAILURE, tree.node(element.children[1]))
 
 
 def is_handler(element: Element, node: YamlNode) -> bool:
-    """Return whether an element has become our modifier, so that its name says no more."""
-    return element.get("name") == ON_FAILURE and ON_FAILURE in node.modifiers
+    """Return whether an element has become our decorator, so that its name says no more."""
+    return element.get("name") == ON_FAILURE and ON_FAILURE in node.decorators
 
 
 def _with_memory(tree: Translation, element: Element) -> YamlNode:
@@ -156,7 +161,7 @@ def _case(tree: Translation, element: Element, condition: Raw, number: int) -> Y
 
 def _text(tree: Translation, element: Element) -> Raw | None:
     """Return the condition that an element checks, as text; None when it is more than that."""
-    if node_id(element) == "check" and set(element.attributes) <= {"ID", "condition"}:
+    if node_id(element) == CHECK.key and set(element.attributes) <= {"ID", "condition"}:
         tree.names.read(names_of_expression(element.get("condition")))
         return Raw(element.get("condition"))
     condition = _formula(tree, element)
@@ -250,11 +255,11 @@ def _try_catch(tree: Translation, element: Element) -> YamlNode:
 def own_control(tree: Translation, element: Element) -> YamlNode | None:
     """Return the node for our ``random``, or ``parallel`` with names; None for anything else."""
     ports = set(element.attributes) - {"ID", "name", *CONDITIONS}
-    if node_id(element) == "parallel" and ports == {"succeed_on"}:
+    if node_id(element) == PARALLEL.key and ports == {"succeed_on"}:
         wanted = from_port(element.get("succeed_on"), FieldType.ANY, tree.names.rename)
         children = tuple(map(tree.node, element.children))
         return YamlNode(key="parallel", value={"succeed_on": wanted}, children=children)
-    if node_id(element) != "random" or not ports <= {"seed", "weights"}:
+    if node_id(element) != RANDOM.key or not ports <= {"seed", "weights"}:
         return None
     weights = from_port(element.get("weights", "json:[]"), FieldType.ANY, tree.names.rename)
     if not isinstance(weights, list) or len(weights) not in (0, len(element.children)):
@@ -263,8 +268,8 @@ def own_control(tree: Translation, element: Element) -> YamlNode | None:
     chosen = [tree.node(child) for child in element.children]
     for number, weight in enumerate(weights):
         if weight != 1:
-            beside = {**chosen[number].beside, "weight": _weight(weight)}
-            chosen[number] = replace(chosen[number], beside=beside)
+            siblings = {**chosen[number].siblings, "weight": _weight(weight)}
+            chosen[number] = replace(chosen[number], siblings=siblings)
     seed = element.get("seed")
     options: dict[str, Data] = {"seed": Raw(seed)} if seed else {}
     return YamlNode(key="random", value=options, children=tuple(chosen))

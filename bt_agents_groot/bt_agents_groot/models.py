@@ -5,14 +5,15 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
+from bt_agents_core.field_types import FieldType
 from bt_agents_groot.catalogue import BUILTINS, EXPLICIT
 from bt_agents_groot.port_types import written_type
 from bt_agents_groot.ports import plain_port
 from bt_agents_groot.words import pascal, port
 from bt_agents_groot.xml_writer import Xml
 from bt_agents_language.model.node_type import NodeField, NodeType
-from bt_agents_language.model.specs import FieldSpec, FieldType, SkillSpec, SubtreeSpec, Tunable
-from bt_agents_language.nodes import KINDS, MODIFIERS
+from bt_agents_language.model.specs import FieldSpec, SkillSpec, SubtreeSpec, Tunable
+from bt_agents_language.nodes.catalogue import DECORATORS, NODE_TYPES
 
 
 class Models:
@@ -21,7 +22,7 @@ class Models:
     def __init__(self) -> None:
         self._ids: dict[tuple[str, str], str] = {}
         self._taken = {
-            *BUILTINS, *EXPLICIT, *KINDS, *MODIFIERS,
+            *BUILTINS, *EXPLICIT, *NODE_TYPES, *DECORATORS,
             "SubTree", "BehaviorTree", "TreeNodesModel", "Root", "root", "include",
         }  # fmt: skip
         self._models: dict[str, Xml] = {}
@@ -59,10 +60,10 @@ class Models:
         self._declare("Action", own, ports)
         return own
 
-    def plugin(self, kind: NodeType) -> str:
+    def plugin(self, node_type: NodeType) -> str:
         """Return the ID of a plug-in's node and declare it."""
-        own = self._id("leaf", kind.key)
-        self._declare("Action", own, tuple(map(_port, kind.fields)))
+        own = self._id("leaf", node_type.key)
+        self._declare("Action", own, tuple(map(_port, node_type.fields)))
         return own
 
     def word(self, kind: str, key: str, ports: Iterable[NodeField]) -> str:

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from bt_agents_language.model.specs import FieldType, Plain
+from bt_agents_core.field_types import FieldType, Plain
 
 _WRITTEN = {
     FieldType.TEXT: "std::string",

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from enum import Enum
 
-from bt_agents_language.model.specs import Position
+from bt_agents_core.diagnostic import Position
 
 
 class RemarkLevel(Enum):

@@ -6,6 +6,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
+from bt_agents_core.field_types import FieldType
 from bt_agents_groot.document import Document, Model, ModelPort, node_id
 from bt_agents_groot.own_words import Remarking, own_leaf, port_value, written_ports
 from bt_agents_groot.port_types import read_type
@@ -16,8 +17,8 @@ from bt_agents_groot.words import field_of, snake
 from bt_agents_groot.written import Data, Raw, YamlNode
 from bt_agents_groot.xml_reader import Attribute, Element
 from bt_agents_language.model.node_type import NodeType
-from bt_agents_language.model.specs import FieldType, SkillSpec
-from bt_agents_language.nodes import BESIDE, KINDS, MODIFIERS
+from bt_agents_language.model.specs import SkillSpec
+from bt_agents_language.nodes.catalogue import WORDS
 
 
 @dataclass
@@ -162,7 +163,7 @@ class SkillNodes:
 
 def _skill_name(element: Element, remark: Remarking) -> str:
     name = snake(node_id(element))
-    if name not in KINDS and name not in MODIFIERS and name not in (*BESIDE, "children"):
+    if name not in WORDS:
         return name
     remark(
         RemarkLevel.NOTE,
@@ -197,8 +198,8 @@ def _written(use: _Use, names: TreeNames) -> YamlNode:
     if word is not None and word.main is not None and list(use.fields) == [word.main]:
         only = use.fields[word.main]
         value = use.fields if isinstance(only, dict) else only
-    beside: dict[str, Data] = {"outputs": outputs} if outputs and outputs != usual else {}
-    return YamlNode(key=use.name, value=value, beside=beside)
+    siblings: dict[str, Data] = {"outputs": outputs} if outputs and outputs != usual else {}
+    return YamlNode(key=use.name, value=value, siblings=siblings)
 
 
 def _note(types: dict[str, FieldType], name: str, seen: FieldType) -> None:
@@ -213,8 +214,8 @@ def _of_skill(skill: SkillSpec) -> _Word:
     )
 
 
-def _of_plugin(kind: NodeType) -> _Word:
-    return _Word(fields={one.name: one.type for one in kind.fields}, main=kind.main)
+def _of_plugin(node_type: NodeType) -> _Word:
+    return _Word(fields={one.name: one.type for one in node_type.fields}, main=node_type.main)
 
 
 def _seen(data: Data) -> FieldType:

@@ -6,6 +6,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+from bt_agents_core.field_types import FieldType
 from bt_agents_groot.catalogue import CONDITIONS, OTHER_ATTRIBUTES
 from bt_agents_groot.own_words import Remarking
 from bt_agents_groot.ports import from_port, names_in, pointed_at
@@ -14,7 +15,6 @@ from bt_agents_groot.scopes import Interface, TreeNames
 from bt_agents_groot.words import entry_of, snake
 from bt_agents_groot.written import Data, Raw, YamlNode
 from bt_agents_groot.xml_reader import Element
-from bt_agents_language.model.specs import FieldType
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -78,8 +78,8 @@ class SubtreeCalls:
         used = {*callee.interface.inputs.values(), *callee.interface.outputs}
         for name in entries:
             if name not in used:
-                remark(RemarkLevel.NOTE, element, f"'{name}' is not passed on: '{callee.name}' never "
-                       "uses it")  # fmt: skip
+                text = f"'{name}' is not passed on: '{callee.name}' never uses it"
+                remark(RemarkLevel.NOTE, element, text)
         return _subtree(callee.name, given, outputs)
 
     def _inputs(
@@ -116,9 +116,9 @@ def _passed(text: str, names: TreeNames) -> Data:
 
 
 def _subtree(name: str, given: dict[str, Data], outputs: dict[str, Data]) -> YamlNode:
-    beside: dict[str, Data] = {}
+    siblings: dict[str, Data] = {}
     if given:
-        beside["with"] = given
+        siblings["with"] = given
     if outputs:
-        beside["outputs"] = outputs
-    return YamlNode(key="subtree", value=Raw(name), beside=beside)
+        siblings["outputs"] = outputs
+    return YamlNode(key="subtree", value=Raw(name), siblings=siblings)

@@ -26,7 +26,7 @@ class Translation(Protocol):
         """Return the node for an element and all below it."""
 
     def around(self, element: Element, node: YamlNode, key: str, value: Data) -> YamlNode:
-        """Return a node with a modifier around it; note what differs when the node is left out."""
+        """Wrap a node in a decorator, and remark what differs when the node is left out."""
 
     def remark(self, weight: RemarkLevel, where: Element | Attribute, message: str) -> None:
         """Add a remark, which also becomes a comment above the node being translated."""

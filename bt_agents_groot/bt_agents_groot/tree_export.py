@@ -7,8 +7,8 @@ import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
+from bt_agents_core.field_types import FieldType, Plain
 from bt_agents_groot.catalogue import SKIP_IF
-from bt_agents_groot.controls import ON_FAILURE
 from bt_agents_groot.export_values import condition_script, milliseconds, number_port, set_script
 from bt_agents_groot.formulas import Untranslatable
 from bt_agents_groot.models import Models
@@ -16,10 +16,14 @@ from bt_agents_groot.ports import JSON, as_port
 from bt_agents_groot.remarks import RemarkLevel, Remarks
 from bt_agents_groot.words import port
 from bt_agents_groot.xml_writer import Xml
-from bt_agents_language.model.node_type import Content, NodeField
-from bt_agents_language.model.specs import FieldSpec, FieldType, Plain, SubtreeSpec
-from bt_agents_language.nodes import KINDS, MODIFIERS
-from bt_agents_language.tree.raw_nodes import RawNode
+from bt_agents_language.model.node_type import Content, NodeField, NodeType, RawNode
+from bt_agents_language.model.specs import FieldSpec, SubtreeSpec
+from bt_agents_language.nodes.catalogue import DECORATORS
+from bt_agents_language.nodes.check import CHECK
+from bt_agents_language.nodes.parallel import PARALLEL
+from bt_agents_language.nodes.random import RANDOM
+from bt_agents_language.nodes.set import SET
+from bt_agents_language.nodes.when import WHEN
 from bt_agents_language.yaml.scalars import boolean, plain_value
 from bt_agents_language.yaml.yaml_reader import Mapping as MappingNode
 from bt_agents_language.yaml.yaml_reader import MappingEntry, Node, Scalar
@@ -28,8 +32,12 @@ from bt_agents_language.yaml.yaml_reader import Sequence as SequenceNode
 Subtrees = Callable[[str], tuple[str, SubtreeSpec]]
 """Returns the ID and the interface of a subtree by its name."""
 
-_SWITCHES = {"once": "RunOnce", "succeed": "ForceSuccess", "fail": "ForceFailure",
-             "invert": "Inverter"}  # fmt: skip
+Decorate = Callable[[Node, Xml], Xml | None]
+"""Returns an element with a decorator around it, of which the main field or switch is given.
+
+None when BehaviorTree.CPP has no decorator for that.
+"""
+
 _WEIGHTS = NodeField(name="weights", description="how often each child is chosen")
 _VALUES = NodeField(name="values", description="names and values")
 
@@ -48,50 +56,47 @@ class TreeExport:
         self._subtrees = subtrees
         self._remarks = remarks
 
-    def node(self, draft: RawNode, *, is_case: bool = False) -> Xml:
+    def node(self, raw: RawNode, *, part_of_parent: Sequence[str] = ()) -> Xml:
         """Return the element for a node and all below it.
 
         Args:
-            draft: The node.
-            is_case: Its ``when`` is looked at by the composite around it.
+            raw: The node.
+            part_of_parent: Decorators that the composite around it takes care of.
         """
-        xml = self._named(draft, self._bare(draft))
-        for key in reversed(list(MODIFIERS)):
-            entry = draft.modifiers.get(key)
-            if entry is not None and not (is_case and key == "when"):
-                xml = self._modified(draft, key, entry, xml)
+        xml = self._named(raw, self._bare(raw))
+        for decorator in reversed([*DECORATORS.values()]):
+            entry = raw.decorators.get(decorator.key)
+            if entry is not None and decorator.key not in part_of_parent:
+                xml = self._decorated(raw, decorator, entry, xml)
         return xml
 
-    def _named(self, draft: RawNode, xml: Xml) -> Xml:
-        if not draft.name:
+    def _named(self, raw: RawNode, xml: Xml) -> Xml:
+        if not raw.name:
             return xml
         first = {key: value for key, value in xml.attributes.items() if key == "ID"}
-        return replace(xml, attributes={**first, "name": draft.name, **xml.attributes})
+        return replace(xml, attributes={**first, "name": raw.name, **xml.attributes})
 
-    def _bare(self, draft: RawNode) -> Xml:
-        if draft.skill is not None:
-            skill = draft.skill
+    def _bare(self, raw: RawNode) -> Xml:
+        if raw.skill is not None:
+            skill = raw.skill
             fields = {one.name: one.type for one in skill.inputs}
-            ports = self._ports(self._fields(draft, skill.main), fields)
-            outputs = self._outputs(draft, skill.outputs)
+            ports = self._ports(self._fields(raw, skill.main), fields)
+            outputs = self._outputs(raw, skill.outputs)
             return Xml(tag=self._models.skill(skill), attributes=ports | outputs)
-        assert draft.kind is not None
-        translate = _COMPOSITES.get(draft.kind.key) or _LEAVES.get(draft.kind.key)
-        if translate is not None:
-            return translate(self, draft)
-        return self.own_leaf(draft)
+        assert raw.type is not None
+        return NODES.get(raw.type.key, TreeExport.own_leaf)(self, raw)
 
-    def own_leaf(self, draft: RawNode) -> Xml:
+    def own_leaf(self, raw: RawNode) -> Xml:
         """Return a leaf that BehaviorTree.CPP does not bring along."""
-        kind = draft.kind
-        assert kind is not None
-        types = {one.name: one.type for one in kind.fields}
-        texts = {one.name for one in kind.fields if one.content is Content.CONDITION}
-        ports = self._ports(self._fields(draft, kind.main), types, texts)
-        if kind.key not in KINDS:
-            return Xml(tag=self._models.plugin(kind), attributes=ports)
-        what = "Condition" if kind.key == "check" else "Action"
-        return Xml(tag=self._word(draft.key, what, kind.key, kind.fields), attributes=ports)
+        own = raw.type
+        assert own is not None
+        types = {one.name: one.type for one in own.fields}
+        texts = {one.name for one in own.fields if one.content is Content.CONDITION}
+        ports = self._ports(self._fields(raw, own.main), types, texts)
+        if own.plugin is not None:
+            return Xml(tag=self._models.plugin(own), attributes=ports)
+        what = "Condition" if own.looks_only else "Action"
+        return Xml(tag=self._word(raw.key, what, own.key, own.fields), attributes=ports)
 
     def _word(self, where: Node | Scalar, kind: str, key: str, fields: Sequence[NodeField]) -> str:
         self._remarks.add(
@@ -102,8 +107,8 @@ class TreeExport:
         )
         return self._models.word(kind, key, fields)
 
-    def _fields(self, draft: RawNode, main: str | None) -> dict[str, Node]:
-        value = draft.value
+    def _fields(self, raw: RawNode, main: str | None) -> dict[str, Node]:
+        value = raw.value
         if isinstance(value, MappingNode):
             return {entry.key.text: entry.value for entry in value.entries}
         if main is None or (isinstance(value, Scalar) and value.empty):
@@ -130,8 +135,8 @@ class TreeExport:
                 )
         return ports
 
-    def _outputs(self, draft: RawNode, declared: tuple[FieldSpec, ...]) -> dict[str, str]:
-        entry = draft.beside.get("outputs")
+    def _outputs(self, raw: RawNode, declared: tuple[FieldSpec, ...]) -> dict[str, str]:
+        entry = raw.siblings.get("outputs")
         if entry is None or not isinstance(entry.value, MappingNode):
             return {port(one.name): f"{{{one.name}}}" for one in declared}
         return {
@@ -140,27 +145,32 @@ class TreeExport:
             if isinstance(item.value, Scalar)
         }
 
-    def _children(self, draft: RawNode) -> tuple[Xml, ...]:
-        return tuple(map(self.node, draft.children))
+    def _children(self, raw: RawNode) -> tuple[Xml, ...]:
+        return tuple(map(self.node, raw.children))
 
-    def sequence(self, draft: RawNode) -> Xml:
-        """Return the element for ``sequence`` or ``selector``."""
-        assert draft.kind is not None
-        name = "Sequence" if draft.kind.key == "sequence" else "Fallback"
-        memory = _option(draft, "memory")
+    def sequence(self, raw: RawNode) -> Xml:
+        """Return the element for ``sequence``."""
+        return self._in_turn(raw, "Sequence")
+
+    def selector(self, raw: RawNode) -> Xml:
+        """Return the element for ``selector``."""
+        return self._in_turn(raw, "Fallback")
+
+    def _in_turn(self, raw: RawNode, name: str) -> Xml:
+        memory = _option(raw, "memory")
         reactive = memory is not None and boolean(memory) is False
         tag = f"Reactive{name}" if reactive else name
-        return Xml(tag=tag, children=self._children(draft))
+        return Xml(tag=tag, children=self._children(raw))
 
-    def parallel(self, draft: RawNode) -> Xml:
+    def parallel(self, raw: RawNode) -> Xml:
         """Return the element for ``parallel``."""
-        children = self._children(draft)
-        entry = draft.options.get("succeed_on")
+        children = self._children(raw)
+        entry = raw.options.get("succeed_on")
         if entry is not None and isinstance(entry.value, SequenceNode):
-            tag = self._word(entry.key, "Control", "parallel", KINDS["parallel"].fields)
+            tag = self._word(entry.key, "Control", PARALLEL.key, PARALLEL.fields)
             succeed_on = as_port(entry.value, FieldType.ANY)
             return Xml(tag=tag, attributes={"succeed_on": succeed_on}, children=children)
-        word = _option(draft, "succeed_on") or "all"
+        word = _option(raw, "succeed_on") or "all"
         wanted = len(children) if word == "all" else 1 if word == "one" else int(word)
         every = wanted >= len(children)
         failures = 1 if every else len(children) - wanted + 1
@@ -173,14 +183,14 @@ class TreeExport:
             children=children,
         )
 
-    def choose(self, draft: RawNode) -> Xml:
+    def choose(self, raw: RawNode) -> Xml:
         """Return the elements for ``choose``: one ``IfThenElse`` inside of the other."""
-        otherwise = draft.nodes.get("otherwise")
+        otherwise = raw.nodes.get("otherwise")
         rest: tuple[Xml, ...] = (self.node(otherwise),) if otherwise is not None else ()
-        for case in reversed(draft.children):
-            when = case.modifiers["when"]
-            asked = self._condition(when.value)
-            rest = (Xml(tag="IfThenElse", children=(asked, self.node(case, is_case=True), *rest)),)
+        for case in reversed(raw.children):
+            asked = self._condition(case.decorators[WHEN.key].value)
+            then = self.node(case, part_of_parent=(WHEN.key,))
+            rest = (Xml(tag="IfThenElse", children=(asked, then, *rest)),)
         return rest[0]
 
     def _condition(self, node: Node) -> Xml:
@@ -188,118 +198,127 @@ class TreeExport:
         try:
             return Xml(tag="ScriptCondition", attributes={"code": condition_script(node)})
         except Untranslatable:
-            fields = KINDS["check"].fields
             assert isinstance(node, Scalar)
-            tag = self._word(node, "Condition", "check", fields)
-            return Xml(tag=tag, attributes={fields[0].name: node.text})
+            tag = self._word(node, "Condition", CHECK.key, CHECK.fields)
+            return Xml(tag=tag, attributes={CHECK.fields[0].name: node.text})
 
-    def random(self, draft: RawNode) -> Xml:
+    def random(self, raw: RawNode) -> Xml:
         """Return the element for ``random``."""
-        seed = _option(draft, "seed")
-        weights = [child.beside.get("weight") for child in draft.children]
+        seed = _option(raw, "seed")
+        weights = [child.siblings.get("weight") for child in raw.children]
         attributes = {"seed": seed} if seed is not None else {}
         if any(weights):
             values = [1 if one is None else _weight(one.value) for one in weights]
             attributes["weights"] = JSON + json.dumps(values)
-        tag = self._word(draft.key, "Control", "random", (*KINDS["random"].fields, _WEIGHTS))
-        return Xml(tag=tag, attributes=attributes, children=self._children(draft))
+        tag = self._word(raw.key, "Control", RANDOM.key, (*RANDOM.fields, _WEIGHTS))
+        return Xml(tag=tag, attributes=attributes, children=self._children(raw))
 
-    def check(self, draft: RawNode) -> Xml:
+    def check(self, raw: RawNode) -> Xml:
         """Return the leaf for ``check``."""
-        node = self._fields(draft, "condition")["condition"]
+        node = self._fields(raw, "condition")["condition"]
         constant = boolean(node.text) if isinstance(node, Scalar) else None
         if constant is not None:
             return Xml(tag="AlwaysSuccess" if constant else "AlwaysFailure")
         return self._condition(node)
 
-    def set(self, draft: RawNode) -> Xml:
+    def set(self, raw: RawNode) -> Xml:
         """Return the leaf for ``set``."""
-        assert isinstance(draft.value, MappingNode)
+        assert isinstance(raw.value, MappingNode)
         try:
-            return Xml(tag="Script", attributes={"code": set_script(draft.value.entries)})
+            return Xml(tag="Script", attributes={"code": set_script(raw.value.entries)})
         except Untranslatable:
-            values = as_port(draft.value, FieldType.ANY)
-            tag = self._word(draft.key, "Action", "set", (_VALUES,))
+            values = as_port(raw.value, FieldType.ANY)
+            tag = self._word(raw.key, "Action", SET.key, (_VALUES,))
             return Xml(tag=tag, attributes={"values": values})
 
-    def wait(self, draft: RawNode) -> Xml:
+    def wait(self, raw: RawNode) -> Xml:
         """Return the leaf for ``wait``."""
-        time = milliseconds(self._fields(draft, "duration")["duration"])
+        time = milliseconds(self._fields(raw, "duration")["duration"])
         if time is None:
-            return self.own_leaf(draft)
+            return self.own_leaf(raw)
         return Xml(tag="Sleep", attributes={"msec": time})
 
-    def wait_for(self, draft: RawNode) -> Xml:
+    def wait_for(self, raw: RawNode) -> Xml:
         """Return the leaf for ``wait_for``."""
-        fields = self._fields(draft, "condition")
+        fields = self._fields(raw, "condition")
         if set(fields) != {"condition"}:
-            return self.own_leaf(draft)
+            return self.own_leaf(raw)
         try:
             script = condition_script(fields["condition"])
         except Untranslatable:
-            return self.own_leaf(draft)
+            return self.own_leaf(raw)
         return Xml(
             tag="Precondition",
             attributes={"if": script, "else": "RUNNING"},
             children=(Xml(tag="AlwaysSuccess"),),
         )
 
-    def subtree(self, draft: RawNode) -> Xml:
+    def subtree(self, raw: RawNode) -> Xml:
         """Return the element for ``subtree``."""
-        node = self._fields(draft, "name")["name"]
+        node = self._fields(raw, "name")["name"]
         assert isinstance(node, Scalar)
         tree_id, subtree = self._subtrees(node.text)
-        entry = draft.beside.get("with")
+        entry = raw.siblings.get("with")
         given = entry.value.entries if entry and isinstance(entry.value, MappingNode) else ()
         ports = self._ports({one.key.text: one.value for one in given}, {})
-        outputs = self._outputs(draft, subtree.outputs)
+        outputs = self._outputs(raw, subtree.outputs)
         return Xml(tag="SubTree", attributes={"ID": tree_id, **ports, **outputs})
 
-    def _modified(self, draft: RawNode, key: str, entry: MappingEntry, xml: Xml) -> Xml:
-        """Return an element with a modifier around it."""
-        if key in _SWITCHES:
+    def _decorated(self, raw: RawNode, decorator: NodeType, entry: MappingEntry, xml: Xml) -> Xml:
+        """Return an element with a decorator around it."""
+        if decorator.handler:
+            children = (xml, self.node(raw.nodes[decorator.key]))
+            return Xml(tag="Fallback", attributes={"name": decorator.key}, children=children)
+        export = DECORATED.get(decorator.key)
+        if decorator.main is None:
             on = isinstance(entry.value, Scalar) and boolean(entry.value.text)
-            return Xml(tag=_SWITCHES[key], children=(xml,)) if on else xml
-        if key == "on_failure":
-            children = (xml, self.node(draft.nodes[key]))
-            return Xml(tag="Fallback", attributes={"name": ON_FAILURE}, children=children)
-        native = self._native(key, entry.value, xml)
-        if native is not None:
-            return native
-        kind = MODIFIERS[key]
-        types = {one.name: one.type for one in kind.fields}
-        texts = {one.name for one in kind.fields if one.content is Content.CONDITION}
-        fields = _written(entry.value, kind.main)
-        tag = self._word(entry.key, "Decorator", key, kind.fields)
+            native = export(entry.value, xml) if export is not None else None
+            return xml if not on else native or self._own_decorator(decorator, entry, xml)
+        fields = _written(entry.value, decorator.main)
+        if export is not None and set(fields) == {decorator.main}:
+            native = export(fields[decorator.main], xml)
+            if native is not None:
+                return native
+        return self._own_decorator(decorator, entry, xml)
+
+    def _own_decorator(self, decorator: NodeType, entry: MappingEntry, xml: Xml) -> Xml:
+        """Return a decorator that BehaviorTree.CPP does not bring along."""
+        types = {one.name: one.type for one in decorator.fields}
+        texts = {one.name for one in decorator.fields if one.content is Content.CONDITION}
+        fields = _written(entry.value, decorator.main) if decorator.main is not None else {}
+        tag = self._word(entry.key, "Decorator", decorator.key, decorator.fields)
         return Xml(tag=tag, attributes=self._ports(fields, types, texts), children=(xml,))
 
-    def _native(self, key: str, value: Node, xml: Xml) -> Xml | None:
-        """Return the element for a modifier that BehaviorTree.CPP has; None when it has none."""
-        kind = MODIFIERS[key]
-        fields = _written(value, kind.main)
-        if set(fields) != {kind.main}:
-            return None
-        only = fields[kind.main]
-        try:
-            match key:
-                case "when":
-                    script = condition_script(only, negative=True)
-                    return xml.having(**{SKIP_IF: script})
-                case "while":
-                    asked = Xml(tag="ScriptCondition", attributes={"code": condition_script(only)})
-                    return Xml(tag="WhileDoElse", children=(asked, xml))
-        except Untranslatable:
-            return None
-        tag, name, text = {
-            "retry": ("RetryUntilSuccessful", "num_attempts", number_port(only)),
-            "repeat": ("Repeat", "num_cycles", number_port(only)),
-            "timeout": ("Timeout", "msec", milliseconds(only)),
-        }.get(key, ("", "", None))
+
+def _switch(tag: str) -> Decorate:
+    return lambda node, xml: Xml(tag=tag, children=(xml,))
+
+
+def _with_port(tag: str, name: str, text_of: Callable[[Node], str | None]) -> Decorate:
+    def export(node: Node, xml: Xml) -> Xml | None:
+        text = text_of(node)
         return None if text is None else Xml(tag=tag, attributes={name: text}, children=(xml,))
 
+    return export
 
-def _option(draft: RawNode, name: str) -> str | None:
-    entry = draft.options.get(name)
+
+def _skip_unless(node: Node, xml: Xml) -> Xml | None:
+    try:
+        return xml.having(**{SKIP_IF: condition_script(node, negative=True)})
+    except Untranslatable:
+        return None
+
+
+def _while(node: Node, xml: Xml) -> Xml | None:
+    try:
+        asked = Xml(tag="ScriptCondition", attributes={"code": condition_script(node)})
+    except Untranslatable:
+        return None
+    return Xml(tag="WhileDoElse", children=(asked, xml))
+
+
+def _option(raw: RawNode, name: str) -> str | None:
+    entry = raw.options.get(name)
     return entry.value.text if entry is not None and isinstance(entry.value, Scalar) else None
 
 
@@ -314,17 +333,29 @@ def _weight(node: Node) -> Plain:
     return node.text if "${" in node.text else plain_value(node)
 
 
-_COMPOSITES: Mapping[str, Callable[[TreeExport, RawNode], Xml]] = {
+NODES: Mapping[str, Callable[[TreeExport, RawNode], Xml]] = {
     "sequence": TreeExport.sequence,
-    "selector": TreeExport.sequence,
+    "selector": TreeExport.selector,
     "parallel": TreeExport.parallel,
     "choose": TreeExport.choose,
     "random": TreeExport.random,
-}
-_LEAVES: Mapping[str, Callable[[TreeExport, RawNode], Xml]] = {
     "check": TreeExport.check,
     "set": TreeExport.set,
     "wait": TreeExport.wait,
     "wait_for": TreeExport.wait_for,
     "subtree": TreeExport.subtree,
 }
+"""Translator of each node type that has one; the others stay words of our language."""
+
+DECORATED: Mapping[str, Decorate] = {
+    "when": _skip_unless,
+    "once": _switch("RunOnce"),
+    "succeed": _switch("ForceSuccess"),
+    "fail": _switch("ForceFailure"),
+    "while": _while,
+    "retry": _with_port("RetryUntilSuccessful", "num_attempts", number_port),
+    "repeat": _with_port("Repeat", "num_cycles", number_port),
+    "timeout": _with_port("Timeout", "msec", milliseconds),
+    "invert": _switch("Inverter"),
+}
+"""Translator of each decorator that has one, as :data:`NODES`."""

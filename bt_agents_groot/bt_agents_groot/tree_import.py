@@ -42,6 +42,8 @@ from bt_agents_groot.written import (
     with_comments,
 )
 from bt_agents_groot.xml_reader import Attribute, Element
+from bt_agents_language.nodes.sequence import SEQUENCE
+from bt_agents_language.nodes.when import WHEN
 
 _MAX_LABEL = 64
 _SCRIPTS = (ON_SUCCESS, ON_FAILURE, POST)
@@ -84,9 +86,9 @@ class TreeImport:
         return with_comments(node, self._comments.pop())
 
     def around(self, element: Element, node: YamlNode, key: str, value: Data) -> YamlNode:
-        """Return a node with a modifier around it; note what differs when the node is left out."""
+        """Wrap a node in a decorator, and remark what differs when the node is left out."""
         whole = outside(node, key, value)
-        if whole.key == "sequence" and whole.children == (node,) and may_be_left_out(node):
+        if whole.key == SEQUENCE.key and whole.children == (node,) and may_be_left_out(node):
             self.remark(
                 RemarkLevel.NOTE,
                 element,
@@ -204,13 +206,13 @@ class TreeImport:
 
         What is left out has not ended and is not looked at, so that the condition goes outside.
         """
-        condition = node.modifiers.get("when")
+        condition = node.decorators.get(WHEN.key)
         conditions = guards.success is not None or guards.failure is not None
         wrapped = conditions or any(name in element.attributes for name in _SCRIPTS)
         if not wrapped or not isinstance(condition, Raw):
             return node, None
-        rest = {key: value for key, value in node.modifiers.items() if key != "when"}
-        return replace(node, modifiers=rest), parse_formula(condition.text)
+        rest = {key: value for key, value in node.decorators.items() if key != WHEN.key}
+        return replace(node, decorators=rest), parse_formula(condition.text)
 
     def _followed(self, element: Element, node: YamlNode) -> YamlNode:
         """Return a node with the scripts that are run when it has ended."""

@@ -7,7 +7,7 @@ import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 
-from bt_agents_language.nodes import MODIFIERS
+from bt_agents_language.nodes.catalogue import DECORATORS
 from bt_agents_language.tools.formatting.scalar_style import quoted
 
 
@@ -20,13 +20,9 @@ class Raw:
 
 _PLAIN = re.compile(r"[\w.(${+-](?:[^#:]|:(?! )|(?<! )#)*(?<![:\s])")
 _NOT_PLAIN = re.compile(r"- |\{|\s#")
-_ORDER = list(MODIFIERS)
-_LEAVES_OUT = ("when", "once", "cooldown")
-_CONTRARIES = {"succeed": "fail", "fail": "succeed"}
-"""Modifiers that must not stand beside the same node."""
-
-_LEFT_OUT_THROUGH = ("once", "succeed", "fail", "timeout", "invert")
-"""Modifiers that make no difference to a node that is left out, from inside or from outside."""
+_ORDER = list(DECORATORS)
+_SKIPPING = tuple(one.key for one in DECORATORS.values() if one.skips)
+_HANDLERS = tuple(one.key for one in DECORATORS.values() if one.handler)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -38,8 +34,8 @@ class YamlNode:
         value: What stands behind it; of a composite its options.
         children: Of a composite, in order.
         name: Name for people; may be empty.
-        modifiers: By key.
-        beside: ``with``, ``outputs`` and ``weight``.
+        decorators: By key.
+        siblings: ``with``, ``outputs`` and ``weight``.
         comments: Lines to stand above the node.
     """
 
@@ -47,23 +43,21 @@ class YamlNode:
     value: Data = field(default_factory=dict)
     children: tuple[YamlNode, ...] = ()
     name: str = ""
-    modifiers: Mapping[str, Data] = field(default_factory=dict)
-    beside: Mapping[str, Data] = field(default_factory=dict)
+    decorators: Mapping[str, Data] = field(default_factory=dict)
+    siblings: Mapping[str, Data] = field(default_factory=dict)
     comments: tuple[str, ...] = ()
 
     def entries(self) -> dict[str, Data]:
         """Return the keys of the node in their usual order."""
         entries: dict[str, Data] = {"name": self.name} if self.name else {}
-        if "weight" in self.beside:
-            entries["weight"] = self.beside["weight"]
-        modifiers = {key: self.modifiers[key] for key in _ORDER if key in self.modifiers}
-        handler = modifiers.pop("on_failure", None)
-        entries |= modifiers
+        if "weight" in self.siblings:
+            entries["weight"] = self.siblings["weight"]
+        ordered = {key: self.decorators[key] for key in _ORDER if key in self.decorators}
+        handlers = {key: ordered.pop(key) for key in _HANDLERS if key in ordered}
+        entries |= ordered
         entries[self.key] = self._value()
-        entries |= {key: self.beside[key] for key in ("with", "outputs") if key in self.beside}
-        if handler is not None:
-            entries["on_failure"] = handler
-        return entries
+        entries |= {key: self.siblings[key] for key in ("with", "outputs") if key in self.siblings}
+        return entries | handlers
 
     def _value(self) -> Data:
         if not self.children:
@@ -91,25 +85,25 @@ def selector(*children: YamlNode) -> YamlNode:
 
 
 def outside(node: YamlNode, key: str, value: Data) -> YamlNode:
-    """Return a node with one more modifier around all that it has.
+    """Return a node with one more decorator around all that it has.
 
-    Where the order of modifiers would put the new one inside of another, or where two of them
-    must not stand together, the node is put into a
-    sequence of its own, and the modifier around that.
+    Where the order of decorators would put the new one inside of another, or where two of them
+    must not stand together, the node is put into a sequence of its own, and the decorator around
+    that.
     """
-    # What leaves the node out makes no difference to some modifiers, and stays outside of them.
-    outside_of_it = _LEAVES_OUT if key in _LEFT_OUT_THROUGH else ()
-    outer = {k: v for k, v in node.modifiers.items() if k in outside_of_it and k != key}
-    inner = {k: v for k, v in node.modifiers.items() if k not in outer}
-    contrary = _CONTRARIES.get(key) in inner
+    # What skips the node makes no difference to some decorators, and stays outside of them.
+    outside_of_it = _SKIPPING if DECORATORS[key].unaffected else ()
+    outer = {k: v for k, v in node.decorators.items() if k in outside_of_it and k != key}
+    inner = {k: v for k, v in node.decorators.items() if k not in outer}
+    contrary = DECORATORS[key].contrary in inner
     if contrary or any(_ORDER.index(present) <= _ORDER.index(key) for present in inner):
-        node, inner = sequence(replace(node, modifiers=inner)), {}
-    return replace(node, modifiers={**outer, **inner, key: value})
+        node, inner = sequence(replace(node, decorators=inner)), {}
+    return replace(node, decorators={**outer, **inner, key: value})
 
 
 def may_be_left_out(node: YamlNode) -> bool:
     """Return whether a node says itself that it is left out sometimes."""
-    return any(key in node.modifiers for key in _LEAVES_OUT)
+    return any(key in node.decorators for key in _SKIPPING)
 
 
 def with_comments(node: YamlNode, comments: Iterable[str]) -> YamlNode:

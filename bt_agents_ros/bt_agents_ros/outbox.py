@@ -77,7 +77,7 @@ class Outbox:
             on_done: Called once on the executor's thread, with the response, or with None when
                 so many requests came that this one was dropped unanswered.
         """
-        dropped = self._letters.put(_Letter(request, on_done))
+        dropped = self._letters.enqueue(_Letter(request, on_done))
         if dropped is not None:
             self._forget()
         self._send()
@@ -106,12 +106,12 @@ class Outbox:
             return
         if not self._client.service_is_ready():
             self._forget()
-            self._letters.undelivered()
+            self._letters.peer_lost()
             self._tell_late("is not there")
             return
         if self._letters.overdue:
             self._tell_late("has not answered in time")
-        letter = self._letters.due
+        letter = self._letters.next_to_send
         if letter is None:
             return
         if len(self._sendings) == _REMEMBERED:
@@ -140,7 +140,7 @@ class Outbox:
         if future.result().code == STORAGE_FULL:
             self._tell_late("has no room on its disk")
             return
-        if not self._letters.answered(letter):
+        if not self._letters.acknowledge(letter):
             return
         self._forget()
         self._send()

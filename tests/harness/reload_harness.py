@@ -90,7 +90,7 @@ class Watched:
                 self.in_force[effect.name] = effect.agent
             case "remove":
                 del self.in_force[effect.name]
-            case "swap" | "retune":
+            case "replace" | "update":
                 assert effect.name in self.in_force
                 self.in_force[effect.name] = effect.agent
         return f"{effect.act.value} {effect.words}"

@@ -17,6 +17,7 @@ from checkout import DATA_PACKAGES, PACKAGES, PYTHON_PACKAGES, ROOT, RosPackage,
 pytestmark = pytest.mark.packaging
 
 KEYS = {
+    "aiohttp": ("python3-aiohttp", "aiohttp>=3.8"),
     "click": ("python3-click", "click"),
     "matplotlib": ("python3-matplotlib", "matplotlib"),
     "mcap": ("python3-mcap-pip", "mcap>=1.6"),
@@ -88,6 +89,8 @@ def test_a_python_package_is_registered_in_the_ament_index(package: RosPackage):
 def test_the_packages_hold_more_than_python_modules():
     held = set().union(*(package.package_data for package in PYTHON_PACKAGES))
     assert {Path("bt_agents/py.typed"), Path("bt_agents_tools/launcher/loopback.xml")} <= held
+    language = Path("bt_agents_language")
+    assert {language / "reference/codes.yaml", language / "templates/agent.yaml"} <= held
 
 
 @every_python_package

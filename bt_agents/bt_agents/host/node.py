@@ -27,8 +27,7 @@ from bt_agents_interfaces.msg import (
 from bt_agents_interfaces.srv import SetProfile
 from bt_agents_language.files.folder_reader import Trees as TreesFolder
 from bt_agents_language.files.folder_reader import read_trees
-from bt_agents_language.model.specs import AgentSpec, NodeSpec
-from bt_agents_language.model.walking import iter_nodes
+from bt_agents_language.model.specs import AgentSpec, NodeSpec, iter_nodes
 from bt_agents_ros import qos
 from bt_agents_ros.base_node import BaseNode
 from bt_agents_ros.bid_encoding import BidEncoder
@@ -72,7 +71,7 @@ class HostNode(BaseNode):
             self,
             self.roster,
             self.instance,
-            live.follow,
+            live.begin_run,
             version=lambda name: self._versions.standing(name).version,
         )
         for member in self.roster.members.values():
@@ -93,7 +92,7 @@ class HostNode(BaseNode):
             self.roster,
             self._runs,
             self.instance,
-            heard=lambda: is_matched(self, self._bids, self._calls, partner="market"),
+            matched=lambda: is_matched(self, self._bids, self._calls, partner="market"),
             changed=lambda: self._introductions.admit(self._membership.accepted),
         )
         self._reloading = ReloadService(
@@ -144,7 +143,7 @@ class HostNode(BaseNode):
         if self._changed and not self._runs.busy:
             self._changed = False
             members = self.roster.members.values()
-            self._runs.world.keep(node for member in members for node in _nodes(member.spec))
+            self._runs.world.retain(node for member in members for node in _nodes(member.spec))
 
     def _change(self, effect: ReloadEffect) -> None:
         """Change one agent, or leave it as it was; a tree that runs keeps what it began with."""
@@ -161,11 +160,11 @@ class HostNode(BaseNode):
                     f"{name}: what it has learned (revision {member.revision}) counts until the "
                     "feedback node has recorded the profile of the file"
                 )
-            if effect.act is ReloadAction.SWAP:
+            if effect.act is ReloadAction.REPLACE_TREE:
                 member.tunables = dict(member.tunables)
             self._replace(member, agent)
         if name in self.roster.members:
-            self.roster.members[name].leaving = self._versions.standing(name).leaving
+            self.roster.members[name].removal_reason = self._versions.standing(name).removal_reason
 
     def _add(self, agent: AgentSpec) -> None:
         try:
@@ -190,7 +189,7 @@ class HostNode(BaseNode):
         acts = {effect.act for effect in effects}
         if acts & {ReloadAction.ADD, ReloadAction.REMOVE}:
             self._membership.refresh()
-        if acts - {ReloadAction.NOTE}:
+        if acts - {ReloadAction.REPORT}:
             self._introductions.trees()
             self._introductions.files()
             self._changed = True
@@ -226,7 +225,7 @@ class HostNode(BaseNode):
                 self.roster.set_layer(agent, layer, request.values, request.revision)
                 response.message = f"{agent} bids with revision {request.revision} for {layer}"
             else:
-                self._tunables.take_profile(agent, request.values, request.revision)
+                self.roster.set_profile(agent, request.values, request.revision)
                 response.message = f"{agent} bids with revision {request.revision}"
         except Refused as refused:
             response.code, response.message = refused.code, refused.reason
@@ -251,7 +250,7 @@ class HostNode(BaseNode):
             )
         )
         self._membership.watch()
-        self._runs.look()
+        self._runs.check_stall()
 
 
 def _nodes(agent: AgentSpec) -> Iterator[NodeSpec]:

@@ -11,7 +11,6 @@ from rich.console import Console
 from rich.markup import escape
 from rich.text import Text
 
-from bt_agents_core.feedback import TUNING
 from bt_agents_core.scene import SceneSpace
 from bt_agents_tools.cli.constants import KINDS, OUTCOMES, code_words, word
 from bt_agents_tools.cli.scene_names import SceneNames
@@ -159,7 +158,7 @@ class EventPrinter:
             self._line("scene", f"{title} {self._words(message.message)}")
 
     def tree(self, message: Any) -> None:
-        """Show the nodes that changed in a tick, and modifiers that made something fail.
+        """Show the nodes that changed in a tick, and decorators that made something fail.
 
         First what ended, in the order of ending, then what began, parents before children.
         """
@@ -171,8 +170,8 @@ class EventPrinter:
             self._stopping = True
             self._line("run", f"[yellow]stopping {message.agent}:[/] its host hears no market")
         for change in [*ended, *sorted(begun, key=lambda change: _place(change.path))]:
-            modifier = "@" in change.path.rpartition("/")[2]
-            if change.status == change.INVALID or (modifier and change.status != change.FAILURE):
+            decorator = "@" in change.path.rpartition("/")[2]
+            if change.status == change.INVALID or (decorator and change.status != change.FAILURE):
                 continue
             depth = change.path.count("/")
             words = f" [dim]{escape(change.message)}[/]" if change.message else ""
@@ -197,12 +196,11 @@ class EventPrinter:
             self._start.setdefault(message.agent, list(message.before))
             self._now[message.agent] = list(message.after)
         style = {"positive": "green", "negative": "red"}.get(kind, "blue")
-        if message.source != TUNING:
-            self._line(
-                "feedback",
-                f"[{style}]{kind}[/] for {message.agent} by {escape(message.source)}"
-                + (f": {escape(message.reason)}" if message.reason else ""),
-            )
+        self._line(
+            "feedback",
+            f"[{style}]{kind}[/] for {message.agent} by {escape(message.source)}"
+            + (f": {escape(message.reason)}" if message.reason else ""),
+        )
         self._line(
             "profile",
             f"{who} {_vector(message.before)} → [bold]{_vector(message.after)}[/] "
@@ -222,9 +220,9 @@ class EventPrinter:
                     f"[dim]({escape(one.author + reason)}, revision {one.revision})[/]",
                 )
 
-    def news(self, words: str, bad: bool) -> None:
+    def changed(self, text: str, is_error: bool) -> None:
         """Say what is new with the agents themselves."""
-        self._line("agents", f"[{'red' if bad else 'bold'}]{escape(words)}[/]")
+        self._line("agents", f"[{'red' if is_error else 'bold'}]{escape(text)}[/]")
 
     def summary(self) -> None:
         """Print what happened in all, and every profile before and after."""

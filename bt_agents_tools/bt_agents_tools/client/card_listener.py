@@ -38,7 +38,7 @@ class CardListener:
             if news.agent:
                 self._ask(card.host, news)
             else:
-                self._tell(news.words, news.bad)
+                self._tell(news.text, news.is_error)
 
     def _ask(self, host: str, news: CardDifference) -> None:
         if host not in self._clients:
@@ -48,12 +48,12 @@ class CardListener:
 
         def answered(answer: Any) -> None:
             change = next((one.change for one in answer.versions if one.current), "")
-            self._tell(news.words + (f" ({change})" if change else ""), news.bad)
+            self._tell(news.text + (f" ({change})" if change else ""), news.is_error)
 
         self._calls.call(
             self._clients[host],
             ListVersions.Request(agent=news.agent),
             deadline_s=_LIMIT_S,
             on_answer=answered,
-            on_failure=lambda _reason: self._tell(news.words, news.bad),
+            on_failure=lambda _reason: self._tell(news.text, news.is_error),
         )

@@ -70,7 +70,7 @@ class Listener(Protocol):
     def tunings(self, message: Any) -> None:
         """Values were tuned; the last changes of a host, and first of all what is known of it."""
 
-    def news(self, words: str, bad: bool) -> None:
+    def changed(self, text: str, is_error: bool) -> None:
         """The agents of a host have changed, or something is wrong with their files."""
 
 
@@ -141,7 +141,7 @@ class Observer:
             self._tell(listener)
 
     def _tell(self, listener: Listener) -> None:
-        self._card_listener = CardListener(self.node, listener.news)
+        self._card_listener = CardListener(self.node, listener.changed)
         order = _InOrder(self.node)
         for kind, topic, deliver, profile in (
             (String, "visitors/current", lambda m: listener.visitor(m.data), qos.FACT),

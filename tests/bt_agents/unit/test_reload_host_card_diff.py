@@ -28,7 +28,7 @@ def news(*cards: Message) -> list[str]:
     watcher = CardDiff()
     for one in cards[:-1]:
         watcher.take(one)
-    return [one.words for one in watcher.take(cards[-1])]
+    return [one.text for one in watcher.take(cards[-1])]
 
 
 @pytest.mark.parametrize(

@@ -39,7 +39,9 @@ def causes(watched: Watched, name: str) -> list[tuple[int, str, str]]:
 def test_a_changed_tree_is_swapped_when_the_agent_does_not_run(watched):
     ann = watched.in_force["ann"]
     said = edit(watched, "bob", agent("bob", "{sequence: [{say: a}, {say: b}]}"))
-    assert said == ["swap bob: version 2 in force (tree changed: 1 node changed, 2 nodes added)"]
+    assert said == [
+        "replace bob: version 2 in force (tree changed: 1 node changed, 2 nodes added)"
+    ]
     assert watched.in_force["ann"] is ann
     assert causes(watched, "bob") == [
         (1, "start", ""),
@@ -68,8 +70,8 @@ def test_a_version_that_failed_is_taken_back_and_tried_again_with_the_next_readi
     assert watched.versions.standing("bob").problems
     assert causes(watched, "bob") == [(1, "start", "")]
     assert edit(watched, "ann", agent("ann", "{say: hi}")) == [
-        "swap ann: version 2 in force (tree changed: 1 node changed)",
-        "swap bob: version 2 in force (tree changed: 1 node changed)",
+        "replace ann: version 2 in force (tree changed: 1 node changed)",
+        "replace bob: version 2 in force (tree changed: 1 node changed)",
     ]
     assert not watched.versions.standing("bob").problems
 
@@ -87,7 +89,7 @@ def test_a_changed_default_is_a_retune_also_while_the_agent_runs(watched):
     edit(watched, "bob", agent("bob", WAIT, TUNABLES.format("8 s")))
     watched.running = "bob"
     said = edit(watched, "bob", agent("bob", WAIT, TUNABLES.format("12 s")))
-    assert said == ["retune bob: version 3 in force (patience: 8 s → 12 s)"]
+    assert said == ["update bob: version 3 in force (patience: 8 s → 12 s)"]
 
 
 @pytest.mark.parametrize(
@@ -107,19 +109,19 @@ def test_a_changed_default_is_a_retune_also_while_the_agent_runs(watched):
 def test_what_is_not_the_tree_comes_into_force_at_once(watched, head, words):
     watched.running = "bob"
     assert edit(watched, "bob", agent("bob", head=head)) == [
-        f"retune bob: version 2 in force ({words})"
+        f"update bob: version 2 in force ({words})"
     ]
 
 
 def test_a_changed_profile_says_which_parameter(watched):
     text = agent("bob").replace("{age: 3}", "{age: 4.5}")
-    assert edit(watched, "bob", text) == ["retune bob: version 2 in force (profile age: 3 → 4.5)"]
+    assert edit(watched, "bob", text) == ["update bob: version 2 in force (profile age: 3 → 4.5)"]
 
 
 def test_a_new_tunable_is_a_change_of_structure(watched):
     watched.running = "bob"
     said = edit(watched, "bob", agent("bob", head=TUNABLES.format("8 s")))
-    assert said == ["note bob: version 2 waits for the end of its run (tunable patience added)"]
+    assert said == ["report bob: version 2 waits for the end of its run (tunable patience added)"]
 
 
 def test_a_changed_tree_waits_for_the_end_of_the_run(watched):
@@ -127,12 +129,12 @@ def test_a_changed_tree_waits_for_the_end_of_the_run(watched):
     watched.running = "bob"
     said = edit(watched, "bob", agent("bob", "{say: bye}"))
     assert said == [
-        "note bob: version 2 waits for the end of its run (tree changed: 1 node changed)"
+        "report bob: version 2 waits for the end of its run (tree changed: 1 node changed)"
     ]
     assert watched.in_force["bob"] is before
     assert watched.versions.standing("bob").waiting
     assert watched.versions.waits("bob") == "version 2 of bob waits"
-    assert watched.end_run() == ["swap bob: version 2 in force (tree changed: 1 node changed)"]
+    assert watched.end_run() == ["replace bob: version 2 in force (tree changed: 1 node changed)"]
     assert not watched.versions.standing("bob").waiting
     assert watched.versions.standing("bob").version == 2
 
@@ -143,7 +145,7 @@ def test_only_the_newest_version_waits_and_the_file_may_go_back(watched):
     edit(watched, "bob", agent("bob", "{say: adieu}"))
     assert watched.versions.waits("bob") == "version 3 of bob waits"
     assert edit(watched, "bob", agent("bob")) == [
-        "note bob: version 1 stays in force, 3 does not wait any more"
+        "report bob: version 1 stays in force, 3 does not wait any more"
     ]
     assert watched.end_run() == []
     assert watched.versions.standing("bob").version == 1
@@ -152,13 +154,13 @@ def test_only_the_newest_version_waits_and_the_file_may_go_back(watched):
 def test_a_broken_file_leaves_the_last_good_version_in_force_and_says_what_is_wrong(watched):
     before = watched.in_force["bob"]
     (said,) = edit(watched, "bob", agent("bob", "{sya: hello}"))
-    assert said.startswith("note bob: bob.yaml is broken, version 1 stays in force: ")
+    assert said.startswith("report bob: bob.yaml is broken, version 1 stays in force: ")
     assert "bob.yaml:4:8: error[unknown-node]" in said
     assert watched.in_force["bob"] is before
     standing = watched.versions.standing("bob")
     assert "error[unknown-node]" in standing.problems[0]
     assert edit(watched, "bob", agent("bob")) == [
-        "note bob: bob.yaml is good again, version 1 stays"
+        "report bob: bob.yaml is good again, version 1 stays"
     ]
     assert watched.versions.standing("bob").problems == ()
     assert watched.in_force["bob"] is before
@@ -169,7 +171,7 @@ def test_a_file_that_breaks_while_a_version_waits_lets_that_wait_on(watched):
     edit(watched, "bob", agent("bob", "{say: bye}"))
     (said,) = edit(watched, "bob", "[")
     assert "version 2 still waits for the end of its run" in said
-    assert watched.end_run()[0].startswith("swap bob: version 2 in force")
+    assert watched.end_run()[0].startswith("replace bob: version 2 in force")
     assert watched.versions.standing("bob").problems
 
 
@@ -200,11 +202,11 @@ def test_an_agent_that_is_deleted_while_it_runs_leaves_at_the_end(watched):
     (watched.folder / "agents" / "bob.yaml").unlink()
     (said,) = watched.look()
     assert said.endswith("is gone; it leaves at the end of its run")
-    assert watched.versions.standing("bob").leaving
+    assert watched.versions.standing("bob").removal_reason
     with pytest.raises(Refused, match="NO_FILE"):
         watched.versions.wanted("bob", 1)
-    assert edit(watched, "bob", text) == ["note bob: bob.yaml is good again, version 1 stays"]
-    assert not watched.versions.standing("bob").leaving
+    assert edit(watched, "bob", text) == ["report bob: bob.yaml is good again, version 1 stays"]
+    assert not watched.versions.standing("bob").removal_reason
     (watched.folder / "agents" / "bob.yaml").unlink()
     watched.look()
     (said,) = watched.end_run()
@@ -240,21 +242,23 @@ def test_a_roll_back_is_the_newest_version_and_writes_the_file(watched):
     old = agent("bob")
     edit(watched, "bob", agent("bob", "{say: bye}"))
     assert watched.roll_back("bob") == [
-        "swap bob: version 3 in force (tree changed: 1 node changed)"
+        "replace bob: version 3 in force (tree changed: 1 node changed)"
     ]
     file = watched.folder / "agents" / "bob.yaml"
     assert file.read_text() == old
     assert watched.look() == []
     assert causes(watched, "bob")[-1][:2] == (3, "roll back to 1")
     assert watched.in_force["bob"].tree.fields["text"].value == "hello"
-    assert edit(watched, "bob", agent("bob", "{say: 'on'}"))[0].startswith("swap bob: version 4")
+    assert edit(watched, "bob", agent("bob", "{say: 'on'}"))[0].startswith(
+        "replace bob: version 4"
+    )
 
 
 def test_a_roll_back_of_a_running_tree_waits(watched):
     edit(watched, "bob", agent("bob", "{say: bye}"))
     watched.running = "bob"
-    assert watched.roll_back("bob", 1)[0].startswith("note bob: version 3 waits for the end")
-    assert watched.end_run()[0].startswith("swap bob: version 3 in force")
+    assert watched.roll_back("bob", 1)[0].startswith("report bob: version 3 waits for the end")
+    assert watched.end_run()[0].startswith("replace bob: version 3 in force")
     assert watched.look() == []
 
 
@@ -263,7 +267,7 @@ def test_a_roll_back_keeps_a_text_that_was_never_good(watched):
     edit(watched, "bob", "# work of an hour\n[")
     said = watched.roll_back("bob", 2)
     assert said == [
-        "note bob: version 2 stays",
+        "report bob: version 2 stays",
         "what stood in bob.yaml is kept in bob.yaml~",
     ]
     assert (watched.folder / "agents" / "bob.yaml~").read_text() == "# work of an hour\n["
@@ -281,12 +285,12 @@ def test_a_roll_back_to_what_cannot_be_written_is_in_force_anyway_and_stays_so(
 
     monkeypatch.setattr("bt_agents.host.reload.folder_watch.write_atomically", refuse)
     said = watched.roll_back("bob", 1)
-    assert said[0].startswith("swap bob: version 3 in force")
+    assert said[0].startswith("replace bob: version 3 in force")
     assert said[1].endswith(
         "bob.yaml could not be written (Permission denied) and holds another text"
     )
     assert watched.look() == []
-    assert edit(watched, "ann", agent("ann", "{say: bye}"))[0].startswith("swap ann")
+    assert edit(watched, "ann", agent("ann", "{say: bye}"))[0].startswith("replace ann")
     assert watched.in_force["bob"].tree.fields["text"].value == "hello"
 
 
@@ -326,4 +330,4 @@ def test_the_last_versions_are_kept_and_the_one_in_force_always(watched):
 def test_two_nodes_that_change_places_are_another_order(watched):
     edit(watched, "bob", agent("bob", "{sequence: [{say: a}, {say: b}]}"))
     said = edit(watched, "bob", agent("bob", "{sequence: [{say: b}, {say: a}]}"))
-    assert said == ["swap bob: version 3 in force (tree changed: nodes in another order)"]
+    assert said == ["replace bob: version 3 in force (tree changed: nodes in another order)"]

@@ -36,14 +36,14 @@ class CardDifference:
     """One thing that is new.
 
     Attributes:
-        words: For people.
+        text: For people.
         agent: Whose version is new, so that its host can be asked what has changed; else empty.
-        bad: True when somebody has to mend something.
+        is_error: True when somebody has to mend something.
     """
 
-    words: str
+    text: str
     agent: str = ""
-    bad: bool = False
+    is_error: bool = False
 
 
 class CardDiff:
@@ -61,13 +61,11 @@ class CardDiff:
         had = {agent.name: agent for agent in before.agents}
         has = {agent.name: agent for agent in card.agents}
         news = [
-            CardDifference(words=f"{name} does not bid any more")
-            for name in had
-            if name not in has
+            CardDifference(text=f"{name} does not bid any more") for name in had if name not in has
         ]
         if had:
             # A host that the market has just taken brings all of them.
-            news += [CardDifference(words=f"{name} bids now") for name in has if name not in had]
+            news += [CardDifference(text=f"{name} bids now") for name in has if name not in had]
         for name in has:
             if name in had:
                 news += _of_agent(had[name], has[name])
@@ -90,13 +88,13 @@ def _of_agent(before: AgentOnCard, now: AgentOnCard) -> list[CardDifference]:
     name = now.name
     news = []
     if now.version != before.version:
-        news.append(CardDifference(words=f"{name}: version {now.version} in force", agent=name))
+        news.append(CardDifference(text=f"{name}: version {now.version} in force", agent=name))
     if now.waiting and not before.waiting:
-        news.append(CardDifference(words=f"{name}: a newer version waits for the end of its run"))
+        news.append(CardDifference(text=f"{name}: a newer version waits for the end of its run"))
     if now.degraded and list(now.problems) != list(before.problems):
-        news.append(CardDifference(words=_degraded(now), bad=True))
+        news.append(CardDifference(text=_degraded(now), is_error=True))
     if before.degraded and not now.degraded and now.version == before.version:
-        news.append(CardDifference(words=f"{name}: its file is good again"))
+        news.append(CardDifference(text=f"{name}: its file is good again"))
     return news
 
 
@@ -120,7 +118,7 @@ def _of_folder(
     told = {form for agent in agents.values() for form in _told(agent)}
     known = {*before.problems, *told}
     news = [
-        CardDifference(words=problem, bad=True)
+        CardDifference(text=problem, is_error=True)
         for problem in card.problems
         if problem not in known
     ]
@@ -128,8 +126,8 @@ def _of_folder(
     gone = [one for one in before.problems if one not in own and one not in card.problems]
     mended = _files(gone) - _files([*card.problems, *own])
     over = [f"no longer: {one}" for one in gone if _PLACE.match(one) is None]
-    words = [*(f"{file} is good again" for file in sorted(mended)), *over]
-    return [*news, *(CardDifference(words=one) for one in words)]
+    texts = [*(f"{file} is good again" for file in sorted(mended)), *over]
+    return [*news, *(CardDifference(text=one) for one in texts)]
 
 
 def _told(agent: AgentOnCard) -> Iterator[str]:

@@ -10,21 +10,21 @@ from bt_agents_language.model.specs import AgentSpec
 
 
 class ReloadAction(Enum):
-    """What is to be done with an agent."""
+    """Kind of an effect."""
 
     ADD = "add"
     REMOVE = "remove"
-    SWAP = "swap"
+    REPLACE_TREE = "replace"
     """Give it another tree for its next run."""
-    RETUNE = "retune"
+    UPDATE_VALUES = "update"
     """Give it other values, also while it runs; its tree is the same."""
-    NOTE = "note"
-    """Nothing but telling people."""
+    REPORT = "report"
+    """Report to people; nothing else changes."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class ReloadEffect:
-    """What a change of a file leads to.
+    """Effect of a changed file on one agent.
 
     Attributes:
         act: What is to be done.

@@ -44,12 +44,14 @@ class Request:
     Attributes:
         done: Called once, when it is over.
         words: What has changed, one entry an agent.
+        agents: The agents that these are about.
         error: Why it did not work; empty when it did.
     """
 
     done: Callable[[Request], None]
     deadline: float
     words: list[str] = field(default_factory=list)
+    agents: set[str] = field(default_factory=set)
     error: str = ""
 
 
@@ -180,6 +182,7 @@ class ReloadService:
         self._effects.append(effect)
         for request in self._requests:
             request.words.append(effect.words)
+            request.agents.add(effect.name)
 
     def _tell(self) -> None:
         """Tell of what has been done, once nothing is left; whoever has asked is answered."""

@@ -44,13 +44,13 @@ class AgentStatus:
     Attributes:
         version: Number of the version in force.
         waiting: True when another one comes into force at the end of its run.
-        leaving: Why it goes at the end of its run; empty when it stays.
+        removal_reason: Why it goes at the end of its run; empty when it stays.
         problems: Why its file is not in force, one line each; empty when it is.
     """
 
     version: int
     waiting: bool
-    leaving: str
+    removal_reason: str
     problems: tuple[str, ...]
 
 
@@ -63,7 +63,7 @@ class VersionHistory:
         seen: Its file as it was read last.
         kept: Those that can be rolled back to, oldest first.
         waiting: The one that comes into force at the end of its run; None for none.
-        leaving: Why it goes at the end of its run; empty when it stays.
+        removal_reason: Why it goes at the end of its run; empty when it stays.
         problems: Why its file is not in force, one line each; empty when it is.
     """
 
@@ -71,7 +71,7 @@ class VersionHistory:
     seen: AgentFile
     kept: list[Version] = field(default_factory=list)
     waiting: Version | None = None
-    leaving: str = ""
+    removal_reason: str = ""
     problems: tuple[str, ...] = ()
 
     @property

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection
 
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from rclpy.node import Node
@@ -55,15 +55,14 @@ class ReloadServices:
         response.accepted = not (request.error or problems)
         changed = [request.error] if request.error else list(request.words)
         hurried = self._hurry(asked.now, self._runs.running)
-        waits = "" if hurried else self._waits_unsaid(changed)
+        waits = "" if hurried else self._waits_unsaid(request.agents)
         response.message = "\n".join(report([*changed, *hurried], waits, problems))
         return response
 
-    def _waits_unsaid(self, changed: Sequence[str]) -> str:
+    def _waits_unsaid(self, changed: Collection[str]) -> str:
         """Return what waits for the end of the run, unless what has changed says so already."""
         running = self._runs.running
-        said = any(words.startswith(f"{running}: ") for words in changed)
-        return "" if said else self._versions.waits(running)
+        return "" if running in changed else self._versions.waits(running)
 
     async def _roll_back(
         self, asked: RollBack.Request, response: RollBack.Response

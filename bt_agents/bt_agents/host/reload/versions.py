@@ -49,7 +49,7 @@ class AgentVersions:
         affected = [name for name in gone if self._is_news(name)]
         for name, file in self._good.items():
             shelf = self._shelves.get(name)
-            if shelf is None or shelf.seen is not file or shelf.problems or shelf.leaving:
+            if shelf is None or shelf.seen is not file or shelf.problems or shelf.removal_reason:
                 affected.append(name)
         return affected
 
@@ -73,12 +73,12 @@ class AgentVersions:
         shelf = self._shelves.get(name)
         if shelf is None:
             return None
-        if shelf.leaving:
-            return self._remove(name, shelf, shelf.leaving)
+        if shelf.removal_reason:
+            return self._remove(name, shelf, shelf.removal_reason)
         if shelf.waiting is None:
             return None
         shelf.current, shelf.waiting = shelf.waiting, None
-        return self._in_force(name, shelf.current, ReloadAction.SWAP)
+        return self._in_force(name, shelf.current, ReloadAction.REPLACE_TREE)
 
     def failed(self, effect: ReloadEffect, error: str) -> ReloadEffect:
         """Take back a version that could not be brought into force; return what to tell.
@@ -106,7 +106,7 @@ class AgentVersions:
                 f"{shelf.current.number} stays: {error}"
             )
             shelf.problems = (words,)
-        return ReloadEffect(act=ReloadAction.NOTE, name=name, words=words, bad=True)
+        return ReloadEffect(act=ReloadAction.REPORT, name=name, words=words, bad=True)
 
     def standing(self, name: str) -> AgentStatus:
         """Return how an agent stands."""
@@ -114,7 +114,7 @@ class AgentVersions:
         return AgentStatus(
             version=shelf.current.number,
             waiting=shelf.waiting is not None,
-            leaving=shelf.leaving,
+            removal_reason=shelf.removal_reason,
             problems=shelf.problems,
         )
 
@@ -125,7 +125,7 @@ class AgentVersions:
             return ""
         if shelf.waiting is not None:
             return f"version {shelf.waiting.number} of {name} waits"
-        return f"{name} leaves" if shelf.leaving else ""
+        return f"{name} leaves" if shelf.removal_reason else ""
 
     def names(self) -> tuple[str, ...]:
         """Return the names of all agents that have a version in force."""
@@ -154,9 +154,10 @@ class AgentVersions:
             Refused: ``UNKNOWN_AGENT``, ``UNKNOWN_VERSION``, ``SAME_VERSION``, or ``NO_FILE``.
         """
         shelf = self._shelf(name)
-        if shelf.leaving:
+        if shelf.removal_reason:
             raise Refused(
-                "NO_FILE", f"{name} leaves at the end of its run ({shelf.leaving}); put it back"
+                "NO_FILE",
+                f"{name} leaves at the end of its run ({shelf.removal_reason}); put it back",
             )
         known = [one.number for one in shelf.kept]
         if number == 0:
@@ -206,7 +207,7 @@ class AgentVersions:
             self._good[name] = file
         if version is shelf.newest:
             words = f"{name}: version {version.number} stays"
-            return ReloadEffect(act=ReloadAction.NOTE, name=name, words=words)
+            return ReloadEffect(act=ReloadAction.REPORT, name=name, words=words)
         file = file or version.file
         return self._newer(name, shelf, file, f"roll back to {version.number}", running, stamp)
 
@@ -220,7 +221,7 @@ class AgentVersions:
         """Return whether it is new how an agent stands that has no good file."""
         shelf = self._shelves[name]
         problems = self._problems(name)
-        return problems != shelf.problems if problems else not shelf.leaving
+        return problems != shelf.problems if problems else not shelf.removal_reason
 
     def _problems(self, name: str) -> tuple[str, ...]:
         """Return what is wrong with the file that an agent comes from; empty when it is gone."""
@@ -239,14 +240,14 @@ class AgentVersions:
             if shelf.waiting is not None:
                 stays = f"version {shelf.waiting.number} still waits for the end of its run"
             words = f"{name}: {shelf.seen.file.name} is broken, {stays}: {problems[0]}{more}"
-            return ReloadEffect(act=ReloadAction.NOTE, name=name, words=words, bad=True)
+            return ReloadEffect(act=ReloadAction.REPORT, name=name, words=words, bad=True)
         reason = self._why_gone(name, shelf)
         if name != running:
             return self._remove(name, shelf, reason)
-        shelf.leaving, shelf.waiting = reason, None
+        shelf.removal_reason, shelf.waiting = reason, None
         shelf.problems = (reason,)
         words = f"{name}: {reason}; it leaves at the end of its run"
-        return ReloadEffect(act=ReloadAction.NOTE, name=name, words=words)
+        return ReloadEffect(act=ReloadAction.REPORT, name=name, words=words)
 
     def _why_gone(self, name: str, shelf: VersionHistory) -> str:
         file = shelf.seen.file
@@ -259,7 +260,7 @@ class AgentVersions:
 
     def _remove(self, name: str, shelf: VersionHistory, reason: str) -> ReloadEffect:
         del self._shelves[name]
-        shelf.leaving, shelf.problems = "", ()
+        shelf.removal_reason, shelf.problems = "", ()
         self._departed[name] = shelf
         while len(self._departed) > _DEPARTED_KEPT:
             self._departed.popitem(last=False)
@@ -284,19 +285,19 @@ class AgentVersions:
         self, name: str, shelf: VersionHistory, file: AgentFile, running: str, stamp: float
     ) -> ReloadEffect | None:
         mended = bool(shelf.problems)
-        shelf.seen, shelf.problems, shelf.leaving = file, (), ""
+        shelf.seen, shelf.problems, shelf.removal_reason = file, (), ""
         if _same(shelf.newest.file, file):
             if not mended:
                 return None
             words = f"{name}: {file.file.name} is good again, version {shelf.newest.number} stays"
-            return ReloadEffect(act=ReloadAction.NOTE, name=name, words=words)
+            return ReloadEffect(act=ReloadAction.REPORT, name=name, words=words)
         if shelf.waiting is not None and _same(shelf.current.file, file):
             dropped, shelf.waiting = shelf.waiting, None
             words = (
                 f"{name}: version {shelf.current.number} stays in force, {dropped.number} does "
                 "not wait any more"
             )
-            return ReloadEffect(act=ReloadAction.NOTE, name=name, words=words)
+            return ReloadEffect(act=ReloadAction.REPORT, name=name, words=words)
         return self._newer(name, shelf, file, file.cause, running, stamp)
 
     def _newer(
@@ -315,10 +316,10 @@ class AgentVersions:
             words = (
                 f"{name}: version {version.number} waits for the end of its run ({version.change})"
             )
-            return ReloadEffect(act=ReloadAction.NOTE, name=name, words=words)
+            return ReloadEffect(act=ReloadAction.REPORT, name=name, words=words)
         shelf.current, shelf.waiting = version, None
         return self._in_force(
-            name, version, ReloadAction.SWAP if structure else ReloadAction.RETUNE
+            name, version, ReloadAction.REPLACE_TREE if structure else ReloadAction.UPDATE_VALUES
         )
 
     def _version(

@@ -1,0 +1,59 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Simulated feedback for experiments: a prepared list instead of a person, as in the paper."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from bt_agents_core.scene import Vector
+from bt_agents_language.model.experiment import PreparedFeedback
+
+
+class SimulatedFeedback:
+    """Hands out prepared feedback vectors, one for each run.
+
+    Section 2.3.4 of the paper: "a previously generated list of simulated user feedback". Every row
+    of the list counts, the first one too.
+
+    Args:
+        prepared: The feedback.
+    """
+
+    def __init__(self, prepared: PreparedFeedback) -> None:
+        self._prepared = prepared
+        self._given = 0
+        self._used = 0
+
+    def resume(self, given: Mapping[str, int]) -> None:
+        """Go on after feedback that was given before a restart.
+
+        Args:
+            given: Agent → how often it was given some.
+        """
+        prepared = self._prepared
+        self._given = sum(given.values())
+        self._used = sum(count for agent, count in given.items() if agent not in prepared.each)
+        if prepared.repeat and prepared.sequence:
+            self._used %= len(prepared.sequence)
+
+    def next(self, agent: str) -> Vector | None:
+        """Return the feedback for a run of ``agent`` that has just ended; None for no feedback."""
+        meant = self._meant(agent)
+        if meant is None:
+            return None
+        errors = self._prepared.errors
+        wrong = errors.instead(self._given) if errors else None
+        self._given += 1
+        return meant if wrong is None else wrong
+
+    def _meant(self, agent: str) -> Vector | None:
+        prepared = self._prepared
+        if agent in prepared.each:
+            return prepared.each[agent]
+        if self._used >= len(prepared.sequence):
+            if not (prepared.repeat and prepared.sequence):
+                return None
+            self._used = 0
+        vector = prepared.sequence[self._used]
+        self._used += 1
+        return vector
