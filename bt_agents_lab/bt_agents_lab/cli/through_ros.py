@@ -101,7 +101,7 @@ def _record(
     recorder = _Recorder()
     client.record(observer, recorder.auction, recorder.feedback)
     try:
-        observer.turn_until(
+        observer.spin_until(
             lambda: bool(interrupt or supervisor.dead()) or observer.ready(agents), _STALL_S
         )
         if not interrupt and not observer.ready(agents):
@@ -116,7 +116,7 @@ def _record(
             last_change = time.monotonic()
             while len(recorder.records) < spec.rounds and not interrupt:
                 before = len(recorder.records)
-                observer.turn_until(lambda: len(recorder.records) >= spec.rounds, _POLL_S)
+                observer.spin_until(lambda: len(recorder.records) >= spec.rounds, _POLL_S)
                 progress.update(task, completed=len(recorder.records))
                 if len(recorder.records) > before:
                     last_change = time.monotonic()

@@ -62,9 +62,9 @@ def wait_for_market(observer: Observer, domain: int) -> None:
             "a marketplace" if observer.namespace in observer.namespaces_of_markets() else ""
         )
 
-    if observer.turn_until(heard, FIND_LIMIT_S):
+    if observer.spin_until(heard, FIND_LIMIT_S):
         return
-    if there() and observer.turn_until(heard, BUSY_LIMIT_S - FIND_LIMIT_S):
+    if there() and observer.spin_until(heard, BUSY_LIMIT_S - FIND_LIMIT_S):
         return
     raise BtAgentsError(_unheard(domain, observer, there()))
 
@@ -104,7 +104,7 @@ def hosts(observer: Observer) -> list[str]:
     Raises:
         BtAgentsError: There is none.
     """
-    observer.turn_until(lambda: _all_cards(observer), BUSY_LIMIT_S)
+    observer.spin_until(lambda: _all_cards(observer), BUSY_LIMIT_S)
     if not observer.cards:
         raise BtAgentsError("no host of agents is running; look at 'bt-agents status'")
     return sorted(observer.cards)
@@ -126,7 +126,7 @@ def host_of(observer: Observer, agent: str) -> str:
         cards = observer.cards.items()
         return next((h for h, card in cards if any(a.name == agent for a in card.agents)), "")
 
-    observer.turn_until(lambda: bool(found()) or _all_cards(observer), BUSY_LIMIT_S)
+    observer.spin_until(lambda: bool(found()) or _all_cards(observer), BUSY_LIMIT_S)
     if not found():
         names = sorted(a.name for card in observer.cards.values() for a in card.agents)
         raise BtAgentsError(f"no agent '{agent}' here; {did_you_mean(agent, names)}".rstrip("; "))

@@ -28,7 +28,7 @@ def heard_decisions(observer: Observer) -> list[Any]:
     from bt_agents_tools.client import system
 
     auctions = system.decisions(observer)
-    observer.turn_until(
+    observer.spin_until(
         lambda: (auctions[-1].round if auctions else 0) >= observer.market.round, FIND_LIMIT_S
     )
     return auctions

@@ -128,7 +128,7 @@ class Observer:
         self.cards: dict[str, Any] = {}
         self.profiles: Any = None
         self.visits_done = False
-        self._turner = Spinner(self.node)
+        self._spinner = Spinner(self.node)
         self._card_listener: CardListener | None = None
         self._subscribe(MarketStatus, "market", self._take_market, qos.FACT)
         self._subscribe(HostCard, "cards", self._take_card, qos.FACTS)
@@ -229,7 +229,7 @@ class Observer:
 
     def turn_until(self, done: Callable[[], bool], limit_s: float) -> bool:
         """Turn until ``done()`` is true or the time is up; return ``done()``."""
-        return self._turner.turn_until(done, limit_s)
+        return self._spinner.spin_until(done, limit_s)
 
     def call(
         self, kind: Any, name: str, request: Any, limit_s: float = 5.0, *, find_s: float = _FIND_S
@@ -244,15 +244,15 @@ class Observer:
             find_s: For the service itself [s].
         """
         client = self.node.create_client(kind, name, qos_profile=qos.SERVICE)
-        if not self.turn_until(client.service_is_ready, find_s):
+        if not self.spin_until(client.service_is_ready, find_s):
             return None
         future = client.call_async(request)
-        self.turn_until(future.done, limit_s)
+        self.spin_until(future.done, limit_s)
         return future.result() if future.done() else None
 
     def close(self) -> None:
         """Leave the ROS graph."""
-        self._turner.close()
+        self._spinner.close()
         rclpy.try_shutdown()
 
 

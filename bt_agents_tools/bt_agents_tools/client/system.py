@@ -149,7 +149,7 @@ def trees(observer: Observer) -> dict[tuple[str, str], str]:
         for tree in message.trees:
             names.update({(tree.agent, node.path): node.name for node in tree.nodes})
 
-    observer.turn_until(lambda: bool(observer.cards), _CARDS_S)
+    observer.spin_until(lambda: bool(observer.cards), _CARDS_S)
     for host in observer.cards:
         observer.node.create_subscription(Trees, f"{host}/trees", take, qos.FACT)
     return names

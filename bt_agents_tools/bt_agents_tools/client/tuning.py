@@ -69,7 +69,7 @@ def tunings(observer: Observer, host: str) -> Any:
     subscription = observer.node.create_subscription(
         Tunings, f"{host}/tunings", heard.append, qos.FACT
     )
-    observer.turn_until(lambda: bool(heard), 3.0)
+    observer.spin_until(lambda: bool(heard), 3.0)
     observer.node.destroy_subscription(subscription)
     if not heard:
         raise BtAgentsError(f"{host} does not say what was tuned; look at 'bt-agents status'")

@@ -15,7 +15,7 @@ from pathlib import Path
 
 from bt_agents_core.errors import BtAgentsError
 from bt_agents_ros.node_main import READY, SUPERVISED
-from bt_agents_ros.signals import hold_back
+from bt_agents_ros.signals import block_sigint
 from bt_agents_tools.launcher.backoff import Backoff
 from bt_agents_tools.launcher.log_file import LogFile
 
@@ -320,7 +320,7 @@ def spawn(component: Component, log: LogFile, start: int) -> tuple[subprocess.Po
         "RCUTILS_COLORIZED_OUTPUT": "0",
         "PYTHONUNBUFFERED": "1",
     }
-    held_back = hold_back()
+    signal_mask = block_sigint()
     try:
         with log.open(start) as file:
             process = subprocess.Popen(
@@ -336,7 +336,7 @@ def spawn(component: Component, log: LogFile, start: int) -> tuple[subprocess.Po
         os.close(ready)
         raise
     finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, held_back)
+        signal.pthread_sigmask(signal.SIG_SETMASK, signal_mask)
         os.close(says_ready)
     return process, ready
 

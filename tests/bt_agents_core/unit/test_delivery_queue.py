@@ -11,7 +11,7 @@ from bt_agents_core.delivery_queue import DeliveryQueue
 
 
 class Post:
-    """Letters, and a clock that only the test moves."""
+    """DeliveryQueue, and a clock that only the test moves."""
 
     def __init__(self, most: int = 3) -> None:
         self.now = 50.0
@@ -19,7 +19,7 @@ class Post:
 
     def send(self) -> str | None:
         """Send what is due; return it."""
-        letter = self.letters.due
+        letter = self.letters.next_to_send
         if letter is not None:
             self.letters.sent()
         return letter
@@ -28,17 +28,17 @@ class Post:
 def test_letters_are_sent_in_order_and_the_next_one_only_after_the_answer():
     post = Post()
     for letter in ("a", "b"):
-        assert post.letters.put(letter) is None
+        assert post.letters.enqueue(letter) is None
     assert (post.send(), post.send()) == ("a", None)
-    assert post.letters.answered("a")
+    assert post.letters.acknowledge("a")
     assert (post.send(), len(post.letters)) == ("b", 1)
-    assert post.letters.answered("b")
+    assert post.letters.acknowledge("b")
     assert (post.send(), len(post.letters)) == (None, 0)
 
 
 def test_a_letter_without_an_answer_in_time_is_due_again():
     post = Post()
-    post.letters.put("a")
+    post.letters.enqueue("a")
     post.send()
     post.now += 1.9
     assert (post.send(), post.letters.overdue) == (None, False)
@@ -50,33 +50,33 @@ def test_a_letter_without_an_answer_in_time_is_due_again():
 
 def test_a_letter_to_somebody_who_has_gone_is_due_at_once():
     post = Post()
-    post.letters.put("a")
+    post.letters.enqueue("a")
     post.send()
-    post.letters.undelivered()
+    post.letters.peer_lost()
     assert post.send() == "a"
 
 
 def test_a_late_answer_to_an_earlier_sending_counts_once():
     post = Post()
     for letter in ("a", "b"):
-        post.letters.put(letter)
+        post.letters.enqueue(letter)
     post.send()
     post.now += 2.0
     post.send()
-    assert post.letters.answered("a")
-    assert not post.letters.answered("a")
+    assert post.letters.acknowledge("a")
+    assert not post.letters.acknowledge("a")
     assert post.send() == "b"
 
 
 @pytest.mark.parametrize("under_way", [False, True])
 def test_too_many_letters_push_the_oldest_one_out_even_when_it_is_under_way(under_way):
     post = Post(most=2)
-    post.letters.put("a")
+    post.letters.enqueue("a")
     if under_way:
         post.send()
-    assert post.letters.put("b") is None
-    assert post.letters.put("c") == "a"
-    assert not post.letters.answered("a")
+    assert post.letters.enqueue("b") is None
+    assert post.letters.enqueue("c") == "a"
+    assert not post.letters.acknowledge("a")
     assert (len(post.letters), post.send()) == (2, "b")
 
 
@@ -89,15 +89,15 @@ def test_whatever_gets_lost_on_the_way_each_letter_arrives_in_order(seed):
     waiting = list(wanted)
     for _ in range(10_000):
         if waiting and random.random() < 0.3:
-            post.letters.put(waiting.pop(0))
+            post.letters.enqueue(waiting.pop(0))
         letter = post.send()
         if letter is not None and random.random() < 0.6:
             if letter not in arrived:
                 arrived.append(letter)
             if random.random() < 0.6:
-                assert post.letters.answered(letter)
+                assert post.letters.acknowledge(letter)
         if random.random() < 0.1:
-            post.letters.undelivered()
+            post.letters.peer_lost()
         post.now += random.random()
     assert arrived == wanted
     assert len(post.letters) == 0

@@ -42,8 +42,8 @@ def moods(agent: str, round_number: int) -> None:
                 if agent in ("", trace.agent) and round_number in (0, trace.round)
             ]
 
-        observer.turn_until(lambda: bool(found()), FIND_LIMIT_S)
-        observer.turn_until(lambda: False, _SETTLE_S)
+        observer.spin_until(lambda: bool(found()), FIND_LIMIT_S)
+        observer.spin_until(lambda: False, _SETTLE_S)
         if not found():
             raise BtAgentsError(_nothing(agent, round_number, traces))
         trace = found()[-1]
@@ -63,7 +63,7 @@ def _nothing(agent: str, round_number: int, traces: list[Any]) -> str:
 
 
 def _names(observer: Observer, trees: dict[tuple[str, str], str], agent: str) -> dict[str, str]:
-    observer.turn_until(lambda: any(of == agent for of, _ in trees), FIND_LIMIT_S)
+    observer.spin_until(lambda: any(of == agent for of, _ in trees), FIND_LIMIT_S)
     return {path: name for (of, path), name in trees.items() if of == agent}
 
 

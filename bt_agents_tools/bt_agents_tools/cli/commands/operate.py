@@ -116,7 +116,7 @@ def _scene(
     from bt_agents_tools.client import market
 
     auctions = heard_decisions(observer)
-    observer.turn_until(lambda: observer.profiles is not None, FIND_LIMIT_S)
+    observer.spin_until(lambda: observer.profiles is not None, FIND_LIMIT_S)
     like = auctions[-1].scene if auctions else None
     names = _parameters(observer, like)
     unknown = next((name for name, _ in values if name not in names), None)

@@ -73,15 +73,15 @@ def trigger(values: Assignments, label: str, person: bool, urgent: bool) -> None
         def waits() -> bool:
             return not rounds() and bool(observer.market.queued)
 
-        observer.turn_until(lambda: decided() or waits(), _DECIDE_LIMIT_S)
+        observer.spin_until(lambda: decided() or waits(), _DECIDE_LIMIT_S)
         if waits():
             # It may still be asked about, or be refused.
-            observer.turn_until(lambda: decided() or bool(rounds()), _CHALLENGE_LIMIT_S)
-        known = observer.turn_until(decided, _DECIDE_LIMIT_S) if rounds() else decided()
+            observer.spin_until(lambda: decided() or bool(rounds()), _CHALLENGE_LIMIT_S)
+        known = observer.spin_until(decided, _DECIDE_LIMIT_S) if rounds() else decided()
         scene_names = names_of_scenes(auctions)
         if any(auction.outcome == auction.WAITS for auction in rounds()[-1:]):
             # There may be no room to wait.
-            observer.turn_until(lambda: end() is not None, _SOON_S)
+            observer.spin_until(lambda: end() is not None, _SOON_S)
         for auction in rounds():
             click.echo(f"round {auction.round}: {headline(auction)}")
             click.echo(scene_names.in_words(auction.reason))
@@ -151,8 +151,8 @@ def status() -> None:
         from bt_agents_tools.client import system
 
         auctions, ends = system.decisions(observer), system.scene_ends(observer)
-        observer.turn_until(lambda: bool(observer.cards), FIND_LIMIT_S)
-        observer.turn_until(lambda: _heard_last(observer, ends), _SOON_S)
+        observer.spin_until(lambda: bool(observer.cards), FIND_LIMIT_S)
+        observer.spin_until(lambda: _heard_last(observer, ends), _SOON_S)
         market, names = observer.market, names_of_scenes(auctions)
         known = any(end.scene_id == market.finished_scene_id for end in ends[-_ENDS_SHOWN:])
         state = word(market, market.state, STATES)
@@ -217,7 +217,7 @@ def why(round_number: int | None, as_json: bool) -> None:
 
         ends = system.scene_ends(observer)
         auctions = heard_decisions(observer)
-        observer.turn_until(lambda: _heard_last(observer, ends), _SOON_S)
+        observer.spin_until(lambda: _heard_last(observer, ends), _SOON_S)
         found = [a for a in auctions if round_number is None or a.round == round_number]
         if not found:
             kept = ", ".join(str(a.round) for a in auctions)
@@ -270,7 +270,7 @@ def feedback(kind: str, values: Assignments, agent: str, reason: str) -> None:
     with running_system() as observer:
         from bt_agents_tools.client import system
 
-        observer.turn_until(lambda: observer.profiles is not None, FIND_LIMIT_S)
+        observer.spin_until(lambda: observer.profiles is not None, FIND_LIMIT_S)
         wanted = _wanted(observer, values) if kind in ("direct", "set") else _columns(values)[1]
         answer = system.give_feedback(observer, agent, kind, wanted, reason)
         answer = accepted(answer, "the feedback node")

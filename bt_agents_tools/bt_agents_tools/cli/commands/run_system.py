@@ -212,7 +212,7 @@ def _run(
     observer = graph.Observer(story)
     observer.hear_heartbeats(supervisor.hear)
     try:
-        observer.turn_until(lambda: bool(interrupt) or observer.market is not None, _NEIGHBOUR_S)
+        observer.spin_until(lambda: bool(interrupt) or observer.market is not None, _NEIGHBOUR_S)
         if observer.market is not None:
             raise BtAgentsError(
                 f"a system already runs on ROS domain {domain}; end it, or set ROS_DOMAIN_ID to "
@@ -262,7 +262,7 @@ def _get_ready(
     end = time.monotonic() + _READY_LIMIT_S
     while not (interrupt or ready()) and time.monotonic() < end:
         _keep_alive(console, supervisor)
-        observer.turn_until(lambda: bool(interrupt) or ready(), _LOOK_S)
+        observer.spin_until(lambda: bool(interrupt) or ready(), _LOOK_S)
     if not interrupt and not ready():
         logs = supervisor.log("agents").parent
         raise BtAgentsError(f"not ready after {_READY_LIMIT_S:g} s; the logs are in {logs}")
@@ -294,7 +294,7 @@ def _follow(
         _keep_alive(console, supervisor)
         if time.monotonic() > limit:
             raise BtAgentsError(f"the demo did not end within {_DEMO_LIMIT_S:g} s")
-        observer.turn_until(lambda: bool(interrupt) or observer.visits_done, _LOOK_S)
+        observer.spin_until(lambda: bool(interrupt) or observer.visits_done, _LOOK_S)
 
 
 def _keep_alive(console: Console, supervisor: Supervisor) -> None:

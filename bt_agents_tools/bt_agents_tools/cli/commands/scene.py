@@ -90,10 +90,10 @@ def _looks(observer: Observer) -> Iterator[tuple[Any, Any]]:
     while True:
         answer = system.analyze(observer, [], [], announce=False)
         message = accepted(answer, "the scene layer").scene
-        observer.turn_until(lambda: bool(heard), _SETTLE_S)
+        observer.spin_until(lambda: bool(heard), _SETTLE_S)
         yield message, heard[-1] if heard else None
         del heard[:-1]
-        observer.turn_until(lambda: False, _PERIOD_S)
+        observer.spin_until(lambda: False, _PERIOD_S)
 
 
 def page(message: Any, persons: Any, labels: Labels) -> RenderableType:
