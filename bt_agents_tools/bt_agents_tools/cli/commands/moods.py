@@ -13,7 +13,7 @@ from rich.table import Table
 from rich.text import Text
 
 from bt_agents_core.errors import BtAgentsError
-from bt_agents_tools.cli.connection import FIND_LIMIT_S, running_system
+from bt_agents_tools.cli.connection import FIND_LIMIT_S, connect
 
 if TYPE_CHECKING:
     from bt_agents_tools.client.observer import Observer
@@ -29,7 +29,7 @@ def moods(agent: str, round_number: int) -> None:
 
     Without an AGENT it is the last run of all.
     """
-    with running_system() as observer:
+    with connect() as observer:
         from bt_agents_tools.client import system
 
         traces = system.mood_traces(observer)

@@ -9,7 +9,7 @@ from typing import Any
 
 import click
 
-from bt_agents_tools.cli.connection import accepted, host_of, hosts, running_system
+from bt_agents_tools.cli.connection import accepted, connect, find_host, find_hosts
 
 _NOW = "Do not wait for the end of a run: cancel it, with its clean-up."
 
@@ -23,10 +23,10 @@ def reload(now: bool) -> None:
     for the end of a run, and what is broken: then the exit code is 1.
     """
     fine = True
-    with running_system() as observer:
+    with connect() as observer:
         from bt_agents_tools.client import reloading
 
-        for host in hosts(observer):
+        for host in find_hosts(observer):
             answer = reloading.reload_agents(observer, host, now)
             if answer is None:
                 accepted(answer, f"the host {host}")
@@ -39,10 +39,10 @@ def reload(now: bool) -> None:
 @click.argument("agent")
 def versions(agent: str) -> None:
     """List the good versions that an AGENT has had since its host was started."""
-    with running_system() as observer:
+    with connect() as observer:
         from bt_agents_tools.client import reloading
 
-        answer = reloading.list_versions(observer, host_of(observer, agent), agent)
+        answer = reloading.list_versions(observer, find_host(observer, agent), agent)
         for version in accepted(answer, f"the host of {agent}").versions:
             click.echo(_line(version))
 
@@ -56,10 +56,10 @@ def roll_back(agent: str, version: int | None, now: bool) -> None:
 
     Its file is written back, so that the robot does what the file says.
     """
-    with running_system() as observer:
+    with connect() as observer:
         from bt_agents_tools.client import reloading
 
-        host = host_of(observer, agent)
+        host = find_host(observer, agent)
         answer = reloading.roll_back(observer, host, agent, version or 0, now)
         click.echo(accepted(answer, f"the host {host}").message)
 

@@ -11,21 +11,26 @@ from typing import TYPE_CHECKING, Any
 import click
 from rich.console import Console
 
-from bt_agents.host.reload.host_card_diff import why_kept
+from bt_agents.host.reload.host_card_diff import degraded_reason
 from bt_agents_core.errors import BtAgentsError, Refused
 from bt_agents_tools.cli.assignments import Assignments, assignments
-from bt_agents_tools.cli.connection import FIND_LIMIT_S, accepted, running_system
-from bt_agents_tools.cli.constants import STATES, code_words, counted, word
+from bt_agents_tools.cli.connection import FIND_LIMIT_S, accepted, connect
 from bt_agents_tools.cli.decisions import (
     decision_as_json,
     disagreements,
     headline,
-    heard_decisions,
+    last_decisions,
     names_of_scenes,
     show_decision,
 )
-from bt_agents_tools.cli.scene_names import SceneNames
-from bt_agents_tools.cli.wrap import print_line
+from bt_agents_tools.cli.formatting import (
+    STATES,
+    SceneNames,
+    code_text,
+    constant_text,
+    counted,
+    print_line,
+)
 
 if TYPE_CHECKING:
     from bt_agents_tools.client.observer import Observer
@@ -50,7 +55,7 @@ def trigger(values: Assignments, label: str, person: bool, urgent: bool) -> None
 
     For example: bt-agents trigger age=4.5 mood=2. What is not named is as measured, or missing.
     """
-    with running_system() as observer:
+    with connect() as observer:
         from bt_agents_tools.client import system
 
         auctions, ends = system.decisions(observer), system.scene_ends(observer)
@@ -84,11 +89,11 @@ def trigger(values: Assignments, label: str, person: bool, urgent: bool) -> None
             observer.spin_until(lambda: end() is not None, _SOON_S)
         for auction in rounds():
             click.echo(f"round {auction.round}: {headline(auction)}")
-            click.echo(scene_names.in_words(auction.reason))
+            click.echo(scene_names.with_names(auction.reason))
         if end() is not None and end().code in _NOT_TAKEN:
-            raise Refused(end().code, scene_names.in_words(end().message))
+            raise Refused(end().code, scene_names.with_names(end().message))
         if not known:
-            says = scene_names.in_words(observer.market.message)
+            says = scene_names.with_names(observer.market.message)
             click.echo(
                 f"waits in line: {_place(observer, urgent)}; {says}"
                 if waits()
@@ -109,7 +114,7 @@ def _line(observer: Observer) -> tuple[str, str]:
     from bt_agents_tools.client import system
 
     waiting = observer.market.queued
-    settings = system.new_scenes(observer)
+    settings = system.admission_settings(observer)
     if settings is None:
         return "", f"{waiting} wait"
     mode, limit = settings
@@ -124,7 +129,7 @@ def sense(values: Assignments, person: bool | None) -> None:
 
     For example: bt-agents sense mood=1.5.
     """
-    with running_system() as observer:
+    with connect() as observer:
         from bt_agents_tools.client import system
 
         names, numbers = _columns(values)
@@ -137,7 +142,7 @@ def sense(values: Assignments, person: bool | None) -> None:
 @click.option("--next", "next_", is_flag=True, help="Go on with the next scene that waits.")
 def cancel(reason: str, next_: bool) -> None:
     """Stop the running agent, and forget the scenes that wait."""
-    with running_system() as observer:
+    with connect() as observer:
         from bt_agents_tools.client import system
 
         answer = system.cancel_run(observer, reason, observer.market.round if next_ else 0)
@@ -147,7 +152,7 @@ def cancel(reason: str, next_: bool) -> None:
 @click.command()
 def status() -> None:
     """Show what runs, all agents, and every problem."""
-    with running_system() as observer:
+    with connect() as observer:
         from bt_agents_tools.client import system
 
         auctions, ends = system.decisions(observer), system.scene_ends(observer)
@@ -155,15 +160,15 @@ def status() -> None:
         observer.spin_until(lambda: _heard_last(observer, ends), _SOON_S)
         market, names = observer.market, names_of_scenes(auctions)
         known = any(end.scene_id == market.finished_scene_id for end in ends[-_ENDS_SHOWN:])
-        state = word(market, market.state, STATES)
+        state = constant_text(market, market.state, STATES)
         if market.state != market.IDLE or not known:
-            state += f": {names.in_words(market.message)}"
+            state += f": {names.with_names(market.message)}"
         _say("market    ", state)
-        new_scenes = ", ".join(filter(None, _line(observer)))
+        admission_settings = ", ".join(filter(None, _line(observer)))
         _say(
             "          ",
             f"round {market.round}, {counted(market.hosts, 'host')}, "
-            f"{counted(market.agents, 'agent')}; new scenes: {new_scenes}",
+            f"{counted(market.agents, 'agent')}; new scenes: {admission_settings}",
         )
         for words in _ranking(market, auctions[-1] if auctions else None):
             _say("          ", words)
@@ -181,7 +186,9 @@ def status() -> None:
         for end in ends[-_ENDS_SHOWN:]:
             when = time.strftime("%H:%M:%S", time.localtime(end.stamp.sec))
             place = f"round {end.round}, " if end.round else ""
-            _say("ended     ", f"{when}, {place}'{names.of(end.scene_id)}', {_end(end, names)}")
+            _say(
+                "ended     ", f"{when}, {place}'{names.name_of(end.scene_id)}', {_end(end, names)}"
+            )
 
 
 def _ranking(market: Any, last: Any) -> Iterator[str]:
@@ -203,7 +210,7 @@ def _ranking(market: Any, last: Any) -> Iterator[str]:
 
 def _condition(agent: Any) -> str:
     waits = "; a newer one waits for the end of the run" if agent.waiting else ""
-    why = why_kept(agent)
+    why = degraded_reason(agent)
     return waits + (f"; {why}" if why else "")
 
 
@@ -212,11 +219,11 @@ def _condition(agent: Any) -> str:
 @click.option("--json", "as_json", is_flag=True, help="The whole record of the decision, as JSON.")
 def why(round_number: int | None, as_json: bool) -> None:
     """Say why an agent won, last or in a ROUND."""
-    with running_system() as observer:
+    with connect() as observer:
         from bt_agents_tools.client import system
 
         ends = system.scene_ends(observer)
-        auctions = heard_decisions(observer)
+        auctions = last_decisions(observer)
         observer.spin_until(lambda: _heard_last(observer, ends), _SOON_S)
         found = [a for a in auctions if round_number is None or a.round == round_number]
         if not found:
@@ -242,7 +249,7 @@ def _heard_last(observer: Observer, ends: list[Any]) -> bool:
 
 
 def _end(end: Any, names: SceneNames) -> str:
-    return f"{code_words(end.code)}: {names.in_words(end.message)}"
+    return f"{code_text(end.code)}: {names.with_names(end.message)}"
 
 
 def _say(head: str, words: str) -> None:
@@ -267,7 +274,7 @@ def feedback(kind: str, values: Assignments, agent: str, reason: str) -> None:
             f"{kind} feedback names the wanted values, for example: bt-agents feedback {kind} "
             "age=5 mood=2"
         )
-    with running_system() as observer:
+    with connect() as observer:
         from bt_agents_tools.client import system
 
         observer.spin_until(lambda: observer.profiles is not None, FIND_LIMIT_S)

@@ -24,10 +24,15 @@ from bt_agents_core.trees_folder import find_trees
 from bt_agents_language.files.folder_reader import Trees, read_trees
 from bt_agents_ros.signals import Interrupt, loading
 from bt_agents_tools.cli.event_printer import EventPrinter
-from bt_agents_tools.cli.wrap import print_line
+from bt_agents_tools.cli.formatting import print_line
 from bt_agents_tools.launcher import components as system
 from bt_agents_tools.launcher.domain_lock import hold_domain, reserve_domain
-from bt_agents_tools.launcher.supervisor import Component, Supervisor, keep_local, reach_in_words
+from bt_agents_tools.launcher.supervisor import (
+    Component,
+    Supervisor,
+    discovery_text,
+    set_local_discovery,
+)
 
 if TYPE_CHECKING:
     from bt_agents_tools.client.observer import Observer
@@ -195,7 +200,7 @@ def _run(
         logs: Folder for the logs; None for a new one.
     """
     start = time.monotonic()
-    keep_local(os.environ)
+    set_local_discovery(os.environ)
     domain = os.environ.get("ROS_DOMAIN_ID") or "0"
     hold_domain(int(domain), f"'bt-agents {command}' of {trees.resolve()} (process {os.getpid()})")
     with loading():
@@ -210,7 +215,7 @@ def _run(
     supervisor = Supervisor(logs or system.new_log_folder())
     story = EventPrinter(console, folder.scene.space)
     observer = graph.Observer(story)
-    observer.hear_heartbeats(supervisor.hear)
+    observer.watch_heartbeats(supervisor.on_heartbeat)
     try:
         observer.spin_until(lambda: bool(interrupt) or observer.market is not None, _NEIGHBOUR_S)
         if observer.market is not None:
@@ -256,8 +261,8 @@ def _get_ready(
     """
 
     def ready() -> bool:
-        ready = observer.ready(agents) and observer.can_be_asked()
-        return ready and (observer.recorded() or not kept)
+        ready = observer.ready(agents) and observer.services_ready()
+        return ready and (observer.is_recorded() or not kept)
 
     end = time.monotonic() + _READY_LIMIT_S
     while not (interrupt or ready()) and time.monotonic() < end:
@@ -298,7 +303,7 @@ def _follow(
 
 
 def _keep_alive(console: Console, supervisor: Supervisor) -> None:
-    for line in supervisor.keep_alive():
+    for line in supervisor.poll():
         style = "dim" if line.startswith(" ") else "yellow"
         indent = len(line) - len(line.lstrip())
         print_line(console, "", Text(line, style=style), indent + _INDENT)
@@ -315,6 +320,6 @@ def _welcome(console: Console, cards: Iterable[Any], seconds: float) -> None:
     words = (
         f"after {seconds:.1f} s: one robot, {len(names)} agents "
         f"({', '.join(names)}), ROS domain {os.environ.get('ROS_DOMAIN_ID', '0')}, "
-        f"{reach_in_words(os.environ)}"
+        f"{discovery_text(os.environ)}"
     )
     print_line(console, "[green]ready[/] ", words, _INDENT)

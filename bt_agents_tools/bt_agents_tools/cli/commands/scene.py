@@ -20,7 +20,7 @@ from bt_agents_core.errors import BtAgentsError
 from bt_agents_core.scene import Origin, SceneParameter
 from bt_agents_core.trees_folder import find_trees
 from bt_agents_language.files.scene_reader import read_scene
-from bt_agents_tools.cli.connection import accepted, running_system
+from bt_agents_tools.cli.connection import accepted, connect
 
 if TYPE_CHECKING:
     from bt_agents_tools.client.observer import Observer
@@ -49,7 +49,7 @@ def scene(watch: bool, as_json: bool, directory: str) -> None:
     During a run it is the live scene, else what a trigger would put on the market.
     """
     labels = _labels(directory)
-    with running_system() as observer:
+    with connect() as observer:
         looks = _looks(observer)
         if not watch:
             _print(*next(looks), labels, as_json)

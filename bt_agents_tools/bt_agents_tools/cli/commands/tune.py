@@ -14,7 +14,7 @@ import click
 
 from bt_agents.host.tuning.tunable import TICK_RATE
 from bt_agents_core.errors import BtAgentsError
-from bt_agents_tools.cli.connection import accepted, host_of, hosts, running_system
+from bt_agents_tools.cli.connection import accepted, connect, find_host, find_hosts
 from bt_agents_tools.cli.tune_table import table
 
 if TYPE_CHECKING:
@@ -75,7 +75,7 @@ def tune(
         raise click.UsageError(
             f"tick_rate belongs to no agent; --{asked[0]} alone is for the whole host"
         )
-    with running_system() as observer:
+    with connect() as observer:
         if history:
             for host in _hosts(observer, agent):
                 _show_history(observer, host, agent)
@@ -109,7 +109,7 @@ def _split(words: Sequence[str]) -> tuple[str, list[tuple[str, str]]]:
 
 
 def _hosts(observer: Observer, agent: str) -> list[str]:
-    return [host_of(observer, agent)] if agent else hosts(observer)
+    return [find_host(observer, agent)] if agent else find_hosts(observer)
 
 
 def _one_host(observer: Observer, agent: str) -> str:
@@ -124,10 +124,10 @@ def _by_host(
 ) -> list[tuple[str, list[tuple[str, str]]]]:
     """Return the values with their full names, by host; those of a host stand for each of them."""
     if agent:
-        return [(host_of(observer, agent), [(f"{agent}.{name}", text) for name, text in values])]
+        return [(find_host(observer, agent), [(f"{agent}.{name}", text) for name, text in values])]
     listed = list(values)
     whose = {name.partition(".")[0] for name, _ in listed if "." in name}
-    found = sorted({host_of(observer, one) for one in whose}) or hosts(observer)
+    found = sorted({find_host(observer, one) for one in whose}) or find_hosts(observer)
     if whose and len(found) > 1:
         raise BtAgentsError(
             f"these agents are on different hosts, {', '.join(found)}, which cannot change "
