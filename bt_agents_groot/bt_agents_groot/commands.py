@@ -10,10 +10,10 @@ import click
 
 from bt_agents_core.errors import BtAgentsError, ReadError
 from bt_agents_core.trees_folder import find_trees
-from bt_agents_groot.exporting import export_agent
-from bt_agents_groot.importing import ImportedAgent, import_agent
-from bt_agents_groot.remarks import Remark, RemarkLevel
-from bt_agents_groot.words import snake
+from bt_agents_groot.agent_export import export_agent
+from bt_agents_groot.agent_import import ImportedAgent, import_agent
+from bt_agents_groot.naming import snake
+from bt_agents_groot.translation import Remark, RemarkLevel
 from bt_agents_language.files.agent_reader import read_agent_text
 from bt_agents_language.files.folder_reader import read_trees, read_vocabulary
 from bt_agents_language.files.scene_reader import read_scene

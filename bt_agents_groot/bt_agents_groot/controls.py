@@ -11,10 +11,9 @@ from bt_agents_groot.catalogue import BUILTINS, CONDITIONS
 from bt_agents_groot.document import node_id
 from bt_agents_groot.formulas import Binary, Constant, Formula, Name, Untranslatable, negated
 from bt_agents_groot.ports import from_port, names_in, names_of_expression, pointed_at
-from bt_agents_groot.remarks import RemarkLevel
-from bt_agents_groot.translation import Translation
-from bt_agents_groot.written import Data, Raw, YamlNode, may_be_left_out, outside, sequence
-from bt_agents_groot.xml_reader import Attribute, Element
+from bt_agents_groot.translation import RemarkLevel, Translation
+from bt_agents_groot.xml_files import Attribute, Element
+from bt_agents_groot.yaml_nodes import Data, Raw, YamlNode, may_be_left_out, outside, sequence
 from bt_agents_language.model.specs import FieldType
 
 ON_FAILURE = "on_failure"

@@ -8,10 +8,10 @@ from collections.abc import Callable, Mapping
 from bt_agents_groot.document import node_id
 from bt_agents_groot.formulas import Formula, Untranslatable, negated
 from bt_agents_groot.leaves import check, count, duration, shown_element
-from bt_agents_groot.own_words import own_fields
-from bt_agents_groot.remarks import RemarkLevel
-from bt_agents_groot.translation import Translation
-from bt_agents_groot.written import (
+from bt_agents_groot.own_nodes import own_fields
+from bt_agents_groot.translation import RemarkLevel, Translation
+from bt_agents_groot.xml_files import Element
+from bt_agents_groot.yaml_nodes import (
     Data,
     Raw,
     YamlNode,
@@ -20,7 +20,6 @@ from bt_agents_groot.written import (
     selector,
     sequence,
 )
-from bt_agents_groot.xml_reader import Element
 from bt_agents_language.nodes import FOREVER, MODIFIERS
 
 Decorate = Callable[[Translation, Element], YamlNode]

@@ -17,7 +17,7 @@ from bt_agents_groot.catalogue import (
 )
 from bt_agents_groot.ports import pointed_at
 from bt_agents_groot.scripts import ScriptError, parse_script
-from bt_agents_groot.xml_reader import Attribute, Element, XmlReading
+from bt_agents_groot.xml_files import Attribute, Element, XmlReading
 from bt_agents_language.yaml.diagnostics import did_you_mean, shown
 from bt_agents_language.yaml.source import Source
 from bt_agents_language.yaml.typed_reader import listed

@@ -9,11 +9,10 @@ from dataclasses import replace
 from bt_agents_groot.document import node_id
 from bt_agents_groot.formulas import Untranslatable
 from bt_agents_groot.ports import from_port, names_in, pointed_at
-from bt_agents_groot.remarks import RemarkLevel
 from bt_agents_groot.script_nodes import as_node
-from bt_agents_groot.translation import Translation
-from bt_agents_groot.written import Data, Raw, YamlNode
-from bt_agents_groot.xml_reader import Element
+from bt_agents_groot.translation import RemarkLevel, Translation
+from bt_agents_groot.xml_files import Element
+from bt_agents_groot.yaml_nodes import Data, Raw, YamlNode
 from bt_agents_language.model.specs import FieldType
 from bt_agents_language.nodes import FOREVER
 

@@ -6,10 +6,9 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from bt_agents_groot.catalogue import BUILTINS, EXPLICIT
-from bt_agents_groot.port_types import written_type
-from bt_agents_groot.ports import plain_port
-from bt_agents_groot.words import pascal, port
-from bt_agents_groot.xml_writer import Xml
+from bt_agents_groot.naming import pascal, port
+from bt_agents_groot.ports import plain_port, written_type
+from bt_agents_groot.xml_files import Xml
 from bt_agents_language.model.node_type import NodeField, NodeType
 from bt_agents_language.model.specs import FieldSpec, FieldType, SkillSpec, SubtreeSpec, Tunable
 from bt_agents_language.nodes import KINDS, MODIFIERS

@@ -10,8 +10,7 @@ from itertools import pairwise
 
 from bt_agents_core.errors import BtAgentsError
 from bt_agents_groot.formulas import GROUPS, script_name
-from bt_agents_groot.port_types import quantity
-from bt_agents_groot.written import Data, Raw
+from bt_agents_groot.yaml_nodes import Data, Raw
 from bt_agents_language.expression.expression_tokens import ExpressionError, TokenKind, tokenize
 from bt_agents_language.model.quantities import QuantityError
 from bt_agents_language.model.specs import FieldType, Plain
@@ -28,6 +27,24 @@ MAX_JSON_DEPTH = 16
 _REFERENCE = re.compile(r"\$\$\{|\$\{([^{}$]*)\}")
 _NAME = re.compile(r"[^\W\d]\w*(\.\w+)?")
 _NOWHERE = Source("", "")
+
+
+_CPP_TYPES = {
+    FieldType.TEXT: "std::string",
+    FieldType.NUMBER: "double",
+    FieldType.INTEGER: "int",
+    FieldType.BOOLEAN: "bool",
+}
+_FIELD_TYPES = {
+    **{word: field_type for field_type, word in _CPP_TYPES.items()},
+    **{field_type.value: field_type for field_type in FieldType},
+    "string": FieldType.TEXT,
+    "unsigned int": FieldType.INTEGER,
+    "unsigned": FieldType.INTEGER,
+    "long": FieldType.INTEGER,
+    "float": FieldType.NUMBER,
+}
+_UNITS = {FieldType.DURATION: "s", FieldType.LENGTH: "m", FieldType.ANGLE: "rad"}
 
 
 class PortError(BtAgentsError):
@@ -173,3 +190,21 @@ def _data(value: object, depth: int) -> Data:
         case dict():
             return {str(key): _data(item, depth + 1) for key, item in value.items()}
     raise ValueError("null and infinite numbers mean nothing here")
+
+
+def written_type(field_type: FieldType) -> str:
+    """Return what a port declares as its type, empty for any; a time stays our own word."""
+    return "" if field_type is FieldType.ANY else _CPP_TYPES.get(field_type, field_type.value)
+
+
+def read_type(word: str) -> FieldType:
+    """Return the type that a port declares; one that our language does not have is any."""
+    return _FIELD_TYPES.get(word.strip(), FieldType.ANY)
+
+
+def quantity(value: Plain, field_type: FieldType) -> str | None:
+    """Return a value in SI with its unit, None when its type has none."""
+    unit = _UNITS.get(field_type)
+    if unit is None or isinstance(value, bool) or not isinstance(value, int | float):
+        return None
+    return f"{int(value) if value == int(value) else value} {unit}"

@@ -17,7 +17,7 @@ from bt_agents_groot.formulas import (
     Unary,
     our_name,
 )
-from bt_agents_groot.words import Renaming
+from bt_agents_groot.naming import Renaming
 from bt_agents_language.model.specs import FieldType
 
 _DEFAULTS: Mapping[FieldType, bool | int | float | str] = {

@@ -19,7 +19,7 @@ from bt_agents_groot.formulas import (
 )
 from bt_agents_groot.scopes import TreeNames
 from bt_agents_groot.scripts import Assignment, Statement
-from bt_agents_groot.written import Data, Raw, YamlNode, outside, sequence
+from bt_agents_groot.yaml_nodes import Data, Raw, YamlNode, outside, sequence
 from bt_agents_language.model.specs import FieldType
 
 

@@ -7,14 +7,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 from bt_agents_groot.document import Document, Model, ModelPort, node_id
-from bt_agents_groot.own_words import Remarking, own_leaf, port_value, written_ports
-from bt_agents_groot.port_types import read_type
-from bt_agents_groot.ports import pointed_at
-from bt_agents_groot.remarks import RemarkLevel
+from bt_agents_groot.naming import field_of, snake
+from bt_agents_groot.own_nodes import Remarking, own_leaf, port_value, written_ports
+from bt_agents_groot.ports import pointed_at, read_type
 from bt_agents_groot.scopes import TreeNames
-from bt_agents_groot.words import field_of, snake
-from bt_agents_groot.written import Data, Raw, YamlNode
-from bt_agents_groot.xml_reader import Attribute, Element
+from bt_agents_groot.translation import RemarkLevel
+from bt_agents_groot.xml_files import Attribute, Element
+from bt_agents_groot.yaml_nodes import Data, Raw, YamlNode
 from bt_agents_language.model.node_type import NodeType
 from bt_agents_language.model.specs import FieldType, SkillSpec
 from bt_agents_language.nodes import BESIDE, KINDS, MODIFIERS

@@ -7,13 +7,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from bt_agents_groot.catalogue import CONDITIONS, OTHER_ATTRIBUTES
-from bt_agents_groot.own_words import Remarking
+from bt_agents_groot.naming import entry_of, snake
+from bt_agents_groot.own_nodes import Remarking
 from bt_agents_groot.ports import from_port, names_in, pointed_at
-from bt_agents_groot.remarks import RemarkLevel
 from bt_agents_groot.scopes import Interface, TreeNames
-from bt_agents_groot.words import entry_of, snake
-from bt_agents_groot.written import Data, Raw, YamlNode
-from bt_agents_groot.xml_reader import Element
+from bt_agents_groot.translation import RemarkLevel
+from bt_agents_groot.xml_files import Element
+from bt_agents_groot.yaml_nodes import Data, Raw, YamlNode
 from bt_agents_language.model.specs import FieldType
 
 

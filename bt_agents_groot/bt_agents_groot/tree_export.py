@@ -12,10 +12,10 @@ from bt_agents_groot.controls import ON_FAILURE
 from bt_agents_groot.export_values import condition_script, milliseconds, number_port, set_script
 from bt_agents_groot.formulas import Untranslatable
 from bt_agents_groot.models import Models
+from bt_agents_groot.naming import port
 from bt_agents_groot.ports import JSON, as_port
-from bt_agents_groot.remarks import RemarkLevel, Remarks
-from bt_agents_groot.words import port
-from bt_agents_groot.xml_writer import Xml
+from bt_agents_groot.translation import RemarkLevel, Remarks
+from bt_agents_groot.xml_files import Xml
 from bt_agents_language.model.node_type import Content, NodeField
 from bt_agents_language.model.specs import FieldSpec, FieldType, Plain, SubtreeSpec
 from bt_agents_language.nodes import KINDS, MODIFIERS

@@ -25,13 +25,14 @@ from bt_agents_groot.expressions import parse_formula
 from bt_agents_groot.formulas import Binary, Formula, Untranslatable, negated
 from bt_agents_groot.leaves import LEAVES, check
 from bt_agents_groot.ports import pointed_at
-from bt_agents_groot.remarks import RemarkLevel, Remarks
 from bt_agents_groot.scopes import TreeNames
 from bt_agents_groot.script_nodes import as_condition, as_node, condition_text
 from bt_agents_groot.scripts import Statement, parse_script
 from bt_agents_groot.skill_nodes import SkillNodes
 from bt_agents_groot.subtree_calls import SubtreeCalls
-from bt_agents_groot.written import (
+from bt_agents_groot.translation import RemarkLevel, Remarks
+from bt_agents_groot.xml_files import Attribute, Element
+from bt_agents_groot.yaml_nodes import (
     Data,
     Raw,
     YamlNode,
@@ -41,7 +42,6 @@ from bt_agents_groot.written import (
     sequence,
     with_comments,
 )
-from bt_agents_groot.xml_reader import Attribute, Element
 
 _MAX_LABEL = 64
 _SCRIPTS = (ON_SUCCESS, ON_FAILURE, POST)

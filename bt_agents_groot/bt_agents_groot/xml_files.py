@@ -5,8 +5,9 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from xml.parsers import expat
+from xml.sax.saxutils import escape
 
 from bt_agents_language.model.specs import Position
 from bt_agents_language.yaml.diagnostics import Diagnostics, shown
@@ -24,7 +25,8 @@ MAX_TEXT = 20_000
 
 _ATTRIBUTE = re.compile(r"""([^\s=<>"'/]+)\s*=\s*("[^"]*"|'[^']*')""")
 _WRITTEN_CHARACTER = re.compile(r"&[^;]*;|\r\n|.", re.DOTALL)
-_ESCAPES = "write &lt; for '<', &amp; for '&' and &quot; for '\"' inside an attribute"
+_ESCAPE_HINT = "write &lt; for '<', &amp; for '&' and &quot; for '\"' inside an attribute"
+_ESCAPES = {'"': "&quot;", "\n": "&#10;", "\t": "&#9;", "\r": "&#13;"}
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -270,7 +272,38 @@ class _Parser:
             case "duplicate attribute":
                 return "this element has the same attribute twice", "remove one of them"
             case "undefined entity":
-                return "a '&name;' stands here that XML does not know", _ESCAPES
+                return "a '&name;' stands here that XML does not know", _ESCAPE_HINT
             case "unclosed token" | "unclosed CDATA section":
                 return "what starts here is not closed", "add the missing '>' or quotation mark"
-        return f"this is not XML ({shown(said)})", _ESCAPES
+        return f"this is not XML ({shown(said)})", _ESCAPE_HINT
+
+
+@dataclass(frozen=True, kw_only=True)
+class Xml:
+    """One element."""
+
+    tag: str
+    attributes: Mapping[str, str] = field(default_factory=dict)
+    children: tuple[Xml, ...] = ()
+    text: str = ""
+
+    def having(self, **attributes: str) -> Xml:
+        """Return the element with more attributes."""
+        return replace(self, attributes={**self.attributes, **attributes})
+
+
+def xml_text(root: Xml) -> str:
+    """Return a file with one root element."""
+    return "\n".join(['<?xml version="1.0" encoding="UTF-8"?>', *_lines(root, 0)]) + "\n"
+
+
+def _lines(element: Xml, indent: int) -> list[str]:
+    pad = " " * indent
+    pairs = [f' {name}="{escape(value, _ESCAPES)}"' for name, value in element.attributes.items()]
+    start = f"{pad}<{element.tag}{''.join(pairs)}"
+    if element.text:
+        return [f"{start}>{escape(element.text)}</{element.tag}>"]
+    if not element.children:
+        return [f"{start}/>"]
+    inner = [line for child in element.children for line in _lines(child, indent + 2)]
+    return [f"{start}>", *inner, f"{pad}</{element.tag}>"]

@@ -7,12 +7,12 @@ from collections.abc import Callable
 
 from bt_agents_groot.catalogue import CONDITIONS, OTHER_ATTRIBUTES
 from bt_agents_groot.document import node_id
+from bt_agents_groot.naming import port
 from bt_agents_groot.ports import PortError, from_port, names_in, names_of_expression
-from bt_agents_groot.remarks import RemarkLevel
 from bt_agents_groot.scopes import TreeNames
-from bt_agents_groot.words import port
-from bt_agents_groot.written import Data, Raw, YamlNode
-from bt_agents_groot.xml_reader import Attribute, Element
+from bt_agents_groot.translation import RemarkLevel
+from bt_agents_groot.xml_files import Attribute, Element
+from bt_agents_groot.yaml_nodes import Data, Raw, YamlNode
 from bt_agents_language.model.node_type import Children, Content, NodeField
 from bt_agents_language.model.specs import FieldType
 from bt_agents_language.nodes import KINDS

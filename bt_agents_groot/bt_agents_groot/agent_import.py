@@ -10,15 +10,15 @@ from dataclasses import dataclass, replace
 
 from bt_agents_groot.catalogue import BUILTINS, CONDITIONS, PortKind
 from bt_agents_groot.document import Document, Model, ModelPort, node_id, read_document
-from bt_agents_groot.port_types import read_type
-from bt_agents_groot.ports import from_port, pointed_at
-from bt_agents_groot.remarks import Remark, RemarkLevel, Remarks
+from bt_agents_groot.naming import Renaming, port, snake
+from bt_agents_groot.ports import from_port, pointed_at, read_type
 from bt_agents_groot.scopes import Interface, TreeNames
 from bt_agents_groot.skill_nodes import MissingSkill, SkillNodes
 from bt_agents_groot.subtree_calls import Callee, SubtreeCalls, ports_of_call, remaps_all
+from bt_agents_groot.translation import Remark, RemarkLevel, Remarks
 from bt_agents_groot.tree_import import TreeImport
-from bt_agents_groot.words import Renaming, port, snake
-from bt_agents_groot.written import (
+from bt_agents_groot.xml_files import Element
+from bt_agents_groot.yaml_nodes import (
     Data,
     Raw,
     YamlNode,
@@ -27,7 +27,6 @@ from bt_agents_groot.written import (
     with_comments,
     yaml_lines,
 )
-from bt_agents_groot.xml_reader import Element
 from bt_agents_language.model.symbols import SymbolTable
 from bt_agents_language.tools.formatting.formatter import format_source
 from bt_agents_language.yaml.source import Source

@@ -7,9 +7,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from bt_agents_groot.models import Models
-from bt_agents_groot.remarks import Remark, RemarkLevel, Remarks
+from bt_agents_groot.translation import Remark, RemarkLevel, Remarks
 from bt_agents_groot.tree_export import TreeExport
-from bt_agents_groot.xml_writer import Xml, xml_text
+from bt_agents_groot.xml_files import Xml, xml_text
 from bt_agents_language.files.agent_reader import read_agent_text
 from bt_agents_language.files.imports import read_imports
 from bt_agents_language.files.inputs import read_inputs
