@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Makes a file of BehaviorTree.CPP v4 from an agent file, so that Groot2 can show its trees."""
+"""Export of an agent file as a BehaviorTree.CPP v4 file, which Groot2 can show."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ _NOT_IN_TREES = (
 
 @dataclass(frozen=True, kw_only=True)
 class ExportedAgent:
-    """A file of BehaviorTree.CPP that was made, and what differs in it."""
+    """Exported file of BehaviorTree.CPP, with remarks on what differs in it."""
 
     text: str
     remarks: tuple[Remark, ...]
@@ -39,7 +39,7 @@ def export_agent(source: Source, vocabulary: SymbolTable) -> ExportedAgent:
 
     Args:
         source: The agent file.
-        vocabulary: What it may speak of; see ``agent_reader``.
+        vocabulary: Symbols that it may use; see ``agent_reader``.
 
     Raises:
         ReadError: There is a problem in the file; it lists all of them.
@@ -50,11 +50,11 @@ def export_agent(source: Source, vocabulary: SymbolTable) -> ExportedAgent:
 
 @dataclass
 class _TreeFile:
-    """An agent file or library whose trees are translated."""
+    """Agent file or library whose trees are exported."""
 
     fields: MappingReader
     vocabulary: SymbolTable
-    drafts: RawNodeReader
+    raw_nodes: RawNodeReader
     file: str
     subtrees: dict[str, SubtreeSpec] = field(default_factory=dict)
 
@@ -72,7 +72,7 @@ class _Export:
     def run(self, source: Source, agent: str, tunables: tuple[Tunable, ...]) -> ExportedAgent:
         """Translate an agent's trees and all subtrees that they use."""
         main = self._open(source)
-        # The agent's own tree gets the ID that its name asks for; others make way.
+        # Reserved first, so that the agent's own tree gets the ID that its name asks for.
         main_id = self._models.tree_id(agent)
         self._models.main(main_id, tunables)
         trees = [self._tree(main, main.fields.get("tree"), main_id)]
@@ -110,7 +110,7 @@ class _Export:
         opened = _TreeFile(
             fields=fields,
             vocabulary=vocabulary,
-            drafts=RawNodeReader(reading, vocabulary),
+            raw_nodes=RawNodeReader(reading, vocabulary),
             file=source.file,
             subtrees={**imported, **own},
         )
@@ -119,8 +119,8 @@ class _Export:
 
     def _tree(self, file: _TreeFile, node: Node | None, tree_id: str) -> Xml:
         assert node is not None
-        draft = file.drafts.read(node, "the tree")
-        assert draft is not None
+        raw = file.raw_nodes.read(node, "the tree")
+        assert raw is not None
 
         def find(name: str) -> tuple[str, SubtreeSpec]:
             subtree = file.subtrees[name]
@@ -129,7 +129,7 @@ class _Export:
                 self._waiting.setdefault(place)
             return self._models.subtree(place[0], subtree), subtree
 
-        tree = TreeExport(self._models, find, self._remarks).node(draft)
+        tree = TreeExport(self._models, find, self._remarks).node(raw)
         return Xml(tag="BehaviorTree", attributes={"ID": tree_id}, children=(tree,))
 
     def _subtree(self, file: str, name: str) -> Xml:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the translators of single elements need of the translation of the whole tree."""
+"""Translation of a tree: its interface for the translators of elements, and its remarks."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from bt_agents_language.model.specs import Position
 
 
 class RemarkLevel(Enum):
-    """How much a remark matters; the value is the word before it."""
+    """Severity of a remark; the value is its prefix in texts."""
 
     LOST = "not translated"
     NOTE = "note"
@@ -25,23 +25,23 @@ class RemarkLevel(Enum):
 
 @dataclass(frozen=True, kw_only=True)
 class Remark:
-    """One remark about a place in the file that was translated."""
+    """Difference or loss at a place of the file that was translated."""
 
-    weight: RemarkLevel
+    level: RemarkLevel
     position: Position
     message: str
 
     def __str__(self) -> str:
-        return f"{self.position}: {self.weight.value}: {self.message}"
+        return f"{self.position}: {self.level.value}: {self.message}"
 
     @property
     def comment(self) -> str:
-        """The remark as it stands in the file that was made."""
-        return f"{self.weight.value}: {self.message}"
+        """Text of the remark for a comment in the translated file."""
+        return f"{self.level.value}: {self.message}"
 
 
 class Remarks:
-    """Collects remarks; the same one at the same place counts once."""
+    """Collection of remarks; the same one at the same place counts once."""
 
     def __init__(self) -> None:
         self._remarks: dict[Remark, None] = {}
@@ -49,18 +49,18 @@ class Remarks:
     def __iter__(self) -> Iterator[Remark]:
         return iter(sorted(self._remarks, key=lambda r: (r.position.line, r.position.column)))
 
-    def add(self, weight: RemarkLevel, position: Position, message: str) -> Remark:
+    def add(self, level: RemarkLevel, position: Position, message: str) -> Remark:
         """Add a remark and return it."""
-        remark = Remark(weight=weight, position=position, message=message)
+        remark = Remark(level=level, position=position, message=message)
         self._remarks.setdefault(remark)
         return remark
 
 
 class Translation(Protocol):
-    """One tree while it is translated.
+    """Tree that is being imported.
 
     Attributes:
-        names: Its names.
+        names: Its name scope.
     """
 
     names: TreeNames
@@ -68,10 +68,10 @@ class Translation(Protocol):
     def node(self, element: Element, *, below_fallback: bool = False) -> YamlNode:
         """Return the node for an element and all below it."""
 
-    def around(self, element: Element, node: YamlNode, key: str, value: Data) -> YamlNode:
-        """Return a node with a modifier around it; note what differs when the node is left out."""
+    def decorate(self, element: Element, node: YamlNode, key: str, value: Data) -> YamlNode:
+        """Return a node with a decorator around it; remark on differences when it is skipped."""
 
-    def remark(self, weight: RemarkLevel, where: Element | Attribute, message: str) -> None:
+    def remark(self, level: RemarkLevel, where: Element | Attribute, message: str) -> None:
         """Add a remark, which also becomes a comment above the node being translated."""
 
     def statements(self, attribute: Attribute) -> list[Statement]:
@@ -82,14 +82,14 @@ class Translation(Protocol):
         """
 
     def condition(self, attribute: Attribute) -> Formula:
-        """Return the condition that a script is.
+        """Return a script as a condition.
 
         Raises:
             Untranslatable: It is none.
         """
 
     def text(self, condition: Formula) -> Raw:
-        """Return a condition as it stands in a file, its names remembered.
+        """Return a condition as text of our language; its names are recorded as read.
 
         Raises:
             Untranslatable: Our language has no such condition.

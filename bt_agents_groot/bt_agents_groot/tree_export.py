@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Turns the nodes of one tree of our language into elements of BehaviorTree.CPP."""
+"""Export of one tree: nodes of our language as elements of BehaviorTree.CPP."""
 
 from __future__ import annotations
 
@@ -28,19 +28,19 @@ from bt_agents_language.yaml.yaml_reader import Sequence as SequenceNode
 Subtrees = Callable[[str], tuple[str, SubtreeSpec]]
 """Returns the ID and the interface of a subtree by its name."""
 
-_SWITCHES = {"once": "RunOnce", "succeed": "ForceSuccess", "fail": "ForceFailure",
+_PLAIN_DECORATORS = {"once": "RunOnce", "succeed": "ForceSuccess", "fail": "ForceFailure",
              "invert": "Inverter"}  # fmt: skip
 _WEIGHTS = NodeField(name="weights", description="how often each child is chosen")
 _VALUES = NodeField(name="values", description="names and values")
 
 
 class TreeExport:
-    """One file's trees while they are translated.
+    """Translator of the trees of one file.
 
     Args:
-        models: Collects what must be declared.
-        subtrees: Finds the subtrees that the file can use.
-        remarks: Collects what differs.
+        models: Collects the declarations.
+        subtrees: Lookup of the subtrees that the file can use.
+        remarks: Collects the differences.
     """
 
     def __init__(self, models: Models, subtrees: Subtrees, remarks: Remarks) -> None:
@@ -48,62 +48,64 @@ class TreeExport:
         self._subtrees = subtrees
         self._remarks = remarks
 
-    def node(self, draft: RawNode, *, is_case: bool = False) -> Xml:
+    def node(self, raw: RawNode, *, is_case: bool = False) -> Xml:
         """Return the element for a node and all below it.
 
         Args:
-            draft: The node.
-            is_case: Its ``when`` is looked at by the composite around it.
+            raw: The node.
+            is_case: Its ``when`` is evaluated by the composite around it.
         """
-        xml = self._named(draft, self._bare(draft))
+        xml = self._with_name(raw, self._undecorated(raw))
         for key in reversed(list(MODIFIERS)):
-            entry = draft.modifiers.get(key)
+            entry = raw.modifiers.get(key)
             if entry is not None and not (is_case and key == "when"):
-                xml = self._modified(draft, key, entry, xml)
+                xml = self._decorated(raw, key, entry, xml)
         return xml
 
-    def _named(self, draft: RawNode, xml: Xml) -> Xml:
-        if not draft.name:
+    def _with_name(self, raw: RawNode, xml: Xml) -> Xml:
+        if not raw.name:
             return xml
         first = {key: value for key, value in xml.attributes.items() if key == "ID"}
-        return replace(xml, attributes={**first, "name": draft.name, **xml.attributes})
+        return replace(xml, attributes={**first, "name": raw.name, **xml.attributes})
 
-    def _bare(self, draft: RawNode) -> Xml:
-        if draft.skill is not None:
-            skill = draft.skill
+    def _undecorated(self, raw: RawNode) -> Xml:
+        if raw.skill is not None:
+            skill = raw.skill
             fields = {one.name: one.type for one in skill.inputs}
-            ports = self._ports(self._fields(draft, skill.main), fields)
-            outputs = self._outputs(draft, skill.outputs)
+            ports = self._ports(self._fields(raw, skill.main), fields)
+            outputs = self._outputs(raw, skill.outputs)
             return Xml(tag=self._models.skill(skill), attributes=ports | outputs)
-        assert draft.kind is not None
-        translate = _COMPOSITES.get(draft.kind.key) or _LEAVES.get(draft.kind.key)
+        assert raw.kind is not None
+        translate = _COMPOSITES.get(raw.kind.key) or _LEAVES.get(raw.kind.key)
         if translate is not None:
-            return translate(self, draft)
-        return self.own_leaf(draft)
+            return translate(self, raw)
+        return self.declared_leaf(raw)
 
-    def own_leaf(self, draft: RawNode) -> Xml:
-        """Return a leaf that BehaviorTree.CPP does not bring along."""
-        kind = draft.kind
+    def declared_leaf(self, raw: RawNode) -> Xml:
+        """Return a leaf that is not built into BehaviorTree.CPP."""
+        kind = raw.kind
         assert kind is not None
         types = {one.name: one.type for one in kind.fields}
-        texts = {one.name for one in kind.fields if one.content is Content.CONDITION}
-        ports = self._ports(self._fields(draft, kind.main), types, texts)
+        verbatim = {one.name for one in kind.fields if one.content is Content.CONDITION}
+        ports = self._ports(self._fields(raw, kind.main), types, verbatim)
         if kind.key not in KINDS:
             return Xml(tag=self._models.plugin(kind), attributes=ports)
         what = "Condition" if kind.key == "check" else "Action"
-        return Xml(tag=self._word(draft.key, what, kind.key, kind.fields), attributes=ports)
+        return Xml(tag=self._declared_tag(raw.key, what, kind.key, kind.fields), attributes=ports)
 
-    def _word(self, where: Node | Scalar, kind: str, key: str, fields: Sequence[NodeField]) -> str:
+    def _declared_tag(
+        self, where: Node | Scalar, kind: str, key: str, fields: Sequence[NodeField]
+    ) -> str:
         self._remarks.add(
             RemarkLevel.NOTE,
             where.position,
             f"BehaviorTree.CPP has no node for '{key}' as it stands here; Groot2 shows it as "
             f"<{key}>",
         )
-        return self._models.word(kind, key, fields)
+        return self._models.node_key(kind, key, fields)
 
-    def _fields(self, draft: RawNode, main: str | None) -> dict[str, Node]:
-        value = draft.value
+    def _fields(self, raw: RawNode, main: str | None) -> dict[str, Node]:
+        value = raw.value
         if isinstance(value, MappingNode):
             return {entry.key.text: entry.value for entry in value.entries}
         if main is None or (isinstance(value, Scalar) and value.empty):
@@ -130,8 +132,8 @@ class TreeExport:
                 )
         return ports
 
-    def _outputs(self, draft: RawNode, declared: tuple[FieldSpec, ...]) -> dict[str, str]:
-        entry = draft.beside.get("outputs")
+    def _outputs(self, raw: RawNode, declared: tuple[FieldSpec, ...]) -> dict[str, str]:
+        entry = raw.beside.get("outputs")
         if entry is None or not isinstance(entry.value, MappingNode):
             return {port(one.name): f"{{{one.name}}}" for one in declared}
         return {
@@ -140,27 +142,27 @@ class TreeExport:
             if isinstance(item.value, Scalar)
         }
 
-    def _children(self, draft: RawNode) -> tuple[Xml, ...]:
-        return tuple(map(self.node, draft.children))
+    def _children(self, raw: RawNode) -> tuple[Xml, ...]:
+        return tuple(map(self.node, raw.children))
 
-    def sequence(self, draft: RawNode) -> Xml:
+    def sequence(self, raw: RawNode) -> Xml:
         """Return the element for ``sequence`` or ``selector``."""
-        assert draft.kind is not None
-        name = "Sequence" if draft.kind.key == "sequence" else "Fallback"
-        memory = _option(draft, "memory")
+        assert raw.kind is not None
+        name = "Sequence" if raw.kind.key == "sequence" else "Fallback"
+        memory = _option(raw, "memory")
         reactive = memory is not None and boolean(memory) is False
         tag = f"Reactive{name}" if reactive else name
-        return Xml(tag=tag, children=self._children(draft))
+        return Xml(tag=tag, children=self._children(raw))
 
-    def parallel(self, draft: RawNode) -> Xml:
+    def parallel(self, raw: RawNode) -> Xml:
         """Return the element for ``parallel``."""
-        children = self._children(draft)
-        entry = draft.options.get("succeed_on")
+        children = self._children(raw)
+        entry = raw.options.get("succeed_on")
         if entry is not None and isinstance(entry.value, SequenceNode):
-            tag = self._word(entry.key, "Control", "parallel", KINDS["parallel"].fields)
+            tag = self._declared_tag(entry.key, "Control", "parallel", KINDS["parallel"].fields)
             succeed_on = as_port(entry.value, FieldType.ANY)
             return Xml(tag=tag, attributes={"succeed_on": succeed_on}, children=children)
-        word = _option(draft, "succeed_on") or "all"
+        word = _option(raw, "succeed_on") or "all"
         wanted = len(children) if word == "all" else 1 if word == "one" else int(word)
         every = wanted >= len(children)
         failures = 1 if every else len(children) - wanted + 1
@@ -173,137 +175,144 @@ class TreeExport:
             children=children,
         )
 
-    def choose(self, draft: RawNode) -> Xml:
+    def choose(self, raw: RawNode) -> Xml:
         """Return the elements for ``choose``: one ``IfThenElse`` inside of the other."""
-        otherwise = draft.nodes.get("otherwise")
+        otherwise = raw.nodes.get("otherwise")
         rest: tuple[Xml, ...] = (self.node(otherwise),) if otherwise is not None else ()
-        for case in reversed(draft.children):
+        for case in reversed(raw.children):
             when = case.modifiers["when"]
-            asked = self._condition(when.value)
-            rest = (Xml(tag="IfThenElse", children=(asked, self.node(case, is_case=True), *rest)),)
+            condition_leaf = self._condition(when.value)
+            rest = (
+                Xml(
+                    tag="IfThenElse",
+                    children=(condition_leaf, self.node(case, is_case=True), *rest),
+                ),
+            )
         return rest[0]
 
     def _condition(self, node: Node) -> Xml:
-        """Return the leaf that looks at a condition."""
+        """Return the leaf that evaluates a condition."""
         try:
             return Xml(tag="ScriptCondition", attributes={"code": condition_script(node)})
         except Untranslatable:
             fields = KINDS["check"].fields
             assert isinstance(node, Scalar)
-            tag = self._word(node, "Condition", "check", fields)
+            tag = self._declared_tag(node, "Condition", "check", fields)
             return Xml(tag=tag, attributes={fields[0].name: node.text})
 
-    def random(self, draft: RawNode) -> Xml:
+    def random(self, raw: RawNode) -> Xml:
         """Return the element for ``random``."""
-        seed = _option(draft, "seed")
-        weights = [child.beside.get("weight") for child in draft.children]
+        seed = _option(raw, "seed")
+        weights = [child.beside.get("weight") for child in raw.children]
         attributes = {"seed": seed} if seed is not None else {}
         if any(weights):
             values = [1 if one is None else _weight(one.value) for one in weights]
             attributes["weights"] = JSON + json.dumps(values)
-        tag = self._word(draft.key, "Control", "random", (*KINDS["random"].fields, _WEIGHTS))
-        return Xml(tag=tag, attributes=attributes, children=self._children(draft))
+        tag = self._declared_tag(raw.key, "Control", "random", (*KINDS["random"].fields, _WEIGHTS))
+        return Xml(tag=tag, attributes=attributes, children=self._children(raw))
 
-    def check(self, draft: RawNode) -> Xml:
+    def check(self, raw: RawNode) -> Xml:
         """Return the leaf for ``check``."""
-        node = self._fields(draft, "condition")["condition"]
+        node = self._fields(raw, "condition")["condition"]
         constant = boolean(node.text) if isinstance(node, Scalar) else None
         if constant is not None:
             return Xml(tag="AlwaysSuccess" if constant else "AlwaysFailure")
         return self._condition(node)
 
-    def set(self, draft: RawNode) -> Xml:
+    def set(self, raw: RawNode) -> Xml:
         """Return the leaf for ``set``."""
-        assert isinstance(draft.value, MappingNode)
+        assert isinstance(raw.value, MappingNode)
         try:
-            return Xml(tag="Script", attributes={"code": set_script(draft.value.entries)})
+            return Xml(tag="Script", attributes={"code": set_script(raw.value.entries)})
         except Untranslatable:
-            values = as_port(draft.value, FieldType.ANY)
-            tag = self._word(draft.key, "Action", "set", (_VALUES,))
+            values = as_port(raw.value, FieldType.ANY)
+            tag = self._declared_tag(raw.key, "Action", "set", (_VALUES,))
             return Xml(tag=tag, attributes={"values": values})
 
-    def wait(self, draft: RawNode) -> Xml:
+    def wait(self, raw: RawNode) -> Xml:
         """Return the leaf for ``wait``."""
-        time = milliseconds(self._fields(draft, "duration")["duration"])
+        time = milliseconds(self._fields(raw, "duration")["duration"])
         if time is None:
-            return self.own_leaf(draft)
+            return self.declared_leaf(raw)
         return Xml(tag="Sleep", attributes={"msec": time})
 
-    def wait_for(self, draft: RawNode) -> Xml:
+    def wait_for(self, raw: RawNode) -> Xml:
         """Return the leaf for ``wait_for``."""
-        fields = self._fields(draft, "condition")
+        fields = self._fields(raw, "condition")
         if set(fields) != {"condition"}:
-            return self.own_leaf(draft)
+            return self.declared_leaf(raw)
         try:
             script = condition_script(fields["condition"])
         except Untranslatable:
-            return self.own_leaf(draft)
+            return self.declared_leaf(raw)
         return Xml(
             tag="Precondition",
             attributes={"if": script, "else": "RUNNING"},
             children=(Xml(tag="AlwaysSuccess"),),
         )
 
-    def subtree(self, draft: RawNode) -> Xml:
+    def subtree(self, raw: RawNode) -> Xml:
         """Return the element for ``subtree``."""
-        node = self._fields(draft, "name")["name"]
+        node = self._fields(raw, "name")["name"]
         assert isinstance(node, Scalar)
         tree_id, subtree = self._subtrees(node.text)
-        entry = draft.beside.get("with")
-        given = entry.value.entries if entry and isinstance(entry.value, MappingNode) else ()
-        ports = self._ports({one.key.text: one.value for one in given}, {})
-        outputs = self._outputs(draft, subtree.outputs)
+        entry = raw.beside.get("with")
+        arguments = entry.value.entries if entry and isinstance(entry.value, MappingNode) else ()
+        ports = self._ports({one.key.text: one.value for one in arguments}, {})
+        outputs = self._outputs(raw, subtree.outputs)
         return Xml(tag="SubTree", attributes={"ID": tree_id, **ports, **outputs})
 
-    def _modified(self, draft: RawNode, key: str, entry: MappingEntry, xml: Xml) -> Xml:
-        """Return an element with a modifier around it."""
-        if key in _SWITCHES:
+    def _decorated(self, raw: RawNode, key: str, entry: MappingEntry, xml: Xml) -> Xml:
+        """Return an element inside of the decorator for a key."""
+        if key in _PLAIN_DECORATORS:
             on = isinstance(entry.value, Scalar) and boolean(entry.value.text)
-            return Xml(tag=_SWITCHES[key], children=(xml,)) if on else xml
+            return Xml(tag=_PLAIN_DECORATORS[key], children=(xml,)) if on else xml
         if key == "on_failure":
-            children = (xml, self.node(draft.nodes[key]))
+            children = (xml, self.node(raw.nodes[key]))
             return Xml(tag="Fallback", attributes={"name": ON_FAILURE}, children=children)
-        native = self._native(key, entry.value, xml)
+        native = self._builtin_decorator(key, entry.value, xml)
         if native is not None:
             return native
         kind = MODIFIERS[key]
         types = {one.name: one.type for one in kind.fields}
-        texts = {one.name for one in kind.fields if one.content is Content.CONDITION}
-        fields = _written(entry.value, kind.main)
-        tag = self._word(entry.key, "Decorator", key, kind.fields)
-        return Xml(tag=tag, attributes=self._ports(fields, types, texts), children=(xml,))
+        verbatim = {one.name for one in kind.fields if one.content is Content.CONDITION}
+        fields = _fields_of(entry.value, kind.main)
+        tag = self._declared_tag(entry.key, "Decorator", key, kind.fields)
+        return Xml(tag=tag, attributes=self._ports(fields, types, verbatim), children=(xml,))
 
-    def _native(self, key: str, value: Node, xml: Xml) -> Xml | None:
-        """Return the element for a modifier that BehaviorTree.CPP has; None when it has none."""
+    def _builtin_decorator(self, key: str, value: Node, xml: Xml) -> Xml | None:
+        """Return the element for a decorator that BehaviorTree.CPP has; None when it has none."""
         kind = MODIFIERS[key]
-        fields = _written(value, kind.main)
+        fields = _fields_of(value, kind.main)
         if set(fields) != {kind.main}:
             return None
-        only = fields[kind.main]
+        main_value = fields[kind.main]
         try:
             match key:
                 case "when":
-                    script = condition_script(only, negative=True)
+                    script = condition_script(main_value, negative=True)
                     return xml.having(**{SKIP_IF: script})
                 case "while":
-                    asked = Xml(tag="ScriptCondition", attributes={"code": condition_script(only)})
-                    return Xml(tag="WhileDoElse", children=(asked, xml))
+                    condition_leaf = Xml(
+                        tag="ScriptCondition", attributes={"code": condition_script(main_value)}
+                    )
+                    return Xml(tag="WhileDoElse", children=(condition_leaf, xml))
         except Untranslatable:
             return None
         tag, name, text = {
-            "retry": ("RetryUntilSuccessful", "num_attempts", number_port(only)),
-            "repeat": ("Repeat", "num_cycles", number_port(only)),
-            "timeout": ("Timeout", "msec", milliseconds(only)),
+            "retry": ("RetryUntilSuccessful", "num_attempts", number_port(main_value)),
+            "repeat": ("Repeat", "num_cycles", number_port(main_value)),
+            "timeout": ("Timeout", "msec", milliseconds(main_value)),
         }.get(key, ("", "", None))
         return None if text is None else Xml(tag=tag, attributes={name: text}, children=(xml,))
 
 
-def _option(draft: RawNode, name: str) -> str | None:
-    entry = draft.options.get(name)
+def _option(raw: RawNode, name: str) -> str | None:
+    entry = raw.options.get(name)
     return entry.value.text if entry is not None and isinstance(entry.value, Scalar) else None
 
 
-def _written(node: Node, main: str) -> dict[str, Node]:
+def _fields_of(node: Node, main: str) -> dict[str, Node]:
     if isinstance(node, MappingNode):
         return {entry.key.text: entry.value for entry in node.entries}
     return {main: node}

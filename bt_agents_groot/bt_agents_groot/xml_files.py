@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""XML text turned into elements that know their place; what no tree needs is refused."""
+"""XML files: parsing into elements that know their place, with limits, and writing."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ _ESCAPES = {'"': "&quot;", "\n": "&#10;", "\t": "&#9;", "\r": "&#13;"}
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Attribute:
-    """One attribute.
+    """Attribute with its place.
 
     Attributes:
         name: Its name.
@@ -74,10 +74,10 @@ class Element:
 
 
 class XmlReading:
-    """One XML file while it is read: its source, its root element and the problems so far.
+    """XML file with its root element and the problems so far.
 
     Attributes:
-        root: The root element; None when nothing can be made of the file, which is then reported.
+        root: Root element; None when the file cannot be parsed, which is among the problems.
     """
 
     def __init__(self, source: Source) -> None:
@@ -105,12 +105,12 @@ class XmlReading:
 
 
 class _Refused(Exception):
-    """Reading on makes no sense; the reason is among the problems."""
+    """Raised to end the parsing; the reason is among the problems."""
 
 
 @dataclass
 class _Open:
-    """An element whose end has not come yet."""
+    """Element whose end tag has not come yet."""
 
     tag: str
     index: int
@@ -120,13 +120,13 @@ class _Open:
 
 
 class _Parser:
-    """Builds elements from the events of expat, without recursion."""
+    """Builder of elements from the events of expat, without recursion."""
 
     def __init__(self, source: Source, problems: Diagnostics) -> None:
         self._source = source
         self._problems = problems
         self._data = source.text.encode("utf-8", "replace")
-        # Expat counts bytes, and only forwards: what was counted once is not decoded again.
+        # Expat counts bytes, and only forwards: the part before this index is not decoded again.
         self._counted = (0, 0)
         self._open: list[_Open] = []
         self._count = 0
@@ -140,7 +140,7 @@ class _Parser:
         self._expat.CharacterDataHandler = self._text
 
     def root(self) -> Element | None:
-        """Return the root element; None when there is none, which is then reported."""
+        """Return the root element; None when there is none, which is among the problems."""
         if len(self._data) > MAX_BYTES:
             self._problems.add("too-large", self._source.position(0), *TOO_LARGE)
             return None
@@ -162,7 +162,7 @@ class _Parser:
         return self._root
 
     def _index(self, byte: int) -> int:
-        """Return the index in the text of a byte."""
+        """Return the index in the text for an offset in bytes."""
         from_byte, from_index = self._counted
         index = from_index + len(self._data[from_byte:byte].decode("utf-8", "replace"))
         self._counted = (byte, index)
@@ -255,7 +255,7 @@ class _Parser:
         self._problems.add("xml-syntax", self._source.position(index), message, hint)
 
     def _explanation(self, said: str) -> tuple[str, str]:
-        """Return what an error of expat means, and how to mend it."""
+        """Return the message and the hint for an error of expat."""
         still_open = self._open[-1].tag if self._open else ""
         match said:
             case "no element found":
@@ -280,7 +280,7 @@ class _Parser:
 
 @dataclass(frozen=True, kw_only=True)
 class Xml:
-    """One element."""
+    """Element to be written."""
 
     tag: str
     attributes: Mapping[str, str] = field(default_factory=dict)

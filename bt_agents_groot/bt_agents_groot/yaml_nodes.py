@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Nodes of our language that are to be written, and their text as YAML."""
+"""YAML nodes: nodes of our language that are made by an import, and their text."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from bt_agents_language.tools.formatting.scalar_style import quoted
 
 @dataclass(frozen=True)
 class Raw:
-    """What stands without quotes where YAML allows it: a number, a time, a condition, ``${x}``."""
+    """Scalar without quotes where YAML allows it: a number, a time, a condition, ``${x}``."""
 
     text: str
 
@@ -21,48 +21,48 @@ class Raw:
 _PLAIN = re.compile(r"[\w.(${+-](?:[^#:]|:(?! )|(?<! )#)*(?<![:\s])")
 _NOT_PLAIN = re.compile(r"- |\{|\s#")
 _ORDER = list(MODIFIERS)
-_LEAVES_OUT = ("when", "once", "cooldown")
+_SKIPPING = ("when", "once", "cooldown")
 _CONTRARIES = {"succeed": "fail", "fail": "succeed"}
-"""Modifiers that must not stand beside the same node."""
+"""Decorators that exclude each other on one node."""
 
-_LEFT_OUT_THROUGH = ("once", "succeed", "fail", "timeout", "invert")
-"""Modifiers that make no difference to a node that is left out, from inside or from outside."""
+_SKIP_NEUTRAL = ("once", "succeed", "fail", "timeout", "invert")
+"""Decorators that make no difference to a skipped node, from inside or from outside."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class YamlNode:
-    """One node.
+    """Node of our language.
 
     Attributes:
-        key: The node key.
-        value: What stands behind it; of a composite its options.
-        children: Of a composite, in order.
+        key: Node key.
+        value: Value of the key; of a composite its options.
+        children: Children of a composite, in order.
         name: Name for people; may be empty.
-        modifiers: By key.
-        beside: ``with``, ``outputs`` and ``weight``.
-        comments: Lines to stand above the node.
+        decorators: Decorators by key.
+        siblings: Values of the sibling keys ``with``, ``outputs`` and ``weight``.
+        comments: Comment lines above the node.
     """
 
     key: str
     value: Data = field(default_factory=dict)
     children: tuple[YamlNode, ...] = ()
     name: str = ""
-    modifiers: Mapping[str, Data] = field(default_factory=dict)
-    beside: Mapping[str, Data] = field(default_factory=dict)
+    decorators: Mapping[str, Data] = field(default_factory=dict)
+    siblings: Mapping[str, Data] = field(default_factory=dict)
     comments: tuple[str, ...] = ()
 
     def entries(self) -> dict[str, Data]:
         """Return the keys of the node in their usual order."""
         entries: dict[str, Data] = {"name": self.name} if self.name else {}
-        if "weight" in self.beside:
-            entries["weight"] = self.beside["weight"]
-        modifiers = {key: self.modifiers[key] for key in _ORDER if key in self.modifiers}
-        handler = modifiers.pop("on_failure", None)
-        entries |= modifiers
+        if "weight" in self.siblings:
+            entries["weight"] = self.siblings["weight"]
+        decorators = {key: self.decorators[key] for key in _ORDER if key in self.decorators}
+        on_failure = decorators.pop("on_failure", None)
+        entries |= decorators
         entries[self.key] = self._value()
-        entries |= {key: self.beside[key] for key in ("with", "outputs") if key in self.beside}
-        if handler is not None:
-            entries["on_failure"] = handler
+        entries |= {key: self.siblings[key] for key in ("with", "outputs") if key in self.siblings}
+        if on_failure is not None:
+            entries["on_failure"] = on_failure
         return entries
 
     def _value(self) -> Data:
@@ -77,7 +77,7 @@ class YamlNode:
 
 
 Data = Raw | str | bool | int | float | list["Data"] | dict[str, "Data"] | YamlNode
-"""Something to be written; a ``str`` is a text and never anything else."""
+"""Value in a YAML file; a ``str`` is always a text."""
 
 
 def sequence(*children: YamlNode) -> YamlNode:
@@ -90,30 +90,29 @@ def selector(*children: YamlNode) -> YamlNode:
     return YamlNode(key="selector", children=children)
 
 
-def outside(node: YamlNode, key: str, value: Data) -> YamlNode:
-    """Return a node with one more modifier around all that it has.
+def decorated(node: YamlNode, key: str, value: Data) -> YamlNode:
+    """Return a node with one more decorator around those that it has.
 
-    Where the order of modifiers would put the new one inside of another, or where two of them
-    must not stand together, the node is put into a
-    sequence of its own, and the modifier around that.
+    Where the order of decorators would put the new one inside of another, or where two of them
+    exclude each other, the node is put into a sequence of its own, with the decorator around it.
     """
-    # What leaves the node out makes no difference to some modifiers, and stays outside of them.
-    outside_of_it = _LEAVES_OUT if key in _LEFT_OUT_THROUGH else ()
-    outer = {k: v for k, v in node.modifiers.items() if k in outside_of_it and k != key}
-    inner = {k: v for k, v in node.modifiers.items() if k not in outer}
+    # Skipping makes no difference to some decorators, so what skips the node stays outside.
+    stays_outside = _SKIPPING if key in _SKIP_NEUTRAL else ()
+    outer = {k: v for k, v in node.decorators.items() if k in stays_outside and k != key}
+    inner = {k: v for k, v in node.decorators.items() if k not in outer}
     contrary = _CONTRARIES.get(key) in inner
     if contrary or any(_ORDER.index(present) <= _ORDER.index(key) for present in inner):
-        node, inner = sequence(replace(node, modifiers=inner)), {}
-    return replace(node, modifiers={**outer, **inner, key: value})
+        node, inner = sequence(replace(node, decorators=inner)), {}
+    return replace(node, decorators={**outer, **inner, key: value})
 
 
-def may_be_left_out(node: YamlNode) -> bool:
-    """Return whether a node says itself that it is left out sometimes."""
-    return any(key in node.modifiers for key in _LEAVES_OUT)
+def can_be_skipped(node: YamlNode) -> bool:
+    """Return whether a node has a decorator that can skip it."""
+    return any(key in node.decorators for key in _SKIPPING)
 
 
 def with_comments(node: YamlNode, comments: Iterable[str]) -> YamlNode:
-    """Return a node with more lines above it."""
+    """Return a node with more comment lines above it."""
     return replace(node, comments=(*comments, *node.comments))
 
 
@@ -163,7 +162,7 @@ def _comments(node: YamlNode, indent: int) -> list[str]:
 
 
 def scalar(value: Data) -> str:
-    """Return a value that takes one line."""
+    """Return the text of a value that takes one line."""
     match value:
         case bool():
             return "true" if value else "false"
@@ -171,7 +170,9 @@ def scalar(value: Data) -> str:
             return repr(value)
         case str():
             return (
-                value if re.fullmatch(r"[a-z_]+", value) and value not in _TRAPS else quoted(value)
+                value
+                if re.fullmatch(r"[a-z_]+", value) and value not in _YAML_CONSTANTS
+                else quoted(value)
             )
         case Raw(text):
             return text if _is_plain(text) else quoted(text)
@@ -180,7 +181,7 @@ def scalar(value: Data) -> str:
     return "{}"
 
 
-_TRAPS = frozenset(("true", "false", "null", "yes", "no", "on", "off", "y", "n"))
+_YAML_CONSTANTS = frozenset(("true", "false", "null", "yes", "no", "on", "off", "y", "n"))
 
 
 def _is_plain(text: str) -> bool:

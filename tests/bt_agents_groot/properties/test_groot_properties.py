@@ -53,7 +53,7 @@ leaves = st.one_of(
         ),
     ),
     st.just(YamlNode(key="set", value={"u": "${t}!", "v": ["a", Raw("${x}")]})),
-    st.just(YamlNode(key="ask", value="Well?", beside={"outputs": {"reply": "answer"}})),
+    st.just(YamlNode(key="ask", value="Well?", siblings={"outputs": {"reply": "answer"}})),
     st.just(YamlNode(key="log", value={"message": "x is ${x}", "level": "warning"})),
     st.just(YamlNode(key="show", value={"text": "3", "duration": Raw("2 s")})),
 )
@@ -92,7 +92,7 @@ def _composites(children: st.SearchStrategy[YamlNode]) -> st.SearchStrategy[Yaml
 def _cases(nodes: list[YamlNode]) -> st.SearchStrategy[tuple[YamlNode, ...]]:
     return st.lists(conditions, min_size=len(nodes), max_size=len(nodes)).map(
         lambda whens: tuple(
-            replace(node, name=f"case {at}", modifiers={**node.modifiers, "when": when})
+            replace(node, name=f"case {at}", decorators={**node.decorators, "when": when})
             for at, (node, when) in enumerate(zip(nodes, whens, strict=True))
         )
     )
@@ -116,7 +116,7 @@ def _modified(nodes: st.SearchStrategy[YamlNode]) -> st.SearchStrategy[YamlNode]
         },
     ).filter(lambda found: not {"succeed", "fail"} <= found.keys())
     return st.builds(
-        lambda node, more: replace(node, modifiers={**more, **node.modifiers}), nodes, modifiers
+        lambda node, more: replace(node, decorators={**more, **node.decorators}), nodes, modifiers
     )
 
 

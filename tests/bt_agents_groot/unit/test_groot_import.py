@@ -33,7 +33,7 @@ def document(made: ImportedAgent) -> dict:
 
 
 def said(made: ImportedAgent, weight: RemarkLevel) -> str:
-    return "\n".join(remark.message for remark in made.remarks if remark.weight is weight)
+    return "\n".join(remark.message for remark in made.remarks if remark.level is weight)
 
 
 @pytest.mark.parametrize(
