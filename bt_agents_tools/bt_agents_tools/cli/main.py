@@ -16,8 +16,8 @@ from bt_agents_core.errors import BtAgentsError
 from bt_agents_ros.signals import end_silently, loading
 
 COMMANDS: Mapping[str, str] = {
-    "demo": "run_system",
-    "up": "run_system",
+    "demo": "demo",
+    "up": "up",
     "trigger": "requests",
     "sense": "requests",
     "cancel": "requests",
@@ -46,8 +46,8 @@ COMMANDS: Mapping[str, str] = {
     "preset": "preset",
     "keep": "keep",
     "reload": "reload",
-    "versions": "reload",
-    "roll-back": "reload",
+    "versions": "versions",
+    "roll-back": "roll_back",
 }
 """Command → its module in ``bt_agents_tools.cli.commands``.
 
