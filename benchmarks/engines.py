@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The reference trees built of py_trees classes, ticked by py_trees itself and by our engine."""
+"""The reference trees, built and ticked by py_trees and by our engine."""
 
 from __future__ import annotations
 
@@ -15,7 +15,14 @@ from py_trees.common import Status
 from py_trees.composites import Selector, Sequence
 from py_trees.decorators import Inverter
 
-from bt_agents.engine.ticking import Ticker
+from bt_agents.engine.context import BuildChild
+from bt_agents.engine.light_behaviour import LightBehaviour
+from bt_agents.engine.nodes.invert import Invert
+from bt_agents.engine.nodes.selector import LightSelector
+from bt_agents.engine.nodes.sequence import LightSequence
+from bt_agents.engine.ticker import Ticker
+from bt_agents_core.diagnostic import Position
+from bt_agents_language.model.specs import Literal, NodeSpec
 from measuring import Way, timed
 from reference_trees import Answer, Kind, Shape
 
@@ -119,9 +126,49 @@ def py_trees(shape: Shape) -> Built:
     )
 
 
+class _LightLeaf(LightBehaviour):
+    """The same leaf on the base class of our nodes."""
+
+    def __init__(self, answer: Status) -> None:
+        super().__init__("leaf")
+        self.answer = answer
+        self.ticks = 0
+
+    def update(self) -> Status:
+        self.ticks += 1
+        return self.answer
+
+
+_OURS = {Kind.SEQUENCE: LightSequence, Kind.SELECTOR: LightSelector, Kind.INVERT: Invert}
+
+
+def light_behaviours(shape: Shape) -> tuple[Behaviour, list[Any]]:
+    """Return a tree of our own classes, and its leaves."""
+    leaves: list[Any] = []
+
+    def node(shape: Shape) -> Behaviour:
+        if shape.kind is Kind.LEAF:
+            leaves.append(_LightLeaf(Status[shape.answer.name]))
+            return leaves[-1]
+        shapes = iter(shape.children)
+        build: BuildChild = lambda _spec, _scope: node(next(shapes))  # noqa: E731
+        nothing: Any = None
+        spec = NodeSpec(
+            path="tree",
+            position=Position(file="benchmark.yaml", line=1, column=1),
+            kind=shape.kind.value,
+            name=shape.kind.value,
+            fields={"memory": Literal(value=shape.memory)},
+            children=(nothing,) * len(shape.children),
+        )
+        return _OURS[shape.kind](spec, nothing, nothing, build)
+
+    return node(shape), leaves
+
+
 def ours(shape: Shape) -> Built:
-    """Our engine ticks the same classes."""
-    root, leaves = behaviours(shape)
+    """Our engine ticks its own classes."""
+    root, leaves = light_behaviours(shape)
     return Built(tick=Ticker(root).tick, means=PY_TREES, leaves=leaves)
 
 

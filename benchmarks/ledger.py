@@ -13,14 +13,14 @@ from itertools import count, islice
 from pathlib import Path
 from typing import TypeVar
 
-from feedback_node.ledger import Entry, Ledger
+from feedback_node.ledger import Ledger, LedgerEntry
 from feedback_node.ledger.file import inspect
 from feedback_node.ledger.rows import (
     COLUMNS,
     INSERT,
     LAYER,
-    Cause,
-    Revision,
+    ProfileRevision,
+    RevisionCause,
     create_tables,
     row_of,
 )
@@ -57,7 +57,7 @@ def _commits(folder: Path, effort: Effort) -> Iterator[Row]:
     with Ledger(path) as ledger, closing(_bare(folder / "bare.sqlite")) as database:
         ledger.enter({f"agent{number}": PROFILE for number in range(AGENTS)})
 
-        def record(one: Entry) -> None:
+        def record(one: LedgerEntry) -> None:
             ledger.record([one])
 
         def insert(row: tuple[object, ...]) -> None:
@@ -160,7 +160,7 @@ def _row(number: int) -> tuple[object, ...]:
     one = entry(number)
     return row_of(
         number,
-        Revision(
+        ProfileRevision(
             agent=one.agent, revision=number, profile=one.profile, cause=one.cause, stamp=0.5
         ),
     )
@@ -173,16 +173,16 @@ def fill(ledger: Ledger, revisions: int) -> None:
     for first in range(0, last, BATCH):
         ledger.record([entry(number) for number in range(first, min(first + BATCH, last))])
     for number in range(AGENTS):
-        ledger.append(f"agent{number}", PROFILE, Cause(cause=LAYER), layer="person/anna")
+        ledger.append(f"agent{number}", PROFILE, RevisionCause(cause=LAYER), layer="person/anna")
 
 
-def entry(number: int) -> Entry:
+def entry(number: int) -> LedgerEntry:
     """Return what one feedback has taught."""
     agent = f"agent{number % AGENTS}"
-    return Entry(
+    return LedgerEntry(
         agent=agent,
         profile={name: value + number / REVISIONS for name, value in PROFILE.items()},
-        cause=Cause(
+        cause=RevisionCause(
             kind=1,
             source="mood rule",
             reason="mood.change >= 0.5 held 2 s: mood 3 → 4",

@@ -71,7 +71,7 @@ STEP = """\
           on_failure: {{show: {{text: Nobody has answered., duration: 3 s}}}}
 """
 NODES_OF_STEP = 9
-"""A selector, a sequence, four leaves and three modifiers."""
+"""A selector, a sequence, four leaves and three decorators."""
 
 VARIED_STEP = """\
     - name: {word} {number}

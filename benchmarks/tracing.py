@@ -15,16 +15,17 @@ from py_trees.common import Status
 from py_trees.trees import BehaviourTree
 from py_trees.visitors import SnapshotVisitor
 
+from bt_agents.engine.light_behaviour import LightBehaviour
 from bt_agents.engine.run import Run, StatusChange
 from bt_agents.engine.scripted_environment import ScriptedEnvironment
-from bt_agents.engine.ticking import Ticker
-from bt_agents.recording.recording_run import RecordingRun
+from bt_agents.engine.ticker import Ticker
+from bt_agents.recording.run import RecordingRun
 from bt_agents_core.scene import Origin, Scene, SceneSpace, SceneValue
 from bt_agents_language.files.agent_reader import read_agent_text
 from bt_agents_language.files.folder_reader import read_vocabulary
 from bt_agents_language.files.scene_reader import read_scene
 from bt_agents_language.model.specs import AgentSpec
-from engines import behaviours
+from engines import behaviours, light_behaviours
 from measuring import Effort, Row, in_turn, timed
 from reference_trees import RUNNING, SUCCESS, TREES, Shape, balanced, sequence
 
@@ -74,42 +75,54 @@ SMALL, BIG, STOCK_SMALL, STOCK_BIG = "10 nodes", "5,000 nodes", "py_trees 10", "
 PLAIN, NOTED = "not recorded", "recorded"
 
 
+BUILDERS = (light_behaviours, behaviours)
+"""Ours and that of py_trees."""
+
+
 def measure(effort: Effort) -> Iterator[Row]:
     """Compare ticks with and without."""
     for case, shape in TREES.items():
-        _check_told(case, shape)
-        yield from _traced(case, lambda of=shape: behaviours(of)[0], effort, TRACED)
-    yield from _traced("a, with a new message in each tick", _talkative, effort, None)
+        _check_reported(case, shape)
+        ours, stock = (lambda of=shape, make=make: make(of)[0] for make in BUILDERS)
+        yield from _traced(case, ours, stock, effort, TRACED)
+    case = "a, with a new message in each tick"
+    yield from _traced(case, _talkative_light, _talkative, effort, None)
     yield from _large(effort)
     for case, tree in RUNS.items():
         yield _recorded(case, tree, effort, RECORDED)
     yield _recorded(NEWS, REPEAT, effort, None)
 
 
-def _check_told(case: str, shape: Shape) -> None:
-    """See that what changes is told, and nothing else.
+def _check_reported(case: str, shape: Shape) -> None:
+    """See that what changes is reported, and nothing else.
 
     Raises:
         RuntimeError: It is not so.
     """
-    root, _ = behaviours(shape)
-    told: list[Behaviour] = []
-    ticker = Ticker(root, tell=told.append)
+    root, _ = light_behaviours(shape)
+    reported: list[Behaviour] = []
+    ticker = Ticker(root, on_change=reported.append)
     ticker.tick()
     changed = {node for node in root.iterate() if node.status is not Status.INVALID}
-    first = set(told)
-    told.clear()
+    first = set(reported)
+    reported.clear()
     ticker.tick()
-    if first != changed or told:
-        raise RuntimeError(f"not every change of '{case}' is told, or one that is none")
+    if first != changed or reported:
+        raise RuntimeError(f"not every change of '{case}' is reported, or one that is none")
 
 
 class _Talkative(Behaviour):
-    """A leaf with something new to say each time."""
+    """A leaf with another message each time."""
 
     def update(self) -> Status:
         self.feedback_message = "b" if self.feedback_message == "a" else "a"
         return Status.SUCCESS
+
+
+class _TalkativeLight(LightBehaviour):
+    """The same leaf on the base class of our nodes."""
+
+    update = _Talkative.update
 
 
 def _talkative() -> Behaviour:
@@ -118,14 +131,24 @@ def _talkative() -> Behaviour:
     return root
 
 
+def _talkative_light() -> Behaviour:
+    root, leaves = light_behaviours(sequence(*[SUCCESS] * 10))
+    root.replace_child(leaves[-1], _TalkativeLight("talkative"))
+    return root
+
+
 def _traced(
-    case: str, make: Callable[[], Behaviour], effort: Effort, goal: float | None
+    case: str,
+    ours: Callable[[], Behaviour],
+    stock: Callable[[], Behaviour],
+    effort: Effort,
+    goal: float | None,
 ) -> Iterator[Row]:
     ticks = {
-        BARE: Ticker(make()).tick,
-        TRACE: _tracing(make()),
-        STOCK: make().tick_once,
-        VISITOR: _visited(make()),
+        BARE: Ticker(ours()).tick,
+        TRACE: _tracing(ours()),
+        STOCK: stock().tick_once,
+        VISITOR: _visited(stock()),
     }
     found = _in_turn(ticks, effort)
     yield _row(case, TRACE, BARE, found, goal)
@@ -135,8 +158,8 @@ def _traced(
 def _large(effort: Effort) -> Iterator[Row]:
     small, large = (balanced(nodes, 10, RUNNING) for nodes in (SMALL_NODES, LARGE_NODES))
     ticks = {
-        SMALL: _tracing(behaviours(small)[0]),
-        BIG: _tracing(behaviours(large)[0]),
+        SMALL: _tracing(light_behaviours(small)[0]),
+        BIG: _tracing(light_behaviours(large)[0]),
         STOCK_SMALL: _visited(behaviours(small)[0]),
         STOCK_BIG: _visited(behaviours(large)[0]),
     }
@@ -153,7 +176,7 @@ def _recorded(case: str, tree: str, effort: Effort, goal: float | None) -> Row:
     found = _in_turn({PLAIN: plain.tick, NOTED: recorded.tick}, effort)
     if plain.result is not None or recorded.result is not None:
         raise RuntimeError(f"the run of '{case}' has ended")
-    if (case == NEWS) != (f'"turn":{recorded.ticks},' in lines[-1]):
+    if (case == NEWS) != (f'"step":{recorded.ticks},' in lines[-1]):
         raise RuntimeError(f"the last tick of '{case}' is noted without news, or news are not")
     spent = "0.12 µs are the overridden tick and the look at the tunables, in any tree"
     return _row(case, NOTED, PLAIN, found, goal, note=spent if goal else "")
@@ -232,14 +255,14 @@ def _tracing(root: Behaviour) -> Callable[[], object]:
     """Return a tick that collects what has changed."""
     changes: deque[StatusChange] = deque(maxlen=LARGE_NODES)
 
-    def tell(node: Behaviour) -> None:
+    def collect(node: Behaviour) -> None:
         changes.append(
             StatusChange(
                 path=node.name, name=node.name, status=node.status, message=node.feedback_message
             )
         )
 
-    return Ticker(root, tell=tell).tick
+    return Ticker(root, on_change=collect).tick
 
 
 def _visited(root: Behaviour) -> Callable[[], object]:

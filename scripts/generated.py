@@ -13,7 +13,7 @@ from bt_agents_language.model.symbols import SymbolTable
 from bt_agents_language.reference.codes.codes_page import codes_page
 from bt_agents_language.reference.reference_page import reference_page
 from bt_agents_language.tools.schema.folder import (
-    SCHEMAS,
+    FILE_KINDS,
     folder_vocabulary,
     schema_file,
     schema_text,
@@ -40,7 +40,7 @@ GENERATED: Mapping[str, Callable[[], str]] = {
     "docs/errors.md": codes_page,
     "docs/groot.md": _groot_page,
     "docs/nodes.md": lambda: reference_page(shipped()),
-    **{f"schema/{schema_file(kind)}": partial(_schema, kind) for kind in SCHEMAS},
+    **{f"schema/{schema_file(kind)}": partial(_schema, kind) for kind in FILE_KINDS},
 }
 """File → what stands in it."""
 

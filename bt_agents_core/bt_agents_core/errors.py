@@ -3,10 +3,8 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
-if TYPE_CHECKING:
-    from bt_agents_language.yaml.diagnostics import Diagnostic
+from bt_agents_core.diagnostic import Diagnostic
+from bt_agents_core.text import ellipsize
 
 
 class BtAgentsError(Exception):
@@ -29,8 +27,7 @@ class Refused(BtAgentsError):
     """
 
     def __init__(self, code: str, reason: str) -> None:
-        if len(reason) > LONGEST_REASON:
-            reason = reason[: LONGEST_REASON - 1] + "…"
+        reason = ellipsize(reason, LONGEST_REASON)
         super().__init__(f"{code}: {reason}")
         self.code = code
         self.reason = reason

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The kinds of feedback, as rules, trees and people give it, and how an agent learns from it."""
+"""Kinds and sources of feedback, and the learning rule of an agent."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ WEIGHTS: Mapping[str, float] = {BUTTON: 1.0, MOOD_RULE: 0.5}
 
 
 class FeedbackKind(IntEnum):
-    """What feedback asks for; the numbers are those of ``Feedback.msg``."""
+    """Kind of feedback; the numbers are those of ``Feedback.msg``."""
 
     DIRECT = 0
     POSITIVE = 1
@@ -30,7 +30,7 @@ class FeedbackKind(IntEnum):
 
 
 class Update(StrEnum):
-    """How a profile follows feedback, some of which may be wrong."""
+    """Update rule of a profile: plain, or robust against wrong feedback."""
 
     PLAIN = "plain"
     HUBER = "huber"
@@ -39,7 +39,7 @@ class Update(StrEnum):
 
 @dataclass(frozen=True, kw_only=True)
 class LearningRule:
-    """How feedback moves the profile of an agent; the defaults are the paper's formula.
+    """Learning rule of an agent; the defaults are the paper's formula.
 
     Attributes:
         rates: Learning rate of a parameter, 0..1, where it is not the agent's; 0 freezes it.
@@ -66,5 +66,5 @@ class LearningRule:
     general: float = 1.0
 
     def weight(self, source: str) -> float:
-        """Return how much feedback of a source counts."""
+        """Return the weight of feedback from a source."""
         return self.weights.get(source, WEIGHTS.get(source, 1.0))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The scene while a run goes on, and how long the last look at it tells anything about now."""
+"""The live scene of a run, which is stale once nothing has come for the lease."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ LEASE_S = 1.0
 
 
 class LiveSceneView:
-    """The live scene of one run; the scene as awarded is its first one.
+    """Latest live scene of one run, at first the scene as awarded.
 
     Args:
         awarded: Scene as awarded.
@@ -30,7 +30,7 @@ class LiveSceneView:
         self._scene = awarded
         self._seen_at = clock()
 
-    def see(self, scene: Scene) -> None:
+    def receive(self, scene: Scene) -> None:
         """Take a live scene; one of another scene id is none of this run."""
         if scene.scene_id == self.scene_id:
             self._scene = scene

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The mood of the person during one run, against the mood at its start."""
+"""Change of the mood during one run, against its start or a baseline."""
 
 from __future__ import annotations
 
@@ -7,28 +7,11 @@ import math
 from collections.abc import Callable
 from dataclasses import replace
 
-from bt_agents_core.scene import MISSING, Scene, SceneSpace, SceneValue
-
-
-def mood_of(scene: Scene, space: SceneSpace, *, confidence: float = 0.0) -> float:
-    """Return the mood of the person in a scene, NaN when it is not known.
-
-    It is known of a person who is there, when it was measured or given, with enough confidence: a
-    person who is lost is not unhappy, and neither is one whose mood is only assumed.
-
-    Args:
-        scene: The scene.
-        space: Says which parameter is the mood.
-        confidence: The least that counts, 0..1.
-    """
-    if space.mood is None or not scene.person:
-        return MISSING
-    value = scene.values[space.names.index(space.mood)]
-    return value.value if value.observed and value.confidence >= confidence else MISSING
+from bt_agents_core.scene import MISSING, Scene, SceneSpace, SceneValue, mood_of
 
 
 class Addressee:
-    """The person whom a run is about; live scenes about somebody else say that nobody is there.
+    """Person whom a run is about; live scenes about somebody else count as nobody there.
 
     Args:
         awarded: Scene as awarded; when it does not say who it is, the first live one does.
@@ -37,7 +20,7 @@ class Addressee:
     def __init__(self, awarded: Scene) -> None:
         self._person_id = awarded.person_id
 
-    def seen(self, live: Scene) -> Scene:
+    def mask(self, live: Scene) -> Scene:
         """Return a live scene, without the person when it is somebody else."""
         self._person_id = self._person_id or live.person_id
         if not live.person_id or live.person_id == self._person_id:
@@ -47,7 +30,7 @@ class Addressee:
 
 
 class Mood:
-    """The mood of one run against that at its start, in the unit of its scene parameter.
+    """Mood in one run and its change since the start, in the unit of the scene parameter.
 
     Attributes:
         start: Mood of the scene as awarded; when that is not known, the first live one that is.
@@ -94,7 +77,7 @@ class Mood:
         """When the baseline is complete [s]; infinite when it is, or has not begun."""
         return self._until
 
-    def see(self, live: Scene) -> None:
+    def receive(self, live: Scene) -> None:
         """Take a live scene."""
         self.tick()
         self.now = mood_of(live, self._space, confidence=self._confidence)
@@ -107,7 +90,7 @@ class Mood:
             self._until = self._counted_to + self._baseline_s
 
     def tick(self) -> None:
-        """Let time pass: the mood has been the same since the last scene."""
+        """Advance the time; the mood has been constant since the last scene."""
         if self._until == math.inf:
             return
         now = self._clock()
@@ -123,5 +106,5 @@ class Mood:
         self._until = math.inf
 
     def forget(self) -> None:
-        """Let the mood be unknown: nothing has been heard for too long."""
+        """Mark the mood as unknown, after the live scene has become stale."""
         self.now = MISSING

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Profiles of an agent for one person or one place, which lie over the one for everybody."""
+"""Layers of profiles: for one person or one place, over the one for everybody."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ LONGEST_LAYER = 256
 
 
 def layers_of(scene: Scene) -> dict[str, str]:
-    """Return the layers that a scene names, the one that goes first in front: kind → layer."""
+    """Return the layers of a scene in order of precedence: kind → layer."""
     named = {PERSON: scene.person_id, PLACE: scene.place}
     return {kind: f"{kind}/{name}" for kind, name in named.items() if name}
 

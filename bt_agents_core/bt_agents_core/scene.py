@@ -293,6 +293,28 @@ class SceneSpace:
         return tuple(found[name] for name in self.names)
 
 
+def mood_of(scene: Scene, space: SceneSpace, *, confidence: float = 0.0) -> float:
+    """Return the mood of the person in a scene, NaN when it is not known.
+
+    It is known of a person who is there, when it was measured or given, with enough confidence: a
+    person who is lost is not unhappy, and neither is one whose mood is only assumed.
+
+    Args:
+        scene: The scene.
+        space: Says which parameter is the mood.
+        confidence: The least that counts, 0..1.
+    """
+    if space.mood is None or not scene.person:
+        return MISSING
+    value = scene.values[space.names.index(space.mood)]
+    return value.value if value.observed and value.confidence >= confidence else MISSING
+
+
+def finite_or_none(value: float) -> float | None:
+    """Return a number as JSON can have it; None for NaN and infinity."""
+    return value if math.isfinite(value) else None
+
+
 def check_value(parameter: SceneParameter, value: float, *, what: str = "") -> float:
     """Return ``value`` when it is finite and inside the parameter's range.
 

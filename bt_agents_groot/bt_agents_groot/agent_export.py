@@ -16,9 +16,8 @@ from bt_agents_language.files.inputs import read_inputs
 from bt_agents_language.model.specs import SubtreeSpec, Tunable
 from bt_agents_language.model.symbols import SymbolTable
 from bt_agents_language.tree.raw_nodes import RawNodeReader
-from bt_agents_language.yaml.mapping_reader import MappingReader
 from bt_agents_language.yaml.source import Source, read_source
-from bt_agents_language.yaml.typed_reader import TypedReader
+from bt_agents_language.yaml.typed_reader import MappingReader, TypedReader
 from bt_agents_language.yaml.yaml_reader import Mapping, Node
 
 _NOT_IN_TREES = (
@@ -54,7 +53,7 @@ class _TreeFile:
 
     fields: MappingReader
     vocabulary: SymbolTable
-    raw_nodes: RawNodeReader
+    structure: RawNodeReader
     file: str
     subtrees: dict[str, SubtreeSpec] = field(default_factory=dict)
 
@@ -101,7 +100,7 @@ class _Export:
         assert isinstance(root, Mapping)
         keys = {entry.key.text: entry.key for entry in root.entries}
         nodes = {entry.key.text: entry.value for entry in root.entries}
-        fields = MappingReader(reading, "the file", root, nodes, keys)
+        fields = MappingReader(reading, root, nodes, keys)
         vocabulary, imported = read_imports(reading, fields, self._vocabulary)
         own = {
             entry.key.text: _interface(reading, entry.key.text, entry.value, source.file)
@@ -110,7 +109,7 @@ class _Export:
         opened = _TreeFile(
             fields=fields,
             vocabulary=vocabulary,
-            raw_nodes=RawNodeReader(reading, vocabulary),
+            structure=RawNodeReader(reading, vocabulary),
             file=source.file,
             subtrees={**imported, **own},
         )
@@ -119,7 +118,7 @@ class _Export:
 
     def _tree(self, file: _TreeFile, node: Node | None, tree_id: str) -> Xml:
         assert node is not None
-        raw = file.raw_nodes.read(node, "the tree")
+        raw = file.structure.read(node, "the tree")
         assert raw is not None
 
         def find(name: str) -> tuple[str, SubtreeSpec]:

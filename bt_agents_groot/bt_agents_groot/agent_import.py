@@ -193,7 +193,7 @@ class _Import:
         return [call for call in calls if call.get("ID") == tree_id]
 
     def _mentions(self, tree_id: str | None) -> Counter[str]:
-        """Return how often each blackboard entry is names_in_formula in a tree."""
+        """Return how often each blackboard entry is mentioned in a tree."""
         if tree_id is None:
             return Counter()
         return Counter(_mentioned_entries(self._document.trees[tree_id]))

@@ -7,6 +7,7 @@ import re
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 
+from bt_agents_core.field_types import FieldType
 from bt_agents_groot.catalogue import BUILTINS, CONDITIONS
 from bt_agents_groot.document import node_id
 from bt_agents_groot.formulas import Binary, Constant, Formula, Name, Untranslatable, negated
@@ -14,7 +15,11 @@ from bt_agents_groot.ports import from_port, names_in, names_of_expression, poin
 from bt_agents_groot.translation import RemarkLevel, Translation
 from bt_agents_groot.xml_files import Attribute, Element
 from bt_agents_groot.yaml_nodes import Data, Raw, YamlNode, can_be_skipped, decorated, sequence
-from bt_agents_language.model.specs import FieldType
+from bt_agents_language.nodes.check import CHECK
+from bt_agents_language.nodes.parallel import PARALLEL
+from bt_agents_language.nodes.random import RANDOM
+from bt_agents_language.nodes.selector import SELECTOR
+from bt_agents_language.nodes.when import WHEN
 
 ON_FAILURE = "on_failure"
 """Name of a ``Fallback`` that stands for our decorator ``on_failure``."""
@@ -26,7 +31,7 @@ Compose = Callable[[Translation, Element], YamlNode]
 
 def _composite(key: str, *, memory: bool = True) -> Compose:
     def translate(tree: Translation, element: Element) -> YamlNode:
-        fallback = key == "selector"
+        fallback = key == SELECTOR.key
         children = tuple(tree.node(c, below_fallback=fallback) for c in element.children)
         if not memory:
             _remark_slow(tree, element.children[:-1])
@@ -59,13 +64,13 @@ def _fallback(tree: Translation, element: Element) -> YamlNode:
     if element.get("name") != ON_FAILURE or len(element.children) != 2:
         return plain(tree, element)
     node = tree.node(element.children[0])
-    if "when" in node.decorators:
+    if WHEN.key in node.decorators:
         return plain(tree, element)
     return decorated(node, ON_FAILURE, tree.node(element.children[1]))
 
 
 def is_handler(element: Element, node: YamlNode) -> bool:
-    """Return whether an element has become our ``on_failure``, so that its name is not needed."""
+    """Return whether an element has become our decorator, so that its name says no more."""
     return element.get("name") == ON_FAILURE and ON_FAILURE in node.decorators
 
 
@@ -155,7 +160,7 @@ def _case(tree: Translation, element: Element, condition: Raw, number: int) -> Y
 
 def _condition_text(tree: Translation, element: Element) -> Raw | None:
     """Return the condition that an element checks, as text; None when it is more than that."""
-    if node_id(element) == "check" and set(element.attributes) <= {"ID", "condition"}:
+    if node_id(element) == CHECK.key and set(element.attributes) <= {"ID", "condition"}:
         tree.names.read(names_of_expression(element.get("condition")))
         return Raw(element.get("condition"))
     condition = _formula(tree, element)
@@ -249,11 +254,11 @@ def _try_catch(tree: Translation, element: Element) -> YamlNode:
 def own_control(tree: Translation, element: Element) -> YamlNode | None:
     """Return the node for our ``random``, or ``parallel`` with names; None for anything else."""
     ports = set(element.attributes) - {"ID", "name", *CONDITIONS}
-    if node_id(element) == "parallel" and ports == {"succeed_on"}:
+    if node_id(element) == PARALLEL.key and ports == {"succeed_on"}:
         wanted = from_port(element.get("succeed_on"), FieldType.ANY, tree.names.rename)
         children = tuple(map(tree.node, element.children))
         return YamlNode(key="parallel", value={"succeed_on": wanted}, children=children)
-    if node_id(element) != "random" or not ports <= {"seed", "weights"}:
+    if node_id(element) != RANDOM.key or not ports <= {"seed", "weights"}:
         return None
     weights = from_port(element.get("weights", "json:[]"), FieldType.ANY, tree.names.rename)
     if not isinstance(weights, list) or len(weights) not in (0, len(element.children)):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Import of decorators of BehaviorTree.CPP as decorators of our language."""
+"""Decorators of BehaviorTree.CPP as decorators of our language."""
 
 from __future__ import annotations
 
@@ -20,7 +20,8 @@ from bt_agents_groot.yaml_nodes import (
     selector,
     sequence,
 )
-from bt_agents_language.nodes import FOREVER, MODIFIERS
+from bt_agents_language.model.node_type import FOREVER
+from bt_agents_language.nodes.catalogue import DECORATORS as OWN_DECORATORS
 
 Translate = Callable[[Translation, Element], YamlNode]
 
@@ -103,15 +104,15 @@ def _child_alone(tree: Translation, element: Element) -> YamlNode:
 
 
 def own_decorator(tree: Translation, element: Element) -> YamlNode | None:
-    """Return the node for an element named as a decorator of our language; None for any other."""
-    kind = MODIFIERS.get(node_id(element))
-    if kind is None or len(element.children) != 1 or not kind.fields:
+    """Return the node for a decorator of our language; None when it is none."""
+    own = OWN_DECORATORS.get(node_id(element))
+    if own is None or own.main is None or len(element.children) != 1:
         return None
-    fields = own_fields(element, kind.fields, tree.names, tree.remark)
+    fields = own_fields(element, own.fields, tree.names, tree.remark)
     if fields is None:
         return None
-    value: Data = fields[kind.main] if list(fields) == [kind.main] else fields
-    return decorated(tree.node(element.children[0]), kind.key, value)
+    value: Data = fields[own.main] if list(fields) == [own.main] else fields
+    return decorated(tree.node(element.children[0]), own.key, value)
 
 
 def unknown_parent(tree: Translation, element: Element) -> YamlNode:

@@ -7,6 +7,7 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+from bt_agents_core.text import join_quoted, quote
 from bt_agents_groot.catalogue import (
     BUILTINS,
     CONDITIONS,
@@ -18,9 +19,8 @@ from bt_agents_groot.catalogue import (
 from bt_agents_groot.ports import pointed_at
 from bt_agents_groot.scripts import ScriptError, parse_script
 from bt_agents_groot.xml_files import Attribute, Element, XmlReading
-from bt_agents_language.yaml.diagnostics import did_you_mean, shown
+from bt_agents_language.yaml.diagnostics import did_you_mean
 from bt_agents_language.yaml.source import Source
-from bt_agents_language.yaml.typed_reader import listed
 
 _WHOLE = re.compile(r"[-+]?[0-9]{1,9}")
 _STATUSES = ("SUCCESS", "FAILURE", "RUNNING", "SKIPPED")
@@ -145,7 +145,7 @@ class _DocumentReader:
             self._reading.error(
                 "wrong-format",
                 version,
-                f"the file has BTCPP_format {shown(version.value)}, this program reads format 4",
+                f"the file has BTCPP_format {quote(version.value)}, this program reads format 4",
                 "open the file in Groot2 and save it; files of Groot 1 need convert_v3_to_v4.py, "
                 "which comes with BehaviorTree.CPP",
             )
@@ -161,7 +161,7 @@ class _DocumentReader:
             self._reading.error(
                 "name-taken",
                 element.attributes["ID"],
-                f"there is a tree {shown(tree_id)} already "
+                f"there is a tree {quote(tree_id)} already "
                 f"(line {self._trees[tree_id].position.line})",
                 "rename one of them",
             )
@@ -224,7 +224,7 @@ class _DocumentReader:
             self._reading.error(
                 "unknown-subtree",
                 element.attributes["ID"],
-                f"there is no <BehaviorTree> {shown(called)}",
+                f"there is no <BehaviorTree> {quote(called)}",
                 did_you_mean(called, self._trees),
             )
 
@@ -255,7 +255,7 @@ class _DocumentReader:
         self._reading.error(
             "unknown-attribute",
             attribute,
-            f"<{of}> has no attribute {shown(attribute.name)}",
+            f"<{of}> has no attribute {quote(attribute.name)}",
             did_you_mean(attribute.name, [*ports, *CONDITIONS, "name"]),
         )
 
@@ -304,7 +304,7 @@ class _DocumentReader:
             self._reading.error(
                 "bad-attribute",
                 attribute,
-                f"'{attribute.name}' of <{of}> is {shown(value)}, expected {kind.value}",
+                f"'{attribute.name}' of <{of}> is {quote(value)}, expected {kind.value}",
                 "or the name of a blackboard entry: {name}",
             )
 
@@ -326,7 +326,7 @@ class _DocumentReader:
                     self._reading.error(
                         "recursion",
                         call.attributes["ID"],
-                        f"tree {shown(called)} contains itself: {loop[:200]}",
+                        f"tree {quote(called)} contains itself: {loop[:200]}",
                         "use <Repeat> to do something again",
                     )
                 elif called in self._calls and called not in finished:
@@ -339,7 +339,7 @@ class _DocumentReader:
                 self._reading.error(
                     "unknown-subtree",
                     named,
-                    f"there is no <BehaviorTree> {shown(named.value)}",
+                    f"there is no <BehaviorTree> {quote(named.value)}",
                     did_you_mean(named.value, self._trees),
                 )
             return named.value
@@ -353,6 +353,6 @@ class _DocumentReader:
                 'write <BehaviorTree ID="…"> around the tree',
             )
         elif len(roots) > 1:
-            hint = f"name the tree that starts: {listed(roots)}"
+            hint = f"name the tree that starts: {join_quoted(roots)}"
             self._missing(self._root, "main_tree_to_execute", hint)
         return roots[0] if roots else ""

@@ -6,6 +6,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 
+from bt_agents_core.field_types import FieldType
 from bt_agents_groot.document import node_id
 from bt_agents_groot.formulas import Untranslatable
 from bt_agents_groot.ports import from_port, names_in, pointed_at
@@ -13,8 +14,7 @@ from bt_agents_groot.script_nodes import as_node
 from bt_agents_groot.translation import RemarkLevel, Translation
 from bt_agents_groot.xml_files import Element
 from bt_agents_groot.yaml_nodes import Data, Raw, YamlNode
-from bt_agents_language.model.specs import FieldType
-from bt_agents_language.nodes import FOREVER
+from bt_agents_language.model.node_type import FOREVER
 
 
 def count(tree: Translation, element: Element, port: str, default: str = "") -> Data:

@@ -5,13 +5,14 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
+from bt_agents_core.field_types import FieldType
 from bt_agents_groot.catalogue import BUILTINS, EXPLICIT
 from bt_agents_groot.naming import pascal, port
 from bt_agents_groot.ports import cpp_type, plain_port
 from bt_agents_groot.xml_files import Xml
 from bt_agents_language.model.node_type import NodeField, NodeType
-from bt_agents_language.model.specs import FieldSpec, FieldType, SkillSpec, SubtreeSpec, Tunable
-from bt_agents_language.nodes import KINDS, MODIFIERS
+from bt_agents_language.model.specs import FieldSpec, SkillSpec, SubtreeSpec, Tunable
+from bt_agents_language.nodes.catalogue import DECORATORS, NODE_TYPES
 
 
 class Models:
@@ -20,7 +21,7 @@ class Models:
     def __init__(self) -> None:
         self._ids: dict[tuple[str, str], str] = {}
         self._taken = {
-            *BUILTINS, *EXPLICIT, *KINDS, *MODIFIERS,
+            *BUILTINS, *EXPLICIT, *NODE_TYPES, *DECORATORS,
             "SubTree", "BehaviorTree", "TreeNodesModel", "Root", "root", "include",
         }  # fmt: skip
         self._models: dict[str, Xml] = {}
@@ -58,10 +59,10 @@ class Models:
         self._declare("Action", model_id, ports)
         return model_id
 
-    def plugin(self, kind: NodeType) -> str:
+    def plugin(self, node_type: NodeType) -> str:
         """Return the ID of a plug-in's node and declare it."""
-        model_id = self._id("leaf", kind.key)
-        self._declare("Action", model_id, tuple(map(_port, kind.fields)))
+        model_id = self._id("leaf", node_type.key)
+        self._declare("Action", model_id, tuple(map(_port, node_type.fields)))
         return model_id
 
     def node_key(self, kind: str, key: str, ports: Iterable[NodeField]) -> str:

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+from bt_agents_core.field_types import FieldType
 from bt_agents_groot.catalogue import CONDITIONS, OTHER_ATTRIBUTES
 from bt_agents_groot.document import node_id
 from bt_agents_groot.naming import port
@@ -14,8 +15,8 @@ from bt_agents_groot.translation import RemarkLevel
 from bt_agents_groot.xml_files import Attribute, Element
 from bt_agents_groot.yaml_nodes import Data, Raw, YamlNode
 from bt_agents_language.model.node_type import Children, Content, NodeField
-from bt_agents_language.model.specs import FieldType
-from bt_agents_language.nodes import KINDS
+from bt_agents_language.nodes.catalogue import NODE_TYPES
+from bt_agents_language.nodes.set import SET
 
 RemarkFunction = Callable[[RemarkLevel, Element | Attribute, str], None]
 """Function that adds a remark about an element or attribute."""
@@ -23,19 +24,19 @@ RemarkFunction = Callable[[RemarkLevel, Element | Attribute, str], None]
 
 def own_leaf(element: Element, names: TreeNames, remark: RemarkFunction) -> YamlNode | None:
     """Return the node for an element named as a leaf of our language; None for any other."""
-    kind = KINDS.get(node_id(element))
-    if kind is None or kind.children is not Children.NONE:
+    own = NODE_TYPES.get(node_id(element))
+    if own is None or own.children is not Children.NONE:
         return None
-    if kind.open:
+    if own.open:
         return _own_set(element, names, remark)
-    fields = own_fields(element, kind.fields, names, remark)
+    fields = own_fields(element, own.fields, names, remark)
     if fields is None:
         return None
     outputs = fields.get("outputs")
     for name in outputs if isinstance(outputs, dict) else ():
         names.write(name)
-    only_main = kind.main is not None and list(fields) == [kind.main]
-    return YamlNode(key=kind.key, value=fields[kind.main or ""] if only_main else fields)
+    only_main = own.main is not None and list(fields) == [own.main]
+    return YamlNode(key=own.key, value=fields[own.main or ""] if only_main else fields)
 
 
 def _own_set(element: Element, names: TreeNames, remark: RemarkFunction) -> YamlNode | None:
@@ -45,7 +46,7 @@ def _own_set(element: Element, names: TreeNames, remark: RemarkFunction) -> Yaml
         return None
     for key in data:
         names.write(key)
-    return YamlNode(key="set", value=data)
+    return YamlNode(key=SET.key, value=data)
 
 
 def own_fields(

@@ -6,6 +6,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, field
 
+from bt_agents_core.field_types import FieldType
 from bt_agents_groot.formulas import (
     ARITHMETIC,
     COMPARISONS,
@@ -18,7 +19,6 @@ from bt_agents_groot.formulas import (
     dotted_name,
 )
 from bt_agents_groot.naming import Renaming
-from bt_agents_language.model.specs import FieldType
 
 _DEFAULTS: Mapping[FieldType, bool | int | float | str] = {
     FieldType.BOOLEAN: False,

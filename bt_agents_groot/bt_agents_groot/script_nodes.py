@@ -6,6 +6,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import replace
 
+from bt_agents_core.field_types import FieldType
 from bt_agents_groot.formulas import (
     ARITHMETIC,
     Binary,
@@ -20,7 +21,6 @@ from bt_agents_groot.formulas import (
 from bt_agents_groot.scopes import TreeNames
 from bt_agents_groot.scripts import Assignment, Statement
 from bt_agents_groot.yaml_nodes import Data, Raw, YamlNode, decorated, sequence
-from bt_agents_language.model.specs import FieldType
 
 
 def as_condition(statements: list[Statement]) -> Formula:

@@ -6,6 +6,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
+from bt_agents_core.field_types import FieldType
 from bt_agents_groot.document import Document, Model, ModelPort, node_id
 from bt_agents_groot.naming import field_of, snake
 from bt_agents_groot.own_nodes import RemarkFunction, given_ports, own_leaf, port_value
@@ -15,8 +16,8 @@ from bt_agents_groot.translation import RemarkLevel
 from bt_agents_groot.xml_files import Attribute, Element
 from bt_agents_groot.yaml_nodes import Data, Raw, YamlNode
 from bt_agents_language.model.node_type import NodeType
-from bt_agents_language.model.specs import FieldType, SkillSpec
-from bt_agents_language.nodes import BESIDE, KINDS, MODIFIERS
+from bt_agents_language.model.specs import SkillSpec
+from bt_agents_language.nodes.catalogue import WORDS
 
 
 @dataclass
@@ -167,7 +168,7 @@ class SkillNodes:
 
 def _skill_name(element: Element, remark: RemarkFunction) -> str:
     name = snake(node_id(element))
-    if name not in KINDS and name not in MODIFIERS and name not in (*BESIDE, "children"):
+    if name not in WORDS:
         return name
     remark(
         RemarkLevel.NOTE,
@@ -222,8 +223,8 @@ def _of_skill(skill: SkillSpec) -> _Signature:
     )
 
 
-def _of_plugin(kind: NodeType) -> _Signature:
-    return _Signature(fields={one.name: one.type for one in kind.fields}, main=kind.main)
+def _of_plugin(node_type: NodeType) -> _Signature:
+    return _Signature(fields={one.name: one.type for one in node_type.fields}, main=node_type.main)
 
 
 def _apparent_type(data: Data) -> FieldType:

@@ -6,6 +6,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+from bt_agents_core.field_types import FieldType
 from bt_agents_groot.catalogue import CONDITIONS, OTHER_ATTRIBUTES
 from bt_agents_groot.naming import entry_of, snake
 from bt_agents_groot.own_nodes import RemarkFunction
@@ -14,7 +15,6 @@ from bt_agents_groot.scopes import Interface, TreeNames
 from bt_agents_groot.translation import RemarkLevel
 from bt_agents_groot.xml_files import Element
 from bt_agents_groot.yaml_nodes import Data, Raw, YamlNode
-from bt_agents_language.model.specs import FieldType
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -78,11 +78,8 @@ class SubtreeCalls:
         used = {*callee.interface.inputs.values(), *callee.interface.outputs}
         for name in entries:
             if name not in used:
-                remark(
-                    RemarkLevel.NOTE,
-                    element,
-                    f"'{name}' is not passed on: '{callee.name}' never uses it",
-                )
+                text = f"'{name}' is not passed on: '{callee.name}' never uses it"
+                remark(RemarkLevel.NOTE, element, text)
         return _subtree(callee.name, arguments, outputs)
 
     def _inputs(

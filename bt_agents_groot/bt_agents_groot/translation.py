@@ -8,12 +8,12 @@ from dataclasses import dataclass
 from enum import Enum
 from typing import Protocol
 
+from bt_agents_core.diagnostic import Position
 from bt_agents_groot.formulas import Formula
 from bt_agents_groot.scopes import TreeNames
 from bt_agents_groot.scripts import Statement
 from bt_agents_groot.xml_files import Attribute, Element
 from bt_agents_groot.yaml_nodes import Data, Raw, YamlNode
-from bt_agents_language.model.specs import Position
 
 
 class RemarkLevel(Enum):

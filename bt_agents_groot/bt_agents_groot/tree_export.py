@@ -7,8 +7,8 @@ import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
+from bt_agents_core.field_types import FieldType, Plain
 from bt_agents_groot.catalogue import SKIP_IF
-from bt_agents_groot.controls import ON_FAILURE
 from bt_agents_groot.export_values import condition_script, milliseconds, number_port, set_script
 from bt_agents_groot.formulas import Untranslatable
 from bt_agents_groot.models import Models
@@ -16,10 +16,14 @@ from bt_agents_groot.naming import port
 from bt_agents_groot.ports import JSON, as_port
 from bt_agents_groot.translation import RemarkLevel, Remarks
 from bt_agents_groot.xml_files import Xml
-from bt_agents_language.model.node_type import Content, NodeField
-from bt_agents_language.model.specs import FieldSpec, FieldType, Plain, SubtreeSpec
-from bt_agents_language.nodes import KINDS, MODIFIERS
-from bt_agents_language.tree.raw_nodes import RawNode
+from bt_agents_language.model.node_type import Content, NodeField, NodeType, RawNode
+from bt_agents_language.model.specs import FieldSpec, SubtreeSpec
+from bt_agents_language.nodes.catalogue import DECORATORS
+from bt_agents_language.nodes.check import CHECK
+from bt_agents_language.nodes.parallel import PARALLEL
+from bt_agents_language.nodes.random import RANDOM
+from bt_agents_language.nodes.set import SET
+from bt_agents_language.nodes.when import WHEN
 from bt_agents_language.yaml.scalars import boolean, plain_value
 from bt_agents_language.yaml.yaml_reader import Mapping as MappingNode
 from bt_agents_language.yaml.yaml_reader import MappingEntry, Node, Scalar
@@ -28,8 +32,12 @@ from bt_agents_language.yaml.yaml_reader import Sequence as SequenceNode
 Subtrees = Callable[[str], tuple[str, SubtreeSpec]]
 """Returns the ID and the interface of a subtree by its name."""
 
-_PLAIN_DECORATORS = {"once": "RunOnce", "succeed": "ForceSuccess", "fail": "ForceFailure",
-             "invert": "Inverter"}  # fmt: skip
+Decorate = Callable[[Node, Xml], Xml | None]
+"""Returns an element with a decorator around it, of which only the main field or switch is given.
+
+None when BehaviorTree.CPP has no decorator for that.
+"""
+
 _WEIGHTS = NodeField(name="weights", description="how often each child is chosen")
 _VALUES = NodeField(name="values", description="names and values")
 
@@ -48,18 +56,18 @@ class TreeExport:
         self._subtrees = subtrees
         self._remarks = remarks
 
-    def node(self, raw: RawNode, *, is_case: bool = False) -> Xml:
+    def node(self, raw: RawNode, *, part_of_parent: Sequence[str] = ()) -> Xml:
         """Return the element for a node and all below it.
 
         Args:
             raw: The node.
-            is_case: Its ``when`` is evaluated by the composite around it.
+            part_of_parent: Decorators that the composite around it takes care of.
         """
         xml = self._with_name(raw, self._undecorated(raw))
-        for key in reversed(list(MODIFIERS)):
-            entry = raw.modifiers.get(key)
-            if entry is not None and not (is_case and key == "when"):
-                xml = self._decorated(raw, key, entry, xml)
+        for decorator in reversed([*DECORATORS.values()]):
+            entry = raw.decorators.get(decorator.key)
+            if entry is not None and decorator.key not in part_of_parent:
+                xml = self._decorated(raw, decorator, entry, xml)
         return xml
 
     def _with_name(self, raw: RawNode, xml: Xml) -> Xml:
@@ -75,23 +83,20 @@ class TreeExport:
             ports = self._ports(self._fields(raw, skill.main), fields)
             outputs = self._outputs(raw, skill.outputs)
             return Xml(tag=self._models.skill(skill), attributes=ports | outputs)
-        assert raw.kind is not None
-        translate = _COMPOSITES.get(raw.kind.key) or _LEAVES.get(raw.kind.key)
-        if translate is not None:
-            return translate(self, raw)
-        return self.declared_leaf(raw)
+        assert raw.type is not None
+        return NODES.get(raw.type.key, TreeExport.declared_leaf)(self, raw)
 
     def declared_leaf(self, raw: RawNode) -> Xml:
         """Return a leaf that is not built into BehaviorTree.CPP."""
-        kind = raw.kind
-        assert kind is not None
-        types = {one.name: one.type for one in kind.fields}
-        verbatim = {one.name for one in kind.fields if one.content is Content.CONDITION}
-        ports = self._ports(self._fields(raw, kind.main), types, verbatim)
-        if kind.key not in KINDS:
-            return Xml(tag=self._models.plugin(kind), attributes=ports)
-        what = "Condition" if kind.key == "check" else "Action"
-        return Xml(tag=self._declared_tag(raw.key, what, kind.key, kind.fields), attributes=ports)
+        own = raw.type
+        assert own is not None
+        types = {one.name: one.type for one in own.fields}
+        verbatim = {one.name for one in own.fields if one.content is Content.CONDITION}
+        ports = self._ports(self._fields(raw, own.main), types, verbatim)
+        if own.plugin is not None:
+            return Xml(tag=self._models.plugin(own), attributes=ports)
+        what = "Condition" if own.looks_only else "Action"
+        return Xml(tag=self._declared_tag(raw.key, what, own.key, own.fields), attributes=ports)
 
     def _declared_tag(
         self, where: Node | Scalar, kind: str, key: str, fields: Sequence[NodeField]
@@ -133,7 +138,7 @@ class TreeExport:
         return ports
 
     def _outputs(self, raw: RawNode, declared: tuple[FieldSpec, ...]) -> dict[str, str]:
-        entry = raw.beside.get("outputs")
+        entry = raw.siblings.get("outputs")
         if entry is None or not isinstance(entry.value, MappingNode):
             return {port(one.name): f"{{{one.name}}}" for one in declared}
         return {
@@ -146,9 +151,14 @@ class TreeExport:
         return tuple(map(self.node, raw.children))
 
     def sequence(self, raw: RawNode) -> Xml:
-        """Return the element for ``sequence`` or ``selector``."""
-        assert raw.kind is not None
-        name = "Sequence" if raw.kind.key == "sequence" else "Fallback"
+        """Return the element for ``sequence``."""
+        return self._in_turn(raw, "Sequence")
+
+    def selector(self, raw: RawNode) -> Xml:
+        """Return the element for ``selector``."""
+        return self._in_turn(raw, "Fallback")
+
+    def _in_turn(self, raw: RawNode, name: str) -> Xml:
         memory = _option(raw, "memory")
         reactive = memory is not None and boolean(memory) is False
         tag = f"Reactive{name}" if reactive else name
@@ -159,7 +169,7 @@ class TreeExport:
         children = self._children(raw)
         entry = raw.options.get("succeed_on")
         if entry is not None and isinstance(entry.value, SequenceNode):
-            tag = self._declared_tag(entry.key, "Control", "parallel", KINDS["parallel"].fields)
+            tag = self._declared_tag(entry.key, "Control", PARALLEL.key, PARALLEL.fields)
             succeed_on = as_port(entry.value, FieldType.ANY)
             return Xml(tag=tag, attributes={"succeed_on": succeed_on}, children=children)
         word = _option(raw, "succeed_on") or "all"
@@ -180,14 +190,9 @@ class TreeExport:
         otherwise = raw.nodes.get("otherwise")
         rest: tuple[Xml, ...] = (self.node(otherwise),) if otherwise is not None else ()
         for case in reversed(raw.children):
-            when = case.modifiers["when"]
-            condition_leaf = self._condition(when.value)
-            rest = (
-                Xml(
-                    tag="IfThenElse",
-                    children=(condition_leaf, self.node(case, is_case=True), *rest),
-                ),
-            )
+            condition_leaf = self._condition(case.decorators[WHEN.key].value)
+            then = self.node(case, part_of_parent=(WHEN.key,))
+            rest = (Xml(tag="IfThenElse", children=(condition_leaf, then, *rest)),)
         return rest[0]
 
     def _condition(self, node: Node) -> Xml:
@@ -195,20 +200,19 @@ class TreeExport:
         try:
             return Xml(tag="ScriptCondition", attributes={"code": condition_script(node)})
         except Untranslatable:
-            fields = KINDS["check"].fields
             assert isinstance(node, Scalar)
-            tag = self._declared_tag(node, "Condition", "check", fields)
-            return Xml(tag=tag, attributes={fields[0].name: node.text})
+            tag = self._declared_tag(node, "Condition", CHECK.key, CHECK.fields)
+            return Xml(tag=tag, attributes={CHECK.fields[0].name: node.text})
 
     def random(self, raw: RawNode) -> Xml:
         """Return the element for ``random``."""
         seed = _option(raw, "seed")
-        weights = [child.beside.get("weight") for child in raw.children]
+        weights = [child.siblings.get("weight") for child in raw.children]
         attributes = {"seed": seed} if seed is not None else {}
         if any(weights):
             values = [1 if one is None else _weight(one.value) for one in weights]
             attributes["weights"] = JSON + json.dumps(values)
-        tag = self._declared_tag(raw.key, "Control", "random", (*KINDS["random"].fields, _WEIGHTS))
+        tag = self._declared_tag(raw.key, "Control", RANDOM.key, (*RANDOM.fields, _WEIGHTS))
         return Xml(tag=tag, attributes=attributes, children=self._children(raw))
 
     def check(self, raw: RawNode) -> Xml:
@@ -226,7 +230,7 @@ class TreeExport:
             return Xml(tag="Script", attributes={"code": set_script(raw.value.entries)})
         except Untranslatable:
             values = as_port(raw.value, FieldType.ANY)
-            tag = self._declared_tag(raw.key, "Action", "set", (_VALUES,))
+            tag = self._declared_tag(raw.key, "Action", SET.key, (_VALUES,))
             return Xml(tag=tag, attributes={"values": values})
 
     def wait(self, raw: RawNode) -> Xml:
@@ -256,55 +260,63 @@ class TreeExport:
         node = self._fields(raw, "name")["name"]
         assert isinstance(node, Scalar)
         tree_id, subtree = self._subtrees(node.text)
-        entry = raw.beside.get("with")
+        entry = raw.siblings.get("with")
         arguments = entry.value.entries if entry and isinstance(entry.value, MappingNode) else ()
         ports = self._ports({one.key.text: one.value for one in arguments}, {})
         outputs = self._outputs(raw, subtree.outputs)
         return Xml(tag="SubTree", attributes={"ID": tree_id, **ports, **outputs})
 
-    def _decorated(self, raw: RawNode, key: str, entry: MappingEntry, xml: Xml) -> Xml:
-        """Return an element inside of the decorator for a key."""
-        if key in _PLAIN_DECORATORS:
+    def _decorated(self, raw: RawNode, decorator: NodeType, entry: MappingEntry, xml: Xml) -> Xml:
+        """Return an element with a decorator around it."""
+        if decorator.handler:
+            children = (xml, self.node(raw.nodes[decorator.key]))
+            return Xml(tag="Fallback", attributes={"name": decorator.key}, children=children)
+        export = DECORATED.get(decorator.key)
+        if decorator.main is None:
             on = isinstance(entry.value, Scalar) and boolean(entry.value.text)
-            return Xml(tag=_PLAIN_DECORATORS[key], children=(xml,)) if on else xml
-        if key == "on_failure":
-            children = (xml, self.node(raw.nodes[key]))
-            return Xml(tag="Fallback", attributes={"name": ON_FAILURE}, children=children)
-        native = self._builtin_decorator(key, entry.value, xml)
-        if native is not None:
-            return native
-        kind = MODIFIERS[key]
-        types = {one.name: one.type for one in kind.fields}
-        verbatim = {one.name for one in kind.fields if one.content is Content.CONDITION}
-        fields = _fields_of(entry.value, kind.main)
-        tag = self._declared_tag(entry.key, "Decorator", key, kind.fields)
+            native = export(entry.value, xml) if export is not None else None
+            return xml if not on else native or self._own_decorator(decorator, entry, xml)
+        fields = _fields_of(entry.value, decorator.main)
+        if export is not None and set(fields) == {decorator.main}:
+            native = export(fields[decorator.main], xml)
+            if native is not None:
+                return native
+        return self._own_decorator(decorator, entry, xml)
+
+    def _own_decorator(self, decorator: NodeType, entry: MappingEntry, xml: Xml) -> Xml:
+        """Return a decorator that BehaviorTree.CPP does not bring along."""
+        types = {one.name: one.type for one in decorator.fields}
+        verbatim = {one.name for one in decorator.fields if one.content is Content.CONDITION}
+        fields = _fields_of(entry.value, decorator.main) if decorator.main is not None else {}
+        tag = self._declared_tag(entry.key, "Decorator", decorator.key, decorator.fields)
         return Xml(tag=tag, attributes=self._ports(fields, types, verbatim), children=(xml,))
 
-    def _builtin_decorator(self, key: str, value: Node, xml: Xml) -> Xml | None:
-        """Return the element for a decorator that BehaviorTree.CPP has; None when it has none."""
-        kind = MODIFIERS[key]
-        fields = _fields_of(value, kind.main)
-        if set(fields) != {kind.main}:
-            return None
-        main_value = fields[kind.main]
-        try:
-            match key:
-                case "when":
-                    script = condition_script(main_value, negative=True)
-                    return xml.having(**{SKIP_IF: script})
-                case "while":
-                    condition_leaf = Xml(
-                        tag="ScriptCondition", attributes={"code": condition_script(main_value)}
-                    )
-                    return Xml(tag="WhileDoElse", children=(condition_leaf, xml))
-        except Untranslatable:
-            return None
-        tag, name, text = {
-            "retry": ("RetryUntilSuccessful", "num_attempts", number_port(main_value)),
-            "repeat": ("Repeat", "num_cycles", number_port(main_value)),
-            "timeout": ("Timeout", "msec", milliseconds(main_value)),
-        }.get(key, ("", "", None))
+
+def _switch(tag: str) -> Decorate:
+    return lambda node, xml: Xml(tag=tag, children=(xml,))
+
+
+def _with_port(tag: str, name: str, text_of: Callable[[Node], str | None]) -> Decorate:
+    def export(node: Node, xml: Xml) -> Xml | None:
+        text = text_of(node)
         return None if text is None else Xml(tag=tag, attributes={name: text}, children=(xml,))
+
+    return export
+
+
+def _skip_unless(node: Node, xml: Xml) -> Xml | None:
+    try:
+        return xml.having(**{SKIP_IF: condition_script(node, negative=True)})
+    except Untranslatable:
+        return None
+
+
+def _while(node: Node, xml: Xml) -> Xml | None:
+    try:
+        condition_leaf = Xml(tag="ScriptCondition", attributes={"code": condition_script(node)})
+    except Untranslatable:
+        return None
+    return Xml(tag="WhileDoElse", children=(condition_leaf, xml))
 
 
 def _option(raw: RawNode, name: str) -> str | None:
@@ -323,17 +335,29 @@ def _weight(node: Node) -> Plain:
     return node.text if "${" in node.text else plain_value(node)
 
 
-_COMPOSITES: Mapping[str, Callable[[TreeExport, RawNode], Xml]] = {
+NODES: Mapping[str, Callable[[TreeExport, RawNode], Xml]] = {
     "sequence": TreeExport.sequence,
-    "selector": TreeExport.sequence,
+    "selector": TreeExport.selector,
     "parallel": TreeExport.parallel,
     "choose": TreeExport.choose,
     "random": TreeExport.random,
-}
-_LEAVES: Mapping[str, Callable[[TreeExport, RawNode], Xml]] = {
     "check": TreeExport.check,
     "set": TreeExport.set,
     "wait": TreeExport.wait,
     "wait_for": TreeExport.wait_for,
     "subtree": TreeExport.subtree,
 }
+"""Translator of each node type that has one; the others stay words of our language."""
+
+DECORATED: Mapping[str, Decorate] = {
+    "when": _skip_unless,
+    "once": _switch("RunOnce"),
+    "succeed": _switch("ForceSuccess"),
+    "fail": _switch("ForceFailure"),
+    "while": _while,
+    "retry": _with_port("RetryUntilSuccessful", "num_attempts", number_port),
+    "repeat": _with_port("Repeat", "num_cycles", number_port),
+    "timeout": _with_port("Timeout", "msec", milliseconds),
+    "invert": _switch("Inverter"),
+}
+"""Translator of each decorator that has one, as :data:`NODES`."""

@@ -42,6 +42,8 @@ from bt_agents_groot.yaml_nodes import (
     sequence,
     with_comments,
 )
+from bt_agents_language.nodes.sequence import SEQUENCE
+from bt_agents_language.nodes.when import WHEN
 
 _MAX_LABEL = 64
 _SCRIPTS = (ON_SUCCESS, ON_FAILURE, POST)
@@ -86,7 +88,7 @@ class TreeImport:
     def decorate(self, element: Element, node: YamlNode, key: str, value: Data) -> YamlNode:
         """Return a node with a decorator around it; remark on differences when it is skipped."""
         whole = decorated(node, key, value)
-        if whole.key == "sequence" and whole.children == (node,) and can_be_skipped(node):
+        if whole.key == SEQUENCE.key and whole.children == (node,) and can_be_skipped(node):
             self.remark(
                 RemarkLevel.NOTE,
                 element,
@@ -204,12 +206,12 @@ class TreeImport:
 
         A node that is skipped has no result, so that its condition must go outside.
         """
-        condition = node.decorators.get("when")
+        condition = node.decorators.get(WHEN.key)
         conditions = guards.success is not None or guards.failure is not None
         wrapped = conditions or any(name in element.attributes for name in _SCRIPTS)
         if not wrapped or not isinstance(condition, Raw):
             return node, None
-        rest = {key: value for key, value in node.decorators.items() if key != "when"}
+        rest = {key: value for key, value in node.decorators.items() if key != WHEN.key}
         return replace(node, decorators=rest), parse_formula(condition.text)
 
     def _with_scripts(self, element: Element, node: YamlNode) -> YamlNode:

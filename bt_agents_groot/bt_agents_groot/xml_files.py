@@ -9,8 +9,9 @@ from dataclasses import dataclass, field, replace
 from xml.parsers import expat
 from xml.sax.saxutils import escape
 
-from bt_agents_language.model.specs import Position
-from bt_agents_language.yaml.diagnostics import Diagnostics, shown
+from bt_agents_core.diagnostic import Position
+from bt_agents_core.text import quote
+from bt_agents_language.yaml.diagnostics import Diagnostics
 from bt_agents_language.yaml.precheck import BAD_CHARACTER
 from bt_agents_language.yaml.source import MAX_BYTES, TOO_LARGE, Source
 
@@ -275,7 +276,7 @@ class _Parser:
                 return "a '&name;' stands here that XML does not know", _ESCAPE_HINT
             case "unclosed token" | "unclosed CDATA section":
                 return "what starts here is not closed", "add the missing '>' or quotation mark"
-        return f"this is not XML ({shown(said)})", _ESCAPE_HINT
+        return f"this is not XML ({quote(said)})", _ESCAPE_HINT
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -7,7 +7,7 @@ import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 
-from bt_agents_language.nodes import MODIFIERS
+from bt_agents_language.nodes.catalogue import DECORATORS
 from bt_agents_language.tools.formatting.scalar_style import quoted
 
 
@@ -20,13 +20,9 @@ class Raw:
 
 _PLAIN = re.compile(r"[\w.(${+-](?:[^#:]|:(?! )|(?<! )#)*(?<![:\s])")
 _NOT_PLAIN = re.compile(r"- |\{|\s#")
-_ORDER = list(MODIFIERS)
-_SKIPPING = ("when", "once", "cooldown")
-_CONTRARIES = {"succeed": "fail", "fail": "succeed"}
-"""Decorators that exclude each other on one node."""
-
-_SKIP_NEUTRAL = ("once", "succeed", "fail", "timeout", "invert")
-"""Decorators that make no difference to a skipped node, from inside or from outside."""
+_ORDER = list(DECORATORS)
+_SKIPPING = tuple(one.key for one in DECORATORS.values() if one.skips)
+_HANDLERS = tuple(one.key for one in DECORATORS.values() if one.handler)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -56,14 +52,12 @@ class YamlNode:
         entries: dict[str, Data] = {"name": self.name} if self.name else {}
         if "weight" in self.siblings:
             entries["weight"] = self.siblings["weight"]
-        decorators = {key: self.decorators[key] for key in _ORDER if key in self.decorators}
-        on_failure = decorators.pop("on_failure", None)
-        entries |= decorators
+        ordered = {key: self.decorators[key] for key in _ORDER if key in self.decorators}
+        handlers = {key: ordered.pop(key) for key in _HANDLERS if key in ordered}
+        entries |= ordered
         entries[self.key] = self._value()
         entries |= {key: self.siblings[key] for key in ("with", "outputs") if key in self.siblings}
-        if on_failure is not None:
-            entries["on_failure"] = on_failure
-        return entries
+        return entries | handlers
 
     def _value(self) -> Data:
         if not self.children:
@@ -91,16 +85,17 @@ def selector(*children: YamlNode) -> YamlNode:
 
 
 def decorated(node: YamlNode, key: str, value: Data) -> YamlNode:
-    """Return a node with one more decorator around those that it has.
+    """Return a node with one more decorator around all that it has.
 
     Where the order of decorators would put the new one inside of another, or where two of them
-    exclude each other, the node is put into a sequence of its own, with the decorator around it.
+    must not stand together, the node is put into a sequence of its own, and the decorator around
+    that.
     """
-    # Skipping makes no difference to some decorators, so what skips the node stays outside.
-    stays_outside = _SKIPPING if key in _SKIP_NEUTRAL else ()
+    # What skips the node makes no difference to some decorators, and stays outside of them.
+    stays_outside = _SKIPPING if DECORATORS[key].unaffected else ()
     outer = {k: v for k, v in node.decorators.items() if k in stays_outside and k != key}
     inner = {k: v for k, v in node.decorators.items() if k not in outer}
-    contrary = _CONTRARIES.get(key) in inner
+    contrary = DECORATORS[key].contrary in inner
     if contrary or any(_ORDER.index(present) <= _ORDER.index(key) for present in inner):
         node, inner = sequence(replace(node, decorators=inner)), {}
     return replace(node, decorators={**outer, **inner, key: value})
@@ -169,11 +164,8 @@ def scalar(value: Data) -> str:
         case int() | float():
             return repr(value)
         case str():
-            return (
-                value
-                if re.fullmatch(r"[a-z_]+", value) and value not in _YAML_CONSTANTS
-                else quoted(value)
-            )
+            is_plain = re.fullmatch(r"[a-z_]+", value) and value not in _YAML_CONSTANTS
+            return value if is_plain else quoted(value)
         case Raw(text):
             return text if _is_plain(text) else quoted(text)
         case list():

@@ -34,6 +34,7 @@ from bt_agents_interfaces.msg import (
     SceneEnd,
     Trees,
     TreeStatus,
+    Tunables,
     Tunings,
 )
 from bt_agents_lab.recorder.daily_recorder import DailyRecorder
@@ -85,6 +86,7 @@ _SYSTEM = (
 _HOST = (
     _Source(name="files", kind=AgentFiles, profile=qos.FACTS, fact=True),
     _Source(name="trees", kind=Trees, profile=qos.FACTS, fact=True),
+    _Source(name="tunables", kind=Tunables, profile=qos.FACTS, fact=True),
     _Source(name="tunings", kind=Tunings, profile=qos.FACTS, fact=True),
     _Source(name="status", kind=TreeStatus, profile=qos.EVENTS),
     _Source(name="records", kind=RunRecord, profile=qos.EVENTS),

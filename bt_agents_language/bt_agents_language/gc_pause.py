@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Files are read, and trees built, without the garbage collector, which would find nothing."""
+"""Pause of the cyclic garbage collector during short, bounded work."""
 
 from __future__ import annotations
 

@@ -14,6 +14,7 @@ from rclpy.publisher import Publisher
 from std_msgs.msg import Bool, Empty, String
 
 from bt_agents_core.errors import Refused
+from bt_agents_core.field_types import BindingKind
 from bt_agents_core.trees_folder import find_trees
 from bt_agents_interfaces.msg import MarketStatus, Run
 from bt_agents_interfaces.msg import Scene as SceneMsg
@@ -21,7 +22,7 @@ from bt_agents_interfaces.srv import Analyze
 from bt_agents_language.files.scene_reader import read_scene
 from bt_agents_language.files.script_reader import read_script
 from bt_agents_language.model.scene_specs import SceneSpec, SourceSpec, path_of
-from bt_agents_language.model.specs import BindingKind, SceneChange, Script, Visit
+from bt_agents_language.model.specs import SceneChange, Script, Visit
 from bt_agents_robot.people import (
     REACTION_S,
     field_value,

@@ -10,7 +10,7 @@ from rcl_interfaces.msg import SetParametersResult
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from bt_agents_ros.workarounds.parameter_services import ParameterServices
+from bt_agents_ros.workarounds.parameter_services import GuardedParameterService
 from bt_agents_ros.workarounds.quick_logger import QuickLogger
 
 
@@ -26,7 +26,7 @@ class BaseNode(Node):
         super().__init__(name, start_parameter_services=False, **node_kwargs)
         self._logger = QuickLogger(self.get_logger().name)
         self.add_on_set_parameters_callback(_check_finite)
-        self._parameter_services = ParameterServices(self)
+        self._parameter_service = GuardedParameterService(self)
 
 
 def _check_finite(parameters: list[Parameter[Any]]) -> SetParametersResult:

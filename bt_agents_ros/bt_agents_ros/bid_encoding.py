@@ -1,14 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Answers to calls for bids as bytes, of which all but the round is mostly as it was before."""
+"""Serialised bids; only the round number changes between rounds, so the rest is cached."""
 
 from __future__ import annotations
 
 import sys
+from collections.abc import Mapping
 from functools import lru_cache
+from typing import Any, Protocol
 
 from rclpy.serialization import serialize_message
 
-from bt_agents.host.agent_registry import HostBids
 from bt_agents_interfaces.msg import Bids
 
 _HEADER_BYTES = 4
@@ -18,8 +19,15 @@ _NUMBER_BYTES = 4
 _MARKS = (0x01020304, 0xF1F2F3F4)
 
 
+class HostAnswer(Protocol):
+    """Answer of a host to a call for bids."""
+
+    def fields(self) -> Mapping[str, Any]:
+        """Return the fields of ``Bids.msg`` that hold it."""
+
+
 class BidEncoder:
-    """Makes the answers of a host; what is the same as in its last one is not made again.
+    """Encoder of a host's answers, which caches the last one.
 
     Args:
         host: Fully qualified name of the host.
@@ -29,10 +37,10 @@ class BidEncoder:
     def __init__(self, host: str, instance: str) -> None:
         self._host = host
         self._instance = instance
-        self._said: tuple[str, HostBids] | None = None
+        self._said: tuple[str, HostAnswer] | None = None
         self._rest = b""
 
-    def message(self, epoch: str, number: int, answer: HostBids) -> bytes:
+    def message(self, epoch: str, number: int, answer: HostAnswer) -> bytes:
         """Return the serialized message of an answer in a round of a market."""
         if self._said != (epoch, answer):
             message = serialize_message(
@@ -40,12 +48,7 @@ class BidEncoder:
                     epoch=epoch,
                     host=self._host,
                     host_instance=self._instance,
-                    agents=answer.bidders.names,
-                    agent_ids=answer.bidders.ids,
-                    vectors=answer.bidders.vectors,
-                    weights=answer.bidders.weights,
-                    declined=list(answer.declined),
-                    decline_reasons=list(answer.declined.values()),
+                    **answer.fields(),
                 )
             )
             self._rest = message[len(_before(epoch)) + _NUMBER_BYTES :]
@@ -53,25 +56,25 @@ class BidEncoder:
         return _before(epoch) + number.to_bytes(_NUMBER_BYTES, sys.byteorder) + self._rest
 
 
-def round_of(message: bytes, like: bytes, epoch: str) -> int | None:
+def round_of(data: bytes, like: bytes, epoch: str) -> int | None:
     """Return the number of the round of a message; None when more than it is unlike another one.
 
     None too when it is written by other rules than messages of this process.
 
     Args:
-        message: Serialized.
+        data: Serialized.
         like: Another one.
         epoch: The market that the other one is for.
     """
     start = len(_before(epoch))
     end = start + _NUMBER_BYTES
     same = (
-        len(message) == len(like)
-        and message.startswith(_before(epoch)[:_HEADER_BYTES])
-        and message.startswith(like[:start])
-        and message.endswith(memoryview(like)[end:])
+        len(data) == len(like)
+        and data.startswith(_before(epoch)[:_HEADER_BYTES])
+        and data.startswith(like[:start])
+        and data.endswith(memoryview(like)[end:])
     )
-    return int.from_bytes(message[start:end], sys.byteorder) if same else None
+    return int.from_bytes(data[start:end], sys.byteorder) if same else None
 
 
 @lru_cache(maxsize=4)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Jobs of other threads whose end the executor's thread is told of."""
+"""Jobs of other threads whose end is reported in the executor's thread."""
 
 from __future__ import annotations
 
@@ -15,36 +15,36 @@ from bt_agents_ros.timers import steady_timer
 LIMIT_S = 5.0
 """How long a job is waited for [s]; it goes on after that."""
 
-_LOOK_S = 0.01
+_POLL_S = 0.01
 
 
 class FuturePoller:
-    """Looks at jobs while there are some: their threads must not call into rclpy.
+    """Polls jobs while there are some: their threads must not call into rclpy.
 
     Args:
         node: Whose executor calls back; call from its thread only.
     """
 
     def __init__(self, node: Node) -> None:
-        self._followed: list[tuple[Job[Any], float, Callable[[str], None]]] = []
-        self._timer = steady_timer(node, _LOOK_S, self._look, running=False)
+        self._watched: list[tuple[Job[Any], float, Callable[[str], None]]] = []
+        self._timer = steady_timer(node, _POLL_S, self._poll, running=False)
 
-    def follow(self, job: Job[Any], done: Callable[[str], None]) -> None:
+    def watch(self, job: Job[Any], done: Callable[[str], None]) -> None:
         """Call back once, when a job has ended or :data:`LIMIT_S` has passed.
 
         Args:
             job: Of another thread.
-            done: Takes what went wrong in words; nothing when the job has succeeded.
+            done: Takes what went wrong; empty when the job has succeeded.
         """
-        self._followed.append((job, time.monotonic() + LIMIT_S, done))
+        self._watched.append((job, time.monotonic() + LIMIT_S, done))
         if self._timer.is_canceled():
             self._timer.reset()
 
-    def _look(self) -> None:
+    def _poll(self) -> None:
         now = time.monotonic()
-        ended = [one for one in self._followed if one[0].done() or now >= one[1]]
-        self._followed = [one for one in self._followed if one not in ended]
-        if not self._followed:
+        ended = [one for one in self._watched if one[0].done() or now >= one[1]]
+        self._watched = [one for one in self._watched if one not in ended]
+        if not self._watched:
             self._timer.cancel()
         for job, _, done in ended:
             if not job.done():

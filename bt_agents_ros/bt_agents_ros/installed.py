@@ -9,7 +9,7 @@ from typing import Any
 from rosidl_parser import definition as idl
 
 from bt_agents_core.errors import Refused
-from bt_agents_language.model.specs import BindingKind, FieldType, Plain
+from bt_agents_core.field_types import BindingKind, FieldType, Plain
 from bt_agents_ros.types import SECTIONS, fill, load_type, slot_at, types_of
 
 

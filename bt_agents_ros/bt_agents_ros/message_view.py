@@ -1,17 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A ROS message as plain data, of which only what is looked at is converted."""
+"""Read-only mapping over a ROS message that converts fields lazily."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from bt_agents_language.model.specs import Plain
+from bt_agents_core.field_types import Plain
 from bt_agents_ros.types import read_field
 
 
 class MessageView(Mapping[str, Plain]):
-    """The fields of a message by name; an image that nobody looks at costs nothing.
+    """Fields of a message by name, each converted when it is first read.
 
     Args:
         message: Instance of a ROS message, which must not change any more.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Scenes between messages and the pure core; whatever comes in passes the one validator."""
+"""Conversion of scenes and times from and to messages; scenes from outside are validated."""
 
 from __future__ import annotations
 

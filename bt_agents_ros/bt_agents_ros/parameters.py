@@ -10,7 +10,12 @@ from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescri
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
+from bt_agents_core.live_scene_view import LEASE_S
+
 Value = bool | int | float | str
+
+LIVE_LEASE = "live_lease"
+"""Parameter of hosts and the feedback node: how long a live scene counts."""
 
 
 def describe(
@@ -74,3 +79,13 @@ def declare_and_watch(
     value = declare(node, name, default, descriptor)
     node.add_post_set_parameters_callback(take)
     return value
+
+
+def declare_live_lease(node: Node, changed: Callable[[float], None]) -> float:
+    """Declare :data:`LIVE_LEASE`; return its value, and call back for every other one [s]."""
+    limits = describe(
+        "silence after which the live scene is stale, at least 2 / live_rate [s]",
+        minimum=0.1,
+        maximum=60.0,
+    )
+    return float(declare_and_watch(node, LIVE_LEASE, LEASE_S, limits, changed))

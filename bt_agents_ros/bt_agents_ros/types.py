@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""ROS types found by their names and messages filled from plain data, both strictly checked."""
+"""ROS types by name, and conversion of messages from and to plain data."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ import rclpy
 from rosidl_parser import definition as idl
 
 from bt_agents_core.errors import Refused
-from bt_agents_language.model.interfaces import FOLDERS
-from bt_agents_language.model.specs import BindingKind
+from bt_agents_core.field_path import NoSuchField, NoSuchItem, is_index, is_list, value_at
+from bt_agents_core.field_types import INTERFACE_FOLDERS, BindingKind
 
 SECTIONS = {
     "goal": "Goal",
@@ -51,11 +51,11 @@ def load_type(name: str, kind: BindingKind | None = None) -> Any:
     if not isinstance(name, str) or not _TYPE_NAME.fullmatch(name):
         raise Refused("UNKNOWN_TYPE", _name_problem(name, kind))
     package, folder, short = name.split("/")
-    if kind is not None and folder != FOLDERS[kind]:
+    if kind is not None and folder != INTERFACE_FOLDERS[kind]:
         raise Refused(
             "WRONG_KIND",
             f"'{name}' is not the type of a ROS {kind.value}; expected a name like "
-            f"{package}/{FOLDERS[kind]}/{short}",
+            f"{package}/{INTERFACE_FOLDERS[kind]}/{short}",
         )
     known = types_of(package)
     if not known:
@@ -106,25 +106,29 @@ def read_field(message: Any, path: str) -> Any:
     Raises:
         Refused: ``UNKNOWN_FIELD``, or ``NO_SUCH_ITEM`` where a list is too short.
     """
-    value = message
-    done: list[str] = []
-    for part in path.split("."):
-        if hasattr(value, "get_fields_and_field_types"):
-            fields = value.get_fields_and_field_types()
-            if part not in fields:
-                raise Refused("UNKNOWN_FIELD", _field_words(part, done, fields))
-            value = getattr(value, part)
-        elif part.isascii() and part.isdigit() and _is_list(value):
-            if int(part) >= len(value):
-                raise Refused(
-                    "NO_SUCH_ITEM",
-                    f"'{'.'.join(done)}' has {len(value)} items, no number {part} (from 0)",
-                )
-            value = value[int(part)]
-        else:
-            raise Refused("UNKNOWN_FIELD", _leaf_words(part, done, _is_list(value)))
-        done.append(part)
-    return _plain(value)
+    try:
+        return _plain(value_at(message, path, message_field))
+    except NoSuchItem as error:
+        raise Refused(
+            "NO_SUCH_ITEM",
+            f"'{error.found}' has {len(error.value)} items, no number {error.part} (from 0)",
+        ) from None
+    except NoSuchField as error:
+        done = error.found.split(".") if error.found else []
+        if hasattr(error.value, "get_fields_and_field_types"):
+            fields = error.value.get_fields_and_field_types()
+            raise Refused("UNKNOWN_FIELD", _field_words(error.part, done, fields)) from None
+        words = _leaf_words(error.part, done, is_list(error.value))
+        raise Refused("UNKNOWN_FIELD", words) from None
+
+
+def message_field(value: Any, part: str) -> Any:
+    """Return a field of a message; see :data:`~bt_agents_core.field_path.Member`."""
+    if not hasattr(value, "get_fields_and_field_types"):
+        raise TypeError(part)
+    if part not in value.get_fields_and_field_types():
+        raise KeyError(part)
+    return getattr(value, part)
 
 
 def types_of(package: str) -> list[str]:
@@ -165,7 +169,7 @@ def _packages() -> list[str]:
 
 
 def _name_problem(name: object, kind: BindingKind | None) -> str:
-    folder = FOLDERS[kind] if kind is not None else "msg"
+    folder = INTERFACE_FOLDERS[kind] if kind is not None else "msg"
     short = _SHORT_NAME.fullmatch(name) if isinstance(name, str) else None
     if short:
         return f"no ROS type '{name}': write the full name, {short[1]}/{folder}/{short[2]}"
@@ -217,7 +221,7 @@ def slot_at(message_type: Any, path: str) -> Any:
             if part not in slots:
                 raise Refused("UNKNOWN_FIELD", _field_words(part, done, slots))
             current = _resolved(slots[part])
-        elif isinstance(current, idl.AbstractNestedType) and part.isascii() and part.isdigit():
+        elif isinstance(current, idl.AbstractNestedType) and is_index(part):
             size = getattr(current, "size", getattr(current, "maximum_size", math.inf))
             if int(part) >= size:
                 raise Refused(
@@ -250,11 +254,6 @@ def _leaf_words(part: str, done: Sequence[str], is_list: bool) -> str:
     if is_list:
         return f"'{'.'.join(done)}' is a list; pick an item by its number instead of '{part}'"
     return f"no field '{part}': '{'.'.join(done)}' is a single value"
-
-
-def _is_list(value: object) -> bool:
-    """Whether a field's value is a list, an ``array.array`` or a numpy array."""
-    return hasattr(value, "__getitem__") and not isinstance(value, str | bytes)
 
 
 def _plain(value: Any) -> Any:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How the mood of the person went while each node of a tree was running: credit to leaves."""
+"""Credit assignment: the mood of the person while each node of a tree was running."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from bt_agents_core.mood import Addressee, mood_of
-from bt_agents_core.scene import MISSING, Scene, SceneSpace
+from bt_agents_core.mood import Addressee
+from bt_agents_core.scene import MISSING, Scene, SceneSpace, mood_of
 from feedback_node.learning.runs import AnnouncedRun
 
 MOST_LEAVES = 1000
@@ -22,7 +22,7 @@ MOST_CHANGES = 4096
 
 @dataclass(frozen=True, kw_only=True)
 class LeafMood:
-    """The mood while one node was running, in all of its turns together.
+    """Mood while one node was running, over all of its turns.
 
     Attributes:
         leaf: Path of the node.
@@ -39,7 +39,7 @@ class LeafMood:
 
 @dataclass(frozen=True, kw_only=True)
 class ReportedMood:
-    """How the mood went in a run that has ended."""
+    """Mood trace of an ended run."""
 
     run: AnnouncedRun
     leaves: tuple[LeafMood, ...]
@@ -47,7 +47,7 @@ class ReportedMood:
 
 @dataclass(kw_only=True)
 class _Account:
-    """What has been counted for one node so far."""
+    """Sums of one node so far."""
 
     seconds: float = 0.0
     known_s: float = 0.0
@@ -56,7 +56,7 @@ class _Account:
 
 
 class MoodTrace:
-    """Follows which node of a run is at work, and the mood meanwhile.
+    """Accumulates the mood of a run by the node that is at work.
 
     The node at work is the tip of the tree: the deepest one that decides its status. A live scene
     counts until the next one, or until the lease is over; as for rules, only what was measured of
@@ -89,7 +89,7 @@ class MoodTrace:
         self._accounts: dict[str, _Account] = {}
         self._changes: deque[tuple[float, str]] = deque(maxlen=MOST_CHANGES)
 
-    def tip(self, leaf: str) -> None:
+    def on_leaf(self, leaf: str) -> None:
         """Take the path of the node that is at work from now on."""
         if leaf == self._leaf:
             return
@@ -100,10 +100,10 @@ class MoodTrace:
         if leaf not in self._accounts and len(self._accounts) < MOST_LEAVES:
             self._accounts[leaf] = _Account()
 
-    def see(self, live: Scene) -> None:
+    def receive(self, live: Scene) -> None:
         """Take a live scene."""
         self._count()
-        self._mood = mood_of(self._addressee.seen(live), self._space)
+        self._mood = mood_of(self._addressee.mask(live), self._space)
         self._known_until = self._at + self.lease_s
         if math.isnan(self._entry):
             self._entry = self._mood
@@ -132,7 +132,7 @@ class MoodTrace:
         )
 
     def _count(self) -> None:
-        """Count the time since the last look for the node at work."""
+        """Add the time since the last update to the node at work."""
         now = self._clock()
         account = self._accounts.get(self._leaf)
         if account is not None:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The marketplace: calls for bids, ranks them, awards the run."""
+"""Marketplace: calls for bids, ranks them and awards the run to one agent."""
 
 from bt_agents_ros.node_main import start
 

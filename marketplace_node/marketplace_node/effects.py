@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the market wants done: plain orders that the node carries out in the order they come."""
+"""Effects of the market: plain data that the node executes in order."""
 
 from __future__ import annotations
 
@@ -10,12 +10,13 @@ from functools import cached_property
 
 from bt_agents_core.errors import Refused
 from bt_agents_core.scene import Scene, Vector
+from bt_agents_core.stop_cause import StopCause
 from marketplace_node.registry import HostEntry
 from marketplace_node.round.decision import Decision
 
 
 class State(IntEnum):
-    """What the market is doing; the numbers are those of ``MarketStatus.msg``."""
+    """State of the market; the numbers are those of ``MarketStatus.msg``."""
 
     IDLE = 0
     BIDDING = 1
@@ -26,7 +27,7 @@ class State(IntEnum):
 
 
 class RunEventKind(IntEnum):
-    """What happened to a run; the numbers are those of ``Run.msg``."""
+    """Event in the life of a run; the numbers are those of ``Run.msg``."""
 
     STARTED = 1
     CANCELLING = 2
@@ -35,7 +36,7 @@ class RunEventKind(IntEnum):
 
 
 class RunOutcome(IntEnum):
-    """How a run ended; the numbers are those of ``Run.msg``."""
+    """Outcome of a run; the numbers are those of ``Run.msg``."""
 
     NONE = 0
     SUCCEEDED = 1
@@ -82,7 +83,7 @@ class OpenCall:
 
 @dataclass(frozen=True, kw_only=True)
 class RequestRanking:
-    """Ask a program outside to rank bids, and report ``ranked`` within ``limit_s`` seconds.
+    """Request an external ranking of bids, and report ``ranked`` within ``limit_s`` seconds.
 
     Attributes:
         round: Number of the round.
@@ -107,32 +108,32 @@ class PublishAuction:
 
     Attributes:
         decision: The outcome.
-        say: Says it on one line.
-        explain: Says it in plain sentences.
+        reason_fn: Formats it on one line.
+        explanation_fn: Formats it in plain sentences.
         shadow_rounds: How many rounds the shadow strategy has ranked beside this one.
         shadow_disagreements: In how many of these it had another winner.
     """
 
     decision: Decision
-    say: Callable[[], str] = field(default=str, compare=False, repr=False)
-    explain: Callable[[], str] = field(default=str, compare=False, repr=False)
+    reason_fn: Callable[[], str] = field(default=str, compare=False, repr=False)
+    explanation_fn: Callable[[], str] = field(default=str, compare=False, repr=False)
     shadow_rounds: int = 0
     shadow_disagreements: int = 0
 
     @cached_property
     def reason(self) -> str:
         """The decision on one line; made when it is first asked for."""
-        return self.say()
+        return self.reason_fn()
 
     @cached_property
     def explanation(self) -> str:
         """The decision in plain sentences, one a line; made when it is first asked for."""
-        return self.explain()
+        return self.explanation_fn()
 
 
 @dataclass(frozen=True, kw_only=True)
 class PreviewEnded:
-    """Answer whoever has asked for a preview: with an outcome, or why there is none."""
+    """Answer the request for a preview with its outcome, or why there is none."""
 
     number: int
     outcome: PublishAuction | Refused
@@ -162,13 +163,18 @@ class CancelAll:
 
 @dataclass(frozen=True, kw_only=True)
 class AnnounceRun:
-    """Publish an event in the life of a run; ``duration_s`` counts from its start [s]."""
+    """Publish an event in the life of a run; fields as in ``Run.msg``.
+
+    Attributes:
+        duration_s: Time since its start [s].
+    """
 
     event: RunEventKind
     outcome: RunOutcome
     goal: RunGoal
     scene: Scene
     message: str
+    stop_cause: int = StopCause.NOT_STOPPED
     orphans: tuple[str, ...] = ()
     ticks: int = 0
     overruns: int = 0
@@ -177,10 +183,9 @@ class AnnounceRun:
 
 @dataclass(frozen=True, kw_only=True)
 class EarlierRun:
-    """A run of an earlier market, as a host tells of it; fields as in ``Run.msg``.
+    """Run of an earlier market as its host reports it; fields as in ``Run.msg``.
 
     Attributes:
-        cut_off: True when it was broken off because its market was gone, or was lost.
         age_s: Time since it ended [s].
     """
 
@@ -189,17 +194,24 @@ class EarlierRun:
     outcome: RunOutcome
     scene: Scene
     message: str
-    cut_off: bool
+    stop_cause: int = StopCause.NOT_STOPPED
     orphans: tuple[str, ...] = ()
     ticks: int = 0
     overruns: int = 0
     duration_s: float = 0.0
     age_s: float = 0.0
 
+    @property
+    def cut_off(self) -> bool:
+        """True when nobody wanted its end: its market was lost, or its host was."""
+        lost = self.outcome is RunOutcome.LOST
+        cancelled = self.outcome is RunOutcome.CANCELLED
+        return lost or (cancelled and self.stop_cause == StopCause.MARKET_LOST)
+
 
 @dataclass(frozen=True, kw_only=True)
 class AnnounceEarlierRun:
-    """Publish the end of a run of an earlier market, which nobody has heard yet."""
+    """Publish the end of a run of an earlier market that is not announced yet."""
 
     run: EarlierRun
 
@@ -216,7 +228,7 @@ class Collect:
 
 @dataclass(frozen=True, kw_only=True)
 class StatusChanged:
-    """Publish what the market is doing; fields as in ``MarketStatus.msg``."""
+    """Publish the state of the market; fields as in ``MarketStatus.msg``."""
 
     state: State
     round: int
@@ -237,7 +249,7 @@ class StatusChanged:
 
 @dataclass(frozen=True, kw_only=True)
 class SceneEnded:
-    """The one end of a scene; fields as in ``SceneEnd.msg``."""
+    """Publish the one end of a scene; fields as in ``SceneEnd.msg``."""
 
     scene_id: str
     code: str
@@ -248,14 +260,14 @@ class SceneEnded:
 
 @dataclass(frozen=True, kw_only=True)
 class StoreOverrides:
-    """Keep pins, vetoes and counts for a market that is started again: :meth:`Floor.restore`."""
+    """Store pins, vetoes and counts for a market that is started again: :meth:`Floor.restore`."""
 
     text: str
 
 
 @dataclass(frozen=True, kw_only=True)
 class Note:
-    """Log something that is not as it should be."""
+    """Log a warning that may be throttled."""
 
     message: str
 

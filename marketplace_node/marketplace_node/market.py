@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The market as a state machine: events in, effects out, at most one interaction under way."""
+"""Market as a state machine: events in, effects out, at most one interaction under way."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ from marketplace_node.settings import Settings
 
 
 class Market:
-    """One marketplace from its start to its end.
+    """State machine of one marketplace, from its start to its end.
 
     Every method that reports an event takes the steady time ``now`` [s] and returns what is to be
     done, in order. Events of an old round, run or host change nothing.
@@ -68,22 +68,22 @@ class Market:
         self._earlier = InheritedRuns(self._floor)
         self._finished_scene_id = ""
         self._last_round = 0
-        self._last_words = "waiting for a scene"
+        self._last_text = "waiting for a scene"
         self._status: StatusChanged | None = None
 
     @property
     def settings(self) -> Settings:
-        """The settings in force."""
+        """Settings in force; replaced by :meth:`configure`."""
         return self._floor.settings
 
     @property
     def state(self) -> State:
-        """What the market is doing."""
+        """State of the interaction under way; ``IDLE`` without one."""
         return self._interaction.state if self._interaction else State.IDLE
 
     @property
     def goal(self) -> RunGoal | None:
-        """The award of the moment."""
+        """Goal of the award in force; None without one."""
         return self._interaction.goal if self._interaction else None
 
     @property
@@ -98,9 +98,9 @@ class Market:
         self._floor.registry.lease_s = settings.host_lease_s
         return self._settle(now)
 
-    def shut(self, reason: str, now: float) -> list[Effect]:
+    def shut_down(self, reason: str, now: float) -> list[Effect]:
         """Take no more scenes, give up those that wait and stop the running tree."""
-        self._arrivals.take_no_more(reason, now)
+        self._arrivals.close(reason, now)
         self._previews.give_up(SHUTTING_DOWN, reason)
         self._ask_again(math.inf)
         if self._interaction is not None:
@@ -119,7 +119,7 @@ class Market:
 
     def unreported(self, host: str, runs: Iterable[EarlierRun], now: float) -> list[Effect]:
         """Take runs of an earlier market that a registered host has to tell the end of."""
-        self._earlier.take(host, runs, now, obstacle=self._arrivals.shut)
+        self._earlier.take(host, runs, now, obstacle=self._arrivals.closed_reason)
         return self._settle(now)
 
     def register(
@@ -152,18 +152,18 @@ class Market:
         if self._floor.registry.beat(host, instance, now):
             self._floor.heartbeat(host, epoch, round_number, self._under_way, now)
             if self._interaction is not None:
-                self._interaction.heard(host, epoch, round_number, now)
+                self._interaction.on_heartbeat(host, epoch, round_number, now)
         return self._settle(now)
 
-    def excuse(self, since: float, now: float) -> list[Effect]:
+    def extend_after_stall(self, since: float, now: float) -> list[Effect]:
         """Renew leases and move deadlines: the market itself has not listened since ``since``."""
-        self._floor.excuse(since, now)
-        self._earlier.excuse(now - since)
+        self._floor.extend_after_stall(since, now)
+        self._earlier.extend_after_stall(now - since)
         if self._interaction is not None:
-            self._interaction.excuse(now - since)
+            self._interaction.extend_after_stall(now - since)
         if self._arrivals.open_round is not None:
-            self._arrivals.open_round.excuse(now - since)
-        self._previews.excuse(now - since)
+            self._arrivals.open_round.extend_after_stall(now - since)
+        self._previews.extend_after_stall(now - since)
         return self._settle(now)
 
     def called(self, round_number: int, now: float) -> list[Effect]:
@@ -216,7 +216,7 @@ class Market:
         """
         message = self._operating.take(order, self._interaction, now)
         if order.act is not OperatorAction.AWARD:
-            self._floor.keep()
+            self._floor.store()
         return message, self._settle(now)
 
     def restore_orders(self, text: str, now: float) -> tuple[str, list[Effect]]:
@@ -244,8 +244,8 @@ class Market:
         Raises:
             Refused: ``NO_SCENE``, ``SHUTTING_DOWN``, ``UNKNOWN_STRATEGY`` or ``BUSY``.
         """
-        if self._arrivals.shut:
-            raise Refused(SHUTTING_DOWN, self._arrivals.shut)
+        if self._arrivals.closed_reason:
+            raise Refused(SHUTTING_DOWN, self._arrivals.closed_reason)
         number = self._previews.ask(self._operating.scene(scene), strategy, now)
         return number, self._settle(now)
 
@@ -278,10 +278,10 @@ class Market:
             self._interaction.collected(message)
         return self._settle(now)
 
-    def kept(self, round_number: int, now: float) -> list[Effect]:
+    def feedback_deferred(self, round_number: int, now: float) -> list[Effect]:
         """The feedback service is away; it is asked until it has answered, without the market."""
         if self._interaction is not None and round_number == self._interaction.round:
-            self._interaction.kept()
+            self._interaction.feedback_deferred()
         return self._settle(now)
 
     def cancel(
@@ -347,8 +347,8 @@ class Market:
 
     def _settle(self, now: float) -> list[Effect]:
         """End what is over, begin what waits, report a changed state, hand over the effects."""
-        self._previews.mind(now)
-        self._arrivals.mind(self._interaction, now)
+        self._previews.update(now)
+        self._arrivals.update(self._interaction, now)
         if self._interaction is not None:
             self._interaction.go_on(now)
         self._finish()
@@ -359,7 +359,7 @@ class Market:
         effects = self._floor.effects
         for effect in effects:
             if isinstance(effect, SceneEnded) and effect.code != "DUPLICATE":
-                self._floor.say.forget(effect.scene_id)
+                self._floor.overrides.forget(effect.scene_id)
         if status != self._status:
             self._status = status
             effects.append(status)
@@ -373,14 +373,14 @@ class Market:
         scene_id = interaction.origin.scene_id
         self._finished_scene_id = scene_id
         self._last_round = interaction.round
-        self._last_words = f"scene '{scene_id}' is over: {interaction.over.message}"
+        self._last_text = f"scene '{scene_id}' is over: {interaction.over.message}"
         self._interaction = None
         self._floor.effects.append(interaction.over)
 
     def _describe(self, now: float) -> StatusChanged:
         interaction = self._interaction
         goal = interaction.goal if interaction else None
-        live = self._floor.registry.heard(now)
+        live = self._floor.registry.with_heartbeat(now)
         return StatusChanged(
             state=self.state,
             round=interaction.round if interaction else self._last_round,
@@ -393,8 +393,8 @@ class Market:
             agents=sum(len(entry.agents) for entry in live),
             strategy=self.settings.strategy,
             shadow_strategy=self.settings.shadow_strategy,
-            pinned=self._floor.say.pinned,
-            vetoed=self._floor.say.vetoed,
+            pinned=self._floor.overrides.pinned,
+            vetoed=self._floor.overrides.vetoed,
             starved=self._floor.starved(),
-            message=interaction.words() if interaction else self._last_words,
+            message=interaction.state_text() if interaction else self._last_text,
         )

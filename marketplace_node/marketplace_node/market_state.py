@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What all interactions of a market share: settings, hosts, counters and the effects due."""
+"""State shared by all rounds: settings, registered hosts, statistics, pending effects."""
 
 from __future__ import annotations
 
@@ -23,8 +23,7 @@ from marketplace_node.effects import (
 )
 from marketplace_node.explanation.explanation import explanation
 from marketplace_node.operators.operator_overrides import OperatorOverrides
-from marketplace_node.operators.run_counts import RunCounts, counts
-from marketplace_node.operators.statistics import MarketStatistics
+from marketplace_node.operators.statistics import MarketStatistics, Tally, counts
 from marketplace_node.registry import HostEntry, Registry
 from marketplace_node.round.decision import Decision, Terms
 from marketplace_node.settings import Settings
@@ -39,7 +38,7 @@ _OF_ANOTHER = "it still runs a tree for another market"
 
 @dataclass(eq=False, kw_only=True)
 class _OrphanRun:
-    """A tree that nobody waits for.
+    """Orphan: a tree that runs at a host without an award of this market.
 
     Attributes:
         instance: The start of its host.
@@ -59,15 +58,15 @@ class _OrphanRun:
 
 
 class MarketState:
-    """The trading floor: who is there, who is free, and what has happened so far.
+    """State shared by all rounds, and the hosts that orphaned runs block.
 
     Attributes:
         space: The scene parameters.
         epoch: Name of this instance of the market.
         settings: The settings in force.
         registry: The hosts and agents.
-        say: What people have ordered.
-        record: What the decisions so far tell together.
+        overrides: What operators have ordered.
+        record: Counters over the decisions so far.
         effects: What is to be done, in order.
         rounds: How many rounds there have been; the number of the last one.
         previews: How many rounds there have been that only foretold.
@@ -85,14 +84,14 @@ class MarketState:
         self.epoch = epoch
         self.settings = settings
         self.registry = Registry(space.names, settings.host_lease_s)
-        self.say = OperatorOverrides()
+        self.overrides = OperatorOverrides()
         self.effects: list[Effect] = []
         self.record = MarketStatistics()
         self.rounds = 0
         self.previews = 0
         self.last_scene: Scene | None = None
         self._rules = rules
-        self._tally = RunCounts()
+        self._tally = Tally()
         self._strays: dict[str, _OrphanRun] = {}
         self._starved: tuple[tuple[str, ...], Collection[str], tuple[str, ...]] | None = None
 
@@ -141,8 +140,8 @@ class MarketState:
             tie_break=settings.tie_break,
             rules=self._rules,
             excluded=dict(excluded),
-            barred=self.say.barred(self.registry.live(now), awarded),
-            intervention=self.say.words(awarded),
+            barred=self.overrides.excluded(self.registry.live(now), awarded),
+            intervention=self.overrides.intervention(awarded),
             unasked=self._unasked(now),
             last_run=self._tally.last_run,
             runs=self._tally.runs,
@@ -151,20 +150,20 @@ class MarketState:
             preview=preview is not None,
         )
 
-    def outcome(self, decision: Decision, say: Callable[[], str]) -> PublishAuction:
+    def outcome(self, decision: Decision, reason_fn: Callable[[], str]) -> PublishAuction:
         """Return a decision as it is published, with what the record says at this moment."""
         return PublishAuction(
             decision=decision,
-            say=say,
-            explain=partial(explanation, decision, self.space),
+            reason_fn=reason_fn,
+            explanation_fn=partial(explanation, decision, self.space),
             shadow_rounds=self.record.shadow_rounds,
             shadow_disagreements=self.record.shadow_disagreements,
         )
 
-    def publish(self, decision: Decision, say: Callable[[], str]) -> None:
-        """Count a decision and have it published, on one line as ``say`` says it."""
+    def publish(self, decision: Decision, reason_fn: Callable[[], str]) -> None:
+        """Count a decision and have it published, with the line that ``reason_fn`` formats."""
         self.record.take(decision)
-        self.effects.append(self.outcome(decision, say))
+        self.effects.append(self.outcome(decision, reason_fn))
 
     def starved(self) -> tuple[str, ...]:
         """Return the registered agents that bid again and again and never run."""
@@ -189,17 +188,17 @@ class MarketState:
         starvation.ran(agent, decision.ranked.bidders)
         news = starvation.news(self.settings.starvation_rounds)
         self.effects += [Alarm(message=one) for one in news]
-        self.keep()
+        self.store()
 
-    def keep(self) -> None:
+    def store(self) -> None:
         """Have everything kept that outlives this start of the market."""
-        kept = {
-            **self.say.as_kept(),
+        stored = {
+            **self.overrides.to_dict(),
             "runs": self._tally.runs,
             "last_run": self._tally.last_run,
             "in_vain": dict(self.record.starvation.in_vain),
         }
-        self.effects.append(StoreOverrides(text=json.dumps(kept, ensure_ascii=False)))
+        self.effects.append(StoreOverrides(text=json.dumps(stored, ensure_ascii=False)))
 
     def restore(self, text: str) -> None:
         """Take over what an earlier start of the market has kept.
@@ -208,9 +207,9 @@ class MarketState:
             Refused: ``MALFORMED``; nothing is changed.
         """
         try:
-            kept = json.loads(text)
-            found = [counts(kept.get(name, {})) for name in ("runs", "last_run", "in_vain")]
-            self.say.restore(kept)
+            stored = json.loads(text)
+            found = [counts(stored.get(name, {})) for name in ("runs", "last_run", "in_vain")]
+            self.overrides.restore(stored)
         except (ValueError, TypeError, KeyError, AttributeError, RecursionError):
             raise Refused(
                 "MALFORMED",
@@ -243,12 +242,12 @@ class MarketState:
         """Return why a goal cannot be sent; empty when it can."""
         if not self.registry.is_live(goal.host, goal.instance, now):
             return f"{goal.host} is gone"
-        if veto := self.say.veto_of(goal.agent):
+        if veto := self.overrides.veto_of(goal.agent):
             return veto
         reason = self._blocked(goal.host)
         return f"{goal.host} is not free: {reason}" if reason else ""
 
-    def in_the_way(self, host: str, now: float) -> str:
+    def other_host_busy(self, host: str, now: float) -> str:
         """Return why nothing may begin at a host yet, as another one still has the robot.
 
         That is no obstacle for ever: a tree that does not stop is waited for as long as for a
@@ -300,9 +299,9 @@ class MarketState:
         self.free(host)
         self.effects.append(Disconnect(host=host))
 
-    def excuse(self, since: float, now: float) -> None:
+    def extend_after_stall(self, since: float, now: float) -> None:
         """Renew leases and move deadlines, as nobody has listened since ``since``."""
-        self.registry.excuse(since, now)
+        self.registry.extend_after_stall(since, now)
         for stray in self._strays.values():
             if stray.heard_at is not None:
                 stray.heard_at += now - since

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Who may bid: the hosts and agents that entered themselves, and which of them are alive."""
+"""Registry of hosts and their agents, with the lease by which a host is alive."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from bt_agents_core.errors import Refused
-from bt_agents_core.lease import extended_after_stall
+from bt_agents_core.liveness import extended_after_stall
 
 _AGENT_NAME = re.compile(r"[a-z][a-z0-9_]*")
 _ROS_NAME = re.compile(r"(/(?!\w*__)[A-Za-z_][A-Za-z0-9_]*)+", re.ASCII)
@@ -26,7 +26,7 @@ The middleware takes its time to connect the market to the heartbeat of a host t
 
 @dataclass(frozen=True, kw_only=True)
 class Registration:
-    """A host's request to enter its agents.
+    """Request of a host to enter its agents.
 
     Attributes:
         host: Fully qualified name of the host node.
@@ -47,7 +47,7 @@ class Registration:
 
 @dataclass(frozen=True, kw_only=True)
 class HostEntry:
-    """A registered host; ``agents`` maps each of its agents to its id."""
+    """Registered host; ``agents`` maps each of its agents to its id."""
 
     host: str
     instance: str
@@ -58,7 +58,7 @@ class HostEntry:
 
 @dataclass(frozen=True, kw_only=True)
 class RegistrationAnswer:
-    """What a host is told.
+    """Answer to a registration.
 
     Attributes:
         accepted: False when the host as a whole is refused.
@@ -74,7 +74,7 @@ class RegistrationAnswer:
 
 
 class Registry:
-    """Hosts by name, with unique agents.
+    """Registry of hosts by name, with unique agents.
 
     Ids count from 1 and stay with an agent's name for the life of the market.
 
@@ -158,7 +158,7 @@ class Registry:
         self._heard[host] = instance
         return True
 
-    def excuse(self, since: float, now: float) -> None:
+    def extend_after_stall(self, since: float, now: float) -> None:
         """Renew the leases valid at ``since``, as nobody has listened to heartbeats after it."""
         for host, seen in self._seen.items():
             self._seen[host] = extended_after_stall(seen, self.lease_s, since, now)
@@ -196,7 +196,7 @@ class Registry:
         """Return the hosts within their lease."""
         return tuple(e for e in self._entries.values() if self.is_live(e.host, e.instance, now))
 
-    def heard(self, now: float) -> tuple[HostEntry, ...]:
+    def with_heartbeat(self, now: float) -> tuple[HostEntry, ...]:
         """Return the hosts within their lease of which a heartbeat was heard."""
         return tuple(e for e in self.live(now) if self._heard.get(e.host) == e.instance)
 

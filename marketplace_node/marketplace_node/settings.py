@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What can be set about the market while it works, checked as a whole before it counts."""
+"""Settings of the market, checked as a whole before they count."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ SECONDS: Final = {
 
 @dataclass(frozen=True, kw_only=True)
 class Settings:
-    """How the market decides and how long it waits.
+    """Settings of one moment; immutable.
 
     Attributes:
         strategy: Name of the strategy that ranks.
@@ -79,7 +79,7 @@ class Settings:
     starvation_rounds: int = 50
 
     def __post_init__(self) -> None:
-        """Check every value."""
+        """Check every value against its range."""
         check_strategy(self.strategy)
         self._check_shadow()
         self._check_options()

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Several uncertain readings of one thing become one, and a row of readings becomes smooth."""
+"""Fusion of several uncertain readings into one, and smoothing of readings over time."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 
 @dataclass(frozen=True, kw_only=True)
 class Reading:
-    """A value in the unit of its parameter, how sure it is, and when it holds.
+    """Reading of a parameter: value, certainty and validity.
 
     Attributes:
         value: Finite.
@@ -30,7 +30,7 @@ class Reading:
 
 
 def fused(readings: Sequence[Reading]) -> Reading:
-    """Return what several readings of one thing say together.
+    """Return the inverse-variance mean of several readings of one thing.
 
     The value is the mean weighted by ``w_i = c_i / s_i²``, its standard deviation ``1 / √Σ w_i``:
     the inverse-variance mean (see J. Hartung, G. Knapp, B. K. Sinha, "Statistical Meta-Analysis

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which run the live scene is published for; old runs that a late joiner is told of are none."""
+"""Tracking of the run that the live scene is published for; replayed old runs do not count."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, kw_only=True)
 class LiveRun:
-    """The run that a live scene belongs to."""
+    """Run that a live scene belongs to."""
 
     epoch: str
     round: int
@@ -16,7 +16,7 @@ class LiveRun:
 
 
 class RunTracker:
-    """Follows the events of runs and the state of the market.
+    """Tracks the run under way by the events of runs and the state of the market.
 
     Attributes:
         run: The run under way; None between runs.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A scene put together from readings, given values and what is known; never zero for unknown."""
+"""Scene estimator: combines readings, given values and memory; unknown is never zero."""
 
 from __future__ import annotations
 
@@ -9,9 +9,8 @@ from dataclasses import dataclass, field, replace
 from bt_agents_core.errors import Refused
 from bt_agents_core.scene import Origin, Scene, SceneSpace, SceneValue, check_value
 from bt_agents_language.model.scene_specs import MissingRule, SceneSpec
-from scene_layer.encounters import THRESHOLD, Encounters, somebody_is_measured
 from scene_layer.memory import Memory, ignorance
-from scene_layer.persons import NOBODY
+from scene_layer.persons import NOBODY, THRESHOLD, Encounters, somebody_is_measured
 from scene_layer.sources import Sources
 
 KEPT = 1000
@@ -51,7 +50,7 @@ class GivenScene:
 
 @dataclass(frozen=True, kw_only=True)
 class SceneInteraction:
-    """What was given for one interaction, from its scene to the end of its runs.
+    """Values given for one interaction, from its scene to the end of its runs.
 
     Attributes:
         scene_id: Of its scene.
@@ -81,7 +80,7 @@ class SceneInteraction:
 
 
 class SceneEstimator:
-    """What is known of the present interaction and of those that wait in the market.
+    """State of the present interaction and of those that wait in the market.
 
     A given value holds for its interaction until a source brings a newer reading. It never
     reaches another interaction: a scene that waits does not change the one that runs. An
@@ -141,7 +140,7 @@ class SceneEstimator:
         if known is not None:
             return known
         given = {v.name: v.value for v in scene.values if v.origin is Origin.GIVEN}
-        measured = self._spec.person is not None or self.encounters.told_apart
+        measured = self._spec.person is not None or self.encounters.identified
         return self.begin(
             scene.scene_id,
             scene.label,
@@ -149,11 +148,11 @@ class SceneEstimator:
             None if measured else scene.person,
             now,
             urgent=scene.urgent,
-            person_id=scene.person_id if self.encounters.told_apart else None,
+            person_id=scene.person_id if self.encounters.identified else None,
         )
 
-    def look(self, now: float, wall: float, running: str | None) -> bool:
-        """Find out who is here; return whether that has changed.
+    def update(self, now: float, wall: float, running: str | None) -> bool:
+        """Update who is here; return whether that has changed.
 
         Args:
             now: Steady time [s].
@@ -161,8 +160,8 @@ class SceneEstimator:
             running: Scene id of the run under way; None between runs.
         """
         person = None if running is None else self._bound(running).person_id
-        self.encounters.keep(person)
-        return self.encounters.look(now, wall)
+        self.encounters.hold(person)
+        return self.encounters.update(now, wall)
 
     def scene(self, scene_id: str, *, now: float, wall: float, stamp: float) -> Scene:
         """Put the scene of an interaction together.
@@ -265,7 +264,7 @@ class SceneEstimator:
     def _expected(
         self, name: str, interaction: SceneInteraction, place: str, wall: float
     ) -> SceneValue:
-        """Return what stands for a value that nobody measures."""
+        """Return the estimate or default of a value that nobody measures."""
         rule = self._spec.missing_rule(name)
         if not interaction.met:
             if name in self._spec.no_person:
@@ -311,8 +310,8 @@ class SceneEstimator:
         tracked any more is gone.
         """
         given = interaction.person
-        if self.encounters.told_apart:
-            if given is not None and (not given.value or self.encounters.heard_at <= given.at):
+        if self.encounters.identified:
+            if given is not None and (not given.value or self.encounters.received_at <= given.at):
                 return given.value >= THRESHOLD
             return interaction.person_id in self.encounters.tracked
         if self._spec.person is None and given is None:

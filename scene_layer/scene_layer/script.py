@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The order of a scripted play: which visit is next, when it is over, what changes by when."""
+"""State machine of a scripted play: the next visit, its end, and its timed changes."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ AGAIN_WITHIN_S = 10.0
 
 @dataclass(frozen=True, kw_only=True)
 class MarketView:
-    """What a play needs to know of the market; the fields are those of ``MarketStatus.msg``."""
+    """State of the market as a play needs it; the fields are those of ``MarketStatus.msg``."""
 
     epoch: str
     idle: bool

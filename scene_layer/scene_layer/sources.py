@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Messages of sensors turned into values of scene parameters; a bad one never gets further."""
+"""Sources: messages of sensors become readings of scene parameters; bad ones are refused."""
 
 from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 
 from bt_agents_core.errors import Refused
@@ -38,33 +38,12 @@ _ROUNDING = 1e-6
 """A confidence may be so much above 1: more digits than that a float32 does not have."""
 
 
-def message_of(fields: Mapping[str, object]) -> Message:
-    """Return plain nested data as a message."""
-
-    def field(path: str) -> object:
-        value: object = fields
-        for part in path.split("."):
-            if isinstance(value, Mapping) and part in value:
-                value = value[part]
-            elif isinstance(value, list | tuple) and part.isdecimal():
-                if int(part) >= len(value):
-                    raise Refused(
-                        "NO_SUCH_ITEM", f"'{path}': the list has only {len(value)} items"
-                    )
-                value = value[int(part)]
-            else:
-                raise Refused("UNKNOWN_FIELD", f"the message has no field '{path}'")
-        return value
-
-    return field
-
-
 class _NotMeasuredError(Exception):
     """The message says that nothing was measured."""
 
 
 class Sources:
-    """The latest good reading of every source of a system, of each person where they differ.
+    """Latest good reading of every source, of each person where they differ.
 
     A refused message changes nothing: the last good reading stays until it is stale. Of how many
     persons there are readings is up to the caller, who forgets those that are gone: of all of

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from bt_agents_language.nodes import KINDS, MODIFIERS
+from bt_agents_language.nodes.catalogue import DECORATORS, NODE_TYPES
 from checkout import ROOT
 from language_server import LanguageServer, NoServer, installed_server
 from tree_harness import SPACE, VOCABULARY
@@ -19,7 +19,7 @@ pytestmark = pytest.mark.e2e
 FILE = ROOT / "trees" / "agents" / "written_in_a_test.yaml"
 TOP = "# yaml-language-server: $schema=../../schema/agent.schema.json\nformat: 1\nagent: a\n"
 HEAD = f"{TOP}profile: {{age: 3, familiarity: 3, mood: 3}}\ntree:\n"
-WORDS = {*KINDS, *MODIFIERS, *VOCABULARY.skills}
+WORDS = {*NODE_TYPES, *DECORATORS, *VOCABULARY.skills}
 
 
 @pytest.fixture(scope="module")
@@ -42,13 +42,13 @@ def shipped() -> list[Path]:
 
 
 @pytest.mark.parametrize("before", ["  ▮", "  sequence:\n    - ▮", "  sequence:\n    - s▮"])
-def test_where_a_node_begins_every_node_skill_and_modifier_is_offered(server, before):
+def test_where_a_node_begins_every_node_skill_and_decorator_is_offered(server, before):
     assert server.completions(FILE, HEAD + before).keys() >= WORDS
 
 
 def test_beside_a_node_its_modifiers_are_offered(server):
     offered = server.completions(FILE, f"{HEAD}  sequence:\n    - say: Hello.\n      ▮")
-    assert offered.keys() >= {*MODIFIERS, "name"}
+    assert offered.keys() >= {*DECORATORS, "name"}
 
 
 def test_a_completed_node_comes_with_what_it_needs(server):
@@ -82,8 +82,8 @@ def test_what_may_stand_in_a_field_is_offered(server, before, words):
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("  say: x\n  ▮retry: 3", [MODIFIERS["retry"].description, "attempts", "pause: 2 s"]),
-        ("  ▮sequence:\n    - say: x", [KINDS["sequence"].description, "memory"]),
+        ("  say: x\n  ▮retry: 3", [DECORATORS["retry"].description, "attempts", "pause: 2 s"]),
+        ("  ▮sequence:\n    - say: x", [NODE_TYPES["sequence"].description, "memory"]),
         ("  ▮ask: Where to?", ["the question", "10 s", "gives `answer`"]),
         ("  ask: {text: x, ▮wait: 3 s}", ["how long to wait for the answer"]),
     ],
@@ -108,7 +108,7 @@ def test_hovering_a_scene_parameter_shows_its_labels(server):
             "say: Hello.\n  ask: Really?",
             ["5: two nodes in one item: indent the block, or start a new '-' item"],
         ),
-        ("retry: 3", ["5: a modifier alone: there is no node beside it"]),
+        ("retry: 3", ["5: a decorator alone: there is no node beside it"]),
         ("wait: 5 sx", ["6: expected a time such as 8 s or ${…}"]),
         ("say: x\n  timeout: soon", ["7: expected a time such as 8 s or ${…}"]),
         (

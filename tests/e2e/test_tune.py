@@ -35,9 +35,14 @@ def test_an_author_tunes_a_running_system_and_keeps_the_result(
     )
     assert re.search(r"  patience +12 s +file: 8 s", ask("tune", "attentive_guide"))
     assert "(revision 2)" in ask("tune", "tick_rate=30")
-    assert "(revision 3)" in ask("tune", "attentive_guide", "profile.age=4.5", "--reason", "old")
+    tuned = ask("tune", "attentive_guide", "profile.age=4.5", "--reason", "old", "--author", "eva")
+    assert re.fullmatch(r"attentive_guide: age 4 → 4\.5 \(revision \d of the profile\)\n", tuned)
+    up.until(r"set for attentive_guide by tuning: tuned by eva: old")
     up.until(r"attentive_guide \[4, 1\.5, 3\] → \[4\.5, 1\.5, 3\]")
     assert "age 4.5" in ask("status")
+    assert re.search(r"  profile\.age +4\.5 +file: 4", ask("tune", "attentive_guide"))
+    assert "OUT_OF_RANGE" in ask("tune", "attentive_guide", "profile.age=9", code=1)
+    assert "did you mean 'age'" in ask("tune", "attentive_guide", "profile.agee=3", code=1)
 
     assert "OUT_OF_RANGE: attentive_guide.patience is 99 s" in ask(
         "tune", "attentive_guide", "patience=99", code=1
@@ -53,7 +58,7 @@ def test_an_author_tunes_a_running_system_and_keeps_the_result(
     assert re.search(r"attentive_guide\.patience +12 s", ask("preset", "show", "care home"))
     assert "no preset 'night'" in ask("preset", "apply", "night", code=1)
     undone = ask("tune", "--undo")
-    assert "undo of revision 3: attentive_guide.profile.age: 4.5 → 4" in undone
+    assert "undo of a profile: attentive_guide: age 4.5 → 4" in undone
     assert "undo of revision 1" in ask("tune", "--undo", "attentive_guide")
     assert "12 s → 8 s  (anna" not in ask("tune", "--history")
     assert "patience: 8 s → 12 s" in ask("preset", "apply", "care home")

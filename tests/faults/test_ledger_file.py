@@ -18,9 +18,9 @@ from typing import Any
 
 import pytest
 
-from feedback_node.ledger import Entry, Ledger
+from feedback_node.ledger import Ledger, LedgerEntry
 from feedback_node.ledger.file import LedgerError
-from feedback_node.ledger.rows import LAYER, Cause
+from feedback_node.ledger.rows import LAYER, RevisionCause
 
 pytestmark = pytest.mark.e2e
 
@@ -177,7 +177,9 @@ def test_120_kills_lose_no_acknowledged_revision_and_record_none_twice(tmp_path,
             if forgotten:
                 one = chance.choice(sorted(forgotten))
                 before = ledger.history("guide")
-                assert not ledger.append("guide", {"age": 1.0}, Cause(feedback_id=one)).profile
+                assert not ledger.append(
+                    "guide", {"age": 1.0}, RevisionCause(feedback_id=one)
+                ).profile
                 assert ledger.history("guide") == before
     assert acknowledged > KILLS
     assert kills_in_the_middle > KILLS // 10
@@ -227,17 +229,17 @@ class Files:
         for number in range(first, last):
             layer = ("", "person/anna", "person/bob")[number % 3]
             entries = [
-                Entry(
+                LedgerEntry(
                     agent="guide",
                     layer=layer,
                     profile={"age": number / 7, "mood": 1.0},
-                    cause=Cause(feedback_id=f"f{number}", reason="because" * 20),
+                    cause=RevisionCause(feedback_id=f"f{number}", reason="because" * 20),
                 )
             ]
             if layer and ledger.current("guide", layer) is None:
-                begins = Cause(cause=LAYER)
+                begins = RevisionCause(cause=LAYER)
                 entries.insert(
-                    0, Entry(agent="guide", layer=layer, profile={"age": 0.0}, cause=begins)
+                    0, LedgerEntry(agent="guide", layer=layer, profile={"age": 0.0}, cause=begins)
                 )
             ledger.record(entries)
 
@@ -274,7 +276,7 @@ class Files:
         try:
             with Ledger(self.path) as ledger:
                 found = self.states.index(self.answers(ledger))
-                ledger.append("guide", {"age": 2.0, "mood": 2.0}, Cause(feedback_id="new"))
+                ledger.append("guide", {"age": 2.0, "mood": 2.0}, RevisionCause(feedback_id="new"))
                 return found
         except LedgerError as error:
             code = error.code
@@ -340,7 +342,7 @@ def test_a_disk_that_is_full_refuses_and_a_disk_with_room_goes_on(tmp_path):
         taken = 0
 
         def give() -> Any:
-            cause = Cause(feedback_id=f"f{taken}", reason="long" * 100)
+            cause = RevisionCause(feedback_id=f"f{taken}", reason="long" * 100)
             return ledger.append("guide", {"age": float(taken)}, cause)
 
         with suppress(LedgerError):
@@ -353,7 +355,7 @@ def test_a_disk_that_is_full_refuses_and_a_disk_with_room_goes_on(tmp_path):
         assert "make room" in error.value.reason
         assert len(ledger.history("guide")) == taken + 1
         ledger._database.execute("PRAGMA max_page_count = 1000000")
-        row = ledger.append("guide", {"age": 1.0}, Cause(feedback_id=f"f{taken}"))
+        row = ledger.append("guide", {"age": 1.0}, RevisionCause(feedback_id=f"f{taken}"))
         assert row.revision == taken + 1
     with Ledger(tmp_path / "ledger.sqlite") as again:
         assert len(again.history("guide")) == taken + 2

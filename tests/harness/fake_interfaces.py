@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from bt_agents_language.model.specs import BindingKind, FieldType, Plain
+from bt_agents_core.field_types import BindingKind, FieldType, Plain
 
 
 class FakeInterfaces:

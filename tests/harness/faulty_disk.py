@@ -15,12 +15,13 @@ class Disk(Executor):
         at_once: False holds the jobs back until :meth:`turn`.
 
     Attributes:
-        jobs: Pending jobs.
+        at_once: Whether jobs are done at once.
+        jobs: What waits to be done.
     """
 
     def __init__(self, *, at_once: bool = True) -> None:
         self.jobs: list[Callable[[], None]] = []
-        self._at_once = at_once
+        self.at_once = at_once
 
     def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
         future: Future[Any] = Future()
@@ -33,7 +34,7 @@ class Disk(Executor):
                 future.set_exception(error)
 
         self.jobs.append(work)
-        if self._at_once:
+        if self.at_once:
             self.turn()
         return future
 

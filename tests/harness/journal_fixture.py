@@ -18,7 +18,7 @@ from bt_agents.engine.scripted_environment import ScriptedEnvironment, ScriptedR
 from bt_agents.host.reload.source_bundle import source_bundle
 from bt_agents.host.reload.versions import AgentVersions
 from bt_agents.host.run_messages import tree_status
-from bt_agents.recording.recording_run import RecordingRun
+from bt_agents.recording.run import RecordingRun
 from bt_agents_core.feedback import FeedbackKind
 from bt_agents_core.scene import Scene
 from bt_agents_interfaces.msg import (
@@ -174,8 +174,8 @@ class Town:
             auction_to_msg(
                 PublishAuction(
                     decision=decision,
-                    say=partial(reason, decision),
-                    explain=partial(explanation, decision, SPACE),
+                    reason_fn=partial(reason, decision),
+                    explanation_fn=partial(explanation, decision, SPACE),
                 ),
                 self._stamp(),
             ),

@@ -12,7 +12,7 @@ from bt_agents_core.scene import SceneParameter, SceneSpace
 from feedback_node.learning.cards import AgentEntry, LearningCard
 from feedback_node.learning.profiles import Profiles
 from feedback_node.ledger import Ledger
-from feedback_node.ledger.rows import LAYER, Cause
+from feedback_node.ledger.rows import LAYER, RevisionCause
 from feedback_node.management.management import Done, Management, ManagementCommand
 
 SPACE = SceneSpace(
@@ -36,7 +36,7 @@ class Desk:
             for name in ("guide", "express")
         )
         card = LearningCard(host="/agents", instance="i", parameters=SPACE.names, agents=agents)
-        self.profiles.introduce(card)
+        self.profiles.register_card(card)
         self._management = Management(
             self.profiles, self.ledger, wall=lambda: self.now, new_id=self._new_id
         )
@@ -53,10 +53,10 @@ class Desk:
 
     def teach_layer(self, layer: str, agent: str = "guide", age: float = 4.5) -> None:
         if self.ledger.current(agent, layer) is None:
-            begins = Cause(cause=LAYER)
+            begins = RevisionCause(cause=LAYER)
             self.ledger.append(agent, {"age": 3.0, "mood": 3.0}, begins, layer=layer)
-        row = self.ledger.append(agent, {"age": age, "mood": 3.0}, Cause(), layer=layer)
-        self.profiles.taken([row])
+        row = self.ledger.append(agent, {"age": age, "mood": 3.0}, RevisionCause(), layer=layer)
+        self.profiles.on_recorded([row])
 
     def teach(self, feedback_id: str, agent: str = "guide") -> None:
         self.profiles.apply(

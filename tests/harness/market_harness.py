@@ -140,10 +140,23 @@ class Driver:
     def refuse(self, goal: RunGoal | None = None, reason: str = "busy") -> None:
         self.do(self.market.goal_refused(goal or self.goal, reason, self.now))
 
-    def end(self, outcome: int = 1, message: str = "done", goal: RunGoal | None = None) -> None:
+    def end(
+        self,
+        outcome: int = 1,
+        message: str = "done",
+        goal: RunGoal | None = None,
+        *,
+        host_reason: bool = True,
+    ) -> None:
         goal = goal or self.goal
         self.busy[goal.host] = 0
-        end = RunEnd(outcome=outcome, message=message, orphans=("tree/0.say",), ticks=7)
+        end = RunEnd(
+            outcome=outcome,
+            message=message,
+            host_reason=host_reason,
+            orphans=("tree/0.say",),
+            ticks=7,
+        )
         self.do(self.market.run_ended(goal, end, self.now))
 
     def collect(self, message: str = "nothing to learn") -> None:

@@ -9,9 +9,11 @@ from bt_agents_core.feedback import MOOD_RULE, FeedbackKind
 from bt_agents_core.scene import Origin, Scene, SceneSpace, SceneValue, Vector
 from bt_agents_lab.experiments.random_streams import RandomStreams, round_seed
 from bt_agents_lab.experiments.simulated_world import Arm, Person, SimulatedWorld
+from bt_agents_language.files.mood_rule_reader import restore_mood_rule
+from bt_agents_language.model.mood_rule import MoodAction, MoodRule
 from feedback_node.learning import learning_step
 from feedback_node.learning.learning_step import Evidence
-from feedback_node.rules import Rule, Watch, read_rule
+from feedback_node.rules import Watch
 from marketplace_node.round.decision import AcceptedBid, Terms
 from marketplace_node.round.ranking import decide
 
@@ -55,7 +57,7 @@ def live(
                 authored=authored[agent],
             ),
         )
-        recent[agent].append(learning_step.asked(kind, profiles[agent], target))
+        recent[agent].append(learning_step.requested(kind, profiles[agent], target))
         changes[agent] += 1
         profiles[agent] = step.after
 
@@ -130,20 +132,26 @@ def react(
         now += 1.0
         change = person.drift * fit + other * person.noise
         mood = min(max(mood + change, limits.minimum), limits.maximum)
-        fired = watch.see(seen((*vector[:at], mood, *vector[at + 1 :]), space))
-        given += [one.rule.kind for one in fired]
-        stops = [one for one in fired if one.rule.cancel]
+        fired = watch.receive(seen((*vector[:at], mood, *vector[at + 1 :]), space))
+        given += [one.rule.give for one in fired]
+        stops = [one for one in fired if one.rule.action is MoodAction.CANCEL]
         if stops:
             return given, stops[0].live.vector[at]
     return given, mood
 
 
-def rules(person: Person, space: SceneSpace) -> list[Rule]:
+def rules(person: Person, space: SceneSpace) -> list[MoodRule]:
     """Return the mood rules of every agent."""
     better, worse = f"mood.change >= {person.better}", f"mood.change <= -{person.worse}"
     return [
-        read_rule(better, person.hold_s, FeedbackKind.POSITIVE, False, space),
-        read_rule(worse, person.hold_s, FeedbackKind.NEGATIVE, True, space),
+        restore_mood_rule(space, when=better, hold_s=person.hold_s, give=FeedbackKind.POSITIVE),
+        restore_mood_rule(
+            space,
+            when=worse,
+            hold_s=person.hold_s,
+            give=FeedbackKind.NEGATIVE,
+            action=MoodAction.CANCEL,
+        ),
     ]
 
 

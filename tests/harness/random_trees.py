@@ -10,15 +10,15 @@ import py_trees
 from hypothesis import strategies as st
 from py_trees.common import Status
 
+from bt_agents_core.diagnostic import Position
+from bt_agents_core.field_types import BindingKind
 from bt_agents_language.expression.expressions import Expression, parse_expression
 from bt_agents_language.model.specs import (
     Binding,
-    BindingKind,
     Computed,
     Literal,
     MapValue,
     NodeSpec,
-    Position,
     Reference,
     SkillSpec,
     Text,

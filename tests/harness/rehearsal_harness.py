@@ -38,7 +38,7 @@ def cases_for(spec: AgentSpec, cases: str) -> AgentTest:
 def told(result: Rehearsed, *kinds: EventKind) -> list[tuple[float, str]]:
     """Return when events of some kinds happened, and to which skill or in which words."""
     return [
-        (round(event.at_s, 6), event.node.kind if event.node is not None else event.words)
+        (round(event.at_s, 6), event.node.kind if event.node is not None else event.text)
         for event in result.events
         if event.kind in kinds
     ]

@@ -89,7 +89,7 @@ class Watched:
                 self.in_force[effect.name] = effect.agent
             case "remove":
                 del self.in_force[effect.name]
-            case "replace tree" | "update values":
+            case "replace" | "update":
                 assert effect.name in self.in_force
                 self.in_force[effect.name] = effect.agent
         return f"{effect.action.value} {effect.text}"

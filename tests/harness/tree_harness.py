@@ -14,11 +14,12 @@ from py_trees.common import Status
 
 from bt_agents.engine.run import Run, RunLimits, StatusChange
 from bt_agents.engine.scripted_environment import ScriptedEnvironment, ScriptedReply
+from bt_agents_core.field_types import Plain
 from bt_agents_core.scene import Origin, Scene, SceneSpace, SceneValue
 from bt_agents_language.files.agent_reader import read_agent_text
 from bt_agents_language.files.folder_reader import read_vocabulary
 from bt_agents_language.files.scene_reader import read_scene
-from bt_agents_language.model.specs import AgentSpec, NodeSpec, Plain
+from bt_agents_language.model.specs import AgentSpec, NodeSpec
 from bt_agents_language.model.symbols import SymbolTable
 
 TREES = Path(__file__).parents[2] / "trees"
@@ -96,7 +97,7 @@ class Stage:
             steady=self.world.clock,
             limits=limits,
             random=random,
-            visit=lambda node, status: self.ticked.append((node, status)),
+            on_visit=lambda node, status: self.ticked.append((node, status)),
         )
         self.ticked: list[tuple[Behaviour, Status]] = []
         self.changes: list[StatusChange] = []
@@ -147,7 +148,7 @@ class Stage:
         ]
         return found
 
-    def told(self, path: str) -> list[tuple[str, str]]:
+    def reports(self, path: str) -> list[tuple[str, str]]:
         """Return status and message of each change of a node so far."""
         return [(c.status.name, c.message) for c in self.changes if c.path == path]
 

@@ -15,6 +15,7 @@ from checkout import DATA_PACKAGES, PACKAGES, PYTHON_PACKAGES, ROOT, RosPackage
 pytestmark = [pytest.mark.packaging, pytest.mark.xdist_group("packaging")]
 
 KEYS = {
+    "aiohttp": ("python3-aiohttp", "aiohttp>=3.8"),
     "click": ("python3-click", "click"),
     "matplotlib": ("python3-matplotlib", "matplotlib"),
     "mcap": ("python3-mcap-pip", "mcap>=1.6"),

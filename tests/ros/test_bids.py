@@ -39,7 +39,8 @@ def expected(epoch: str, number: int, answer: Any) -> Bids:
         agent_ids=[member.agent_id for member in answer.bids],
         vectors=[value for member in answer.bids for value in member.profile],
         declined=list(answer.declined),
-        decline_reasons=list(answer.declined.values()),
+        decline_reasons=[one.reason for one in answer.declined.values()],
+        unmet=[one.unmet for one in answer.declined.values()],
     )
 
 

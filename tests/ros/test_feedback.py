@@ -24,11 +24,12 @@ from bt_agents_interfaces.msg import (
 )
 from bt_agents_interfaces.msg import Scene as SceneMsg
 from bt_agents_interfaces.srv import CancelRun, CollectFeedback, GiveFeedback, SetProfile
+from bt_agents_language.model.experiment import PreparedFeedback
 from bt_agents_ros import qos
 from bt_agents_ros.messages import scene_to_msg
 from feedback_node.ledger import Ledger
 from feedback_node.ledger.file import LedgerError
-from feedback_node.ledger.rows import Cause
+from feedback_node.ledger.rows import RevisionCause
 from feedback_node.node import FeedbackNode
 from feedback_node.simulated_feedback import SimulatedFeedback
 
@@ -42,7 +43,9 @@ SPACE = SceneSpace(
     ),
     mood="mood",
 )
-WORSE = MoodRule(when="mood.change <= -1.0", hold_s=0.1, give=MoodRule.NEGATIVE, cancel=True)
+WORSE = MoodRule(
+    when="mood.change <= -1.0", hold_s=0.1, give=MoodRule.NEGATIVE, action=MoodRule.CANCEL
+)
 
 
 def scene(mood: float, scene_id: str = "s1") -> SceneMsg:
@@ -197,7 +200,7 @@ def test_a_card_makes_agents_known_with_the_profiles_of_their_files(scenario):
 
 
 def test_collected_feedback_is_answered_after_the_host_has_the_new_profile(scenario):
-    room = scenario(SimulatedFeedback(sequence=((5.0, NAN, 1.0),)))
+    room = scenario(SimulatedFeedback(PreparedFeedback(sequence=((5.0, NAN, 1.0),))))
     room.introduce()
     answer = room.collect()
     assert (answer.accepted, answer.applied) == (True, True)
@@ -211,7 +214,7 @@ def test_collected_feedback_is_answered_after_the_host_has_the_new_profile(scena
 
 
 def test_collecting_twice_for_one_round_applies_once(scenario):
-    room = scenario(SimulatedFeedback(sequence=((5.0, 5.0, 5.0),), repeat=True))
+    room = scenario(SimulatedFeedback(PreparedFeedback(sequence=((5.0, 5.0, 5.0),), repeat=True)))
     room.introduce()
     first, again = room.collect(), room.collect()
     assert again.applied
@@ -243,7 +246,7 @@ def test_without_a_list_there_is_nothing_to_collect(scenario):
     ],
 )
 def test_a_collection_that_makes_no_sense_is_refused(scenario, fields, code):
-    room = scenario(SimulatedFeedback(each={"guide": (5.0, 5.0, 5.0)}))
+    room = scenario(SimulatedFeedback(PreparedFeedback(each={"guide": (5.0, 5.0, 5.0)})))
     room.introduce()
     room.node._cards_until = 0.0
     answer = room.collect(**fields)
@@ -364,7 +367,7 @@ def test_what_a_rule_teaches_on_a_full_disk_reaches_the_host_when_there_is_room(
     for reason in ("long" * 200, ""):
         with suppress(LedgerError):
             while True:
-                ledger.append("express", {"age": 3.0}, Cause(reason=reason))
+                ledger.append("express", {"age": 3.0}, RevisionCause(reason=reason))
     room.run()
     room.ros.until(lambda: room.live.get_subscription_count() == 1)
     for mood in (4.0, 2.5):
@@ -430,7 +433,9 @@ def test_a_run_replayed_from_history_that_is_over_is_not_watched(ros, ledger):
     runs = ros.node.create_publisher(Run, "runs", qos.HISTORY)
     for event in (Run.STARTED, Run.ENDED):
         runs.publish(Run(epoch="e", round=1, event=event, agent="guide", scene=scene(4.0)))
-    eager = MoodRule(when="live.mood < 3", hold_s=0.0, give=MoodRule.NEGATIVE, cancel=True)
+    eager = MoodRule(
+        when="live.mood < 3", hold_s=0.0, give=MoodRule.NEGATIVE, action=MoodRule.CANCEL
+    )
     room = Scenario(ros, ledger)
     room.introduce(eager)
     ros.until(lambda: room.live.get_subscription_count() == 1)
@@ -501,7 +506,9 @@ def test_a_hostile_card_is_refused_and_the_node_lives(scenario, fields):
 
 def test_a_rule_that_cannot_be_read_leaves_the_agent_and_its_other_rules_working(scenario):
     room = scenario()
-    broken = MoodRule(when="mood.change <=", hold_s=0.1, give=MoodRule.NEGATIVE, cancel=True)
+    broken = MoodRule(
+        when="mood.change <=", hold_s=0.1, give=MoodRule.NEGATIVE, action=MoodRule.CANCEL
+    )
     room.introduce(broken, WORSE)
     assert "the rule is skipped" in room.node._problems["/agents"][0]
     room.run()
@@ -541,7 +548,7 @@ def test_two_who_give_at_once_are_both_answered_in_order(scenario):
 
 
 def test_kept_feedback_that_comes_before_the_card_of_its_agent_waits_for_it(scenario):
-    room = scenario(SimulatedFeedback(sequence=((5.0, 5.0, 5.0),)))
+    room = scenario(SimulatedFeedback(PreparedFeedback(sequence=((5.0, 5.0, 5.0),))))
     room.ros.until(lambda: room.give_client.service_is_ready())
     room.ros.until(lambda: room.collect_client.service_is_ready())
     given = room.give_client.call_async(

@@ -16,13 +16,12 @@ from std_srvs.srv import SetBool
 
 from bt_agents.engine.environment import GoalRun, GoalState, SkillGoal
 from bt_agents.engine.scripted_environment import ManualClock
-from bt_agents.host.environment.goal import RosGoalRun
-from bt_agents.host.environment.goal_deadlines import MOST_UNCONFIRMED
-from bt_agents.host.environment.goal_track import GoalTrack
+from bt_agents.host.environment.goal import MOST_UNCONFIRMED, GoalTrack, RosGoalRun
 from bt_agents.host.environment.inbox import DEPTH
 from bt_agents.host.environment.ros_environment import RosEnvironment
+from bt_agents_core.field_types import BindingKind
 from bt_agents_interfaces.action import Ask
-from bt_agents_language.model.specs import BindingKind, HeartbeatSpec, Timeouts
+from bt_agents_language.model.specs import HeartbeatSpec, Timeouts
 from bt_agents_ros import qos
 from bt_agents_ros.message_view import MessageView
 from scripted_server import Script, ScriptedServer, ScriptedService
@@ -297,7 +296,7 @@ def test_a_goal_that_cannot_be_sent_is_unreachable(ros: Any) -> None:
         client,
         object(),
         GoalTrack(SAY, ManualClock()),
-        rearm=lambda: None,
+        reschedule=lambda: None,
         wake=lambda: None,
         feedback=False,
         warn=print,
@@ -315,7 +314,7 @@ def test_goals_that_are_never_confirmed_are_forgotten_at_some_time(ros: Any, hos
     ros.until(lambda: len(server.goals) == len(runs))
     client = host.world._client(SAY.kind, SAY.name, SAY.type)
     ros.until(lambda: len(client._pending_goal_requests) == MOST_UNCONFIRMED)
-    assert len(host.world._lookout._unconfirmed) == MOST_UNCONFIRMED
+    assert len(host.world._deadlines._unconfirmed) == MOST_UNCONFIRMED
 
 
 def switch(ros: Any) -> ScriptedService:

@@ -77,7 +77,7 @@ class Town:
     def record(self) -> JournalNode:
         """Start a journal; return it when it receives the host's topics and has its texts."""
         journal: JournalNode = self.ros.add(JournalNode(self.files, today=lambda: self.today))
-        self.ros.until(self.host._runs._records._heard)
+        self.ros.until(self.host._runs._records._has_subscribers)
         self.ros.until(lambda: "/agents/files" in journal.journal._facts)
         return journal
 

@@ -20,8 +20,8 @@ from bt_agents_language.files.folder_reader import read_trees
 from bt_agents_ros import qos
 from bt_agents_ros.installed import InstalledInterfaces
 from bt_agents_ros.messages import scene_to_msg
-from feedback_node.ledger import Entry, Ledger
-from feedback_node.ledger.rows import LAYER, Cause
+from feedback_node.ledger import Ledger, LedgerEntry
+from feedback_node.ledger.rows import LAYER, RevisionCause
 from feedback_node.node import FeedbackNode
 from marketplace_node.node import MarketplaceNode
 from programs import ROOT
@@ -168,7 +168,12 @@ def test_many_layers_all_reach_a_host(street: Street) -> None:
     street.ros.remove(street.feedback)
     profile = street.ledger.authored("ann")
     entries = [
-        Entry(agent="ann", layer=f"person/{number}", profile=profile, cause=Cause(cause=LAYER))
+        LedgerEntry(
+            agent="ann",
+            layer=f"person/{number}",
+            profile=profile,
+            cause=RevisionCause(cause=LAYER),
+        )
         for number in range(500)
     ]
     street.ledger.record(entries)

@@ -7,11 +7,13 @@ from dataclasses import replace
 
 import pytest
 
-from bt_agents.host.learning_messages import learning_to_msg, rule_to_msg
-from bt_agents_core.feedback import WEIGHTS, LearningRule, Update
+from bt_agents.host.host_card import learning_to_msg, rule_to_msg
+from bt_agents_core.feedback import WEIGHTS, FeedbackKind, LearningRule, Update
 from bt_agents_interfaces.msg import AgentCard, HostCard
+from bt_agents_interfaces.msg import MoodRule as MoodRuleMsg
+from bt_agents_language.model.mood_rule import MoodAction, MoodRule
 from feedback_node.learning.cards import read_card
-from feedback_node.node.messages import card_from_msg
+from feedback_node.node.messages import card_from_msg, rule_from_msg
 from tree_harness import SPACE, agent
 
 pytestmark = pytest.mark.ros
@@ -56,13 +58,32 @@ def test_the_feedback_node_learns_by_what_the_file_says(rule):
         rules=[rule_to_msg(one) for one in spec.rules],
     )
     message = HostCard(host="/agents", parameters=SPACE.names, agents=[card])
-    (known,), problems = read_card(card_from_msg(message), SPACE)
+    (known,), problems = read_card(card_from_msg(message, SPACE), SPACE)
     assert problems == ()
     assert known.learning == replace(rule, weights={**WEIGHTS, **rule.weights})
-    assert [
-        (r.text, r.hold_s, r.baseline_s, r.release and r.release.text, r.cooldown_s, r.confidence)
-        for r in known.rules
-    ] == [
-        ("mood.change >= 0.5", 0.0, 0.0, None, 0.0, 0.0),
-        ("mood.change <= -1", 2.0, 3.0, "mood.change > 0", 5.0, 0.5),
-    ]
+    assert known.rules == spec.rules
+    assert known.rules[1] == MoodRule(
+        when=known.rules[1].when,
+        hold_s=2.0,
+        give=FeedbackKind.NEGATIVE,
+        baseline_s=3.0,
+        release=known.rules[1].release,
+        cooldown_s=5.0,
+        confidence=0.5,
+    )
+
+
+def test_a_condition_is_parsed_once_in_a_process():
+    spec = agent("  wait: 1 s", head=RULES)
+    for rule in spec.rules:
+        restored = rule_from_msg(rule_to_msg(rule), SPACE)
+        assert restored == rule
+        assert restored.when is rule.when
+        assert restored.release is rule.release
+
+
+@pytest.mark.parametrize("action", MoodAction)
+def test_every_action_of_a_mood_rule_has_its_number_in_the_message(action):
+    assert getattr(MoodRuleMsg, action.name) == action
+    rule = replace(agent("  wait: 1 s", head=RULES).rules[0], action=action)
+    assert rule_from_msg(rule_to_msg(rule), SPACE) == rule

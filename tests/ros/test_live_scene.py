@@ -18,13 +18,13 @@ from rcl_interfaces.srv import SetParameters
 from std_msgs.msg import Float64
 
 from bt_agents.host.live_scene import LiveScene
+from bt_agents_core.diagnostic import Position
 from bt_agents_core.scene import Scene
 from bt_agents_interfaces.msg import AgentCard, HostCard, MoodRule, Run
 from bt_agents_interfaces.msg import Scene as SceneMsg
 from bt_agents_interfaces.srv import CancelRun, GiveFeedback, SetProfile
 from bt_agents_language.expression.expressions import parse_expression
 from bt_agents_language.model.scene_specs import SceneSpec, SourceSpec
-from bt_agents_language.model.specs import Position
 from bt_agents_ros import qos
 from bt_agents_ros.messages import scene_to_msg
 from feedback_node.ledger import Ledger
@@ -72,7 +72,7 @@ def mood(live: Scene) -> float:
 
 def test_live_scenes_count_until_the_scene_layer_has_been_silent_for_the_lease(ros):
     host = Host(ros)
-    now = host.live.follow(AWARDED)
+    now = host.live.begin_run(AWARDED)
     assert now() == AWARDED
     host.publish(replace(AWARDED, values=scene(mood=5).values))
     ros.until(lambda: mood(now()) == 5)
@@ -89,14 +89,14 @@ def test_live_scenes_count_until_the_scene_layer_has_been_silent_for_the_lease(r
 
 def test_the_scene_as_awarded_counts_for_the_lease_only(ros):
     host = Host(ros)
-    now = host.live.follow(AWARDED)
+    now = host.live.begin_run(AWARDED)
     assert not now().stale_s
     ros.until(lambda: now().stale_s)
 
 
 def test_scenes_that_are_malformed_or_of_another_run_do_not_keep_it_fresh(ros):
     host = Host(ros)
-    now = host.live.follow(AWARDED)
+    now = host.live.begin_run(AWARDED)
     wrong = scene_to_msg(AWARDED)
     wrong.values[0].value = math.inf
     end = time.monotonic() + 10.0
@@ -110,7 +110,7 @@ def test_scenes_that_are_malformed_or_of_another_run_do_not_keep_it_fresh(ros):
 
 def test_the_lease_is_a_parameter_with_a_range_that_acts_at_once(ros):
     host = Host(ros)
-    now = host.live.follow(AWARDED)
+    now = host.live.begin_run(AWARDED)
     ros.until(lambda: now().stale_s)
     assert host.set_lease(60.0).successful
     assert not now().stale_s
@@ -122,7 +122,7 @@ def test_the_scene_layer_keeps_the_live_scene_fresh_as_long_as_it_lives(ros):
     host = Host(ros)
     runs = ros.node.create_publisher(Run, "runs", qos.HISTORY)
     layer = ros.add(SceneLayerNode(SceneSpec(space=SPACE, sources=(), person=None)))
-    now = host.live.follow(AWARDED)
+    now = host.live.begin_run(AWARDED)
     runs.publish(Run(epoch="e", round=1, event=Run.STARTED, scene=scene_to_msg(AWARDED)))
     stale = []
     end = time.monotonic() + 2.5
@@ -192,13 +192,13 @@ class Learning:
         ros.until(self.live.get_subscription_count)
 
     def _count_looks(self) -> None:
-        see = self.node._teaching.see
+        receive = self.node._teaching.receive
 
         def counted(live: Scene) -> Any:
             self.looks.append(mood(live))
-            return see(live)
+            return receive(live)
 
-        self.node._teaching.see = counted
+        self.node._teaching.receive = counted
 
     def _cancel(self, request: Any, response: Any) -> Any:
         self.cancels.append(request)
@@ -219,7 +219,9 @@ def ledger() -> Iterator[Ledger]:
 
 
 def test_a_thousand_live_scenes_a_second_do_not_keep_feedback_from_being_given(ros, ledger):
-    never = MoodRule(when="live.mood < 0", hold_s=1.0, give=MoodRule.NEGATIVE, cancel=True)
+    never = MoodRule(
+        when="live.mood < 0", hold_s=1.0, give=MoodRule.NEGATIVE, action=MoodRule.CANCEL
+    )
     room = Learning(ros, ledger, never)
     begun = time.monotonic()
     answers, took = [], []
@@ -243,7 +245,9 @@ def test_a_thousand_live_scenes_a_second_do_not_keep_feedback_from_being_given(r
 def test_rules_are_looked_at_when_a_scene_comes_and_when_one_has_held_and_not_in_between(
     ros, ledger
 ):
-    worse = MoodRule(when="mood.change <= -1", hold_s=0.4, give=MoodRule.NEGATIVE, cancel=True)
+    worse = MoodRule(
+        when="mood.change <= -1", hold_s=0.4, give=MoodRule.NEGATIVE, action=MoodRule.CANCEL
+    )
     room = Learning(ros, ledger, worse)
     passed = []
     tick = room.node._teaching.tick
@@ -258,7 +262,9 @@ def test_rules_are_looked_at_when_a_scene_comes_and_when_one_has_held_and_not_in
 
 
 def test_a_rule_fires_once_on_the_mood_as_it_is_at_the_end_of_a_flood(ros, ledger):
-    worse = MoodRule(when="mood.change <= -1", hold_s=0.2, give=MoodRule.NEGATIVE, cancel=True)
+    worse = MoodRule(
+        when="mood.change <= -1", hold_s=0.2, give=MoodRule.NEGATIVE, action=MoodRule.CANCEL
+    )
     room = Learning(ros, ledger, worse)
     with flood(ros, lambda number: room.publish(3.0 if number < 500 else 1.0)):
         ros.until(lambda: room.cancels)

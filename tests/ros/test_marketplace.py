@@ -378,7 +378,7 @@ def test_a_challenge_whose_host_stays_silent_ends_at_the_deadline(ros: Any) -> N
     assert stage.until_event(Run.STARTED, count=2).scene.scene_id == "s2"
 
 
-def earlier_run(stage: Stage, host: FakeHost, message: str) -> Run:
+def earlier_run(stage: Stage, host: FakeHost, cause: int) -> Run:
     """Return a run that an earlier market has not heard the end of."""
     return Run(
         stamp=stage.market.get_clock().now().to_msg(),
@@ -386,12 +386,13 @@ def earlier_run(stage: Stage, host: FakeHost, message: str) -> Run:
         round=7,
         event=Run.ENDED,
         outcome=Run.CANCELLED,
+        stop_cause=cause,
         scene=scene_to_msg(scene("old")),
         agent=GUIDE,
         agent_id=3,
         host=host.host,
         host_instance="first",
-        message=message,
+        message="whatever its host says",
     )
 
 
@@ -399,7 +400,7 @@ def test_a_run_of_an_earlier_market_is_recorded_and_its_scene_asked_for_again(
     stage: Stage,
 ) -> None:
     host = stage.ros.add(FakeHost())
-    cut_off = earlier_run(stage, host, "its market is gone")
+    cut_off = earlier_run(stage, host, Run.MARKET_LOST)
     spoilt = [Run(), Run(epoch="earlier", round=8, event=Run.ENDED, outcome=77, agent=GUIDE)]
     request = host.request(unreported=[*spoilt, cut_off, cut_off])
     answer = stage.ros.call(stage.registering, request)
@@ -415,17 +416,10 @@ def test_a_run_of_an_earlier_market_is_recorded_and_its_scene_asked_for_again(
     assert stage.auctions[0].scene.scene_id == "old+again"
 
 
-@pytest.mark.parametrize(
-    "message",
-    [
-        "the market stopped it",
-        "version 2 of guide waits, and somebody wants it now",
-        "the market stopped it, and its market is gone",
-    ],
-)
-def test_a_run_that_somebody_had_stopped_is_not_begun_again(stage: Stage, message: str) -> None:
+@pytest.mark.parametrize("cause", [Run.NOT_STOPPED, Run.BY_MARKET, Run.BY_HOST, 77])
+def test_a_run_that_somebody_had_stopped_is_not_begun_again(stage: Stage, cause: int) -> None:
     host = stage.ros.add(FakeHost())
-    stopped = earlier_run(stage, host, message)
+    stopped = earlier_run(stage, host, cause)
     stage.ros.call(stage.registering, host.request(unreported=[stopped]))
     stage.ros.until(lambda: stage.ends)
 

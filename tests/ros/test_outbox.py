@@ -13,7 +13,7 @@ from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.task import Future
 
 from bt_agents.engine.environment import GoalState
-from bt_agents.host.environment.feedback_requests import KEPT, FeedbackRequests
+from bt_agents.host.environment.feedback_requests import STORED, FeedbackRequests
 from bt_agents_core.feedback import FeedbackKind
 from bt_agents_interfaces.srv import GiveFeedback
 from bt_agents_ros import qos
@@ -136,7 +136,7 @@ def test_feedback_of_a_tree_and_a_full_disk_is_kept_as_it_says(ros):
     host = Host(ros)
     run = host.requests.give(FeedbackKind.POSITIVE, {}, "")
     ros.until(lambda: run.state.ended)
-    assert (run.state, run.message) == (GoalState.SUCCEEDED, KEPT)
+    assert (run.state, run.message) == (GoalState.SUCCEEDED, STORED)
     ros.until(lambda: host.requests.outbox.waiting == 0)
     assert len(set(server.ids)) == 1
     assert len(server.ids) == 2
@@ -223,12 +223,12 @@ def test_without_a_feedback_node_a_tree_goes_on_and_the_feedback_is_kept(ros):
     run = host.requests.give(FeedbackKind.POSITIVE, {}, "")
     assert run.state is GoalState.ACTIVE
     ros.until(lambda: run.state.ended)
-    assert (run.state, run.message, run.confirmed) == (GoalState.SUCCEEDED, KEPT, True)
+    assert (run.state, run.message, run.confirmed) == (GoalState.SUCCEEDED, STORED, True)
     server = Server(ros)
     ros.until(lambda: server.heard)
     ros.until(lambda: host.requests.outbox.waiting == 0)
     assert len(server.heard) == 1
-    assert run.message == KEPT
+    assert run.message == STORED
 
 
 def test_a_tree_that_stops_waiting_has_given_its_feedback_all_the_same(ros):

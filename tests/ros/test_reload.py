@@ -28,7 +28,7 @@ from bt_agents_interfaces.srv import (
     SetProfile,
 )
 from bt_agents_language.files.folder_reader import read_trees
-from bt_agents_language.model.walking import iter_nodes
+from bt_agents_language.model.specs import iter_nodes
 from bt_agents_ros import qos
 from bt_agents_ros.messages import scene_to_msg
 from marketplace_node.node import MarketplaceNode
@@ -278,7 +278,7 @@ def test_an_agent_that_is_deleted_while_it_runs_leaves_at_the_end(
     (host.folder / "agents" / "bob.yaml").unlink()
     ros.until(lambda: host.card("bob").degraded)
     assert "is gone" in host.card("bob").problems[0]
-    assert "is gone" in host.node.roster.members["bob"].leaving
+    assert "is gone" in host.node.roster.members["bob"].removal_reason
     host.market.end(handle)
     ros.until(lambda: host.card("bob") is None)
     ros.until(lambda: host.market.registered[-1] == ["ann"])

@@ -22,6 +22,7 @@ from rosgraph_msgs.msg import Clock as ClockMsg
 from std_msgs.msg import Bool
 
 from bt_agents.host.node import HostNode
+from bt_agents_core.diagnostic import Position
 from bt_agents_interfaces.action import RunAgent
 from bt_agents_interfaces.msg import (
     Heartbeat,
@@ -30,7 +31,7 @@ from bt_agents_interfaces.msg import (
     StatusChange,
     TreeStatus,
 )
-from bt_agents_language.model.specs import NodeSpec, Position
+from bt_agents_language.model.specs import NodeSpec
 from bt_agents_ros import qos
 from fake_market import Market, folder, make_host
 from scripted_server import Script, ScriptedServer
@@ -121,7 +122,7 @@ def test_what_a_cancel_has_stopped_is_told_when_its_result_is_on_its_way(
         done = getattr(what, name)
         monkeypatch.setattr(what, name, lambda *args: (done(*args), sent.append(name)))
 
-    noting(host._runs, "_tell_stopped")
+    noting(host._runs, "_publish_stopped")
     noting(host._runs._server, "_send_result_response")
     statuses = ros.collect(TreeStatus, "agents/status", qos.EVENTS)
     ros.until(host._runs._status.get_subscription_count)
@@ -132,7 +133,7 @@ def test_what_a_cancel_has_stopped_is_told_when_its_result_is_on_its_way(
     handle.cancel_goal_async()
     ros.until(lambda: result.done() and len(statuses) == 2)
     assert [change.status for change in statuses[-1].changes] == [StatusChange.INVALID]
-    assert sent == ["_send_result_response", "_tell_stopped"]
+    assert sent == ["_send_result_response", "_publish_stopped"]
 
 
 def test_a_cancel_is_seen_at_once_however_rarely_the_tree_is_ticked(
@@ -226,6 +227,8 @@ def test_a_host_that_was_held_up_waits_for_news_before_it_goes_on(
     answer = results(ros, handle)
     assert answer.result.outcome == RunAgent.Result.CANCELLED
     assert "the market stopped it, after this host had been held up for" in answer.result.message
+    assert answer.result.stop_cause == RunAgent.Result.BY_MARKET
+    assert answer.result.host_reason, "that it was held up is news to the market"
     assert len(mouth.goals) == 1
 
 
@@ -245,7 +248,7 @@ def test_a_host_that_was_held_up_goes_on_when_nothing_has_happened(
 def beating(ros: Any, host: HostNode, market: Market) -> Market:
     """A market of which the host has heard a heartbeat."""
     market.live()
-    ros.until(lambda: host._runs._market._award)
+    ros.until(lambda: host._runs._market._named)
     return market
 
 
@@ -304,7 +307,7 @@ def test_a_goal_of_a_round_that_is_over_is_refused(
     market.award = (3, "talker")
     ros.until(market._heart.get_subscription_count)
     market.beat()
-    ros.until(lambda: host._runs._market._award)
+    ros.until(lambda: host._runs._market._named)
     assert not market.send(market.goal(host, agent="quick", round=2)).accepted
     assert market.send(market.goal(host, agent="quick", round=3)).accepted
 
@@ -517,6 +520,7 @@ def test_a_run_whose_market_falls_silent_is_stopped_and_told_to_the_next_one(
     [run] = market.requests[-1].unreported
     assert (run.epoch, run.round, run.agent) == ("e1", 7, "talker")
     assert (run.event, run.outcome) == (Run.ENDED, Run.CANCELLED)
+    assert run.stop_cause == answer.result.stop_cause == Run.MARKET_LOST
     assert run.host_instance == host.instance
     assert run.scene.scene_id == "s1"
     ros.until(lambda: host._membership.epoch == "e2")
@@ -554,6 +558,8 @@ def test_a_run_whose_market_was_started_anew_is_stopped_and_told_once_it_has_end
     ros.until(lambda: market.requests[-1].unreported)
     [run] = market.requests[-1].unreported
     assert (run.epoch, run.outcome, run.message) == ("e1", Run.CANCELLED, "its market is gone")
+    assert run.stop_cause == answer.result.stop_cause == Run.MARKET_LOST
+    assert answer.result.host_reason
 
 
 def test_a_run_that_its_market_has_announced_is_not_told_again(

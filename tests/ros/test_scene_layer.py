@@ -11,13 +11,14 @@ from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
 from rcl_interfaces.srv import SetParameters
 from std_msgs.msg import Bool, Empty, Float64
 
+from bt_agents_core.diagnostic import Position
 from bt_agents_core.errors import Refused
 from bt_agents_core.scene import SceneParameter, SceneSpace
 from bt_agents_interfaces.msg import MarketStatus, Run, Scene, SceneValue
 from bt_agents_interfaces.srv import Analyze
 from bt_agents_language.expression.expressions import parse_expression
 from bt_agents_language.model.scene_specs import SceneSpec, SourceSpec
-from bt_agents_language.model.specs import Position, SceneChange, Script, Visit
+from bt_agents_language.model.specs import SceneChange, Script, Visit
 from bt_agents_ros import qos
 from scene_layer.node import SceneLayerNode
 

@@ -12,8 +12,8 @@ from rclpy.node import Node
 
 from bt_agents.engine.environment import SkillGoal
 from bt_agents.host.environment.ros_environment import RosEnvironment
-from bt_agents_language.model.specs import BindingKind, NodeSpec, Timeouts
-from bt_agents_language.model.walking import iter_nodes
+from bt_agents_core.field_types import BindingKind
+from bt_agents_language.model.specs import NodeSpec, Timeouts, iter_nodes
 from scripted_server import Script, ScriptedServer
 from tree_harness import SPACE, agent
 
@@ -72,11 +72,11 @@ def test_what_no_tree_names_any_more_leaves_the_graph_and_the_rest_stays_as_it_i
     nodes = prepared(world, TREE)
     assert used(node) == ALL
     before = [*node.waitables, *node.clients, *node.publishers, *node.subscriptions]
-    world.keep(nodes)
+    world.retain(nodes)
     assert [*node.waitables, *node.clients, *node.publishers, *node.subscriptions] == before
-    world.keep(spec for spec in nodes if spec.kind != "say")
+    world.retain(spec for spec in nodes if spec.kind != "say")
     assert used(node) == {"switch", "sound", "door"}
-    world.keep([])
+    world.retain([])
     assert used(node) == set()
     prepared(world, TREE)
     assert used(node) == ALL
@@ -90,10 +90,10 @@ def test_a_goal_that_is_not_confirmed_keeps_its_client_until_it_is(
     run = world.send(SAY)
     ros.until(lambda: run.state.ended)
     assert not run.confirmed
-    world.keep([])
+    world.retain([])
     assert used(node) == {"say"}
     server.goals[0].accept()
     ros.until(lambda: run.confirmed)
-    world.keep([])
+    world.retain([])
     assert used(node) == set()
     ros.turns(5)

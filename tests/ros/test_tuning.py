@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Tuning over ROS: parameters, the service, undo, presets, profiles and restarts of the host."""
+"""Tuning over ROS: parameters, the service, undo, presets and restarts of the host."""
 
 from __future__ import annotations
 
@@ -13,13 +13,14 @@ from typing import Any
 
 import pytest
 from rcl_interfaces.srv import DescribeParameters, ListParameters, SetParametersAtomically
-from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from bt_agents.host.agent_registry import AgentRegistry, HostedAgent
+from bt_agents.host.tuning.tunable import TICK_RATE, parameters_of
+from bt_agents.host.tuning.tunable_messages import info_from_msg
 from bt_agents.host.tuning.tunable_parameters import TunableParameters
-from bt_agents_interfaces.msg import Feedback, Tunings
-from bt_agents_interfaces.srv import GiveFeedback, Tune
+from bt_agents_interfaces.msg import Tunables, Tunings
+from bt_agents_interfaces.srv import Tune
 from bt_agents_language.model.specs import AgentSpec
 from bt_agents_ros import qos
 from bt_agents_ros.base_node import BaseNode
@@ -121,54 +122,68 @@ def tuner(ros: Any, host: Host) -> Tuner:
     return Tuner(ros)
 
 
-class Ledger:
-    """A feedback node that keeps what it is given, as far as it is allowed to answer."""
-
-    def __init__(self, node: Node) -> None:
-        self.given: list[Any] = []
-        self.refuse = ""
-        self.profile = [3.0, 3.0, 3.0]
-        self._node = node
-
-    def open(self) -> None:
-        self._node.create_service(
-            GiveFeedback, "feedback/give", self._give, qos_profile=qos.SERVICE
-        )
-
-    def _give(self, request: Any, response: Any) -> Any:
-        self.given.append(request)
-        response.accepted = not self.refuse
-        response.code = self.refuse
-        if response.accepted:
-            self.profile = [
-                old if math.isnan(new) else new
-                for old, new in zip(self.profile, request.values, strict=True)
-            ]
-            response.feedback.after = self.profile
-            response.feedback.revision = len(self.given)
-        return response
-
-
 def test_everything_that_can_be_tuned_is_a_described_parameter(ros: Any, host: Host) -> None:
     listed = ros.call(
         ros.node.create_client(ListParameters, "agents/list_parameters"),
         ListParameters.Request(prefixes=["a"]),
     ).result.names
     assert sorted(listed) == [
-        "a.attempts", "a.learning_rate", "a.loud", "a.patience", "a.place", "a.profile.age",
-        "a.profile.familiarity", "a.profile.mood", "a.rate", "a.tilt",
+        "a.attempts", "a.learning_rate", "a.loud", "a.patience", "a.place", "a.rate", "a.tilt",
     ]  # fmt: skip
     described = ros.call(
         ros.node.create_client(DescribeParameters, "agents/describe_parameters"),
-        DescribeParameters.Request(names=["a.patience", "a.profile.age", "tick_rate", "a.rate"]),
+        DescribeParameters.Request(names=["a.patience", "tick_rate", "a.rate"]),
     ).descriptors
     ranges = [d.floating_point_range[0] for d in described]
-    assert [(r.from_value, r.to_value) for r in ranges] == [(2, 30), (1, 5), (1, 200), (0.5, 1.5)]
+    assert [(r.from_value, r.to_value) for r in ranges] == [(2, 30), (1, 200), (0.5, 1.5)]
     assert described[0].description == "how long [s]"
     assert [d.additional_constraints for d in described] == [
-        "default: 8 s", "default: 3", "default: 20", "default: 0.9",
+        "default: 8 s", "default: 20", "default: 0.9",
     ]  # fmt: skip
-    assert ranges[3].step == 0.05
+    assert ranges[2].step == 0.05
+
+
+def test_what_can_be_tuned_is_latched_in_typed_fields_and_sent_again_with_a_changed_file(
+    ros: Any, host: Host
+) -> None:
+    seen = ros.collect(Tunables, "agents/tunables", qos.FACT)
+    ros.until(lambda: seen)
+    assert seen[-1].host == "/agents"
+    known = {
+        parameter.name: parameter
+        for agent in ("a", "b")
+        for parameter in parameters_of(spec(agent))
+    }
+    assert [one.name for one in seen[-1].tunables] == ["tick_rate", *known]
+    for one in seen[-1].tunables[1:]:
+        assert info_from_msg(one) == known[one.name]
+    assert info_from_msg(seen[-1].tunables[0]) == TICK_RATE
+    [patience] = [one for one in seen[-1].tunables if one.name == "a.patience"]
+    assert (patience.unit, patience.default_value.double_value) == ("s", 8.0)
+    retuned(host, HEAD.replace("default: 8 s", "default: 10 s"))
+    ros.until(lambda: len(seen) == 2)
+    [patience] = [one for one in seen[-1].tunables if one.name == "a.patience"]
+    assert patience.default_value.double_value == 10.0
+    host.tunables.remove("a")
+    host.roster.remove("a")
+    ros.until(lambda: len(seen) == 3)
+    assert {one.agent for one in seen[-1].tunables} == {"", "b"}
+
+
+def test_a_tuning_says_whether_an_undo_can_take_it_back(
+    ros: Any, host: Host, tuner: Tuner
+) -> None:
+    seen = ros.collect(Tunings, "agents/tunings", qos.FACT)
+    tuner.set(a__patience="12")
+    tuner.set(b__attempts="4")
+    tuner.undo("a")
+    ros.until(lambda: seen and seen[-1].revision == 3)
+    assert [(t.revision, t.undoable) for t in seen[-1].tunings] == [
+        (1, False), (2, True), (3, False),
+    ]  # fmt: skip
+    tuner.redo()
+    ros.until(lambda: seen[-1].revision == 4)
+    assert [t.undoable for t in seen[-1].tunings] == [True, True, False, False]
 
 
 def test_a_plain_parameter_acts_on_the_agent_and_is_a_revision(
@@ -203,7 +218,6 @@ def test_a_plain_parameter_acts_on_the_agent_and_is_a_revision(
         ({"a__attempts": 9}, "out of range"),
         ({"a__loud": "yes"}, "type"),
         ({"a__place": "x" * 2000}, "NOT_A_VALUE: a.place has 2000 characters"),
-        ({"a__profile__age": 6.0}, "out of range"),
         ({"a__learning_rate": -0.1}, "out of range"),
         ({"tick_rate": 0.0}, "out of range"),
         ({"a__nothing": 1.0}, "UNKNOWN_PARAMETER"),
@@ -300,81 +314,6 @@ def test_a_preset_is_saved_applied_and_forgotten(ros: Any, host: Host, tuner: Tu
     ros.until(lambda: not seen[-1].presets)
 
 
-def test_a_tuned_profile_is_bid_at_once_and_recorded_as_one_revision_of_the_ledger(
-    ros: Any, host: Host, tuner: Tuner
-) -> None:
-    ledger = Ledger(ros.node)
-    answer = tuner.set(a__profile__age="4.5", a__profile__mood="2", reason="older people")
-    assert answer.accepted
-    assert host.member().profile == (4.5, 3.0, 2.0)
-    # What the feedback node recorded before must not take the place of what was tuned after.
-    host.tunables.take_profile("a", [1.0, 3.5, 1.0], 0)
-    assert host.member().profile == (4.5, 3.5, 2.0)
-    ledger.open()
-    ros.until(lambda: ledger.given and host.member().revision == 1)
-    [request] = ledger.given
-    assert (request.agent, request.kind, request.source) == ("a", Feedback.SET, "tuning")
-    assert request.reason == "tuned by anna: older people"
-    assert (request.values[0], request.values[2]) == (4.5, 2.0)
-    assert math.isnan(request.values[1])
-    ros.turns()
-    assert len(ledger.given) == 1
-    assert host.cards >= 1
-
-
-def test_what_the_feedback_node_delivers_moves_the_parameters_without_a_revision_or_an_echo(
-    ros: Any, host: Host, tuner: Tuner
-) -> None:
-    ledger = Ledger(ros.node)
-    ledger.open()
-    host.tunables.take_profile("a", [4.0, 2.0, 1.0], 7)
-    assert [host.value(f"a.profile.{n}") for n in SPACE.names] == [4.0, 2.0, 1.0]
-    assert tuner.undo().code == "NOTHING_TO_UNDO"
-    ros.turns()
-    assert ledger.given == []
-
-
-def test_the_undo_of_a_profile_is_recorded_too(ros: Any, host: Host, tuner: Tuner) -> None:
-    ledger = Ledger(ros.node)
-    ledger.open()
-    tuner.set(a__profile__age="4.5")
-    ros.until(lambda: host.member().revision == 1)
-    tuner.undo()
-    ros.until(lambda: host.member().revision == 2)
-    assert host.member().profile == (3.0, 3.0, 3.0)
-    assert [request.values[0] for request in ledger.given] == [4.5, 3.0]
-
-
-def test_a_profile_that_the_feedback_node_refuses_is_said(
-    ros: Any, host: Host, tuner: Tuner
-) -> None:
-    ledger = Ledger(ros.node)
-    ledger.refuse = "WRONG_LENGTH"
-    ledger.open()
-    tuner.set(a__profile__age="4.5")
-    ros.until(lambda: ledger.given)
-    ros.turns()
-    assert host.member().profile == (4.5, 3.0, 3.0)
-    host.tunables.take_profile("a", [1.0, 1.0, 1.0], 0)
-    assert host.member().profile == (1.0, 1.0, 1.0)
-
-
-def test_a_profile_waits_until_the_feedback_node_knows_its_agent(
-    ros: Any, host: Host, tuner: Tuner
-) -> None:
-    ledger = Ledger(ros.node)
-    ledger.refuse = "UNKNOWN_AGENT"
-    ledger.open()
-    tuner.set(a__profile__age="4.5", a__profile__mood="2")
-    ros.until(lambda: ledger.given)
-    tuner.set(a__profile__age="4")
-    ros.until(lambda: len(ledger.given) == 2)
-    ledger.refuse = ""
-    ros.until(lambda: host.member().revision == 3)
-    assert [list(one.values)[::2] for one in ledger.given] == [[4.5, 2.0], [4.0, 2.0], [4.0, 2.0]]
-    assert host.member().profile == (4.0, 3.0, 2.0)
-
-
 class SlowDisk:
     """Takes its time for each sync, which happens in a thread that is not the executor's."""
 
@@ -461,7 +400,7 @@ def test_a_tuning_that_goes_wrong_in_another_way_is_answered(
 
 @pytest.fixture
 def file(tmp_path: Path) -> str:
-    return str(tmp_path / "state" / "tunings.jsonl")
+    return str(tmp_path / "state" / "tunings.sqlite")
 
 
 @pytest.fixture
@@ -597,8 +536,7 @@ def test_the_profile_follows_the_file_until_something_was_learned(host: Host) ->
     other = replace(spec(), profile=(1.0, 2.0, 3.0))
     host.tunables.replace(host.member(), other)
     assert host.member().profile == (1.0, 2.0, 3.0)
-    assert host.value("a.profile.age") == 1.0
-    host.tunables.take_profile("a", [5.0, 5.0, 5.0], 1)
+    host.roster.set_profile("a", [5.0, 5.0, 5.0], 1)
     host.tunables.replace(host.member(), spec())
     assert host.member().profile == (5.0, 5.0, 5.0)
 

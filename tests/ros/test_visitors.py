@@ -9,12 +9,13 @@ import pytest
 from rclpy.parameter import Parameter
 from std_msgs.msg import Bool, String
 
+from bt_agents_core.diagnostic import Position
 from bt_agents_core.errors import Refused
 from bt_agents_core.scene import SceneParameter, SceneSpace
 from bt_agents_interfaces.msg import Expression, MarketStatus, Run, Scene, SceneValue
 from bt_agents_language.expression.expressions import parse_expression
 from bt_agents_language.model.scene_specs import PersonsSpec, SceneSpec, SourceSpec, TrackedSpec
-from bt_agents_language.model.specs import Position, SceneChange, Script, Visit
+from bt_agents_language.model.specs import SceneChange, Script, Visit
 from bt_agents_robot.visitors import VisitorsNode
 from bt_agents_ros import qos
 from scene_layer.node import SceneLayerNode

@@ -1,15 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The seam between trees and the outside: what a leaf may do, none of which blocks."""
+"""Port between trees and the outside: what a leaf may do, none of which blocks."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from enum import Enum
 from typing import Protocol
 
 from bt_agents_core.feedback import FeedbackKind
-from bt_agents_language.model.specs import BindingKind, HeartbeatSpec, Plain, Timeouts
+from bt_agents_core.field_types import BindingKind, Plain
+from bt_agents_language.model.specs import REPLY_LIMIT_S, HeartbeatSpec, Timeouts
 
 GIVE_FEEDBACK = "feedback/give"
 """ROS name of the service that takes feedback."""
@@ -19,7 +21,7 @@ Clock = Callable[[], float]
 
 
 class GoalState(Enum):
-    """Where a goal is; the value is the word for people."""
+    """State of a goal; the value is the text for people."""
 
     PENDING = "not accepted yet"
     ACTIVE = "running"
@@ -32,13 +34,13 @@ class GoalState(Enum):
 
     @property
     def ended(self) -> bool:
-        """True when its leaf has nothing more to wait for."""
+        """True when it is final for its leaf."""
         return self not in (GoalState.PENDING, GoalState.ACTIVE)
 
 
 @dataclass(frozen=True, kw_only=True)
 class SkillGoal:
-    """What a leaf wants of a server or of a topic's readers.
+    """A goal of an action, request of a service, or message of a topic.
 
     Attributes:
         kind: Action, service or topic.
@@ -48,7 +50,7 @@ class SkillGoal:
         sender: Path of the node that sends it; empty when none does.
         feedback: Whether the leaf uses the feedback of an action.
         timeouts: How long the server may take.
-        heartbeat: By which the death of the server is noticed.
+        heartbeat: Topic whose silence means that the server is dead.
     """
 
     kind: BindingKind
@@ -61,12 +63,34 @@ class SkillGoal:
     heartbeat: HeartbeatSpec | None = None
 
 
+def server_missing(limit_s: float) -> str:
+    """Format the reason that a server was not found in time [s]."""
+    return f"its server is not there (looked for {limit_s:g} s)"
+
+
+def no_acceptance(limit_s: float) -> str:
+    """Format the reason that a server did not accept or reject a goal in time [s]."""
+    return f"its server does not answer (no word about the goal for {limit_s:g} s)"
+
+
+def no_result(kind: BindingKind, limit_s: float) -> str:
+    """Format the reason that a goal has no result, or a request no answer, in time [s]."""
+    return f"no {'result' if kind is BindingKind.ACTION else 'answer'} within {limit_s:g} s"
+
+
+def result_limit_s(kind: BindingKind, timeouts: Timeouts) -> float:
+    """Return the longest time until the result or answer [s]; infinite for no limit."""
+    if timeouts.result_s is not None:
+        return timeouts.result_s
+    return math.inf if kind is BindingKind.ACTION else REPLY_LIMIT_S
+
+
 class GoalRun(Protocol):
-    """A goal or request on its way; polled by the tick, never waited for."""
+    """A goal or request that was sent; polled by the tick, never waited for."""
 
     @property
     def state(self) -> GoalState:
-        """Where it is now."""
+        """Its current state."""
 
     @property
     def confirmed(self) -> bool:
@@ -80,7 +104,7 @@ class GoalRun(Protocol):
 
     @property
     def message(self) -> str:
-        """Why it is there, in words; may be empty."""
+        """Reason of the state for people; may be empty."""
 
     @property
     def result(self) -> Mapping[str, Plain]:
@@ -95,17 +119,17 @@ class GoalRun(Protocol):
 
 
 class Inbox(Protocol):
-    """Messages of a topic since it was opened; of a burst maybe only the newest."""
+    """Messages of a topic since it was opened; of a burst maybe only the newest ones."""
 
     def take(self) -> Mapping[str, Plain] | None:
         """Return the oldest message not taken yet, None when there is none."""
 
     def close(self) -> None:
-        """Stop listening."""
+        """Unsubscribe."""
 
 
 class Environment(Protocol):
-    """Everything a tree can reach."""
+    """Everything that a tree can reach."""
 
     @property
     def clock(self) -> Clock:
@@ -122,7 +146,7 @@ class Environment(Protocol):
         """
 
     def watch(self, topic: str, type_name: str, *, latched: bool = False) -> Inbox:
-        """Listen to a topic; if it is latched, its last message from before comes first."""
+        """Subscribe to a topic; if it is latched, its last message from before comes first."""
 
     def log(self, level: str, text: str) -> None:
         """Write a line into the log; the level is ``info``, ``warning`` or ``error``."""
@@ -136,8 +160,8 @@ class Environment(Protocol):
             kind: What it asks for.
             values: Wanted values by scene parameter, of direct feedback only; about parameters
                 that are not named there is no opinion.
-            reason: Why, in words; may be empty.
+            reason: Why, for people; may be empty.
 
         Returns:
-            The request; rejected, with the words why, when nothing was changed.
+            The request; rejected, with the reason, when nothing was changed.
         """

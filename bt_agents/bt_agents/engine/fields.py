@@ -1,22 +1,23 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the fields of a node mean now, as the texts, times and counts that the node needs."""
+"""Fields of a node evaluated as the texts, times and counts that the node needs."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
 
-from bt_agents.engine.scope import ValueSource, evaluate, holds, not_so
+from bt_agents.engine.scope import ValueSource, evaluate, explain_false, is_true
 from bt_agents_core.errors import Refused
+from bt_agents_core.field_types import Plain
 from bt_agents_language.expression.expression_values import described
 from bt_agents_language.expression.expressions import Expression
-from bt_agents_language.model.specs import Literal, NodeSpec, Plain
-from bt_agents_language.nodes import FOREVER
+from bt_agents_language.model.node_type import FOREVER
+from bt_agents_language.model.specs import Literal, NodeSpec
 
 
 @dataclass(frozen=True, kw_only=True)
 class NodeFields:
-    """The fields of one node; every look evaluates anew, as names change while a tree runs.
+    """The fields of one node, evaluated anew at each call, as names change while a tree runs.
 
     Attributes:
         spec: The node.
@@ -46,13 +47,13 @@ class NodeFields:
         assert isinstance(value, Expression)
         return value
 
-    def holds(self, name: str) -> bool:
+    def is_true(self, name: str) -> bool:
         """Return whether a condition is true now; raises as :meth:`value`."""
-        return holds(self.condition(name), self.names)
+        return is_true(self.condition(name), self.names)
 
-    def not_so(self, name: str, *, verb: str = "not so") -> str:
+    def explain_false(self, name: str, *, verb: str = "not so") -> str:
         """Return that a condition is not true, and what its names are instead."""
-        return not_so(self.condition(name), self.names, verb=verb)
+        return explain_false(self.condition(name), self.names, verb=verb)
 
     def constant(self, name: str, default: Plain = None) -> Plain:
         """Return a value that cannot change, ``default`` when it is not written."""

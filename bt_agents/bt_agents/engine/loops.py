@@ -1,42 +1,50 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Modifiers that start a node again, after a pause: while it fails, or while it succeeds."""
+"""Base of the decorators that start their child again."""
 
 from __future__ import annotations
 
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
-from bt_agents.engine.halting import FAILURE, RUNNING, SUCCESS
-from bt_agents.engine.modifiers import NodeDecorator
+from bt_agents.engine.decorator import Decorator
+from bt_agents.engine.light_behaviour import RUNNING
 from bt_agents.engine.node_errors import reason_of
 
 
-class Loop(NodeDecorator):
+class Loop(Decorator):
     """Counts rounds; each starts at a tick of its own, no earlier than a pause after the last.
 
-    During the pause the loop is RUNNING and its node is not ticked. Counts and pauses may be
-    tuned; they are looked at when a round has ended, the pause also while it lasts.
+    ==== =============== ============ =======
+    tick since the end   child        status
+    ==== =============== ============ =======
+    1                    ends         RUNNING
+    2    below the pause not ticked   RUNNING
+    3    the pause, more starts again RUNNING
+    ==== =============== ============ =======
+
+    Counts and pauses may be tuned; they are evaluated at the end of a round, the pause also while
+    it lasts.
     """
 
     _round = 1
-    _words = ""
+    _label = ""
     _pause_from: float | None = None
 
     def initialise(self) -> None:
         """Begin with the first round."""
         self._round = 1
-        self._words = ""
+        self._label = ""
         self._pause_from = None
 
-    def bypass(self) -> Status | None:
-        """Look at the clock during a pause."""
+    def short_circuit(self) -> Status | None:
+        """Stay RUNNING during a pause."""
         if self._pause_from is None or self.status is not RUNNING:
             return None
         try:
             pause = self.fields.seconds("pause")
         except Exception as error:
             return self.fail(reason_of(error))
-        if not self.context.reached(self.spec.path, self._pause_from + pause):
+        if not self.context.is_due(self.spec.path, self._pause_from + pause):
             return RUNNING
         self._pause_from = None
         return None
@@ -48,10 +56,10 @@ class Loop(NodeDecorator):
         return super().tip()
 
     def decide(self) -> Status:
-        """Return what a round's end means; while it runs, say which it is."""
+        """Return what the end of a round means; while one runs, name it in the message."""
         if self.decorated.status is not RUNNING:
             return self.ended(self.decorated.status)
-        self.feedback_message = self._words
+        self.feedback_message = self._label
         return RUNNING
 
     def ended(self, status: Status) -> Status:
@@ -62,51 +70,13 @@ class Loop(NodeDecorator):
         """Return whether all rounds are over; None is no limit."""
         return limit is not None and self._round >= limit
 
-    def again(self, word: str, limit: int | None) -> Status:
+    def again(self, noun: str, limit: int | None) -> Status:
         """Begin the next round, or its pause."""
         pause = self.fields.seconds("pause")
         self._round += 1
         self._pause_from = self.context.clock()
         if pause:
-            self.context.wake(self.spec.path, self._pause_from + pause)
-        self._words = f"{word} {self._round}" + ("" if limit is None else f" of {limit}")
-        self.feedback_message = self._words + (f", after a pause of {pause:g} s" if pause else "")
+            self.context.set_deadline(self.spec.path, self._pause_from + pause)
+        self._label = f"{noun} {self._round}" + ("" if limit is None else f" of {limit}")
+        self.feedback_message = self._label + (f", after a pause of {pause:g} s" if pause else "")
         return RUNNING
-
-
-class Retry(Loop):
-    """Starts the node again after a FAILURE, up to a number of attempts in all."""
-
-    def ended(self, status: Status) -> Status:
-        """Count failures."""
-        if status is not FAILURE:
-            return status
-        attempts = self.fields.count("attempts")
-        if self.exhausted(attempts):
-            times = "once" if self._round == 1 else f"{self._round} times"
-            return self.fail(f"failed {times}")
-        return self.again("attempt", attempts)
-
-
-class Repeat(Loop):
-    """Starts the node again after a SUCCESS, a number of times in all or until a condition holds.
-
-    A FAILURE of the node ends it. A condition that cannot be evaluated does not hold yet.
-    """
-
-    def ended(self, status: Status) -> Status:
-        """Count successes."""
-        if status is not SUCCESS:
-            return status
-        if self._holds():
-            return SUCCESS
-        times = self.fields.count("times")
-        if self.exhausted(times):
-            return SUCCESS
-        return self.again("round", times)
-
-    def _holds(self) -> bool:
-        try:
-            return "until" in self.fields and self.fields.holds("until")
-        except Exception:
-            return False

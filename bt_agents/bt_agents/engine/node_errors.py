@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What went wrong in a node, in words that say why and where."""
+"""Formats errors of nodes with their reason, node path and place in the file."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from bt_agents_language.model.specs import NodeSpec
 
 
 def reason_of(error: Exception) -> str:
-    """Return an error as a reason in words."""
+    """Return the reason of an error for people."""
     match error:
         case MissingValue():
             return str(error)

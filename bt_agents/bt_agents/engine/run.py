@@ -14,18 +14,15 @@ from typing import Any, NamedTuple
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
-from bt_agents.engine.builder import LeafMaker, build
-from bt_agents.engine.context import RunContext
+from bt_agents.engine.builder import build
+from bt_agents.engine.context import NodeMaker, RunContext
 from bt_agents.engine.environment import Clock, Environment
-from bt_agents.engine.halting import Step
+from bt_agents.engine.nodes.plugin import PluginLeaf
 from bt_agents.engine.scope import RunScope
-from bt_agents.engine.ticking import Ticker, Visit
-from bt_agents.plugins.plugin_leaf import PluginLeaf
+from bt_agents.engine.ticker import OnVisit, Tick, Ticker
+from bt_agents_core.field_types import Plain
 from bt_agents_core.scene import Scene, SceneSpace, Vector
-from bt_agents_language.model.specs import AgentSpec, NodeSpec, Plain
-
-TREE_SUCCEEDED = "the tree succeeded"
-"""Message of a run that nothing more is to be said about."""
+from bt_agents_language.model.specs import AgentSpec, NodeSpec
 
 
 class TreeOutcome(Enum):
@@ -37,7 +34,7 @@ class TreeOutcome(Enum):
 
 
 class StatusChange(NamedTuple):
-    """A node's status or its message changed in a tick, or it did something and ended again."""
+    """A changed status or message of a node, or one more end of a node with side effects."""
 
     path: str
     name: str
@@ -51,7 +48,7 @@ class RunResult:
 
     Attributes:
         outcome: See :class:`TreeOutcome`.
-        message: Why, in words.
+        message: Why, for people.
         tip: Path of the node that decided; empty when the tree was never ticked.
         orphans: Paths of the nodes whose goals were not confirmed ended.
         ticks: Ticks of the tree and of its clean-up.
@@ -114,15 +111,14 @@ class Run:
         profile: The agent's current profile.
         live: Returns the scene as it is now.
         tunables: Current values by name; may change between ticks.
-        world: What the tree can reach.
+        world: The environment of the tree.
         steady: Clock of the bounded waits, which never stands still [s].
         limits: How long those waits are.
-        random: Where nodes that leave something to chance draw their numbers; None takes a fresh
-            source.
+        random: Random source of the nodes; None takes a fresh one.
         stopwatch: Measures how long ticks take [s]; None takes ``steady``.
         plugins: Makes the leaves whose behaviours come from packages.
         context: Makes what the nodes share.
-        visit: Called for each node that answers a tick.
+        on_visit: Called for each node that was ticked.
 
     Attributes:
         period_s: The time between two ticks; one that takes longer is an overrun [s]. Where it is
@@ -148,9 +144,9 @@ class Run:
         limits: RunLimits | None = None,
         random: Random | None = None,
         stopwatch: Clock | None = None,
-        plugins: LeafMaker = PluginLeaf,
+        plugins: NodeMaker = PluginLeaf,
         context: type[RunContext] = RunContext,
-        visit: Visit | None = None,
+        on_visit: OnVisit | None = None,
     ) -> None:
         scope = RunScope(space=space, scene=scene, live=live, profile=profile, tunables=tunables)
         self.spec = spec
@@ -165,7 +161,7 @@ class Run:
         self._stopwatch = stopwatch or steady
         self._limits = limits or RunLimits()
         self._plugins = plugins
-        self._visit = visit
+        self._on_visit = on_visit
         self._root = build(spec.tree, self._context, plugins)
         self._clean_up: Behaviour | None = None
         self._tickers: dict[Behaviour, Ticker] = {}
@@ -183,9 +179,9 @@ class Run:
         return _path_of((self._clean_up or self._root).tip())
 
     @property
-    def wakes(self) -> Mapping[str, float]:
-        """Paths of nodes → when time alone makes a difference to them, as of the last tick [s]."""
-        return self._context.wakes
+    def deadlines(self) -> Mapping[str, float]:
+        """Path of a node → when time alone changes what it does, as of the last tick [s]."""
+        return self._context.deadlines
 
     @property
     def deadline(self) -> float:
@@ -196,7 +192,7 @@ class Run:
         """Tick once, in whatever phase the run is; return what changed, in order."""
         self.changes = []
         self.overrun = None
-        self._context.wakes.clear()
+        self._context.deadlines.clear()
         match self._phase:
             case _Phase.TICKING:
                 self._tick(self._root)
@@ -221,7 +217,7 @@ class Run:
         that was never ticked has begun nothing, and has nothing to clean up.
 
         Args:
-            reason: Why, in words.
+            reason: Why, for people.
             clean_up: False leaves the agent's ``on_cancel`` out, and stops it if it runs.
         """
         self.changes = []
@@ -241,8 +237,8 @@ class Run:
             self._deadline = self._steady() + self._limits.clean_up_s
         return self.changes
 
-    def hurry(self, settle_s: float) -> None:
-        """Wait no longer than this for goals to be confirmed ended, from now or its end on [s]."""
+    def shorten_settling(self, settle_s: float) -> None:
+        """Limit the wait for goals to be confirmed ended, from now or from its begin [s]."""
         self._limits = replace(self._limits, settle_s=min(self._limits.settle_s, settle_s))
         if self._phase is _Phase.SETTLING:
             self._deadline = min(self._deadline, self._steady() + settle_s)
@@ -266,7 +262,7 @@ class Run:
         reason = "" if succeeded else _reason(self._root)
         self._end = (
             TreeOutcome.SUCCEEDED if succeeded else TreeOutcome.FAILED,
-            TREE_SUCCEEDED if succeeded else reason,
+            "the tree succeeded" if succeeded else reason,
             _path_of(tip),
         )
         self._settle()
@@ -317,16 +313,18 @@ class Run:
     def _ticker(self, root: Behaviour) -> Ticker:
         ticker = self._tickers.get(root)
         if ticker is None:
-            around = None if self.period_s == math.inf else self._timed
-            ticker = Ticker(root, tell=self._tell, visit=self._visit, around=around)
+            wrap_leaf = None if self.period_s == math.inf else self._timed
+            ticker = Ticker(
+                root, on_change=self._report, on_visit=self._on_visit, wrap_leaf=wrap_leaf
+            )
             self._tickers[root] = ticker
         return ticker
 
-    def _timed(self, step: Step, leaf: Behaviour) -> Step:
+    def _timed(self, tick: Tick, leaf: Behaviour) -> Tick:
         clock = self._stopwatch
 
         def timed() -> Status:
-            status = step()
+            status = tick()
             now = clock()
             if now - self._answered_at > self._slowest_s:
                 self._slowest_s = now - self._answered_at
@@ -336,7 +334,7 @@ class Run:
 
         return timed
 
-    def _tell(self, node: Any) -> None:
+    def _report(self, node: Any) -> None:
         change = StatusChange(node.spec.path, node.name, node.status, node.feedback_message)
         self.changes.append(change)
 

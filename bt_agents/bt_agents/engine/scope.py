@@ -1,17 +1,18 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a name means at a moment of a run: inputs, tunables, outputs, scene, live scene, mood."""
+"""Values of names during a run: inputs, tunables, outputs, scene, live scene, mood, profile."""
 
 from __future__ import annotations
 
 import json
-import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Protocol, cast
 
 from bt_agents_core.errors import Refused
-from bt_agents_core.mood import mood_of
-from bt_agents_core.scene import Scene, SceneSpace, Vector
+from bt_agents_core.field_path import NoSuchField, item_of, value_at
+from bt_agents_core.field_types import FieldType, Plain
+from bt_agents_core.scene import Scene, SceneSpace, Vector, mood_of
+from bt_agents_core.text import quote
 from bt_agents_language.expression.expression_values import described
 from bt_agents_language.expression.expressions import (
     EvaluationError,
@@ -19,27 +20,25 @@ from bt_agents_language.expression.expressions import (
     MissingValue,
     StaleValue,
 )
+from bt_agents_language.expression.name_resolution import resolve
 from bt_agents_language.model import quantities
 from bt_agents_language.model.specs import (
     Computed,
-    FieldType,
     ListValue,
     Literal,
     MapValue,
-    Plain,
     Reference,
     Text,
     Value,
 )
 
 _LONGEST_JSON = 100_000
-_LONGEST_TEXT = 40
 _MOST_NAMES = 4
 _QUANTITIES = (FieldType.DURATION, FieldType.LENGTH, FieldType.ANGLE)
 
 
 class ValueSource(Protocol):
-    """Says what names mean."""
+    """Looks up the values of names."""
 
     def lookup(self, name: str) -> Plain:
         """Return the value of a name.
@@ -52,13 +51,16 @@ class ValueSource(Protocol):
 class Scope(ValueSource, Protocol):
     """Names of a tree, of which its nodes give values to some."""
 
+    def declare(self, names: Iterable[str]) -> None:
+        """Declare names that a node of the tree writes; called while the tree is built."""
+
     def write(self, name: str, value: Plain) -> None:
         """Give a name a value."""
 
 
 @dataclass(kw_only=True)
 class RunScope:
-    """The names of one run; tunables and the live scene may change while it goes on.
+    """The names of one run; tunables and the live scene may change during it.
 
     Attributes:
         space: The scene parameters.
@@ -81,50 +83,28 @@ class RunScope:
         """Return the value of a name; see :class:`ValueSource`."""
         if name in self.blackboard:
             return self.blackboard[name]
-        return self.fact(name)
+        return self.read_only_value(name)
+
+    def declare(self, names: Iterable[str]) -> None:
+        """Do nothing: no other names are hidden by those that are written."""
 
     def write(self, name: str, value: Plain) -> None:
         """Give a name a value."""
         self.blackboard[name] = value
 
-    def fact(self, name: str) -> Plain:
+    def read_only_value(self, name: str) -> Plain:
         """Return the value of a name that no node writes; see :class:`ValueSource`."""
         if name in self.tunables:
             return self.tunables[name]
-        group, _, member = name.partition(".")
-        if group == "scene":
-            return _of_scene(self.scene, name, member)
-        if name == "live.stale":
-            return self.live().stale_s > 0.0
-        if group == "live":
-            return _of_scene(self._fresh(name), name, member)
-        if name == "mood.change" and self.space.mood is not None:
-            live, start = (mood_of(s, self.space) for s in (self._fresh(name), self.scene))
-            return _known(name, live - start)
-        if group == "profile" and member in self.space.names:
-            return self.profile[self.space.names.index(member)]
-        raise MissingValue(name)
+        return resolve(name, self.scene, self.live, self._mood_change, self._own_value)
 
-    def _fresh(self, name: str) -> Scene:
-        live = self.live()
-        if live.stale_s:
-            raise StaleValue(name, live.stale_s)
-        return live
+    def _mood_change(self, live: Scene) -> float:
+        return mood_of(live, self.space) - mood_of(self.scene, self.space)
 
-
-def _of_scene(scene: Scene, name: str, member: str) -> Plain:
-    if member == "person":
-        return scene.person
-    try:
-        return _known(name, scene.get(member))
-    except KeyError:
-        raise MissingValue(name) from None
-
-
-def _known(name: str, value: float) -> float:
-    if math.isnan(value):
-        raise MissingValue(name)
-    return value
+    def _own_value(self, parameter: str) -> float:
+        if parameter not in self.space.names:
+            raise KeyError(parameter)
+        return self.profile[self.space.names.index(parameter)]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -141,20 +121,20 @@ class BindingNames:
 
 @dataclass(kw_only=True)
 class SubtreeScope:
-    """The names inside a subtree: its inputs, what it writes itself, and the facts of the run.
+    """The names inside a subtree: its inputs, what it writes, and the read-only ones of the run.
 
     Attributes:
         inputs: Values as the caller wrote them; they mean what they mean to the caller.
         caller: Names in which the inputs are evaluated.
         run: Gives tunables, scene, live scene, mood and profile.
-        own: Names that nodes of the subtree write.
+        own: Names that nodes of the subtree write; see :meth:`declare`.
         written: Those that have a value since it started.
     """
 
     inputs: Mapping[str, Value]
     caller: ValueSource
     run: RunScope
-    own: frozenset[str]
+    own: set[str] = field(default_factory=set)
     written: dict[str, Plain] = field(default_factory=dict)
 
     def lookup(self, name: str) -> Plain:
@@ -166,7 +146,11 @@ class SubtreeScope:
         if name in self.own:
             # A tunable of the same name belongs to another file.
             raise MissingValue(name)
-        return self.run.fact(name)
+        return self.run.read_only_value(name)
+
+    def declare(self, names: Iterable[str]) -> None:
+        """Declare names that a node of the subtree writes, which hide those of the run."""
+        self.own.update(names)
 
     def write(self, name: str, value: Plain) -> None:
         """Give a name a value, which only the subtree sees."""
@@ -199,19 +183,15 @@ def field_of(message: Mapping[str, Plain], path: str, name: str) -> Plain:
         Refused: ``NOT_JSON``.
     """
     outer, _, inner = path.partition("#")
-    value = _walk(message, outer, name)
-    return _walk(_parsed(value, name), inner, name) if inner else value
+    value = _value_at(message, outer, name)
+    return _value_at(_parsed(value, name), inner, name) if inner else value
 
 
-def _walk(value: Plain, path: str, name: str) -> Plain:
-    for part in path.split("."):
-        if isinstance(value, Mapping) and part in value:
-            value = value[part]
-        elif isinstance(value, (list, tuple)) and part.isdecimal() and int(part) < len(value):
-            value = value[int(part)]
-        else:
-            raise MissingValue(name)
-    return value
+def _value_at(value: Plain, path: str, name: str) -> Plain:
+    try:
+        return cast(Plain, value_at(value, path, item_of))
+    except NoSuchField:
+        raise MissingValue(name) from None
 
 
 def _parsed(text: Plain, name: str) -> Plain:
@@ -244,41 +224,41 @@ def evaluate(value: Value, names: ValueSource) -> Plain:
         case Computed():
             return _computed(value, names)
         case Text():
-            return "".join(_said(part, names) for part in value.parts)
+            return "".join(_as_text(part, names) for part in value.parts)
         case ListValue():
             return tuple(evaluate(item, names) for item in value.items)
         case MapValue():
             return {key: evaluate(item, names) for key, item in value.items.items()}
 
 
-def holds(condition: Expression, names: ValueSource) -> bool:
+def is_true(condition: Expression, names: ValueSource) -> bool:
     """Return whether a condition is true now; see :meth:`Expression.evaluate` for its errors."""
     return condition.evaluate(names.lookup) is True
 
 
-def not_so(condition: Expression, names: ValueSource, *, verb: str = "not so") -> str:
+def explain_false(condition: Expression, names: ValueSource, *, verb: str = "not so") -> str:
     """Return that a condition is not true, and what its names are instead.
 
     Args:
         condition: The condition.
         names: What its names mean now.
-        verb: How it is said: ``not so``, ``not so any more``.
+        verb: The negation: ``not so``, ``not so any more``.
 
     Returns:
         ``not so: answer == 'yes' (answer is 'no')``; of many names the first, and nothing about
         a name that is the whole condition and false.
     """
-    said = f"{verb}: {condition.text}"
+    explanation = f"{verb}: {condition.text}"
     mentioned = list(dict.fromkeys(mention.name for mention in condition.mentions))
-    values = {name: _now(name, names) for name in mentioned[:_MOST_NAMES]}
+    values = {name: _current(name, names) for name in mentioned[:_MOST_NAMES]}
     if values == {condition.text: "is false"}:
-        return said
-    words = [f"{name} {value}" for name, value in values.items()]
-    words += ["…"] * (len(mentioned) > _MOST_NAMES)
-    return f"{said} ({', '.join(words)})" if words else said
+        return explanation
+    parts = [f"{name} {value}" for name, value in values.items()]
+    parts += ["…"] * (len(mentioned) > _MOST_NAMES)
+    return f"{explanation} ({', '.join(parts)})" if parts else explanation
 
 
-def _now(name: str, names: ValueSource) -> str:
+def _current(name: str, names: ValueSource) -> str:
     """Return what a name is: ``is 'yes'``, ``is 2``, ``has no value``."""
     try:
         value = names.lookup(name)
@@ -290,9 +270,7 @@ def _now(name: str, names: ValueSource) -> str:
         return "cannot be told"
     match value:
         case str():
-            flat = " ".join(value.split())
-            short = flat if len(flat) <= _LONGEST_TEXT else f"{flat[: _LONGEST_TEXT - 1]}…"
-            return f"is '{short}'"
+            return f"is {quote(value)}"
         case int() | float() if not isinstance(value, bool) and -1e15 < value < 1e15:
             return f"is {round(value, 3):.15g}"
     return f"is {described(value).removeprefix('the number ')}"
@@ -303,18 +281,18 @@ def _computed(value: Computed, names: ValueSource) -> Plain:
     return cast(Plain, value.expression.evaluate(names.lookup))
 
 
-def _said(part: str | Reference | Computed, names: ValueSource) -> str:
+def _as_text(part: str | Reference | Computed, names: ValueSource) -> str:
     match part:
         case str():
             return part
         case Reference():
-            return spoken(names.lookup(part.name), part.type)
+            return format_value(names.lookup(part.name), part.type)
         case Computed():
-            return spoken(_computed(part, names), FieldType.ANY)
+            return format_value(_computed(part, names), FieldType.ANY)
 
 
-def spoken(value: Plain, field_type: FieldType) -> str:
-    """Return a value as it stands inside a text: ``2`` for 2.0, ``yes`` for true, ``1.5 min``."""
+def format_value(value: Plain, field_type: FieldType) -> str:
+    """Format a value inside a text: ``2`` for 2.0, ``yes`` for true, ``1.5 min``."""
     match value:
         case bool():
             return "yes" if value else "no"
@@ -325,6 +303,6 @@ def spoken(value: Plain, field_type: FieldType) -> str:
         case None:
             return ""
         case tuple() | list():
-            return ", ".join(spoken(item, field_type) for item in value)
+            return ", ".join(format_value(item, field_type) for item in value)
         case _:
             return str(value)

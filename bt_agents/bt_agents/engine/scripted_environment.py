@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A world that answers from a script on a clock turned by hand, for tests and rehearsals."""
+"""Scripted environment on a manual clock, for tests and rehearsals."""
 
 from __future__ import annotations
 
@@ -8,14 +8,21 @@ from collections import deque
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
-from bt_agents.engine.environment import GIVE_FEEDBACK, Clock, GoalState, SkillGoal
-from bt_agents.host.environment.goal_track import no_acceptance, no_result, result_limit_s
+from bt_agents.engine.environment import (
+    GIVE_FEEDBACK,
+    Clock,
+    GoalState,
+    SkillGoal,
+    no_acceptance,
+    no_result,
+    result_limit_s,
+)
 from bt_agents_core.feedback import FeedbackKind
-from bt_agents_language.model.specs import BindingKind, Plain
+from bt_agents_core.field_types import BindingKind, Plain
 
 
 class ManualClock:
-    """A clock that moves only when told to."""
+    """A clock that moves only by :meth:`advance`."""
 
     def __init__(self) -> None:
         self.now = 0.0
@@ -25,22 +32,22 @@ class ManualClock:
         return self.now
 
     def advance(self, seconds: float) -> None:
-        """Move on."""
+        """Move on by a time [s]."""
         self.now += seconds
 
 
 @dataclass(frozen=True, kw_only=True)
 class ScriptedReply:
-    """What a server does with one goal.
+    """Scripted course of one goal.
 
     Attributes:
         state: How the goal ends.
         result: Fields of its result.
-        message: Why, in words.
+        message: Why, for people.
         accept_s: Time until it is accepted [s].
         after_s: Time until it ends, from the moment it was sent [s].
         cancel_s: Time a cancel takes [s]; infinite for a server that ignores it.
-        feedback: Times since it was sent [s], rising, and the fields of what is then told.
+        feedback: Times since it was sent [s], rising, and the fields of the feedback.
         vanishes: Whether the server is gone by then, so that nobody confirms the end.
     """
 
@@ -64,7 +71,7 @@ class GivenFeedback:
 
 
 class ScriptedGoal:
-    """One goal of a :class:`ScriptedEnvironment`; its timeouts count on the same clock as all else."""
+    """Goal of a :class:`ScriptedEnvironment`; its timeouts count on the same clock."""
 
     def __init__(self, goal: SkillGoal, answer: ScriptedReply, clock: Clock) -> None:
         self.goal = goal
@@ -74,11 +81,11 @@ class ScriptedGoal:
         self._sent = clock()
         self._accepted = self._sent + answer.accept_s
         self._ends = self._sent + answer.after_s
-        self._given_up, self._why = self._patience()
+        self._given_up, self._why = self._giving_up()
 
     @property
     def state(self) -> GoalState:
-        """Where it is now."""
+        """Its current state."""
         now, cancelled = self._clock(), self._cancelled(self.cancelled_at)
         if self._is_given_up:
             return self._why[0]
@@ -95,7 +102,7 @@ class ScriptedGoal:
 
     @property
     def message(self) -> str:
-        """Why it is there."""
+        """Reason of the state for people."""
         return self._why[1] if self._is_given_up else self._answer.message
 
     @property
@@ -107,17 +114,17 @@ class ScriptedGoal:
     def feedback(self) -> Mapping[str, Plain] | None:
         """Fields of the latest feedback."""
         until = min(self._clock(), self._server_ends)
-        told = [fields for at, fields in self._answer.feedback if self._sent + at <= until]
-        return told[-1] if told and self._clock() >= self._accepted else None
+        published = [fields for at, fields in self._answer.feedback if self._sent + at <= until]
+        return published[-1] if published and self._clock() >= self._accepted else None
 
     @property
     def next_change(self) -> float:
-        """When it next becomes something else, unless it is cancelled [s]; infinite for never."""
+        """When it changes next, unless it is cancelled [s]; infinite for never."""
         if self.state.ended:
             return math.inf
         now = self._clock()
-        told = [self._sent + at for at, _ in self._answer.feedback]
-        moments = [self._accepted, self._given_up, self._server_ends, *told]
+        feedback = [self._sent + at for at, _ in self._answer.feedback]
+        moments = [self._accepted, self._given_up, self._server_ends, *feedback]
         return min((at for at in moments if at > now), default=math.inf)
 
     def cancel(self) -> None:
@@ -125,12 +132,12 @@ class ScriptedGoal:
         if self.cancelled_at is None:
             self.cancelled_at = self._clock()
 
-    def _patience(self) -> tuple[float, tuple[GoalState, str]]:
+    def _giving_up(self) -> tuple[float, tuple[GoalState, str]]:
         """Return when it is given up [s], what it is then, and why."""
         kind, timeouts = self.goal.kind, self.goal.timeouts
         if kind is BindingKind.ACTION and self._answer.accept_s > timeouts.accept_s:
-            words = no_acceptance(timeouts.accept_s)
-            return self._sent + timeouts.accept_s, (GoalState.UNREACHABLE, words)
+            reason = no_acceptance(timeouts.accept_s)
+            return self._sent + timeouts.accept_s, (GoalState.UNREACHABLE, reason)
         limit_s = result_limit_s(kind, timeouts)
         return self._accepted + limit_s, (GoalState.TIMED_OUT, no_result(kind, limit_s))
 
@@ -155,7 +162,7 @@ class ScriptedGoal:
 
 
 class ScriptedInbox:
-    """Messages that a test or script put on a topic since the inbox was opened."""
+    """Scripted messages on a topic since the inbox was opened."""
 
     def __init__(self) -> None:
         self.messages: deque[Mapping[str, Plain]] = deque()
@@ -166,12 +173,12 @@ class ScriptedInbox:
         return self.messages.popleft() if self.messages else None
 
     def close(self) -> None:
-        """Stop listening."""
+        """Take no more messages."""
         self.closed = True
 
 
 class ScriptedEnvironment:
-    """Answers goals by name, remembers everything that was asked of it.
+    """Answers goals by name, and stores all requests.
 
     Args:
         answers: Name of an action or service → answers in order; the last one is given for ever.
@@ -205,7 +212,7 @@ class ScriptedEnvironment:
         return run
 
     def publish(self, goal: SkillGoal) -> None:
-        """Remember a message."""
+        """Store a message."""
         self.published.append(goal)
 
     def watch(self, topic: str, type_name: str, *, latched: bool = False) -> ScriptedInbox:
@@ -217,13 +224,13 @@ class ScriptedEnvironment:
         return inbox
 
     def log(self, level: str, text: str) -> None:
-        """Remember a line."""
+        """Store a line."""
         self.logged.append((level, text))
 
     def give_feedback(
         self, kind: FeedbackKind, values: Mapping[str, float], reason: str
     ) -> ScriptedGoal:
-        """Remember feedback; it is taken unless the service of this name answers otherwise."""
+        """Store feedback; it is accepted unless the service of this name answers otherwise."""
         self.feedback_given.append(GivenFeedback(kind=kind, values=values, reason=reason))
         fields: dict[str, Plain] = {"kind": int(kind), "values": values, "reason": reason}
         goal = SkillGoal(kind=BindingKind.SERVICE, name=GIVE_FEEDBACK, type="", fields=fields)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""When a run is ticked next: at a fixed rate, and at once when something has arrived."""
+"""Schedules ticks: at a fixed rate, and at once when something has arrived."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ class TickScheduler:
     """Sets the time of the next tick; there is never more than one to come.
 
     Regular ticks stay on a grid of periods; those that were missed are left out. An extra tick
-    comes after a rest as long as the last tick took, so that a flood of news takes at most half
-    of the time. All times are on the steady clock [s].
+    comes after a rest as long as the last tick took, so that a flood of messages takes at most
+    half of the time. All times are on the steady clock [s].
 
     Args:
         period_s: Time between two regular ticks.
@@ -29,40 +29,40 @@ class TickScheduler:
         self._period_s = period_s
         self._grid = now
         self._rested = now
-        self._news = False
+        self._requested = False
 
     def change(self, period_s: float, now: float) -> None:
-        """Tick this often from now on."""
+        """Set the period from now on."""
         self._period_s = period_s
         self._grid = now + period_s
         self.due = min(self.due, self._grid)
 
-    def news(self, now: float) -> None:
-        """Something has arrived that a node may wait for: tick as soon as the rest is over."""
-        self._news = True
+    def request(self, now: float) -> None:
+        """Request a tick, as something has arrived, as soon as the rest is over."""
+        self._requested = True
         self.due = min(self.due, max(now, self._rested))
 
-    def hurry(self, now: float) -> None:
-        """Tick now, rested or not."""
+    def now(self, now: float) -> None:
+        """Request a tick at once, rested or not."""
         self.due = min(self.due, now)
 
-    def begin(self) -> None:
-        """A tick begins, which sees all news so far."""
-        self._news = False
+    def started(self) -> None:
+        """Receive the begin of a tick, which answers all requests so far."""
+        self._requested = False
 
-    def end(self, began: float, now: float, latest: float = math.inf) -> None:
-        """A tick has ended.
+    def finished(self, began: float, now: float, latest: float = math.inf) -> None:
+        """Receive the end of a tick.
 
         Args:
             began: When it began.
             now: When it ended.
-            latest: Something ends then whether anything happens or not.
+            latest: When something ends whether anything happens or not.
         """
         self._rested = now + max(now - began, REST_S)
         if now >= self._grid:
             missed = math.floor((now - self._grid) / self._period_s)
             self._grid += (missed + 1) * self._period_s
         self.due = min(self._grid, max(latest, now))
-        if self._news:
+        if self._requested:
             # What came during the tick may concern a node that had been ticked before.
             self.due = min(self.due, self._rested)

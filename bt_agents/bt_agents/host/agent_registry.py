@@ -6,13 +6,15 @@ from __future__ import annotations
 from array import array
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Any, NamedTuple
 
-from bt_agents.engine.scope import RunScope, holds
+from bt_agents.engine.scope import RunScope, is_true
 from bt_agents_core.errors import Refused
+from bt_agents_core.field_types import Plain
 from bt_agents_core.profile_layers import MOST_LAYERS, checked_layer, layers_of
 from bt_agents_core.scene import Scene, SceneSpace, Vector
 from bt_agents_language.expression.expressions import EvaluationError, MissingValue
-from bt_agents_language.model.specs import AgentSpec, Plain
+from bt_agents_language.model.specs import AgentSpec
 
 
 def _nothing() -> None:
@@ -33,7 +35,7 @@ class HostedAgent:
         tunables: Current values by name; a running tree reads the same mapping.
         agent_id: Id from the market; 0 while it is not registered.
         refusal: Why the market does not take it; empty when it does.
-        leaving: Why it does not bid any more and goes; empty when it stays.
+        removal_reason: Why it does not bid any more and goes; empty when it stays.
     """
 
     on_change: Callable[[], None] = field(default=_nothing, repr=False, compare=False)
@@ -45,7 +47,7 @@ class HostedAgent:
     tunables: dict[str, Plain] = field(default_factory=dict)
     agent_id: int = 0
     refusal: str = ""
-    leaving: str = ""
+    removal_reason: str = ""
 
     def __setattr__(self, name: str, value: object) -> None:
         object.__setattr__(self, name, value)
@@ -82,17 +84,41 @@ class BidderColumns:
     weights: array[float]
 
 
+class Decline(NamedTuple):
+    """Why an agent does not want a scene.
+
+    Attributes:
+        reason: In words.
+        unmet: What the scene lacks of what the agent requires; empty for any other reason.
+    """
+
+    reason: str
+    unmet: str = ""
+
+
 @dataclass(frozen=True, kw_only=True)
 class HostBids:
-    """A host's answer to a call for bids: who bids, and name → reason of those who do not."""
+    """Answer of a host to a call for bids: who bids, and who does not by name."""
 
     bidders: BidderColumns
-    declined: Mapping[str, str]
+    declined: Mapping[str, Decline]
 
     @property
     def bids(self) -> tuple[HostedAgent, ...]:
         """Who bids."""
         return self.bidders.members
+
+    def fields(self) -> dict[str, Any]:
+        """Return the fields of ``Bids.msg`` that hold it."""
+        return {
+            "agents": self.bidders.names,
+            "agent_ids": self.bidders.ids,
+            "vectors": self.bidders.vectors,
+            "weights": self.bidders.weights,
+            "declined": list(self.declined),
+            "decline_reasons": [decline.reason for decline in self.declined.values()],
+            "unmet": [decline.unmet for decline in self.declined.values()],
+        }
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -169,7 +195,8 @@ class AgentRegistry:
         registered = self._registered or self._register()
         everybody = registered.bidders
         if obstacle:
-            declined = {name: obstacle for name in everybody.names if name not in excluded}
+            hindered = Decline(obstacle)
+            declined = {name: hindered for name in everybody.names if name not in excluded}
         else:
             declined = self._obstacles(registered.choosy, scene, excluded)
         named = layers_of(scene) if registered.layered else {}
@@ -248,7 +275,9 @@ class AgentRegistry:
             choosy=tuple(
                 member
                 for member in members
-                if member.leaving or member.spec.unoffered or member.spec.requires is not None
+                if member.removal_reason
+                or member.spec.unoffered
+                or member.spec.requires is not None
             ),
             layered=any(member.layers for member in members),
         )
@@ -278,28 +307,28 @@ class AgentRegistry:
 
     def _obstacles(
         self, choosy: Iterable[HostedAgent], scene: Scene, excluded: Collection[str]
-    ) -> dict[str, str]:
+    ) -> dict[str, Decline]:
         """Return who does not want a scene, with the reason."""
         declined = {}
-        unmet_ones: dict[str, str] = {}  # a condition knows nothing but the scene
+        unmet_ones: dict[str, Decline | None] = {}  # a condition knows nothing but the scene
         for member in choosy:
             name, requires = member.spec.name, member.spec.requires
             if name in excluded:
                 continue
-            if member.leaving:
-                reason = member.leaving
+            if member.removal_reason:
+                decline: Decline | None = Decline(member.removal_reason)
             elif member.spec.unoffered:
-                reason = "; ".join(member.spec.unoffered)
+                decline = Decline("; ".join(member.spec.unoffered))
             elif requires is not None and requires.text in unmet_ones:
-                reason = unmet_ones[requires.text]
+                decline = unmet_ones[requires.text]
             elif requires is not None:
                 profile, tunables = member.profile_for(scene), member.tunables
-                reason = unmet(member.spec, self.space, scene, profile, tunables)
-                unmet_ones[requires.text] = reason
+                decline = unmet(member.spec, self.space, scene, profile, tunables)
+                unmet_ones[requires.text] = decline
             else:
                 continue
-            if reason:
-                declined[name] = reason
+            if decline is not None:
+                declined[name] = decline
         return declined
 
 
@@ -309,17 +338,20 @@ def unmet(
     scene: Scene,
     profile: Vector,
     tunables: Mapping[str, Plain],
-) -> str:
-    """Return what an agent requires of a scene and does not find, in words; empty for nothing."""
+) -> Decline | None:
+    """Return why an agent does not want a scene that lacks what it requires; None if it does."""
     requires = spec.requires
     if requires is None:
-        return ""
+        return None
     scope = RunScope(
         space=space, scene=scene, live=lambda: scene, profile=profile, tunables=tunables
     )
     try:
-        return "" if holds(requires, scope) else f"needs {requires.text}"
+        if is_true(requires, scope):
+            return None
+        lacking = requires.text
     except MissingValue as missing:
-        return f"needs {requires.text}, but {missing.name} is missing"
+        lacking = f"{requires.text}, but {missing.name} is missing"
     except EvaluationError as error:
-        return f"needs {requires.text}, but {error}"
+        lacking = f"{requires.text}, but {error}"
+    return Decline(reason=f"needs {lacking}", unmet=lacking)

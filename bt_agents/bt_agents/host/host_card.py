@@ -7,10 +7,21 @@ from rclpy.node import Node
 from rclpy.publisher import Publisher
 
 from bt_agents.host.agent_registry import AgentRegistry, HostedAgent
-from bt_agents.host.learning_messages import learning_to_msg, rule_to_msg
 from bt_agents.host.reload.source_bundle import source_bundle
 from bt_agents.host.reload.versions import AgentVersions
-from bt_agents_interfaces.msg import AgentCard, AgentFiles, HostCard, Tree, TreeNode, Trees
+from bt_agents_core.feedback import WEIGHTS, LearningRule
+from bt_agents_core.scene import SceneSpace
+from bt_agents_interfaces.msg import (
+    AgentCard,
+    AgentFiles,
+    HostCard,
+    Learning,
+    Tree,
+    TreeNode,
+    Trees,
+)
+from bt_agents_interfaces.msg import MoodRule as MoodRuleMsg
+from bt_agents_language.model.mood_rule import MoodRule
 from bt_agents_language.model.specs import AgentSpec, NodeSpec
 from bt_agents_ros import qos
 from bt_agents_ros.installed import InstalledInterfaces
@@ -126,6 +137,37 @@ class HostCardPublisher:
             degraded=bool(status.problems),
             problems=list(status.problems),
         )
+
+
+def learning_to_msg(rule: LearningRule, space: SceneSpace) -> Learning:
+    """Return the message of a learning rule, its values in the order of the space."""
+    weights = {**WEIGHTS, **rule.weights}
+    return Learning(
+        rates=space.ordered(rule.rates),
+        update=rule.update.value,
+        width=space.ordered(rule.width),
+        window=rule.window,
+        anneal=rule.anneal,
+        drift=space.ordered(rule.drift),
+        sources=list(weights),
+        weights=list(weights.values()),
+        layers=list(rule.layers),
+        general=rule.general,
+    )
+
+
+def rule_to_msg(rule: MoodRule) -> MoodRuleMsg:
+    """Return the message of a mood rule."""
+    return MoodRuleMsg(
+        when=rule.when.text,
+        hold_s=rule.hold_s,
+        give=rule.give,
+        action=rule.action,
+        baseline_s=rule.baseline_s,
+        release=rule.release.text if rule.release is not None else "",
+        cooldown_s=rule.cooldown_s,
+        confidence=rule.confidence,
+    )
 
 
 def _nodes(agent: AgentSpec) -> list[TreeNode]:

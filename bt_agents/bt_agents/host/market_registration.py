@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A host's entry at the market: made when a market shows up, and made again when it is lost."""
+"""Registers the host at the market, and re-registers after a restart of either."""
 
 from __future__ import annotations
 
@@ -9,14 +9,13 @@ from typing import Any
 
 from rclpy.node import Node
 
-from bt_agents.engine.run import RunResult
 from bt_agents.host.agent_registry import AgentRegistry
-from bt_agents.host.run_messages import OUTCOMES
+from bt_agents.host.award_monitor import MarketLease
 from bt_agents.host.run_server import RunServer
 from bt_agents.host.unreported_runs import UnreportedRuns
-from bt_agents_core.lease import MarketLease
-from bt_agents_core.stall import LIMIT_S as HELD_UP_S
-from bt_agents_core.stop_words import CUT_OFF
+from bt_agents_core.liveness import STALL_S
+from bt_agents_core.stop_cause import StopCause
+from bt_agents_interfaces.action import RunAgent
 from bt_agents_interfaces.msg import MarketHeartbeat, MarketStatus, Run
 from bt_agents_interfaces.srv import RegisterHost
 from bt_agents_ros import qos
@@ -29,12 +28,12 @@ MARKET_LEASE = "market_lease"
 
 _LIMIT_S = 1.0
 _AGAIN_S = 1.0
-_LOOK_S = 0.02
-_TOLD_S = 30.0
+_POLL_S = 0.02
+_REPORTED_S = 30.0
 
 
 class MarketRegistration:
-    """Registers the agents of a host, and opens its action only while the market has them.
+    """Registration of a host's agents; its action is open only while the market has them.
 
     A run whose market falls silent is cancelled. Its end, and that of every other run which its
     market has not announced, is told to the next market.
@@ -44,7 +43,7 @@ class MarketRegistration:
         roster: Its agents.
         runs: Its action.
         instance: This start of the host.
-        heard: Returns whether calls and bids get through already; if not, the host registers
+        matched: Returns whether calls and bids get through already; if not, the host registers
             after a second all the same.
         changed: Called after the market has taken or refused the host or some of its agents.
 
@@ -59,7 +58,7 @@ class MarketRegistration:
         roster: AgentRegistry,
         runs: RunServer,
         instance: str,
-        heard: Callable[[], bool],
+        matched: Callable[[], bool],
         changed: Callable[[], None],
     ) -> None:
         self.epoch = ""
@@ -68,7 +67,7 @@ class MarketRegistration:
         self._roster = roster
         self._runs = runs
         self._instance = instance
-        self._heard = heard
+        self._matched = matched
         self._changed = changed
         self._registering = False
         self._later: Callable[[], None] | None = None
@@ -81,14 +80,16 @@ class MarketRegistration:
         self._client = node.create_client(
             RegisterHost, "marketplace/register", qos_profile=qos.SERVICE
         )
-        node.create_subscription(MarketStatus, "market", self._meet, qos.FACT)
-        node.create_subscription(MarketHeartbeat, "marketplace/heartbeat", self._hear, qos.SENSOR)
+        node.create_subscription(MarketStatus, "market", self._on_status, qos.FACT)
+        node.create_subscription(
+            MarketHeartbeat, "marketplace/heartbeat", self._on_heartbeat, qos.SENSOR
+        )
         node.create_subscription(Run, "runs", self._unheard.take_event, qos.HISTORY)
         runs.on_begin(self._run_begins)
         runs.on_end(self._run_ended)
-        steady_timer(node, _AGAIN_S, self._again)
+        steady_timer(node, _AGAIN_S, self._retry)
         self._waiting = ""
-        self._look = steady_timer(node, _LOOK_S, self._register_heard, running=False)
+        self._poll = steady_timer(node, _POLL_S, self._register_matched, running=False)
 
     @property
     def complete(self) -> bool:
@@ -121,22 +122,23 @@ class MarketRegistration:
     def _run_begins(self, goal: Any) -> None:
         self._lease.begin(goal.epoch, time.monotonic())
 
-    def _run_ended(self, goal: Any, result: RunResult) -> None:
+    def _run_ended(self, goal: Any, result: RunAgent.Result) -> None:
         self._lease.end()
-        self._unheard.keep(
+        self._unheard.store(
             Run(
                 stamp=self._node.get_clock().now().to_msg(),
                 epoch=goal.epoch,
                 round=goal.round,
                 event=Run.ENDED,
-                outcome=OUTCOMES[result.outcome],
+                outcome=result.outcome,
+                stop_cause=result.stop_cause,
                 scene=goal.scene,
                 agent=goal.agent,
                 agent_id=goal.agent_id,
                 host=str(self._node.get_fully_qualified_name()),
                 host_instance=self._instance,
                 message=result.message,
-                orphans=list(result.orphans),
+                orphans=result.orphans,
                 ticks=result.ticks,
                 overruns=result.overruns,
                 duration_s=result.duration_s,
@@ -145,10 +147,10 @@ class MarketRegistration:
         if goal.epoch != self.epoch:
             self.refresh()
 
-    def _hear(self, heartbeat: MarketHeartbeat) -> None:
+    def _on_heartbeat(self, heartbeat: MarketHeartbeat) -> None:
         now = time.monotonic()
-        self._lease.heard(heartbeat.epoch, now)
-        self._runs.hear_market(heartbeat)
+        self._lease.on_heartbeat(heartbeat.epoch, now)
+        self._runs.on_market_heartbeat(heartbeat)
         # Two markets of one name must not have the host register ten times a second.
         if heartbeat.epoch != self.epoch and now - self._asked >= _AGAIN_S:
             self._register(heartbeat.epoch)
@@ -159,20 +161,22 @@ class MarketRegistration:
         held_up_s = now - self._watched
         if held_up_s > self._lease.lease_s / 2:
             # This process was held up; the heartbeats of that time still wait to be read.
-            self._lease.excuse(self._watched, now)
-        if held_up_s > HELD_UP_S:
+            self._lease.extend_after_stall(self._watched, now)
+        if held_up_s > STALL_S:
             # Another start of this host may have taken its place.
             self.refresh()
         self._watched = now
         silence = self._lease.silence(now)
         if silence:
-            self._runs.cancel(f"{CUT_OFF}has been silent for {silence:.1f} s")
+            self._runs.cancel(
+                f"its market has been silent for {silence:.1f} s", cause=StopCause.MARKET_LOST
+            )
 
-    def _meet(self, status: MarketStatus) -> None:
+    def _on_status(self, status: MarketStatus) -> None:
         if status.epoch != self.epoch:
             self._register(status.epoch)
 
-    def _again(self) -> None:
+    def _retry(self) -> None:
         if self.epoch and any(member.refusal for member in self._roster.members.values()):
             self._register(self.epoch)
 
@@ -182,14 +186,14 @@ class MarketRegistration:
         self._registering = True
         self._asked = time.monotonic()
         self._waiting = epoch
-        self._register_heard()
+        self._register_matched()
 
-    def _register_heard(self) -> None:
+    def _register_matched(self) -> None:
         """Register as soon as no bid would be lost."""
-        if not self._heard() and time.monotonic() - self._asked < _LIMIT_S:
-            self._look.reset()
+        if not self._matched() and time.monotonic() - self._asked < _LIMIT_S:
+            self._poll.reset()
             return
-        self._look.cancel()
+        self._poll.cancel()
         epoch = self._waiting
         host = str(self._node.get_fully_qualified_name())
         names = list(self._roster.members)
@@ -227,27 +231,27 @@ class MarketRegistration:
             if self.epoch != answer.epoch:
                 self._node.get_logger().error(f"the market refuses this host: {answer.message}")
             self.epoch = answer.epoch
-            self._runs.leave(f"the market refuses this host: {answer.message}")
+            self._runs.withdraw(f"the market refuses this host: {answer.message}")
             refused = [answer.message] * len(names)
-            self._enrol(names, [0] * len(names), refused, news=before)
+            self._apply_registration(names, [0] * len(names), refused, news=before)
             return
         self.epoch = answer.epoch
         self._runs.open()
         if self._runs.busy and self._runs.goal.epoch != answer.epoch:
-            self._runs.cancel(f"{CUT_OFF}is gone")
+            self._runs.cancel("its market is gone", cause=StopCause.MARKET_LOST)
         # What a market has been told of its own runs it has not been asked to take over.
-        self._unheard.handed_over([r for r in request.unreported if r.epoch != answer.epoch])
-        self._enrol(names, answer.agent_ids, answer.reasons, news=not before)
+        self._unheard.acknowledge([r for r in request.unreported if r.epoch != answer.epoch])
+        self._apply_registration(names, answer.agent_ids, answer.reasons, news=not before)
 
     def _unanswered(self, epoch: str, reason: str) -> None:
         self._registering = False
         self._node.get_logger().warning(
             f"registration at market {epoch}: {reason}; trying again",
-            throttle_duration_sec=_TOLD_S,
+            throttle_duration_sec=_REPORTED_S,
         )
         self._register(epoch)
 
-    def _enrol(
+    def _apply_registration(
         self, names: Sequence[str], ids: Sequence[int], reasons: Sequence[str], *, news: bool
     ) -> None:
         before = {n: (m.agent_id, m.refusal) for n, m in self._roster.members.items()}

@@ -26,8 +26,7 @@ from bt_agents_interfaces.msg import (
 from bt_agents_interfaces.srv import SetProfile
 from bt_agents_language.files.folder_reader import Trees as TreesFolder
 from bt_agents_language.files.folder_reader import read_trees
-from bt_agents_language.model.specs import AgentSpec, NodeSpec
-from bt_agents_language.model.walking import iter_nodes
+from bt_agents_language.model.specs import AgentSpec, NodeSpec, iter_nodes
 from bt_agents_ros import qos
 from bt_agents_ros.base_node import BaseNode
 from bt_agents_ros.bid_encoding import BidEncoder
@@ -71,7 +70,7 @@ class HostNode(BaseNode):
             self,
             self.roster,
             self.instance,
-            live.follow,
+            live.begin_run,
             version=lambda name: self._versions.status(name).version,
         )
         for member in self.roster.members.values():
@@ -92,7 +91,7 @@ class HostNode(BaseNode):
             self.roster,
             self._runs,
             self.instance,
-            heard=lambda: is_matched(self, self._bids, self._calls, partner="market"),
+            matched=lambda: is_matched(self, self._bids, self._calls, partner="market"),
             changed=lambda: self._introductions.admit(self._membership.accepted),
         )
         self._reloading = ReloadService(
@@ -143,7 +142,7 @@ class HostNode(BaseNode):
         if self._changed and not self._runs.busy:
             self._changed = False
             members = self.roster.members.values()
-            self._runs.world.keep(node for member in members for node in _nodes(member.spec))
+            self._runs.world.retain(node for member in members for node in _nodes(member.spec))
 
     def _change(self, effect: ReloadEffect) -> None:
         """Change one agent, or leave it as it was; a tree that runs keeps what it began with."""
@@ -164,7 +163,7 @@ class HostNode(BaseNode):
                 member.tunables = dict(member.tunables)
             self._replace(member, agent)
         if name in self.roster.members:
-            self.roster.members[name].leaving = self._versions.status(name).removal_reason
+            self.roster.members[name].removal_reason = self._versions.status(name).removal_reason
 
     def _add(self, agent: AgentSpec) -> None:
         try:
@@ -225,7 +224,7 @@ class HostNode(BaseNode):
                 self.roster.set_layer(agent, layer, request.values, request.revision)
                 response.message = f"{agent} bids with revision {request.revision} for {layer}"
             else:
-                self._tunables.take_profile(agent, request.values, request.revision)
+                self.roster.set_profile(agent, request.values, request.revision)
                 response.message = f"{agent} bids with revision {request.revision}"
         except Refused as refused:
             response.code, response.message = refused.code, refused.reason
@@ -250,7 +249,7 @@ class HostNode(BaseNode):
             )
         )
         self._membership.watch()
-        self._runs.look()
+        self._runs.check_stall()
 
 
 def _nodes(agent: AgentSpec) -> Iterator[NodeSpec]:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Runs as messages: what changed in a tick, and how a run has ended."""
+"""Messages of a run: the changes of a tick, and its result."""
 
 from __future__ import annotations
 

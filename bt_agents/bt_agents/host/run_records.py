@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the outside told the trees of a host, published while somebody keeps it for a replay."""
+"""Publishes recordings of runs while somebody subscribes to them."""
 
 from __future__ import annotations
 
@@ -11,26 +11,26 @@ from rclpy.node import Node
 from rclpy.publisher import Publisher
 
 from bt_agents.engine.run import Run
-from bt_agents.recording.recording_run import RecordingRun
+from bt_agents.recording.run import RecordingRun
 from bt_agents_interfaces.msg import RunRecord, TreeStatus
 from bt_agents_language.model.specs import AgentSpec
 from bt_agents_ros import qos
 from bt_agents_ros.timers import steady_timer
 
 _MOST_CHARACTERS = 8_000
-"""Notes of so many characters go out at once, fewer of them after a while."""
+"""Lines of so many characters are published at once, fewer of them after a while."""
 
 _WAIT_S = 0.5
-"""How long notes are collected at most [s]; a host that is killed takes them along."""
+"""How long lines are collected at most [s]; those of a killed host are lost."""
 
 _SEED_BITS = 53
 
 
 class RunRecords:
-    """Publishes the notes of runs on ``~/records``, several turns in one message.
+    """Publishes recordings on ``~/records``, several steps in one message.
 
-    A run is recorded when somebody listens to both the records and the status of trees at its
-    begin: notes alone can be repeated, but not be compared with what happened.
+    A run is recorded when there are subscribers of both the records and the status of trees at
+    its begin: a recording alone can be replayed, but not be compared with what happened.
 
     Args:
         node: The host's node.
@@ -59,24 +59,24 @@ class RunRecords:
         self._characters = 0
 
     def run(self, goal: Any, spec: AgentSpec, **how: Any) -> Run:
-        """Return the run of a goal, recorded when somebody listens.
+        """Return the run of a goal, recorded when there are subscribers.
 
         Args:
-            goal: What it runs for.
+            goal: The goal.
             spec: The agent.
-            how: For :class:`Run`.
+            how: Other arguments of :class:`Run`.
         """
-        if not self._heard():
+        if not self._has_subscribers():
             return Run(spec, **how)
         self.flush()
         self._goal = goal
         seed = secrets.randbits(_SEED_BITS)
         return RecordingRun(
-            spec, seed=seed, version=self._version(spec.name), sink=self._take, **how
+            spec, seed=seed, version=self._version(spec.name), sink=self._collect, **how
         )
 
     def flush(self) -> None:
-        """Send what was collected."""
+        """Publish what was collected."""
         self._timer.cancel()
         if not self._lines:
             return
@@ -95,12 +95,12 @@ class RunRecords:
             )
         )
 
-    def _heard(self) -> bool:
+    def _has_subscribers(self) -> bool:
         return bool(
             self._records.get_subscription_count() and self._status.get_subscription_count()
         )
 
-    def _take(self, tick: int, line: str) -> None:
+    def _collect(self, tick: int, line: str) -> None:
         if not self._lines:
             self._tick = tick
             self._timer.reset()

@@ -1,11 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The action that ticks one agent's tree at a time, with a cancel that is seen at once."""
+"""Action server that ticks one agent's tree at a time and acts on a cancel at once."""
 
 from __future__ import annotations
 
 import time
 import traceback
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 from rclpy.action import CancelResponse, GoalResponse
@@ -15,13 +16,13 @@ from rclpy.task import Future
 from bt_agents.engine.run import Overrun, Run, RunResult, StatusChange, TreeOutcome
 from bt_agents.engine.tick_scheduler import TickScheduler
 from bt_agents.host.agent_registry import AgentRegistry
+from bt_agents.host.award_monitor import AwardMonitor, RunKey
 from bt_agents.host.environment.ros_environment import RosEnvironment
 from bt_agents.host.run_messages import failed, not_begun, run_result_to_msg, tree_status
 from bt_agents.host.run_records import RunRecords
 from bt_agents_core.errors import Refused
 from bt_agents_core.scene import Scene
-from bt_agents_core.stall import AwardMonitor, RunKey
-from bt_agents_core.stop_words import AS_TOLD
+from bt_agents_core.stop_cause import StopCause
 from bt_agents_interfaces.action import RunAgent
 from bt_agents_interfaces.msg import MarketHeartbeat, TreeStatus
 from bt_agents_interfaces.msg import Scene as SceneMsg
@@ -36,13 +37,32 @@ RESULT_KEPT_S = 2
 _STOP_SETTLE_S = 0.7
 """How long a host that is stopped waits for goals to end [s]; it has a second for everything."""
 
-_OVERRUNS_TOLD_S = 5.0
+_OVERRUNS_REPORTED_S = 5.0
 _FAREWELL_S = 0.2
 """How long the last result has to go out before the action leaves the graph [s]."""
 
 
+@dataclass(eq=False, kw_only=True)
+class _Stop:
+    """Order to stop the running tree.
+
+    Attributes:
+        reason: Why, in words.
+        cause: Why, as the market needs to know it.
+        clean_up: False leaves the agent's ``on_cancel`` out.
+        host_reason: True when the reason says more than that the market stopped it.
+        begun: True once the tree has been told.
+    """
+
+    reason: str
+    cause: StopCause
+    clean_up: bool
+    host_reason: bool
+    begun: bool = False
+
+
 class RunServer:
-    """Serves ``~/run``: accepts one goal at a time and ticks its tree until it has ended.
+    """Action ``~/run``: accepts one goal at a time and ticks its tree until it has ended.
 
     Args:
         node: The host's node.
@@ -73,8 +93,7 @@ class RunServer:
         self._stopped: tuple[Run, Sequence[StatusChange]] | None = None
         self._handle: Any = None
         self._scene: Any = None
-        self._cancel_reason = ""
-        self._clean_up = True
+        self._stop: _Stop | None = None
         self._stopping = False
         self._leaving = False
         self._free_since = 0.0
@@ -83,10 +102,10 @@ class RunServer:
         self._period_s = 0.05
         self._pace = TickScheduler(self._period_s, time.monotonic())
         self._at_begin: list[Callable[[Any], None]] = []
-        self._at_end: list[Callable[[Any, RunResult], None]] = []
+        self._at_end: list[Callable[[Any, RunAgent.Result], None]] = []
         self.world = RosEnvironment(
             node,
-            self._take_news,
+            self._on_news,
             space=roster.space,
             agent=lambda: self.goal.agent if self.goal is not None else "",
             scene=lambda: self.goal.scene if self.goal is not None else SceneMsg(),
@@ -116,7 +135,7 @@ class RunServer:
                 result_timeout=RESULT_KEPT_S,
             )
 
-    def leave(self, reason: str) -> None:
+    def withdraw(self, reason: str) -> None:
         """Take the action off the graph, but first stop the running tree, without its clean-up."""
         self._leaving = True
         self.cancel(reason, clean_up=False)
@@ -151,20 +170,37 @@ class RunServer:
         """Have a callable told each goal that was accepted."""
         self._at_begin.append(listener)
 
-    def on_end(self, listener: Callable[[Any, RunResult], None]) -> None:
-        """Have a callable told each goal that is over, and how, before its result goes out.
+    def on_end(self, listener: Callable[[Any, RunAgent.Result], None]) -> None:
+        """Register a listener for each goal that is over and its result, before that goes out.
 
         The host is not busy any more then.
         """
         self._at_end.append(listener)
 
-    def cancel(self, reason: str, *, clean_up: bool = True) -> None:
-        """Stop the running tree from within the host; the first reason counts."""
-        if not self.busy or (self._cancel_reason and (clean_up or not self._clean_up)):
+    def cancel(
+        self, reason: str, *, cause: StopCause = StopCause.BY_HOST, clean_up: bool = True
+    ) -> None:
+        """Stop the running tree; the first reason and its cause count.
+
+        Args:
+            reason: Why, in words.
+            cause: Why, as the market needs to know it.
+            clean_up: False leaves the agent's ``on_cancel`` out, also of an earlier order.
+        """
+        if not self.busy:
             return
-        self._cancel_reason = self._cancel_reason or reason
-        self._clean_up = clean_up
-        self._pace.hurry(time.monotonic())
+        if self._stop is None:
+            self._stop = _Stop(
+                reason=reason,
+                cause=cause,
+                clean_up=clean_up,
+                host_reason=cause is not StopCause.BY_MARKET,
+            )
+        elif self._stop.clean_up and not clean_up:
+            self._stop.clean_up = False
+        else:
+            return
+        self._pace.now(time.monotonic())
         self._set_timer()
 
     def stop(self, reason: str) -> None:
@@ -172,21 +208,21 @@ class RunServer:
         self._stopping = True
         self.cancel(reason, clean_up=False)
         if self._run is not None:
-            self._run.hurry(_STOP_SETTLE_S)
-            self._pace.hurry(time.monotonic())
+            self._run.shorten_settling(_STOP_SETTLE_S)
+            self._pace.now(time.monotonic())
             self._set_timer()
 
-    def look(self) -> None:
+    def check_stall(self) -> None:
         """Look ten times a second whether this process was held up, and whether it may leave."""
         now = time.monotonic()
-        self._market.held_up.wait_s(now)
+        self._market.stall.hold_off_s(now)
         if self._leaving and not self.busy and now - self._free_since >= _FAREWELL_S:
             self.close()
 
-    def hear_market(self, heartbeat: MarketHeartbeat) -> None:
+    def on_market_heartbeat(self, heartbeat: MarketHeartbeat) -> None:
         """Take a sign of life of a market, which names the run that it knows of."""
-        run = _award(self.goal) if self.busy else None
-        if self._market.hear(_award(heartbeat), run, time.monotonic()):
+        run = _run_key(self.goal) if self.busy else None
+        if self._market.on_heartbeat(_run_key(heartbeat), run, time.monotonic()):
             self.cancel("the market has given its run away", clean_up=False)
 
     def _answer_goal(self, goal: Any) -> GoalResponse:
@@ -205,7 +241,7 @@ class RunServer:
         self.goal = handle.request
         handle.execute()
         for listener in self._at_begin:
-            self._tell(listener, self.goal)
+            self._notify(listener, self.goal)
 
     def _check(self, goal: Any) -> Scene:
         if self._stopping:
@@ -219,7 +255,7 @@ class RunServer:
                 "WRONG_INSTANCE",
                 f"meant for instance '{goal.host_instance}', this is '{self._instance}'",
             )
-        if self._market.is_over(_award(goal)):
+        if self._market.is_over(_run_key(goal)):
             raise Refused("OVER", f"the market has gone on from round {goal.round} already")
         member = self._roster.member(goal.agent)
         if not member.agent_id or member.agent_id != goal.agent_id:
@@ -231,8 +267,8 @@ class RunServer:
     def _answer_cancel(self, handle: Any) -> CancelResponse:
         if self._handle is None or handle != self._handle:
             return CancelResponse.REJECT
-        if not self._cancel_reason:
-            self.cancel(AS_TOLD)
+        if self._stop is None:
+            self.cancel("the market stopped it", cause=StopCause.BY_MARKET)
             self._tick()
         return CancelResponse.ACCEPT
 
@@ -245,22 +281,24 @@ class RunServer:
         except Exception as error:
             result = not_begun(error)
         finally:
+            stop, self._stop = self._stop, None
             self.goal = self._run = self._handle = None
-            self._cancel_reason = ""
-            self._clean_up = True
             self._free_since = time.monotonic()
         self._node.get_logger().info(
             f"round {goal.round}: {goal.agent} {result.outcome.value}: {result.message}"
         )
+        answer = run_result_to_msg(result)
+        if stop is not None and result.outcome is TreeOutcome.CANCELLED:
+            answer.stop_cause, answer.host_reason = int(stop.cause), stop.host_reason
         for listener in self._at_end:
-            self._tell(listener, goal, result)
+            self._notify(listener, goal, answer)
         _close(handle, result)
         if self._stopped is not None:
             # The result has a turn of its own, which comes before that of what is begun in it.
             begin = self._node.executor.create_task
-            begin(begin, self._tell_stopped, goal, *self._stopped)
+            begin(begin, self._publish_stopped, goal, *self._stopped)
             self._stopped = None
-        return run_result_to_msg(result)
+        return answer
 
     def _start(self, goal: Any) -> None:
         member = self._roster.member(goal.agent)
@@ -280,23 +318,23 @@ class RunServer:
         self._tick()
         self._node.get_logger().info(f"round {goal.round}: {goal.agent} runs")
 
-    def _tell(self, listener: Callable[..., None], *what: Any) -> None:
+    def _notify(self, listener: Callable[..., None], *what: Any) -> None:
         """Tell a listener, which must not stand between the market and the result."""
         try:
             listener(*what)
         except Exception:
             self._node.get_logger().error(traceback.format_exc())
 
-    def _take_news(self) -> None:
+    def _on_news(self) -> None:
         if self._run is not None:
-            self._pace.news(time.monotonic())
+            self._pace.request(time.monotonic())
             self._set_timer()
 
     def _set_timer(self) -> None:
         now = time.monotonic()
         wait_s = self._pace.due - now
-        if not self._cancel_reason:
-            wait_s = max(wait_s, self._wait_s(now))
+        if self._stop is None:
+            wait_s = max(wait_s, self._hold_off_s(now))
         if wait_s <= 0.0 and not self._soon:
             self._soon = True
             self._timer.cancel()
@@ -319,11 +357,11 @@ class RunServer:
         if run is None or run.result is not None:
             return
         began = time.monotonic()
-        if self._wait_s(began) and not self._cancel_reason:
+        if self._hold_off_s(began) and self._stop is None:
             # The market may have given the run to another agent meanwhile, and will say so.
             self._set_timer()
             return
-        self._pace.begin()
+        self._pace.started()
         try:
             self._advance(run)
         except Exception as error:
@@ -333,7 +371,7 @@ class RunServer:
         if run.result is not None:
             self._end(run.result)
             return
-        self._pace.end(began, time.monotonic(), run.deadline)
+        self._pace.finished(began, time.monotonic(), run.deadline)
         self._set_timer()
 
     def _end(self, result: RunResult) -> None:
@@ -350,7 +388,7 @@ class RunServer:
             return failed(reason)
 
     def _advance(self, run: Run) -> None:
-        stopped = self._cancel_now(run) if self._cancel_reason else []
+        stopped = self._cancel_now(run, self._stop) if self._stop is not None else []
         is_over = run.result is not None
         ticked = run.tick()
         if is_over:
@@ -359,28 +397,31 @@ class RunServer:
         elif stopped or ticked:
             self._publish(run, [*stopped, *ticked])
         if run.overrun is not None:
-            self._tell_overrun(run, run.overrun)
+            self._report_overrun(run, run.overrun)
 
-    def _cancel_now(self, run: Run) -> Sequence[StatusChange]:
-        reason, clean_up = self._cancel_reason, self._clean_up
-        if self._wait_s(time.monotonic()):
+    def _cancel_now(self, run: Run, stop: _Stop) -> Sequence[StatusChange]:
+        reason, clean_up = stop.reason, stop.clean_up
+        if self._hold_off_s(time.monotonic()):
             # Another agent may have the robot by now, and must not be talked into.
             reason += (
-                f", after this host had been held up for {self._market.held_up.lasted_s:.1f} s"
+                f", after this host had been held up for {self._market.stall.last_stall_s:.1f} s"
             )
             clean_up = False
+            # What is said after the tree was told to stop, is not said.
+            stop.host_reason = stop.host_reason or not stop.begun
+        stop.begun = True
         return run.cancel(reason, clean_up=clean_up)
 
-    def _wait_s(self, now: float) -> float:
+    def _hold_off_s(self, now: float) -> float:
         """Return how long not to tick, as the market may have given the run away meanwhile [s]."""
-        return self._market.wait_s(_award(self.goal), now)
+        return self._market.hold_off_s(_run_key(self.goal), now)
 
-    def _tell_overrun(self, run: Run, overrun: Overrun) -> None:
+    def _report_overrun(self, run: Run, overrun: Overrun) -> None:
         self._node.get_logger().warning(
             f"{run.spec.name}: tick {run.ticks} took {overrun.took_s * 1e3:.0f} ms, there are "
             f"{self._period_s * 1e3:.0f} ms between two; {overrun.slowest} alone took "
             f"{overrun.slowest_s * 1e3:.0f} ms ({run.overruns} such ticks in this run so far)",
-            throttle_duration_sec=_OVERRUNS_TOLD_S,
+            throttle_duration_sec=_OVERRUNS_REPORTED_S,
         )
 
     def _publish(self, run: Run, changes: Sequence[StatusChange]) -> None:
@@ -389,7 +430,7 @@ class RunServer:
         if self._handle.is_active:
             self._handle.publish_feedback(RunAgent.Feedback(status=status))
 
-    def _tell_stopped(self, goal: Any, run: Run, changes: Sequence[StatusChange]) -> None:
+    def _publish_stopped(self, goal: Any, run: Run, changes: Sequence[StatusChange]) -> None:
         """Tell what a cancel has changed, when its result is on its way."""
         if changes:
             self._status.publish(self._status_of(goal, run, changes))
@@ -399,8 +440,8 @@ class RunServer:
         return tree_status(stamp, goal, self._instance, run, changes)
 
 
-def _award(message: Any) -> RunKey:
-    """Return the award that a goal is for, or that a heartbeat names."""
+def _run_key(message: Any) -> RunKey:
+    """Return the identity of the run that a goal is for, or that a heartbeat names."""
     return RunKey(epoch=message.epoch, round=message.round, agent=message.agent)
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Runs whose end no market has announced: kept for the next one."""
+"""Ended runs that no market has announced yet; reported at the next registration."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _REMEMBERED = 50
 
 
 class UnreportedRuns:
-    """The runs of a host that have ended and that their market has not yet closed.
+    """Ended runs of a host that their market has not closed yet.
 
     A market has closed a run when it has announced itself that it ended, was lost or was refused.
     """
@@ -23,7 +23,7 @@ class UnreportedRuns:
         self._runs: dict[tuple[str, int, str], Run] = {}
         self._closed: deque[tuple[str, int, str]] = deque(maxlen=_REMEMBERED)
 
-    def keep(self, run: Run) -> None:
+    def store(self, run: Run) -> None:
         """Keep a run that has ended, unless its market has closed it before."""
         key = _key(run)
         if key in self._closed:
@@ -41,7 +41,7 @@ class UnreportedRuns:
         """Return the runs of other markets than this one, the oldest first."""
         return [run for run in self._runs.values() if run.epoch != epoch]
 
-    def handed_over(self, runs: list[Run]) -> None:
+    def acknowledge(self, runs: list[Run]) -> None:
         """Forget runs that a market has taken note of."""
         for run in runs:
             self._close(run)

@@ -14,6 +14,8 @@ from rich.table import Table
 
 from bt_agents_core.errors import BtAgentsError
 from bt_agents_core.feedback import Update
+from bt_agents_core.scene import finite_or_none
+from bt_agents_core.text import format_known
 from bt_agents_core.trees_folder import find_trees
 from bt_agents_ros.signals import loading
 
@@ -145,13 +147,9 @@ def _row(case: RoundComparison) -> tuple[str, ...]:
         escape(case.label),
         escape(case.was or _NOBODY),
         now,
-        _margin(case.margin_was),
-        _margin(case.margin_now),
+        format_known(case.margin_was),
+        format_known(case.margin_now),
     )
-
-
-def _margin(value: float) -> str:
-    return "–" if math.isnan(value) else f"{value:.3g}"
 
 
 def _as_data(outlook: Outlook, assumed: tuple[str, ...]) -> dict[str, object]:
@@ -163,8 +161,8 @@ def _as_data(outlook: Outlook, assumed: tuple[str, ...]) -> dict[str, object]:
                 "scene": case.label,
                 "was": case.was,
                 "now": case.now,
-                "margin_was": _number(case.margin_was),
-                "margin_now": _number(case.margin_now),
+                "margin_was": finite_or_none(case.margin_was),
+                "margin_now": finite_or_none(case.margin_now),
                 "problem": case.problem,
             }
             for case in outlook.rounds
@@ -177,7 +175,3 @@ def _as_data(outlook: Outlook, assumed: tuple[str, ...]) -> dict[str, object]:
         "profiles": {agent: list(profile) for agent, profile in outlook.profiles.items()},
         "assumed": list(assumed),
     }
-
-
-def _number(value: float) -> float | None:
-    return None if math.isnan(value) else value

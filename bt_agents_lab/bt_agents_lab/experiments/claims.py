@@ -14,8 +14,7 @@ from bt_agents_lab.experiments.replicas import Replicas, replicas, with_errors, 
 from bt_agents_lab.experiments.simulated_world import Arm
 from bt_agents_lab.experiments.verdicts import Claim, ClaimVerdict, judged, percent
 from bt_agents_language.files.folder_reader import Trees
-from bt_agents_language.model.experiment import ExperimentSpec
-from feedback_node.simulated_feedback import Errors
+from bt_agents_language.model.experiment import ExperimentSpec, FeedbackErrors
 from marketplace_node.strategies.arrays import Floats
 
 RATES = {"conservative": 0.05, "moderate": 0.2, "aggressive": 0.5}
@@ -208,7 +207,7 @@ def _aggressive(often: Mapping[str, Replicas], regular: Mapping[str, Replicas]) 
     )
 
 
-def _abrupt(runs: Replicas, errors: Errors) -> ClaimVerdict:
+def _abrupt(runs: Replicas, errors: FeedbackErrors) -> ClaimVerdict:
     wrong = runs.luck.error_draw[:, :, 0] == 0.0
     twice = wrong[:, :-1] & wrong[:, 1:]
     values = np.concatenate(
@@ -329,7 +328,7 @@ def _stability(rare: Mapping[str, Replicas]) -> ClaimVerdict:
 
 
 def _played(
-    experiment: Paper, rate: float, errors: Errors | None, seeds: Sequence[int]
+    experiment: Paper, rate: float, errors: FeedbackErrors | None, seeds: Sequence[int]
 ) -> Replicas:
     world = replace(world_of(experiment.folder, experiment.spec), rates=np.array([rate]))
     return replicas(world, with_errors(experiment.spec, errors), seeds)

@@ -19,6 +19,7 @@ from feedback_node.learning.profiles import Profiles
 from feedback_node.learning.runs import AnnouncedRun
 from feedback_node.ledger import Ledger
 from feedback_node.ledger.file import MEMORY
+from feedback_node.simulated_feedback import SimulatedFeedback
 from marketplace_node.effects import Collect, Effect, OpenCall, RunOutcome, SendGoal
 from marketplace_node.interaction.award import RunEnd
 from marketplace_node.market import Market
@@ -55,7 +56,7 @@ class Core:
             Profiles(self.space, self._ledger),
             clock=lambda: _NOW,
             new_id=lambda: "",
-            simulated=spec.feedback,
+            simulated=SimulatedFeedback(spec.feedback),
         )
         self._records: list[FeedbackRecord] = []
         self._execute(self._market.tick(_NOW))
@@ -101,7 +102,7 @@ class Core:
         self._roster.enrol(names, answer.agent_ids, answer.reasons)
         self._execute(effects)
         self._beat(0)
-        self._teaching.introduce(
+        self._teaching.register_card(
             LearningCard(
                 host=HOST,
                 instance=_INSTANCE,
@@ -146,7 +147,8 @@ class Core:
             agent_ids=tuple(member.agent_id for member in answer.bids),
             vectors=tuple(value for member in answer.bids for value in member.profile),
             declined=tuple(answer.declined),
-            decline_reasons=tuple(answer.declined.values()),
+            decline_reasons=tuple(one.reason for one in answer.declined.values()),
+            unmet=tuple(one.unmet for one in answer.declined.values()),
         )
 
     def _collect(self, effect: Collect) -> list[Effect]:

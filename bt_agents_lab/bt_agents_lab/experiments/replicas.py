@@ -13,8 +13,7 @@ from bt_agents_lab.experiments.random_streams import RandomStreams, draw
 from bt_agents_lab.experiments.simulated_world import Arm, SimulatedWorld, vectors
 from bt_agents_lab.experiments.simulation import Course, simulate
 from bt_agents_language.files.folder_reader import Trees
-from bt_agents_language.model.experiment import ExperimentSpec
-from feedback_node.simulated_feedback import Errors
+from bt_agents_language.model.experiment import ExperimentSpec, FeedbackErrors
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -72,13 +71,15 @@ def with_seed(spec: ExperimentSpec, seed: int) -> ExperimentSpec:
     return replace(
         spec,
         seed=seed,
-        feedback=spec.feedback.afresh(None if errors is None else replace(errors, seed=seed)),
+        feedback=replace(
+            spec.feedback, errors=None if errors is None else replace(errors, seed=seed)
+        ),
     )
 
 
-def with_errors(spec: ExperimentSpec, errors: Errors | None) -> ExperimentSpec:
+def with_errors(spec: ExperimentSpec, errors: FeedbackErrors | None) -> ExperimentSpec:
     """Return an experiment with other wrong feedback."""
-    return replace(spec, feedback=spec.feedback.afresh(errors))
+    return replace(spec, feedback=replace(spec.feedback, errors=errors))
 
 
 def replicas(

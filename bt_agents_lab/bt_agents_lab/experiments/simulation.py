@@ -263,7 +263,7 @@ def _learn(
     rate = updates.rates(
         rule, world.rates[chosen], np.full(len(rows), weight), state.changes[rows, chosen]
     )
-    state.profiles[rows, chosen] = updates.moved(
+    state.profiles[rows, chosen] = updates.apply_update(
         kind,
         profile,
         target,
@@ -276,7 +276,7 @@ def _learn(
     )
     state.changes[rows, chosen] += 1.0
     if recent.shape[1]:
-        asked = updates.asked(kind, profile, target)
+        asked = updates.requested(kind, profile, target)
         state.recent[rows, chosen] = np.concatenate([recent[:, 1:], asked[:, None]], axis=1)
 
 

@@ -15,6 +15,21 @@ from bt_agents_lab.experiments.simulated_world import NOT_SIMULATED, Person, Sim
 from bt_agents_lab.experiments.sweep import Learning, Selection, SweepSpec
 from bt_agents_language.files.experiment_reader import read_experiment
 from bt_agents_language.files.folder_reader import read_trees
+from bt_agents_language.model.file_kinds import (
+    DURATION,
+    NUMBER,
+    SHARE,
+    TEXT,
+    Choice,
+    Either,
+    FieldDecl,
+    FileKind,
+    Items,
+    KeyTable,
+    SceneValues,
+    integer,
+    number,
+)
 from bt_agents_language.model.scene_values import read_vector
 from bt_agents_language.yaml.source import read_source
 from bt_agents_language.yaml.typed_reader import TypedReader
@@ -25,6 +40,83 @@ MAX_RUNS = 1_000_000
 MAX_ROUNDS = 100_000
 TIES = (*TIE_BREAKS, "random")
 
+_SIMULATED = tuple(name for name in STRATEGIES if name not in NOT_SIMULATED)
+_UPDATES = tuple(str(update) for update in Update)
+_STRATEGY = KeyTable(
+    what="a strategy",
+    fields=(
+        FieldDecl("name", Choice(_SIMULATED), "The strategy.", required=True),
+        FieldDecl("tie_break", Choice(TIES), "Who wins of the best ones.", default=TIES[0]),
+        *(
+            FieldDecl(name, NUMBER, "An option of the strategy.")
+            for name in sorted({o.name for one in _SIMULATED for o in STRATEGIES[one].options})
+        ),
+    ),
+)
+_UPDATE = KeyTable(
+    what="an update",
+    fields=(
+        FieldDecl("name", Choice(_UPDATES), "The learning rule.", required=True),
+        FieldDecl("width", number(0), "Of huber: its width for every parameter."),
+        FieldDecl("window", integer(1, 1000), "Of median: so many of the last feedbacks count."),
+        FieldDecl("anneal", number(0), "After n feedbacks the rate is rate / (1 + anneal × n)."),
+    ),
+)
+_WRONG = KeyTable(
+    what="'wrong'",
+    fields=(
+        FieldDecl("shares", Items(SHARE), "Shares of feedback that is wrong.", required=True),
+        FieldDecl(
+            "says",
+            Either((Choice(("any", "another")), SceneValues(every=True))),
+            "What wrong feedback says.",
+        ),
+    ),
+)
+_PERSON = KeyTable(
+    what="'person'",
+    fields=(
+        FieldDecl("seconds", integer(1, 1000), "Length of an interaction."),
+        FieldDecl(
+            "drift", number(0), "What a perfectly fitting agent adds to the mood in a second."
+        ),
+        FieldDecl("noise", number(0), "Standard deviation of what else changes the mood."),
+        FieldDecl(
+            "tolerance", number(0.001), "Distance at which an agent neither pleases nor annoys."
+        ),
+        FieldDecl("better", number(0), "Rise of the mood that gives positive feedback."),
+        FieldDecl("worse", number(0), "Fall of the mood that gives negative feedback."),
+        FieldDecl("hold", DURATION, "How long either must hold."),
+    ),
+)
+SWEEP = FileKind(
+    name="sweep",
+    what="a sweep",
+    title="Sweep",
+    description="Runs of strategies and learning rules, under more and more wrong feedback.",
+    fields=(
+        FieldDecl("title", TEXT, "Name for people."),
+        FieldDecl("experiment", TEXT, "Folder of the experiment.", required=True),
+        FieldDecl("runs", integer(1, MAX_RUNS), "How many runs.", required=True),
+        FieldDecl("rounds", integer(1, MAX_ROUNDS), "How many rounds a run.", required=True),
+        FieldDecl("seed", integer(0), "Makes the random numbers the same.", required=True),
+        FieldDecl(
+            "strategies",
+            Items(Either((Choice(_SIMULATED), _STRATEGY))),
+            "Each by its name, or with its options.",
+            required=True,
+        ),
+        FieldDecl(
+            "updates",
+            Items(Either((Choice(_UPDATES), _UPDATE))),
+            "Each by its name, or with its options.",
+            required=True,
+        ),
+        FieldDecl("wrong", _WRONG, "How much of the feedback is wrong."),
+        FieldDecl("person", _PERSON, "The person whose mood gives the feedback."),
+    ),
+)
+
 
 def read_sweep(path: Path) -> SweepSpec:
     """Return the sweep of a file.
@@ -34,13 +126,11 @@ def read_sweep(path: Path) -> SweepSpec:
         BtAgentsError: The experiment that it is about cannot be read.
     """
     reading = TypedReader.of(read_source(path))
-    required = ("experiment", "runs", "rounds", "seed", "strategies", "updates")
-    known = ("title", *required, "wrong", "person")
-    fields = reading.document("a sweep", known, required)
+    fields = reading.file(SWEEP)
     title = fields.text("title") or path.stem
-    runs = fields.integer("runs", 1, MAX_RUNS)
-    rounds = fields.integer("rounds", 1, MAX_ROUNDS)
-    seed = fields.integer("seed", 0)
+    runs = fields.integer("runs")
+    rounds = fields.integer("rounds")
+    seed = fields.integer("seed")
     folder = fields.text("experiment")
     if not folder:
         # Without the experiment nobody knows what the rest may name.
@@ -104,23 +194,21 @@ def _world(folder: Path) -> SimulatedWorld:
 
 
 def _selection(reading: TypedReader, node: Node) -> Selection | None:
-    names = [name for name in STRATEGIES if name not in NOT_SIMULATED]
     if not isinstance(node, Mapping):
-        name = reading.choice(node, "a strategy", names)
+        name = reading.choice(node, "a strategy", _SIMULATED)
         return None if name is None else Selection(strategy=name)
-    options = {o.name for name in names for o in STRATEGIES[name].options}
-    fields = reading.fields(node, "a strategy", ("name", "tie_break", *sorted(options)), ("name",))
+    fields = reading.keys(node, _STRATEGY)
     if fields is None:
         return None
-    name = fields.choice("name", names)
+    name = fields.choice("name")
     tie_break = TIES[0]
     if fields.get("tie_break") is not None:
-        tie_break = fields.choice("tie_break", TIES) or TIES[0]
+        tie_break = fields.choice("tie_break") or TIES[0]
     if name is None:
         return None
     given = {}
     own = {option.name: option for option in STRATEGIES[name].options}
-    for key in sorted(options & set(fields.nodes)):
+    for key in sorted(fields.nodes.keys() - {"name", "tie_break"}):
         if key not in own:
             hint = f"it has {', '.join(own)}" if own else "it has no options"
             reading.error("unknown-key", fields.keys[key], f"{name} has no option '{key}'", hint)
@@ -133,16 +221,15 @@ def _selection(reading: TypedReader, node: Node) -> Selection | None:
 
 def _learning(reading: TypedReader, node: Node, space: SceneSpace) -> Learning | None:
     if not isinstance(node, Mapping):
-        name = reading.choice(node, "an update", [str(update) for update in Update])
+        name = reading.choice(node, "an update", _UPDATES)
         return None if name is None else Learning(rule=LearningRule(update=Update(name)))
-    keys = ("name", "width", "window", "anneal")
-    fields = reading.fields(node, "an update", keys, ("name",))
+    fields = reading.keys(node, _UPDATE)
     if fields is None:
         return None
-    name = fields.choice("name", [str(update) for update in Update])
-    width = fields.number("width", 0)
-    window = fields.integer("window", 1, 1000)
-    anneal = fields.number("anneal", 0)
+    name = fields.choice("name")
+    width = fields.number("width")
+    window = fields.integer("window")
+    anneal = fields.number("anneal")
     if name is None:
         return None
     widths = {} if width is None else dict.fromkeys(space.names, width)
@@ -160,7 +247,7 @@ def _learning(reading: TypedReader, node: Node, space: SceneSpace) -> Learning |
 def _wrong(
     reading: TypedReader, node: Node, space: SceneSpace
 ) -> tuple[tuple[float, ...], WrongFeedback | None]:
-    fields = reading.fields(node, "'wrong'", ("shares", "says"), ("shares",))
+    fields = reading.keys(node, _WRONG)
     if fields is None:
         return (0.0,), None
     shares = [reading.number(item, "a share", 0, 1) for item in fields.items("shares")]
@@ -175,14 +262,13 @@ def _wrong(
 
 
 def _person(reading: TypedReader, node: Node) -> Person | None:
-    keys = ("seconds", "drift", "noise", "tolerance", "better", "worse", "hold")
-    fields = reading.fields(node, "'person'", keys)
+    fields = reading.keys(node, _PERSON)
     if fields is None:
         return None
     default = Person()
-    seconds = fields.integer("seconds", 1, 1000)
-    numbers = {key: fields.number(key, 0) for key in ("drift", "noise", "better", "worse")}
-    tolerance = fields.number("tolerance", 0.001)
+    seconds = fields.integer("seconds")
+    numbers = {key: fields.number(key) for key in ("drift", "noise", "better", "worse")}
+    tolerance = fields.number("tolerance")
     hold = fields.duration("hold")
     if hold is not None and hold != math.floor(hold):
         reading.error(

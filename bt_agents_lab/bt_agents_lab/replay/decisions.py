@@ -73,7 +73,7 @@ def _again(one: Round, space: SceneSpace, where: str) -> ReplayFinding:
         external=external_of(auction) if auction.strategy == EXTERNAL else None,
     )
     for strategy, difference in (
-        (auction.strategy, partial(_difference, auction, ranked, scene)),
+        (auction.strategy, partial(_difference, one, ranked, scene)),
         (auction.shadow_strategy, partial(_shadow_difference, auction, ranked)),
     ):
         if one.runs is None and strategy and STRATEGIES[strategy].counts:
@@ -84,11 +84,13 @@ def _again(one: Round, space: SceneSpace, where: str) -> ReplayFinding:
             return not_recorded(KIND, where, missing)
         if text := difference():
             return compared(KIND, where, text)
-    return compared(KIND, where, _reason_difference(auction, terms, ranked, space))
+    text = _reason_difference(auction, terms, ranked, space) if one.format > 1 else ""
+    return compared(KIND, where, text)
 
 
-def _difference(auction: Any, ranked: Ranked, scene: Scene) -> str:
+def _difference(one: Round, ranked: Ranked, scene: Scene) -> str:
     """Return the first difference as text; empty when everything is equal."""
+    auction = one.auction
     for place, (was, now) in enumerate(zip_longest(auction.ranking, ranked.bids), 1):
         if was.agent != now.agent:
             return f"place {place} was {was.agent}, now {now.agent}"
@@ -112,6 +114,8 @@ def _difference(auction: Any, ranked: Ranked, scene: Scene) -> str:
     margin = math.nan if stopped else _margin(ranked.bids)
     if not _same(auction.margin, margin):
         return _differs("the margin", auction.margin, margin)
+    if one.format == 1:
+        return ""
     names = list(ranked.change.names) if ranked.change else []
     values = list(ranked.change.values) if ranked.change else []
     if list(auction.change_names) != names or list(auction.change_values) != values:

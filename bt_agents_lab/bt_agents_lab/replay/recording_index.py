@@ -13,9 +13,11 @@ from bt_agents_core.errors import BtAgentsError, Refused
 from bt_agents_lab.recorder.reading import JournalEntry, JournalReader
 from bt_agents_lab.replay.texts import ParsedTexts, TextFiles
 from marketplace_node.effects import RunEventKind
-from marketplace_node.round.decision import EARLIER_RUNS
 
 _TYPES = "bt_agents_interfaces/msg/"
+
+_SHADOW_1 = "shadow."
+_EARLIER_RUNS_1 = "market.earlier_runs"
 
 NO_TEXTS = "there is no scene.yaml, as no host has sent its texts before"
 """Why a round cannot be decided again whose ``parsed`` is unknown."""
@@ -51,17 +53,20 @@ class Round:
         auction: Its outcome.
         runs: Number of runs that this start of the market had begun before it; None for unknown.
         parsed: Texts that define the scene and the rules of the market; None for unknown.
+        format: Format of its message, see :func:`_migrate_options`. In format 1 the change by
+            which the runner-up would have won, and the sentence about it, come from another
+            search, so they are not compared.
     """
 
     auction: Any
     runs: int | None
     parsed: ParsedTexts | None
+    format: int
 
     @property
     def earlier(self) -> int:
         """Number of runs before this start of the market, as far as it knows."""
-        options = zip(self.auction.option_names, self.auction.option_values, strict=True)
-        return int(dict(options).get(EARLIER_RUNS, 0.0))
+        return int(self.auction.earlier_runs)
 
     @property
     def least(self) -> int:
@@ -209,6 +214,7 @@ class _Indexer:
     def _auction(self, message: Any) -> None:
         if message.preview:
             return
+        written = _migrate_options(message)
         epoch = message.epoch
         if message.round == 1:
             self._whole.add(epoch)
@@ -216,6 +222,7 @@ class _Indexer:
             auction=message,
             runs=self._begun[epoch] if epoch in self._whole else None,
             parsed=self._newest.parsed if self._newest is not None else None,
+            format=written,
         )
         if one.runs is not None and one.runs + one.earlier < one.least:
             # A run that the journal has not received.
@@ -242,6 +249,24 @@ class _Indexer:
     def _run_of(self, message: Any) -> RunStory:
         key = (message.host_instance, message.epoch, message.round, message.agent)
         return self.story.runs.setdefault(key, RunStory(key=key))
+
+
+def _migrate_options(auction: Any) -> int:
+    """Give an auction of format 1 the fields of format 2; return the format it was written in.
+
+    In format 1, which knows no ``earlier_runs``, the options of the shadow strategy and the count
+    of earlier runs stand with the options of the strategy, under names of their own.
+    """
+    if hasattr(auction, "earlier_runs"):
+        return 2
+    given = dict(zip(auction.option_names, auction.option_values, strict=True))
+    auction.earlier_runs = int(given.pop(_EARLIER_RUNS_1, 0.0))
+    shadow = {name: value for name, value in given.items() if name.startswith(_SHADOW_1)}
+    own = {name: value for name, value in given.items() if name not in shadow}
+    auction.option_names, auction.option_values = list(own), list(own.values())
+    auction.shadow_option_names = [name.removeprefix(_SHADOW_1) for name in shadow]
+    auction.shadow_option_values = list(shadow.values())
+    return 1
 
 
 _OF_RUNS = (f"{_TYPES}RunRecord", f"{_TYPES}TreeStatus")

@@ -13,7 +13,7 @@ from bt_agents_core.feedback import FeedbackKind, LearningRule, Update
 from bt_agents_core.scene import SceneSpace, Vector
 from bt_agents_lab.replay.findings import ReplayFinding, compared, not_recorded
 from bt_agents_lab.replay.recording_index import RecordedFeedback
-from feedback_node.learning.learning_step import Evidence, Step, asked, step
+from feedback_node.learning.learning_step import Evidence, Step, requested, step
 
 KIND = "profile change"
 
@@ -51,7 +51,7 @@ class FeedbackHistory:
         kind = FeedbackKind(feedback.kind)
         if kind is not FeedbackKind.SET:
             before, target = tuple(feedback.before), tuple(feedback.target)
-            self._asked[key].append(asked(kind, before, target))
+            self._asked[key].append(requested(kind, before, target))
 
     def recent(self, feedback: Any) -> tuple[Vector, ...]:
         """Return the targets asked for before a feedback, newest last."""

@@ -9,7 +9,7 @@ from typing import Any
 
 from bt_agents_core.scene import Origin, Scene, SceneSpace, SceneValue
 from bt_agents_lab.replay.recording_index import Round
-from marketplace_node.round.decision import EARLIER_RUNS, SHADOW, AcceptedBid, External, Terms
+from marketplace_node.round.decision import AcceptedBid, External, Terms
 
 
 def scene_of(message: Any, space: SceneSpace) -> Scene:
@@ -68,7 +68,6 @@ def terms_of(one: Round, scene: Scene, runs: int) -> Terms:
         runs: Number of runs that this start of the market had begun before it.
     """
     auction = one.auction
-    options = dict(zip(auction.option_names, auction.option_values, strict=True))
     return Terms(
         epoch=auction.epoch,
         round=auction.round,
@@ -80,14 +79,12 @@ def terms_of(one: Round, scene: Scene, runs: int) -> Terms:
         last_run={bid.agent: bid.last_run for bid in auction.ranking},
         rounds_run=one.earlier + runs,
         earlier_runs=one.earlier,
-        options={
-            k: v for k, v in options.items() if not k.startswith(SHADOW) and k != EARLIER_RUNS
-        },
+        options=dict(zip(auction.option_names, auction.option_values, strict=True)),
         seed=auction.seed,
         shadow=auction.shadow_strategy,
-        shadow_options={
-            k.removeprefix(SHADOW): v for k, v in options.items() if k.startswith(SHADOW)
-        },
+        shadow_options=dict(
+            zip(auction.shadow_option_names, auction.shadow_option_values, strict=True)
+        ),
         rules=one.parsed.rules if one.parsed is not None else (),
         intervention=auction.intervention,
         preview=auction.preview,

@@ -13,10 +13,10 @@ from typing import Any
 
 from bt_agents.host.reload.source_bundle import HOST, MARKET
 from bt_agents_core.errors import BtAgentsError, Refused
+from bt_agents_core.field_types import BindingKind, FieldType, Plain
 from bt_agents_core.scene import SceneSpace
 from bt_agents_language.files.folder_reader import Trees, read_trees
 from bt_agents_language.files.market_reader import MarketRule, read_market
-from bt_agents_language.model.specs import BindingKind, FieldType, Plain
 
 _FOLDER = "trees"
 

@@ -9,7 +9,8 @@ from itertools import zip_longest
 from typing import Any
 
 from bt_agents.engine.run import TreeOutcome
-from bt_agents.recording.replay_world import Record, Turn, read_record, repeat
+from bt_agents.recording.format import Recording, read_recording
+from bt_agents.recording.run import ReplayedStep, replay
 from bt_agents_core.errors import BtAgentsError, Refused
 from bt_agents_lab.replay.findings import ReplayFinding, compared, not_recorded
 from bt_agents_lab.replay.recording_index import RunStory
@@ -35,18 +36,18 @@ def runs_again(runs: Iterable[RunStory]) -> Iterator[ReplayFinding]:
         _, _, number, agent = run.key
         where = f"round {number}, {agent}"
         try:
-            turns = _again(run)
+            ticks = _again(run)
         except _Missing as missing:
             yield not_recorded(KIND, where, str(missing))
         except Refused as refused:
             yield compared(KIND, where, refused.reason)
         else:
-            if isinstance(turns, int):
-                yield compared(KIND, where, "", turns)
+            if isinstance(ticks, int):
+                yield compared(KIND, where, "", ticks)
             elif run.torn:
                 yield not_recorded(KIND, where, "the journal has lost messages around it")
             else:
-                yield compared(KIND, where, turns)
+                yield compared(KIND, where, ticks)
 
 
 def _again(run: RunStory) -> int | str:
@@ -60,22 +61,26 @@ def _again(run: RunStory) -> int | str:
         raise _Missing("nothing was recorded of what its tree received")
     if run.records[0].tick != 0:
         raise _Missing("its record begins in the middle")
-    record = read_record(line for one in run.records for line in one.record.splitlines())
-    spec, parsed = _spec_of(run, record)
+    recording = read_recording(line for one in run.records for line in one.record.splitlines())
+    spec, parsed = _spec_of(run, recording)
     recorded = _by_tick(run)
-    before = str(record.head.get("file", ""))
+    before = str(recording.head.get("file", ""))
     prefix = before.removesuffix(_inside(spec, parsed))
     ticks = unrecorded = 0
-    for turn in repeat(record, spec, parsed.space):
-        ticks = turn.tick
-        if turn.changed and len(turn.changes) == turn.changed and turn.tick not in recorded:
+    for step in replay(recording, spec, parsed.space):
+        ticks = step.tick
+        if (
+            step.recorded_changes
+            and len(step.changes) == step.recorded_changes
+            and step.tick not in recorded
+        ):
             unrecorded += 1
-            recorded[turn.tick] = _changes_of(turn, parsed.folder + "/", prefix)
-        difference = _difference(turn, recorded, parsed.folder + "/", prefix)
+            recorded[step.tick] = _changes_of(step, parsed.folder + "/", prefix)
+        difference = _difference(step, recorded, parsed.folder + "/", prefix)
         if difference:
-            return f"tick {turn.tick}: {difference}"
-    if not record.ended:
-        why = record.stopped or "its host or the journal has ended before it"
+            return f"tick {step.tick}: {difference}"
+    if not recording.complete:
+        why = recording.stopped or "its host or the journal has ended before it"
         raise _Missing(f"{ticks} ticks are equal, then the record ends: {why}")
     left = next((changes for changes in recorded.values() if changes), None)
     if left:
@@ -85,9 +90,9 @@ def _again(run: RunStory) -> int | str:
     return ticks
 
 
-def _spec_of(run: RunStory, record: Record) -> tuple[AgentSpec, ParsedTexts]:
+def _spec_of(run: RunStory, recording: Recording) -> tuple[AgentSpec, ParsedTexts]:
     """Return the agent as it was, from the texts in which its version came up."""
-    name, version = record.head.get("agent"), record.head.get("version")
+    name, version = recording.head.get("agent"), recording.head.get("version")
     fitting = [texts for texts in run.texts if texts.versions.get(str(name)) == version]
     if not fitting:
         raise _Missing(f"there is no text of version {version} of {name}")
@@ -122,41 +127,43 @@ def _status(number: int) -> str:
     return _STATUSES[number] if 0 <= number < len(_STATUSES) else str(number)
 
 
-def _changes_of(turn: Turn, folder: str, prefix: str) -> list[Change]:
+def _changes_of(step: ReplayedStep, folder: str, prefix: str) -> list[Change]:
     return [
         (one.path, one.name, one.status.name, one.message.replace(folder, prefix))
-        for one in turn.changes
+        for one in step.changes
     ]
 
 
-def _difference(turn: Turn, recorded: dict[int, list[Change]], folder: str, prefix: str) -> str:
-    """Return the first difference in a turn as text; empty when there is none."""
-    again = _changes_of(turn, folder, prefix)
-    was = recorded.get(turn.tick, [])
-    head, recorded[turn.tick] = was[: len(again)], was[len(again) :]
+def _difference(
+    step: ReplayedStep, recorded: dict[int, list[Change]], folder: str, prefix: str
+) -> str:
+    """Return the first difference in a step as text; empty when there is none."""
+    again = _changes_of(step, folder, prefix)
+    was = recorded.get(step.tick, [])
+    head, recorded[step.tick] = was[: len(again)], was[len(again) :]
     for here, there in zip_longest(again, head):
         if here != there:
             return f"{_shown(there)} was reported, now {_shown(here)}"
-    asked, noted = _plain(turn.asked), _plain(turn.noted)
+    asked, noted = _plain(step.requests), _plain(step.recorded_requests)
     for one, other in zip_longest(asked, noted):
         if one != other:
             return f"{_asked(other)} was asked for, now {_asked(one)}"
-    return _end_difference(turn, folder, prefix)
+    return _end_difference(step, folder, prefix)
 
 
-def _end_difference(turn: Turn, folder: str, prefix: str) -> str:
-    if turn.result is None:
-        return "it had ended, now it goes on" if turn.end is not None else ""
-    if turn.end is None:
-        return f"it went on, now it ends: {turn.result.message}"
-    result = turn.result
+def _end_difference(step: ReplayedStep, folder: str, prefix: str) -> str:
+    if step.result is None:
+        return "it had ended, now it goes on" if step.recorded_end is not None else ""
+    if step.recorded_end is None:
+        return f"it went on, now it ends: {step.result.message}"
+    result = step.result
     pairs = {
-        "outcome": (TreeOutcome(turn.end["outcome"]).value, result.outcome.value),
-        "message": (turn.end["message"], result.message.replace(folder, prefix)),
-        "tip": (turn.end["tip"], result.tip),
-        "orphans": (list(turn.end["orphans"]), list(result.orphans)),
-        "ticks": (turn.end["ticks"], result.ticks),
-        "duration_s": (turn.end["duration_s"], result.duration_s),
+        "outcome": (TreeOutcome(step.recorded_end["outcome"]).value, result.outcome.value),
+        "message": (step.recorded_end["message"], result.message.replace(folder, prefix)),
+        "tip": (step.recorded_end["tip"], result.tip),
+        "orphans": (list(step.recorded_end["orphans"]), list(result.orphans)),
+        "ticks": (step.recorded_end["ticks"], result.ticks),
+        "duration_s": (step.recorded_end["duration_s"], result.duration_s),
     }
     for name, (was, now) in pairs.items():
         if was != now:

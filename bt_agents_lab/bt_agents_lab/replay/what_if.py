@@ -19,7 +19,7 @@ from bt_agents_lab.replay.replay_learning import rule_of
 from bt_agents_lab.replay.scenes import bids_of, external_of, named, scene_of, terms_of
 from bt_agents_language.model.specs import AgentSpec
 from bt_agents_language.yaml.diagnostics import did_you_mean
-from feedback_node.learning.learning_step import Evidence, asked, step
+from feedback_node.learning.learning_step import Evidence, requested, step
 from marketplace_node.round.decision import AcceptedBid, AuctionOutcome, ClosedBy, Terms
 from marketplace_node.round.ranking import decide
 from marketplace_node.settings import EXTERNAL
@@ -315,7 +315,7 @@ class _Counterfactual:
             ),
         )
         if kind is not FeedbackKind.SET:
-            asked_before.append(asked(kind, profile, target))
+            asked_before.append(requested(kind, profile, target))
         return again.after
 
     def _learning(

@@ -1,18 +1,18 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Hints for the usual slips in expressions: words of other languages, units, missing brackets."""
+"""Hints for usual mistakes in expressions: words of other languages, units, missing brackets."""
 
 from __future__ import annotations
 
 import difflib
 from collections.abc import Iterable
 
+from bt_agents_core.text import ellipsize
 from bt_agents_language.expression.expression_tokens import (
     ExpressionError,
     Token,
     TokenKind,
     unit_hint,
 )
-from bt_agents_language.shortened import shortened
 
 _OTHER_FUNCTIONS = {
     "minimum": "min", "least": "min", "smallest": "min",
@@ -35,8 +35,8 @@ _NO_FUNCTIONS = {
     "float": "numbers need no conversion",
     "bool": "compare, for example x > 0",
     "random": "use the node 'random'",
-    "now": "use the modifiers 'cooldown' and 'timeout', or the node 'wait'",
-    "time": "use the modifiers 'cooldown' and 'timeout', or the node 'wait'",
+    "now": "use the decorators 'cooldown' and 'timeout', or the node 'wait'",
+    "time": "use the decorators 'cooldown' and 'timeout', or the node 'wait'",
 }
 _METHODS = {
     "contains": "write 'word' in {0}",
@@ -78,8 +78,8 @@ def unknown_function(token: Token, functions: Iterable[str]) -> ExpressionError:
     if dot:
         hint = _METHODS.get(method.lower(), "possible are min, max, abs, round and len")
         return token.error(
-            f"values have no functions of their own: '{shortened(token.text)}(…)'",
-            hint.format(shortened(value)),
+            f"values have no functions of their own: '{ellipsize(token.text)}(…)'",
+            hint.format(ellipsize(value)),
         )
     word = token.text
     hint = _NO_FUNCTIONS.get(word.lower(), "")
@@ -89,7 +89,7 @@ def unknown_function(token: Token, functions: Iterable[str]) -> ExpressionError:
         near = difflib.get_close_matches(folded, known, n=1, cutoff=0.6) if len(word) < 40 else []
         meant = _OTHER_FUNCTIONS.get(folded) or (near[0] if near else "")
         hint = f"did you mean '{meant}'?" if meant else f"possible are {', '.join(known)}"
-    return token.error(f"there is no function '{shortened(word)}'", hint)
+    return token.error(f"there is no function '{ellipsize(word)}'", hint)
 
 
 def no_value(token: Token) -> ExpressionError | None:
@@ -117,12 +117,12 @@ def unexpected(token: Token, before: Token | None) -> ExpressionError:
         message = before.text.startswith(("msg.", "result."))
         return token.error(
             "an item is not picked with brackets",
-            f"name its place behind a point, counted from 0: {shortened(before.text)}.0"
+            f"name its place behind a point, counted from 0: {ellipsize(before.text)}.0"
             if message
-            else f"look for a value with 'in': 'word' in {shortened(before.text)}",
+            else f"look for a value with 'in': 'word' in {ellipsize(before.text)}",
         )
     return token.error(
-        f"an operator is expected before '{shortened(token.text)}'", _between(token, before)
+        f"an operator is expected before '{ellipsize(token.text)}'", _between(token, before)
     )
 
 
@@ -154,12 +154,12 @@ def no_operand(token: Token) -> ExpressionError:
         hint = "write a value, or remove the comma" if token.text != "," else "write a value"
     elif token.kind is TokenKind.OPERATOR:
         hint = "write a value or name before it"
-    return token.error(f"a value or name is expected, found '{shortened(token.text)}'", hint)
+    return token.error(f"a value or name is expected, found '{ellipsize(token.text)}'", hint)
 
 
 def bad_between(token: Token) -> ExpressionError:
     """Return the error for ``between`` without its ``and``."""
-    found = "the end" if token.kind is TokenKind.END else f"'{shortened(token.text)}'"
+    found = "the end" if token.kind is TokenKind.END else f"'{ellipsize(token.text)}'"
     return token.error(
         f"'between' needs two numbers joined with 'and', found {found}", "write between 2 and 4"
     )

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The words of an expression: numbers, quoted texts, names, operators, each with its column."""
+"""Tokens of an expression: numbers, quoted texts, names, operators, each with its column."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from dataclasses import dataclass
 from enum import Enum
 
 from bt_agents_core.errors import BtAgentsError
+from bt_agents_core.text import ellipsize
 from bt_agents_language.model.units import dimension_of
-from bt_agents_language.shortened import shortened
 
 MAX_TOKENS = 400
 """Words of an expression; evaluation nests at most half as deep."""
@@ -200,16 +200,16 @@ def _number_slip(word: str, column: int) -> ExpressionError:
     elif unit and unit[1].count(".") < 2 and unit[1] != ".":
         hint = unit_hint(unit[1], unit[2]) or "names start with a letter"
     return ExpressionError(
-        f"'{shortened(word)}' is neither a number nor a name", column, hint, len(word)
+        f"'{ellipsize(word)}' is neither a number nor a name", column, hint, len(word)
     )
 
 
 def _number(word: str, column: int) -> int | float:
     if word[0] == "0" and word[1:2].isdecimal():
         raise ExpressionError(
-            f"'{shortened(word)}' starts with a zero, which some programs read as another number",
+            f"'{ellipsize(word)}' starts with a zero, which some programs read as another number",
             column,
-            f"write {shortened(word.lstrip('0') or '0')}",
+            f"write {ellipsize(word.lstrip('0') or '0')}",
             len(word),
         )
     if word.isdigit() and len(word) <= 18:
@@ -217,7 +217,7 @@ def _number(word: str, column: int) -> int | float:
     value = float(word)
     if not math.isfinite(value):
         raise ExpressionError(
-            f"'{shortened(word)}' is too large for a number", column, "", len(word)
+            f"'{ellipsize(word)}' is too large for a number", column, "", len(word)
         )
     return value
 

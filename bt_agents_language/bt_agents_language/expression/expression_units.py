@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The dimensions of quantities in expressions: a time and a length are never added or compared."""
+"""Dimension checks of expressions: a time and a length are never added or compared."""
 
 from __future__ import annotations
 

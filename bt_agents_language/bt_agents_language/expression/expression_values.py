@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What flows through an expression: kinds of values, compiled parts, and the checks on both."""
+"""Kinds of values in expressions, compiled parts, and the type checks on both."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from enum import Enum
 
+from bt_agents_core.text import ellipsize
 from bt_agents_language.expression.expression_tokens import ExpressionError
 from bt_agents_language.model.units import Dimension
-from bt_agents_language.shortened import shortened
 
 Lookup = Callable[[str], object]
 """Returns the value of a name."""
@@ -139,7 +139,7 @@ def described(value: object) -> str:
     if isinstance(value, bool):
         return "true" if value else "false"
     if isinstance(value, str):
-        return f"the text '{shortened(value)}'"
+        return f"the text '{ellipsize(value)}'"
     if isinstance(value, float):
         return f"the number {value:g}"
     if isinstance(value, int):

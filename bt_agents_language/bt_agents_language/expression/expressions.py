@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Expressions as authors write them, such as ``scene.age >= 4``: checked and compiled."""
+"""Parser and compiler of expressions such as ``scene.age >= 4``."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The functions of an expression: min, max, abs, round and len, and no others."""
+"""Functions of expressions: min, max, abs, round and len."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the operators of an expression do with values, and which kinds of values they take."""
+"""Operators of expressions: their meaning, precedence and operand types."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One agent file as it was read: its text, the agent or its errors, and what they depend on."""
+"""Agent file as read: its text, the agent or its errors, and the libraries it depends on."""
 
 from __future__ import annotations
 

@@ -1,34 +1,78 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Reads an agent file: who the agent is, what it bids, what it does, and what it learns from."""
+"""Reader of agent files: profile, trees, tunables, learning and mood rules."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
 
+from bt_agents_core.field_types import FieldType
 from bt_agents_language.expression.expressions import Expression
-from bt_agents_language.files.imports import read_imports
+from bt_agents_language.files.imports import IMPORTS, read_imports
 from bt_agents_language.files.inputs import read_new_name
-from bt_agents_language.files.learning_reader import read_learning, read_weights
-from bt_agents_language.files.mood_rule_reader import read_mood_rules
-from bt_agents_language.files.tunable_reader import read_tunable
+from bt_agents_language.files.learning_reader import LEARNING_FIELDS, read_learning, read_weights
+from bt_agents_language.files.mood_rule_reader import MOOD_RULE, read_mood_rules
+from bt_agents_language.files.tunable_reader import TUNABLE, read_tunable
 from bt_agents_language.gc_pause import gc_paused
+from bt_agents_language.model.file_kinds import (
+    CONDITION,
+    NAME,
+    NODE,
+    TEXT,
+    Entries,
+    FieldDecl,
+    FileKind,
+    Items,
+    SceneValues,
+)
 from bt_agents_language.model.scene_values import read_vector
 from bt_agents_language.model.scope import NameScope, scene_names
-from bt_agents_language.model.specs import AgentSpec, FieldType, NodeSpec, Tunable, UnusedInput
+from bt_agents_language.model.specs import AgentSpec, NodeSpec, Tunable, UnusedInput, iter_nodes
 from bt_agents_language.model.symbols import SymbolTable
 from bt_agents_language.model.values import read_condition
-from bt_agents_language.model.walking import iter_nodes
-from bt_agents_language.tree.trees_reader import TreesReader
+from bt_agents_language.tree.trees_reader import SUBTREES, TreesReader
 from bt_agents_language.yaml.source import Source
 from bt_agents_language.yaml.typed_reader import TypedReader
 from bt_agents_language.yaml.yaml_reader import entries_of
 
-_KEYS = (
-    "agent", "title", "description", "tags", "imports", "profile", "learning_rate", "learning",
-    "weights", "requires", "tunables", "feedback", "tree", "on_cancel", "subtrees",
-)  # fmt: skip
-_REQUIRED = ("agent", "profile", "tree")
+AGENT = FileKind(
+    name="agent",
+    what="an agent file",
+    title="Agent",
+    description="An interaction character: its profile and its behaviour tree.",
+    fields=(
+        FieldDecl("agent", NAME, "Unique name of the agent.", required=True),
+        FieldDecl("title", TEXT, "Name for people."),
+        FieldDecl("description", TEXT, "What it does and whom it suits."),
+        FieldDecl("tags", Items(TEXT), "Words to find it by."),
+        IMPORTS,
+        FieldDecl(
+            "profile",
+            SceneValues(every=True),
+            "The scene that it suits best: its bid. Feedback moves it.",
+            required=True,
+        ),
+        *LEARNING_FIELDS,
+        FieldDecl(
+            "requires",
+            CONDITION,
+            "It does not bid unless this is true of the scene: scene.person",
+        ),
+        FieldDecl(
+            "tunables",
+            Entries(TUNABLE, "names and tunables"),
+            "Values that may change while the tree runs; each is a ROS parameter and a slider.",
+        ),
+        FieldDecl(
+            "feedback",
+            Items(MOOD_RULE),
+            "What a change of mood during the run teaches the agent.",
+        ),
+        FieldDecl("tree", NODE, "What the agent does.", required=True),
+        FieldDecl("on_cancel", NODE, "Clean-up after a run was stopped, bounded in time."),
+        SUBTREES,
+    ),
+)
 
 
 def read_agent(path: Path, vocabulary: SymbolTable) -> AgentSpec:
@@ -54,7 +98,7 @@ class _AgentFile:
         self._reading = reading
         self._vocabulary = vocabulary
         self._space = vocabulary.space
-        self._fields = reading.document("an agent file", _KEYS, _REQUIRED)
+        self._fields = reading.file(AGENT)
         self._unused_inputs: tuple[UnusedInput, ...] = ()
 
     def read(self) -> AgentSpec:
@@ -101,7 +145,7 @@ class _AgentFile:
     def _tunables(self) -> dict[str, Tunable | None]:
         """Return the tunables by name; of one that is wrong only the name is known."""
         tunables: dict[str, Tunable | None] = {}
-        for entry in self._fields.entries("tunables", "names and tunables"):
+        for entry in self._fields.entries("tunables"):
             name = read_new_name(self._reading, entry.key, "a tunable")
             if name == "learning_rate":
                 self._reading.error(
@@ -135,7 +179,7 @@ class _AgentFile:
         sound = fields.get("tunables") is None or len(declared) == len(tunables) > 0
         trees = TreesReader(
             self._reading,
-            fields.entries("subtrees", "names and subtrees"),
+            fields.entries("subtrees"),
             vocabulary,
             imported,
             types if sound else None,

@@ -7,6 +7,15 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+from bt_agents_core.field_types import BindingKind, Plain
+from bt_agents_language.model.file_kinds import (
+    CONDITION,
+    FIELDS,
+    ROS_NAME,
+    ROS_TYPE,
+    FieldDecl,
+    KeyTable,
+)
 from bt_agents_language.model.interfaces import (
     Interfaces,
     MessageFields,
@@ -14,11 +23,16 @@ from bt_agents_language.model.interfaces import (
     read_ros_type,
 )
 from bt_agents_language.model.scope import NameScope
-from bt_agents_language.model.server_timeouts import LIMIT_KEYS, read_heartbeat, read_timeouts
-from bt_agents_language.model.specs import Binding, BindingKind, MapValue, Plain
+from bt_agents_language.model.server_timeouts import (
+    HEARTBEAT,
+    TIMEOUTS,
+    read_heartbeat,
+    read_timeouts,
+    timeout_keys,
+)
+from bt_agents_language.model.specs import Binding, MapValue
 from bt_agents_language.model.values import is_plain, plain, read_condition, read_map
-from bt_agents_language.yaml.mapping_reader import MappingReader
-from bt_agents_language.yaml.typed_reader import TypedReader
+from bt_agents_language.yaml.typed_reader import MappingReader, TypedReader
 from bt_agents_language.yaml.yaml_reader import Mapping as MappingNode
 from bt_agents_language.yaml.yaml_reader import MappingEntry, Node, Scalar, Sequence, entries_of
 
@@ -73,8 +87,8 @@ class Outputs:
             what: The output, for messages.
             back: What it may come from.
         """
-        told = isinstance(node, Scalar) and node.text.startswith(f"{FEEDBACK}.")
-        if back.feedback is not None and told:
+        is_feedback = isinstance(node, Scalar) and node.text.startswith(f"{FEEDBACK}.")
+        if back.feedback is not None and is_feedback:
             path = read_output(reading, node, what, back.feedback, FEEDBACK)
             if path is not None:
                 self.feedback[name] = path
@@ -84,10 +98,50 @@ class Outputs:
             self.result[name] = path
 
 
-def binding_keys(kind: BindingKind, name_key: str = "name") -> tuple[str, ...]:
-    """Return the keys of a binding; what comes back can only be read where something does."""
-    keys = (name_key, "type", SENT[kind])
-    return (*keys, "succeed_when", *LIMIT_KEYS) if kind in RECEIVED else keys
+def _interface(kind: BindingKind) -> KeyTable:
+    sent = SENT[kind]
+    table = KeyTable(
+        what=f"'{kind.value}'",
+        fields=(
+            FieldDecl(
+                "name",
+                ROS_NAME,
+                "Its ROS name, relative unless it starts with '/'.",
+                required=True,
+            ),
+            FieldDecl("type", ROS_TYPE, "Its ROS type, package/kind/Name.", required=True),
+            FieldDecl(sent, FIELDS, f"Fields of the {sent}; ${{input}} fills an input in."),
+        ),
+    )
+    if kind not in RECEIVED:
+        return table
+    # What comes back can only be read where something does.
+    return table.extended(
+        FieldDecl(
+            "succeed_when",
+            CONDITION,
+            "Condition over result.*; without it, an answer is a success.",
+        ),
+        FieldDecl(
+            "timeouts",
+            TIMEOUTS.only(timeout_keys(kind)),
+            "How long the server may take; then the node fails.",
+        ),
+        FieldDecl(
+            "heartbeat",
+            HEARTBEAT,
+            "What the server publishes while it is alive; its death is noticed by it.",
+        ),
+    )
+
+
+INTERFACES: Mapping[BindingKind, KeyTable] = {kind: _interface(kind) for kind in BindingKind}
+"""Kind of ROS interface → the keys of a binding to one."""
+
+
+def binding_keys(kind: BindingKind, name_key: str) -> tuple[str, ...]:
+    """Return the keys of a binding of which the ROS name stands behind another key."""
+    return tuple(name_key if key == "name" else key for key in INTERFACES[kind].values)
 
 
 def read_binding(

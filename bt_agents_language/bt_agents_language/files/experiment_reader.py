@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Reads an experiment: which scenes are put on the market, and what feedback follows."""
+"""Reader of experiments: scenes that are put on the market, and the feedback that follows."""
 
 from __future__ import annotations
 
@@ -7,14 +7,74 @@ import math
 from pathlib import Path
 
 from bt_agents_core.scene import SceneSpace, Vector
-from bt_agents_language.model.experiment import ExperimentSpec
+from bt_agents_language.model.experiment import ExperimentSpec, FeedbackErrors, PreparedFeedback
+from bt_agents_language.model.file_kinds import (
+    BOOLEAN,
+    SHARE,
+    TEXT,
+    Entries,
+    FieldDecl,
+    FileKind,
+    Items,
+    KeyTable,
+    SceneValues,
+    integer,
+    one_of,
+)
 from bt_agents_language.model.scene_values import read_values, read_vector
 from bt_agents_language.yaml.source import Source
 from bt_agents_language.yaml.typed_reader import TypedReader
-from bt_agents_language.yaml.yaml_reader import Node, Sequence
-from feedback_node.simulated_feedback import Errors, SimulatedFeedback
+from bt_agents_language.yaml.yaml_reader import Node
 
 MAX_ROUNDS = 1_000_000
+
+_OPINION = SceneValues(filled=True)
+_ERRORS = KeyTable(
+    what="'errors'",
+    fields=(
+        FieldDecl("every", integer(1), "Each so-manyth feedback is wrong."),
+        FieldDecl("share", SHARE, "How likely a feedback is wrong."),
+        FieldDecl("value", SceneValues(every=True), "What is said then; any value when left out."),
+    ),
+    needs=one_of(("every", "share"), "write either 'every' or 'share'", exclusive=True),
+)
+_FEEDBACK = KeyTable(
+    what="'feedback'",
+    fields=(
+        FieldDecl(
+            "each",
+            Entries(_OPINION, "agents and their feedback"),
+            "Agent → the feedback that it always gets.",
+        ),
+        FieldDecl("sequence", Items(_OPINION), "Feedback by round."),
+        FieldDecl("repeat", BOOLEAN, "Whether the sequence starts again at its end."),
+        FieldDecl("errors", _ERRORS, "Which of the feedback is wrong."),
+    ),
+    needs=one_of(("each", "sequence"), "write 'each' or 'sequence'"),
+)
+EXPERIMENT = FileKind(
+    name="experiment",
+    what="an experiment",
+    title="Experiment",
+    description="Which scenes are put on the market, and what feedback follows.",
+    fields=(
+        FieldDecl("title", TEXT, "Name for people."),
+        FieldDecl("rounds", integer(1), "How many rounds.", required=True),
+        FieldDecl(
+            "seed",
+            integer(0),
+            "Makes the random numbers the same in every run.",
+            required=True,
+        ),
+        FieldDecl(
+            "scenes",
+            Items(SceneValues(every=True), empty="there is no scene"),
+            "The scenes that are put on the market.",
+            required=True,
+        ),
+        FieldDecl("feedback", _FEEDBACK, "What the simulated person wants.", required=True),
+    ),
+)
 
 
 def read_experiment(file: Path | Source, space: SceneSpace) -> ExperimentSpec:
@@ -28,15 +88,11 @@ def read_experiment(file: Path | Source, space: SceneSpace) -> ExperimentSpec:
         ReadError: There is a problem; it lists all of them.
     """
     reading = TypedReader.of(file)
-    keys = ("title", "rounds", "seed", "scenes", "feedback")
-    fields = reading.document("an experiment", keys, ("rounds", "seed", "scenes", "feedback"))
+    fields = reading.file(EXPERIMENT)
     title = fields.text("title")
-    rounds = fields.integer("rounds", 1, MAX_ROUNDS)
-    seed = fields.integer("seed", 0)
-    nodes = fields.items("scenes")
-    if not nodes and isinstance(fields.get("scenes"), Sequence):
-        reading.error("missing-value", fields.nodes["scenes"], "there is no scene", "add one")
-    scenes = [read_vector(reading, node, "a scene", space) for node in nodes]
+    rounds = fields.integer("rounds", maximum=MAX_ROUNDS)
+    seed = fields.integer("seed")
+    scenes = [read_vector(reading, node, "a scene", space) for node in fields.items("scenes")]
     feedback_node = fields.get("feedback")
     feedback = (
         _feedback(reading, feedback_node, space, seed or 0) if feedback_node is not None else None
@@ -54,15 +110,15 @@ def read_experiment(file: Path | Source, space: SceneSpace) -> ExperimentSpec:
     )
 
 
-def read_simulated_feedback(path: Path, space: SceneSpace) -> SimulatedFeedback:
+def read_simulated_feedback(path: Path, space: SceneSpace) -> PreparedFeedback:
     """Return the feedback of an experiment alone; as :func:`read_experiment`."""
     return read_experiment(path, space).feedback
 
 
 def _feedback(
     reading: TypedReader, node: Node, space: SceneSpace, seed: int
-) -> SimulatedFeedback | None:
-    fields = reading.fields(node, "'feedback'", ("each", "sequence", "repeat", "errors"))
+) -> PreparedFeedback | None:
+    fields = reading.keys(node, _FEEDBACK)
     if fields is None:
         return None
     if fields.get("each") is None and fields.get("sequence") is None:
@@ -73,7 +129,7 @@ def _feedback(
             "add 'each: {agent: {…}}'",
         )
     each: dict[str, Vector] = {}
-    for entry in fields.entries("each", "agents and their feedback"):
+    for entry in fields.entries("each"):
         agent = reading.name(entry.key, "the name of an agent")
         vector = _opinion(reading, entry.value, space)
         if agent is not None and vector is not None:
@@ -81,7 +137,7 @@ def _feedback(
     sequence = [_opinion(reading, item, space) for item in fields.items("sequence")]
     repeat = fields.boolean("repeat")
     errors_node = fields.get("errors")
-    return SimulatedFeedback(
+    return PreparedFeedback(
         each=each,
         sequence=tuple(vector for vector in sequence if vector is not None),
         repeat=bool(repeat),
@@ -89,8 +145,10 @@ def _feedback(
     )
 
 
-def _errors(reading: TypedReader, node: Node, space: SceneSpace, seed: int) -> Errors | None:
-    fields = reading.fields(node, "'errors'", ("every", "share", "value"))
+def _errors(
+    reading: TypedReader, node: Node, space: SceneSpace, seed: int
+) -> FeedbackErrors | None:
+    fields = reading.keys(node, _ERRORS)
     if fields is None:
         return None
     given = [key for key in ("every", "share") if fields.get(key) is not None]
@@ -103,10 +161,10 @@ def _errors(reading: TypedReader, node: Node, space: SceneSpace, seed: int) -> E
             "write 'every: 3' for each third, or 'share: 0.05' for five of a hundred by chance",
         )
         return None
-    every = fields.integer("every", 1, MAX_ROUNDS)
-    share = fields.number("share", 0, 1)
+    every = fields.integer("every", maximum=MAX_ROUNDS)
+    share = fields.number("share")
     value_node = fields.get("value")
-    return Errors(
+    return FeedbackErrors(
         space=space,
         seed=seed,
         every=every or 0,

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Reads a trees folder: the scene, the skills and all agents; a broken agent stops no other."""
+"""Reader of trees folders: the scene, the skills and all agents; a broken agent stops no other."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
+from bt_agents_core.diagnostic import Position
 from bt_agents_core.errors import BtAgentsError, ReadError
 from bt_agents_language.files.agent_file import AgentFile, read_agent_file
 from bt_agents_language.files.libraries import FolderLibraries
@@ -16,7 +17,7 @@ from bt_agents_language.files.skills_reader import read_skills
 from bt_agents_language.model.interfaces import Interfaces
 from bt_agents_language.model.plugins import installed_plugins
 from bt_agents_language.model.scene_specs import SceneSpec
-from bt_agents_language.model.specs import AgentSpec, Position
+from bt_agents_language.model.specs import AgentSpec
 from bt_agents_language.model.symbols import ImportProblem, SymbolTable
 from bt_agents_language.yaml.diagnostics import Diagnostics
 from bt_agents_language.yaml.source import Source, read_source
@@ -82,8 +83,8 @@ class Trees:
                 raise BtAgentsError(
                     f"no agent has the tag '{tag}'; there are {', '.join(known) or 'none'}"
                 )
-        kept = tuple(agent for agent in self.agents if is_wanted(agent, wanted))
-        return replace(self, agents=kept, tags=wanted)
+        chosen = tuple(agent for agent in self.agents if is_wanted(agent, wanted))
+        return replace(self, agents=chosen, tags=wanted)
 
 
 def read_trees(folder: Path, interfaces: Interfaces | None = None, robot: str = "") -> Trees:

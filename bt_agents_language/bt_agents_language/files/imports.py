@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a file imports: skills and subtrees of libraries that lie in the same trees folder."""
+"""Imports of a file: skills and subtrees of libraries of the same trees folder."""
 
 from __future__ import annotations
 
@@ -7,15 +7,20 @@ import posixpath
 from collections.abc import Mapping
 from dataclasses import replace
 
+from bt_agents_core.text import quote
+from bt_agents_language.model.file_kinds import TEXT, FieldDecl, Items
 from bt_agents_language.model.specs import SkillSpec, SubtreeSpec
 from bt_agents_language.model.symbols import ImportProblem, Library, SymbolTable
-from bt_agents_language.yaml.diagnostics import shown
-from bt_agents_language.yaml.mapping_reader import MappingReader
-from bt_agents_language.yaml.typed_reader import TypedReader
+from bt_agents_language.yaml.typed_reader import MappingReader, TypedReader
 from bt_agents_language.yaml.yaml_reader import Node, Sequence
 
 SUFFIXES = (".yaml", ".yml")
 """How the name of a file of a trees folder ends."""
+
+IMPORTS = FieldDecl(
+    "imports", Items(TEXT), "Libraries, by their paths from the trees folder: libraries/x.yaml"
+)
+"""The key of what a file imports."""
 
 
 def read_imports(
@@ -55,7 +60,7 @@ def _load(
         reading.error("bad-import", node, problem, hint)
         return None
     if path in seen:
-        reading.error("duplicate-key", node, f"{shown(path)} is imported twice", "remove one")
+        reading.error("duplicate-key", node, f"{quote(path)} is imported twice", "remove one")
         return None
     seen.add(path)
     if vocabulary.libraries is None:
@@ -74,13 +79,13 @@ def _path_problem(path: str) -> tuple[str, str]:
     expected = "the path of a file from the trees folder on"
     example = "for example libraries/manners.yaml"
     if path.startswith(("/", "~")) or "\\" in path or ":" in path:
-        return f"expected {expected}, found {shown(path)}", example
+        return f"expected {expected}, found {quote(path)}", example
     if ".." in path.split("/"):
-        return f"{shown(path)} leads out of the trees folder", f"write {expected}, {example}"
+        return f"{quote(path)} leads out of the trees folder", f"write {expected}, {example}"
     if posixpath.normpath(path) != path:
-        return f"{shown(path)} is not written plainly", f"write {posixpath.normpath(path)}"
+        return f"{quote(path)} is not written plainly", f"write {posixpath.normpath(path)}"
     if not path.endswith(SUFFIXES):
-        return f"{shown(path)} is no YAML file", f"write {expected}, {example}"
+        return f"{quote(path)} is no YAML file", f"write {expected}, {example}"
     return "", ""
 
 

@@ -3,15 +3,32 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
+from bt_agents_core.field_types import FieldType, Plain
+from bt_agents_core.text import quote
+from bt_agents_language.model.file_kinds import ANY, TEXT, Choice, Either, FieldDecl, KeyTable
 from bt_agents_language.model.scope import RESERVED, NameScope
-from bt_agents_language.model.specs import FieldSpec, FieldType, Plain
+from bt_agents_language.model.specs import FieldSpec
 from bt_agents_language.model.values import plain, read_value
-from bt_agents_language.yaml.diagnostics import did_you_mean, shown
+from bt_agents_language.yaml.diagnostics import did_you_mean
 from bt_agents_language.yaml.typed_reader import TypedReader
 from bt_agents_language.yaml.yaml_reader import Mapping, MappingEntry, Node, Scalar
 
 TYPES = tuple(one.value for one in FieldType)
 """Words for types in a file."""
+
+_TYPE = FieldDecl("type", Choice(TYPES), "Its type.", required=True)
+_DESCRIPTION = FieldDecl("description", TEXT, "What it means.")
+_INPUT = KeyTable(
+    fields=(_TYPE, FieldDecl("default", ANY, "Taken when it is not given."), _DESCRIPTION)
+)
+INPUT = Either((_TYPE.value, _INPUT))
+"""An input of a skill or subtree: its type alone, or more."""
+
+OUTPUT = Either((_TYPE.value, KeyTable(fields=(replace(_TYPE, required=False), _DESCRIPTION))))
+"""An output of a subtree."""
+
 
 _OTHER_WORDS = {
     "string": "text", "str": "text", "int": "integer", "float": "number", "double": "number",
@@ -46,9 +63,7 @@ def _read_input(reading: TypedReader, entry: MappingEntry, kind: str) -> FieldSp
         return None
     if not isinstance(entry.value, Mapping):
         return FieldSpec(name=name, type=read_type(reading, entry.value) or FieldType.ANY)
-    fields = reading.fields(
-        entry.value, f"{kind} '{name}'", ("type", "default", "description"), ("type",)
-    )
+    fields = reading.keys(entry.value, _INPUT, f"{kind} '{name}'")
     if fields is None:
         return FieldSpec(name=name, type=FieldType.ANY)
     type_node = fields.get("type")
@@ -79,7 +94,10 @@ def read_type(reading: TypedReader, node: Node) -> FieldType | None:
     meant = _OTHER_WORDS.get(text.lower())
     hint = f"write {meant}" if meant else did_you_mean(text, TYPES)
     reading.error(
-        "bad-choice", node, f"there is no type {shown(text)}, expected {', '.join(TYPES)}", hint
+        "bad-choice",
+        node,
+        f"there is no type {quote(text)}, expected {', '.join(TYPES)}",
+        hint,
     )
     return None
 

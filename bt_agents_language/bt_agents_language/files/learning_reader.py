@@ -1,17 +1,27 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Reads how an agent learns: ``learning:`` or ``learning_rate:``, and ``weights:`` of its bid."""
+"""Reader of ``learning:`` or ``learning_rate:`` of an agent, and of ``weights:`` of its bid."""
 
 from __future__ import annotations
-
-from collections.abc import Callable
 
 from bt_agents_core.feedback import LearningRule, Update
 from bt_agents_core.profile_layers import PERSON, PLACE
 from bt_agents_core.scene import MAX_WEIGHT, SceneParameter, SceneSpace
+from bt_agents_language.model.file_kinds import (
+    SHARE,
+    Choice,
+    Entries,
+    FieldDecl,
+    Items,
+    Key,
+    KeyTable,
+    SceneNames,
+    SceneValues,
+    integer,
+    number,
+)
 from bt_agents_language.model.scene_values import read_parameter
-from bt_agents_language.yaml.mapping_reader import MappingReader
-from bt_agents_language.yaml.typed_reader import TypedReader
-from bt_agents_language.yaml.yaml_reader import Node, Scalar
+from bt_agents_language.yaml.typed_reader import MappingReader, Shape, TypedReader
+from bt_agents_language.yaml.yaml_reader import Scalar
 
 DEFAULT_LEARNING_RATE = 0.2
 """The paper's Experiment 3."""
@@ -22,15 +32,84 @@ LAYERS = (PERSON, PLACE)
 MAX_WINDOW = 100
 """Most feedbacks of which the median is taken."""
 
-MAX_ANNEAL = 100.0
+MAX_ANNEAL = 100
 """Largest annealing."""
 
-KEYS = (
-    "rate", "rates", "freeze", "update", "window", "width", "anneal", "drift", "weights",
-    "layers", "general",
-)  # fmt: skip
-
 _ALL = "all"
+
+
+def _up_to_range(parameter: SceneParameter) -> tuple[float, float]:
+    return 0, parameter.maximum - parameter.minimum
+
+
+LEARNING = KeyTable(
+    what="'learning'",
+    fields=(
+        FieldDecl("rate", SHARE, "How far one feedback moves the profile; as 'learning_rate'."),
+        FieldDecl(
+            "rates", SceneValues(limits=lambda _: (0, 1)), "The same for single parameters."
+        ),
+        FieldDecl("freeze", SceneNames(_ALL), f"Parameters that do not learn, or '{_ALL}'."),
+        FieldDecl(
+            "update",
+            Choice(tuple(one.value for one in Update)),
+            "plain: every feedback counts fully; huber: one that is far away counts as if it were "
+            "nearer; median: what most of the last ones want.",
+        ),
+        FieldDecl(
+            "width",
+            SceneValues(limits=_up_to_range),
+            "Of huber: no feedback counts as if it were farther than this.",
+        ),
+        FieldDecl(
+            "window",
+            integer(1, MAX_WINDOW),
+            "Of median: so many of the last feedbacks count.",
+        ),
+        FieldDecl(
+            "anneal",
+            number(0, MAX_ANNEAL),
+            "After n feedbacks the rate is rate / (1 + anneal × n).",
+        ),
+        FieldDecl(
+            "drift",
+            SceneValues(limits=_up_to_range),
+            "Farthest that the profile gets from this file.",
+        ),
+        FieldDecl(
+            "weights",
+            Entries(number(0, MAX_WEIGHT), "sources of feedback and numbers", keys=Key.ANY),
+            "How much sources of feedback count: button, mood rule, ….",
+        ),
+        FieldDecl(
+            "layers",
+            Items(Choice(LAYERS)),
+            "What it learns apart for each person or place.",
+        ),
+        FieldDecl(
+            "general",
+            SHARE,
+            "How much of what it learns for a person or place counts for everybody.",
+        ),
+    ),
+)
+"""The keys of ``learning``."""
+
+LEARNING_FIELDS = (
+    FieldDecl(
+        "learning_rate",
+        SHARE,
+        "How far one feedback moves the profile, 0 to 1; or 'learning'.",
+    ),
+    FieldDecl("learning", LEARNING, "How feedback moves the profile."),
+    FieldDecl(
+        "weights",
+        SceneValues(limits=lambda _: (0, MAX_WEIGHT)),
+        "How much parameters count for it where distances are weighted; 1 is usual.",
+    ),
+)
+"""The keys of an agent that say how it learns."""
+
 _ONLY_WITH = {"window": Update.MEDIAN, "width": Update.HUBER}
 
 
@@ -39,9 +118,9 @@ def read_learning(
 ) -> tuple[float, LearningRule]:
     """Return the learning rate of an agent and its rule; problems are reported."""
     node = agent.get("learning")
-    short = agent.number("learning_rate", 0.0, 1.0)
+    short = agent.number("learning_rate")
     usual = DEFAULT_LEARNING_RATE if short is None else short
-    fields = None if node is None else reading.fields(node, "'learning'", KEYS)
+    fields = None if node is None else reading.keys(node, LEARNING)
     if fields is None:
         return usual, LearningRule()
     if short is not None and fields.get("rate") is not None:
@@ -51,7 +130,7 @@ def read_learning(
             "'learning_rate' says the learning rate, too",
             "keep one of both",
         )
-    rate = fields.number("rate", 0.0, 1.0)
+    rate = fields.number("rate")
     return usual if rate is None else rate, _Learning(reading, fields, space).rule()
 
 
@@ -59,10 +138,7 @@ def read_weights(
     reading: TypedReader, agent: MappingReader, space: SceneSpace
 ) -> dict[str, float]:
     """Return how much parameters count for an agent; problems are reported."""
-    node = agent.get("weights")
-    if node is None:
-        return {}
-    return _by_parameter(reading, node, "'weights'", space, lambda _: (0.0, MAX_WEIGHT))
+    return _by_parameter(reading, agent, "weights", space)
 
 
 class _Learning:
@@ -77,16 +153,16 @@ class _Learning:
         """Return what they say."""
         fields = self._fields
         usual = LearningRule()
-        rates = self._of_parameters("rates", lambda _: (0.0, 1.0))
+        rates = self._of_parameters("rates")
         frozen = self._frozen()
         self._refuse_both(rates, frozen)
-        word = fields.choice("update", [one.value for one in Update])
+        word = fields.choice("update")
         update = usual.update if word is None else Update(word)
         if word is not None or fields.get("update") is None:
             self._refuse_idle(update)
-        window = fields.integer("window", 1, MAX_WINDOW)
-        anneal = fields.number("anneal", 0.0, MAX_ANNEAL)
-        general = fields.number("general", 0.0, 1.0)
+        window = fields.integer("window")
+        anneal = fields.number("anneal")
+        general = fields.number("general")
         layers = self._layers()
         if general is not None and fields.get("layers") is None:
             self._idle("general", "add 'layers: [person]'")
@@ -96,22 +172,17 @@ class _Learning:
             width=self._width(),
             window=usual.window if window is None else window,
             anneal=usual.anneal if anneal is None else anneal,
-            drift=self._of_parameters("drift", lambda p: (0.0, p.maximum - p.minimum)),
+            drift=self._of_parameters("drift"),
             weights=self._weights(),
             layers=layers,
             general=usual.general if general is None else general,
         )
 
-    def _of_parameters(
-        self, key: str, limits: Callable[[SceneParameter], tuple[float, float]]
-    ) -> dict[str, float]:
-        node = self._fields.get(key)
-        if node is None:
-            return {}
-        return _by_parameter(self._reading, node, f"'{key}'", self._space, limits)
+    def _of_parameters(self, key: str) -> dict[str, float]:
+        return _by_parameter(self._reading, self._fields, key, self._space)
 
     def _width(self) -> dict[str, float]:
-        width = self._of_parameters("width", lambda p: (0.0, p.maximum - p.minimum))
+        width = self._of_parameters("width")
         stuck = [name for name, value in width.items() if not value]
         if stuck:
             self._reading.error(
@@ -130,7 +201,9 @@ class _Learning:
         if isinstance(node, Scalar) and node.text == _ALL:
             return self._space.names
         if isinstance(node, Scalar) and not node.empty:
-            self._reading.wrong_type(node, "'freeze'", f"a list of parameters, or '{_ALL}'")
+            self._reading.wrong_type(
+                node, "'freeze'", f"a list of parameters, or '{_ALL}'", Shape.LIST
+            )
             return ()
         found = (
             read_parameter(self._reading, item, self._space)
@@ -160,7 +233,7 @@ class _Learning:
 
     def _weights(self) -> dict[str, float]:
         weights: dict[str, float] = {}
-        for entry in self._fields.entries("weights", "sources of feedback and numbers"):
+        for entry in self._fields.entries("weights"):
             weight = self._reading.number(
                 entry.value, f"the weight of '{entry.key.text}'", 0.0, MAX_WEIGHT
             )
@@ -176,18 +249,16 @@ class _Learning:
 
 
 def _by_parameter(
-    reading: TypedReader,
-    node: Node,
-    what: str,
-    space: SceneSpace,
-    limits: Callable[[SceneParameter], tuple[float, float]],
+    reading: TypedReader, fields: MappingReader, key: str, space: SceneSpace
 ) -> dict[str, float]:
+    """Return numbers for some scene parameters, each within the limits of the table."""
     found: dict[str, float] = {}
-    for entry in reading.entries(node, what, f"numbers for {', '.join(space.names)}"):
+    for entry in fields.entries(key, f"numbers for {', '.join(space.names)}"):
         parameter = read_parameter(reading, entry.key, space)
         if parameter is None:
             continue
-        value = reading.number(entry.value, f"{what} of {parameter.name}", *limits(parameter))
+        what = f"'{key}' of {parameter.name}"
+        value = reading.number(entry.value, what, *fields.limits_for(key, parameter))
         if value is not None:
             found[parameter.name] = value
     return found

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Finds and reads the libraries of a trees folder, each once, and refuses circles of imports."""
+"""Loader of the libraries of a trees folder: each is read once, and import cycles are refused."""
 
 from __future__ import annotations
 
@@ -9,14 +9,22 @@ from dataclasses import replace
 from pathlib import Path
 
 from bt_agents_core.errors import ReadError
-from bt_agents_language.files.imports import SUFFIXES, read_imports
-from bt_agents_language.files.skills_reader import FILE_KEYS, SkillsReader
+from bt_agents_core.text import quote
+from bt_agents_language.files.imports import IMPORTS, SUFFIXES, read_imports
+from bt_agents_language.files.skills_reader import SKILLS, SkillsReader
+from bt_agents_language.model.file_kinds import FileKind
 from bt_agents_language.model.symbols import ImportProblem, Library, SymbolTable
-from bt_agents_language.tree.trees_reader import TreesReader
-from bt_agents_language.yaml.diagnostics import did_you_mean, shown
+from bt_agents_language.tree.trees_reader import SUBTREES, TreesReader
+from bt_agents_language.yaml.diagnostics import did_you_mean
 from bt_agents_language.yaml.typed_reader import TypedReader
 
-_KEYS = (*FILE_KEYS, "imports", "subtrees")
+LIBRARY = FileKind(
+    name="library",
+    what="a library",
+    title="Library",
+    description="Skills, their bindings to a robot, and subtrees that agents share.",
+    fields=(*SKILLS.fields[:2], IMPORTS, *SKILLS.fields[2:], SUBTREES),
+)
 MAX_CHAIN = 16
 """Libraries that import each other one after the other."""
 
@@ -59,7 +67,7 @@ class FolderLibraries:
         if path.startswith(_OTHERS):
             raise ImportProblem(
                 "bad-import",
-                f"{shown(path)} is no library",
+                f"{quote(path)} is no library",
                 "import a file of libraries; what two agents share stands there",
             )
         if path in self._chain:
@@ -93,7 +101,7 @@ class FolderLibraries:
         more = f" and {len(problems) - 1} more" if len(problems) > 1 else ""
         raise ImportProblem(
             "broken-import",
-            f"{shown(path)} has errors itself: {first.code} in line {first.position.line}{more}",
+            f"{quote(path)} has errors itself: {first.code} in line {first.position.line}{more}",
             "mend it first",
         )
 
@@ -118,16 +126,20 @@ class FolderLibraries:
             inside, there, link = True, False, False
         if not inside:
             raise ImportProblem(
-                "bad-import", f"{shown(path)} leads out of the trees folder", "copy the file here"
+                "bad-import",
+                f"{quote(path)} leads out of the trees folder",
+                "copy the file here",
             )
         if not there and link:
             raise ImportProblem(
-                "no-file", f"the link {shown(path)} leads nowhere", "put the file in its place"
+                "no-file",
+                f"the link {quote(path)} leads nowhere",
+                "put the file in its place",
             )
         if not there:
             raise ImportProblem(
                 "no-file",
-                f"there is no file {shown(path)} in the trees folder",
+                f"there is no file {quote(path)} in the trees folder",
                 did_you_mean(path, self.paths()),
             )
         return file
@@ -150,7 +162,7 @@ class FolderLibraries:
         return found
 
     def _library(self, reading: TypedReader) -> Library:
-        fields = reading.document("a library", _KEYS)
+        fields = reading.file(LIBRARY)
         if not any(fields.get(key) is not None for key in _CONTENTS):
             reading.error(
                 "missing-key",
@@ -173,9 +185,7 @@ class FolderLibraries:
                 "rename or remove one of them",
             )
         vocabulary = vocabulary.with_skills(own)
-        trees = TreesReader(
-            reading, fields.entries("subtrees", "names and subtrees"), vocabulary, imported, {}
-        )
+        trees = TreesReader(reading, fields.entries("subtrees"), vocabulary, imported, {})
         subtrees = trees.library()
         reading.problems.raise_if_any()
         return Library(

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Reads ``market.yaml``: the rules by which the strategy ``rules`` chooses."""
+"""Reader of ``market.yaml``: the rules by which the strategy ``rules`` chooses."""
 
 from __future__ import annotations
 
@@ -7,19 +7,53 @@ from collections.abc import Collection, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from bt_agents_core.diagnostic import Diagnostic, Position, Severity
 from bt_agents_core.scene import SceneSpace
 from bt_agents_language.expression.expressions import Expression
+from bt_agents_language.model.file_kinds import (
+    CONDITION,
+    NAME,
+    FieldDecl,
+    FileKind,
+    Items,
+    KeyTable,
+)
 from bt_agents_language.model.scope import NameScope, scene_names
-from bt_agents_language.model.specs import Position
 from bt_agents_language.model.values import read_condition
-from bt_agents_language.yaml.diagnostics import Diagnostic, did_you_mean
-from bt_agents_language.yaml.mapping_reader import MappingReader
+from bt_agents_language.yaml.diagnostics import did_you_mean
 from bt_agents_language.yaml.source import Source
-from bt_agents_language.yaml.typed_reader import TypedReader
-from bt_agents_language.yaml.yaml_reader import Node, Sequence
+from bt_agents_language.yaml.typed_reader import MappingReader, TypedReader
+from bt_agents_language.yaml.yaml_reader import Node
 
 MARKET_FILE = "market.yaml"
 """Its name in a trees folder, which need not have one."""
+
+_RULE = KeyTable(
+    what="a rule",
+    fields=(
+        FieldDecl("when", CONDITION, "What has to hold, over scene.*.", required=True),
+        FieldDecl(
+            "agents",
+            Items(NAME, empty="a rule names no agent", add="name one or more", unique=True),
+            "Who wins then: the first of them that bids.",
+            required=True,
+        ),
+    ),
+)
+MARKET = FileKind(
+    name="market",
+    what=MARKET_FILE,
+    title="Market",
+    description="Rules by which the market chooses an agent.",
+    fields=(
+        FieldDecl(
+            "rules",
+            Items(_RULE),
+            "For the strategy 'rules': the first one that holds counts.",
+            required=True,
+        ),
+    ),
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -70,7 +104,7 @@ def read_market(file: Path | Source, space: SceneSpace) -> MarketSpec:
         ReadError: There is a problem; it lists all of them.
     """
     reading = TypedReader.of(file)
-    fields = reading.document(MARKET_FILE, ("rules",), ("rules",))
+    fields = reading.file(MARKET)
     names = NameScope(scene_names(space, ("scene",)))
     rules = [_rule(reading, node, names) for node in fields.items("rules")]
     reading.problems.raise_if_any()
@@ -87,11 +121,12 @@ def unknown_agents(market: MarketSpec, known: Collection[str]) -> Iterator[Diagn
                     position=position,
                     message=f"there is no agent '{agent}' in this folder; the rule passes over it",
                     hint=did_you_mean(agent, known),
+                    severity=Severity.WARNING,
                 )
 
 
 def _rule(reading: TypedReader, node: Node, names: NameScope) -> MarketRule | None:
-    fields = reading.fields(node, "a rule", ("when", "agents"), ("when", "agents"))
+    fields = reading.keys(node, _RULE)
     if fields is None:
         return None
     condition = None
@@ -105,12 +140,7 @@ def _rule(reading: TypedReader, node: Node, names: NameScope) -> MarketRule | No
 
 def _agents(reading: TypedReader, fields: MappingReader) -> dict[str, Position]:
     agents: dict[str, Position] = {}
-    nodes = fields.items("agents")
-    if not nodes and isinstance(fields.get("agents"), Sequence):
-        reading.error(
-            "missing-value", fields.nodes["agents"], "a rule names no agent", "name one or more"
-        )
-    for node in nodes:
+    for node in fields.items("agents"):
         agent = reading.name(node, "the name of an agent")
         if agent in agents:
             reading.error("duplicate-key", node, f"'{agent}' stands here twice", "name it once")

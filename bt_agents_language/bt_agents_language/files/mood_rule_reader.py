@@ -1,33 +1,82 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Reads the mood rules of an agent: the entries of ``feedback:``."""
+"""Mood rules of an agent, read from the entries of ``feedback:`` or restored from its card."""
 
 from __future__ import annotations
 
+import math
+
+from bt_agents_core.errors import Refused
+from bt_agents_core.feedback import FeedbackKind
 from bt_agents_core.scene import SceneSpace
-from bt_agents_language.expression.expressions import Expression
+from bt_agents_language.expression.expressions import Expression, ExpressionError, ValueKind
+from bt_agents_language.model.file_kinds import (
+    DURATION,
+    SHARE,
+    Choice,
+    FieldDecl,
+    Form,
+    KeyTable,
+    Single,
+)
+from bt_agents_language.model.mood_rule import ACTIONS, MoodAction, MoodRule
 from bt_agents_language.model.scope import NameScope, mood_names, scene_names
-from bt_agents_language.model.specs import FeedbackRule
 from bt_agents_language.model.values import read_condition
-from bt_agents_language.yaml.mapping_reader import MappingReader
-from bt_agents_language.yaml.typed_reader import TypedReader
+from bt_agents_language.yaml.typed_reader import MappingReader, TypedReader
 from bt_agents_language.yaml.yaml_reader import Node
 
-KEYS = ("when", "for", "give", "then", "baseline", "release", "cooldown", "confidence")
+_GIVES = {kind.name.lower(): kind for kind in (FeedbackKind.POSITIVE, FeedbackKind.NEGATIVE)}
+
+MOOD_RULE = KeyTable(
+    what="a feedback rule",
+    fields=(
+        FieldDecl(
+            "when",
+            Single(Form.CONDITION, scene_names=True),
+            "What must be true.",
+            required=True,
+        ),
+        FieldDecl("for", DURATION, "How long it must hold without a break."),
+        FieldDecl(
+            "give",
+            Choice(tuple(_GIVES)),
+            "positive: the profile moves towards the scene; negative: away.",
+            required=True,
+        ),
+        FieldDecl(
+            "then",
+            Choice(tuple(ACTIONS)),
+            "; ".join(f"{word}: {text}" for word, (_, text) in ACTIONS.items()) + ".",
+        ),
+        FieldDecl(
+            "baseline",
+            DURATION,
+            "mood.change is against the mean mood of so long at the start of the run.",
+        ),
+        FieldDecl(
+            "release",
+            Single(Form.CONDITION, scene_names=True),
+            "What makes a rule that has fired ready again.",
+        ),
+        FieldDecl("cooldown", DURATION, "A rule that has fired is ready again after so long."),
+        FieldDecl("confidence", SHARE, "A mood of which the source is less sure is not known."),
+    ),
+)
+"""The keys of an entry of ``feedback``."""
 
 _CHANGE = "mood.change"
-_AGAIN = ("release", "cooldown")
+_REPEATING = ("release", "cooldown")
 
 
 def read_mood_rules(
     reading: TypedReader, agent: MappingReader, space: SceneSpace
-) -> tuple[FeedbackRule, ...]:
+) -> tuple[MoodRule, ...]:
     """Return the mood rules of an agent file; problems are reported."""
     rules = (_rule(reading, node, space) for node in agent.items("feedback"))
     return tuple(rule for rule in rules if rule is not None)
 
 
-def _rule(reading: TypedReader, node: Node, space: SceneSpace) -> FeedbackRule | None:
-    fields = reading.fields(node, "a feedback rule", KEYS, ("when", "give"))
+def _rule(reading: TypedReader, node: Node, space: SceneSpace) -> MoodRule | None:
+    fields = reading.keys(node, MOOD_RULE)
     if fields is None:
         return None
     when = _condition(reading, fields, "when", space)
@@ -35,17 +84,18 @@ def _rule(reading: TypedReader, node: Node, space: SceneSpace) -> FeedbackRule |
     hold_s = fields.duration("for")
     baseline_s = fields.duration("baseline")
     cooldown_s = fields.duration("cooldown")
-    confidence = fields.number("confidence", 0.0, 1.0)
-    give = fields.choice("give", ("positive", "negative"))
-    then = fields.choice("then", ("cancel",))
-    if then == "cancel":
-        for key in _AGAIN:
+    confidence = fields.number("confidence")
+    give = fields.choice("give")
+    then = fields.choice("then")
+    action = MoodAction.NONE if then is None else ACTIONS[then][0]
+    if action.ends_run:
+        for key in _REPEATING:
             if fields.get(key) is not None:
                 reading.error(
                     "misplaced-key",
                     fields.keys[key],
                     f"'{key}' has nothing to act on here: the rule ends the run",
-                    f"take out '{key}', or 'then: cancel'",
+                    f"take out '{key}', or 'then: {then}'",
                 )
     if when is None or give is None:
         return None
@@ -57,12 +107,11 @@ def _rule(reading: TypedReader, node: Node, space: SceneSpace) -> FeedbackRule |
             f"'baseline' has nothing to act on here: the rule does not look at {_CHANGE}",
             f"take out 'baseline', or ask for {_CHANGE}",
         )
-    return FeedbackRule(
+    return MoodRule(
         when=when,
         hold_s=hold_s or 0.0,
-        positive=give == "positive",
-        cancel=then == "cancel",
-        position=node.position,
+        give=_GIVES[give],
+        action=action,
         baseline_s=baseline_s or 0.0,
         release=release,
         cooldown_s=cooldown_s or 0.0,
@@ -74,5 +123,80 @@ def _condition(
     reading: TypedReader, fields: MappingReader, key: str, space: SceneSpace
 ) -> Expression | None:
     node = fields.get(key)
-    names = NameScope({**scene_names(space), **mood_names(space)})
-    return None if node is None else read_condition(reading, node, names, f"'{key}'")
+    return None if node is None else read_condition(reading, node, _names(space), f"'{key}'")
+
+
+def _names(space: SceneSpace) -> NameScope:
+    return NameScope({**scene_names(space), **mood_names(space)})
+
+
+def restore_mood_rule(
+    space: SceneSpace,
+    *,
+    when: str,
+    hold_s: float = 0.0,
+    give: int,
+    action: int = MoodAction.NONE,
+    baseline_s: float = 0.0,
+    release: str = "",
+    cooldown_s: float = 0.0,
+    confidence: float = 0.0,
+) -> MoodRule:
+    """Return the mood rule that a host's card holds; the values are those of ``MoodRule.msg``.
+
+    Args:
+        space: The parameters that its conditions may name.
+        when: Condition over ``mood.change``, ``scene.*`` and ``live.*``.
+        hold_s: How long it must hold [s]; finite, not negative.
+        give: ``Kind.POSITIVE`` or ``Kind.NEGATIVE``.
+        action: A :class:`MoodAction`.
+        baseline_s: Length of the baseline [s]; finite, not negative.
+        release: Condition after which it is ready again; empty for none.
+        cooldown_s: It is ready again after so long [s]; finite, not negative.
+        confidence: The least confidence of a mood, 0..1.
+
+    Raises:
+        Refused: ``BAD_RULE``.
+    """
+    for seconds, text in (
+        (hold_s, "held"),
+        (baseline_s, "a baseline of"),
+        (cooldown_s, "a cooldown of"),
+    ):
+        if not (math.isfinite(seconds) and seconds >= 0.0):
+            raise _bad_rule(when, f"{text} {seconds} s, expected 0 s or more")
+    if not 0.0 <= confidence <= 1.0:
+        raise _bad_rule(when, f"confidence {confidence}, expected 0 to 1")
+    if give not in _GIVES.values():
+        raise _bad_rule(when, f"gives {give}, expected 1 or 2")
+    if action not in set(MoodAction):
+        raise _bad_rule(when, f"action {action}, expected 0 to {max(MoodAction)}")
+    return MoodRule(
+        when=_restored_condition(when, when, space),
+        hold_s=hold_s,
+        give=FeedbackKind(give),
+        action=MoodAction(action),
+        baseline_s=baseline_s,
+        release=_restored_condition(release, when, space) if release else None,
+        cooldown_s=cooldown_s,
+        confidence=confidence,
+    )
+
+
+def _restored_condition(text: str, rule: str, space: SceneSpace) -> Expression:
+    names = _names(space)
+    try:
+        condition = names.parse(text)
+    except ExpressionError as error:
+        raise _bad_rule(rule, str(error)) from None
+    for name in sorted(condition.names):
+        if names.type_of(name) is None:
+            known = ", ".join(sorted({**scene_names(space), **mood_names(space)}))
+            raise _bad_rule(rule, f"there is no name '{name}' here; it may name {known}")
+    if condition.kind not in (None, ValueKind.BOOLEAN):
+        raise _bad_rule(rule, f"'{text}' is no condition; compare, as in 'live.mood < 2'")
+    return condition
+
+
+def _bad_rule(rule: str, problem: str) -> Refused:
+    return Refused("BAD_RULE", f"rule '{rule}': {problem}")

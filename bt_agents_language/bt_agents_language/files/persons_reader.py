@@ -1,10 +1,28 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Reads ``persons`` of ``scene.yaml``: who is tracked, who is known, whom a scene is about."""
+"""Reader of ``persons`` of ``scene.yaml``: tracked persons, known ones, and the addressee."""
 
 from __future__ import annotations
 
-from bt_agents_language.files.source_reader import MAP_KEYS, TRACKED, SourceContext, SourceReader
-from bt_agents_language.model.interfaces import Interfaces, MessageFields
+from bt_agents_core.field_types import FieldType
+from bt_agents_language.files.source_reader import (
+    MAP_KEYS,
+    TOPIC,
+    TRACKED,
+    SourceContext,
+    SourceReader,
+)
+from bt_agents_language.model.file_kinds import (
+    DURATION,
+    LENGTH,
+    TEXT,
+    Choice,
+    Either,
+    Entries,
+    FieldDecl,
+    KeyTable,
+    Shared,
+)
+from bt_agents_language.model.interfaces import Interfaces, MessageFields, Nesting
 from bt_agents_language.model.scene_specs import (
     HOLD_S,
     LOST_AFTER_S,
@@ -15,13 +33,64 @@ from bt_agents_language.model.scene_specs import (
     SourceSpec,
     TrackedSpec,
 )
-from bt_agents_language.model.specs import FieldType
-from bt_agents_language.yaml.mapping_reader import MappingReader
-from bt_agents_language.yaml.typed_reader import TypedReader
+from bt_agents_language.yaml.typed_reader import MappingReader, TypedReader
 from bt_agents_language.yaml.yaml_reader import Node, Scalar
 
+_NAME_THE_ID = "name the field that holds the id of a person"
 _NO_IDS = {FieldType.NUMBER: "a number with a fraction", FieldType.BOOLEAN: "true or false"}
-_ADDRESSEE_KEYS = ("rule", "source", "better_by", "for")
+_TRACKED = TOPIC.extended(
+    FieldDecl("field", TEXT, "Path of the list of ids, or of items.", required=True),
+    FieldDecl("id", TEXT, "Path of a person's id in an item of the list."),
+    FieldDecl(
+        "lost_after",
+        DURATION,
+        "Who has not been in the list for so long is gone.",
+        default="1 s",
+    ),
+    what=f"'{TRACKED}'",
+)
+_ADDRESSEE = KeyTable(
+    what="'addressee'",
+    fields=(
+        FieldDecl(
+            "rule",
+            Choice(tuple(rule.value for rule in AddresseeRule)),
+            "The most engaged, the nearest or the first.",
+            required=True,
+        ),
+        FieldDecl(
+            "source",
+            Shared("source"),
+            "How engaged a person is, more is better, or how far away, less is.",
+        ),
+        FieldDecl(
+            "better_by",
+            LENGTH,
+            "So much better must another person be, in the unit of the source; a distance may be "
+            "written as a length.",
+            default=0,
+        ),
+        FieldDecl("for", DURATION, "For so long must the other be better.", default="1 s"),
+    ),
+)
+PERSONS = KeyTable(
+    what="'persons'",
+    fields=(
+        FieldDecl(TRACKED, _TRACKED, "Where it is said who is there.", required=True),
+        FieldDecl(
+            "parts",
+            Entries(Shared("text_source"), "names of parts and the sources of their ids"),
+            "Parts of a person with ids of their own, such as the face.",
+        ),
+        FieldDecl("known", Shared("source"), "Whether the id of a person is a name: 0.5 or more."),
+        FieldDecl(
+            "addressee",
+            Either((Choice((AddresseeRule.FIRST.value,)), _ADDRESSEE)),
+            "Whom of several persons a scene is about.",
+        ),
+    ),
+)
+"""The keys of ``persons``."""
 
 
 def read_persons(
@@ -37,15 +106,14 @@ def read_persons(
     plain = SourceReader(reading, interfaces)
     if node is None:
         return None, plain
-    known = (TRACKED, "parts", "known", "addressee")
-    fields = reading.fields(node, "'persons'", known, (TRACKED,))
+    fields = reading.keys(node, PERSONS)
     if fields is None:
         return None, plain
     tracked = _tracked(reading, fields.get(TRACKED), plain)
     persons = SourceReader(reading, interfaces, tracked, (PERSON,))
     parts: list[SourceSpec] = []
     names = [PERSON]
-    for entry in fields.entries("parts", "names of parts and the sources of their ids"):
+    for entry in fields.entries("parts"):
         name = reading.name(entry.key, "the name of a part")
         if name == PERSON:
             reading.error(
@@ -76,7 +144,7 @@ def read_persons(
 def _tracked(reading: TypedReader, node: Node | None, sources: SourceReader) -> TrackedSpec | None:
     if node is None:
         return None
-    fields = sources.topic_fields(node, f"'{TRACKED}'", ("id", "lost_after"))
+    fields = sources.topic_fields(node, _TRACKED.what, _TRACKED)
     if fields is None:
         return None
     topic = sources.topic(
@@ -103,7 +171,9 @@ def _tracked(reading: TypedReader, node: Node | None, sources: SourceReader) -> 
             if id_path is not None:
                 _check_ids(reading, nodes["id"], f"'id' ({id_path})", item, id_path)
         else:
-            _check_ids(reading, nodes["field"], "an item of 'field'", whole, f"{field}.0")
+            what = "an item of 'field'"
+            hint = "add 'id: …', the field of an item that holds the id of a person"
+            _check_ids(reading, nodes["field"], what, whole, f"{field}.0", hint)
     stale_after_s = sources.stale_after(fields)
     lost_after_s = fields.duration("lost_after")
     if topic is None or type_name is None or field is None or stale_after_s is None:
@@ -121,15 +191,28 @@ def _tracked(reading: TypedReader, node: Node | None, sources: SourceReader) -> 
 
 
 def _check_ids(
-    reading: TypedReader, node: Node, what: str, message: MessageFields, path: str
+    reading: TypedReader,
+    node: Node,
+    what: str,
+    message: MessageFields,
+    path: str,
+    of_message: str = _NAME_THE_ID,
 ) -> None:
-    """Report ids that are neither texts nor whole numbers, as far as their type is known."""
-    found = message.nested(path) or _NO_IDS.get(message.type_of(path), "")
+    """Report ids that are neither texts nor whole numbers, as far as their type is known.
+
+    Args:
+        reading: The file.
+        node: What is written.
+        what: The ids, for messages.
+        message: The message that has them.
+        path: Where they stand in it.
+        of_message: Hint where they are messages themselves.
+    """
+    nested = message.nested(path)
+    found = _NO_IDS.get(message.type_of(path), "") if nested is None else nested.value
     if not found:
         return
-    hint = "name the field that holds the id of a person"
-    if what.startswith("an item") and found == "a message":
-        hint = "add 'id: …', the field of an item that holds the id of a person"
+    hint = of_message if nested is Nesting.MESSAGE else _NAME_THE_ID
     reading.error(
         "wrong-value", node, f"{what} is {found}, expected a text or a whole number", hint
     )
@@ -151,10 +234,10 @@ def _addressee(reading: TypedReader, node: Node | None, sources: SourceReader) -
             f"write addressee: {{rule: {word}, source: {{…}}}}",
         )
         return first
-    fields = reading.fields(node, "'addressee'", _ADDRESSEE_KEYS, ("rule",))
+    fields = reading.keys(node, _ADDRESSEE)
     if fields is None:
         return first
-    word = fields.choice("rule", words)
+    word = fields.choice("rule")
     better_by = _better_by(reading, fields, word)
     hold_s = fields.duration("for")
     source = None

@@ -1,13 +1,34 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Reads ``scene.yaml``: the parameters of every scene and the sources that feed them."""
+"""Reader of ``scene.yaml``: the parameters of every scene and the sources that feed them."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
 from bt_agents_core.scene import MAX_WEIGHT, SceneParameter, SceneSpace
-from bt_agents_language.files.persons_reader import read_persons
-from bt_agents_language.files.source_reader import VALUE_KEYS, SourceContext, SourceReader
+from bt_agents_core.text import quote
+from bt_agents_language.files.persons_reader import PERSONS, read_persons
+from bt_agents_language.files.source_reader import (
+    SOURCE,
+    TOPIC,
+    VALUE_KEYS,
+    SourceContext,
+    SourceReader,
+)
+from bt_agents_language.model.file_kinds import (
+    NUMBER,
+    TEXT,
+    Choice,
+    Either,
+    Entries,
+    FieldDecl,
+    FileKind,
+    Items,
+    Key,
+    KeyTable,
+    Shared,
+    number,
+)
 from bt_agents_language.model.interfaces import Interfaces
 from bt_agents_language.model.scene_specs import (
     PERSON,
@@ -18,17 +39,74 @@ from bt_agents_language.model.scene_specs import (
     TrackedSpec,
 )
 from bt_agents_language.model.scene_values import read_values
-from bt_agents_language.yaml.diagnostics import did_you_mean, shown
-from bt_agents_language.yaml.mapping_reader import MappingReader
+from bt_agents_language.yaml.diagnostics import did_you_mean
 from bt_agents_language.yaml.source import Source
-from bt_agents_language.yaml.typed_reader import TypedReader
+from bt_agents_language.yaml.typed_reader import MappingReader, TypedReader
 from bt_agents_language.yaml.yaml_reader import Mapping, MappingEntry
 
 MAX_PLACE = 64
 """Characters of the name of a place."""
 
-_KEYS = ("place", "parameters", "mood", "no_person", "persons", "sources")
-_PARAMETER_KEYS = ("min", "max", "default", "description", "labels", "weight", "missing")
+_PARAMETER = KeyTable(
+    fields=(
+        FieldDecl("min", NUMBER, "Smallest value.", required=True),
+        FieldDecl("max", NUMBER, "Largest value.", required=True),
+        FieldDecl(
+            "default", NUMBER, "The value that stands for 'nothing special'.", required=True
+        ),
+        FieldDecl("description", TEXT, "What it means."),
+        FieldDecl(
+            "labels",
+            Entries(TEXT, "values and words", keys=Key.NUMBER),
+            "Words for some values: {1: a child}",
+        ),
+        FieldDecl(
+            "weight",
+            number(0, MAX_WEIGHT),
+            "How much it counts where distances are weighted.",
+            default=1,
+        ),
+        FieldDecl(
+            "missing",
+            Choice(tuple(rule.value for rule in MissingRule)),
+            "What stands for it while no source measures it: nothing (leave_out), what is known "
+            "of the person or the place (estimate), or else the default (default).",
+            default=MissingRule.LEAVE_OUT.value,
+        ),
+    ),
+)
+SCENE = FileKind(
+    name="scene",
+    what="scene.yaml",
+    title="Scene",
+    description="The scene parameters and their sources.",
+    fields=(
+        FieldDecl(
+            "place",
+            Either((TEXT, Shared("text_source"))),
+            "Where the robot is: a word, or the topic that says so.",
+        ),
+        FieldDecl(
+            "parameters",
+            Entries(_PARAMETER, "names and parameters", empty="there is no parameter"),
+            "What every scene and every profile is described by.",
+            required=True,
+        ),
+        FieldDecl("mood", TEXT, "The parameter whose change becomes feedback."),
+        FieldDecl("no_person", Entries(NUMBER), "Values of a scene in which nobody is there."),
+        FieldDecl("persons", PERSONS, "Who is tracked, and whom a scene is about."),
+        FieldDecl(
+            "sources",
+            Entries(
+                Either((Shared("source"), Items(Shared("source"), filled=True))),
+                "parameters and sources",
+                keys=Key.ANY,
+            ),
+            "Parameter (or person) → where it comes from; several sources of one are fused.",
+        ),
+    ),
+    shared={"source": SOURCE, "text_source": TOPIC},
+)
 _TAKEN = {
     PERSON: "whether a person is there",
     "stale": "whether the live scene is too old to count",
@@ -53,12 +131,8 @@ def read_scene_text(text: str, file: str, interfaces: Interfaces | None = None) 
 
 
 def _read(reading: TypedReader, interfaces: Interfaces | None) -> SceneSpec:
-    fields = reading.document("scene.yaml", _KEYS, ("parameters",))
-    entries = fields.entries("parameters", "names and parameters")
-    if not entries and isinstance(fields.get("parameters"), Mapping):
-        reading.error(
-            "missing-value", fields.nodes["parameters"], "there is no parameter", "add one"
-        )
+    fields = reading.file(SCENE)
+    entries = fields.entries("parameters")
     missing: dict[str, MissingRule] = {}
     read = [(entry.key.text, _parameter(reading, entry, missing)) for entry in entries]
     parameters = {name: parameter for name, parameter in read if parameter is not None}
@@ -112,7 +186,7 @@ def _sources(
     """Return the sources of parameters, and the one that says whether somebody is there."""
     sources: list[SourceSpec] = []
     person = None
-    for entry in fields.entries("sources", "parameters and sources"):
+    for entry in fields.entries("sources"):
         name = entry.key.text
         if name == PERSON:
             if "persons" in fields.nodes:
@@ -128,7 +202,7 @@ def _sources(
             reading.error(
                 "unknown-name",
                 entry.key,
-                f"there is no scene parameter {shown(name)}",
+                f"there is no scene parameter {quote(name)}",
                 did_you_mean(name, [PERSON, *names]),
             )
         else:
@@ -184,7 +258,7 @@ def _parameter(
             "choose another name",
         )
     what = f"parameter '{entry.key.text[:40]}'"
-    fields = reading.fields(entry.value, what, _PARAMETER_KEYS, ("min", "max", "default"))
+    fields = reading.keys(entry.value, _PARAMETER, what)
     if fields is None:
         return None
     minimum, maximum = fields.number("min"), fields.number("max")
@@ -193,8 +267,8 @@ def _parameter(
     default = fields.number("default", minimum, maximum)
     labels = _labels(reading, fields, minimum, maximum)
     description = fields.text("description")
-    weight = fields.number("weight", 0.0, MAX_WEIGHT)
-    rule = fields.choice("missing", [rule.value for rule in MissingRule])
+    weight = fields.number("weight")
+    rule = fields.choice("missing")
     if rule is not None and name is not None:
         missing[name] = MissingRule(rule)
     if name is None or minimum is None or maximum is None or default is None:
@@ -214,7 +288,7 @@ def _labels(
     reading: TypedReader, fields: MappingReader, minimum: float | None, maximum: float | None
 ) -> dict[float, str]:
     labels: dict[float, str] = {}
-    for entry in fields.entries("labels", "values and words"):
+    for entry in fields.entries("labels"):
         value = reading.number(entry.key, "the value of a label", minimum, maximum)
         text = reading.text(entry.value, "a label")
         if value in labels:
@@ -232,7 +306,7 @@ def _mood(reading: TypedReader, fields: MappingReader, names: list[str]) -> str 
     reading.error(
         "unknown-name",
         node,
-        f"there is no scene parameter {shown(mood)}",
+        f"there is no scene parameter {quote(mood)}",
         did_you_mean(mood, names),
     )
     return None

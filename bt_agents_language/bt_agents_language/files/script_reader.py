@@ -1,20 +1,78 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Reads a script: visits one after the other, for the demo and for experiments."""
+"""Reader of scripts: visits one after the other, for the demo and for experiments."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
 from bt_agents_core.scene import SceneSpace
+from bt_agents_language.model.file_kinds import (
+    BOOLEAN,
+    DURATION,
+    TEXT,
+    Entries,
+    FieldDecl,
+    FileKind,
+    Items,
+    Key,
+    KeyTable,
+    SceneValues,
+)
 from bt_agents_language.model.interfaces import read_ros_name
 from bt_agents_language.model.scene_values import read_values
 from bt_agents_language.model.specs import SceneChange, Script, Visit
-from bt_agents_language.yaml.mapping_reader import MappingReader
 from bt_agents_language.yaml.source import Source
-from bt_agents_language.yaml.typed_reader import TypedReader
-from bt_agents_language.yaml.yaml_reader import Node, Sequence
+from bt_agents_language.yaml.typed_reader import MappingReader, TypedReader
+from bt_agents_language.yaml.yaml_reader import Node
 
-_VISIT_KEYS = ("label", "person", "urgent", "scene", "changes", "answers", "buttons")
+_PERSON = FieldDecl("person", BOOLEAN, "Whether a person is there.")
+_CHANGE = KeyTable(
+    what="a change",
+    fields=(
+        FieldDecl("after", DURATION, "Time since the start of the agent's run.", required=True),
+        FieldDecl("scene", SceneValues(), "Scene parameters with their new values."),
+        _PERSON,
+    ),
+)
+_VISIT = KeyTable(
+    what="a visit",
+    fields=(
+        FieldDecl("label", TEXT, "Who comes, in words.", required=True),
+        _PERSON,
+        FieldDecl(
+            "urgent",
+            BOOLEAN,
+            "Whether it may stop a running tree at once, where new scenes preempt.",
+        ),
+        FieldDecl("scene", SceneValues(), "What is measured; the rest is missing."),
+        FieldDecl("changes", Items(_CHANGE), "What changes during the visit."),
+        FieldDecl(
+            "answers",
+            Entries(TEXT, "words and answers", keys=Key.ANY),
+            "Words in a question → the person's answer.",
+        ),
+        FieldDecl(
+            "buttons",
+            Entries(TEXT, "topics and words", keys=Key.TOPIC),
+            "Topic of a button → words of the robot after which it is pressed.",
+        ),
+    ),
+)
+SCRIPT = FileKind(
+    name="script",
+    what="a script",
+    title="Script",
+    description="Visits, for the demo and for experiments.",
+    fields=(
+        FieldDecl("title", TEXT, "Name for people."),
+        FieldDecl(
+            "visits",
+            Items(_VISIT, empty="there is no visit"),
+            "One after the other.",
+            required=True,
+        ),
+    ),
+)
 
 
 def read_script(file: Path | Source, space: SceneSpace) -> Script:
@@ -28,18 +86,15 @@ def read_script(file: Path | Source, space: SceneSpace) -> Script:
         ReadError: There is a problem; it lists all of them.
     """
     reading = TypedReader.of(file)
-    fields = reading.document("a script", ("title", "visits"), ("visits",))
+    fields = reading.file(SCRIPT)
     title = fields.text("title")
-    nodes = fields.items("visits")
-    if not nodes and isinstance(fields.get("visits"), Sequence):
-        reading.error("missing-value", fields.nodes["visits"], "there is no visit", "add one")
-    visits = [_visit(reading, node, space) for node in nodes]
+    visits = [_visit(reading, node, space) for node in fields.items("visits")]
     reading.problems.raise_if_any()
     return Script(title=title, visits=tuple(visit for visit in visits if visit is not None))
 
 
 def _visit(reading: TypedReader, node: Node, space: SceneSpace) -> Visit | None:
-    fields = reading.fields(node, "a visit", _VISIT_KEYS, ("label",))
+    fields = reading.keys(node, _VISIT)
     if fields is None:
         return None
     scene = fields.get("scene")
@@ -59,7 +114,7 @@ def _visit(reading: TypedReader, node: Node, space: SceneSpace) -> Visit | None:
 
 
 def _change(reading: TypedReader, node: Node, space: SceneSpace) -> SceneChange | None:
-    fields = reading.fields(node, "a change", ("after", "scene", "person"), ("after",))
+    fields = reading.keys(node, _CHANGE)
     if fields is None:
         return None
     after_s = fields.duration("after")
@@ -75,7 +130,7 @@ def _change(reading: TypedReader, node: Node, space: SceneSpace) -> SceneChange 
 
 def _answers(reading: TypedReader, fields: MappingReader) -> dict[str, str]:
     answers: dict[str, str] = {}
-    for entry in fields.entries("answers", "words and answers"):
+    for entry in fields.entries("answers"):
         text = reading.text(entry.value, "an answer")
         if text is not None:
             answers[entry.key.text] = text
@@ -84,7 +139,7 @@ def _answers(reading: TypedReader, fields: MappingReader) -> dict[str, str]:
 
 def _buttons(reading: TypedReader, fields: MappingReader) -> dict[str, str]:
     buttons: dict[str, str] = {}
-    for entry in fields.entries("buttons", "topics and words"):
+    for entry in fields.entries("buttons"):
         topic = read_ros_name(reading, entry.key, "the topic of a button")
         words = reading.text(entry.value, "the words of the robot after which it is pressed")
         if topic is not None and words is not None:

@@ -1,24 +1,25 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One robot's offer to carry out a skill: an interface, how it is filled, what comes back."""
+"""Candidates for the binding of a skill, one of each robot."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
+from bt_agents_core.field_types import BindingKind
+from bt_agents_core.text import join_quoted, quote
 from bt_agents_language.files.bindings import (
+    INTERFACES,
     RECEIVED,
     Back,
     Outputs,
-    binding_keys,
     read_binding,
     what_comes_back,
 )
 from bt_agents_language.model.interfaces import Interfaces, package_of
 from bt_agents_language.model.scope import NameScope
-from bt_agents_language.model.specs import Binding, BindingKind, SkillSpec
-from bt_agents_language.yaml.diagnostics import did_you_mean, shown
-from bt_agents_language.yaml.mapping_reader import MappingReader
-from bt_agents_language.yaml.typed_reader import TypedReader, listed
+from bt_agents_language.model.specs import Binding, SkillSpec
+from bt_agents_language.yaml.diagnostics import did_you_mean
+from bt_agents_language.yaml.typed_reader import MappingReader, TypedReader
 from bt_agents_language.yaml.yaml_reader import Mapping as MappingNode
 from bt_agents_language.yaml.yaml_reader import Node, Scalar, entries_of
 
@@ -76,7 +77,7 @@ def read_candidate(
     kind = kinds[0]
     node = fields.get(kind.value)
     assert node is not None
-    bound = reading.fields(node, f"'{kind.value}'", binding_keys(kind), ("name", "type"))
+    bound = reading.keys(node, INTERFACES[kind])
     if bound is None:
         return None
     type_node = bound.get("type")
@@ -129,7 +130,7 @@ def _outputs(
 
 def _declared_outputs(reading: TypedReader, fields: MappingReader, back: Back) -> Outputs:
     outputs = Outputs()
-    for entry in fields.entries("outputs", "names and fields"):
+    for entry in fields.entries("outputs"):
         source: Node = entry.key
         if isinstance(entry.value, MappingNode):
             source = entry.value.get("from") or entry.key
@@ -142,12 +143,12 @@ def _bound_outputs(
 ) -> Outputs:
     declared = [one.name for one in skill.outputs]
     outputs = Outputs()
-    for entry in fields.entries("outputs", "outputs and fields"):
+    for entry in fields.entries("outputs"):
         if entry.key.text not in declared:
             reading.error(
                 "unknown-name",
                 entry.key,
-                f"skill '{skill.name}' has no output {shown(entry.key.text)}",
+                f"skill '{skill.name}' has no output {quote(entry.key.text)}",
                 did_you_mean(entry.key.text, declared) or "remove it",
             )
             continue
@@ -159,7 +160,8 @@ def _bound_outputs(
         reading.error(
             "missing-key",
             fields.mapping.position,
-            f"{what} says nothing about the output{'s' * (len(missing) > 1)} {listed(missing)}",
+            f"{what} says nothing about the output{'s' * (len(missing) > 1)} "
+            f"{join_quoted(missing)}",
             "add 'outputs: {" + ", ".join(f"{name}: …" for name in missing) + "}'",
         )
     return outputs

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Reads skills: the authors' vocabulary, and which robot carries it out by which interface."""
+"""Reader of skills: the authors' vocabulary, and each robot's bindings to ROS interfaces."""
 
 from __future__ import annotations
 
@@ -8,22 +8,83 @@ from dataclasses import dataclass, replace
 from pathlib import Path, PurePosixPath
 
 from bt_agents_core.errors import ReadError
-from bt_agents_language.files.inputs import read_inputs, read_new_name, read_type
+from bt_agents_core.field_types import BindingKind, FieldType
+from bt_agents_core.text import quote
+from bt_agents_language.files.bindings import INTERFACES
+from bt_agents_language.files.inputs import INPUT, TYPES, read_inputs, read_new_name, read_type
 from bt_agents_language.files.skill_bindings import BindingCandidate, read_candidate
+from bt_agents_language.model.file_kinds import (
+    TEXT,
+    Choice,
+    Either,
+    Entries,
+    FieldDecl,
+    Form,
+    KeyTable,
+    Single,
+)
 from bt_agents_language.model.interfaces import Interfaces
-from bt_agents_language.model.specs import BindingKind, FieldSpec, FieldType, SkillSpec
-from bt_agents_language.nodes import WORDS
-from bt_agents_language.yaml.diagnostics import did_you_mean, joined, shown
-from bt_agents_language.yaml.mapping_reader import MappingReader
+from bt_agents_language.model.specs import FieldSpec, SkillSpec
+from bt_agents_language.nodes.catalogue import WORDS
+from bt_agents_language.yaml.diagnostics import did_you_mean, joined
 from bt_agents_language.yaml.source import Source
-from bt_agents_language.yaml.typed_reader import TypedReader, found
+from bt_agents_language.yaml.typed_reader import MappingReader, TypedReader, found
 from bt_agents_language.yaml.yaml_reader import MappingEntry, Scalar
 
 BINDINGS = tuple(kind.value for kind in BindingKind)
-FILE_KEYS = ("description", "robot", "skills", "bindings")
-"""Keys of a file with skills, besides ``format``."""
 
-_SKILL_KEYS = ("description", "main", "inputs", "outputs", *BINDINGS)
+_OUTPUT = KeyTable(
+    fields=(
+        FieldDecl("type", Choice(TYPES), "Its type."),
+        FieldDecl("from", TEXT, "Field of the result, or feedback.x; its own name if left out."),
+        FieldDecl("description", TEXT, "What it means."),
+    ),
+)
+_INTERFACES = tuple(
+    FieldDecl(kind.value, INTERFACES[kind], f"The ROS {kind.value} that does it.")
+    for kind in BindingKind
+)
+_SKILL = KeyTable(
+    fields=(
+        FieldDecl("description", TEXT, "What it does, for authors."),
+        FieldDecl("main", TEXT, "The input that a scalar behind it stands for."),
+        FieldDecl("inputs", Entries(INPUT), "Its inputs and their types."),
+        FieldDecl(
+            "outputs",
+            Entries(Either((Choice(TYPES), _OUTPUT, Single(Form.NOTHING))), "names and fields"),
+            "Names that later nodes may use.",
+        ),
+        *_INTERFACES,
+    ),
+)
+_BINDING = KeyTable(
+    fields=(
+        FieldDecl(
+            "outputs",
+            Entries(TEXT, "outputs and fields"),
+            "Output → field of what comes back, feedback.x of feedback.",
+        ),
+        *_INTERFACES,
+    ),
+)
+SKILLS = KeyTable(
+    what="a skills file",
+    fields=(
+        FieldDecl("description", TEXT, "What the library is for."),
+        FieldDecl("robot", TEXT, "The robot that its bindings are for."),
+        FieldDecl(
+            "skills",
+            Entries(_SKILL, "names and skills"),
+            "What the robot can do, in authors' words.",
+        ),
+        FieldDecl(
+            "bindings",
+            Entries(_BINDING, "skills and their bindings"),
+            "How the robot does skills that other files declare: skill → ROS interface.",
+        ),
+    ),
+)
+"""The keys of a file with skills."""
 
 
 def read_skills(
@@ -46,7 +107,7 @@ def read_skills(
     for path in paths:
         try:
             reading = TypedReader.of(path)
-            files.append((reading, reading.document("a skills file", FILE_KEYS)))
+            files.append((reading, reading.file(SKILLS)))
         except ReadError as error:
             errors.append(error)
     return reader.read(files, errors)
@@ -57,7 +118,7 @@ def read_skills_text(
 ) -> Mapping[str, SkillSpec]:
     """Return the skills of one text; as :func:`read_skills`."""
     reading = TypedReader(Source(file, text))
-    fields = reading.document("a skills file", FILE_KEYS)
+    fields = reading.file(SKILLS)
     return SkillsReader(interfaces).read([(reading, fields)])
 
 
@@ -114,7 +175,7 @@ class SkillsReader:
                 "a skills file needs the key 'skills' or 'bindings'",
                 "add 'skills: …'",
             )
-        for entry in fields.entries("skills", "names and skills"):
+        for entry in fields.entries("skills"):
             name = read_new_name(reading, entry.key, "a skill")
             free = name is not None and self._is_free(reading, entry)
             declared = self._declaration(reading, entry, name or "skill", robot)
@@ -124,19 +185,19 @@ class SkillsReader:
     def bind(self, reading: TypedReader, fields: MappingReader) -> None:
         """Read what stands under ``bindings``, for skills that are declared in any file."""
         robot = _robot(reading, fields)
-        for entry in fields.entries("bindings", "skills and their bindings"):
+        for entry in fields.entries("bindings"):
             name = entry.key.text
             declared = self._declared.get(name)
             if declared is None:
                 reading.error(
                     "unknown-name",
                     entry.key,
-                    f"there is no skill {shown(name)} that could be bound",
+                    f"there is no skill {quote(name)} that could be bound",
                     did_you_mean(name, self._declared) or "declare it under 'skills:'",
                 )
                 continue
             what = f"the binding of '{name}'"
-            bound = reading.fields(entry.value, what, ("outputs", *BINDINGS))
+            bound = reading.keys(entry.value, _BINDING, what)
             if bound is None:
                 continue
             offer = read_candidate(
@@ -181,7 +242,7 @@ class SkillsReader:
         self, reading: TypedReader, entry: MappingEntry, name: str, robot: str
     ) -> _Declared | None:
         what = f"skill '{name}'"
-        fields = reading.fields(entry.value, what, _SKILL_KEYS)
+        fields = reading.keys(entry.value, _SKILL, what)
         if fields is None:
             return None
         node = fields.get("inputs")
@@ -228,14 +289,14 @@ def _main(
     if node is None or main is None or main in known:
         return main
     reading.error(
-        "unknown-name", node, f"there is no input {shown(main)}", did_you_mean(main, known)
+        "unknown-name", node, f"there is no input {quote(main)}", did_you_mean(main, known)
     )
     return None
 
 
 def _outputs(reading: TypedReader, fields: MappingReader) -> tuple[FieldSpec, ...]:
     outputs: list[FieldSpec] = []
-    for entry in fields.entries("outputs", "names and fields"):
+    for entry in fields.entries("outputs"):
         name = read_new_name(reading, entry.key, "an output")
         what = f"output '{entry.key.text[:40]}'"
         if isinstance(entry.value, Scalar) and not entry.value.empty:
@@ -246,7 +307,7 @@ def _outputs(reading: TypedReader, fields: MappingReader) -> tuple[FieldSpec, ..
                 f"write {entry.key.text[:40]}: {{type: text, from: {entry.value.text[:40]}}}",
             )
             continue
-        one = reading.fields(entry.value, what, ("type", "from", "description"))
+        one = reading.keys(entry.value, _OUTPUT, what)
         if name is None or one is None:
             continue
         type_node = one.get("type")

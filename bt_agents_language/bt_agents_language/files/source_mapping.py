@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Reads how readings become values of a scene parameter: a linear map, or a table of words."""
+"""Mappings from readings to values of a scene parameter: linear, or a table of words."""
 
 from __future__ import annotations
 
@@ -7,9 +7,8 @@ from bt_agents_core.scene import SceneParameter
 from bt_agents_language.expression.expressions import ValueKind
 from bt_agents_language.model import quantities
 from bt_agents_language.model.scene_specs import word_of
-from bt_agents_language.yaml.mapping_reader import MappingReader
-from bt_agents_language.yaml.typed_reader import TypedReader
-from bt_agents_language.yaml.yaml_reader import Mapping, Scalar
+from bt_agents_language.yaml.typed_reader import MappingReader, TypedReader
+from bt_agents_language.yaml.yaml_reader import Scalar
 
 
 def read_points(
@@ -20,7 +19,7 @@ def read_points(
     if node is None:
         return ()
     points: dict[float, float] = {}
-    entries = fields.entries("map", "readings and values")
+    entries = fields.entries("map")
     for entry in entries:
         value = reading.number(entry.value, "a value of 'map'", *_limits(parameter))
         try:
@@ -70,11 +69,8 @@ def read_table(
             "beside 'map' there is no 'table'",
             "keep 'map' for numbers or 'table' for words",
         )
-    entries = fields.entries("table", "words and values")
-    if isinstance(node, Mapping) and not entries:
-        reading.error("missing-value", node, "'table' is empty", "add a word")
     table: dict[str, float] = {}
-    for entry in entries:
+    for entry in fields.entries("table"):
         value = reading.number(entry.value, "a value of 'table'", *_limits(parameter))
         word = _word(reading, entry.key, kind)
         if word in table and word != entry.key.text:

@@ -1,19 +1,37 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Reads sources of ``scene.yaml``: topic, field, map or table, and how sure the readings are."""
+"""Reader of sources of ``scene.yaml``: topic, field, map or table, and certainty of readings."""
 
 from __future__ import annotations
 
 import math
 import re
 from collections.abc import Collection
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
+from bt_agents_core.field_types import BindingKind
 from bt_agents_core.scene import SceneParameter
+from bt_agents_core.text import quote
 from bt_agents_language.expression.expressions import EvaluationError, Expression, ValueKind
 from bt_agents_language.files.source_mapping import read_points, read_table
+from bt_agents_language.model.file_kinds import (
+    BOOLEAN,
+    DURATION,
+    NUMBER,
+    ROS_TYPE,
+    TEXT,
+    Choice,
+    Entries,
+    FieldDecl,
+    Form,
+    Key,
+    KeyTable,
+    Needs,
+    Single,
+)
 from bt_agents_language.model.interfaces import (
     Interfaces,
     MessageFields,
+    Nesting,
     read_ros_name,
     read_ros_type,
 )
@@ -26,18 +44,89 @@ from bt_agents_language.model.scene_specs import (
     path_of,
 )
 from bt_agents_language.model.scope import NameScope
-from bt_agents_language.model.specs import BindingKind
 from bt_agents_language.tree.references import read_expression
-from bt_agents_language.yaml.diagnostics import did_you_mean, shown
-from bt_agents_language.yaml.mapping_reader import MappingReader
+from bt_agents_language.yaml.diagnostics import did_you_mean
 from bt_agents_language.yaml.scalars import boolean
-from bt_agents_language.yaml.typed_reader import TypedReader
+from bt_agents_language.yaml.typed_reader import MappingReader, TypedReader
 from bt_agents_language.yaml.yaml_reader import Mapping, Node, Scalar, Sequence
 
 TRACKED = "tracked"
 """The word for the list of tracked persons behind ``from``."""
 
-TOPIC_KEYS = ("topic", "type", "field", "stale_after", "latched")
+TOPIC = KeyTable(
+    fields=(
+        FieldDecl(
+            "topic",
+            Single(Form.ROS_NAME, placeholders=True),
+            "Where the readings come from: persons/<person>/age",
+            required=True,
+        ),
+        FieldDecl("type", ROS_TYPE, "ROS type of the topic.", required=True),
+        FieldDecl(
+            "field",
+            TEXT,
+            "Path of the field, data or faces.0.mood, or an expression over msg.*",
+            required=True,
+        ),
+        FieldDecl("stale_after", DURATION, "An older reading counts as missing."),
+        FieldDecl(
+            "latched", BOOLEAN, "Whether the last message is kept for those who come later."
+        ),
+    ),
+)
+"""The keys of every source, which make one whose reading is a text."""
+
+SOURCE = KeyTable(
+    fields=(
+        FieldDecl(
+            "from", Choice((TRACKED,)), "Read the item of each person in the list of 'tracked'."
+        ),
+        *(replace(one, required=False) for one in TOPIC.fields),
+        FieldDecl(
+            "map",
+            Entries(NUMBER, "readings and values", keys=Key.NUMBER),
+            "Reading → value of the parameter; linear in between.",
+        ),
+        FieldDecl(
+            "table",
+            Entries(
+                NUMBER,
+                "words and values",
+                keys=Key.ANY,
+                empty="'table' is empty",
+                add="add a word",
+            ),
+            "Word → value of the parameter.",
+        ),
+        FieldDecl(
+            "confidence",
+            TEXT,
+            "0, not measured, to 1: a field, an expression over msg.* or a number.",
+        ),
+        FieldDecl(
+            "std",
+            TEXT,
+            "Standard deviation of the reading: a field, an expression over msg.* or a number.",
+        ),
+        FieldDecl(
+            "smoothing", DURATION, "Time constant: after so long a reading counts by a third."
+        ),
+    ),
+    needs=Needs(
+        options=(
+            Needs(("from", "field")),
+            Needs(
+                TOPIC.required,
+                options=tuple(
+                    Needs((key,), hint="add 'stale_after: 2 s'")
+                    for key in ("stale_after", "latched")
+                ),
+            ),
+        )
+    ),
+)
+"""The keys of a source whose reading is a value."""
+
 MAP_KEYS = ("map", "table", "smoothing")
 VALUE_KEYS = (*MAP_KEYS, "confidence", "std")
 
@@ -114,7 +203,8 @@ class SourceReader:
         """Return a source; None when it is wrong, which is then reported."""
         if isinstance(node, Mapping) and any(e.key.text == "from" for e in node.entries):
             return self._of_tracked(node, where, wanted)
-        fields = self.topic_fields(node, wanted.what, wanted.keys)
+        table = SOURCE.only((*TOPIC.values, *wanted.keys))
+        fields = self.topic_fields(node, wanted.what, table)
         if fields is None:
             return None
         origin = _Origin(
@@ -127,9 +217,9 @@ class SourceReader:
 
     def _of_tracked(self, node: Mapping, where: Node, wanted: SourceContext) -> SourceSpec | None:
         """Return a source that reads the item of a person in the list of tracked persons."""
-        known = ("from", "field", "stale_after", *wanted.keys)
-        fields = self._reading.fields(node, wanted.what, known, ("from", "field"))
-        if fields is None or fields.choice("from", (TRACKED,)) is None:
+        known = SOURCE.only(("from", "field", "stale_after", *wanted.keys))
+        fields = self._reading.keys(node, known, wanted.what, required=("from", "field"))
+        if fields is None or fields.choice("from") is None:
             return None
         tracked = self._tracked
         if tracked is None or not tracked.id or not wanted.may_be_per_person:
@@ -195,10 +285,10 @@ class SourceReader:
 
     # Topics
 
-    def topic_fields(self, node: Node, what: str, keys: Collection[str]) -> MappingReader | None:
-        """Return the keys of a topic, and some others; None for anything but a mapping."""
-        required = ["topic", "type", "field", *([] if is_latched(node) else ["stale_after"])]
-        return self._reading.fields(node, what, (*TOPIC_KEYS, *keys), required)
+    def topic_fields(self, node: Node, what: str, table: KeyTable) -> MappingReader | None:
+        """Return the keys of a topic, and others of a table; None for anything but a mapping."""
+        required = (*TOPIC.required, *(() if is_latched(node) else ("stale_after",)))
+        return self._reading.keys(node, table, what, required=required)
 
     def topic(self, fields: MappingReader, wanted: SourceContext) -> str | None:
         """Return the name of a topic, what stands in angle brackets in it checked."""
@@ -269,7 +359,7 @@ class SourceReader:
             self._reading.error(
                 "bad-name",
                 node,
-                f"{what} is {shown(text)}, expected the path of a field such as data or "
+                f"{what} is {quote(text)}, expected the path of a field such as data or "
                 "faces.0.mood",
                 f"write {meant}" if sound else "write field names joined by points",
             )
@@ -318,14 +408,14 @@ class SourceReader:
     ) -> bool:
         """Return whether a plain field holds one value, as far as its type is known."""
         path = path_of(expression)
-        nested = message.nested(path) if path is not None else ""
-        if nested:
-            item = nested == "a list"
+        nested = message.nested(path) if path is not None else None
+        if nested is not None:
+            item = nested is Nesting.LIST
             hint = f"pick an item of it: {path}.0" if item else f"name a field of it: {path}.…"
             self._reading.error(
-                "bad-expression", node, f"{what} is {nested}, expected one value", hint
+                "bad-expression", node, f"{what} is {nested.value}, expected one value", hint
             )
-        return not nested
+        return nested is None
 
     def _expression(self, node: Node, what: str, message: MessageFields) -> Expression | None:
         """Return an expression over the fields of a message; the path of a field is one, too."""
@@ -354,7 +444,10 @@ class SourceReader:
             of_range = f"write {float(percent[1]) / 100:g}"
             hint = "write a number in the unit of the reading" if key == "std" else of_range
             self._reading.error(
-                "bad-number", node, f"'{key}': expected a number, found {shown(percent[0])}", hint
+                "bad-number",
+                node,
+                f"'{key}': expected a number, found {quote(percent[0])}",
+                hint,
             )
             return None
         expression = self._expression(node, f"'{key}'", message)
@@ -401,8 +494,8 @@ def is_latched(node: Node) -> bool:
     """Return whether a mapping says that its topic is latched; a wrong word there may mean it."""
     if not isinstance(node, Mapping):
         return False
-    said = [entry.value for entry in node.entries if entry.key.text == "latched"]
-    return any(not isinstance(one, Scalar) or boolean(one.text) is not False for one in said)
+    written = [entry.value for entry in node.entries if entry.key.text == "latched"]
+    return any(not isinstance(one, Scalar) or boolean(one.text) is not False for one in written)
 
 
 def _no_name(name: str) -> float:

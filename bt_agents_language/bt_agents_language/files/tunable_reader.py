@@ -1,17 +1,34 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Reads tunables: values with a range that may change while a tree runs."""
+"""Reader of tunables: values with a range that may change while a tree runs."""
 
 from __future__ import annotations
 
+from bt_agents_core.field_types import FieldType
+from bt_agents_core.text import join_quoted
 from bt_agents_language.model import quantities
+from bt_agents_language.model.file_kinds import AMOUNT, TEXT, FieldDecl, KeyTable
 from bt_agents_language.model.quantities import spoken
-from bt_agents_language.model.specs import FieldType, Tunable
-from bt_agents_language.yaml.mapping_reader import MappingReader
+from bt_agents_language.model.specs import Tunable
 from bt_agents_language.yaml.scalars import boolean
-from bt_agents_language.yaml.typed_reader import TypedReader, adding, found, listed
+from bt_agents_language.yaml.typed_reader import MappingReader, TypedReader, adding, found
 from bt_agents_language.yaml.yaml_reader import MappingEntry, Node, Scalar
 
-_KEYS = ("default", "min", "max", "step", "description")
+TUNABLE = KeyTable(
+    fields=(
+        FieldDecl(
+            "default",
+            TEXT,
+            "Its value at the start; says the type: 2, 2.0, 8 s, true, a text.",
+            required=True,
+        ),
+        FieldDecl("min", AMOUNT, "Smallest value."),
+        FieldDecl("max", AMOUNT, "Largest value."),
+        FieldDecl("step", AMOUNT, "Distance of the allowed values from 'min' on."),
+        FieldDecl("description", TEXT, "What it changes, in words."),
+    ),
+)
+"""The keys of a tunable."""
+
 _RANGE = ("min", "max", "step")
 _QUANTITIES = (FieldType.DURATION, FieldType.LENGTH, FieldType.ANGLE)
 _STEP_TOLERANCE = 1e-6
@@ -34,7 +51,7 @@ def read_tunable(reading: TypedReader, entry: MappingEntry, name: str) -> Tunabl
             f"write {{default: {entry.value.text[:20]}, min: …, max: …, description: …}}",
         )
         return None
-    fields = reading.fields(entry.value, what, _KEYS, ("default",))
+    fields = reading.keys(entry.value, TUNABLE, what)
     default = fields.get("default") if fields is not None else None
     if fields is None or default is None:
         return None
@@ -114,8 +131,8 @@ def _refuse_range(
         reading.error(
             "unknown-key",
             fields.keys[keys[0]],
-            f"{what} is a {field_type.value}, which has no {listed(keys)}",
-            "write the default without quotes" if quoted else f"remove {listed(keys)}",
+            f"{what} is a {field_type.value}, which has no {join_quoted(keys)}",
+            "write the default without quotes" if quoted else f"remove {join_quoted(keys)}",
         )
 
 

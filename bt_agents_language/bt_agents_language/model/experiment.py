@@ -1,20 +1,69 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The paper's experiments as data: the seeded order of scenes, what each profile must become."""
+"""Experiments of the paper as data: seeded scenes, prepared feedback, expected profiles."""
 
 from __future__ import annotations
 
 import math
 import random
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
-from bt_agents_core.scene import Vector
-from feedback_node.simulated_feedback import SimulatedFeedback
+from bt_agents_core.scene import SceneSpace, Vector
+
+
+@dataclass(frozen=True, kw_only=True)
+class FeedbackErrors:
+    """Errors in prepared feedback: which of it is wrong, and its wrong value.
+
+    Attributes:
+        space: The scene parameters.
+        seed: Seed of the chance.
+        every: Each so-manyth feedback is wrong; 0 when chance decides.
+        share: Probability that a feedback is wrong, 0..1; 0 when ``every`` decides.
+        value: The wrong vector; None draws each value evenly from the range of its parameter.
+    """
+
+    space: SceneSpace
+    seed: int
+    every: int = 0
+    share: float = 0.0
+    value: Vector | None = None
+
+    def instead(self, index: int) -> Vector | None:
+        """Return the wrong vector for the feedback of an index, from 0; None when it is right.
+
+        It depends on seed and index alone, so a restart changes nothing.
+        """
+        if self.every and (index + 1) % self.every:
+            return None
+        chance = random.Random(f"{self.seed}/{index}")
+        if not self.every and chance.random() >= self.share:
+            return None
+        if self.value is not None:
+            return self.value
+        return tuple(chance.uniform(p.minimum, p.maximum) for p in self.space.parameters)
+
+
+@dataclass(frozen=True, kw_only=True)
+class PreparedFeedback:
+    """Feedback that a simulated person gives after each run.
+
+    Attributes:
+        each: Agent → the vector it is given after every one of its runs.
+        sequence: Vectors used up in order, whichever other agent ran.
+        repeat: True starts the sequence again after its end.
+        errors: Which of all the feedback is wrong; None for none.
+    """
+
+    each: Mapping[str, Vector] = field(default_factory=dict)
+    sequence: tuple[Vector, ...] = ()
+    repeat: bool = False
+    errors: FeedbackErrors | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
 class ExperimentSpec:
-    """An ``experiment.yaml``.
+    """Content of an ``experiment.yaml``.
 
     Attributes:
         title: For people.
@@ -28,7 +77,7 @@ class ExperimentSpec:
     rounds: int
     seed: int
     scenes: tuple[Vector, ...]
-    feedback: SimulatedFeedback
+    feedback: PreparedFeedback
 
     def order(self) -> tuple[Vector, ...]:
         """Return the scene of every round, drawn at random with the seed."""

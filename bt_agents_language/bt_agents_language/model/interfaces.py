@@ -1,14 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the readers ask about ROS: whether a type and a field exist, and how names are written."""
+"""Checks of ROS names, types and fields that readers ask of a machine's interfaces."""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
+from enum import Enum
 from typing import Protocol
 
-from bt_agents_language.model.specs import BindingKind, FieldType, Plain
+from bt_agents_core.field_types import INTERFACE_FOLDERS, BindingKind, FieldType, Plain
 from bt_agents_language.yaml.typed_reader import TypedReader
 from bt_agents_language.yaml.yaml_reader import Node
 
@@ -21,12 +22,6 @@ _SHORT_TYPE = re.compile(
     r"([a-z][a-z0-9_]*)[/.:]+(?:(?:msgs?|srvs?|actions?)[/.:]+)?([A-Za-z][A-Za-z0-9]*)"
     r"(?:\.(?:msg|srv|action))?"
 )
-FOLDERS = {
-    BindingKind.ACTION: "action",
-    BindingKind.SERVICE: "srv",
-    BindingKind.TOPIC: "msg",
-}
-"""The middle part of a type's name for each kind of interface."""
 
 
 class Interfaces(Protocol):
@@ -109,6 +104,13 @@ class OfInstalledPackages:
         return self.has_package(package_of(type_name))
 
 
+class Nesting(Enum):
+    """What a field holds that is no single value; the value says it to people."""
+
+    LIST = "a list"
+    MESSAGE = "a message"
+
+
 @dataclass(frozen=True)
 class MessageFields:
     """The fields of a message that a condition or an output may name.
@@ -144,12 +146,12 @@ class MessageFields:
             return FieldType.ANY
         return known.field_type(self.kind, self.type_name, self.section, self._whole(path))
 
-    def nested(self, path: str) -> str:
-        """Return ``a list`` or ``a message`` for a field that is one; empty for all others."""
+    def nested(self, path: str) -> Nesting | None:
+        """Return what a field is that holds no single value; None for all others."""
         # No field is called so: whatever is known of the type, it is refused.
         if self.type_of(path) is not FieldType.ANY or self.problem(f"{path}.-") is None:
-            return ""
-        return "a message" if self.problem(f"{path}.0") else "a list"
+            return None
+        return Nesting.MESSAGE if self.problem(f"{path}.0") else Nesting.LIST
 
     def _whole(self, path: str) -> str:
         return f"{self.inside}.{path}" if self.inside else path
@@ -218,13 +220,13 @@ def read_ros_type(
     text = reading.text(node, what)
     if text is None:
         return None
-    folder = FOLDERS[kind]
+    folder = INTERFACE_FOLDERS[kind]
     match = _ROS_TYPE.fullmatch(text)
     if match is None or match[1] != folder:
         short = _SHORT_TYPE.fullmatch(text)
         hint = f"write {short[1]}/{folder}/{short[2][0].upper()}{short[2][1:]}" if short else ""
         if match is not None:
-            other = next(one for one, its in FOLDERS.items() if its == match[1])
+            other = next(one for one, its in INTERFACE_FOLDERS.items() if its == match[1])
             hint = f"this is the type of a {other.value}, which is used in another way"
         reading.error(
             "bad-ros-type", node, f"{what} is '{text[:60]}', expected package/{folder}/Name", hint

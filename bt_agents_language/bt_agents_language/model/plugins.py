@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Kinds of nodes that other packages bring, found by their entry points."""
+"""Node types of other packages, found by their entry points."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from typing import TypeGuard
 from bt_agents_core.errors import BtAgentsError
 from bt_agents_language.model.node_type import Content, NodeField, NodeType
 from bt_agents_language.model.specs import SkillSpec
-from bt_agents_language.nodes import WORDS
+from bt_agents_language.nodes.catalogue import WORDS
 
 GROUP = "bt_agents.nodes"
 """Entry point group; the name of an entry point is the key of the node, its object the class."""
@@ -32,7 +32,7 @@ class Plugins:
     """What the installed packages bring.
 
     Attributes:
-        kinds: Kinds of nodes by key.
+        kinds: Node types by key.
         origins: Key → words for the node and where it comes from.
         problems: Why the others cannot be nodes, in words.
     """
@@ -62,12 +62,12 @@ class Plugins:
 
 @cache
 def installed_plugins() -> Plugins:
-    """Return the kinds of nodes of all installed packages."""
+    """Return the node types of all installed packages."""
     return read_plugins(entry_points(group=GROUP))
 
 
 def read_plugins(points: Iterable[EntryPoint]) -> Plugins:
-    """Return the kinds of nodes of entry points; one that is wrong stops no other.
+    """Return the node types of entry points; one that is wrong stops no other.
 
     A node is a ``py_trees.behaviour.Behaviour`` with a class attribute ``fields``, a tuple of
     :class:`NodeField`, and if a scalar may stand for one of them, ``main`` with its name. Each
@@ -125,7 +125,7 @@ def _kind(point: EntryPoint) -> NodeType:
         main=main,
         fields=fields,
         description=" ".join(summary.split()),
-        behaviour=behaviour,
+        plugin=behaviour,
     )
 
 

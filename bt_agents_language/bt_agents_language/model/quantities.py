@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Numbers, times, lengths and angles as people write them, turned into SI values and back."""
+"""Conversion of numbers, times, lengths and angles from and to the texts that people write."""
 
 from __future__ import annotations
 
@@ -7,7 +7,8 @@ import math
 import re
 
 from bt_agents_core.errors import BtAgentsError
-from bt_agents_language.model.specs import FieldType
+from bt_agents_core.field_types import FieldType
+from bt_agents_core.text import ellipsize
 from bt_agents_language.model.units import (
     ANGLE,
     LENGTH,
@@ -16,7 +17,6 @@ from bt_agents_language.model.units import (
     dimension_meant,
     dimension_of,
 )
-from bt_agents_language.shortened import shortened
 
 MAX_DURATION_S = 365 * 24 * 3600.0
 """No interaction takes longer than a year."""
@@ -81,12 +81,12 @@ def integer(text: str) -> int:
             value = float(text)
             whole = math.isfinite(value) and value.is_integer() and abs(value) < 1e15
             hint = f"write {value:.0f}" if whole else ""
-            raise QuantityError(f"expected a whole number, found '{shortened(text)}'", hint)
+            raise QuantityError(f"expected a whole number, found '{ellipsize(text)}'", hint)
         raise _no_number(text, "a whole number", bare=True)
     _check_zero(text)
     value = int(text) if len(text) < 25 else _LARGEST_INTEGER + 1
     if abs(value) > _LARGEST_INTEGER:
-        raise QuantityError(f"'{shortened(text)}' is too large", "use at most 18 digits")
+        raise QuantityError(f"'{ellipsize(text)}' is too large", "use at most 18 digits")
     return value
 
 
@@ -98,10 +98,10 @@ def duration(text: str) -> float:
     """
     seconds = _quantity(text, TIME)
     if seconds < 0:
-        raise QuantityError(f"a time cannot be negative, found '{shortened(text.strip())}'")
+        raise QuantityError(f"a time cannot be negative, found '{ellipsize(text.strip())}'")
     if seconds > MAX_DURATION_S:
         raise QuantityError(
-            f"'{shortened(text.strip())}' is longer than a year", "write a shorter time"
+            f"'{ellipsize(text.strip())}' is longer than a year", "write a shorter time"
         )
     return seconds
 
@@ -214,7 +214,7 @@ def _quantity(text: str, dimension: Dimension) -> float:
         elif dimension is TIME and text.lower() in _NO_LIMIT:
             hint = "where no time is meant, leave the key out"
         if hint:
-            raise QuantityError(f"expected {wanted}, found '{shortened(text)}'", hint)
+            raise QuantityError(f"expected {wanted}, found '{ellipsize(text)}'", hint)
         raise _no_number(text, wanted)
     amount, unit = match.groups()
     unit = unit or dimension.si
@@ -223,7 +223,7 @@ def _quantity(text: str, dimension: Dimension) -> float:
     value = dimension.si_value(_finite(amount), unit)
     if not math.isfinite(value):
         raise QuantityError(
-            f"'{shortened(text)}' is too large for a number", "write a finite number"
+            f"'{ellipsize(text)}' is too large for a number", "write a finite number"
         )
     return value
 
@@ -237,7 +237,7 @@ def _wrong_unit(text: str, amount: str, unit: str, dimension: Dimension) -> Quan
     other = dimension_meant(unit)
     if other is None:
         return QuantityError(
-            f"'{shortened(unit)}' is not a unit of {dimension.name}", f"use {dimension.listed}"
+            f"'{ellipsize(unit)}' is not a unit of {dimension.name}", f"use {dimension.listed}"
         )
     hint = f"use {dimension.listed}"
     if dimension is TIME and unit.lower() == "m":
@@ -245,7 +245,7 @@ def _wrong_unit(text: str, amount: str, unit: str, dimension: Dimension) -> Quan
     elif dimension is LENGTH and unit == "min":
         hint = f"write {amount} m for metres; min is minutes"
     return QuantityError(
-        f"expected {_wanted(dimension)}, found the {other.name} '{shortened(text)}'", hint
+        f"expected {_wanted(dimension)}, found the {other.name} '{ellipsize(text)}'", hint
     )
 
 
@@ -258,7 +258,7 @@ def _finite(text: str) -> float:
     value = float(text)
     if not math.isfinite(value):
         raise QuantityError(
-            f"'{shortened(text)}' is too large for a number", "write a finite number"
+            f"'{ellipsize(text)}' is too large for a number", "write a finite number"
         )
     return value
 
@@ -269,16 +269,16 @@ def _check_zero(text: str) -> None:
         meant = sign + (text.lstrip("+-").lstrip("0") or "0")
         meant = sign + "0" + meant[len(sign) :] if meant[len(sign) :].startswith(".") else meant
         raise QuantityError(
-            f"'{shortened(text)}' starts with a zero, which some programs read as another number",
-            f"write {shortened(meant)}",
+            f"'{ellipsize(text)}' starts with a zero, which some programs read as another number",
+            f"write {ellipsize(meant)}",
         )
 
 
 def _no_number(text: str, wanted: str, *, bare: bool = False) -> QuantityError:
     if len(text) > _MAX_LENGTH:
-        return QuantityError(f"expected {wanted}, found '{shortened(text)}'")
+        return QuantityError(f"expected {wanted}, found '{ellipsize(text)}'")
     hint = "write a finite number" if _NOT_FINITE.fullmatch(text) else _number_hint(text, bare)
-    return QuantityError(f"expected {wanted}, found '{shortened(text)}'", hint)
+    return QuantityError(f"expected {wanted}, found '{ellipsize(text)}'", hint)
 
 
 def _number_hint(text: str, bare: bool) -> str:
@@ -286,16 +286,16 @@ def _number_hint(text: str, bare: bool) -> str:
     if text.lower() in _WORDS:
         return f"write {_WORDS.index(text.lower())}"
     if text[:1] in "−–" and text[1:2].isdecimal():
-        return f"write the plain minus sign: -{shortened(text[1:])}"
+        return f"write the plain minus sign: -{ellipsize(text[1:])}"
     if text.isdecimal() and len(text) < 19:
         return f"write {int(text)} in plain digits"
     if re.fullmatch(r"[-+]?[1-9][0-9]{0,2},[0-9]{3}", text):
         return f"write {text.replace(',', '')}, or with a point {text.replace(',', '.')}"
     if re.fullmatch(r"[-+]?[0-9]+,[0-9]+[^,]*", text):
-        return f"use a point: {shortened(text.replace(',', '.', 1))}"
+        return f"use a point: {ellipsize(text.replace(',', '.', 1))}"
     if re.fullmatch(r"[-+]?[0-9][0-9_' ,]*", text):
         return (
-            f"write the digits without anything between: {shortened(re.sub('[^-+0-9]', '', text))}"
+            f"write the digits without anything between: {ellipsize(re.sub('[^-+0-9]', '', text))}"
         )
     if re.fullmatch(r"[-+]?0[xXoObB][0-9a-fA-F]+", text):
         return "write it as a decimal number"

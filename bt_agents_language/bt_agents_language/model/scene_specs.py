@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a checked ``scene.yaml`` says: the scene parameters, their sources and the persons."""
+"""Specification of a scene: its parameters, their sources, the place and the persons."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ from dataclasses import dataclass, field
 from enum import Enum
 from functools import cached_property
 
+from bt_agents_core.diagnostic import Position
 from bt_agents_core.scene import SceneSpace
 from bt_agents_language.expression.expressions import Expression
-from bt_agents_language.model.specs import Position
 
 MESSAGE = "msg"
 """What an expression of a source calls the message, or the item of a person in it."""

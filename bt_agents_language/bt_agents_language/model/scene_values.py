@@ -5,8 +5,9 @@ from __future__ import annotations
 
 from bt_agents_core.errors import Refused
 from bt_agents_core.scene import SceneParameter, SceneSpace, Vector, check_value
-from bt_agents_language.yaml.diagnostics import did_you_mean, shown
-from bt_agents_language.yaml.typed_reader import TypedReader, adding, listed
+from bt_agents_core.text import join_quoted, quote
+from bt_agents_language.yaml.diagnostics import did_you_mean
+from bt_agents_language.yaml.typed_reader import TypedReader, adding
 from bt_agents_language.yaml.yaml_reader import Node
 
 
@@ -38,7 +39,7 @@ def read_vector(reading: TypedReader, node: Node, what: str, space: SceneSpace) 
         reading.error(
             "missing-key",
             node,
-            f"{what} has no value for {listed(missing)}",
+            f"{what} has no value for {join_quoted(missing)}",
             adding(missing),
         )
         return None
@@ -56,7 +57,7 @@ def read_parameter(reading: TypedReader, node: Node, space: SceneSpace) -> Scene
         reading.error(
             "unknown-name",
             node,
-            f"there is no scene parameter {shown(name)}",
+            f"there is no scene parameter {quote(name)}",
             did_you_mean(name, space.names),
         )
         return None

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The names that a place in a file may use, their types, and which of them were used."""
+"""Scopes of names: those that a place in a file may use, their types, and which were used."""
 
 from __future__ import annotations
 
@@ -8,14 +8,14 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 
+from bt_agents_core.field_types import FieldType
 from bt_agents_core.scene import SceneSpace
 from bt_agents_language.expression.expression_tokens import NAME, OPERATOR_WORDS
 from bt_agents_language.expression.expressions import Expression, ValueKind, parse_expression
 from bt_agents_language.expression.functions import FUNCTIONS
 from bt_agents_language.model.interfaces import MessageFields
-from bt_agents_language.model.specs import FieldType
 from bt_agents_language.model.units import ANGLE, LENGTH, TIME, Dimension
-from bt_agents_language.yaml.diagnostics import did_you_mean
+from bt_agents_language.yaml.diagnostics import did_you_mean, nearest
 
 RESERVED = (
     "scene", "live", "mood", "profile", "msg", "result",
@@ -132,8 +132,13 @@ class NameScope:
         types = tuple([self._type_of(word) for word in _WORD.findall(text)])
         return _parsed(text, types)
 
-    def problem(self, name: str) -> tuple[str, str, str] | None:
-        """Return code, message and hint when a name cannot be used."""
+    def problem(self, name: str, *, maybe_text: bool = False) -> tuple[str, str, str] | None:
+        """Return code, message and hint when a name cannot be used.
+
+        Args:
+            name: The name.
+            maybe_text: Whether it can be meant as a text.
+        """
         if name in self._types and not self._messages:
             self.used.add(name)
             return None
@@ -148,23 +153,27 @@ class NameScope:
         known = [*own, *self._written, *messages, *(one for one in self._types if "." in one)]
         if head in self._messages:
             return ("unknown-name", f"'{name}' is a whole message", f"name a field: {name}.data")
-        hint = self._hidden.get(name) or self._hint(name, known)
+        hint = self._hidden.get(name) or self._hint(name, known, maybe_text)
         return ("unknown-name", f"there is no name '{name[:80]}' here", hint)
 
-    def _hint(self, name: str, known: list[str]) -> str:
+    def _hint(self, name: str, known: list[str], maybe_text: bool) -> str:
         """Return how to mend a name that is not known."""
         if name == "mood.change":
             if "live.person" not in known:
                 return "moods change only while a tree runs; name scene.mood, the mood before it"
             return "scene.yaml does not say which parameter is the mood; add 'mood: …' there"
         hint = did_you_mean(name, known)
-        if hint.startswith("did you mean"):
+        if nearest(name, known) is not None:
             return hint
         head, _, last = name[:40].rpartition(".")
         if head.partition(".")[0] in ("msg", "result"):
             return f"name it where it comes in, 'outputs: {{x: {name[:40]}}}', and then x here"
         message = next(iter(self._messages), None)
-        return hint if message is None else f"a field of the message is named {message}.{last}"
+        if message is not None:
+            return f"a field of the message is named {message}.{last}"
+        if maybe_text and known and "." not in name:
+            return f"if it is meant as a text, put it in quotation marks: '{name}'"
+        return hint
 
     def _too_early(self, name: str) -> tuple[str, str, str] | None:
         if name in self._types or name in self.given or name not in self._written:

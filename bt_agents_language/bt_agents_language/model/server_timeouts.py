@@ -1,44 +1,49 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a binding says about its server's time and signs of life: ``timeouts``, ``heartbeat``."""
+"""Timeouts and heartbeat of a binding's server."""
 
 from __future__ import annotations
 
+from bt_agents_core.field_types import BindingKind
+from bt_agents_language.model.file_kinds import DURATION, ROS_NAME, ROS_TYPE, FieldDecl, KeyTable
 from bt_agents_language.model.interfaces import Interfaces, read_ros_name, read_ros_type
-from bt_agents_language.model.specs import BindingKind, HeartbeatSpec, Timeouts
-from bt_agents_language.yaml.mapping_reader import MappingReader
-from bt_agents_language.yaml.typed_reader import TypedReader
+from bt_agents_language.model.specs import HeartbeatSpec, Timeouts
+from bt_agents_language.yaml.typed_reader import MappingReader, TypedReader
 
-LIMIT_KEYS = ("timeouts", "heartbeat")
-"""Keys of a binding to an action or service."""
+TIMEOUTS = KeyTable(
+    what="'timeouts'",
+    fields=(
+        FieldDecl("server", DURATION, "until the server is found"),
+        FieldDecl("accept", DURATION, "until the server says whether it takes the goal"),
+        FieldDecl("result", DURATION, "until the result or answer"),
+    ),
+)
+"""The keys of ``timeouts``."""
 
-TIMEOUT_KEYS = {
-    "server": "until the server is found",
-    "accept": "until the server says whether it takes the goal",
-    "result": "until the result or answer",
-}
-"""Keys of ``timeouts``, with what they limit."""
-
-HEARTBEAT_KEYS = {
-    "topic": "what the server publishes while it is alive",
-    "type": "ROS type of the topic",
-    "within": "how long it may be silent",
-}
-"""Keys of ``heartbeat``, with their meaning."""
+HEARTBEAT = KeyTable(
+    what="'heartbeat'",
+    fields=(
+        FieldDecl("topic", ROS_NAME, "what the server publishes while it is alive", required=True),
+        FieldDecl("type", ROS_TYPE, "ROS type of the topic", required=True),
+        FieldDecl("within", DURATION, "how long it may be silent"),
+    ),
+)
+"""The keys of ``heartbeat``."""
 
 
 def timeout_keys(kind: BindingKind) -> tuple[str, ...]:
     """Return the keys of ``timeouts``; a service answers at once, so it accepts nothing."""
-    return tuple(one for one in TIMEOUT_KEYS if one != "accept" or kind is BindingKind.ACTION)
+    return tuple(one for one in TIMEOUTS.values if one != "accept" or kind is BindingKind.ACTION)
 
 
 def read_timeouts(reading: TypedReader, fields: MappingReader, kind: BindingKind) -> Timeouts:
     """Return how long the server may take; what is not written or wrong is as usual."""
     usual = Timeouts()
     node = fields.get("timeouts")
-    written = reading.fields(node, "'timeouts'", timeout_keys(kind)) if node is not None else None
+    table = TIMEOUTS.only(timeout_keys(kind))
+    written = reading.keys(node, table) if node is not None else None
     if written is None:
         return usual
-    server, accept, result = (_limit(reading, written, key) for key in TIMEOUT_KEYS)
+    server, accept, result = (_limit(reading, written, key) for key in TIMEOUTS.values)
     return Timeouts(
         server_s=server or usual.server_s,
         accept_s=accept or usual.accept_s,
@@ -53,7 +58,7 @@ def read_heartbeat(
     node = fields.get("heartbeat")
     if node is None:
         return None
-    written = reading.fields(node, "'heartbeat'", tuple(HEARTBEAT_KEYS), ("topic", "type"))
+    written = reading.keys(node, HEARTBEAT)
     if written is None:
         return None
     topic_node, type_node = written.get("topic"), written.get("type")

@@ -1,20 +1,19 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a checked file says: frozen data that the engine and the nodes are built from."""
+"""Specifications: frozen data of checked files, from which the engine and the nodes are built."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
-from enum import Enum
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import Any, Protocol, Self, TypeVar
 
+from bt_agents_core.diagnostic import Position
 from bt_agents_core.feedback import LearningRule
+from bt_agents_core.field_types import BindingKind, FieldType, Plain
 from bt_agents_core.scene import Vector
 from bt_agents_language.expression.expressions import Expression
-
-Plain = None | bool | int | float | str | tuple["Plain", ...] | Mapping[str, "Plain"]
-"""A value without any name in it."""
+from bt_agents_language.model.mood_rule import MoodRule
 
 NOTHING: Mapping[str, Any] = {}
 """What all nodes share that have no fields or outputs; one of its own for each takes space."""
@@ -22,33 +21,6 @@ NOTHING: Mapping[str, Any] = {}
 
 def _nothing() -> Mapping[str, Any]:
     return NOTHING
-
-
-class Position(NamedTuple):
-    """Where something stands; line and column count from 1."""
-
-    file: str
-    line: int
-    column: int
-
-    def __str__(self) -> str:
-        return f"{self.file}:{self.line}:{self.column}"
-
-
-class FieldType(Enum):
-    """Types of fields, tunables, inputs and outputs; the value is the word in a file."""
-
-    TEXT = "text"
-    NUMBER = "number"
-    INTEGER = "integer"
-    BOOLEAN = "boolean"
-    DURATION = "duration"
-    LENGTH = "length"
-    ANGLE = "angle"
-    ANY = "any"
-
-    # That of Enum is computed anew each time, and these are keys wherever a file is read.
-    __hash__ = object.__hash__
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -120,14 +92,6 @@ class FieldSpec:
     def default_value(self) -> Literal:
         """What a node has that does not write it."""
         return Literal(value=self.default)
-
-
-class BindingKind(Enum):
-    """The kind of ROS interface a skill or leaf uses; the value is the word in a file."""
-
-    ACTION = "action"
-    SERVICE = "service"
-    TOPIC = "topic"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -232,15 +196,15 @@ class SkillSpec:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class NodeSpec:
-    """One node of a tree; a modifier is a node around the one it modifies.
+    """One node of a tree; a decorator is a node around the one it decorates.
 
     Attributes:
         path: Stable position in the tree, for example ``tree/0.say`` or ``tree/1.ask@timeout``.
         position: Where it stands in the file.
-        kind: Node key or modifier: ``sequence``, ``timeout``, ``say``.
+        kind: Node key or decorator: ``sequence``, ``timeout``, ``say``.
         name: Name for people.
         fields: Values and conditions by field name; see ``nodes.py`` for the fields of a kind.
-        children: In order; of a modifier the modified node first.
+        children: In order; of a decorator the decorated node first.
         skill: Set when ``kind`` is a skill.
         outputs: Name that is written → where its value comes from: a field path of the result or
             message, or a name inside of a subtree.
@@ -274,6 +238,24 @@ class NodeSpec:
             feedback=self.feedback,
             plugin=self.plugin,
         )
+
+
+class _Parent(Protocol):
+    @property
+    def children(self) -> tuple[Self, ...]: ...
+
+
+_Node = TypeVar("_Node", bound=_Parent)
+
+
+def iter_nodes(root: _Node) -> Iterator[_Node]:
+    """Give a node and all nodes below it, parents before children."""
+    waiting = [root]
+    while waiting:
+        node = waiting.pop()
+        yield node
+        if node.children:
+            waiting += reversed(node.children)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -329,34 +311,6 @@ class Tunable:
 
 
 @dataclass(frozen=True, kw_only=True)
-class FeedbackRule:
-    """What a change of mood during a run teaches the agent.
-
-    Attributes:
-        when: Condition over ``mood.change``, ``scene.*`` and ``live.*``.
-        hold_s: How long it must hold [s].
-        positive: True moves the profile towards the scene, False away from it.
-        cancel: True also stops the run and lets the market ask again.
-        baseline_s: ``mood.change`` is against the mean mood of so long at the start [s]; 0 for
-            the mood of the scene as awarded.
-        release: Condition after which a rule that has fired is ready again; None for none.
-        cooldown_s: A rule that has fired is ready again after so long at the earliest [s]; with
-            neither release nor cooldown a rule fires once a run.
-        confidence: Moods with less confidence are not known, 0..1.
-    """
-
-    when: Expression
-    hold_s: float
-    positive: bool
-    cancel: bool
-    position: Position
-    baseline_s: float = 0.0
-    release: Expression | None = None
-    cooldown_s: float = 0.0
-    confidence: float = 0.0
-
-
-@dataclass(frozen=True, kw_only=True)
 class AgentSpec:
     """One agent file.
 
@@ -377,7 +331,7 @@ class AgentSpec:
     learning_rate: float
     requires: Expression | None
     tunables: tuple[Tunable, ...]
-    rules: tuple[FeedbackRule, ...]
+    rules: tuple[MoodRule, ...]
     tree: NodeSpec
     on_cancel: NodeSpec | None
     file: str

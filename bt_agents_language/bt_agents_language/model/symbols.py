@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a file with trees may speak of: scene parameters, skills, plug-ins, libraries, types."""
+"""Symbol table of a file with trees: scene parameters, skills, plug-ins, libraries, ROS types."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from bt_agents_core.scene import SceneSpace
 from bt_agents_language.model.interfaces import Interfaces
 from bt_agents_language.model.node_type import NodeType
 from bt_agents_language.model.specs import SkillSpec, SubtreeSpec, UnusedInput
-from bt_agents_language.nodes import KINDS
+from bt_agents_language.nodes.catalogue import NODE_TYPES
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -74,7 +74,7 @@ class SymbolTable:
         space: The scene parameters.
         skills: Skills by name.
         interfaces: The installed ROS types; None leaves types and fields unchecked.
-        plugins: Kinds of nodes that plug-ins bring, by key.
+        plugins: Node types that plug-ins bring, by key.
         libraries: Finds what ``imports`` names; None where there is no trees folder.
         incomplete: True when an import has failed, whose words are not known therefore.
     """
@@ -87,9 +87,9 @@ class SymbolTable:
     incomplete: bool = False
 
     @cached_property
-    def kinds(self) -> Mapping[str, NodeType]:
-        """Every kind of node by key, those of plug-ins included."""
-        return {**KINDS, **self.plugins}
+    def node_types(self) -> Mapping[str, NodeType]:
+        """Every node type by key, those of plug-ins included."""
+        return {**NODE_TYPES, **self.plugins}
 
     def with_skills(self, skills: Mapping[str, SkillSpec]) -> SymbolTable:
         """Return the same with more skills; nodes of plug-ins with such a name give way."""

@@ -1,11 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The units of time, length and angle that files can use, and how people also write them."""
+"""Units of time, length and angle, and the other spellings that people use for them."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+
+from bt_agents_core.text import join_words
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -35,8 +37,7 @@ class Dimension:
     @property
     def listed(self) -> str:
         """The units in words: ``ms, s, min or h``."""
-        *first, last = self.units
-        return f"{', '.join(first)} or {last}"
+        return join_words([*self.units], "or")
 
     def si_value(self, amount: float, unit: str) -> float:
         """Return an amount of a unit in SI."""

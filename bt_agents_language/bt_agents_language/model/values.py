@@ -1,25 +1,24 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Values with names in them, ``Hello ${who}.``, and conditions, checked against known names."""
+"""Values with ``${…}`` in them, and conditions, checked against the names in scope."""
 
 from __future__ import annotations
 
+from bt_agents_core.field_types import FieldType, Plain
 from bt_agents_language.expression.expressions import Expression, ValueKind
 from bt_agents_language.model import quantities
 from bt_agents_language.model.scope import UNITS, NameScope
 from bt_agents_language.model.specs import (
     Computed,
-    FieldType,
     ListValue,
     Literal,
     MapValue,
-    Plain,
     Reference,
     Text,
     Value,
 )
 from bt_agents_language.tree.references import Part, read_expression, read_parts
 from bt_agents_language.yaml.scalars import plain_value
-from bt_agents_language.yaml.typed_reader import TypedReader
+from bt_agents_language.yaml.typed_reader import Shape, TypedReader
 from bt_agents_language.yaml.yaml_reader import Mapping, Node, Scalar, Sequence
 
 _NUMBERS = (FieldType.NUMBER, FieldType.INTEGER)
@@ -66,7 +65,8 @@ def read_value(
     if field_type is FieldType.ANY:
         return _read_any(reading, node, names, what)
     if not isinstance(node, Scalar):
-        reading.wrong_type(node, what, _EXPECTED[field_type])
+        shape = Shape.TEXT if field_type is FieldType.TEXT else Shape.OTHER
+        reading.wrong_type(node, what, _EXPECTED[field_type], shape)
         return None
     if "${" not in node.text:
         if field_type is FieldType.TEXT:

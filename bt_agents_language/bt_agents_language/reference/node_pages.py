@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What there is to say about each word of the tree language, for pages, editors and terminals."""
+"""Reference pages of the words of the tree language, for documents, editors and terminals."""
 
 from __future__ import annotations
 
@@ -8,17 +8,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import Enum
 
-from bt_agents_language.model.node_type import (
-    Children,
-    Content,
-    DecoratorType,
-    NodeField,
-    NodeType,
-)
-from bt_agents_language.model.specs import FieldSpec, FieldType, Plain, SkillSpec, SubtreeSpec
+from bt_agents_core.field_types import FieldType, Plain
+from bt_agents_language.model.node_type import Children, Content, NodeField, NodeType, Role
+from bt_agents_language.model.specs import FieldSpec, SkillSpec, SubtreeSpec
 from bt_agents_language.model.symbols import SymbolTable
-from bt_agents_language.nodes import BESIDE, KINDS, MODIFIERS
-from bt_agents_language.reference.node_examples import EXAMPLES, TEXTS
+from bt_agents_language.nodes.catalogue import DECORATORS, NODE_TYPES, SIBLINGS
 
 
 class Group(Enum):
@@ -28,8 +22,8 @@ class Group(Enum):
     LEAF = "leaf"
     SKILL = "skill"
     PLUGIN = "node of a plug-in"
-    MODIFIER = "modifier"
-    BESIDE = "key beside a node"
+    DECORATOR = "decorator"
+    SIBLING = "key beside a node"
     SUBTREE = "subtree of a library"
 
 
@@ -100,35 +94,34 @@ _CONTENT_WORDS = {
 
 
 def node_page(key: str, vocabulary: SymbolTable) -> NodePage | None:
-    """Return what there is to say about a node, skill, modifier or other key beside a node.
+    """Return what there is to say about a node, skill, decorator or other key beside a node.
 
     Returns:
         None when there is no such word.
     """
-    if key in KINDS:
-        return _kind_page(KINDS[key])
-    if key in vocabulary.plugins:
-        return _kind_page(vocabulary.plugins[key])
+    node_type = vocabulary.node_types.get(key)
+    if node_type is not None:
+        return _type_page(node_type)
     if key in vocabulary.skills:
         return _skill_page(vocabulary.skills[key])
-    if key in MODIFIERS:
-        return _modifier_page(MODIFIERS[key])
-    if key in BESIDE:
-        beside = BESIDE[key]
+    if key in DECORATORS:
+        return _decorator_page(DECORATORS[key])
+    if key in SIBLINGS:
+        sibling = SIBLINGS[key]
         return NodePage(
             key=key,
-            group=Group.BESIDE,
-            description=beside.description,
+            group=Group.SIBLING,
+            description=sibling.field.description,
             forms=(f"{key}: …",),
-            note=f"Stands beside {beside.where}.",
-            example=EXAMPLES[key],
+            note=f"Stands beside {sibling.where}.",
+            example=sibling.example,
         )
     return None
 
 
 def node_pages(vocabulary: SymbolTable) -> tuple[NodePage, ...]:
     """Return the pages of all words, group by group."""
-    keys = [*KINDS, *vocabulary.skills, *vocabulary.plugins, *MODIFIERS, *BESIDE]
+    keys = [*NODE_TYPES, *vocabulary.skills, *vocabulary.plugins, *DECORATORS, *SIBLINGS]
     pages = [page for key in keys if (page := node_page(key, vocabulary)) is not None]
     order = list(Group)
     return tuple(sorted(pages, key=lambda page: order.index(page.group)))
@@ -194,29 +187,29 @@ def written(value: Plain, field_type: FieldType = FieldType.ANY) -> str:
     return f"{{{', '.join(f'{key}: {written(item)}' for key, item in value.items())}}}"
 
 
-def _kind_page(kind: NodeType) -> NodePage:
-    fields = tuple(_entry(field, kind.main) for field in kind.fields)
-    if kind.behaviour is not None:
+def _type_page(node_type: NodeType) -> NodePage:
+    fields = tuple(_entry(field, node_type.main) for field in node_type.fields)
+    if node_type.plugin is not None:
         group = Group.PLUGIN
     else:
-        group = Group.COMPOSITE if kind.children is Children.LIST else Group.LEAF
-    if kind.children is Children.LIST:
-        options = "".join(f"{field.name}: …, " for field in kind.fields)
+        group = Group.COMPOSITE if node_type.role is Role.COMPOSITE else Group.LEAF
+    if node_type.children is Children.LIST:
+        options = "".join(f"{field.name}: …, " for field in node_type.fields)
         forms: tuple[str, ...] = (
-            f"{kind.key}: [node, …]",
-            f"{kind.key}: {{{options}children: [node, …]}}",
+            f"{node_type.key}: [node, …]",
+            f"{node_type.key}: {{{options}children: [node, …]}}",
         )
-    elif kind.open:
-        forms = (f"{kind.key}: {{name: value, …}}",)
+    elif node_type.open:
+        forms = (f"{node_type.key}: {{name: value, …}}",)
     else:
-        forms = _forms(kind.key, fields)
+        forms = _forms(node_type.key, fields)
     return NodePage(
-        key=kind.key,
+        key=node_type.key,
         group=group,
-        description=kind.description,
+        description=node_type.description,
         forms=forms,
         fields=fields,
-        example=EXAMPLES.get(kind.key) or _made_example(kind.key, fields, ()),
+        example=node_type.example or _made_example(node_type.key, fields, ()),
     )
 
 
@@ -235,26 +228,26 @@ def _skill_page(skill: SkillSpec) -> NodePage:
     )
 
 
-def _modifier_page(modifier: DecoratorType) -> NodePage:
-    fields = tuple(_entry(field, modifier.main) for field in modifier.fields)
-    if modifier.handler:
-        forms: tuple[str, ...] = (f"{modifier.key}: <node>",)
+def _decorator_page(decorator: NodeType) -> NodePage:
+    fields = tuple(_entry(field, decorator.main) for field in decorator.fields)
+    if decorator.handler:
+        forms: tuple[str, ...] = (f"{decorator.key}: <node>",)
     elif not fields:
-        forms = (f"{modifier.key}: true",)
+        forms = (f"{decorator.key}: true",)
     else:
-        forms = _forms(modifier.key, fields)
-    keys = list(MODIFIERS)
-    at = keys.index(modifier.key)
+        forms = _forms(decorator.key, fields)
+    keys = list(DECORATORS)
+    at = keys.index(decorator.key)
     inside = f"around {', '.join(keys[at + 1 :])}" if keys[at + 1 :] else ""
     outside = f"inside of {', '.join(keys[:at])}" if at else ""
     return NodePage(
-        key=modifier.key,
-        group=Group.MODIFIER,
-        description=modifier.description,
+        key=decorator.key,
+        group=Group.DECORATOR,
+        description=decorator.description,
         forms=forms,
         fields=fields,
         note=f"However written, it acts {' and '.join(filter(None, (outside, inside)))}.",
-        example=EXAMPLES[modifier.key],
+        example=decorator.example,
     )
 
 
@@ -294,6 +287,16 @@ def _forms(key: str, fields: tuple[FieldEntry, ...]) -> tuple[str, ...]:
     return tuple(forms)
 
 
+_TEXTS: Mapping[str, str] = {
+    "say": "Hello.",
+    "ask": "Shall we go?",
+    "show": "Follow me",
+    "drive": "check-in desk",
+    "light": "green",
+    "sound": "chirp",
+}
+"""Text of a skill in its example, by the usual names of skills."""
+
 _SAMPLES = {
     "number": "1.5",
     "whole number": "2",
@@ -313,7 +316,7 @@ def _made_example(
     needed = [field for field in fields if field.required]
     main = next((field for field in fields if field.main), None)
     if main is not None and needed in ([], [main]):
-        value = f" {_sample(main, TEXTS.get(key))}"
+        value = f" {_sample(main, _TEXTS.get(key))}"
     elif needed:
         value = f" {{{', '.join(f'{field.name}: {_sample(field)}' for field in needed)}}}"
     else:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The reference of all nodes, skills and modifiers as one Markdown page."""
+"""Markdown page of all nodes, skills and decorators."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ _HEADINGS = {
     Group.LEAF: "Leaves",
     Group.SKILL: "Skills",
     Group.PLUGIN: "Nodes of plug-ins",
-    Group.MODIFIER: "Modifiers",
-    Group.BESIDE: "Other keys beside a node",
+    Group.DECORATOR: "Decorators",
+    Group.SIBLING: "Other keys beside a node",
 }
 _WORDS = {
     Group.COMPOSITE: "A composite has children and says which of them are done, and when.",
@@ -22,10 +22,10 @@ _WORDS = {
     Group.SKILL: "Skills are declared in the files of `skills/`; these are the ones of this "
     "repository. Another robot can have others.",
     Group.PLUGIN: "Installed packages bring these.",
-    Group.MODIFIER: "A modifier stands beside a node and changes when it is done or what its end "
-    "counts as. However they are written, they act in the order of this page: the first is the "
-    "outermost.",
-    Group.BESIDE: "",
+    Group.DECORATOR: "A decorator stands beside a node and changes when it is done or what its "
+    "end counts as. However they are written, they act in the order of this page: the first is "
+    "the outermost.",
+    Group.SIBLING: "",
 }
 _TOP = """\
 # Reference of nodes
@@ -33,7 +33,7 @@ _TOP = """\
 Made by `scripts/generate` from the tables that files are checked against; `bt-agents explain
 NODE` shows the same in the terminal.
 
-A node is a mapping with exactly one node key, and modifiers beside it. `<…>` stands for a value;
+A node is a mapping with exactly one node key, and decorators beside it. `<…>` stands for a value;
 `${…}` may stand wherever a text, number, time, length, angle or `true` and `false` is expected,
 unless the table says that the value is fixed. Each example is part of an agent file.
 """

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What may stand in values and conditions: units, expressions and names, from their own tables."""
+"""Topics of the reference that are no keys: units, expressions and names, from their tables."""
 
 from __future__ import annotations
 

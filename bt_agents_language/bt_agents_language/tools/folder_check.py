@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""All problems of a trees folder, or of some of its files, for people and programs that ask."""
+"""Check of a trees folder, or of some of its files: every diagnostic, for people and programs."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from bt_agents_core.diagnostic import Diagnostic, Position, Severity
 from bt_agents_core.errors import ReadError
 from bt_agents_language.files.folder_reader import TEST_SUFFIXES, Trees, read_trees, yaml_files
 from bt_agents_language.files.market_reader import MARKET_FILE, read_market, unknown_agents
@@ -17,11 +18,10 @@ from bt_agents_language.files.skills_reader import read_skills
 from bt_agents_language.files.testing.test_reader import read_test
 from bt_agents_language.model.interfaces import Interfaces, OfInstalledPackages
 from bt_agents_language.model.plugins import installed_plugins
-from bt_agents_language.model.specs import AgentSpec, Position
+from bt_agents_language.model.specs import AgentSpec
 from bt_agents_language.model.symbols import ImportProblem, SymbolTable
 from bt_agents_language.tools.linting.comment_truncation import cut_texts
 from bt_agents_language.tools.linting.lint import lint, unused_inputs
-from bt_agents_language.yaml.diagnostics import Diagnostic
 from bt_agents_language.yaml.source import Source, read_source
 
 
@@ -198,6 +198,7 @@ def _bad_plugin(folder: Path, words: str) -> Diagnostic:
         position=Position(file=str(folder), line=1, column=1),
         message=words,
         hint="trees cannot use this node; mend its package, or remove it",
+        severity=Severity.WARNING,
     )
 
 

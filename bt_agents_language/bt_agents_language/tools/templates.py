@@ -1,121 +1,28 @@
 # SPDX-License-Identifier: Apache-2.0
-"""First versions of an author's files: commented, without errors, and ready to be changed."""
+"""Templates of an author's first files: commented, without errors, and ready to be changed."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from importlib.resources import files
+from string import Template
 
+from bt_agents_core.field_types import FieldType
 from bt_agents_core.scene import SceneParameter, SceneSpace
 from bt_agents_language.model.scene_specs import SceneSpec
-from bt_agents_language.model.specs import FieldType, SkillSpec
+from bt_agents_language.model.specs import SkillSpec
 
-_AGENT = """\
-# What {name} is and does. Lines that start with '#' are for people only.
-# Whether it works:  bt-agents check {folder}
-# What it does:      bt-agents rehearse {file}
-format: 1
-agent: {name}
-title: {title}
-description: >
-  Write here in a sentence or two what it does, and whom it suits.
-tags: []
 
-# Its bid: the scene that suits it best. Feedback moves it from here.
-profile:
-{profile}
+class _Template(Template):
+    """Text with names such as ``@{name}``, as ``$`` and braces have a meaning in trees."""
 
-# How far one feedback moves it: 0 not at all, 1 all the way.
-learning_rate: 0.2
-{requires}
-# Values to tune while it runs; ${{patience}} stands for the value of the first.
-tunables:
-  patience: {{default: 2 s, min: 0 s, max: 30 s, description: how long it waits}}
-{feedback}
-# What it does. A node is one word and its value, and what changes it beside it.
-tree:
-  sequence:  # one after the other, until one fails
-    - {say}: Hello.
-    - name: remark  # a name for people, in logs and pictures
-      selector:     # tries one after the other, until one succeeds
-        - sequence:
-            - check: scene.{parameter} >= {middle}
-            - {say}: {high}
-        - {say}: {low}
-    - wait: ${{patience}}
-    - {say}: Good-bye.
+    delimiter = "@"
 
-# What it still does when it is stopped.
-on_cancel: {{{say}: All right.}}
-"""
-_FEEDBACK = """
-# What a change of {mood} while it runs teaches it.
-feedback:
-  - when: mood.change >= {little}
-    for: 2 s
-    give: positive
-  - when: mood.change <= -{much}
-    for: 2 s
-    give: negative
-    then: cancel  # and let the market ask again
-"""
-_TEST = """\
-# bt-agents test {file}
-format: 1
-test: {name}
 
-cases:
-  - name: it greets, makes its remark and says good-bye
-    scene: {high_scene}
-    expect:
-{says_high}      visited: tree/1.remark/0.sequence
-      ends: succeeded
-      within: 1 min
-
-  - name: it makes the other remark where {parameter} is less than {middle}
-    scene: {low_scene}
-    expect:
-{says_low}      visited: tree/1.remark/1.{say}
-      ends: succeeded
-{stopped}"""
-_STOPPED = """
-  - name: it stops when the mood falls
-    scene: {scene}
-    during:
-      - {{after: 0 s, {mood}: {worst}}}
-    tunables: {{patience: 30 s}}
-    expect:
-      feedback: negative
-      ends: cancelled
-"""
-_CANCELLED = """
-  - name: it stops when somebody cancels it
-    scene: {scene}
-    during:
-      - {{after: 1 s, cancel: the operator}}
-    expect:
-      ends: cancelled
-"""
-_LIBRARY = """\
-# Subtrees that several agents share. An agent takes them in with
-#   imports: [libraries/{name}.yaml]
-# and uses one with
-#   - subtree: remind
-#     with: {{words: Please take your bag.}}
-format: 1
-description: Write here what these subtrees are for.
-
-subtrees:
-  remind:
-    description: Says something, and says it again after a while.
-    inputs:
-      words: {{type: text, description: what to say}}
-      pause: {{type: duration, default: 5 s, description: how long to wait in between}}
-    tree:
-      sequence:
-        - {say}: ${{words}}
-        - wait: ${{pause}}
-        - {say}: ${{words}}
-"""
+def _filled(template: str, **names: str) -> str:
+    folder = files("bt_agents_language").joinpath("templates")
+    text = folder.joinpath(f"{template}.yaml").read_text(encoding="utf-8")
+    return _Template(text).substitute(names)
 
 
 def new_agent(
@@ -132,7 +39,8 @@ def new_agent(
     """
     parameter = scene.space.parameters[0]
     middle = _number(_middle(parameter))
-    return _AGENT.format(
+    return _filled(
+        "agent",
         name=name,
         folder=folder,
         file=file,
@@ -163,10 +71,13 @@ def new_test(name: str, file: str, scene: SceneSpec, skills: Mapping[str, SkillS
     high = {} if _middle(parameter) == parameter.default else {parameter.name: parameter.maximum}
     high_scene = _scene(scene.space, high)
     mood = _mood(scene.space)
-    stopped = _CANCELLED.format(scene=high_scene)
+    stopped = _filled("test_cancelled", scene=high_scene)
     if mood is not None:
-        stopped = _STOPPED.format(scene=high_scene, mood=mood.name, worst=_number(mood.minimum))
-    return _TEST.format(
+        stopped = _filled(
+            "test_stopped", scene=high_scene, mood=mood.name, worst=_number(mood.minimum)
+        )
+    return _filled(
+        "test",
         name=name,
         file=file,
         parameter=parameter.name,
@@ -182,7 +93,7 @@ def new_test(name: str, file: str, scene: SceneSpec, skills: Mapping[str, SkillS
 
 def new_library(name: str, skills: Mapping[str, SkillSpec]) -> str:
     """Return the text of a library; ``skills`` are as in :func:`new_agent`."""
-    return _LIBRARY.format(name=name, say=_say(skills))
+    return _filled("library", name=name, say=_say(skills))
 
 
 def _say(skills: Mapping[str, SkillSpec]) -> str:
@@ -226,7 +137,9 @@ def _feedback(space: SceneSpace) -> str:
     if mood is None:
         return ""
     size = mood.maximum - mood.minimum
-    return _FEEDBACK.format(mood=mood.name, little=_number(size / 8), much=_number(size / 4))
+    return _filled(
+        "agent_feedback", mood=mood.name, little=_number(size / 8), much=_number(size / 4)
+    )
 
 
 def _mood(space: SceneSpace) -> SceneParameter | None:

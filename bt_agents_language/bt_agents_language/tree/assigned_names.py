@@ -1,31 +1,22 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The names that the nodes of a tree give values: keys of ``set`` and outputs of leaves."""
+"""Names that the nodes of a tree assign: keys of ``set`` and outputs of leaves."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 
+from bt_agents_core.field_types import BindingKind, FieldType
 from bt_agents_language.files.bindings import FEEDBACK
 from bt_agents_language.files.inputs import read_new_name
 from bt_agents_language.model.interfaces import Interfaces, MessageFields
+from bt_agents_language.model.node_type import MessageSource, RawNode
 from bt_agents_language.model.scope import Assigned
-from bt_agents_language.model.specs import BindingKind, FieldSpec, FieldType, SubtreeSpec
-from bt_agents_language.tree.raw_nodes import RawNode
+from bt_agents_language.model.specs import FieldSpec, SubtreeSpec
 from bt_agents_language.tree.references import ONE_NAME
 from bt_agents_language.yaml.scalars import scalar_type
 from bt_agents_language.yaml.typed_reader import TypedReader
 from bt_agents_language.yaml.yaml_reader import Mapping as MappingNode
 from bt_agents_language.yaml.yaml_reader import Node, Scalar, entries_of
-
-_WITH_OUTPUTS = {
-    "action": (BindingKind.ACTION, "result", "result"),
-    "service": (BindingKind.SERVICE, "response", "result"),
-    "wait_for": (BindingKind.TOPIC, "message", "msg"),
-}
-"""Leaves that name a message → its kind, its section, and the word for it in paths."""
-
-_WRITING = frozenset(("set", "subtree", *_WITH_OUTPUTS))
-"""Kinds of nodes of which some give names values; skills come on top of these."""
 
 
 class AssignedNames:
@@ -50,21 +41,21 @@ class AssignedNames:
 
     def of_trees(
         self,
-        drafts: Iterable[RawNode | None],
+        trees: Iterable[RawNode | None],
         taken: Mapping[str, str],
         types: Mapping[str, FieldType],
     ) -> dict[str, Assigned]:
         """Return every name that some node of the trees gives a value.
 
         Args:
-            drafts: The trees.
+            trees: The trees.
             taken: Names that no node may write → what they are; a name that is one of them, or
                 reserved, is reported.
             types: Type of each name that has a value from the start.
         """
         self._types = types
         written: dict[str, Assigned] = {}
-        nodes = (node for draft in drafts if draft is not None for node in draft.walk())
+        nodes = (node for tree in trees if tree is not None for node in tree.walk())
         for node in filter(may_write, nodes):
             for name, place, field_type in self._written_by(node):
                 own = place.text == name
@@ -86,24 +77,20 @@ class AssignedNames:
                 )
         return written
 
-    def below(self, draft: RawNode) -> set[str]:
+    def below(self, raw: RawNode) -> set[str]:
         """Return the names that a node and all below it write."""
         return {
-            name
-            for node in draft.walk()
-            if may_write(node)
-            for name, _, _ in self._written_by(node)
+            name for node in raw.walk() if may_write(node) for name, _, _ in self._written_by(node)
         }
 
-    def by(self, draft: RawNode) -> set[str]:
+    def by(self, raw: RawNode) -> set[str]:
         """Return the names that a node writes itself."""
-        return {name for name, _, _ in self._written_by(draft)}
+        return {name for name, _, _ in self._written_by(raw)}
 
     def _written_by(self, node: RawNode) -> Iterator[tuple[str, Scalar, FieldType]]:
-        key = node.word
         declared = self._declared(node)
         if declared is not None:
-            entry = node.beside.get("outputs")
+            entry = node.siblings.get("outputs")
             if entry is None:
                 yield from ((one.name, node.key, one.type) for one in declared)
                 return
@@ -111,25 +98,27 @@ class AssignedNames:
             for item in entries_of(entry.value):
                 source = item.value.text if isinstance(item.value, Scalar) else ""
                 yield item.key.text, item.key, types.get(source, FieldType.ANY)
-        elif key == "set":
+        elif node.type is None:
+            return
+        elif node.type.open:
             for item in entries_of(node.value):
-                yield item.key.text, item.key, self._set_type(item.value)
-        elif key in _WITH_OUTPUTS and isinstance(node.value, MappingNode):
-            yield from self._message_outputs(key, node.value)
+                yield item.key.text, item.key, self._type_of(item.value)
+        elif node.type.message is not None and isinstance(node.value, MappingNode):
+            yield from self._message_outputs(node.type.message, node.value)
 
-    def _set_type(self, node: Node) -> FieldType:
+    def _type_of(self, node: Node) -> FieldType:
         match = ONE_NAME.fullmatch(node.text) if isinstance(node, Scalar) else None
         if match is None:
             return scalar_type(node)
         return self._types.get(match[1], FieldType.ANY)
 
     def _message_outputs(
-        self, key: str, value: MappingNode
+        self, source: MessageSource, value: MappingNode
     ) -> Iterator[tuple[str, Scalar, FieldType]]:
-        kind, section, prefix = _WITH_OUTPUTS[key]
+        kind = source.kind
         named = value.get("type")
         type_name = named.text if isinstance(named, Scalar) else ""
-        message = MessageFields(self._interfaces, kind, type_name, section)
+        message = MessageFields(self._interfaces, kind, type_name, source.section)
         feedback = MessageFields(self._interfaces, kind, type_name, FEEDBACK)
         for item in entries_of(value.get("outputs")):
             path = item.value.text if isinstance(item.value, Scalar) else ""
@@ -137,13 +126,19 @@ class AssignedNames:
                 field = path.removeprefix(f"{FEEDBACK}.")
                 yield item.key.text, item.key, feedback.type_of(field)
             else:
-                yield item.key.text, item.key, message.type_of(path.removeprefix(f"{prefix}."))
+                yield (
+                    item.key.text,
+                    item.key,
+                    message.type_of(path.removeprefix(f"{source.prefix}.")),
+                )
 
     def _declared(self, node: RawNode) -> tuple[FieldSpec, ...] | None:
         """Return the outputs of a skill or subtree; None for other nodes."""
         if node.skill is not None:
             return node.skill.outputs
-        if node.word != "subtree" or not isinstance(node.value, Scalar):
+        if node.type is None or "outputs" not in node.type.siblings:
+            return None
+        if not isinstance(node.value, Scalar):
             return None
         called = self._subtrees.get(node.value.text)
         return called.outputs if called is not None else ()
@@ -152,5 +147,5 @@ class AssignedNames:
 def may_write(node: RawNode) -> bool:
     """Return whether a node may give names values: most give none."""
     if node.skill is not None:
-        return bool(node.skill.outputs) or "outputs" in node.beside
-    return node.word in _WRITING
+        return bool(node.skill.outputs) or "outputs" in node.siblings
+    return node.type is not None and node.type.writes

@@ -1,32 +1,23 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Nodes that use what is declared elsewhere: skills and subtrees, their inputs and outputs."""
+"""Calls of skills and subtrees: their inputs and outputs checked against the declaration."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 
+from bt_agents_core.diagnostic import Position
+from bt_agents_core.text import join_quoted, quote
+from bt_agents_language.model.node_type import FieldValues, RawNode, short
 from bt_agents_language.model.scope import NameScope
-from bt_agents_language.model.specs import (
-    NOTHING,
-    FieldSpec,
-    NodeSpec,
-    Position,
-    SkillSpec,
-    SubtreeSpec,
-)
+from bt_agents_language.model.specs import NOTHING, FieldSpec, NodeSpec, SkillSpec, SubtreeSpec
 from bt_agents_language.model.symbols import SymbolTable
 from bt_agents_language.model.values import read_value
-from bt_agents_language.nodes import STANDS_BESIDE
-from bt_agents_language.shortened import shortened
-from bt_agents_language.tree.node_fields import FieldValues
-from bt_agents_language.tree.raw_nodes import RawNode
-from bt_agents_language.yaml.diagnostics import did_you_mean, shown
-from bt_agents_language.yaml.typed_reader import TypedReader, found, listed
+from bt_agents_language.nodes.catalogue import SIBLING_KEYS
+from bt_agents_language.nodes.subtree import SUBTREE
+from bt_agents_language.yaml.diagnostics import did_you_mean
+from bt_agents_language.yaml.typed_reader import TypedReader, found
 from bt_agents_language.yaml.yaml_reader import Mapping as MappingNode
 from bt_agents_language.yaml.yaml_reader import Node, Scalar
-
-LABEL_LENGTH = 24
-"""Characters of a value in the label of a node."""
 
 
 class CallReader:
@@ -54,48 +45,48 @@ class CallReader:
         self._reading = reading
         self._subtrees = subtrees
 
-    def skill(self, draft: RawNode, path: str, names: NameScope) -> NodeSpec | None:
+    def skill(self, raw: RawNode, path: str, names: NameScope) -> NodeSpec | None:
         """Return the node of a skill; None when nothing can be made of it."""
-        skill = draft.skill
+        skill = raw.skill
         assert skill is not None
-        nodes = self._skill_fields(draft)
+        nodes = self._skill_fields(raw)
         if nodes is None:
             return None
         outputs: Mapping[str, str] = NOTHING
         feedback: Mapping[str, str] = NOTHING
-        if skill.outputs or "outputs" in draft.beside:
-            outputs, feedback = self._skill_outputs(draft, skill)
+        if skill.outputs or "outputs" in raw.siblings:
+            outputs, feedback = self._skill_outputs(raw, skill)
         return NodeSpec(
             path=path,
-            position=draft.key.position,
+            position=raw.key.position,
             kind=skill.name,
-            name=draft.name or _skill_label(draft, nodes),
-            fields=self._inputs(skill.inputs, nodes, names, draft),
+            name=raw.name or _skill_label(raw, nodes),
+            fields=self._inputs(skill.inputs, nodes, names, raw),
             skill=skill,
             outputs=outputs,
             feedback=feedback,
         )
 
     def _skill_outputs(
-        self, draft: RawNode, skill: SkillSpec
+        self, raw: RawNode, skill: SkillSpec
     ) -> tuple[Mapping[str, str], Mapping[str, str]]:
         """Return what names get of the result, and what of the feedback."""
         # Without a binding, what a rehearsal answers has the outputs by their own names.
         unbound = {output.name: output.name for output in skill.outputs}
         paths = skill.binding.outputs if skill.binding is not None else unbound
         feedback = skill.binding.feedback if skill.binding is not None else NOTHING
-        written = self._outputs(draft, skill.outputs, f"skill '{skill.name}'")
+        written = self._outputs(raw, skill.outputs, f"skill '{skill.name}'")
         return (
             {name: paths[of] for name, of in written.items() if of in paths},
             {name: feedback[of] for name, of in written.items() if of in feedback} or NOTHING,
         )
 
-    def subtree(self, draft: RawNode, path: str, names: NameScope) -> NodeSpec | None:
+    def subtree(self, raw: RawNode, path: str, names: NameScope) -> NodeSpec | None:
         """Return the node of a subtree, its body not in place yet."""
-        name_node = draft.value
+        name_node = raw.value
         if isinstance(name_node, MappingNode):
             fields = self._reading.fields(
-                name_node, "'subtree'", ("name",), ("name",), beside=STANDS_BESIDE
+                name_node, "'subtree'", ("name",), ("name",), beside=SIBLING_KEYS
             )
             written = fields.get("name") if fields is not None else None
             if written is None or len(name_node.entries) > 1:
@@ -106,22 +97,22 @@ class CallReader:
             return None
         if called not in self._subtrees:
             if not self._vocabulary.incomplete:
-                message = f"there is no subtree {shown(called)}"
+                message = f"there is no subtree {quote(called)}"
                 self._reading.error("unknown-subtree", name_node, message, self._missing(called))
             return None
         subtree = self._subtrees[called]
         if not subtree.complete:
             return None
-        given = self._given(draft, subtree)
-        position = draft.key.position
+        given = self._given(raw, subtree)
+        position = raw.key.position
         self.calls[position] = called
         return NodeSpec(
             path=path,
             position=position,
-            kind="subtree",
-            name=draft.name or f"subtree {called}",
+            kind=SUBTREE.key,
+            name=raw.name or f"subtree {called}",
             fields=self._inputs(subtree.inputs, given, names),
-            outputs=self._outputs(draft, subtree.outputs, f"subtree '{called}'"),
+            outputs=self._outputs(raw, subtree.outputs, f"subtree '{called}'"),
         )
 
     def _missing(self, called: str) -> str:
@@ -135,13 +126,13 @@ class CallReader:
             or "declare it under 'subtrees:', or import a library that has it"
         )
 
-    def _skill_fields(self, draft: RawNode) -> Mapping[str, Node] | None:
-        skill, value = draft.skill, draft.value
+    def _skill_fields(self, raw: RawNode) -> Mapping[str, Node] | None:
+        skill, value = raw.skill, raw.value
         assert skill is not None
         required = skill.required
         if isinstance(value, MappingNode):
             fields = self._reading.fields(
-                value, f"'{skill.name}'", skill.input_names, required, beside=STANDS_BESIDE
+                value, f"'{skill.name}'", skill.input_names, required, beside=SIBLING_KEYS
             )
             return fields.nodes if fields is not None else None
         if isinstance(value, Scalar) and value.empty and not required:
@@ -160,7 +151,7 @@ class CallReader:
             self._reading.error(
                 "missing-key",
                 value,
-                f"'{skill.name}' needs also {listed(missing)}",
+                f"'{skill.name}' needs also {join_quoted(missing)}",
                 f"write {skill.name}: {{{skill.main}: …, {more}}}",
             )
         return {skill.main: value}
@@ -170,7 +161,7 @@ class CallReader:
         inputs: tuple[FieldSpec, ...],
         nodes: Mapping[str, Node],
         names: NameScope,
-        draft: RawNode | None = None,
+        raw: RawNode | None = None,
     ) -> FieldValues:
         fields: FieldValues = {}
         for one in inputs:
@@ -179,24 +170,24 @@ class CallReader:
                 if not one.required:
                     fields[one.name] = one.default_value
                 continue
-            short_form = draft is not None and node is draft.value
-            what = draft.word if draft is not None and short_form else one.name
+            short_form = raw is not None and node is raw.value
+            what = raw.key_meant if raw is not None and short_form else one.name
             value = read_value(self._reading, node, one.type, names, f"'{what}'")
             if value is not None:
                 fields[one.name] = value
         return fields
 
-    def _given(self, draft: RawNode, subtree: SubtreeSpec) -> Mapping[str, Node]:
+    def _given(self, raw: RawNode, subtree: SubtreeSpec) -> Mapping[str, Node]:
         """Return what is written behind ``with``."""
         required = [one.name for one in subtree.inputs if one.required]
-        entry = draft.beside.get("with")
+        entry = raw.siblings.get("with")
         if entry is None:
             if required:
                 more = ", ".join(f"{name}: …" for name in required)
                 self._reading.error(
                     "missing-key",
-                    draft.value,
-                    f"subtree '{subtree.name}' needs the inputs {listed(required)}",
+                    raw.value,
+                    f"subtree '{subtree.name}' needs the inputs {join_quoted(required)}",
                     f"add 'with: {{{more}}}' beside 'subtree'",
                 )
             return {}
@@ -213,11 +204,9 @@ class CallReader:
         fields = self._reading.fields(entry.value, what, known, required)
         return fields.nodes if fields is not None else {}
 
-    def _outputs(
-        self, draft: RawNode, declared: tuple[FieldSpec, ...], what: str
-    ) -> dict[str, str]:
+    def _outputs(self, raw: RawNode, declared: tuple[FieldSpec, ...], what: str) -> dict[str, str]:
         """Return name that is written → output whose value it gets."""
-        entry = draft.beside.get("outputs")
+        entry = raw.siblings.get("outputs")
         known = [one.name for one in declared]
         if entry is None:
             return {name: name for name in known}
@@ -232,21 +221,14 @@ class CallReader:
             self._reading.error(
                 "unknown-name",
                 item.value,
-                f"{what} has no output {shown(output)}",
+                f"{what} has no output {quote(output)}",
                 did_you_mean(output, known) or "remove it",
             )
         return outputs
 
 
-def short(node: Node | None) -> str:
-    """Return what is written somewhere as part of a label."""
-    if not isinstance(node, Scalar):
-        return "" if node is None else "…"
-    return shortened(" ".join(node.text.split()), LABEL_LENGTH)
-
-
-def _skill_label(draft: RawNode, nodes: Mapping[str, Node]) -> str:
-    skill = draft.skill
+def _skill_label(raw: RawNode, nodes: Mapping[str, Node]) -> str:
+    skill = raw.skill
     assert skill is not None
     shortened = short(nodes.get(skill.main or ""))
     if shortened and skill.main_is_text:

@@ -1,29 +1,29 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What stands in the fields of a node, read as the table of the language says."""
+"""Fields of a node, read as its node type says."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 
+from bt_agents_core.field_types import BindingKind, FieldType
+from bt_agents_core.text import quote
 from bt_agents_language.expression.expressions import Expression
 from bt_agents_language.files.bindings import read_output
 from bt_agents_language.model.interfaces import MessageFields, read_ros_name, read_ros_type
-from bt_agents_language.model.node_type import Content, NodeField
+from bt_agents_language.model.node_type import Content, FieldValues, NodeField
 from bt_agents_language.model.scope import NameScope
-from bt_agents_language.model.specs import BindingKind, FieldType, Literal, MapValue, Value
+from bt_agents_language.model.specs import Literal, MapValue, Value
 from bt_agents_language.model.symbols import SymbolTable
 from bt_agents_language.model.values import read_condition, read_value
-from bt_agents_language.nodes import STANDS_BESIDE
-from bt_agents_language.yaml.diagnostics import did_you_mean, shown
+from bt_agents_language.nodes.catalogue import SIBLING_KEYS
+from bt_agents_language.yaml.diagnostics import did_you_mean
 from bt_agents_language.yaml.typed_reader import TypedReader, found
 from bt_agents_language.yaml.yaml_reader import Mapping as MappingNode
 from bt_agents_language.yaml.yaml_reader import Node, Scalar
 
-FieldValues = dict[str, Value | Expression]
-
 
 class FieldReader:
-    """Reads fields of nodes and modifiers.
+    """Reads fields of nodes and decorators.
 
     Args:
         reading: The file.
@@ -46,7 +46,7 @@ class FieldReader:
         """Return the values of fields by name; one that is not written has its default.
 
         Args:
-            fields: Entries of the table.
+            fields: Those of its type.
             nodes: What is written, by name of the field.
             names: What it may name.
             main: The field that messages call ``what`` instead of by its name.
@@ -71,16 +71,16 @@ class FieldReader:
         node: Node,
         names: NameScope,
         what: str,
-        beside: Mapping[str, Node],
+        siblings: Mapping[str, Node],
     ) -> Value | Expression | None:
         """Return what is written in one field; None when it is wrong, which is then reported.
 
         Args:
-            field: Its entry in the table.
+            field: Says what may stand there.
             node: What is written.
             names: What it may name.
             what: The field, for messages.
-            beside: All fields of the node.
+            siblings: All fields of the node.
         """
         reading = self._reading
         match field.content:
@@ -90,7 +90,7 @@ class FieldReader:
                 return read_value(reading, node, field.type, names, what, field.minimum)
             case Content.CONDITION:
                 if field.message:
-                    names = names.and_message(field.message, self._message(beside))
+                    names = names.and_message(field.message, self._message(siblings))
                 return read_condition(reading, node, names, what)
             case Content.ROS_NAME:
                 return _literal(read_ros_name(reading, node, what))
@@ -103,11 +103,11 @@ class FieldReader:
         # What is left are nodes, outputs and counts, which their own readers take.
         return None
 
-    def outputs(self, node: Node | None, beside: Mapping[str, Node]) -> dict[str, str]:
+    def outputs(self, node: Node | None, siblings: Mapping[str, Node]) -> dict[str, str]:
         """Return which names get which fields of a message."""
         if node is None:
             return {}
-        message = self._message(beside)
+        message = self._message(siblings)
         outputs: dict[str, str] = {}
         for entry in self._reading.entries(node, "'outputs'", "names and fields"):
             what = f"output '{entry.key.text[:40]}'"
@@ -134,7 +134,7 @@ class FieldReader:
                 self._reading.error(
                     "unknown-name",
                     entry.key,
-                    f"there is no scene parameter {shown(name)}",
+                    f"there is no scene parameter {quote(name)}",
                     did_you_mean(name, self._space.names),
                 )
                 continue
@@ -147,8 +147,8 @@ class FieldReader:
                 self._reading.in_range(entry.value, name, value.value, one.minimum, one.maximum)
         return MapValue(items=values)
 
-    def _message(self, beside: Mapping[str, Node]) -> MessageFields:
-        node = beside.get("type")
+    def _message(self, siblings: Mapping[str, Node]) -> MessageFields:
+        node = siblings.get("type")
         type_name = node.text if isinstance(node, Scalar) else ""
         return MessageFields(self._interfaces, BindingKind.TOPIC, type_name, "message")
 
@@ -160,7 +160,7 @@ def written_fields(
     fields: tuple[NodeField, ...],
     main: str | None,
 ) -> Mapping[str, Node] | None:
-    """Return what is written for the fields of a node or modifier, a scalar as its main one.
+    """Return what is written for the fields of a node or decorator, a scalar as its main one.
 
     Returns:
         None when nothing can be read, which is then reported.
@@ -178,7 +178,7 @@ def written_fields(
     if main is not None and not isinstance(node, MappingNode):
         return {main: node}
     known = [field.name for field in fields]
-    written = reading.fields(node, what, known, required, beside=STANDS_BESIDE)
+    written = reading.fields(node, what, known, required, beside=SIBLING_KEYS)
     return None if written is None else written.nodes
 
 

@@ -1,25 +1,27 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The structure of a tree as written: which key is the node, which ones modify it."""
+"""Raw nodes of a tree: which key is the node, and what stands beside it."""
 
 from __future__ import annotations
 
 import re
 import unicodedata
-from collections.abc import Collection, Iterator, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Collection, Mapping
 
-from bt_agents_language.model.node_type import Children, Content, NodeType
-from bt_agents_language.model.specs import NOTHING, SkillSpec
+from bt_agents_core.text import join_quoted, quote
+from bt_agents_language.model.node_type import Children, Content, NodeType, RawNode
+from bt_agents_language.model.specs import NOTHING
 from bt_agents_language.model.symbols import SymbolTable
-from bt_agents_language.nodes import BESIDE, MODIFIERS, STANDS_BESIDE
-from bt_agents_language.yaml.diagnostics import did_you_mean, nearest, shown
-from bt_agents_language.yaml.typed_reader import TypedReader, found, listed
+from bt_agents_language.nodes.catalogue import DECORATORS, SIBLING_KEYS, SIBLINGS
+from bt_agents_language.nodes.skill import SKILL
+from bt_agents_language.yaml.diagnostics import did_you_mean, nearest
+from bt_agents_language.yaml.typed_reader import Shape, TypedReader, found
 from bt_agents_language.yaml.yaml_reader import Mapping as MappingNode
 from bt_agents_language.yaml.yaml_reader import MappingEntry, Node, Scalar, Sequence
 
 _MAX_LABEL = 64
-_STANDS_BESIDE = frozenset(STANDS_BESIDE)
-_CASE = ("name", "when")
+_SIBLING_KEYS = frozenset(SIBLING_KEYS)
+_HANDLERS = tuple(one.key for one in DECORATORS.values() if one.handler)
+_CONTRARIES = tuple((one.key, one.contrary) for one in DECORATORS.values() if one.contrary)
 _OTHER_LANGUAGES = {
     "if": "write 'when: …' beside a node, or use 'choose' for several cases",
     "else": "use 'choose' with 'otherwise'",
@@ -34,55 +36,8 @@ _OTHER_LANGUAGES = {
 """Words of other languages → how the same is said here."""
 
 
-@dataclass(slots=True, kw_only=True, eq=False)
-class RawNode:
-    """One node as written, its values not read yet.
-
-    Attributes:
-        key: The node key.
-        value: What stands behind it.
-        kind: Entry of the table of nodes; None for a skill.
-        skill: Set for a skill.
-        name: Name for people; empty when none is written.
-        modifiers: Modifier entries by key.
-        beside: The entries behind ``with``, ``outputs`` and ``weight``.
-        options: Fields of a composite.
-        children: In order.
-        nodes: Nodes behind ``on_failure`` and in fields of a composite, by key.
-    """
-
-    key: Scalar
-    value: Node
-    kind: NodeType | None
-    skill: SkillSpec | None
-    name: str = ""
-    modifiers: Mapping[str, MappingEntry] = field(default_factory=dict)
-    beside: Mapping[str, MappingEntry] = field(default_factory=dict)
-    options: Mapping[str, MappingEntry] = field(default_factory=dict)
-    children: tuple[RawNode, ...] = ()
-    nodes: Mapping[str, RawNode] = field(default_factory=dict)
-
-    @property
-    def word(self) -> str:
-        """Name of the kind of node or skill; of a misspelt key the one that is meant."""
-        if self.kind is not None:
-            return self.kind.key
-        return self.skill.name if self.skill is not None else self.key.text
-
-    def walk(self) -> Iterator[RawNode]:
-        """Return this node and all below it, handlers included."""
-        waiting = [self]
-        while waiting:
-            draft = waiting.pop()
-            yield draft
-            if draft.nodes:
-                waiting += reversed([*draft.nodes.values()])
-            if draft.children:
-                waiting += reversed(draft.children)
-
-
 class RawNodeReader:
-    """Reads the structure of the trees of one file.
+    """Reads the structure of the trees of one file into raw nodes.
 
     Args:
         reading: The file.
@@ -96,8 +51,8 @@ class RawNodeReader:
         self._reading = reading
         self._subtrees = subtrees
         self._skills = vocabulary.skills
-        self._kinds = vocabulary.kinds
-        self._words = {*vocabulary.kinds, *vocabulary.skills}
+        self._types = vocabulary.node_types
+        self._words = {*vocabulary.node_types, *vocabulary.skills}
         self._incomplete = vocabulary.incomplete
 
     def read(self, node: Node, where: str, parent: NodeType | None = None) -> RawNode | None:
@@ -106,7 +61,7 @@ class RawNodeReader:
         Args:
             node: What is written.
             where: What the node is for, for messages: ``the tree``.
-            parent: Kind of the composite that it is a child of.
+            parent: Type of the composite that it is a child of.
         """
         if not isinstance(node, MappingNode) or not node.entries:
             self._not_a_node(node, where)
@@ -118,7 +73,7 @@ class RawNodeReader:
             word = entry.key.text
             if word in self._words:
                 nodes.append(entry)
-            elif word in _STANDS_BESIDE:
+            elif word in _SIBLING_KEYS:
                 known[word] = entry
             else:
                 unknown.append(entry)
@@ -134,12 +89,12 @@ class RawNodeReader:
         for entry in unknown:
             self._unknown_beside(entry, nodes[0])
         loose = bool(unknown) and any(entry.key.text == "children" for entry in unknown)
-        return self._draft(nodes[0], nodes[0].key.text, known, parent, loose_children=loose)
+        return self._raw_node(nodes[0], nodes[0].key.text, known, parent, loose_children=loose)
 
     def _is_word(self, text: str) -> bool:
         return text in self._words
 
-    def _draft(
+    def _raw_node(
         self,
         entry: MappingEntry,
         word: str,
@@ -147,54 +102,49 @@ class RawNodeReader:
         parent: NodeType | None,
         loose_children: bool = False,
     ) -> RawNode:
-        """Return the draft of a node.
+        """Return a raw node.
 
         Args:
             entry: The node key and its value.
             word: The node key that is meant.
-            known: The modifiers and other known keys beside it.
-            parent: Kind of the composite that it is a child of.
+            known: The decorators and sibling keys beside it.
+            parent: Type of the composite that it is a child of.
             loose_children: Whether the children stand beside the node by mistake.
         """
-        kind = self._kinds.get(word)
-        skill = None if kind is not None else self._skills[word]
+        node_type = self._types.get(word)
+        skill = None if node_type is not None else self._skills[word]
         label = known.pop("name", None)
-        beside: dict[str, MappingEntry] = {}
+        siblings: dict[str, MappingEntry] = {}
         if known:
-            beside = {key: known.pop(key) for key in BESIDE if key in known}
-        if beside:
-            self._check_beside(beside, word, kind, parent)
-        if parent is not None and parent.key == "choose":
-            self._check_case(entry, known, label)
+            siblings = {key: known.pop(key) for key in SIBLINGS if key in known}
+        if siblings:
+            self._check_siblings(siblings, word, node_type, parent)
+        if parent is not None and parent.child_keys:
+            self._check_child_keys(entry, known, label, parent)
         options: dict[str, MappingEntry] = {}
         children: tuple[RawNode, ...] = ()
         if not (loose_children and isinstance(entry.value, Scalar) and entry.value.empty):
-            options, children = self._children(entry, kind)
+            options, children = self._children(entry, node_type)
         nodes: dict[str, RawNode | None] = {}
-        if options and kind is not None:
+        if options and node_type is not None:
             nodes = {
                 one.name: self.read(options[one.name].value, f"'{one.name}'")
-                for one in kind.fields
+                for one in node_type.fields
                 if one.content is Content.NODE and one.name in options
             }
-        if "succeed" in known and "fail" in known and _is_on(known, "succeed", "fail"):
-            self._reading.error(
-                "contradiction",
-                known["fail"].key,
-                "'succeed' and 'fail' stand beside the same node",
-                "keep the one that is meant",
-            )
-        handler = known.get("on_failure")
-        if handler is not None:
-            nodes["on_failure"] = self.read(handler.value, "'on_failure'")
+        if known:
+            self._refuse_contradiction(known)
+        for key in _HANDLERS:
+            if key in known:
+                nodes[key] = self.read(known[key].value, f"'{key}'")
         return RawNode(
             key=entry.key,
             value=entry.value,
-            kind=kind,
+            type=node_type,
             skill=skill,
             name=self._label(label) if label is not None else "",
-            modifiers=known,
-            beside=beside,
+            decorators=known,
+            siblings=siblings,
             options=options,
             children=children,
             nodes={key: node for key, node in nodes.items() if node is not None}
@@ -202,57 +152,64 @@ class RawNodeReader:
             else NOTHING,
         )
 
-    def _check_beside(
+    def _refuse_contradiction(self, known: Mapping[str, MappingEntry]) -> None:
+        for key, contrary in _CONTRARIES:
+            if key in known and contrary in known and _is_on(known, key, contrary):
+                self._reading.error(
+                    "contradiction",
+                    known[contrary].key,
+                    f"'{key}' and '{contrary}' stand beside the same node",
+                    "keep the one that is meant",
+                )
+                return
+
+    def _check_siblings(
         self,
-        beside: dict[str, MappingEntry],
+        siblings: dict[str, MappingEntry],
         word: str,
-        kind: NodeType | None,
+        node_type: NodeType | None,
         parent: NodeType | None,
     ) -> None:
-        fits = {
-            "with": word == "subtree",
-            "outputs": word == "subtree" or kind is None,
-            "weight": parent is not None and parent.key == "random",
-        }
-        for key in [key for key in beside if not fits[key]]:
-            entry = beside.pop(key)
-            fields = [one.name for one in kind.fields] if kind is not None else []
-            hint = "remove it"
+        allowed = (node_type or SKILL).siblings
+        if parent is not None:
+            allowed += parent.child_siblings
+        for key in [key for key in siblings if key not in allowed]:
+            entry = siblings.pop(key)
+            fields = [one.name for one in node_type.fields] if node_type is not None else []
+            hint = SIBLINGS[key].hint.format(node=word)
             if key in fields:
                 hint = f"it belongs to '{word}': indent it below"
-            elif key == "with":
-                hint = f"write the fields behind '{word}:' as {{ … }}"
-            elif key == "weight":
-                hint = "put the node among the children of 'random', or remove it"
             self._reading.error(
                 "misplaced-key",
                 entry.key,
-                f"'{key}' stands beside {BESIDE[key].where}, but this is '{word}'",
+                f"'{key}' stands beside {SIBLINGS[key].where}, but this is '{word}'",
                 hint,
             )
 
-    def _check_case(
-        self, entry: MappingEntry, known: dict[str, MappingEntry], label: MappingEntry | None
+    def _check_child_keys(
+        self,
+        entry: MappingEntry,
+        known: dict[str, MappingEntry],
+        label: MappingEntry | None,
+        parent: NodeType,
     ) -> None:
         written = {**known, **({"name": label} if label is not None else {})}
-        missing = [key for key in _CASE if key not in written]
+        missing = [key for key in parent.child_keys if key not in written]
         if missing:
             self._reading.error(
                 "missing-key",
                 entry.key,
-                f"a case of 'choose' needs the key{'s' * (len(missing) > 1)} {listed(missing)} "
-                "beside its node",
-                "the node for when no case fits goes under 'otherwise:'"
-                if "when" in missing
-                else "add 'name: …'",
+                f"a case of '{parent.key}' needs the key{'s' * (len(missing) > 1)} "
+                f"{join_quoted(missing)} beside its node",
+                parent.child_keys[missing[-1]],
             )
 
     def _children(
-        self, entry: MappingEntry, kind: NodeType | None
+        self, entry: MappingEntry, node_type: NodeType | None
     ) -> tuple[dict[str, MappingEntry], tuple[RawNode, ...]]:
-        if kind is None or kind.children is not Children.LIST:
+        if node_type is None or node_type.children is not Children.LIST:
             return {}, ()
-        word = kind.key
+        word = node_type.key
         written: Node = entry.value
         options: dict[str, MappingEntry] = {}
         if isinstance(written, MappingNode):
@@ -264,7 +221,7 @@ class RawNodeReader:
                     "start each child with '- '",
                 )
                 return {}, ()
-            known = ["children", *(one.name for one in kind.fields)]
+            known = ["children", *(one.name for one in node_type.fields)]
             if not any(e.key.text in known for e in written.entries) and all(
                 isinstance(e.value, MappingNode) for e in written.entries
             ):
@@ -277,7 +234,7 @@ class RawNodeReader:
                 )
                 return {}, ()
             fields = self._reading.fields(
-                written, f"'{word}'", known, ["children"], beside=STANDS_BESIDE
+                written, f"'{word}'", known, ["children"], beside=SIBLING_KEYS
             )
             if fields is None:
                 return {}, ()
@@ -287,14 +244,16 @@ class RawNodeReader:
                 return options, ()
             written = children
         if not isinstance(written, Sequence):
-            self._reading.wrong_type(written, f"the children of '{word}'", "a list of nodes")
+            self._reading.wrong_type(
+                written, f"the children of '{word}'", "a list of nodes", Shape.LIST
+            )
             return options, ()
         if not written.items:
             self._reading.error(
                 "no-children", written, f"'{word}' has no children", "add a '-' item"
             )
-        drafts = [self.read(item, f"'{word}'", kind) for item in written.items]
-        return options, tuple([draft for draft in drafts if draft is not None])
+        nodes = [self.read(item, f"'{word}'", node_type) for item in written.items]
+        return options, tuple([node for node in nodes if node is not None])
 
     def _label(self, entry: MappingEntry) -> str:
         text = self._reading.text(entry.value, "'name'")
@@ -357,24 +316,24 @@ class RawNodeReader:
             self._reading.error(
                 "no-node",
                 first.key,
-                f"'{first.key.text}' modifies a node, but there is no node beside it",
+                f"'{first.key.text}' decorates a node, but there is no node beside it",
                 f"write the node itself, and '{first.key.text}: …' beside it"
                 if inside
                 else "indent it like the key of its node, without a '-' of its own",
             )
             return None
-        words = [*self._kinds, *self._skills]
+        words = [*self._types, *self._skills]
         if self._incomplete and nearest(unknown[0].key.text, words) is None:
             return None
-        told = any(entry.key.text.lower() in _OTHER_LANGUAGES for entry in unknown)
-        for entry in unknown[:1] if told else unknown:
+        elsewhere = any(entry.key.text.lower() in _OTHER_LANGUAGES for entry in unknown)
+        for entry in unknown[:1] if elsewhere else unknown:
             self._reading.error(
                 "unknown-node",
                 entry.key,
-                f"there is no node or skill {shown(entry.key.text)}",
-                self._meant(entry) or did_you_mean(entry.key.text, [*words, *MODIFIERS]),
+                f"there is no node or skill {quote(entry.key.text)}",
+                self._meant(entry) or did_you_mean(entry.key.text, [*words, *DECORATORS]),
             )
-        if told:
+        if elsewhere:
             return None
         meant = nearest(unknown[0].key.text, words)
         if meant is None:
@@ -384,10 +343,8 @@ class RawNodeReader:
                     if isinstance(item, MappingNode):
                         self.read(item, where)
             return None
-        known = {
-            e.key.text: e for e in node.entries if e.key.text in MODIFIERS or e.key.text in BESIDE
-        }
-        return self._draft(unknown[0], meant, known, parent)
+        known = {e.key.text: e for e in node.entries if e.key.text in _SIBLING_KEYS}
+        return self._raw_node(unknown[0], meant, known, parent)
 
     def _meant(self, entry: MappingEntry) -> str:
         """Return a hint for a key that is no node but means something."""
@@ -404,15 +361,15 @@ class RawNodeReader:
 
     def _unknown_beside(self, entry: MappingEntry, node: MappingEntry) -> None:
         word, key = entry.key.text, node.key.text
-        kind = self._kinds.get(key)
-        fields = kind.fields if kind is not None else self._skills[key].inputs
+        node_type = self._types.get(key)
+        fields = node_type.fields if node_type is not None else self._skills[key].inputs
         if word in [one.name for one in fields] or word == "children":
             hint = f"it belongs to '{key}': indent it below, or write both inside {{ … }}"
         else:
             other = _OTHER_LANGUAGES.get(word.lower())
-            hint = other or did_you_mean(word, STANDS_BESIDE)
+            hint = other or did_you_mean(word, SIBLING_KEYS)
         self._reading.error(
-            "unknown-key", entry.key, f"there is no modifier {shown(word)} beside a node", hint
+            "unknown-key", entry.key, f"there is no decorator {quote(word)} beside a node", hint
         )
 
 

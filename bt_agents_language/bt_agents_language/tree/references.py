@@ -1,16 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
-"""``${…}`` inside of texts: names and expressions found, checked and told from plain text."""
+"""References ``${…}`` in texts: names and expressions, split from plain text and checked."""
 
 from __future__ import annotations
 
 import re
 from functools import lru_cache
 
+from bt_agents_core.field_types import FieldType
+from bt_agents_core.text import quote
 from bt_agents_language.expression.expression_tokens import NAME
 from bt_agents_language.expression.expressions import Expression, ExpressionError
 from bt_agents_language.model.scope import NameScope
-from bt_agents_language.model.specs import Computed, FieldType, Reference
-from bt_agents_language.yaml.diagnostics import shown
+from bt_agents_language.model.specs import Computed, Reference
 from bt_agents_language.yaml.typed_reader import TypedReader
 from bt_agents_language.yaml.yaml_reader import Scalar
 
@@ -81,7 +82,7 @@ def _read_one(
             return _reference(inner, names.type_of(inner) or FieldType.ANY)
         _report_name(reading, node, inner, offset, unknown)
         return None
-    expression = read_expression(reading, node, inner, offset, shown(inner), names)
+    expression = read_expression(reading, node, inner, offset, quote(inner), names)
     return None if expression is None else Computed(expression=expression)
 
 
@@ -117,19 +118,13 @@ def read_expression(
         return None
     sound = True
     for mention in expression.mentions:
-        problem = names.problem(mention.name)
+        before = text[: mention.column - 1]
+        maybe_text = _WHERE_TEXTS_STAND.search(before) is not None
+        problem = names.problem(mention.name, maybe_text=maybe_text)
         if problem is None:
             continue
         sound = False
-        before = text[: mention.column - 1]
-        _report_name(
-            reading,
-            node,
-            mention.name,
-            offset + len(before),
-            problem,
-            maybe_text=_WHERE_TEXTS_STAND.search(before) is not None,
-        )
+        _report_name(reading, node, mention.name, offset + len(before), problem)
     return expression if sound else None
 
 
@@ -139,8 +134,6 @@ def _report_name(
     name: str,
     offset: int,
     problem: tuple[str, str, str],
-    *,
-    maybe_text: bool = False,
 ) -> None:
     """Report where it stands that a name cannot be used here.
 
@@ -150,9 +143,6 @@ def _report_name(
         name: The name.
         offset: Where it begins in the text of the scalar.
         problem: Code, message and hint.
-        maybe_text: Whether it can be meant as a text.
     """
     code, message, hint = problem
-    if maybe_text and "." not in name and hint.startswith("possible here"):
-        hint = f"if it is meant as a text, put it in quotation marks: '{name}'"
     reading.error_in(code, node, offset, len(name), message, hint)

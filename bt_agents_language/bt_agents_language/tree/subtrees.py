@@ -1,19 +1,20 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Subtrees put in place of the nodes that call them; recursion and sheer size are refused."""
+"""Expansion of subtrees in place of their calls; refuses recursion and sheer size."""
 
 from __future__ import annotations
 
 import operator
 from collections.abc import Mapping
 
-from bt_agents_language.model.specs import NodeSpec, Position
+from bt_agents_core.diagnostic import Position
+from bt_agents_language.model.specs import NodeSpec
 from bt_agents_language.yaml.typed_reader import TypedReader
 
 MAX_NODES = 10_000
-"""Nodes of all trees of an agent, modifiers counted, subtrees counted wherever they are used."""
+"""Nodes of all trees of an agent, decorators counted, subtrees counted wherever they are used."""
 
 MAX_DEPTH = 64
-"""Nesting of nodes, modifiers and subtrees counted."""
+"""Nesting of nodes, decorators and subtrees counted."""
 
 
 class Expansion:
@@ -97,14 +98,14 @@ class Expansion:
         while open_specs:
             spec = open_specs.pop()
             open_specs += spec.children
-            name = self._calls.get(spec.position) if _calls(spec) else None
+            name = self._calls.get(spec.position) if self._is_call(spec) else None
             if name is not None and name in self._bodies:
                 found.setdefault(name, spec.position)
         return found
 
     def _size(self, spec: NodeSpec) -> tuple[int, int]:
         """Return how many nodes and levels a tree has with its subtrees in place."""
-        if _calls(spec):
+        if self._is_call(spec):
             size, depth = self._sizes.get(self._calls[spec.position], (0, 0))
             return 1 + size, 1 + depth
         size, deepest = 1, 0
@@ -117,7 +118,7 @@ class Expansion:
 
     def _expanded(self, spec: NodeSpec, prefix: str) -> NodeSpec:
         path = prefix + spec.path
-        body = self._bodies.get(self._calls[spec.position]) if _calls(spec) else None
+        body = self._bodies.get(self._calls[spec.position]) if self._is_call(spec) else None
         if body is not None:
             children = [self._expanded(body, f"{path}/")]
         else:
@@ -126,7 +127,6 @@ class Expansion:
                 return spec
         return spec.moved(path, tuple(children))
 
-
-def _calls(spec: NodeSpec) -> bool:
-    """Return whether a node calls a subtree that is not in its place yet."""
-    return spec.kind == "subtree" and not spec.children
+    def _is_call(self, spec: NodeSpec) -> bool:
+        """Return whether a node calls a subtree that is not in its place yet."""
+        return not spec.children and spec.position in self._calls

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a tree does, without the places where it is written, so that two can be compared fast."""
+"""Fingerprints of trees without source positions, for fast comparison."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ from collections import Counter
 from dataclasses import dataclass, replace
 from hashlib import blake2b
 
-from bt_agents_language.model.specs import NodeSpec, Position
-from bt_agents_language.model.walking import iter_nodes
+from bt_agents_core.diagnostic import Position
+from bt_agents_language.model.specs import NodeSpec, iter_nodes
 
 _NOWHERE = Position(file="", line=1, column=1)
 

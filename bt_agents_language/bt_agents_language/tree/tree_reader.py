@@ -1,42 +1,38 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Drafts turned into checked nodes: values read, modifiers wrapped around, paths given."""
+"""Raw nodes turned into checked ones: values read, decorators wrapped around, paths given."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 
-from bt_agents_language.model.node_type import Children, DecoratorType
-from bt_agents_language.model.scope import NameScope
-from bt_agents_language.model.specs import (
-    FieldType,
-    Literal,
-    NodeSpec,
-    Position,
-    SubtreeSpec,
-    Value,
+from bt_agents_core.diagnostic import Position
+from bt_agents_language.model.endings import Outcome
+from bt_agents_language.model.interfaces import Interfaces
+from bt_agents_language.model.node_type import (
+    Children,
+    FieldValues,
+    NodeType,
+    RawNode,
+    Wrap,
+    short,
+    wrapped,
 )
+from bt_agents_language.model.scope import NameScope
+from bt_agents_language.model.specs import NOTHING, Literal, NodeSpec, SubtreeSpec
 from bt_agents_language.model.symbols import SymbolTable
-from bt_agents_language.model.values import read_value
-from bt_agents_language.nodes import FOREVER, MODIFIERS
+from bt_agents_language.nodes.catalogue import DECORATORS
 from bt_agents_language.tree.assigned_names import AssignedNames, may_write
-from bt_agents_language.tree.calls import LABEL_LENGTH, CallReader, short
-from bt_agents_language.tree.child_counts import read_succeed_on, refuse_no_chance
-from bt_agents_language.tree.node_fields import FieldReader, FieldValues, written_fields
-from bt_agents_language.tree.raw_nodes import RawNode
-from bt_agents_language.tree.ros_leaves import RAW_LEAVES, read_raw_leaf
-from bt_agents_language.yaml.typed_reader import TypedReader, listed
-from bt_agents_language.yaml.yaml_reader import Mapping as MappingNode
-from bt_agents_language.yaml.yaml_reader import Node, Scalar, entries_of
+from bt_agents_language.tree.calls import CallReader
+from bt_agents_language.tree.node_fields import FieldReader, written_fields
+from bt_agents_language.yaml.typed_reader import TypedReader
+from bt_agents_language.yaml.yaml_reader import Node
 
 _NOT_IN_PATH = re.compile(r"[^\w-]+")
-_LOOPS = ("retry", "repeat")
-_LEFT_OUT = ("when", "once", "cooldown")
-_EXCLUSIVE = ("choose", "random")
 
 
 class TreeReader:
-    """Reads the trees of one file.
+    """Reads the trees of one file; a :class:`NodeReader` to the types of their nodes.
 
     Args:
         reading: The file.
@@ -61,321 +57,197 @@ class TreeReader:
         """Place of each ``subtree`` node read so far → name of the subtree."""
         return self._calls.calls
 
+    @property
+    def reading(self) -> TypedReader:
+        """The file."""
+        return self._reading
+
+    @property
+    def interfaces(self) -> Interfaces | None:
+        """The installed ROS types; None leaves types unchecked."""
+        return self._interfaces
+
     def read(
-        self, draft: RawNode, path: str, names: NameScope, *, parent: str = ""
+        self, raw: RawNode, path: str, names: NameScope, *, parent: NodeType | None = None
     ) -> NodeSpec | None:
         """Return a node with everything below it; None when it is wrong, which is then reported.
 
         Args:
-            draft: The node as written.
+            raw: The node as written.
             path: Its path.
             names: What its values and conditions may name; learns what the node writes.
-            parent: Key of the composite that it is a child of.
+            parent: Type of the composite that it is a child of.
         """
-        if not draft.modifiers:
-            spec = self._node(draft, path, names)
-            if may_write(draft):
-                names.give(self._written.by(draft))
+        if not raw.decorators:
+            spec = self._node(raw, path, names)
+            if may_write(raw):
+                names.give(self._written.by(raw))
             return spec
-        if not draft.modifiers.keys().isdisjoint(_LOOPS):
-            # A later round can use what an earlier one has written.
-            names.give(self._written.below(draft))
-        kinds = [kind for kind in MODIFIERS.values() if kind.key in draft.modifiers]
-        wrapping = [
-            None if kind.handler else self._modifier_fields(kind, draft, names, parent)
-            for kind in kinds
+        part_of_parent = parent.child_keys if parent is not None else ()
+        around = [
+            one
+            for one in DECORATORS.values()
+            if one.key in raw.decorators and one.key not in part_of_parent
         ]
-        spec = self._node(draft, path, names)
-        names.give(self._written.by(draft))
-        for kind, fields in zip(reversed(kinds), reversed(wrapping), strict=True):
-            entry = draft.modifiers[kind.key]
-            if kind.handler:
-                spec = self._handled(draft, entry.key.position, path, names, spec)
+        if any(one.rounds for one in around):
+            # A later round can use what an earlier one has written.
+            names.give(self._written.below(raw))
+        wrapping = [
+            None if one.handler else self._decorator_fields(one, raw, names, parent)
+            for one in around
+        ]
+        spec = self._node(raw, path, names)
+        names.give(self._written.by(raw))
+        for one, fields in zip(reversed(around), reversed(wrapping), strict=True):
+            entry = raw.decorators[one.key]
+            if one.handler:
+                spec = self._handled(one, raw, entry.key.position, path, names, spec)
             elif fields is not None:
-                label = f"{kind.key} {short(entry.value)}" if kind.fields else kind.key
-                spec = _wrapped(spec, kind.key, entry.key.position, path, fields, label)
+                label = f"{one.key} {short(entry.value)}" if one.fields else one.key
+                spec = wrapped(spec, one.key, entry.key.position, path, fields, label)
         return spec
 
-    def _modifier_fields(
-        self, kind: DecoratorType, draft: RawNode, names: NameScope, parent: str
+    def _decorator_fields(
+        self, decorator: NodeType, raw: RawNode, names: NameScope, parent: NodeType | None
     ) -> FieldValues | None:
-        """Return the fields of a modifier; None when it is switched off or is part of a case."""
-        node = draft.modifiers[kind.key].value
-        what = f"'{kind.key}'"
-        if kind.key == "when" and parent == "choose":
-            return None
+        """Return the fields of a decorator; None when it is switched off."""
+        node = raw.decorators[decorator.key].value
+        what = f"'{decorator.key}'"
         fields: FieldValues = {}
-        if not kind.fields:
+        if not decorator.fields:
             if not self._reading.boolean(node, what):
                 return None
         else:
-            nodes = written_fields(self._reading, node, what, kind.fields, kind.main) or {}
-            fields = self._fields.read_all(kind.fields, nodes, names, kind.main, what)
-            if kind.key == "repeat":
-                self._check_repeat(node, nodes)
-                fields.setdefault("times", Literal(value=FOREVER))
-        if kind.key in _LEFT_OUT:
-            # A selector goes on to its next child, everything else goes on.
-            outcome = "failure" if parent == "selector" else "success"
-            fields["otherwise"] = Literal(value=outcome)
+            main = decorator.main
+            nodes = written_fields(self._reading, node, what, decorator.fields, main) or {}
+            fields = self.values(decorator, nodes, names, what)
+            if decorator.complete is not None:
+                decorator.complete(self._reading, node, nodes, fields)
+        if decorator.skips:
+            goes_on = parent.goes_on if parent is not None else Outcome.SUCCESS
+            fields["otherwise"] = Literal(value=goes_on.name.lower())
         return fields
-
-    def _check_repeat(self, node: Node, nodes: Mapping[str, Node]) -> None:
-        empty = isinstance(node, Scalar) and node.empty
-        if (empty or isinstance(node, MappingNode)) and not {"times", "until"} & nodes.keys():
-            self._reading.error(
-                "missing-key",
-                node,
-                "'repeat' needs the key 'times' or 'until'",
-                "write how often, or what ends it: {until: answer == 'yes'}",
-            )
 
     def _handled(
         self,
-        draft: RawNode,
+        decorator: NodeType,
+        raw: RawNode,
         position: Position,
         path: str,
         names: NameScope,
         spec: NodeSpec | None,
     ) -> NodeSpec | None:
-        written = draft.nodes.get("on_failure")
+        written = raw.nodes.get(decorator.key)
         if written is None:
             return None
-        here = f"{path}@on_failure"
+        here = f"{path}@{decorator.key}"
         handler = self.read(written, f"{here}/{_segment(0, written)}", names)
         if spec is None or handler is None:
             return None
         return NodeSpec(
             path=here,
             position=position,
-            kind="on_failure",
-            name="on_failure",
+            kind=decorator.key,
+            name=decorator.key,
             children=(spec, handler),
         )
 
-    def _node(self, draft: RawNode, path: str, names: NameScope) -> NodeSpec | None:
-        if draft.skill is not None:
-            return self._calls.skill(draft, path, names)
-        assert draft.kind is not None
-        if draft.kind.children is Children.LIST:
-            return self._composite(draft, path, names)
-        read = _LEAVES.get(draft.kind.key, TreeReader._leaf)
-        return read(self, draft, path, names)
+    def _node(self, raw: RawNode, path: str, names: NameScope) -> NodeSpec | None:
+        if raw.skill is not None:
+            return self._calls.skill(raw, path, names)
+        assert raw.type is not None
+        if raw.type.read is not None:
+            return raw.type.read(self, raw, path, names)
+        if raw.type.children is Children.LIST:
+            return self.composite(raw, path, names)
+        return self.leaf(raw, path, names)
 
-    def _subtree(self, draft: RawNode, path: str, names: NameScope) -> NodeSpec | None:
-        return self._calls.subtree(draft, path, names)
+    def subtree(self, raw: RawNode, path: str, names: NameScope) -> NodeSpec | None:
+        """Return a call of a subtree, whose body is not in place yet."""
+        return self._calls.subtree(raw, path, names)
 
-    def _composite(self, draft: RawNode, path: str, names: NameScope) -> NodeSpec:
-        assert draft.kind is not None
-        key = draft.kind.key
-        nodes = {name: entry.value for name, entry in draft.options.items()}
-        fields = self._fields.read_all(draft.kind.fields, nodes, names)
+    def composite(
+        self, raw: RawNode, path: str, names: NameScope, wrap: Wrap | None = None
+    ) -> NodeSpec:
+        """Return a composite with its children."""
+        node_type = raw.type
+        assert node_type is not None
+        nodes = {name: entry.value for name, entry in raw.options.items()}
+        fields = self.values(node_type, nodes, names)
         memory = fields.get("memory")
         again = isinstance(memory, Literal) and memory.value is False
-        if key == "parallel" or again:
+        if node_type.concurrent or again:
             # Any child may run after any other.
-            names.give(self._written.below(draft))
-        if key == "parallel" and "succeed_on" in nodes:
-            fields["succeed_on"] = Literal(
-                value=read_succeed_on(self._reading, draft, nodes["succeed_on"])
-            )
-        listed_children = [*draft.children]
-        if "otherwise" in draft.nodes:
-            listed_children.append(draft.nodes["otherwise"])
-        exclusive = key in _EXCLUSIVE
-        at_start = set(names.given) if exclusive else set()
+            names.give(self._written.below(raw))
+        own = len(raw.children)
+        in_fields = [raw.nodes[one.name] for one in node_type.fields if one.name in raw.nodes]
+        at_start = set(names.given) if node_type.exclusive else set()
         at_end = set(at_start)
-        whens = [self._case(child, names) for child in draft.children] if key == "choose" else []
         children: list[NodeSpec | None] = []
-        for index, child in enumerate(listed_children):
-            if exclusive:
+        for index, child in enumerate([*raw.children, *in_fields]):
+            if node_type.exclusive:
                 names.given.clear()
                 names.given.update(at_start)
             here = f"{path}/{_segment(index, child)}"
-            is_child = index < len(draft.children)
-            spec = self.read(child, here, names, parent=key if is_child else "")
-            if key == "choose":
-                case = whens[index] if is_child else {}
-                label = child.name or "otherwise"
-                spec = _wrapped(spec, "case", child.key.position, here, case, label, "when")
-            elif key == "random":
-                weight = self._weight(child, names)
-                label = f"weight {short(child.beside['weight'].value)}" if weight else "weight 1"
-                one: FieldValues = {"weight": weight or Literal(value=1.0)}
-                spec = _wrapped(spec, "weight", child.key.position, here, one, label)
-            children.append(spec)
-            if exclusive:
+            spec = self.read(child, here, names, parent=node_type if index < own else None)
+            children.append(wrap(child, spec, here) if wrap is not None else spec)
+            if node_type.exclusive:
                 at_end |= names.given
-        if exclusive:
+        if node_type.exclusive:
             names.give(at_end)
-        if key == "random":
-            refuse_no_chance(self._reading, draft, children)
         return NodeSpec(
             path=path,
-            position=draft.key.position,
-            kind=key,
-            name=draft.name or key,
+            position=raw.key.position,
+            kind=node_type.key,
+            name=raw.name or node_type.key,
             fields=fields,
             children=tuple([child for child in children if child is not None]),
         )
 
-    def _case(self, child: RawNode, names: NameScope) -> FieldValues:
-        entry = child.modifiers.get("when")
-        if entry is None:
-            return {}
-        nodes = {"condition": entry.value}
-        return self._fields.read_all(MODIFIERS["when"].fields, nodes, names, "condition", "'when'")
+    def written(self, raw: RawNode) -> Mapping[str, Node] | None:
+        """Return the written fields of a leaf by name; None when there are none to be read."""
+        assert raw.type is not None
+        what = f"'{raw.type.key}'"
+        return written_fields(self._reading, raw.value, what, raw.type.fields, raw.type.main)
 
-    def _weight(self, child: RawNode, names: NameScope) -> Value | None:
-        entry = child.beside.get("weight")
-        if entry is None:
-            return None
-        return read_value(self._reading, entry.value, FieldType.NUMBER, names, "'weight'", 0.0)
+    def values(
+        self, node_type: NodeType, nodes: Mapping[str, Node], names: NameScope, what: str = ""
+    ) -> FieldValues:
+        """Return the values of written fields, with defaults for the others."""
+        return self._fields.read_all(node_type.fields, nodes, names, node_type.main, what)
 
-    def _leaf(self, draft: RawNode, path: str, names: NameScope) -> NodeSpec | None:
-        kind = draft.kind
-        assert kind is not None
-        what = f"'{kind.key}'"
-        nodes = written_fields(self._reading, draft.value, what, kind.fields, kind.main)
+    def leaf(
+        self,
+        raw: RawNode,
+        path: str,
+        names: NameScope,
+        nodes: Mapping[str, Node] | None = None,
+        label: Node | None = None,
+    ) -> NodeSpec | None:
+        """Return a leaf as its fields describe it."""
+        node_type = raw.type
+        assert node_type is not None
+        if nodes is None:
+            nodes = self.written(raw)
         if nodes is None:
             return None
-        first = kind.main or (kind.fields[0].name if kind.fields else "")
+        first = node_type.main or (node_type.fields[0].name if node_type.fields else "")
+        label = nodes.get(first) if label is None else label
+        fields = self.values(node_type, nodes, names, f"'{node_type.key}'")
+        outputs = NOTHING
+        if node_type.message is not None:
+            outputs = self._fields.outputs(nodes.get("outputs"), nodes)
         return NodeSpec(
             path=path,
-            position=draft.key.position,
-            kind=kind.key,
-            name=draft.name or f"{kind.key} {short(nodes.get(first))}".rstrip(),
-            fields=self._fields.read_all(kind.fields, nodes, names, kind.main, what),
-            plugin=kind.behaviour,
-        )
-
-    def _wait_for(self, draft: RawNode, path: str, names: NameScope) -> NodeSpec | None:
-        kind = draft.kind
-        assert kind is not None
-        nodes = written_fields(self._reading, draft.value, "'wait_for'", kind.fields, kind.main)
-        if nodes is None:
-            return None
-        message = [key for key in ("topic", "type", "until", "latched", "outputs") if key in nodes]
-        missing = [key for key in ("topic", "type") if key not in nodes]
-        if "condition" in nodes and message:
-            self._reading.error(
-                "misplaced-key",
-                _key(draft.value, message[0]),
-                f"'{message[0]}' is about a message, but this waits for a condition",
-                "wait for the one or the other; 'parallel' waits for both",
-            )
-        elif "condition" not in nodes and missing:
-            self._reading.error(
-                "missing-key",
-                draft.key,
-                f"'wait_for' needs a condition, or the keys {listed(('topic', 'type'))}",
-                "write wait_for: live.person, or add "
-                + ", ".join(f"'{key}: …'" for key in missing),
-            )
-        shown_node = nodes.get("condition") or nodes.get("topic")
-        return NodeSpec(
-            path=path,
-            position=draft.key.position,
-            kind="wait_for",
-            name=draft.name or f"wait_for {short(shown_node)}".rstrip(),
-            fields=self._fields.read_all(kind.fields, nodes, names, kind.main, "'wait_for'"),
-            outputs=self._fields.outputs(nodes.get("outputs"), nodes),
-        )
-
-    def _give_feedback(self, draft: RawNode, path: str, names: NameScope) -> NodeSpec | None:
-        spec = self._leaf(draft, path, names)
-        kind = spec.fields.get("kind") if spec is not None else None
-        if spec is None or not isinstance(kind, Literal):
-            return spec
-        values = draft.value.get("values") if isinstance(draft.value, MappingNode) else None
-        if kind.value == "direct" and values is None:
-            self._reading.error(
-                "missing-key",
-                draft.value,
-                "direct feedback needs the values that the profile moves to",
-                "write give_feedback: {kind: direct, values: {…}}",
-            )
-        elif kind.value != "direct" and values is not None:
-            self._reading.error(
-                "misplaced-key",
-                _key(draft.value, "values"),
-                f"{kind.value} feedback takes the scene, so it has no values of its own",
-                "remove 'values', or write kind: direct",
-            )
-        return spec
-
-    def _raw(self, draft: RawNode, path: str, names: NameScope) -> NodeSpec | None:
-        key = draft.word
-        leaf = read_raw_leaf(self._reading, draft, RAW_LEAVES[key], names, self._interfaces)
-        if leaf is None or leaf.binding is None:
-            return None
-        return NodeSpec(
-            path=path,
-            position=draft.key.position,
-            kind=key,
-            name=draft.name or f"{key} {leaf.binding.name}",
-            skill=leaf,
-            outputs=leaf.binding.outputs,
-            feedback=leaf.binding.feedback,
-        )
-
-    def _set(self, draft: RawNode, path: str, names: NameScope) -> NodeSpec | None:
-        entries = self._reading.entries(draft.value, "'set'", "names and values")
-        if isinstance(draft.value, MappingNode) and not entries:
-            self._reading.error(
-                "missing-value", draft.value, "'set' sets nothing", "write set: {name: value}"
-            )
-        fields: FieldValues = {}
-        for entry in entries:
-            value = read_value(
-                self._reading, entry.value, FieldType.ANY, names, f"'{entry.key.text}'"
-            )
-            if value is not None:
-                fields[entry.key.text] = value
-        return NodeSpec(
-            path=path,
-            position=draft.key.position,
-            kind="set",
-            name=draft.name or f"set {', '.join(fields)}"[:LABEL_LENGTH],
+            position=raw.key.position,
+            kind=node_type.key,
+            name=raw.name or f"{node_type.key} {short(label)}".rstrip(),
             fields=fields,
+            outputs=outputs,
+            plugin=node_type.plugin,
         )
 
 
-_LEAVES: Mapping[str, Callable[[TreeReader, RawNode, str, NameScope], NodeSpec | None]] = {
-    "set": TreeReader._set,
-    "subtree": TreeReader._subtree,
-    "wait_for": TreeReader._wait_for,
-    "give_feedback": TreeReader._give_feedback,
-    **dict.fromkeys(RAW_LEAVES, TreeReader._raw),
-}
-
-
-def _wrapped(
-    spec: NodeSpec | None,
-    kind: str,
-    position: Position,
-    path: str,
-    fields: FieldValues,
-    label: str,
-    suffix: str = "",
-) -> NodeSpec | None:
-    if spec is None:
-        return None
-    return NodeSpec(
-        path=f"{path}@{suffix or kind}",
-        position=position,
-        kind=kind,
-        name=label,
-        fields=fields,
-        children=(spec,),
-    )
-
-
-def _key(node: Node, name: str) -> Node:
-    """Return a key of a mapping as it stands in the file."""
-    return next((entry.key for entry in entries_of(node) if entry.key.text == name), node)
-
-
-def _segment(index: int, draft: RawNode) -> str:
-    word = _NOT_IN_PATH.sub("_", draft.name).strip("_") if draft.name else ""
-    return f"{index}.{word or draft.key.text}"
+def _segment(index: int, raw: RawNode) -> str:
+    word = _NOT_IN_PATH.sub("_", raw.name).strip("_") if raw.name else ""
+    return f"{index}.{word or raw.key.text}"

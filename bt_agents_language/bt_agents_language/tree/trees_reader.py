@@ -6,19 +6,39 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 
-from bt_agents_language.files.inputs import read_inputs
+from bt_agents_core.field_types import FieldType
+from bt_agents_language.files.inputs import INPUT, OUTPUT, read_inputs
+from bt_agents_language.model.file_kinds import NODE, TEXT, Entries, FieldDecl, Key, KeyTable
+from bt_agents_language.model.node_type import RawNode
 from bt_agents_language.model.scope import Assigned, NameScope, mood_names, scene_names
-from bt_agents_language.model.specs import FieldSpec, FieldType, NodeSpec, SubtreeSpec, UnusedInput
+from bt_agents_language.model.specs import FieldSpec, NodeSpec, SubtreeSpec, UnusedInput
 from bt_agents_language.model.symbols import SymbolTable
 from bt_agents_language.tree.assigned_names import AssignedNames
-from bt_agents_language.tree.raw_nodes import RawNode, RawNodeReader
+from bt_agents_language.tree.raw_nodes import RawNodeReader
 from bt_agents_language.tree.subtrees import MAX_NODES, Expansion
 from bt_agents_language.tree.tree_reader import TreeReader
-from bt_agents_language.yaml.mapping_reader import MappingReader
-from bt_agents_language.yaml.typed_reader import TypedReader
+from bt_agents_language.yaml.typed_reader import MappingReader, TypedReader
 from bt_agents_language.yaml.yaml_reader import MappingEntry, Node, entries_of
 
-_KEYS = ("description", "inputs", "outputs", "tree")
+_SUBTREE = KeyTable(
+    fields=(
+        FieldDecl("description", TEXT, "What it does."),
+        FieldDecl("inputs", Entries(INPUT), "What its callers give with 'with'."),
+        FieldDecl(
+            "outputs",
+            Entries(OUTPUT),
+            "Names that it writes for its callers, with their types.",
+        ),
+        FieldDecl("tree", NODE, "What it does.", required=True),
+    ),
+)
+# The name of a subtree may be written as those of nodes, which the reader judges.
+SUBTREES = FieldDecl(
+    "subtrees",
+    Entries(_SUBTREE, "names and subtrees", keys=Key.ANY),
+    "Trees that 'subtree' nodes do.",
+)
+"""The key of a file's subtrees."""
 
 
 class TreesReader:
@@ -55,7 +75,7 @@ class TreesReader:
         for entry in entries:
             self._declare(entry)
         known = {**imported, **self._subtrees}
-        self._drafts = RawNodeReader(reading, vocabulary, known)
+        self._structure = RawNodeReader(reading, vocabulary, known)
         self._reader = TreeReader(reading, vocabulary, known)
         self._written = AssignedNames(reading, known, vocabulary.interfaces)
         self._types = {
@@ -73,14 +93,14 @@ class TreesReader:
             tree: What is written behind ``tree``.
             on_cancel: What is written behind ``on_cancel``.
         """
-        first, last = self._draft(tree, "the tree"), self._draft(on_cancel, "'on_cancel'")
+        first, last = self._raw(tree, "the tree"), self._raw(on_cancel, "'on_cancel'")
         taken = dict.fromkeys(self._tunables, "a tunable")
-        bodies = self._body_drafts()
+        bodies = self._raw_bodies()
         self._of_trees = self._written.of_trees([first, last], taken, self._types)
         hidden = {
             name: f"subtree '{subtree}' writes it; add 'outputs: {{{name}: any}}' to that"
-            for subtree, draft in bodies.items()
-            for name in (self._written.below(draft) if draft is not None else ())
+            for subtree, raw in bodies.items()
+            for name in (self._written.below(raw) if raw is not None else ())
         }
         names = NameScope(self._types, self._of_trees, hidden=hidden, lenient=self._lenient)
         first_spec = self._reader.read(first, "tree", names) if first is not None else None
@@ -99,7 +119,7 @@ class TreesReader:
 
     def library(self) -> dict[str, SubtreeSpec]:
         """Return the file's own subtrees with those that they call in place."""
-        expansion = self._expansion(self._body_drafts())
+        expansion = self._expansion(self._raw_bodies())
         found: dict[str, SubtreeSpec] = {}
         for name, body in self._bodies.items() if expansion is not None else ():
             expanded = expansion.expand(body) if expansion is not None else None
@@ -110,7 +130,7 @@ class TreesReader:
     def _declare(self, entry: MappingEntry) -> None:
         name = self._reading.name(entry.key, "the name of a subtree")
         what = f"subtree '{entry.key.text[:40]}'"
-        fields = self._reading.fields(entry.value, what, _KEYS, ("tree",))
+        fields = self._reading.keys(entry.value, _SUBTREE, what)
         if name is None:
             return
         if fields is None:
@@ -152,12 +172,12 @@ class TreesReader:
             return ()
         return read_inputs(self._reading, node, what, key.removesuffix("s"))
 
-    def _draft(self, node: Node | None, where: str) -> RawNode | None:
-        return None if node is None else self._drafts.read(node, where)
+    def _raw(self, node: Node | None, where: str) -> RawNode | None:
+        return None if node is None else self._structure.read(node, where)
 
-    def _body(self, name: str, draft: RawNode | None) -> NodeSpec | None:
+    def _body(self, name: str, raw: RawNode | None) -> NodeSpec | None:
         subtree, fields = self._subtrees[name], self._fields[name]
-        if draft is None:
+        if raw is None:
             return None
         before = len(self._reading.problems)
         inputs = {one.name: one.type for one in subtree.inputs}
@@ -166,7 +186,7 @@ class TreesReader:
             **dict.fromkeys(self._tunables, "a tunable"),
             **dict.fromkeys(inputs, "an input of this subtree"),
         }
-        written = self._written.of_trees([draft], taken, {**self._types, **inputs})
+        written = self._written.of_trees([raw], taken, {**self._types, **inputs})
         hidden = dict.fromkeys(
             self._of_trees,
             f"the tree has it; declare it under 'inputs:' of subtree '{name}', and give it with "
@@ -178,7 +198,7 @@ class TreesReader:
             hidden=hidden,
             lenient=self._lenient or not subtree.complete,
         )
-        body = self._reader.read(draft, name, names)
+        body = self._reader.read(raw, name, names)
         if len(self._reading.problems) == before:
             self._note_unused(subtree, fields, names)
             self._refuse_unwritten(subtree, fields, written)
@@ -215,15 +235,15 @@ class TreesReader:
                     f"give it one, for example with set: {{{one.name}: …}}",
                 )
 
-    def _body_drafts(self) -> dict[str, RawNode | None]:
+    def _raw_bodies(self) -> dict[str, RawNode | None]:
         return {
-            name: self._draft(fields.get("tree"), f"subtree '{name}'")
+            name: self._raw(fields.get("tree"), f"subtree '{name}'")
             for name, fields in self._fields.items()
         }
 
-    def _expansion(self, drafts: Mapping[str, RawNode | None]) -> Expansion | None:
+    def _expansion(self, bodies: Mapping[str, RawNode | None]) -> Expansion | None:
         """Read the bodies; return what puts them in place, None when one contains itself."""
-        read = {name: self._body(name, draft) for name, draft in drafts.items()}
+        read = {name: self._body(name, raw) for name, raw in bodies.items()}
         self._bodies = {name: body for name, body in read.items() if body is not None}
         imported = {n: one.body for n, one in self._imported.items() if one.body is not None}
         expansion = Expansion(self._reading, {**imported, **self._bodies}, self._reader.calls)

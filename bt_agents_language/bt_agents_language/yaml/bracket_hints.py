@@ -1,13 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Slips with brackets and quotation marks: what is left open, or closed at the wrong place."""
+"""Syntax hints for brackets and quotation marks that are open or closed at the wrong place."""
 
 from __future__ import annotations
 
-from bt_agents_language.yaml.diagnostics import shown
+from bt_agents_core.text import quote
 from bt_agents_language.yaml.line_hints import SyntaxHint
 from bt_agents_language.yaml.patched_source import Edit
-from bt_agents_language.yaml.source import Source
-from bt_agents_language.yaml.text_lines import end_above, indentation, line_at, line_start
+from bt_agents_language.yaml.source import Source, end_above, indentation, line_at, line_start
 
 QUOTE_INSIDE = "inside { … } and [ … ], quote texts with ':', '?', ',' or brackets in them"
 _COMMENT = "a '#' behind a space starts a comment: put quotes around the text"
@@ -38,16 +37,16 @@ def in_brackets(source: Source, index: int, begun: int) -> SyntaxHint:
             hint=_COMMENT
             if " #" in line_at(source, line_start(source, begun))
             else f"close it with '{closing}' at the end of the value",
-            mend=_inserted(text, begun, end, closing) if not at_end else None,
+            fix=_inserted(text, begun, end, closing) if not at_end else None,
         )
     if word:
         end = len(text[:at].rstrip())
         return SyntaxHint(
             index=at,
             width=len(word),
-            message=f"a ',' is expected before {shown(word)}",
+            message=f"a ',' is expected before {quote(word)}",
             hint="put a ',' between two values, and quote a text with ': ' in it",
-            mend=_inserted(text, begun, end, ",") if _is_key(text, at, word) else None,
+            fix=_inserted(text, begun, end, ",") if _is_key(text, at, word) else None,
         )
     if found in _CLOSING.values():
         return SyntaxHint(
@@ -55,7 +54,7 @@ def in_brackets(source: Source, index: int, begun: int) -> SyntaxHint:
             message=f"the '{bracket}' of column {source.position(begun).column} is closed by "
             f"'{found}'",
             hint=f"close it with '{closing}'",
-            mend=Edit(start=index, stop=index + 1, text=closing),
+            fix=Edit(start=index, stop=index + 1, text=closing),
         )
     return SyntaxHint(
         index=index, message="a ',' or the closing bracket is expected here", hint=QUOTE_INSIDE
@@ -95,14 +94,14 @@ def behind_value(source: Source, index: int) -> SyntaxHint:
             index=index,
             message=message,
             hint=hint,
-            mend=Edit(start=index, stop=index + 1, text=" "),
+            fix=Edit(start=index, stop=index + 1, text=" "),
         )
-    quote = source.text[index - 1 : index]
-    opened = source.text.rfind(quote, 0, index - 1) if quote in ("'", '"') else index
+    mark = source.text[index - 1 : index]
+    opened = source.text.rfind(mark, 0, index - 1) if mark in ("'", '"') else index
     line = source.position(index).line
-    if quote == "'":
+    if mark == "'":
         hint = 'put a text with an apostrophe in double quotes: "…"'
-    elif quote != '"':
+    elif mark != '"':
         hint = "put quotes around the whole text, or start a new line"
     elif source.position(opened).line < line:
         index = opened

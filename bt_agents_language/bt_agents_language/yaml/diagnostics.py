@@ -1,21 +1,18 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Problems of a file, collected in one pass and shown with the line they are about."""
+"""Collection of one file's diagnostics, and the words that its messages share."""
 
 from __future__ import annotations
 
 import difflib
 import unicodedata
 from collections.abc import Iterable
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from itertools import accumulate
 from typing import Protocol
 
+from bt_agents_core.diagnostic import Diagnostic, Position, Severity
 from bt_agents_core.errors import ReadError
-from bt_agents_language.model.specs import Position
-from bt_agents_language.reference.codes.entry import Severity
-from bt_agents_language.reference.codes.table import CODES
-from bt_agents_language.shortened import shortened
-from bt_agents_language.yaml.renderers import MAX_COLLECTED, as_line, as_lines, as_text
+from bt_agents_language.yaml.renderers import MAX_COLLECTED, as_lines, as_text
 
 _LONGEST_WORD = 64
 _MANY_WORDS = 200
@@ -27,35 +24,6 @@ class SourceText(Protocol):
 
     def line(self, number: int) -> str:
         """Return a line, counted from 1, without its end."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Diagnostic:
-    """One problem of a file.
-
-    Attributes:
-        code: Key of the table of codes.
-        position: First character of what is wrong.
-        end: The character after its last one; None marks one character.
-        message: What was found and what is expected.
-        hint: How to mend it; may be empty.
-        excerpt: The line of ``position``; empty when it is not known.
-    """
-
-    code: str
-    position: Position
-    message: str
-    hint: str = ""
-    end: Position | None = None
-    excerpt: str = field(default="", compare=False, repr=False)
-
-    @property
-    def severity(self) -> Severity:
-        """Whether the file can be used in spite of it."""
-        return CODES[self.code].severity
-
-    def __str__(self) -> str:
-        return as_line(self)
 
 
 class Diagnostics:
@@ -119,7 +87,7 @@ class Diagnostics:
             raise self.error()
 
     def _line(self, number: int) -> str:
-        # Each line is kept once: a hostile file has one long line with many problems.
+        # Each line is stored once: a hostile file has one long line with many problems.
         if number not in self._lines:
             self._lines[number] = self._source.line(number) if self._source is not None else ""
         return self._lines[number]
@@ -138,12 +106,6 @@ def as_error(diagnostics: Iterable[Diagnostic]) -> ReadError:
 def joined(errors: Iterable[ReadError]) -> ReadError:
     """Return the errors of several files as one exception."""
     return as_error(diagnostic for error in errors for diagnostic in error.diagnostics)
-
-
-def shown(text: str) -> str:
-    """Return a found text in quotes, in one line and shortened, for a message."""
-    flat = " ".join(text.split())
-    return f"'{shortened(flat)}'"
 
 
 def nearest(word: str, known: Iterable[str]) -> str | None:
@@ -176,5 +138,5 @@ def did_you_mean(word: str, known: Iterable[str]) -> str:
     if not words:
         return ""
     ends = accumulate(len(word) + 2 for word in words)
-    kept = words[: sum(end <= _LIST_COLUMNS for end in ends)]
-    return f"possible here: {', '.join(kept)}{', …' if len(words) > len(kept) else ''}"
+    listed = words[: sum(end <= _LIST_COLUMNS for end in ends)]
+    return f"possible here: {', '.join(listed)}{', …' if len(words) > len(listed) else ''}"

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A whole file read in one pass, also behind syntax errors, so that all of them are told."""
+"""Document of a file, read in one pass that goes on behind syntax errors."""
 
 from __future__ import annotations
 
@@ -37,8 +37,8 @@ def read_document(source: Source, problems: Diagnostics) -> tuple[Source, Node |
         left -= len(source.text)
         if left < 0:
             break
-        if slip.mend is not None:
-            source = PatchedSource(source, slip.mend)
+        if slip.fix is not None:
+            source = PatchedSource(source, slip.fix)
             continue
         whole = False
         rest = without_section(source, slip.index)

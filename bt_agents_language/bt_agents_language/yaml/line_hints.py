@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Slips in one line of YAML that its author meant as 'key: value' or as a '-' item."""
+"""Syntax hints for a line that is meant as 'key: value' or as a '-' item."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import re
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from bt_agents_language.shortened import shortened
+from bt_agents_core.text import ellipsize
 from bt_agents_language.yaml.patched_source import Edit
 
 _LEAD = r"^(?P<lead>\s*(?:-\s+)*)"
@@ -30,7 +30,7 @@ class SyntaxHint:
         width: Number of characters.
         message: What was found and what is expected.
         hint: How to mend it.
-        mend: The edit that mends it, where there is no doubt; reading then goes on.
+        fix: The edit that mends it, where there is no doubt; reading then goes on.
         code: Of the problem.
     """
 
@@ -38,7 +38,7 @@ class SyntaxHint:
     width: int = 1
     message: str
     hint: str
-    mend: Edit | None = None
+    fix: Edit | None = None
     code: str = "syntax"
 
 
@@ -73,8 +73,8 @@ def _wide_colon(line: str, start: int) -> SyntaxHint | None:
     return SyntaxHint(
         index=at,
         message=f"'{match['colon']}' looks like a colon, but is another character",
-        hint=f"write '{shortened(match['key'])}: …'",
-        mend=Edit(start=at, stop=at + 1, text=": "),
+        hint=f"write '{ellipsize(match['key'])}: …'",
+        fix=Edit(start=at, stop=at + 1, text=": "),
     )
 
 
@@ -85,9 +85,9 @@ def _no_space(line: str, start: int) -> SyntaxHint | None:
     at = start + match.end()
     return SyntaxHint(
         index=at - 1,
-        message=f"a space is missing behind '{shortened(match['key'])}:'",
-        hint=f"write '{shortened(match['key'])}: {line[match.end() :].strip()[:30]}'",
-        mend=Edit(start=at, stop=at, text=" "),
+        message=f"a space is missing behind '{ellipsize(match['key'])}:'",
+        hint=f"write '{ellipsize(match['key'])}: {line[match.end() :].strip()[:30]}'",
+        fix=Edit(start=at, stop=at, text=" "),
     )
 
 
@@ -99,9 +99,9 @@ def _one_word(line: str, start: int) -> SyntaxHint | None:
     return SyntaxHint(
         index=start + match.start("key"),
         width=len(match["key"]),
-        message=f"a ':' is missing behind '{shortened(match['key'])}'",
-        hint=f"write '{shortened(match['key'])}:'",
-        mend=Edit(start=at, stop=at, text=":"),
+        message=f"a ':' is missing behind '{ellipsize(match['key'])}'",
+        hint=f"write '{ellipsize(match['key'])}:'",
+        fix=Edit(start=at, stop=at, text=":"),
     )
 
 
@@ -112,9 +112,9 @@ def _equals(line: str, start: int) -> SyntaxHint | None:
     at = start + match.end() - 1
     return SyntaxHint(
         index=at,
-        message=f"'=' stands behind '{shortened(match['key'])}', expected ':'",
-        hint=f"write '{shortened(match['key'])}: {line[match.end() :].strip()[:30]}'",
-        mend=Edit(start=at, stop=at + 1, text=":"),
+        message=f"'=' stands behind '{ellipsize(match['key'])}', expected ':'",
+        hint=f"write '{ellipsize(match['key'])}: {line[match.end() :].strip()[:30]}'",
+        fix=Edit(start=at, stop=at + 1, text=":"),
     )
 
 
@@ -129,13 +129,13 @@ def _dash(line: str, start: int) -> SyntaxHint | None:
             index=at,
             message="a space is missing behind '-'",
             hint=f"write '- {line.strip()[1:31]}'",
-            mend=Edit(start=at + 1, stop=at + 1, text=" "),
+            fix=Edit(start=at + 1, stop=at + 1, text=" "),
         )
     return SyntaxHint(
         index=at,
         message=f"'{mark}' cannot start an item of a list",
         hint="write '- ', a minus sign and a space",
-        mend=Edit(start=at, stop=at + 1, text="- " if group == "dash" else "-"),
+        fix=Edit(start=at, stop=at + 1, text="- " if group == "dash" else "-"),
     )
 
 
@@ -143,7 +143,7 @@ def _words(line: str, start: int) -> SyntaxHint | None:
     match = _NO_COLON.match(line)
     if match is None or _COLON_LATER.search(line):
         return None
-    key, rest = shortened(match["key"]), match["rest"].strip()[:30]
+    key, rest = ellipsize(match["key"]), match["rest"].strip()[:30]
     return SyntaxHint(
         index=start + match.start("key"),
         width=len(line.rstrip()) - match.start("key"),

@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A file's text with a slip mended, so that the rest of it can be read in the same pass."""
+"""Source with a syntax error fixed, so that the rest of it can be read in the same pass."""
 
 from __future__ import annotations
 
 import re
 from dataclasses import dataclass
 
-from bt_agents_language.model.specs import Position
+from bt_agents_core.diagnostic import Position
 from bt_agents_language.yaml.source import Source
 
 _TOP_LEVEL = re.compile(r"^[\w\"']", re.MULTILINE)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Whether a text can be YAML at all: its size, its characters, other formats, merged versions."""
+"""Pre-checks before parsing: size, control characters, foreign formats, merge conflicts."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Problems of files as people, programs and GitHub want to see them."""
+"""Renderings of diagnostics: text with excerpts, lines, JSON and annotations of GitHub."""
 
 from __future__ import annotations
 
@@ -8,12 +8,9 @@ import unicodedata
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
 from itertools import groupby
-from typing import IO, TYPE_CHECKING
+from typing import IO
 
-from bt_agents_language.reference.codes.entry import Severity
-
-if TYPE_CHECKING:
-    from bt_agents_language.yaml.diagnostics import Diagnostic
+from bt_agents_core.diagnostic import Diagnostic, Severity
 
 MAX_COLLECTED = 500
 """After so many errors reading ends: what is being read is no script."""

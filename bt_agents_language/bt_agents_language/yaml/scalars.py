@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a plain word means where any kind of value may stand: the core schema of YAML 1.2."""
+"""Core schema of YAML 1.2: the value of a plain scalar."""
 
 from __future__ import annotations
 
 import re
 
+from bt_agents_core.field_types import FieldType, Plain
 from bt_agents_language.model import quantities
-from bt_agents_language.model.specs import FieldType, Plain
 from bt_agents_language.yaml.yaml_reader import Node, Scalar
 
 _BOOLEANS = {

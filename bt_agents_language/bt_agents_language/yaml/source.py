@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The text of one file, opened safely, with the place of every character."""
+"""Source text of one file, opened safely, with the position of every character."""
 
 from __future__ import annotations
 
@@ -10,12 +10,13 @@ from bisect import bisect_right
 from functools import cached_property
 from pathlib import Path
 
-from bt_agents_language.model.specs import Position
-from bt_agents_language.yaml.diagnostics import Diagnostic, Diagnostics
+from bt_agents_core.diagnostic import Diagnostic, Position
+from bt_agents_language.yaml.diagnostics import Diagnostics
 
 MAX_BYTES = 1024 * 1024
 """A larger file is no script that a person wrote."""
 
+_LINE = re.compile(r"[^\r\n]*")
 _LINE_BREAK = re.compile(r"\r\n|\n|\r")
 _UTF16 = (b"\xff\xfe", b"\xfe\xff")
 
@@ -143,3 +144,31 @@ def aligned(text: str, written: str) -> list[int]:
         places.append(place if place >= 0 else min(at, len(written) - 1))
         at = place + 1 if place >= 0 else at
     return [*places, min(at, len(written) - 1)]
+
+
+def line_start(source: Source, index: int) -> int:
+    """Return the index of the first character of a line."""
+    text = source.text
+    return max(text.rfind("\n", 0, index), text.rfind("\r", 0, index)) + 1
+
+
+def line_at(source: Source, start: int) -> str:
+    """Return the line that starts at an index, without its end."""
+    match = _LINE.match(source.text, start)
+    return match[0] if match is not None else ""
+
+
+def line_above(source: Source, start: int) -> int | None:
+    """Return the start of the last line above that is not empty; None when there is none."""
+    end = len(source.text[:start].rstrip())
+    return line_start(source, end) if end else None
+
+
+def end_above(source: Source, index: int) -> int:
+    """Return the end of what stands above the line of a character."""
+    return len(source.text[: line_start(source, index)].rstrip())
+
+
+def indentation(line: str) -> int:
+    """Return how many characters stand before the first that can be seen."""
+    return len(line) - len(line.lstrip())

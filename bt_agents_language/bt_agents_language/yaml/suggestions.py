@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What an author most likely meant by a key, name or file that does not fit."""
+"""Suggestions for keys, names and files that do not fit."""
 
 from __future__ import annotations
 

@@ -1,18 +1,30 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Typed pieces read from located nodes; what does not fit becomes a problem with its place."""
+"""Typed values read from located nodes; one of another type becomes a diagnostic."""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Callable, Collection, Iterable
+from enum import Enum
 from pathlib import Path
 from typing import TypeVar
 
+from bt_agents_core.diagnostic import Position
+from bt_agents_core.field_types import FieldType
+from bt_agents_core.scene import SceneParameter
+from bt_agents_core.text import join_quoted, join_words, quote
 from bt_agents_language.model import quantities
-from bt_agents_language.model.specs import FieldType, Position
-from bt_agents_language.yaml.diagnostics import Diagnostics, did_you_mean, nearest, shown
+from bt_agents_language.model.file_kinds import (
+    Choice,
+    Entries,
+    Items,
+    KeyTable,
+    SceneValues,
+    Single,
+    Value,
+)
+from bt_agents_language.yaml.diagnostics import Diagnostics, did_you_mean, nearest
 from bt_agents_language.yaml.document import read_document
-from bt_agents_language.yaml.mapping_reader import MESSAGE_DIGITS, MappingReader
 from bt_agents_language.yaml.scalars import boolean
 from bt_agents_language.yaml.source import Source, aligned, read_source
 from bt_agents_language.yaml.suggestions import left_empty, name_meant, other_file, without_value
@@ -24,6 +36,9 @@ FORMAT = 1
 MAX_NAME = 64
 """Characters of an agent's, skill's or tunable's name."""
 
+MESSAGE_DIGITS = 6
+"""Digits of a number in a message, more than rounding it for people would keep."""
+
 _SPOILING = ("tag", "bad-character")
 """Problems of a value that leave open what it is."""
 
@@ -33,6 +48,15 @@ _A_LENGTH = quantities.expected(FieldType.LENGTH)
 _AN_ANGLE = quantities.expected(FieldType.ANGLE)
 
 T = TypeVar("T")
+
+
+class Shape(Enum):
+    """Shapes of YAML that a place may ask for."""
+
+    TEXT = "text"
+    LIST = "list"
+    MAPPING = "mapping"
+    OTHER = "other"
 
 
 class TypedReader:
@@ -114,6 +138,37 @@ class TypedReader:
             )
         return fields
 
+    def file(self, kind: KeyTable) -> MappingReader:
+        """Return the keys of the whole file as its table says; as :meth:`document`."""
+        fields = self.document(kind.what, kind.values, kind.required)
+        fields.table = kind
+        return fields
+
+    def keys(
+        self,
+        node: Node,
+        table: KeyTable,
+        what: str = "",
+        *,
+        required: Collection[str] | None = None,
+        more: Collection[str] = (),
+    ) -> MappingReader | None:
+        """Return the keys of a mapping as its table says; as :meth:`fields`.
+
+        Args:
+            node: Anything.
+            table: The keys that there may be.
+            what: What the mapping is, for messages; empty for what the table calls it.
+            required: Keys that must be there; None for those of the table.
+            more: Further keys that there may be.
+        """
+        needed = table.required if required is None else required
+        known = (*table.values, *more) if more else table.values
+        fields = self.fields(node, what or table.what, known, needed)
+        if fields is not None:
+            fields.table = table
+        return fields
+
     def fields(
         self,
         node: Node,
@@ -134,7 +189,8 @@ class TypedReader:
             beside: Keys that belong beside what has the mapping, not into it.
         """
         if not isinstance(node, Mapping):
-            self.wrong_type(node, what, f"a mapping with the keys {listed(required or known)}")
+            expected = f"a mapping with the keys {join_quoted(required or known)}"
+            self.wrong_type(node, what, expected, Shape.MAPPING)
             return None
         nodes: dict[str, Node] = {}
         keys: dict[str, Scalar] = {}
@@ -148,13 +204,13 @@ class TypedReader:
                 unknown.append(entry)
         missing = [key for key in required if key not in nodes]
         if not unknown and not missing:
-            return MappingReader(self, what, node, nodes, keys)
+            return MappingReader(self, node, nodes, keys)
         if unknown and not nodes and all(map(without_value, unknown)):
             self.error(
                 "wrong-type",
                 node,
-                f"{what}: expected a mapping with the keys {listed(required or known)}, found "
-                "words in braces",
+                f"{what}: expected a mapping with the keys {join_quoted(required or known)}, "
+                "found words in braces",
                 "put a text in quotes instead of braces",
             )
             return None
@@ -173,44 +229,51 @@ class TypedReader:
                 hint = f"indent it, if it belongs to '{above}:'"
                 del nodes[above]
             elif missing and len(unknown) == 1:
-                hint = f"did you mean {listed(missing)}? That is missing"
+                hint = f"did you mean {join_quoted(missing)}? That is missing"
                 missing = []
-            self.error("unknown-key", entry.key, f"{what} has no key {shown(word)}", hint)
+            self.error("unknown-key", entry.key, f"{what} has no key {quote(word)}", hint)
         if missing:
             self.error(
                 "missing-key",
                 node.position if at_start or not node.entries else node.entries[0].key,
-                f"{what} needs the key{'s' * (len(missing) > 1)} {listed(missing)}",
+                f"{what} needs the key{'s' * (len(missing) > 1)} {join_quoted(missing)}",
                 adding(missing),
             )
-        return MappingReader(self, what, node, nodes, keys)
+        return MappingReader(self, node, nodes, keys)
 
-    def wrong_type(self, node: Node, what: str, expected: str) -> None:
-        """Report that something else than expected stands here."""
+    def wrong_type(self, node: Node, what: str, expected: str, shape: Shape = Shape.OTHER) -> None:
+        """Report that something else than expected stands here.
+
+        Args:
+            node: What stands here.
+            what: The place, for messages.
+            expected: What should stand here, for messages.
+            shape: What that is as YAML; decides about the hint.
+        """
         if isinstance(node, Scalar) and node.empty:
             self.error(
                 "missing-value", node, f"{what}: nothing is written here, expected {expected}"
             )
             return
         hint = ""
-        if isinstance(node, Mapping) and expected == "a text":
+        if isinstance(node, Mapping) and shape is Shape.TEXT:
             hint = "if it is meant as text, put it in quotes"
-        elif isinstance(node, Sequence) and expected.startswith("a mapping"):
+        elif isinstance(node, Sequence) and shape is Shape.MAPPING:
             hint = "write 'key: value' without '- ' or [ ] around it"
-        elif expected.startswith("a list"):
+        elif shape is Shape.LIST:
             hint = "start each item with '- ', or write [ … ] around them"
         self.error("wrong-type", node, f"{what}: expected {expected}, found {found(node)}", hint)
 
     def text(self, node: Node, what: str, *, empty: bool = False) -> str | None:
         """Return a text; a number or ``true`` is taken as it is written."""
         if not isinstance(node, Scalar):
-            self.wrong_type(node, what, "a text")
+            self.wrong_type(node, what, "a text", Shape.TEXT)
             return None
         if node.text.strip() and not node.empty:
             return node.text
         if node.empty and node.text not in ("", "~") and not empty:
             self.error(
-                "missing-value", node, f"{shown(node.text)} means nothing", 'quote it: "null"'
+                "missing-value", node, f"{quote(node.text)} means nothing", 'quote it: "null"'
             )
             return None
         if not node.text.strip() and not empty:
@@ -233,14 +296,14 @@ class TypedReader:
         self.error(
             "bad-name",
             node,
-            f"{what} is {shown(text)}, expected small letters a-z, digits and '_', "
+            f"{what} is {quote(text)}, expected small letters a-z, digits and '_', "
             f"a letter first, at most {MAX_NAME} characters",
             hint,
         )
         return None
 
     def integer(
-        self, node: Node, what: str, minimum: int | None = None, maximum: int | None = None
+        self, node: Node, what: str, minimum: float | None = None, maximum: float | None = None
     ) -> int | None:
         """Return a whole number in a range."""
         value = self._quantity(node, what, "a whole number", quantities.integer, "bad-number")
@@ -318,7 +381,7 @@ class TypedReader:
             self.error(
                 "wrong-type",
                 node,
-                f"{what}: expected true or false, found {shown(node.text)}",
+                f"{what}: expected true or false, found {quote(node.text)}",
                 f"write {word}",
             )
         return value
@@ -332,7 +395,7 @@ class TypedReader:
         self.error(
             "bad-choice",
             node,
-            f"{what} is {shown(text)}, expected {any_of(words)}",
+            f"{what} is {quote(text)}, expected {join_words([*words], 'or')}",
             f"did you mean '{near}'?" if near is not None else "",
         )
         return None
@@ -341,15 +404,160 @@ class TypedReader:
         """Return the items of a list, none when it is no list."""
         if isinstance(node, Sequence):
             return node.items
-        self.wrong_type(node, what, "a list")
+        self.wrong_type(node, what, "a list", Shape.LIST)
         return ()
 
     def entries(self, node: Node, what: str, of: str) -> tuple[MappingEntry, ...]:
         """Return the entries of a mapping of something, none when it is no mapping."""
         if isinstance(node, Mapping):
             return node.entries
-        self.wrong_type(node, what, f"a mapping of {of}")
+        self.wrong_type(node, what, f"a mapping of {of}", Shape.MAPPING)
         return ()
+
+
+class MappingReader:
+    """The keys of one mapping, each readable as the type that is expected of it.
+
+    Attributes:
+        mapping: The mapping itself.
+        nodes: Value of each key that is known.
+        keys: Every key as it stands in the file.
+        table: What its keys may hold; None where the caller says so each time.
+    """
+
+    def __init__(
+        self,
+        reading: TypedReader,
+        mapping: Mapping,
+        nodes: dict[str, Node],
+        keys: dict[str, Scalar],
+    ) -> None:
+        self.mapping = mapping
+        self.nodes = nodes
+        self.keys = keys
+        self.table: KeyTable | None = None
+        self._reading = reading
+
+    def get(self, key: str) -> Node | None:
+        """Return what stands behind a key."""
+        return self.nodes.get(key)
+
+    def check_range(
+        self,
+        what: str,
+        minimum: float | None,
+        maximum: float | None,
+        field_type: FieldType = FieldType.NUMBER,
+    ) -> bool:
+        """Return whether 'min' is below 'max', as far as both are known; note it when not."""
+        if minimum is None or maximum is None or minimum < maximum:
+            return True
+        low, high = (
+            quantities.spoken(limit, field_type, MESSAGE_DIGITS) for limit in (minimum, maximum)
+        )
+        self._reading.error(
+            "out-of-range",
+            self.nodes["max"],
+            f"'max' of {what} is {high}, which is not more than 'min', {low}",
+            "make 'max' the larger one",
+        )
+        return False
+
+    def text(self, key: str, default: str = "") -> str:
+        """Return a text, ``default`` when it is not there or wrong."""
+        return self._read(key, self._reading.text) or default
+
+    def name(self, key: str) -> str | None:
+        """Return an identifier."""
+        return self._read(key, self._reading.name)
+
+    def integer(
+        self, key: str, minimum: float | None = None, maximum: float | None = None
+    ) -> int | None:
+        """Return a whole number; a limit that is not given is that of the table."""
+        low, high = self._limits(key, minimum, maximum)
+        return self._read(key, lambda n, w: self._reading.integer(n, w, low, high))
+
+    def number(
+        self, key: str, minimum: float | None = None, maximum: float | None = None
+    ) -> float | None:
+        """Return a number; a limit that is not given is that of the table."""
+        low, high = self._limits(key, minimum, maximum)
+        return self._read(key, lambda n, w: self._reading.number(n, w, low, high))
+
+    def duration(self, key: str) -> float | None:
+        """Return a time [s]."""
+        return self._read(key, self._reading.duration)
+
+    def boolean(self, key: str) -> bool | None:
+        """Return true or false."""
+        return self._read(key, self._reading.boolean)
+
+    def choice(self, key: str, words: Collection[str] = ()) -> str | None:
+        """Return one of some words, without any of those of the table."""
+        declared = self._declared(key)
+        if not words and isinstance(declared, Choice):
+            words = declared.words
+        return self._read(key, lambda n, w: self._reading.choice(n, w, words))
+
+    def items(self, key: str) -> tuple[Node, ...]:
+        """Return the items of a list, none when it is not there.
+
+        An empty list is reported where the table refuses one.
+        """
+        items = self._read(key, self._reading.items) or ()
+        declared = self._declared(key)
+        if isinstance(declared, Items) and declared.empty:
+            node = self.nodes.get(key)
+            if isinstance(node, Sequence) and not items:
+                self._reading.error("missing-value", node, declared.empty, declared.add)
+        return items
+
+    def entries(self, key: str, of: str = "") -> tuple[MappingEntry, ...]:
+        """Return the entries of a mapping of something, none when it is not there.
+
+        A mapping without any is reported where the table refuses one.
+
+        Args:
+            key: Its key.
+            of: The entries, for messages; empty for what the table calls them.
+        """
+        declared = self._declared(key)
+        if not of and isinstance(declared, Entries):
+            of = declared.of
+        entries = self._read(key, lambda n, w: self._reading.entries(n, w, of)) or ()
+        if isinstance(declared, Entries) and declared.empty:
+            node = self.nodes.get(key)
+            if isinstance(node, Mapping) and not entries:
+                self._reading.error("missing-value", node, declared.empty, declared.add)
+        return entries
+
+    def limits_for(
+        self, key: str, parameter: SceneParameter
+    ) -> tuple[float, float] | tuple[None, None]:
+        """Return the smallest and largest number that a key may have for a scene parameter."""
+        declared = self._declared(key)
+        if not isinstance(declared, SceneValues) or declared.limits is None:
+            return None, None
+        return declared.limits(parameter)
+
+    def _declared(self, key: str) -> Value | None:
+        return None if self.table is None else self.table.values.get(key)
+
+    def _limits(
+        self, key: str, minimum: float | None, maximum: float | None
+    ) -> tuple[float | None, float | None]:
+        declared = self._declared(key)
+        if not isinstance(declared, Single):
+            return minimum, maximum
+        return (
+            declared.minimum if minimum is None else minimum,
+            declared.maximum if maximum is None else maximum,
+        )
+
+    def _read(self, key: str, read: Callable[[Node, str], T | None]) -> T | None:
+        node = self.nodes.get(key)
+        return None if node is None else read(node, f"'{key}'")
 
 
 def adding(keys: Iterable[str]) -> str:
@@ -365,16 +573,4 @@ def found(node: Node) -> str:
         case Mapping():
             return "a mapping"
         case Scalar():
-            return "nothing" if node.empty else shown(node.text)
-
-
-def listed(words: Iterable[str]) -> str:
-    """Return words in quotes for a message, shortened when there are many."""
-    every = list(words)
-    return ", ".join(f"'{word}'" for word in every[:5]) + (", …" if len(every) > 5 else "")
-
-
-def any_of(words: Iterable[str]) -> str:
-    """Return words as alternatives: ``a, b or c``."""
-    *first, last = words
-    return f"{', '.join(first)} or {last}" if first else last
+            return "nothing" if node.empty else quote(node.text)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""YAML text turned into nodes that know their place; what authors do not need is refused."""
+"""YAML reader: located nodes, without what authors do not need, such as anchors and tags."""
 
 from __future__ import annotations
 
@@ -20,8 +20,9 @@ from yaml.events import (
     SequenceStartEvent,
 )
 
-from bt_agents_language.model.specs import Position
-from bt_agents_language.yaml.diagnostics import Diagnostics, shown
+from bt_agents_core.diagnostic import Position
+from bt_agents_core.text import quote
+from bt_agents_language.yaml.diagnostics import Diagnostics
 from bt_agents_language.yaml.line_hints import SyntaxHint
 from bt_agents_language.yaml.precheck import BAD_CHARACTER, looks_like_yaml
 from bt_agents_language.yaml.source import Source
@@ -133,6 +134,11 @@ def entries_of(node: Node | None) -> tuple[MappingEntry, ...]:
     return node.entries if isinstance(node, Mapping) else ()
 
 
+def key_or_node(node: Node, name: str) -> Node:
+    """Return a key of a mapping as it stands in the file; the whole node when it is missing."""
+    return next((entry.key for entry in entries_of(node) if entry.key.text == name), node)
+
+
 def read_yaml(source: Source, problems: Diagnostics) -> Node | None:
     """Return the one document of a file; every problem of its form goes to ``problems``.
 
@@ -154,7 +160,7 @@ def read_once(source: Source, problems: Diagnostics) -> tuple[Node | None, Synta
     except yaml.MarkedYAMLError as error:
         return None, report_syntax(source, problems, error)
     except yaml.YAMLError as error:
-        problems.add("syntax", source.position(0), f"the file cannot be read: {shown(str(error))}")
+        problems.add("syntax", source.position(0), f"the file cannot be read: {quote(str(error))}")
         return None, None
     if builder.root is None and not problems:
         problems.add(
@@ -272,7 +278,7 @@ class _Builder:
                 self._give_up(
                     event,
                     "anchor",
-                    f"{shown(f'*{event.anchor}')} is an alias, which is not part of this language",
+                    f"{quote(f'*{event.anchor}')} is an alias, which is not part of this language",
                     "write the value again, use a tunable or subtree, or quote a text that starts "
                     "with '*'",
                 )
@@ -344,7 +350,7 @@ class _Builder:
             self._problems.add(
                 "syntax",
                 node.position,
-                f"{shown(node.text)} is no '-' item",
+                f"{quote(node.text)} is no '-' item",
                 f"write '- {node.text[dash.end() : dash.end() + 20]}: …', with a plain '-' and a "
                 "space behind it",
             )
@@ -363,7 +369,7 @@ class _Builder:
             self._problems.add(
                 "duplicate-key",
                 node.position,
-                f"the key {shown(node.text)} stands here a second time "
+                f"the key {quote(node.text)} stands here a second time "
                 f"(first in line {first.key.position.line})",
                 "remove one of them; a second node starts with a new '-' item",
                 self._source.position(node.span[1]),
@@ -376,14 +382,14 @@ class _Builder:
             self._problems.add(
                 "anchor",
                 self._position(event),
-                f"{shown(f'&{event.anchor}')} is an anchor, which is not part of this language",
+                f"{quote(f'&{event.anchor}')} is an anchor, which is not part of this language",
                 "remove it, or quote a text that starts with '&'",
             )
         if event.tag is not None:
             self._problems.add(
                 "tag",
                 self._position(event),
-                f"{shown(_as_written(event.tag))} is a tag, which is not part of this language",
+                f"{quote(_as_written(event.tag))} is a tag, which is not part of this language",
                 "remove it, or quote a text that starts with '!'",
             )
 

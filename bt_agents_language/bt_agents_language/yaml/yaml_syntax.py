@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a YAML syntax error most likely means, in words that say how to mend it."""
+"""Messages and hints for YAML syntax errors."""
 
 from __future__ import annotations
 
@@ -9,17 +9,17 @@ from dataclasses import replace
 
 import yaml
 
+from bt_agents_core.text import quote
 from bt_agents_language.yaml.bracket_hints import (
     QUOTE_INSIDE,
     behind_value,
     in_brackets,
     open_quote,
 )
-from bt_agents_language.yaml.diagnostics import Diagnostics, shown
+from bt_agents_language.yaml.diagnostics import Diagnostics
 from bt_agents_language.yaml.line_hints import SyntaxHint, key_hint, line_hint
 from bt_agents_language.yaml.patched_source import Edit
-from bt_agents_language.yaml.source import Source
-from bt_agents_language.yaml.text_lines import indentation, line_above, line_at, line_start
+from bt_agents_language.yaml.source import Source, indentation, line_above, line_at, line_start
 
 _NEXT_LINE = re.compile(r"[^\r\n]+")
 _INDENTED_TAB = re.compile(r" *\t")
@@ -80,7 +80,7 @@ def _second_colon(source: Source, index: int, begun: int) -> SyntaxHint:
             index=index,
             message="a second ':' stands in this line",
             hint="quote a text with ': ' in it: \"…: …\"",
-            mend=quoted,
+            fix=quoted,
         )
     above = line_above(source, start)
     if above is not None:
@@ -185,9 +185,9 @@ def _unquoted(source: Source, index: int, found: str) -> SyntaxHint:
     start = line_start(source, index)
     return SyntaxHint(
         index=index,
-        message=f"a text cannot start with {shown(found)}",
+        message=f"a text cannot start with {quote(found)}",
         hint='quote it: "…"',
-        mend=_quoted_rest(source, start, index),
+        fix=_quoted_rest(source, start, index),
     )
 
 
@@ -209,7 +209,7 @@ def _escape(source: Source, index: int, begun: int) -> SyntaxHint:
         width=2,
         message=f"'{source.text[at : at + 2]}' means nothing inside \"…\"",
         hint="write the backslash twice, or use '…'",
-        mend=Edit(start=at, stop=at, text="\\") if backslash >= 0 else None,
+        fix=Edit(start=at, stop=at, text="\\") if backslash >= 0 else None,
     )
 
 
@@ -288,13 +288,13 @@ def _of_line(source: Source, start: int) -> SyntaxHint | None:
 
 def _sure(source: Source, start: int, slip: SyntaxHint | None) -> SyntaxHint | None:
     """Return a slip without its edit where a lonely word may be part of a text."""
-    if slip is None or slip.mend is None:
+    if slip is None or slip.fix is None:
         return slip
-    added = slip.mend.text == ":" and slip.mend.start == slip.mend.stop
+    added = slip.fix.text == ":" and slip.fix.start == slip.fix.stop
     if not added:
         return slip
     line = line_at(source, start)
     below = _NEXT_LINE.search(source.text, start + len(line))
     next_line = below[0] if below is not None else ""
     is_key = indentation(next_line) > indentation(line) or next_line.lstrip().startswith("- ")
-    return slip if is_key else replace(slip, mend=None)
+    return slip if is_key else replace(slip, fix=None)

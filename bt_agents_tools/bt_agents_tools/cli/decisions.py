@@ -1,16 +1,16 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Printing of the market's decisions for people, and as JSON."""
+"""Decisions of the market formatted for people, and as JSON."""
 
 from __future__ import annotations
 
 import json
-import math
 from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any
 
 import click
 from rich.console import Console
 
+from bt_agents_core.scene import finite_or_none
 from bt_agents_tools.cli.connection import FIND_LIMIT_S
 from bt_agents_tools.cli.formatting import SceneNames, print_line
 
@@ -89,7 +89,7 @@ def _plain(value: Any) -> Any:
     if hasattr(value, "get_fields_and_field_types"):
         return {name: _plain(getattr(value, name)) for name in value.get_fields_and_field_types()}
     if isinstance(value, float):
-        return value if math.isfinite(value) else None
+        return finite_or_none(value)
     if isinstance(value, bool | int | str):
         return value
     return [_plain(one) for one in value]

@@ -11,7 +11,6 @@ from rich.console import Console
 from rich.markup import escape
 from rich.text import Text
 
-from bt_agents_core.feedback import TUNING
 from bt_agents_core.scene import SceneSpace
 from bt_agents_tools.cli.formatting import (
     KINDS,
@@ -164,7 +163,7 @@ class EventPrinter:
             self._line("scene", f"{title} {self._named(message.message)}")
 
     def tree(self, message: Any) -> None:
-        """Print the nodes that changed in a tick, and the decorators that failed.
+        """Show the nodes that changed in a tick, and decorators that made something fail.
 
         First what ended, in the order of ending, then what began, parents before children.
         """
@@ -176,10 +175,8 @@ class EventPrinter:
             self._stopping = True
             self._line("run", f"[yellow]stopping {message.agent}:[/] its host hears no market")
         for change in [*ended, *sorted(begun, key=lambda change: _tree_order(change.path))]:
-            is_decorator = "@" in change.path.rpartition("/")[2]
-            if change.status == change.INVALID or (
-                is_decorator and change.status != change.FAILURE
-            ):
+            decorator = "@" in change.path.rpartition("/")[2]
+            if change.status == change.INVALID or (decorator and change.status != change.FAILURE):
                 continue
             depth = change.path.count("/")
             details = f" [dim]{escape(change.message)}[/]" if change.message else ""
@@ -204,12 +201,11 @@ class EventPrinter:
             self._start.setdefault(message.agent, list(message.before))
             self._now[message.agent] = list(message.after)
         style = {"positive": "green", "negative": "red"}.get(kind, "blue")
-        if message.source != TUNING:
-            self._line(
-                "feedback",
-                f"[{style}]{kind}[/] for {message.agent} by {escape(message.source)}"
-                + (f": {escape(message.reason)}" if message.reason else ""),
-            )
+        self._line(
+            "feedback",
+            f"[{style}]{kind}[/] for {message.agent} by {escape(message.source)}"
+            + (f": {escape(message.reason)}" if message.reason else ""),
+        )
         self._line(
             "profile",
             f"{who} {_vector(message.before)} → [bold]{_vector(message.after)}[/] "

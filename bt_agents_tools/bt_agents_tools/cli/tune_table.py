@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Values of agents as a table that fits the terminal."""
+"""Table of tunable parameters that fits the terminal."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ from collections.abc import Iterable, Iterator, Sequence
 from typing import Protocol
 
 from bt_agents.host.tuning.tunable import Setting, TunableKind, TunableParameter, shown_value
+from bt_agents_core.text import ellipsize
 
-_LONGEST_SHOWN = 40
 _WIDEST = 22
 _GAP = "  "
 _NARROWEST = 28
@@ -19,26 +19,26 @@ _INDENT = " " * 6
 
 
 class Stand(Protocol):
-    """A knob and where it stands."""
+    """Tunable parameter with its current value."""
 
     @property
-    def knob(self) -> TunableParameter:
-        """The knob."""
+    def parameter(self) -> TunableParameter:
+        """Description, with the default of the file."""
 
     @property
     def value(self) -> Setting:
-        """Its value."""
+        """Current value."""
 
 
 def table(states: Iterable[Stand], width: int) -> Iterator[str]:
-    """Yield the lines of a table: the knobs of the host, then those of each agent.
+    """Yield the lines of a table: the parameters of the host, then those of each agent.
 
     Args:
-        states: The knobs.
+        states: The parameters.
         width: Of the terminal, in columns.
     """
     ordered = sorted(
-        states, key=lambda one: (one.knob.agent, one.knob.kind is TunableKind.PROFILE)
+        states, key=lambda one: (one.parameter.agent, one.parameter.kind is TunableKind.PROFILE)
     )
     cells = [_cells(state) for state in ordered]
     widths = [
@@ -46,22 +46,22 @@ def table(states: Iterable[Stand], width: int) -> Iterator[str]:
     ]
     agent = ""
     for state, row in zip(ordered, cells, strict=True):
-        if state.knob.agent != agent:
-            agent = state.knob.agent
+        if state.parameter.agent != agent:
+            agent = state.parameter.agent
             yield agent
-        yield from _lines(row, widths, state.knob.description, width)
+        yield from _lines(row, widths, state.parameter.description, width)
 
 
 def _cells(state: Stand) -> tuple[str, str, str, str]:
     """Return name, value, default and limits; a column that is empty in all rows is left out."""
-    knob = state.knob
-    name = f"  {knob.name[len(knob.agent) + 1 :]}" if knob.agent else knob.name
-    changed = state.value != knob.default
-    default = f"file: {_shortened(shown_value(knob, knob.default))}" if changed else ""
+    parameter = state.parameter
+    name = f"  {parameter.name[len(parameter.agent) + 1 :]}" if parameter.agent else parameter.name
+    changed = state.value != parameter.default
+    default = f"file: {ellipsize(shown_value(parameter, parameter.default))}" if changed else ""
     limits = ""
-    if knob.minimum is not None and knob.maximum is not None:
-        limits = f"{knob.written(knob.minimum)} to {knob.written(knob.maximum)}"
-    return name, _shortened(shown_value(knob, state.value)), default, limits
+    if parameter.minimum is not None and parameter.maximum is not None:
+        limits = f"{parameter.format(parameter.minimum)} to {parameter.format(parameter.maximum)}"
+    return name, ellipsize(shown_value(parameter, state.value)), default, limits
 
 
 def _lines(
@@ -79,7 +79,3 @@ def _lines(
     first, *more = textwrap.wrap(description, rest) or [""]
     yield f"{row}{first}".rstrip()
     yield from (" " * (width - rest) + line for line in more)
-
-
-def _shortened(text: str) -> str:
-    return text if len(text) <= _LONGEST_SHOWN else f"{text[: _LONGEST_SHOWN - 1]}…"

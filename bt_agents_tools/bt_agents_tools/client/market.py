@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a command line can ask of the marketplace beside scenes, each request bounded in time."""
+"""Client of the marketplace for the command line; each request is bounded in time."""
 
 from __future__ import annotations
 
@@ -12,7 +12,6 @@ from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
 from rcl_interfaces.srv import (
     DescribeParameters,
     GetParameters,
-    ListParameters,
     SetParametersAtomically,
 )
 from rclpy.parameter import parameter_value_to_python
@@ -30,12 +29,13 @@ ACTS = {
 }
 
 _NODE = "marketplace"
+_STATUS_LIMIT_S = 10.0  # discovery may take long on a busy machine
 _PREVIEW_LIMIT_S = 70.0  # more than the longest deadline of a round, with a program outside
 
 
 @dataclass(frozen=True, kw_only=True)
 class StrategyOption:
-    """What can be set about a strategy, and where it stands."""
+    """Option of a strategy with its value in force and its range."""
 
     name: str
     value: float
@@ -46,7 +46,7 @@ class StrategyOption:
 
 @dataclass(frozen=True, kw_only=True)
 class Strategies:
-    """The strategies of a running market.
+    """Strategies of a running market.
 
     Attributes:
         descriptions: What each is for, by name.
@@ -136,13 +136,11 @@ def _value(name: str, given: Mapping[str, float], known: Mapping[str, Any]) -> A
 
 
 def strategies(observer: Observer) -> Strategies | None:
-    """Return the strategies of the market; None when it does not say."""
-    listed = observer.call(
-        ListParameters, f"{_NODE}/list_parameters", ListParameters.Request(depth=0)
-    )
-    if listed is None:
+    """Return the strategies of the market with the values in force; None without an answer."""
+    if not observer.spin_until(lambda: observer.market is not None, _STATUS_LIMIT_S):
         return None
-    dotted = [name for name in listed.result.names if name.count(".") == 1]
+    found = {info.name: info for info in observer.market.strategies}
+    dotted = [f"{name}.{option}" for name, info in found.items() for option in info.options]
     names = ["strategy", "shadow_strategy", *dotted]
     told = observer.call(
         DescribeParameters,
@@ -156,27 +154,28 @@ def strategies(observer: Observer) -> Strategies | None:
         return None
     values = dict(zip(names, map(parameter_value_to_python, got.values), strict=True))
     described = dict(zip(names, told.descriptors, strict=True))
-    lines = described["strategy"].description.splitlines()[1:]
-    descriptions = {name: words for name, _, words in (line.partition(": ") for line in lines)}
-    options: dict[str, list[StrategyOption]] = {name: [] for name in descriptions}
-    for name in dotted:
-        strategy, _, option = name.partition(".")
-        spans = described[name].floating_point_range
-        if strategy in options and spans:
-            options[strategy].append(
-                StrategyOption(
-                    name=option,
-                    value=float(values[name]),
-                    minimum=spans[0].from_value,
-                    maximum=spans[0].to_value,
-                    description=described[name].description,
-                )
-            )
     return Strategies(
-        descriptions=descriptions,
-        options={name: tuple(found) for name, found in options.items()},
+        descriptions={name: info.description for name, info in found.items()},
+        options={
+            name: tuple(
+                _option(option, values[f"{name}.{option}"], described[f"{name}.{option}"])
+                for option in info.options
+            )
+            for name, info in found.items()
+        },
         current=str(values["strategy"]),
         shadow=str(values["shadow_strategy"]),
+    )
+
+
+def _option(name: str, value: float, descriptor: Any) -> StrategyOption:
+    span = descriptor.floating_point_range[0]
+    return StrategyOption(
+        name=name,
+        value=float(value),
+        minimum=span.from_value,
+        maximum=span.to_value,
+        description=descriptor.description,
     )
 
 

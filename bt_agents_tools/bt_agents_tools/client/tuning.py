@@ -1,25 +1,30 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a command line can ask of the tuning of a running host, each request bounded in time."""
+"""Client of the tuning of a running system, each request bounded in time."""
 
 from __future__ import annotations
 
-import re
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+import json
+import math
+import uuid
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
-from rcl_interfaces.srv import DescribeParameters, GetParameters, ListParameters
+from rcl_interfaces.srv import GetParameters
 from rclpy.parameter import parameter_value_to_python
 
-from bt_agents.host.tuning.tunable import TICK_RATE, Setting, TunableKind, TunableParameter
-from bt_agents.host.tuning.tunable_parameters import DEFAULT
-from bt_agents_core.errors import BtAgentsError
-from bt_agents_interfaces.msg import Tunings
-from bt_agents_interfaces.srv import Tune
-from bt_agents_language.model.quantities import QuantityError
-from bt_agents_language.model.specs import FieldType
+from bt_agents.host.tuning.tunable import Setting, TunableParameter, profile_values
+from bt_agents.host.tuning.tunable_messages import info_from_msg
+from bt_agents.host.tuning.tune_service import SOMEBODY
+from bt_agents_core.errors import BtAgentsError, Refused
+from bt_agents_core.feedback import TUNING
+from bt_agents_core.text import quote
+from bt_agents_interfaces.msg import Feedback, Tunables, Tunings
+from bt_agents_interfaces.srv import GiveFeedback, Tune
+from bt_agents_language.yaml.diagnostics import did_you_mean
 from bt_agents_ros import qos
 from bt_agents_tools.client.observer import Observer
+from bt_agents_tools.client.system import manage_profiles
 
 ACTIONS = {
     "set": Tune.Request.SET,
@@ -33,16 +38,15 @@ ACTIONS = {
 _MOST = 500
 """Parameters of one request."""
 
-_UNIT = re.compile(r"(.*) \[(s|m|rad)\]")
-_UNITS = {"s": FieldType.DURATION, "m": FieldType.LENGTH, "rad": FieldType.ANGLE}
-_TYPES = {bool: FieldType.BOOLEAN, int: FieldType.INTEGER, str: FieldType.TEXT}
+_LATCHED_S = 3.0
+"""For a message that was published before [s]."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class KnobState:
-    """A knob of a running host and where it stands."""
+class ParameterState:
+    """Tunable parameter of a running host, or value of a profile, with its current value."""
 
-    knob: TunableParameter
+    parameter: TunableParameter
     value: Setting
 
 
@@ -60,92 +64,149 @@ def tune(observer: Observer, host: str, action: str, **fields: Any) -> Any:
 
 
 def tunings(observer: Observer, host: str) -> Any:
-    """Return what was tuned on a host.
+    """Return the latched ``Tunings`` of a host.
 
     Raises:
-        BtAgentsError: It does not say.
+        BtAgentsError: It publishes none.
     """
-    heard: list[Any] = []
-    subscription = observer.node.create_subscription(
-        Tunings, f"{host}/tunings", heard.append, qos.FACT
-    )
-    observer.spin_until(lambda: bool(heard), 3.0)
-    observer.node.destroy_subscription(subscription)
-    if not heard:
-        raise BtAgentsError(f"{host} does not say what was tuned; look at 'bt-agents status'")
-    return heard[-1]
+    return _latched(observer, Tunings, f"{host}/tunings")
 
 
-def knobs(observer: Observer, host: str, agents: Sequence[str] = ()) -> list[KnobState]:
-    """Return the knobs of a host, or of some of its agents, in the order of their names.
+def parameters(observer: Observer, host: str, agents: Sequence[str] = ()) -> list[ParameterState]:
+    """Return the parameters of a host, or of some of its agents, in the order of their names.
+
+    The values of profiles stand behind the others, as the card of the host says them.
 
     Raises:
         BtAgentsError: The host does not answer.
     """
-    listed = _asked(observer, ListParameters, host, "list_parameters", ListParameters.Request())
-    names = [n for n in sorted(listed.result.names) if not agents or n.split(".")[0] in agents]
-    return [state for some in _parts(names) for state in _described(observer, host, some)]
+    message = _latched(observer, Tunables, f"{host}/tunables")
+    described = [info_from_msg(o) for o in message.tunables if not agents or o.agent in agents]
+    described.sort(key=lambda parameter: parameter.name)
+    states = [state for some in _parts(described) for state in _with_values(observer, host, some)]
+    return [*states, *_profiles(observer.cards.get(host), agents)]
 
 
-def _described(observer: Observer, host: str, names: Sequence[str]) -> Iterator[KnobState]:
-    described = _asked(
-        observer,
-        DescribeParameters,
-        host,
-        "describe_parameters",
-        DescribeParameters.Request(names=names),
-    )
-    got = _asked(
-        observer, GetParameters, host, "get_parameters", GetParameters.Request(names=names)
-    )
-    # Agents may come and go between the requests.
-    for descriptor, message in zip(described.descriptors, got.values, strict=False):
-        value = parameter_value_to_python(message)
-        if descriptor.additional_constraints.startswith(DEFAULT):
-            yield KnobState(knob=_knob(descriptor, value), value=value)
-
-
-def _asked(observer: Observer, kind: Any, host: str, service: str, request: Any) -> Any:
-    answer = observer.call(kind, f"{host}/{service}", request)
+def _with_values(
+    observer: Observer, host: str, some: Sequence[TunableParameter]
+) -> Iterator[ParameterState]:
+    request = GetParameters.Request(names=[parameter.name for parameter in some])
+    answer = observer.call(GetParameters, f"{host}/get_parameters", request)
     if answer is None:
-        raise BtAgentsError(f"{host}/{service} does not answer; look at 'bt-agents status'")
-    return answer
+        raise _silent(f"{host}/get_parameters")
+    # Agents may come and go between the messages.
+    for parameter, value in zip(some, answer.values, strict=False):
+        yield ParameterState(parameter=parameter, value=parameter_value_to_python(value))
 
 
-def _parts(names: Sequence[str]) -> Iterator[Sequence[str]]:
-    return (names[start : start + _MOST] for start in range(0, len(names), _MOST))
+def _profiles(card: Any | None, agents: Sequence[str]) -> Iterator[ParameterState]:
+    if card is None:
+        return
+    for one in card.agents:
+        if not agents or one.name in agents:
+            values = profile_values(one.name, card.parameters, one.profile)
+            for parameter, value in zip(values, one.current, strict=True):
+                yield ParameterState(parameter=parameter, value=float(value))
 
 
-def _knob(descriptor: Any, value: Setting) -> TunableParameter:
-    """Return the knob that a parameter describes."""
-    agent, _, rest = descriptor.name.partition(".")
-    kind, key = TunableKind.TUNABLE, rest
-    if not rest:
-        kind, key, agent = TunableKind.TICK_RATE, TICK_RATE.key, ""
-    elif rest == "learning_rate":
-        kind = TunableKind.LEARNING_RATE
-    elif rest.startswith("profile."):
-        kind, key = TunableKind.PROFILE, rest.partition(".")[2]
-    unit = _UNIT.fullmatch(descriptor.description) if isinstance(value, float) else None
-    field_type = _UNITS[unit[2]] if unit else _TYPES.get(type(value), FieldType.NUMBER)
-    [limits] = [*descriptor.integer_range, *descriptor.floating_point_range][:1] or [None]
-    knob = TunableParameter(
-        name=descriptor.name,
+def set_profile(
+    observer: Observer, agent: str, values: Mapping[str, float], *, author: str, reason: str
+) -> Any:
+    """Have the feedback node set values of a profile; return its response, None without one.
+
+    Raises:
+        Refused: ``UNKNOWN_PARAMETER``.
+    """
+    observer.spin_until(lambda: observer.profiles is not None, _LATCHED_S)
+    names = list(observer.profiles.parameters) if observer.profiles is not None else []
+    for name in values:
+        if names and name not in names:
+            raise Refused(
+                "UNKNOWN_PARAMETER",
+                f"{quote(agent)} has no {quote(f'profile.{name}')}; {did_you_mean(name, names)}",
+            )
+    request = GiveFeedback.Request(
+        feedback_id=f"{TUNING}/{uuid.uuid4()}",
         agent=agent,
-        key=key,
-        kind=kind,
-        type=field_type,
-        default=value,
-        minimum=limits.from_value if limits else None,
-        maximum=limits.to_value if limits else None,
-        step=float(limits.step) if limits else 0.0,
-        description=unit[1] if unit else descriptor.description,
+        kind=Feedback.SET,
+        values=[values.get(name, math.nan) for name in names],
+        source=TUNING,
+        reason=f"tuned by {author or SOMEBODY}" + (f": {reason}" if reason else ""),
     )
-    return _with_default(knob, descriptor.additional_constraints[len(DEFAULT) :])
+    return observer.call(GiveFeedback, "feedback/give", request)
 
 
-def _with_default(knob: TunableParameter, text: str) -> TunableParameter:
-    try:
-        return replace(knob, default=knob.meant(text))
-    except QuantityError:
-        return knob
+@dataclass(frozen=True, kw_only=True)
+class TunedProfile:
+    """Change of a profile that an undo would take back: the last one, and it was tuned.
+
+    Attributes:
+        agent: Whose.
+        stamp: When it was made [s since 1970].
+    """
+
+    agent: str
+    stamp: float
+
+
+def tuned_profile(observer: Observer, agent: str, since: float) -> TunedProfile | None:
+    """Return the newest tuning of a profile that can be undone.
+
+    Args:
+        observer: In the graph of the system.
+        agent: Whose profile; empty for all.
+        since: It has to be newer [s since 1970].
+
+    Returns:
+        The change; None, too, when the feedback node does not answer.
+    """
+    found: TunedProfile | None = None
+    profiles = _learned(observer, "profiles")
+    for one in sorted(profiles, key=lambda one: float(one["stamp"]), reverse=True):
+        if one["stamp"] <= max(since, found.stamp if found is not None else 0.0):
+            break
+        if not one["layer"] and agent in ("", one["agent"]):
+            stamp = tuned_at(_learned(observer, "revisions", agent=one["agent"]))
+            if stamp > max(since, found.stamp if found is not None else 0.0):
+                found = TunedProfile(agent=one["agent"], stamp=stamp)
+    return found
+
+
+def _learned(observer: Observer, what: str, **fields: Any) -> list[Mapping[str, Any]]:
+    answer = manage_profiles(observer, "HISTORY", find_s=_LATCHED_S, **fields)
+    if answer is None or not answer.accepted:
+        return []
+    return list(json.loads(answer.document)[what])
+
+
+def tuned_at(revisions: Iterable[Mapping[str, Any]]) -> float:
+    """Return when the values in force of a profile were tuned [s since 1970]; 0 if they were not.
+
+    Args:
+        revisions: Of the profile, as the ledger exports them.
+    """
+    by_number = {one["revision"]: one for one in revisions}
+    # An undo is a revision that restores an earlier one.
+    in_force = by_number.get(max(by_number, default=0))
+    while in_force is not None and in_force.get("restores"):
+        in_force = by_number.get(in_force["restores"])
+    tuned = in_force is not None and in_force.get("source") == TUNING
+    return float(in_force["stamp"]) if in_force is not None and tuned else 0.0
+
+
+def _latched(observer: Observer, kind: Any, topic: str) -> Any:
+    received: list[Any] = []
+    subscription = observer.node.create_subscription(kind, topic, received.append, qos.FACT)
+    observer.spin_until(lambda: bool(received), _LATCHED_S)
+    observer.node.destroy_subscription(subscription)
+    if not received:
+        raise _silent(topic)
+    return received[-1]
+
+
+def _silent(name: str) -> BtAgentsError:
+    return BtAgentsError(f"{name}: no answer; look at 'bt-agents status'")
+
+
+def _parts(parameters: Sequence[TunableParameter]) -> Iterator[Sequence[TunableParameter]]:
+    return (parameters[start : start + _MOST] for start in range(0, len(parameters), _MOST))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Writes tuned values into an agent file as its new defaults, and leaves everything else."""
+"""Write-back of tuned values into an agent file as its defaults; nothing else in it changes."""
 
 from __future__ import annotations
 
@@ -8,7 +8,13 @@ import re
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
-from bt_agents.host.tuning.tunable import Setting, TunableKind, TunableParameter, tunables_of
+from bt_agents.host.tuning.tunable import (
+    Setting,
+    TunableKind,
+    TunableParameter,
+    parameters_of,
+    profile_values,
+)
 from bt_agents_core.errors import ReadError, Refused
 from bt_agents_core.scene import SceneSpace
 from bt_agents_language.model.quantities import QuantityError
@@ -26,14 +32,14 @@ _CLOSE = 1e-5
 
 @dataclass(frozen=True, kw_only=True)
 class TunedValue:
-    """A value of a robot that differs from the file.
+    """Value of a running robot that differs from its file.
 
     Attributes:
-        knob: With the default that the robot has from the file.
+        parameter: With the default that the robot has from the file.
         value: In force on the robot.
     """
 
-    knob: TunableParameter
+    parameter: TunableParameter
     value: Setting
 
 
@@ -56,31 +62,34 @@ def write_defaults(
         Refused: ``UNKNOWN_PARAMETER``: the file has no such value; ``CHANGED``: its default is
             not what the robot has from it; ``CANNOT_WRITE``.
     """
-    knobs = _knobs(read(source.text), space)
+    parameters = _parameters(read(source.text), space)
     for one in tuned:
-        _check_same(source, one, knobs.get(one.knob.name))
+        _check_same(source, one, parameters.get(one.parameter.name))
     text = source.text
     for one in tuned:
-        text = _with_value(Source(source.file, text), one, knobs[one.knob.name], space, read)
+        text = _with_value(
+            Source(source.file, text), one, parameters[one.parameter.name], space, read
+        )
     return text
 
 
-def _knobs(spec: AgentSpec, space: SceneSpace) -> dict[str, TunableParameter]:
-    return {knob.name: knob for knob in tunables_of(spec, space)}
+def _parameters(spec: AgentSpec, space: SceneSpace) -> dict[str, TunableParameter]:
+    profile = profile_values(spec.name, space.names, spec.profile)
+    return {parameter.name: parameter for parameter in (*parameters_of(spec), *profile)}
 
 
 def _check_same(source: Source, tuned: TunedValue, here: TunableParameter | None) -> None:
-    name = tuned.knob.name
+    robot = tuned.parameter
     if here is None:
         raise Refused(
             "UNKNOWN_PARAMETER",
-            f"{source.file} has no '{tuned.knob.key}' any more; nothing is written",
+            f"{source.file} has no '{robot.key}' any more; nothing is written",
         )
-    if here.default != tuned.knob.default:
+    if here.default != robot.default:
         raise Refused(
             "CHANGED",
-            f"{source.file} says {here.written(here.default)} for {name}, but the robot has read "
-            f"{tuned.knob.written(tuned.knob.default)} there: the file has changed meanwhile; "
+            f"{source.file} says {here.format(here.default)} for {robot.name}, but the robot has "
+            f"read {robot.format(robot.default)} there: the file has changed meanwhile; "
             "'bt-agents reload' brings the robot up to date",
         )
 
@@ -88,43 +97,43 @@ def _check_same(source: Source, tuned: TunedValue, here: TunableParameter | None
 def _with_value(
     source: Source,
     tuned: TunedValue,
-    knob: TunableParameter,
+    parameter: TunableParameter,
     space: SceneSpace,
     read: Callable[[str], AgentSpec],
 ) -> str:
     """Return a text with one default changed, the way that is most like the old one."""
-    before = _knobs(read(source.text), space)
-    for text in _texts(source, tuned.value, knob):
+    before = _parameters(read(source.text), space)
+    for text in _texts(source, tuned.value, parameter):
         try:
-            after = _knobs(read(text), space)
+            after = _parameters(read(text), space)
         except ReadError:
             continue
-        changed = after.pop(knob.name)
-        others = {name: one for name, one in before.items() if name != knob.name}
-        if changed.type is knob.type and _is(changed, tuned.value) and after == others:
+        changed = after.pop(parameter.name)
+        others = {name: one for name, one in before.items() if name != parameter.name}
+        if changed.type is parameter.type and _is(changed, tuned.value) and after == others:
             return text
     raise Refused(
         "CANNOT_WRITE",
-        f"{source.file}: {knob.name} cannot be changed to {knob.written(tuned.value)} without "
-        "changing anything else; write it yourself",
+        f"{source.file}: {parameter.name} cannot be changed to {parameter.format(tuned.value)} "
+        "without changing anything else; write it yourself",
     )
 
 
-def _is(knob: TunableParameter, value: Setting) -> bool:
-    if knob.kind is TunableKind.PROFILE and isinstance(value, float):
-        assert isinstance(knob.default, float)
-        return math.isclose(knob.default, value, rel_tol=_CLOSE, abs_tol=_CLOSE)
-    return knob.default == value
+def _is(parameter: TunableParameter, value: Setting) -> bool:
+    if parameter.kind is TunableKind.PROFILE and isinstance(value, float):
+        assert isinstance(parameter.default, float)
+        return math.isclose(parameter.default, value, rel_tol=_CLOSE, abs_tol=_CLOSE)
+    return parameter.default == value
 
 
-def _texts(source: Source, value: Setting, knob: TunableParameter) -> Iterator[str]:
+def _texts(source: Source, value: Setting, parameter: TunableParameter) -> Iterator[str]:
     root = read_yaml(source, Diagnostics(None))
-    node = _place(root, knob)
+    node = _place(root, parameter)
     if node is None:
-        if knob.kind is TunableKind.LEARNING_RATE and isinstance(root, Mapping):
-            yield from _with_learning_rate(source, root, value, knob)
+        if parameter.kind is TunableKind.LEARNING_RATE and isinstance(root, Mapping):
+            yield from _with_learning_rate(source, root, value, parameter)
         return
-    for written in _writings(node.text, value, knob):
+    for written in _spellings(node.text, value, parameter):
         try:
             yield replace_value(source, node, written)
         except ValueError:
@@ -134,19 +143,19 @@ def _texts(source: Source, value: Setting, knob: TunableParameter) -> Iterator[s
         yield f"{source.text[:start]}{quoted(value)}{source.text[end:]}"
 
 
-def default_text(source: Source, knob: TunableParameter) -> str:
-    """Return how a file writes the default of a knob; empty when it does not."""
-    node = _place(read_yaml(source, Diagnostics(None)), knob)
+def default_text(source: Source, parameter: TunableParameter) -> str:
+    """Return the default of a parameter as a file writes it; empty when it does not."""
+    node = _place(read_yaml(source, Diagnostics(None)), parameter)
     return node.text if node is not None else ""
 
 
-def _place(root: Node | None, knob: TunableParameter) -> Scalar | None:
-    """Return where the file says a default."""
+def _place(root: Node | None, parameter: TunableParameter) -> Scalar | None:
+    """Return the node of a file that holds a default."""
     paths: tuple[tuple[str, ...], ...] = {
-        TunableKind.TUNABLE: (("tunables", knob.key, "default"),),
+        TunableKind.TUNABLE: (("tunables", parameter.key, "default"),),
         TunableKind.LEARNING_RATE: (("learning_rate",), ("learning", "rate")),
-        TunableKind.PROFILE: (("profile", knob.key),),
-    }.get(knob.kind, ())
+        TunableKind.PROFILE: (("profile", parameter.key),),
+    }.get(parameter.kind, ())
     for path in paths:
         node = root
         for key in path:
@@ -156,35 +165,39 @@ def _place(root: Node | None, knob: TunableParameter) -> Scalar | None:
     return None
 
 
-def _writings(old: str, value: Setting, knob: TunableParameter) -> list[str]:
-    """Return how a value may be written instead of another one, the most like it first."""
+def _spellings(old: str, value: Setting, parameter: TunableParameter) -> list[str]:
+    """Return spellings of a value, the one most like the old text first."""
     if isinstance(value, bool | str | int):
-        return [knob.written(value)]
-    if knob.kind is TunableKind.PROFILE:
+        return [parameter.format(value)]
+    if parameter.kind is TunableKind.PROFILE:
         return [f"{value:.{_PROFILE_DIGITS}g}"]
-    if knob.unit:
-        return [*_in_unit_of(old, value, knob), knob.written(value)]
-    return [repr(value), knob.written(value)] if "." in old else [knob.written(value), repr(value)]
+    if parameter.unit:
+        return [*_in_unit_of(old, value, parameter), parameter.format(value)]
+    return (
+        [repr(value), parameter.format(value)]
+        if "." in old
+        else [parameter.format(value), repr(value)]
+    )
 
 
-def _in_unit_of(old: str, value: float, knob: TunableParameter) -> Iterator[str]:
+def _in_unit_of(old: str, value: float, parameter: TunableParameter) -> Iterator[str]:
     """Return a quantity in the unit of another one, if that takes only a few digits."""
     match = _WITH_UNIT.fullmatch(old)
     space, unit = match.groups() if match else ("", "")
     try:
-        one = knob.meant(f"1{unit}")
+        one = parameter.parse(f"1{unit}")
     except QuantityError:
         return
     assert isinstance(one, float)
     text = f"{value / one:.6g}{space}{unit}"
-    if knob.meant(text) == value:
+    if parameter.parse(text) == value:
         yield text
     if unit and not space:
-        yield knob.written(value).replace(" ", "")
+        yield parameter.format(value).replace(" ", "")
 
 
 def _with_learning_rate(
-    source: Source, root: Mapping, value: Setting, knob: TunableParameter
+    source: Source, root: Mapping, value: Setting, parameter: TunableParameter
 ) -> Iterator[str]:
     """Return the text with one line more, behind the profile."""
     profile = root.get("profile")
@@ -193,7 +206,7 @@ def _with_learning_rate(
     if line_end < 0 or first != 1:
         return
     ending = "\r\n" if source.text[line_end - 1] == "\r" else "\n"
-    line = f"{knob.key}: {knob.written(value)}{ending}"
+    line = f"{parameter.key}: {parameter.format(value)}{ending}"
     yield f"{source.text[: line_end + 1]}{line}{source.text[line_end + 1 :]}"
 
 

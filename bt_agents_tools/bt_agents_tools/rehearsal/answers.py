@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How the world of a rehearsal answers a skill: as typed, as scripted, or as is likely."""
+"""Answers of a rehearsal to skills: as typed, as scripted, or by default."""
 
 from __future__ import annotations
 
@@ -9,8 +9,9 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from bt_agents.engine.environment import GoalState
-from bt_agents.engine.scope import MessageNames, holds, not_so
+from bt_agents.engine.scope import MessageNames, explain_false, is_true
 from bt_agents.engine.scripted_environment import ScriptedReply
+from bt_agents_core.field_types import Plain
 from bt_agents_language.expression.expressions import EvaluationError, MissingValue
 from bt_agents_language.files.testing.path_patterns import is_path, matches
 from bt_agents_language.files.testing.scenarios import (
@@ -19,7 +20,7 @@ from bt_agents_language.files.testing.scenarios import (
     ScriptedAnswer,
     ScriptedEvent,
 )
-from bt_agents_language.model.specs import NodeSpec, Plain
+from bt_agents_language.model.specs import NodeSpec
 from bt_agents_tools.rehearsal import default_answers
 from bt_agents_tools.rehearsal.events import Use
 
@@ -99,12 +100,12 @@ def _messages(
     """Return outputs as the messages that they are read from: result and feedback."""
     binding = node.skill.binding if node.skill is not None else None
     paths = {**node.outputs, **(binding.outputs if binding is not None else {})}
-    told = {**node.feedback, **(binding.feedback if binding is not None else {})}
+    of_feedback = {**node.feedback, **(binding.feedback if binding is not None else {})}
     result: dict[str, Plain] = {}
     feedback: dict[str, Plain] = {}
     for name, value in outputs.items():
-        if name in told:
-            _put(feedback, told[name], value)
+        if name in of_feedback:
+            _put(feedback, of_feedback[name], value)
         else:
             _put(result, paths.get(name, name), value)
     return result, feedback
@@ -139,11 +140,11 @@ def _objection(use: Use, outputs: Mapping[str, Plain], result: Mapping[str, Plai
 
     names = MessageNames(prefix="result", message=result, around=_NoNames())
     try:
-        if holds(binding.succeed_when, names):
+        if is_true(binding.succeed_when, names):
             return ""
     except (MissingValue, EvaluationError):
         return ""
-    return not_so(binding.succeed_when, names)
+    return explain_false(binding.succeed_when, names)
 
 
 class _NoNames:

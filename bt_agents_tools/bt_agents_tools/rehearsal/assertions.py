@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Compares how a rehearsal went with what a test expects, for somebody who has to mend it."""
+"""Assertions of a test about the result of a rehearsal."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import TypeVar
 
 from bt_agents.engine.run import TreeOutcome
+from bt_agents_core.diagnostic import Position
 from bt_agents_language.files.testing.path_patterns import matches
 from bt_agents_language.files.testing.scenarios import (
     AgentTestCase,
@@ -24,8 +25,7 @@ from bt_agents_language.files.testing.scenarios import (
     Visits,
     Within,
 )
-from bt_agents_language.model.specs import Position
-from bt_agents_tools.rehearsal.coverage import Mark
+from bt_agents_language.model.node_type import Mark
 from bt_agents_tools.rehearsal.events import Rehearsed, Use
 from bt_agents_tools.rehearsal.transcript import phrase, time_text, value_text
 

@@ -1,42 +1,23 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which nodes and branches of an agent's trees its tests have been through, and which not."""
+"""Coverage of an agent's trees by its tests: nodes ticked and branches taken."""
 
 from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
-from enum import Enum
 
-from bt_agents_language.model.specs import AgentSpec, NodeSpec, Position
-from bt_agents_language.tools.linting.outcomes import NodeOutcome, outcomes
-
-
-class Mark(Enum):
-    """What a node has been seen to do."""
-
-    TICKED = "ticked"
-    SUCCEEDED = "succeeded"
-    FAILED = "failed"
-    LEFT_OUT = "left out"
-    BROKEN_OFF = "broken off"
-
+from bt_agents_core.diagnostic import Position
+from bt_agents_language.model.endings import Outcome
+from bt_agents_language.model.node_type import Mark, Role
+from bt_agents_language.model.specs import AgentSpec, NodeSpec
+from bt_agents_language.nodes.catalogue import type_of
+from bt_agents_language.tools.linting.outcomes import outcomes
 
 Marks = Mapping[str, frozenset[Mark]]
 """Path of a node → what it has been seen to do."""
 
-_NOT_TICKED = ("case", "weight")
-"""What only says when or how often its child is picked."""
-
-_BRANCHES: Mapping[str, tuple[tuple[Mark, str], ...]] = {
-    "check": ((Mark.SUCCEEDED, "never true"), (Mark.FAILED, "never false")),
-    "timeout": ((Mark.BROKEN_OFF, "never ran out of time"),),
-    "while": ((Mark.BROKEN_OFF, "never broken off"),),
-    **dict.fromkeys(("when", "once", "cooldown"), ((Mark.LEFT_OUT, "never left out"),)),
-}
-
-
-_OUTCOMES = {Mark.SUCCEEDED: NodeOutcome.SUCCESS, Mark.FAILED: NodeOutcome.FAILURE}
+_OUTCOMES = {Mark.SUCCEEDED: Outcome.SUCCESS, Mark.FAILED: Outcome.FAILURE}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -46,15 +27,15 @@ class Gap:
     Attributes:
         path: Path of the node.
         position: Where it stands.
-        words: What never happened: ``never ticked``.
+        text: What never happened: ``never ticked``.
     """
 
     path: str
     position: Position
-    words: str
+    text: str
 
     def __str__(self) -> str:
-        return f"{self.words}: {self.path} ({self.position.file}:{self.position.line})"
+        return f"{self.text}: {self.path} ({self.position.file}:{self.position.line})"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -85,7 +66,7 @@ def coverage(agent: AgentSpec, marks: Iterable[Marks]) -> Coverage:
     Every node counts once for having been ticked. Where the tree decides, both ways count: a
     ``check`` true and false, a ``when``, ``once`` or ``cooldown`` left out, a ``timeout`` or
     ``while`` broken off, every alternative of a ``selector`` and what comes before an
-    ``on_failure`` succeeding; what can only succeed or fail by its words counts one way.
+    ``on_failure`` succeeding; what can only succeed or fail by its fields counts one way.
     """
     seen: defaultdict[str, set[Mark]] = defaultdict(set)
     for one in marks:
@@ -96,7 +77,8 @@ def coverage(agent: AgentSpec, marks: Iterable[Marks]) -> Coverage:
     waiting = [(root, True) for root in (agent.on_cancel, agent.tree) if root is not None]
     while waiting:
         node, reached = waiting.pop()
-        if node.kind in _NOT_TICKED:
+        if type_of(node).role is Role.BRANCH:
+            # It only says when or how often its child is picked.
             waiting += [(child, reached) for child in reversed(node.children)]
             continue
         ticked = Mark.TICKED in seen[node.path]
@@ -105,8 +87,8 @@ def coverage(agent: AgentSpec, marks: Iterable[Marks]) -> Coverage:
         branches = list(_branches(node))
         open_branches = [branch for branch in branches if branch[1] not in seen[branch[0].path]]
         gaps += [
-            _gap(where, words)
-            for where, _, words in open_branches
+            _gap(where, text)
+            for where, _, text in open_branches
             if Mark.TICKED in seen[where.path]
         ]
         total += 1 + len(branches)
@@ -117,15 +99,15 @@ def coverage(agent: AgentSpec, marks: Iterable[Marks]) -> Coverage:
 
 def _branches(node: NodeSpec) -> Iterator[tuple[NodeSpec, Mark, str]]:
     """Return what must have been seen of a node besides a tick, as far as it is possible."""
-    possible = outcomes(node)
-    for mark, words in _BRANCHES.get(node.kind, ()):
-        if _OUTCOMES.get(mark, NodeOutcome.FAILURE) in possible or mark is Mark.LEFT_OUT:
-            yield node, mark, words
-    if node.kind in ("selector", "on_failure"):
-        for child in node.children[: 1 if node.kind == "on_failure" else None]:
-            if NodeOutcome.SUCCESS in outcomes(child):
-                yield child, Mark.SUCCEEDED, "never succeeded"
+    node_type = type_of(node)
+    possible = outcomes(node) if node_type.ways else frozenset()
+    for mark, text in node_type.ways:
+        if _OUTCOMES.get(mark, Outcome.FAILURE) in possible or mark is Mark.LEFT_OUT:
+            yield node, mark, text
+    for child in node_type.alternatives(node):
+        if Outcome.SUCCESS in outcomes(child):
+            yield child, Mark.SUCCEEDED, "never succeeded"
 
 
-def _gap(node: NodeSpec, words: str) -> Gap:
-    return Gap(path=node.path, position=node.position, words=words)
+def _gap(node: NodeSpec, text: str) -> Gap:
+    return Gap(path=node.path, position=node.position, text=text)

@@ -1,18 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a skill likely does when nobody says otherwise: how long it takes, what it gives."""
+"""Default answers of skills: how long a use takes, and what it gives."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 
-from bt_agents_language.model.specs import (
-    BindingKind,
-    FieldSpec,
-    FieldType,
-    NodeSpec,
-    Plain,
-    SkillSpec,
-)
+from bt_agents_core.field_types import BindingKind, FieldType, Plain
+from bt_agents_language.model.specs import FieldSpec, NodeSpec, SkillSpec
 
 BREATH_S = 0.4
 """Before the first word of a text [s]."""
@@ -82,8 +76,8 @@ def returned(node: NodeSpec) -> tuple[FieldSpec, ...]:
     if node.skill is None:
         return ()
     binding = node.skill.binding
-    told = binding.feedback if binding is not None else {}
-    return tuple(one for one in node.skill.outputs if one.name not in told)
+    of_feedback = binding.feedback if binding is not None else {}
+    return tuple(one for one in node.skill.outputs if one.name not in of_feedback)
 
 
 def _speaks(skill: SkillSpec) -> bool:

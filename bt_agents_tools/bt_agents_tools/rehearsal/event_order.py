@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""In which order a tick is told: events as they happened, the nodes of a branch from the top."""
+"""Order of the events of a tick: as they happened, the nodes of a branch from the top."""
 
 from __future__ import annotations
 
@@ -9,13 +9,12 @@ from py_trees.common import Status
 
 from bt_agents.engine.run import StatusChange
 from bt_agents_language.model.specs import NodeSpec
+from bt_agents_language.nodes.catalogue import type_of
 from bt_agents_tools.rehearsal.events import Event, EventKind
-
-_LIMITS = ("timeout", "while", "retry")
 
 
 class EventOrder:
-    """Turns the ticks of one rehearsal into events.
+    """Events of the ticks of one rehearsal, in the order in which they are to be read.
 
     Args:
         nodes: All nodes by path, parents before children.
@@ -26,10 +25,10 @@ class EventOrder:
         self._places = {path: place for place, path in enumerate(nodes)}
         self._running: set[str] = set()
 
-    def told(
+    def in_order(
         self, at_s: float, changes: Sequence[StatusChange], held: Iterable[tuple[int, Event]]
     ) -> list[Event]:
-        """Return a tick in the order in which it is to be read.
+        """Return the events of a tick.
 
         Args:
             at_s: The time [s].
@@ -44,24 +43,24 @@ class EventOrder:
         waits: list[Event] = []
         ticks: list[Event] = []
         for number, change in enumerate(changes):
-            if self._is_news(change):
+            if self._is_shown(change):
                 ticks.append(Event(at_s=at_s, kind=EventKind.TICK, change=change))
             node = self._nodes.get(change.path)
             if node is None:
                 continue
             if change.status is Status.FAILURE and _gives_up(node, change):
-                words = change.message
-                event = Event(at_s=at_s, kind=EventKind.GIVES_UP, node=node, words=words)
+                text = change.message
+                event = Event(at_s=at_s, kind=EventKind.GIVES_UP, node=node, text=text)
                 happened.append((number, event))
-            elif change.status is Status.RUNNING and node.kind in ("wait", "wait_for"):
-                words = change.message
-                waits.append(Event(at_s=at_s, kind=EventKind.WAITS, node=node, words=words))
+            elif change.status is Status.RUNNING and type_of(node).waits is not None:
+                text = change.message
+                waits.append(Event(at_s=at_s, kind=EventKind.WAITS, node=node, text=text))
         # A change comes after what had happened when it was made: the sort keeps that order.
         happened.sort(key=lambda pair: pair[0])
         return self._merged([*(event for _, event in happened), *waits], ticks)
 
-    def _is_news(self, change: StatusChange) -> bool:
-        """Return whether a change is to be shown; one that only forgets an earlier end is not."""
+    def _is_shown(self, change: StatusChange) -> bool:
+        """Return whether a change is shown; one that only resets an ended node is not."""
         was_running = change.path in self._running
         if change.status is Status.RUNNING:
             self._running.add(change.path)
@@ -71,23 +70,23 @@ class EventOrder:
 
     def _merged(self, happened: list[Event], ticks: list[Event]) -> list[Event]:
         merged: list[Event] = []
-        told = 0
+        merged_until = 0
         for tick in sorted(ticks, key=self._place):
             path = tick.change.path if tick.change is not None else ""
             own = [
                 number
-                for number, event in enumerate(happened[told:], start=told + 1)
+                for number, event in enumerate(happened[merged_until:], start=merged_until + 1)
                 if event.node is not None and event.node.path == path
             ]
-            until = max(own, default=told)
-            merged += [*happened[told:until], tick]
-            told = until
-        return merged + happened[told:]
+            until = max(own, default=merged_until)
+            merged += [*happened[merged_until:until], tick]
+            merged_until = until
+        return merged + happened[merged_until:]
 
     def _place(self, tick: Event) -> int:
         return self._places.get(tick.change.path, 0) if tick.change is not None else 0
 
 
 def _gives_up(node: NodeSpec, change: StatusChange) -> bool:
-    """Return whether a failure is worth a word: a limit, or an error of a leaf."""
-    return f"({node.path}, " in change.message and (node.kind in _LIMITS or not node.children)
+    """Return whether a failure is an event: a limit, or an error of a leaf."""
+    return f"({node.path}, " in change.message and (type_of(node).gives_up or not node.children)

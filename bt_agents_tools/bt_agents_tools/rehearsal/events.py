@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What happened in a rehearsal, as data that can be shown, compared and counted."""
+"""Events of a rehearsal, as data that can be shown, compared and counted."""
 
 from __future__ import annotations
 
@@ -9,8 +9,9 @@ from enum import Enum, auto
 
 from bt_agents.engine.run import StatusChange, TreeOutcome
 from bt_agents_core.feedback import FeedbackKind
+from bt_agents_core.field_types import Plain
 from bt_agents_language.files.testing.scenarios import SPOKEN
-from bt_agents_language.model.specs import NodeSpec, Plain
+from bt_agents_language.model.specs import NodeSpec
 from bt_agents_tools.rehearsal.coverage import Marks
 
 
@@ -36,7 +37,7 @@ class EventKind(Enum):
 
 @dataclass(frozen=True, kw_only=True)
 class Event:
-    """One moment of a rehearsal.
+    """Event of a rehearsal.
 
     Attributes:
         at_s: Time since the start [s].
@@ -45,7 +46,7 @@ class Event:
         inputs: What a skill was given.
         outputs: What it gave back.
         takes_s: How long what begins will take [s]; infinite for ever.
-        words: The rest, in words.
+        text: The rest, for people.
         outcome: How the run ended; None when it did not, or for any other event.
         change: The node's new status, of a ``TICK``.
     """
@@ -56,7 +57,7 @@ class Event:
     inputs: Mapping[str, Plain] = field(default_factory=dict)
     outputs: Mapping[str, Plain] = field(default_factory=dict)
     takes_s: float = 0.0
-    words: str = ""
+    text: str = ""
     outcome: TreeOutcome | None = None
     change: StatusChange | None = None
 
@@ -87,11 +88,11 @@ class Use:
 
 @dataclass(frozen=True, kw_only=True)
 class Rehearsed:
-    """How a rehearsal went.
+    """Result of a rehearsal.
 
     Attributes:
         outcome: How the run ended; None when it did not end, or was not awarded.
-        message: Why, in words.
+        message: The reason.
         duration_s: How long it took [s].
         ticks: Ticks of the tree and of its clean-up.
         events: Everything that happened, in order.

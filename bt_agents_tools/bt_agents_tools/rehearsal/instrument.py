@@ -1,17 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
-"""An agent made ready for a rehearsal: its skills reach the script, some nodes are replaced."""
+"""Instrumented agents: skills that reach the script of a rehearsal, and replaced nodes."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from dataclasses import replace
 
+from bt_agents_core.field_types import BindingKind
 from bt_agents_language.files.testing.path_patterns import matches
 from bt_agents_language.files.testing.scenarios import REPLACED, Replacement
 from bt_agents_language.model.specs import (
     AgentSpec,
     Binding,
-    BindingKind,
     MapValue,
     NodeSpec,
     Reference,

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A rehearsal: the real tree on a virtual clock that jumps to whatever happens next."""
+"""Rehearsal of an agent: its real tree on a virtual clock that jumps to the next event."""
 
 from __future__ import annotations
 
@@ -17,18 +17,21 @@ from py_trees.common import Status
 from bt_agents.engine.run import Run, RunResult, StatusChange, TreeOutcome
 from bt_agents.host.agent_registry import unmet
 from bt_agents_core.feedback import FeedbackKind
+from bt_agents_core.field_types import Plain
 from bt_agents_core.live_scene_view import LEASE_S
 from bt_agents_core.scene import SceneSpace
 from bt_agents_language.files.testing.path_patterns import matches, nodes_of
 from bt_agents_language.files.testing.scenarios import Scenario, ScriptedAnswer, ScriptedEvent
-from bt_agents_language.model.specs import AgentSpec, NodeSpec, Plain
+from bt_agents_language.model.mood_rule import MoodAction
+from bt_agents_language.model.node_type import Mark, Waits
+from bt_agents_language.model.specs import AgentSpec, NodeSpec
+from bt_agents_language.nodes.catalogue import type_of
 from bt_agents_tools.rehearsal.answers import Answers, AnswerSource
-from bt_agents_tools.rehearsal.coverage import Mark
 from bt_agents_tools.rehearsal.event_order import EventOrder
 from bt_agents_tools.rehearsal.events import Event, EventKind, Rehearsed, Use
 from bt_agents_tools.rehearsal.instrument import replaced, with_open_bindings, with_replacements
 from bt_agents_tools.rehearsal.rehearsal_environment import RehearsalEnvironment
-from bt_agents_tools.rehearsal.rehearsal_scenes import RehearsedLive, awarded, change_text, watched
+from bt_agents_tools.rehearsal.rehearsal_scenes import RehearsedLive, awarded, change_text
 from bt_agents_tools.rehearsal.tick_analysis import at_rest, limit_of, mark, running_leaves
 from bt_agents_tools.rehearsal.transcript import time_text, tuned_text
 from feedback_node.rules import Watch
@@ -40,13 +43,13 @@ LIVE_S = LEASE_S / 2
 """Time between live scenes while a mood rule waits [s]."""
 
 _PLACED = re.compile(r"\((?:tree|on_cancel)\S*, \S.*:\d+:\d+\)$")
-"""Words that end with a node and its place in a file."""
+"""A message that ends with a node and its place in a file."""
 
 _NUDGE_S = 1e-6
 """Time is moved on by so little when a sum of times falls short by a rounding error [s]."""
 
 Prompt = Callable[[str, Sequence[NodeSpec]], ScriptedEvent | None]
-"""Is asked what happens while a tree only waits: why, in words, and the nodes that do.
+"""Is asked what happens while a tree only waits: why, and the nodes that do.
 
 None is for nothing: then a time limit runs out, or, where there is none, the rehearsal ends.
 """
@@ -70,37 +73,37 @@ def rehearse(
     space: SceneSpace,
     scenario: Scenario,
     *,
-    tell: Callable[[Event], None] | None = None,
+    on_event: Callable[[Event], None] | None = None,
     typist: AnswerSource | None = None,
     prompt: Prompt | None = None,
     limits: Limits | None = None,
-    against_its_bid: bool = False,
+    force: bool = False,
 ) -> Rehearsed:
-    """Return how an interaction goes.
+    """Rehearse an interaction.
 
     Args:
         agent: Who acts.
         space: The scene parameters.
         scenario: Where and how.
-        tell: Is told every event at once.
+        on_event: Called with every event at once.
         typist: Answers skills in place of the script.
         prompt: Is asked what happens when the tree waits for something that nobody has announced.
         limits: Where a run that does not end is ended.
-        against_its_bid: Run the tree even when the agent does not bid for the scene.
+        force: Run the tree even when the agent does not bid for the scene.
     """
-    rehearsal = _Rehearsal(agent, space, scenario, tell, typist, prompt, limits or Limits())
-    return rehearsal.run(against_its_bid)
+    rehearsal = _Rehearsal(agent, space, scenario, on_event, typist, prompt, limits or Limits())
+    return rehearsal.run(force)
 
 
 class _Rehearsal:
-    """One rehearsal."""
+    """Run of an agent's tree, with the agenda of what happens besides."""
 
     def __init__(
         self,
         agent: AgentSpec,
         space: SceneSpace,
         scenario: Scenario,
-        tell: Callable[[Event], None] | None,
+        on_event: Callable[[Event], None] | None,
         typist: AnswerSource | None,
         prompt: Prompt | None,
         limits: Limits,
@@ -109,17 +112,17 @@ class _Rehearsal:
         self._agent = agent
         self._nodes = {node.path: node for node in nodes_of(agent)}
         self._replacements = scenario.replace
-        self._listener = tell
+        self._on_event = on_event
         self._typist = typist
         self._prompt = prompt
-        self._left_alone: set[str] = set()
+        self._unprompted: set[str] = set()
         self._limits = limits
         self._events: list[Event] = []
-        # What happens in a tick is held until the tick is told as a whole, each event with the
+        # What happens in a tick is held until the whole tick is published, each event with the
         # number of changes before it.
         self._held: list[tuple[int, Event]] | None = None
-        self._noted = 0
-        self._teller = EventOrder(self._nodes)
+        self._published = 0
+        self._events_of_tick = EventOrder(self._nodes)
         # Nodes of the last tick in the order in which they answered, and how.
         self._ticked: list[tuple[Behaviour, Status]] = []
         self._marks: dict[str, set[Mark]] = {}
@@ -132,8 +135,8 @@ class _Rehearsal:
             self._nodes,
             Answers(scenario.answers),
             ask=self._question,
-            tell=self._tell,
-            feedback=self._feedback,
+            on_event=self._publish,
+            on_feedback=self._feedback,
         )
         self._clock = self._world.clock
         self._scene = awarded(space, scenario)
@@ -150,52 +153,55 @@ class _Rehearsal:
             world=self._world,
             steady=self._clock,
             random=Random(scenario.seed),
-            visit=lambda node, status: self._ticked.append((node, status)),
+            on_visit=lambda node, status: self._ticked.append((node, status)),
         )
-        rules = tuple(map(watched, agent.rules))
-        self._watch = Watch(rules, self._scene, space, self._clock)
-        self._declined = unmet(agent, space, self._scene, agent.profile, self._tunables)
+        self._watch = Watch(agent.rules, self._scene, space, self._clock)
+        decline = unmet(agent, space, self._scene, agent.profile, self._tunables)
+        self._declined = decline.reason if decline is not None else ""
         for one in scenario.during:
             if not one.at:
-                self._plan(one, one.after_s)
+                self._schedule(one, one.after_s)
 
-    def run(self, against_its_bid: bool) -> Rehearsed:
+    def run(self, force: bool) -> Rehearsed:
         """Run to the end."""
-        if self._declined and not against_its_bid:
+        if self._declined and not force:
             return self._rehearsed(None, f"the agent does not bid, it {self._declined}")
         message = ""
         while not message:
-            self._happen()
+            self._apply_due()
             self._tick()
             if self._run.result is not None:
                 result = self._run.result
-                return self._rehearsed(result.outcome, self._reason(result))
+                succeeded = result.outcome is TreeOutcome.SUCCEEDED and not result.orphans
+                return self._rehearsed(
+                    result.outcome, self._reason(result), worth_reporting=not succeeded
+                )
             message = self._move_on()
         return self._rehearsed(None, message)
 
     def _reason(self, result: RunResult) -> str:
         """Return why the run ended, and where it failed."""
-        words = result.message
+        text = result.message
         tip = self._nodes.get(result.tip)
-        if result.outcome is TreeOutcome.FAILED and tip is not None and not _PLACED.search(words):
-            words += f" ({tip.path}, {tip.position})"
+        if result.outcome is TreeOutcome.FAILED and tip is not None and not _PLACED.search(text):
+            text += f" ({tip.path}, {tip.position})"
         if result.orphans:
-            words += f" (still under way: {', '.join(result.orphans)})"
-        return words
+            text += f" (still under way: {', '.join(result.orphans)})"
+        return text
 
     def _tick(self) -> None:
         self._world.active = False
         self._world.report_ended()
         self._held = []
-        self._noted = 0
+        self._published = 0
         self._ticked.clear()
         changes = self._run.tick()
         self._world.report_ended()
         mark(self._ticked, self._marks)
-        self._note(changes)
+        self._publish_changes(changes)
         self._held = None
         self._rests = (
-            not changes and not self._world.active and at_rest(self._ticked, self._run.wakes)
+            not changes and not self._world.active and at_rest(self._ticked, self._run.deadlines)
         )
 
     def _move_on(self) -> str:
@@ -208,20 +214,20 @@ class _Rehearsal:
             )
         while True:
             moments = [self._world.next_change, self._run.deadline]
-            moments += [max(at, now + _NUDGE_S) for at in self._run.wakes.values()]
+            moments += [max(at, now + _NUDGE_S) for at in self._run.deadlines.values()]
             moments += [self._agenda[0][0]] if self._agenda else []
             if not self._rests:
                 moments.append(round(now + TICK_S, 6))
             then = min(moments)
             asked = self._asked_while_waiting(then)
             if asked is not None:
-                self._plan(asked, now + asked.after_s)
+                self._schedule(asked, now + asked.after_s)
                 continue
-            due = min(self._watch.due, self._seen_at + LIVE_S)
+            due = min(self._watch.due, self._polled_at + LIVE_S)
             if self._watch.due < math.inf and due < then:
                 # Only a mood rule is waiting: nothing that would change the tree.
                 now = self._clock.now = max(due, now + _NUDGE_S)
-                if self._see():
+                if self._poll_mood_rules():
                     return ""
                 continue
             if then < math.inf:
@@ -244,61 +250,63 @@ class _Rehearsal:
         if self._prompt is None or not self._rests or announced:
             return None
         leaves = running_leaves(self._ticked)
-        waits = [one for one in leaves if one.kind == "wait_for"]
+        waits = [one for one in leaves if type_of(one).waits is Waits.EVENT]
         if until == math.inf:
             reason = self._endless()
-        elif all(one.path in self._left_alone for one in waits):
+        elif all(one.path in self._unprompted for one in waits):
             return None
         else:
-            limit = min(limit_of(one, self._run.wakes) for one in waits)
+            limit = min(limit_of(one, self._run.deadlines) for one in waits)
             reason = f"it waits: {', '.join(one.name for one in waits)}"
             if limit < math.inf:
                 reason += f", {time_text(limit - self._clock.now)} at most"
         happening = self._prompt(reason, waits)
         if happening is None:
-            self._left_alone |= {one.path for one in waits}
+            self._unprompted |= {one.path for one in waits}
         return happening
 
-    def _plan(self, happening: ScriptedEvent, at: float) -> None:
+    def _schedule(self, happening: ScriptedEvent, at: float) -> None:
         heapq.heappush(self._agenda, (at, next(self._order), happening))
 
-    def _happen(self) -> None:
-        """Let happen what is due, then look at the person."""
+    def _apply_due(self) -> None:
+        """Apply the scripted events that are due, then poll the mood rules."""
         while self._agenda and self._agenda[0][0] <= self._clock.now:
             _, _, one = heapq.heappop(self._agenda)
             if one.values or one.person is not None or one.silent is not None:
                 self._live.change(one)
                 if one.silent:
                     # The tree notices when the lease ends, even one that only waits.
-                    self._plan(ScriptedEvent(after_s=0.0), self._clock.now + LEASE_S + _NUDGE_S)
+                    self._schedule(
+                        ScriptedEvent(after_s=0.0), self._clock.now + LEASE_S + _NUDGE_S
+                    )
                 self._event(EventKind.SCENE, change_text(one))
             if one.tunables:
                 self._tunables |= one.tunables
-                words = ", ".join(
+                text = ", ".join(
                     tuned_text(tunable, one.tunables[tunable.name])
                     for tunable in self._agent.tunables
                     if tunable.name in one.tunables
                 )
-                self._event(EventKind.TUNES, words)
+                self._event(EventKind.TUNES, text)
             if one.topic:
                 self._world.arrive(one.topic, one.message)
                 self._event(EventKind.ARRIVES, one.topic, inputs=one.message)
             if one.cancel:
                 self._cancel(one.cancel, one.cancel)
-        self._see()
+        self._poll_mood_rules()
 
-    def _see(self) -> bool:
-        """Show the live scene to the mood rules; return whether one has fired."""
-        self._seen_at = self._clock.now
+    def _poll_mood_rules(self) -> bool:
+        """Pass the live scene to the mood rules; return whether one has fired."""
+        self._polled_at = self._clock.now
         if self._cancelled_by or self._watch.over:
             return False
         live = self._live
-        fired = self._watch.tick() if live.silent else self._watch.see(live.now())
+        fired = self._watch.tick() if live.silent else self._watch.receive(live.now())
         for one in fired:
-            self._feedback(one.rule.kind, one.reason)
-        last = next((one for one in fired if one.rule.cancel), None)
+            self._feedback(one.rule.give, one.reason)
+        last = next((one for one in fired if one.rule.action is MoodAction.CANCEL), None)
         if last is not None:
-            self._cancel(last.reason, last.rule.text)
+            self._cancel(last.reason, last.rule.when.text)
         return bool(fired)
 
     def _cancel(self, reason: str, cause: str) -> None:
@@ -306,31 +314,31 @@ class _Rehearsal:
             return
         self._cancelled_by = cause
         self._event(EventKind.CANCELS, reason)
-        self._noted = 0
-        self._note(self._run.cancel(reason))
+        self._published = 0
+        self._publish_changes(self._run.cancel(reason))
         self._held = None
 
-    def _feedback(self, kind: FeedbackKind, words: str) -> None:
+    def _feedback(self, kind: FeedbackKind, text: str) -> None:
         self._given.append(kind)
-        self._event(EventKind.FEEDBACK, f"{kind.name.lower()}: {words}")
+        self._event(EventKind.FEEDBACK, f"{kind.name.lower()}: {text}")
 
-    def _note(self, changes: Sequence[StatusChange]) -> None:
-        """Tell what of a tick was not told yet."""
-        new = changes[self._noted :]
-        held = [(number - self._noted, event) for number, event in self._held or ()]
-        self._noted, self._held = len(changes), None
-        for event in self._teller.told(self._clock.now, new, held):
-            self._tell(event)
+    def _publish_changes(self, changes: Sequence[StatusChange]) -> None:
+        """Publish what of a tick is not published yet."""
+        new = changes[self._published :]
+        held = [(number - self._published, event) for number, event in self._held or ()]
+        self._published, self._held = len(changes), None
+        for event in self._events_of_tick.in_order(self._clock.now, new, held):
+            self._publish(event)
         for change in new:
             if change.status is not Status.INVALID:
-                self._left_alone.discard(change.path)
+                self._unprompted.discard(change.path)
                 self._start_counting(change.path)
         self._held = []
 
     def _start_counting(self, path: str) -> None:
         for one in [one for one in self._awaited if matches(one.at, path)]:
             self._awaited.remove(one)
-            self._plan(one, self._clock.now + one.after_s)
+            self._schedule(one, self._clock.now + one.after_s)
 
     def _question(self, use: Use) -> Callable[[], ScriptedAnswer | None] | None:
         """Return what asks the person who types about a use of a skill, None for nobody."""
@@ -339,17 +347,18 @@ class _Rehearsal:
             return None
 
         def ask() -> ScriptedAnswer | None:
-            self._note(self._run.changes)
+            self._publish_changes(self._run.changes)
             while isinstance(typed := typist.answer(use), ScriptedEvent):
-                self._plan(typed, self._clock.now + typed.after_s)
+                self._schedule(typed, self._clock.now + typed.after_s)
             return typed
 
         return ask
 
-    def _rehearsed(self, outcome: TreeOutcome | None, message: str) -> Rehearsed:
-        self._tell(
-            Event(at_s=self._clock.now, kind=EventKind.ENDS, words=message, outcome=outcome)
-        )
+    def _rehearsed(
+        self, outcome: TreeOutcome | None, message: str, *, worth_reporting: bool = True
+    ) -> Rehearsed:
+        text = message if worth_reporting else ""
+        self._publish(Event(at_s=self._clock.now, kind=EventKind.ENDS, text=text, outcome=outcome))
         return Rehearsed(
             outcome=outcome,
             message=message,
@@ -370,27 +379,27 @@ class _Rehearsal:
     def _event(
         self,
         kind: EventKind,
-        words: str,
+        text: str,
         *,
         node: NodeSpec | None = None,
         inputs: Mapping[str, Plain] | None = None,
         change: StatusChange | None = None,
     ) -> None:
-        self._tell(
+        self._publish(
             Event(
                 at_s=self._clock.now,
                 kind=kind,
-                words=words,
+                text=text,
                 node=node,
                 inputs=inputs or {},
                 change=change,
             )
         )
 
-    def _tell(self, event: Event) -> None:
+    def _publish(self, event: Event) -> None:
         if self._held is not None:
             self._held.append((len(self._run.changes), event))
             return
         self._events.append(event)
-        if self._listener is not None:
-            self._listener(event)
+        if self._on_event is not None:
+            self._on_event(event)

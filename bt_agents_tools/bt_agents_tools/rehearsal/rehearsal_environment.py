@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The world of a rehearsal: answers skills as the script says and tells what is asked of it."""
+"""Environment of a rehearsal: answers skills from the script, and publishes their events."""
 
 from __future__ import annotations
 
@@ -9,8 +9,9 @@ from dataclasses import dataclass
 from bt_agents.engine.environment import GoalState, SkillGoal
 from bt_agents.engine.scripted_environment import ManualClock, ScriptedEnvironment, ScriptedGoal
 from bt_agents_core.feedback import FeedbackKind
+from bt_agents_core.field_types import Plain
 from bt_agents_language.files.testing.scenarios import ScriptedAnswer
-from bt_agents_language.model.specs import NodeSpec, Plain
+from bt_agents_language.model.specs import NodeSpec
 from bt_agents_tools.rehearsal.answers import Answers, PlayedSkill
 from bt_agents_tools.rehearsal.events import Event, EventKind, Use
 
@@ -23,15 +24,15 @@ class _Open:
 
 
 class RehearsalEnvironment(ScriptedEnvironment):
-    """Answers from a script.
+    """Environment that answers from a script.
 
     Args:
         nodes: The agent's nodes by path.
         answers: How skills are answered.
-        ask: Asks a person how a use of a skill goes, once its begin was told; None when nobody
+        ask: Asks a person how a use of a skill goes, once its begin is published; None when nobody
             wants to be asked about it.
-        tell: Is told every event.
-        feedback: Is told feedback that the tree gives.
+        on_event: Called with every event.
+        on_feedback: Called with feedback that the tree gives.
 
     Attributes:
         uses: The skills that were used, in order.
@@ -44,8 +45,8 @@ class RehearsalEnvironment(ScriptedEnvironment):
         answers: Answers,
         *,
         ask: Callable[[Use], Callable[[], ScriptedAnswer | None] | None],
-        tell: Callable[[Event], None],
-        feedback: Callable[[FeedbackKind, str], None],
+        on_event: Callable[[Event], None],
+        on_feedback: Callable[[FeedbackKind, str], None],
     ) -> None:
         super().__init__(clock=ManualClock())
         self.uses: list[Use] = []
@@ -53,8 +54,8 @@ class RehearsalEnvironment(ScriptedEnvironment):
         self._nodes = nodes
         self._script = answers
         self._ask = ask
-        self._tell = tell
-        self._feedback = feedback
+        self._on_event = on_event
+        self._on_feedback = on_feedback
         self._under_way: list[_Open] = []
 
     def send(self, goal: SkillGoal) -> ScriptedGoal:
@@ -81,15 +82,15 @@ class RehearsalEnvironment(ScriptedEnvironment):
     def log(self, level: str, text: str) -> None:
         """Take a line of the log."""
         self.active = True
-        self._tell(Event(at_s=self.clock(), kind=EventKind.LOGS, words=f"{level}: {text}"))
+        self._on_event(Event(at_s=self.clock(), kind=EventKind.LOGS, text=f"{level}: {text}"))
 
     def give_feedback(
         self, kind: FeedbackKind, values: Mapping[str, float], reason: str
     ) -> ScriptedGoal:
         """Take feedback; it is always accepted."""
         self.active = True
-        words = ", ".join(f"{name} {value:g}" for name, value in values.items())
-        self._feedback(kind, ": ".join(filter(None, ("the tree", reason, words))))
+        wanted = ", ".join(f"{name} {value:g}" for name, value in values.items())
+        self._on_feedback(kind, ": ".join(filter(None, ("the tree", reason, wanted))))
         return super().give_feedback(kind, values, reason)
 
     @property
@@ -98,7 +99,7 @@ class RehearsalEnvironment(ScriptedEnvironment):
         return min((one.run.next_change for one in self._under_way), default=float("inf"))
 
     def report_ended(self) -> None:
-        """Tell which goals have ended by now."""
+        """Publish the ends of goals that have ended by now."""
         for one in list(self._under_way):
             state = one.run.state
             if not state.ended:
@@ -110,8 +111,8 @@ class RehearsalEnvironment(ScriptedEnvironment):
                 self._event(EventKind.STOPS, one.use)
             else:
                 reason = one.run.message
-                words = f"{state.value}: {reason}" if reason else state.value
-                self._event(EventKind.FAILS, one.use, words=words)
+                text = f"{state.value}: {reason}" if reason else state.value
+                self._event(EventKind.FAILS, one.use, text=text)
 
     def _use(self, goal: SkillGoal) -> Use:
         use = Use(node=self._nodes[goal.sender], inputs=goal.fields)
@@ -125,9 +126,9 @@ class RehearsalEnvironment(ScriptedEnvironment):
         *,
         outputs: Mapping[str, Plain] | None = None,
         takes_s: float = 0.0,
-        words: str = "",
+        text: str = "",
     ) -> None:
-        self._tell(
+        self._on_event(
             Event(
                 at_s=self.clock(),
                 kind=kind,
@@ -135,6 +136,6 @@ class RehearsalEnvironment(ScriptedEnvironment):
                 inputs=use.inputs,
                 outputs=outputs or {},
                 takes_s=takes_s,
-                words=words,
+                text=text,
             )
         )

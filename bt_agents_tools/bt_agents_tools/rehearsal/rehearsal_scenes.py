@@ -1,17 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The scene of a rehearsal, how it changes, and the mood rules that watch it."""
+"""Scene of a rehearsal: as awarded, live, and as scripted events change it."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
 
-from bt_agents_core.feedback import FeedbackKind
 from bt_agents_core.live_scene_view import LEASE_S
 from bt_agents_core.scene import Origin, Scene, SceneSpace, SceneValue
 from bt_agents_language.files.testing.scenarios import Scenario, ScriptedEvent
-from bt_agents_language.model.specs import FeedbackRule
-from feedback_node.rules import Rule
 
 _AWARDED = "rehearsed"
 
@@ -84,18 +81,3 @@ def change_text(happening: ScriptedEvent) -> str:
     if happening.silent is not None:
         words.append(f"the scene layer is {'silent' if happening.silent else 'back'}")
     return ", ".join(words)
-
-
-def watched(rule: FeedbackRule) -> Rule:
-    """Return a rule as it is watched during a run."""
-    return Rule(
-        text=rule.when.text,
-        condition=rule.when,
-        hold_s=rule.hold_s,
-        kind=FeedbackKind.POSITIVE if rule.positive else FeedbackKind.NEGATIVE,
-        cancel=rule.cancel,
-        baseline_s=rule.baseline_s,
-        release=rule.release,
-        cooldown_s=rule.cooldown_s,
-        confidence=rule.confidence,
-    )

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Finds test files, runs their cases and says what failed, where and how."""
+"""Test files of agents: found, run, and reported."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What one tick shows of a tree: which ways it has gone, and whether time alone can change it."""
+"""Analysis of one tick: the marks for coverage, and whether another tick would do nothing."""
 
 from __future__ import annotations
 
@@ -9,16 +9,14 @@ from collections.abc import Iterable, Mapping, Sequence
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
+from bt_agents_language.model.node_type import Mark
 from bt_agents_language.model.specs import NodeSpec
-from bt_agents_tools.rehearsal.coverage import Mark
+from bt_agents_language.nodes.catalogue import DECORATORS, type_of
 
 Ticked = Sequence[tuple[Behaviour, Status]]
 """Nodes of one tick in the order in which they answered, and how."""
 
-_SKIPS = ("when", "once", "cooldown")
-_LIMITS = ("timeout", "while")
-_IDLE = ("check", "wait", "wait_for", "give_feedback")
-"""Leaves without a skill for which nothing but an event or their own time makes a difference."""
+_LIMITS = tuple(f"@{one.key}" for one in DECORATORS.values() if one.limits)
 
 
 def spec_of(node: Behaviour) -> NodeSpec | None:
@@ -34,6 +32,7 @@ def mark(ticked: Ticked, marks: dict[str, set[Mark]]) -> None:
         spec = spec_of(node)
         if spec is None:
             continue
+        node_type = type_of(spec)
         found = marks.setdefault(spec.path, set())
         found.add(Mark.TICKED)
         child = answers.get(id(node.children[0])) if node.children else None
@@ -41,9 +40,9 @@ def mark(ticked: Ticked, marks: dict[str, set[Mark]]) -> None:
             found.add(Mark.SUCCEEDED)
         elif status is Status.FAILURE:
             found.add(Mark.FAILED)
-            if spec.kind in _LIMITS and child is not Status.FAILURE:
+            if node_type.limits and child is not Status.FAILURE:
                 found.add(Mark.BROKEN_OFF)
-        if spec.kind in _SKIPS and child is None:
+        if node_type.skips and child is None:
             found.add(Mark.LEFT_OUT)
 
 
@@ -51,7 +50,7 @@ def at_rest(ticked: Ticked, wakes: Mapping[str, float]) -> bool:
     """Return whether another tick would do nothing until an event, or a time in ``wakes``, comes.
 
     It would when every running node waits for a running child, for the world or for a time that
-    it has named, and no leaf but a check has done anything that it would do again.
+    it has named, and no leaf has done anything that it would do again.
     """
     return all(_rests(node, status, wakes) for node, status in ticked)
 
@@ -64,9 +63,8 @@ def _rests(node: Behaviour, status: Status, wakes: Mapping[str, float]) -> bool:
     if node.children:
         below = any(child.status is Status.RUNNING for child in node.children)
         return not running or below or spec.path in wakes
-    if spec.kind in _IDLE or spec.skill is not None:
-        return running or spec.kind == "check"
-    return False
+    node_type = type_of(spec)
+    return node_type.idle and (running or node_type.looks_only)
 
 
 def running_leaves(ticked: Iterable[tuple[Behaviour, Status]]) -> list[NodeSpec]:
@@ -83,7 +81,7 @@ def limit_of(node: NodeSpec, wakes: Mapping[str, float]) -> float:
     around = (
         at
         for path, at in wakes.items()
-        if path.endswith("@timeout") and _inside(node.path, path.rpartition("@")[0])
+        if path.endswith(_LIMITS) and _inside(node.path, path.rpartition("@")[0])
     )
     return min(around, default=math.inf)
 

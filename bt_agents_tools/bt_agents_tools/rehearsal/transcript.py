@@ -11,9 +11,12 @@ from dataclasses import dataclass
 
 from py_trees.common import Status
 
-from bt_agents.engine.run import TREE_SUCCEEDED, StatusChange, TreeOutcome
-from bt_agents.engine.scope import spoken
-from bt_agents_language.model.specs import BindingKind, FieldType, NodeSpec, Plain, Tunable
+from bt_agents.engine.run import StatusChange, TreeOutcome
+from bt_agents.engine.scope import format_value
+from bt_agents_core.field_types import BindingKind, FieldType, Plain
+from bt_agents_language.model.node_type import Waits
+from bt_agents_language.model.specs import NodeSpec, Tunable
+from bt_agents_language.nodes.catalogue import type_of
 from bt_agents_language.yaml.renderers import columns
 from bt_agents_tools.rehearsal.events import Event, EventKind, Rehearsed
 
@@ -84,13 +87,13 @@ def lines(event: Event, ticks: bool, width: int = WIDTH) -> list[TranscriptLine]
         ticks: Whether every change of every node is shown, too.
         width: Columns of the terminal.
     """
-    words = _words(event, ticks)
-    if words is None:
+    text = _text(event, ticks)
+    if text is None:
         return []
     head = f"{time_text(event.at_s):>{_TIME_WIDTH}}  {_SYMBOLS[event.kind]} "
     aside = _aside(event)
     room = max(20, width - len(head) - (len(aside) + 2 if aside else 0))
-    folded = _folded(words, room)
+    folded = _folded(text, room)
     ends = event.kind is EventKind.ENDS
     style = _OUTCOMES[event.outcome] if ends else _STYLES.get(event.kind, "")
     shown = [f"{head}{folded[0]}", *(f"{'':{len(head)}}{one}" for one in folded[1:])]
@@ -99,14 +102,14 @@ def lines(event: Event, ticks: bool, width: int = WIDTH) -> list[TranscriptLine]
     return [TranscriptLine(text=one, style=style) for one in shown]
 
 
-def _folded(words: str, room: int) -> list[str]:
+def _folded(text: str, room: int) -> list[str]:
     """Return words in lines; a place in a file is never cut, and so can be copied.
 
     A path of a node that is longer than a line is left out, as the place in the file follows it.
     """
-    words = _PATH.sub(lambda found: "(" if len(found[1]) + 2 > room else found[0], words)
-    cut = not any("/" in word for word in words.split() if len(word) > room)
-    return textwrap.wrap(words, room, break_long_words=cut, break_on_hyphens=False) or [""]
+    text = _PATH.sub(lambda found: "(" if len(found[1]) + 2 > room else found[0], text)
+    cut = not any("/" in word for word in text.split() if len(word) > room)
+    return textwrap.wrap(text, room, break_long_words=cut, break_on_hyphens=False) or [""]
 
 
 def time_text(seconds: float) -> str:
@@ -154,9 +157,9 @@ def _wait_text(event: Event) -> str:
     """Return what a node waits for: ``wait 4 s``, ``wait_for live.person``."""
     assert event.node is not None
     name = event.node.name
-    if event.node.kind != "wait" or not event.words:
+    if type_of(event.node).waits is not Waits.TIME or not event.text:
         return name
-    return f"wait {event.words}" if "${" in name else f"{name}, {event.words}"
+    return f"{event.node.kind} {event.text}" if "${" in name else f"{name}, {event.text}"
 
 
 def tuned_text(tunable: Tunable, value: Plain) -> str:
@@ -173,7 +176,7 @@ def value_text(value: Plain) -> str:
             return ", ".join(map(value_text, value))
         case bool():
             return "true" if value else "false"
-    return spoken(value, FieldType.ANY)
+    return format_value(value, FieldType.ANY)
 
 
 def ending(rehearsed: Rehearsed) -> str:
@@ -190,7 +193,7 @@ def _aside(event: Event) -> str:
     return "for ever" if math.isinf(event.takes_s) else f"{event.takes_s:.1f} s"
 
 
-def _words(event: Event, ticks: bool) -> str | None:
+def _text(event: Event, ticks: bool) -> str | None:
     """Return what is said about an event; None when it says nothing new."""
     match event.kind:
         case EventKind.BEGINS | EventKind.SENDS:
@@ -198,31 +201,31 @@ def _words(event: Event, ticks: bool) -> str | None:
         case EventKind.SUCCEEDS:
             return _success(event)
         case EventKind.FAILS:
-            return f"{_phrase(event)} – {event.words}"
+            return f"{_phrase(event)} – {event.text}"
         case EventKind.STOPS:
             return f"{_phrase(event)} – stopped"
         case EventKind.WAITS:
             return f"waits: {_wait_text(event)}" if event.node is not None else "waits"
         case EventKind.GIVES_UP:
-            return f"{_label(event.node)}: {event.words}" if event.node else event.words
+            return f"{_label(event.node)}: {event.text}" if event.node else event.text
         case EventKind.ARRIVES:
-            return f"message on {event.words}: {value_text(event.inputs) or 'empty'}"
+            return f"message on {event.text}: {value_text(event.inputs) or 'empty'}"
         case EventKind.TUNES:
-            return f"tuned: {event.words}"
+            return f"tuned: {event.text}"
         case EventKind.FEEDBACK:
-            return f"feedback {event.words}"
+            return f"feedback {event.text}"
         case EventKind.CANCELS:
-            return f"cancelled: {event.words}"
+            return f"cancelled: {event.text}"
         case EventKind.TICK:
             return _tick(event.change) if ticks and event.change is not None else None
         case EventKind.ENDS:
             outcome = event.outcome.value if event.outcome is not None else "did not end"
-            return outcome + (f": {event.words}" if event.words != TREE_SUCCEEDED else "")
-    return event.words
+            return outcome + (f": {event.text}" if event.text else "")
+    return event.text
 
 
 def _phrase(event: Event) -> str:
-    return phrase(event.node, event.inputs) if event.node is not None else event.words
+    return phrase(event.node, event.inputs) if event.node is not None else event.text
 
 
 def _success(event: Event) -> str | None:
@@ -237,8 +240,8 @@ def _success(event: Event) -> str | None:
 
 def _tick(change: StatusChange) -> str:
     depth = change.path.count("/")
-    words = f"  {change.message}" if change.message else ""
-    return f"{'· ' * depth}{_STATUS[change.status]} {change.name}{words}"
+    reason = f"  {change.message}" if change.message else ""
+    return f"{'· ' * depth}{_STATUS[change.status]} {change.name}{reason}"
 
 
 def table(rows: Iterable[tuple[str, str, bool]], width: int = WIDTH) -> Iterator[str]:

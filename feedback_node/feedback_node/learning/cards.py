@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a host says of its agents, checked before anything is learned for them."""
+"""Validation of host cards: profiles, learning rules and mood rules of agents."""
 
 from __future__ import annotations
 
@@ -12,29 +12,15 @@ from bt_agents_core.errors import Refused
 from bt_agents_core.feedback import LearningRule, Update
 from bt_agents_core.scene import MAX_WEIGHT, SceneSpace, Vector
 from bt_agents_language.files.learning_reader import LAYERS, MAX_ANNEAL, MAX_WINDOW
+from bt_agents_language.model.mood_rule import MoodRule
 from feedback_node.learning.learning_step import PLAIN, checked_rate
-from feedback_node.rules import Rule, read_rule
-
-
-@dataclass(frozen=True, kw_only=True)
-class RuleEntry:
-    """One mood rule as a card has it; see ``MoodRule.msg``."""
-
-    when: str
-    hold_s: float
-    give: int
-    cancel: bool
-    baseline_s: float = 0.0
-    release: str = ""
-    cooldown_s: float = 0.0
-    confidence: float = 0.0
 
 
 @dataclass(frozen=True, kw_only=True)
 class LearningEntry:
-    """How an agent learns as a card has it, in the order of its parameters; see ``Learning.msg``.
+    """Unchecked learning rule of a card, in the order of its parameters; see ``Learning.msg``.
 
-    An empty ``update`` says nothing: the agent learns by the paper's formula.
+    With an empty ``update`` the agent learns by the paper's formula.
     """
 
     update: str = ""
@@ -48,26 +34,32 @@ class LearningEntry:
     layers: tuple[str, ...] = ()
     general: float = 1.0
 
-    def says(self, other: LearningEntry) -> bool:
-        """Return whether another one says the same; two NaN do, which stand for nothing."""
+    def matches(self, other: LearningEntry) -> bool:
+        """Return whether another entry is equal; two NaN are, which stand for no value."""
         return repr(self) == repr(other)
 
 
 @dataclass(frozen=True, kw_only=True)
 class AgentEntry:
-    """One agent as a card has it, unchecked; see ``AgentCard.msg``."""
+    """Agent of a card, unchecked but for its mood rules; see ``AgentCard.msg``.
+
+    Attributes:
+        rules: Mood rules that could be read.
+        bad_rules: Why the others could not.
+    """
 
     name: str
     profile: tuple[float, ...]
     revision: int
     learning_rate: float
     learning: LearningEntry = LearningEntry()
-    rules: tuple[RuleEntry, ...] = ()
+    rules: tuple[MoodRule, ...] = ()
+    bad_rules: tuple[Refused, ...] = ()
 
 
 @dataclass(frozen=True, kw_only=True)
 class LearningCard:
-    """One host's card as received, unchecked; see ``HostCard.msg``."""
+    """Card of a host, unchecked; see ``HostCard.msg``."""
 
     host: str
     instance: str
@@ -77,7 +69,7 @@ class LearningCard:
 
 @dataclass(frozen=True, kw_only=True)
 class Agent:
-    """A checked agent of a card.
+    """Checked agent of a card.
 
     Attributes:
         name: Unique name.
@@ -96,19 +88,20 @@ class Agent:
     held: int
     rate: float
     learning: LearningRule = PLAIN
-    rules: tuple[Rule, ...] = ()
+    rules: tuple[MoodRule, ...] = ()
     entry: AgentEntry | None = None
 
-    def says(self, entry: AgentEntry, host: str) -> bool:
-        """Return whether an entry makes the same of it, but for its revision."""
+    def matches(self, entry: AgentEntry, host: str) -> bool:
+        """Return whether an entry leads to the same agent, but for its revision."""
         known = self.entry
         return (
             known is not None
             and host == self.host
-            and len(self.rules) == len(known.rules)
+            and not entry.bad_rules
+            and not known.bad_rules
             and entry.profile == known.profile
             and entry.learning_rate == known.learning_rate
-            and entry.learning.says(known.learning)
+            and entry.learning.matches(known.learning)
             and entry.rules == known.rules
         )
 
@@ -150,7 +143,7 @@ def read_card(
                 raise Refused(
                     "BAD_NAME", f"{what}: expected a name that no other agent of the host has"
                 )
-            if entry.name in known and known[entry.name].says(entry, card.host):
+            if entry.name in known and known[entry.name].matches(entry, card.host):
                 agents[entry.name] = replace(known[entry.name], held=entry.revision)
                 continue
             agents[entry.name] = Agent(
@@ -160,16 +153,20 @@ def read_card(
                 held=entry.revision,
                 rate=checked_rate(entry.learning_rate, what=what),
                 learning=read_learning(entry.learning, space, what=what),
-                rules=_rules(entry, what, space, problems),
+                rules=entry.rules,
                 entry=entry,
             )
+            problems += [
+                f"{refusal.code}: {what}: {refusal.reason}; the rule is skipped"
+                for refusal in entry.bad_rules
+            ]
         except Refused as refusal:
             problems.append(str(refusal))
     return tuple(agents.values()), tuple(problems)
 
 
 def read_learning(entry: LearningEntry, space: SceneSpace, *, what: str) -> LearningRule:
-    """Check how an agent learns.
+    """Return the learning rule of an entry.
 
     Args:
         entry: As a card has it.
@@ -211,7 +208,7 @@ def read_learning(entry: LearningEntry, space: SceneSpace, *, what: str) -> Lear
 def _by_name(
     values: Sequence[float], limits: Mapping[str, float], of: str, what: str
 ) -> dict[str, float]:
-    """Return values, each from 0 to its limit, by name; NaN says nothing."""
+    """Return values, each from 0 to its limit, by name; NaN stands for no value."""
     if len(values) not in (0, len(limits)):
         raise _bad_learning(what, f"{len(values)} times a {of}, expected {len(limits)} or none")
     return {
@@ -229,30 +226,6 @@ def _within(value: float, low: float, high: float, of: str, what: str) -> float:
 
 def _bad_learning(what: str, words: str) -> Refused:
     return Refused("BAD_LEARNING", f"{what}: {words}")
-
-
-def _rules(
-    entry: AgentEntry, what: str, space: SceneSpace, problems: list[str]
-) -> tuple[Rule, ...]:
-    rules = []
-    for rule in entry.rules:
-        try:
-            rules.append(
-                read_rule(
-                    rule.when,
-                    rule.hold_s,
-                    rule.give,
-                    rule.cancel,
-                    space,
-                    baseline_s=rule.baseline_s,
-                    release=rule.release,
-                    cooldown_s=rule.cooldown_s,
-                    confidence=rule.confidence,
-                )
-            )
-        except Refused as refusal:
-            problems.append(f"{refusal.code}: {what}: {refusal.reason}; the rule is skipped")
-    return tuple(rules)
 
 
 def _list(names: tuple[str, ...]) -> str:

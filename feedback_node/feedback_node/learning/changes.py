@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What has become of a profile, and who is to be told."""
+"""Recorded changes of profiles, and their deliveries to hosts."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from bt_agents_core.scene import SceneSpace, Vector
-from feedback_node.ledger.rows import Revision
+from feedback_node.ledger.rows import ProfileRevision
 
 
 @dataclass(frozen=True, kw_only=True)
 class ProfileChange:
-    """A change that is recorded; vectors in the order of the space, NaN for what was not there.
+    """Recorded change; vectors in the order of the space, NaN for what was not there.
 
     Attributes:
         revision: Row of the ledger, with agent, layer, cause and time.
@@ -29,7 +29,7 @@ class ProfileChange:
         others: What the same feedback has changed in other layers.
     """
 
-    revision: Revision
+    revision: ProfileRevision
     before: Vector
     after: Vector
     target: Vector
@@ -47,10 +47,10 @@ class ProfileChange:
 
 @dataclass(frozen=True, kw_only=True)
 class Delivery:
-    """A profile that a host is to bid with from now on.
+    """Profile to be sent to a host, which bids with it from then on.
 
     Attributes:
-        host: Who is told.
+        host: Its full name.
         agent: Whose profile; empty when the host is to forget all layers that it has.
         layer: Empty for everybody's.
         remove: True when the host is to forget it.
@@ -71,8 +71,8 @@ Table = tuple[tuple[str, str, int, Vector], ...]
 
 
 def changed(
-    revision: Revision,
-    before: Revision,
+    revision: ProfileRevision,
+    before: ProfileRevision,
     space: SceneSpace,
     *,
     fresh: bool,
@@ -93,8 +93,8 @@ def changed(
     )
 
 
-def moved(before: Revision, after: Revision) -> str:
-    """Return the difference of two revisions in words and numbers."""
+def moved(before: ProfileRevision, after: ProfileRevision) -> str:
+    """Return the difference of two revisions as text."""
     moves = [
         f"{name} {before.profile.get(name, math.nan):.4g} → {value:.4g}"
         for name, value in after.profile.items()
@@ -104,7 +104,7 @@ def moved(before: Revision, after: Revision) -> str:
 
 
 def together(changes: Sequence[ProfileChange]) -> ProfileChange:
-    """Return the changes of one feedback as one, the words of all in it."""
+    """Return the changes of one feedback as one, with the texts of all."""
     first, *others = changes
     more = [one.words if one.revision.layer else f"for everybody {one.words}" for one in others]
     words = "; ".join([first.words, *more])

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where feedback comes from: mood rules of the run, people and programs, a simulated list."""
+"""Feedback controller: turns fired mood rules, given and simulated feedback into changes."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from bt_agents_core.errors import STORAGE_FULL, Refused
 from bt_agents_core.feedback import MOOD_RULE, FeedbackKind
 from bt_agents_core.live_scene_view import LEASE_S
 from bt_agents_core.scene import Scene, Vector
+from bt_agents_language.model.mood_rule import MoodAction
 from feedback_node.learning.cards import LearningCard
 from feedback_node.learning.changes import Delivery, ProfileChange
 from feedback_node.learning.profiles import Profiles
@@ -25,8 +26,8 @@ from feedback_node.simulated_feedback import SimulatedFeedback
 SETTLE_S = 0.5
 """How long the rules of a run wait that was replayed from history: its end may follow."""
 
-MOST_UNRECORDED = 100
-"""What rules have taught while the disk was full; more push the oldest out."""
+MOST_PENDING = 100
+"""Most feedbacks of rules that wait for room on the disk; more push the oldest out."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -45,7 +46,7 @@ class FeedbackRequest:
 
 @dataclass(frozen=True, kw_only=True)
 class RuleStop:
-    """The market is to stop a run and to ask again for the scene as it is now."""
+    """Request to the market: stop a run, and ask again for the scene as it is now."""
 
     run: AnnouncedRun
     reason: str
@@ -54,11 +55,11 @@ class RuleStop:
 
 @dataclass(frozen=True, kw_only=True)
 class RuleOutcome:
-    """What follows from a rule that fired.
+    """Outcome of a rule that fired.
 
     Attributes:
         change: The recorded change; None when it was refused.
-        problem: Why it was refused, in words.
+        problem: Reason of the refusal.
         stop: Set when the rule also stops the run, whether or not the profile could move.
     """
 
@@ -68,8 +69,8 @@ class RuleOutcome:
 
 
 @dataclass(frozen=True, kw_only=True)
-class _Unrecorded:
-    """What a rule teaches, until it is recorded."""
+class _Pending:
+    """Feedback of a rule that is not recorded yet."""
 
     run: AnnouncedRun
     fired: Fired
@@ -77,7 +78,7 @@ class _Unrecorded:
 
 
 class FeedbackController:
-    """Turns what happens around a run into changes of profiles."""
+    """Turns events of runs, live scenes and given feedback into changes of profiles."""
 
     def __init__(
         self,
@@ -106,10 +107,10 @@ class FeedbackController:
         self._runs = AnnouncedRuns()
         self._watch: Watch | None = None
         self._trace: MoodTrace | None = None
-        self._tip: tuple[tuple[str, int, str], str] | None = None
+        self._leaf_of_run: tuple[tuple[str, int, str], str] | None = None
         self._settle_s = 0.0
         self._card_awaited = False
-        self._unrecorded: deque[_Unrecorded] = deque(maxlen=MOST_UNRECORDED)
+        self._pending: deque[_Pending] = deque(maxlen=MOST_PENDING)
 
     def set_lease(self, seconds: float) -> None:
         """Let a live scene count for so long after it has come [s], from now on."""
@@ -119,7 +120,7 @@ class FeedbackController:
         if self._trace is not None:
             self._trace.lease_s = seconds
 
-    def runs(self, run: AnnouncedRun) -> bool:
+    def is_running(self, run: AnnouncedRun) -> bool:
         """Return True while a run goes on."""
         return self._runs.current is not None and self._runs.current.key == run.key
 
@@ -130,27 +131,27 @@ class FeedbackController:
 
     @property
     def due(self) -> float:
-        """When a rule does something though nothing comes, in steady time [s]; infinite: never."""
+        """Steady time at which a rule acts if nothing comes [s]; infinite for never."""
         return math.inf if self._watch is None else self._watch.due
 
     @property
-    def following(self) -> bool:
-        """True while the mood of a run is followed."""
+    def tracks_mood(self) -> bool:
+        """True while the mood of a run is traced."""
         return self._trace is not None
 
-    def follows(self, scene_id: str) -> bool:
+    def wants(self, scene_id: str) -> bool:
         """Return True while live scenes of this id count."""
         run = self._runs.current
-        return self.following and run is not None and run.scene.scene_id == scene_id
+        return self.tracks_mood and run is not None and run.scene.scene_id == scene_id
 
-    def introduce(self, card: LearningCard) -> tuple[tuple[Delivery, ...], tuple[str, ...]]:
-        """Take a host's card; see :meth:`Profiles.introduce`."""
-        result = self.profiles.introduce(card)
+    def register_card(self, card: LearningCard) -> tuple[tuple[Delivery, ...], tuple[str, ...]]:
+        """Take a host's card; see :meth:`Profiles.register_card`."""
+        result = self.profiles.register_card(card)
         self._begin()
         return result
 
-    def started(self, run: AnnouncedRun, *, replayed: bool = False) -> None:
-        """Watch a run; one that is known to be over is not watched.
+    def on_run_started(self, run: AnnouncedRun, *, replayed: bool = False) -> None:
+        """Begin to evaluate the rules of a run, unless it is known to be over.
 
         Args:
             run: The run.
@@ -160,20 +161,20 @@ class FeedbackController:
             self._watch = None
             self._settle_s = SETTLE_S if replayed else 0.0
             self._trace = MoodTrace(run.scene, self.profiles.space, self._clock, self._lease_s)
-            self._follow_tip()
+            self._update_leaf()
             self._card_awaited = True
             self._begin()
 
-    def cancelling(self, run: AnnouncedRun) -> None:
-        """Watch a run no more: what the person does while it is being stopped teaches nothing."""
-        if self.runs(run):
+    def on_run_cancelling(self, run: AnnouncedRun) -> None:
+        """Stop evaluating rules: moods while a run is being stopped teach nothing."""
+        if self.is_running(run):
             self._stop_watching()
 
-    def ended(self, run: AnnouncedRun) -> ReportedMood | None:
+    def on_run_ended(self, run: AnnouncedRun) -> ReportedMood | None:
         """Note the end of a run, including one that never started for this node.
 
         Returns:
-            How the mood went in it; None when it was not followed, or no node of it was heard of.
+            Its mood trace; None when it was not traced, or none of its nodes is known.
         """
         if not self._runs.ended(run):
             return None
@@ -182,44 +183,44 @@ class FeedbackController:
         leaves = trace.so_far() if trace is not None else ()
         return ReportedMood(run=run, leaves=leaves) if leaves else None
 
-    def ticked(self, key: tuple[str, int, str], leaf: str) -> None:
+    def on_leaf(self, key: tuple[str, int, str], leaf: str) -> None:
         """Take the path of the node that is at work in a run; see :attr:`AnnouncedRun.key`.
 
-        It may be heard before the start of the run, which somebody else tells.
+        It may arrive before the start of the run, which another node publishes.
         """
-        self._tip = (key, leaf)
-        self._follow_tip()
+        self._leaf_of_run = (key, leaf)
+        self._update_leaf()
 
-    def see(self, live: Scene) -> tuple[RuleOutcome, ...]:
+    def receive(self, live: Scene) -> tuple[RuleOutcome, ...]:
         """Take a live scene; one of another scene than the run's is ignored."""
         run = self._runs.current
         if run is None or live.scene_id != run.scene.scene_id:
             return ()
         if self._trace is not None:
-            self._trace.see(live)
-        return () if self._watch is None else self._lessons(run, self._watch.see(live))
+            self._trace.receive(live)
+        return () if self._watch is None else self._outcomes(run, self._watch.receive(live))
 
     def tick(self) -> tuple[RuleOutcome, ...]:
-        """Let time pass."""
+        """Return what follows because time has passed."""
         run = self._runs.current
         if run is None or self._watch is None:
             return ()
-        return self._lessons(run, self._watch.tick())
+        return self._outcomes(run, self._watch.tick())
 
-    def again(self) -> tuple[RuleOutcome, ...]:
-        """Try once more to record what rules have taught while the disk was full."""
+    def retry(self) -> tuple[RuleOutcome, ...]:
+        """Retry to record feedback of rules that the full disk did not take."""
         lessons = []
-        while self._unrecorded:
-            one = self._unrecorded[0]
+        while self._pending:
+            one = self._pending[0]
             try:
-                lessons.append(RuleOutcome(change=self._learn(one)))
+                lessons.append(RuleOutcome(change=self._record(one)))
             except Refused as refusal:
                 if refusal.code == STORAGE_FULL:
                     break
                 lessons.append(
                     RuleOutcome(problem=f"{one.run.agent}: {one.fired.reason}: {refusal}")
                 )
-            self._unrecorded.popleft()
+            self._pending.popleft()
         return tuple(lessons)
 
     def give(self, given: FeedbackRequest) -> ProfileChange:
@@ -301,12 +302,12 @@ class FeedbackController:
             self._resumed = False
             raise
 
-    def _follow_tip(self) -> None:
+    def _update_leaf(self) -> None:
         run = self._runs.current
-        if self._trace is not None and run is not None and self._tip is not None:
-            key, leaf = self._tip
+        if self._trace is not None and run is not None and self._leaf_of_run is not None:
+            key, leaf = self._leaf_of_run
             if key == run.key:
-                self._trace.tip(leaf)
+                self._trace.on_leaf(leaf)
 
     def _begin(self) -> None:
         run = self._runs.current
@@ -325,44 +326,43 @@ class FeedbackController:
         self._watch = None
         self._card_awaited = False
 
-    def _lessons(self, run: AnnouncedRun, fired: tuple[Fired, ...]) -> tuple[RuleOutcome, ...]:
-        return tuple(self._lesson(run, one) for one in fired)
+    def _outcomes(self, run: AnnouncedRun, fired: tuple[Fired, ...]) -> tuple[RuleOutcome, ...]:
+        return tuple(self._outcome(run, one) for one in fired)
 
-    def _lesson(self, run: AnnouncedRun, fired: Fired) -> RuleOutcome:
-        stop = (
-            RuleStop(run=run, reason=fired.reason, live=fired.live) if fired.rule.cancel else None
-        )
+    def _outcome(self, run: AnnouncedRun, fired: Fired) -> RuleOutcome:
+        cancels = fired.rule.action is MoodAction.CANCEL
+        stop = RuleStop(run=run, reason=fired.reason, live=fired.live) if cancels else None
         leaf = self._trace.leaf_at(fired.since) if self._trace is not None else ""
-        unrecorded = _Unrecorded(run=run, fired=fired, leaf=leaf)
+        pending = _Pending(run=run, fired=fired, leaf=leaf)
         try:
-            return RuleOutcome(change=self._learn(unrecorded), stop=stop)
+            return RuleOutcome(change=self._record(pending), stop=stop)
         except Refused as refusal:
             problem = f"{run.agent}: {fired.reason}, but {refusal}"
             if refusal.code == STORAGE_FULL:
                 problem += "; it is tried again until there is room"
-                if len(self._unrecorded) == MOST_UNRECORDED:
-                    lost = self._unrecorded[0]
+                if len(self._pending) == MOST_PENDING:
+                    lost = self._pending[0]
                     problem += f"; lost is that of {lost.run.agent} in round {lost.run.round}"
-                self._unrecorded.append(unrecorded)
+                self._pending.append(pending)
             return RuleOutcome(problem=problem, stop=stop)
 
-    def _learn(self, one: _Unrecorded) -> ProfileChange:
+    def _record(self, one: _Pending) -> ProfileChange:
         rule = one.fired.rule
         return self.profiles.apply(
             one.run.agent,
-            rule.kind,
+            rule.give,
             one.run.scene.observed,
             feedback_id=_rule_id(one.run, one.fired),
             source=MOOD_RULE,
             reason=one.fired.reason,
             run=one.run,
-            cancels=rule.cancel,
+            cancels=rule.action is MoodAction.CANCEL,
             leaf=one.leaf,
         )
 
     def _leaf(self, run: AnnouncedRun | None) -> str:
         """Return which node of a run is at work now; empty when it does not go on."""
-        if run is None or self._trace is None or not self.runs(run):
+        if run is None or self._trace is None or not self.is_running(run):
             return ""
         return self._trace.leaf_at(self._clock())
 
@@ -392,7 +392,7 @@ def _scene(given: FeedbackRequest, agent: str, run: AnnouncedRun | None) -> Vect
 
 
 def _rule_id(run: AnnouncedRun, fired: Fired) -> str:
-    """Return the id of what a rule teaches: the same after a restart of this node."""
+    """Return the feedback id of a firing: the same after a restart of this node."""
     again = f"/{fired.count}" if fired.count else ""
     return f"rule/{run.epoch}/{run.round}/{run.agent}/{fired.index}{again}"
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which layers one feedback teaches, how much, and what an agent has been taught before."""
+"""Learning in layers: the share of each layer in a feedback, and the history of each."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from bt_agents_core.scene import Scene, SceneSpace, Vector
 from feedback_node.learning import learning_step
 from feedback_node.learning.cards import Agent
 from feedback_node.ledger import Ledger
-from feedback_node.ledger.rows import Cause, Revision, hidden
+from feedback_node.ledger.rows import ProfileRevision, RevisionCause, hidden
 
 _RECENT = 30
 """Feedbacks from which the share of wrong ones is estimated."""
@@ -24,7 +24,7 @@ _IN_PART = "taught by somebody, or at a place, that has a profile of its own"
 
 @dataclass(frozen=True, kw_only=True)
 class LayerStep:
-    """What a feedback does to one layer.
+    """Step of one layer for one feedback.
 
     Attributes:
         cause: For the ledger.
@@ -34,7 +34,7 @@ class LayerStep:
         recent: What the layer was taught last, this included; see :func:`taught`.
     """
 
-    cause: Cause
+    cause: RevisionCause
     step: learning_step.Step
     false_rate: float
     recent: tuple[Vector, ...]
@@ -43,7 +43,7 @@ class LayerStep:
 def shares(
     rule: LearningRule, kind: FeedbackKind, scene: Scene | None
 ) -> tuple[tuple[str, float], ...]:
-    """Return the layers that a feedback teaches, each with how much of it, 0..1.
+    """Return the layers that learn from a feedback, each with its share, 0..1.
 
     Without the layer of a person or a place that is the profile for everybody, alone and in full;
     else it comes last, unless it learns nothing of it. What is set is set for everybody.
@@ -60,7 +60,7 @@ def shares(
     return (*own, (EVERYBODY, rule.general)) if rule.general > 0.0 else own
 
 
-def anonymous(cause: Cause) -> Cause:
+def anonymous(cause: RevisionCause) -> RevisionCause:
     """Return a cause without what leads back to the person whose layer was taught as well."""
     assert cause.feedback_id is not None
     feedback_id = hidden(cause.feedback_id)
@@ -74,12 +74,12 @@ def layer_step(
     *,
     agent: Agent,
     share: float,
-    cause: Cause,
+    cause: RevisionCause,
     changes: int,
     recent: tuple[Vector, ...],
     space: SceneSpace,
 ) -> LayerStep:
-    """Return what a feedback does to one layer of an agent.
+    """Return the step of one layer of an agent for one feedback.
 
     Args:
         kind: Which way.
@@ -108,8 +108,10 @@ def layer_step(
             recent=recent[-rule.window :], changes=changes, authored=agent.authored
         ),
     )
-    asked = (
-        () if kind is FeedbackKind.SET else (learning_step.asked(kind, step.before, step.target),)
+    requested = (
+        ()
+        if kind is FeedbackKind.SET
+        else (learning_step.requested(kind, step.before, step.target),)
     )
     of_rate = all(rate == step.rate for rate in step.rates)
     return LayerStep(
@@ -122,15 +124,15 @@ def layer_step(
             changes=changes + (kind is not FeedbackKind.SET),
         ),
         step=step,
-        false_rate=learning_step.false_rate((*recent[-_RECENT:], *asked), space),
-        recent=(*recent, *asked)[-max(rule.window, _RECENT) :],
+        false_rate=learning_step.false_rate((*recent[-_RECENT:], *requested), space),
+        recent=(*recent, *requested)[-max(rule.window, _RECENT) :],
     )
 
 
 def taught(
     ledger: Ledger, agent: str, layer: str, space: SceneSpace, window: int
 ) -> tuple[Vector, ...]:
-    """Return what the last feedbacks have asked for, newest last; enough for ``window`` of them.
+    """Return the targets of the last feedbacks, newest last; enough for ``window`` of them.
 
     Raises:
         LedgerError: ``LEDGER_CORRUPT`` or ``LEDGER_UNREADABLE``.
@@ -140,7 +142,7 @@ def taught(
         target = space.ordered(row.cause.target)
         if row.cause.kind == FeedbackKind.NEGATIVE:
             before = ledger.before(row)
-            target = learning_step.asked(
+            target = learning_step.requested(
                 FeedbackKind.NEGATIVE, space.ordered(before.profile), target
             )
         found.append(target)
@@ -148,18 +150,18 @@ def taught(
 
 
 class LayerFeedback:
-    """Remembers what was taught last, so that a feedback need not read the rows before it."""
+    """Cache of the last targets of each layer, so that a feedback reads no rows before it."""
 
     def __init__(self) -> None:
         self._known: dict[tuple[str, str], tuple[int, int, tuple[Vector, ...]]] = {}
 
-    def known(self, current: Revision, window: int) -> tuple[Vector, ...] | None:
-        """Return what has led to a revision, as of :func:`taught`; None when it is not known."""
+    def known(self, current: ProfileRevision, window: int) -> tuple[Vector, ...] | None:
+        """Return the targets before a revision, as of :func:`taught`; None when not cached."""
         number, reach, recent = self._known.get((current.agent, current.layer), (-1, 0, ()))
         return recent if (number, reach) == (current.revision, window) else None
 
-    def keep(self, revision: Revision, window: int, recent: tuple[Vector, ...]) -> None:
-        """Take what has led to a revision that was just recorded."""
+    def store(self, revision: ProfileRevision, window: int, recent: tuple[Vector, ...]) -> None:
+        """Cache the targets that have led to a revision."""
         key = (revision.agent, revision.layer)
         self._known.pop(key, None)
         self._known[key] = (revision.revision, window, recent)
@@ -167,5 +169,5 @@ class LayerFeedback:
             del self._known[next(iter(self._known))]
 
     def forget(self, agent: str, layer: str) -> None:
-        """Remember nothing of a layer; one of the same name counts its revisions anew."""
+        """Drop a layer; one of the same name counts its revisions from the start."""
         self._known.pop((agent, layer), None)

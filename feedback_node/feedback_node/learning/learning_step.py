@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How feedback moves a profile: to or towards a wanted vector, towards a scene or away from it.
+"""Learning step of one profile: to or towards a vector, towards a scene or away from it.
 
 Sources: direct feedback is the update of section 2.3.4 of the paper, "the positive or negative
 distance of the user feedback from the corresponding parameter [...] multiplied with a factor for
@@ -36,10 +36,10 @@ PLAIN = LearningRule()
 
 @dataclass(frozen=True, kw_only=True)
 class Evidence:
-    """What an agent has been taught before this feedback; vectors in the order of the space.
+    """Earlier feedback of an agent; vectors in the order of the space.
 
     Attributes:
-        recent: What the last feedbacks asked for, as of :func:`asked`, newest last; as many as
+        recent: What the last feedbacks asked for, as of :func:`requested`, newest last; as many as
             the rule's ``window`` are enough. Without ``SET``.
         changes: How many feedbacks have moved the profile, without ``SET``.
         authored: Profile of the agent's file; empty when nothing is bounded by it.
@@ -56,7 +56,7 @@ UNTAUGHT = Evidence()
 
 @dataclass(frozen=True, kw_only=True)
 class Step:
-    """One move of a profile; all vectors in the order of the space.
+    """Move of a profile; all vectors in the order of the space.
 
     Attributes:
         kind: What was asked for.
@@ -90,7 +90,7 @@ def step(
     weight: float = 1.0,
     evidence: Evidence = UNTAUGHT,
 ) -> Step:
-    """Move a profile by one feedback; see :func:`updates.moved` for the formulas.
+    """Move a profile by one feedback; see :func:`updates.apply_update` for the formulas.
 
     Args:
         kind: Which way. ``SET`` is ``p ← f`` at once, whatever rates, weight and drift.
@@ -116,7 +116,7 @@ def step(
     rates = (
         np.ones(len(space)) if at_once else updates.rates(of_rule, rate, weight, evidence.changes)
     )
-    after = updates.moved(
+    after = updates.apply_update(
         kind,
         np.array(before),
         np.array(wanted),
@@ -145,7 +145,7 @@ def step(
     )
 
 
-def asked(kind: FeedbackKind, profile: Vector, target: Vector) -> Vector:
+def requested(kind: FeedbackKind, profile: Vector, target: Vector) -> Vector:
     """Return the profile that a feedback asked for, which is the ``recent`` of later ones.
 
     Args:
@@ -153,7 +153,7 @@ def asked(kind: FeedbackKind, profile: Vector, target: Vector) -> Vector:
         profile: Profile before it.
         target: Its target; NaN for no opinion.
     """
-    return _vector(updates.asked(kind, np.array(profile), np.array(target)))
+    return _vector(updates.requested(kind, np.array(profile), np.array(target)))
 
 
 def false_rate(recent: Sequence[Vector], space: SceneSpace) -> float:
@@ -165,7 +165,7 @@ def false_rate(recent: Sequence[Vector], space: SceneSpace) -> float:
     to half of the feedbacks can be found to be wrong.
 
     Args:
-        recent: What the last feedbacks asked for, as of :func:`asked`; NaN for no opinion.
+        recent: What the last feedbacks asked for, as of :func:`requested`; NaN for no opinion.
         space: The parameters and their ranges.
 
     Returns:

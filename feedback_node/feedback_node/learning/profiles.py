@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The current profiles of all known agents, and the one place where feedback changes them."""
+"""Current profiles of all known agents; the only place where feedback changes them."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from bt_agents_core.errors import Refused
 from bt_agents_core.feedback import FeedbackKind
 from bt_agents_core.profile_layers import MOST_LAYERS
 from bt_agents_core.scene import SceneSpace, Vector
+from bt_agents_core.text import printable_line
 from feedback_node.learning import learning_step
 from feedback_node.learning.cards import Agent, LearningCard, read_card
 from feedback_node.learning.changes import Delivery, ProfileChange, Table, changed, moved, together
@@ -23,10 +24,10 @@ from feedback_node.learning.layers import (
     taught,
 )
 from feedback_node.learning.runs import AnnouncedRun
-from feedback_node.learning.texts import check_texts, one_line
-from feedback_node.ledger import Entry, Ledger
+from feedback_node.learning.texts import check_texts
+from feedback_node.ledger import Ledger, LedgerEntry
 from feedback_node.ledger.file import LedgerError
-from feedback_node.ledger.rows import FORGOTTEN, LAYER, Cause, Revision
+from feedback_node.ledger.rows import FORGOTTEN, LAYER, ProfileRevision, RevisionCause
 
 MOST_HOSTS = 100
 """Hosts whose agents are known at once."""
@@ -35,18 +36,18 @@ _BEGINS = "begins as the profile for everybody"
 
 
 class Profiles:
-    """Knows the agents of all hosts' cards and keeps their profiles in the ledger."""
+    """Agents of all cards, with their profiles in the ledger."""
 
     def __init__(self, space: SceneSpace, ledger: Ledger) -> None:
         self.space = space
         self._ledger = ledger
         self._agents: dict[str, Agent] = {}
         self._starts: dict[str, str] = {}
-        self._current: dict[tuple[str, str], Revision] = {}
+        self._current: dict[tuple[str, str], ProfileRevision] = {}
         self._false_rates: dict[tuple[str, str], tuple[int, float]] = {}
         self._lessons = LayerFeedback()
 
-    def introduce(self, card: LearningCard) -> tuple[tuple[Delivery, ...], tuple[str, ...]]:
+    def register_card(self, card: LearningCard) -> tuple[tuple[Delivery, ...], tuple[str, ...]]:
         """Take a host's card.
 
         One without agents is of a start that the market does not have: it takes nothing away from
@@ -130,7 +131,7 @@ class Profiles:
         )
 
     def delivery(self, name: str, layer: str = "") -> Delivery:
-        """Return what the host of a known agent is to be told, as it is now."""
+        """Return the delivery of a known agent's current profile to its host."""
         host = self._agents[name].host
         current = self._current.get((name, layer))
         if current is None:
@@ -144,11 +145,11 @@ class Profiles:
         )
 
     def clearing(self, host: str) -> Delivery:
-        """Return what makes a host forget all layers; those that there are follow its answer."""
+        """Return the delivery that makes a host forget all layers; the current ones follow it."""
         return Delivery(host=host, agent="", remove=True)
 
     def layers_at(self, host: str) -> tuple[Delivery, ...]:
-        """Return what a host is to be told of layers."""
+        """Return the deliveries of all layers of a host's agents."""
         return tuple(
             self.delivery(name, layer)
             for name, layer in sorted(self._current)
@@ -156,7 +157,7 @@ class Profiles:
         )
 
     def deliveries(self, changes: Iterable[ProfileChange]) -> tuple[Delivery, ...]:
-        """Return what the hosts of those agents that are known are to be told of changes."""
+        """Return the deliveries of changed profiles to the hosts of known agents."""
         return tuple(
             self.delivery(change.revision.agent, change.revision.layer)
             for change in changes
@@ -226,9 +227,9 @@ class Profiles:
         if (known := self.recorded(feedback_id)) is not None:
             return known
         agent = self.agent(name)
-        reason = one_line(reason)
+        reason = printable_line(reason)
         check_texts(feedback_id=feedback_id, source=source, reason=reason, leaf=leaf)
-        cause = Cause(
+        cause = RevisionCause(
             kind=kind,
             source=source,
             reason=reason,
@@ -239,7 +240,7 @@ class Profiles:
             leaf=leaf,
             cancels=cancels,
         )
-        entries: list[Entry] = []
+        entries: list[LedgerEntry] = []
         steps: dict[str, LayerStep] = {}
         crowded: list[Refused] = []
         scene = run.scene if run else None
@@ -248,7 +249,7 @@ class Profiles:
             known_layer = self._current.get((name, layer))
             if known_layer is None:
                 try:
-                    entries.append(self.beginning(name, layer))
+                    entries.append(self.first_layer_entry(name, layer))
                 except LedgerError:
                     raise
                 except Refused as refusal:
@@ -267,22 +268,22 @@ class Profiles:
             )
             steps[layer] = one
             after = self.space.named(one.step.after)
-            entries.append(Entry(agent=name, layer=layer, profile=after, cause=one.cause))
+            entries.append(LedgerEntry(agent=name, layer=layer, profile=after, cause=one.cause))
         if crowded and not steps:
             raise crowded[0]
         recorded = self._ledger.record(entries)
         for revision in recorded:
             if (step := steps.get(revision.layer)) and revision.cause is step.cause:
-                self._lessons.keep(revision, window, step.recent)
-        change = self.taken(recorded, steps)
+                self._lessons.store(revision, window, step.recent)
+        change = self.on_recorded(recorded, steps)
         if crowded:
             change = replace(change, words=f"{change.words}; {crowded[0].reason}")
         return change
 
-    def taken(
-        self, revisions: Iterable[Revision], steps: Mapping[str, LayerStep] | None = None
+    def on_recorded(
+        self, revisions: Iterable[ProfileRevision], steps: Mapping[str, LayerStep] | None = None
     ) -> ProfileChange:
-        """Take over what the ledger has recorded for agents, known or not.
+        """Adopt revisions that the ledger has recorded, of agents known or not.
 
         Args:
             revisions: One or more; beginnings of layers belong to what follows them.
@@ -315,8 +316,8 @@ class Profiles:
             )
         return together(changes)
 
-    def gone(self, profiles: Iterable[tuple[str, str]]) -> tuple[Delivery, ...]:
-        """Take over that layers are forgotten; return what hosts are to be told."""
+    def on_erased(self, profiles: Iterable[tuple[str, str]]) -> tuple[Delivery, ...]:
+        """Drop erased layers; return the deliveries to their hosts."""
         told = []
         for name, layer in profiles:
             self._current.pop((name, layer), None)
@@ -327,7 +328,7 @@ class Profiles:
         return tuple(told)
 
     def false_rate(self, name: str, layer: str = "") -> float:
-        """Return how much of what a profile was taught seems to be wrong; see :class:`ProfileChange`.
+        """Return the share of a profile's feedback that seems wrong; see :class:`ProfileChange`.
 
         Raises:
             LedgerError: ``LEDGER_CORRUPT`` or ``LEDGER_UNREADABLE``.
@@ -340,7 +341,7 @@ class Profiles:
         known = self._lessons.known(current, window) if current is not None else None
         return taught(self._ledger, name, layer, self.space, window) if known is None else known
 
-    def _false_rate_of(self, revision: Revision, step: LayerStep | None) -> float:
+    def _false_rate_of(self, revision: ProfileRevision, step: LayerStep | None) -> float:
         """Return it for the current revision of a profile; estimated once for each."""
         key = (revision.agent, revision.layer)
         number, rate = self._false_rates.get(key, (-1, math.nan))
@@ -351,8 +352,8 @@ class Profiles:
         self._false_rates[key] = (revision.revision, rate)
         return rate
 
-    def beginning(self, name: str, layer: str) -> Entry:
-        """Return how a layer of an agent that the ledger knows begins.
+    def first_layer_entry(self, name: str, layer: str) -> LedgerEntry:
+        """Return the first ledger entry of a layer, for an agent that the ledger knows.
 
         Raises:
             Refused: ``TOO_MANY_LAYERS``.
@@ -366,10 +367,10 @@ class Profiles:
                 f"{MOST_LAYERS} at most; 'bt-agents profile expire' forgets those that have not "
                 "changed for long",
             )
-        cause = Cause(cause=LAYER, source="feedback", reason=_BEGINS)
+        cause = RevisionCause(cause=LAYER, source="feedback", reason=_BEGINS)
         everybody = self._ledger.current(name)
         profile = everybody.profile if everybody is not None else {}
-        return Entry(agent=name, layer=layer, profile=profile, cause=cause)
+        return LedgerEntry(agent=name, layer=layer, profile=profile, cause=cause)
 
     def _enter(self, agents: Iterable[Agent]) -> Collection[str]:
         """Have the ledger know what files say that are new; return the names of their agents."""

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which agent runs, which ran last and for which scene: what feedback without a name refers to."""
+"""Current and last runs, to which feedback without a name refers."""
 
 from __future__ import annotations
 
@@ -30,12 +30,12 @@ class AnnouncedRun:
 
     @property
     def key(self) -> tuple[str, int, str]:
-        """What no other run has; in a round the next best agent may follow a lost one."""
+        """Unique key; in a round the next best agent may follow a lost one."""
         return self.epoch, self.round, self.agent
 
 
 class AnnouncedRuns:
-    """Follows the events of runs; exactly one runs at a time.
+    """Runs as told by their events; at most one is current.
 
     Events may be replayed from the history of their topic, so a start can arrive for a run that is
     known to be over.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What people may write with a feedback, and how it is kept."""
+"""Validation of the texts that come with feedback."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ LONGEST_TEXT = 1000
 
 
 def check_texts(**texts: str) -> None:
-    """Check what is told with a feedback.
+    """Check the texts of a feedback by their field.
 
     Raises:
         Refused: ``TOO_LONG``, ``BAD_TEXT`` or ``RESERVED_ID``.
@@ -31,8 +31,3 @@ def check_texts(**texts: str) -> None:
             "RESERVED_ID",
             "feedback: ids that begin with 'sha256:' stand for forgotten ones; take a UUID",
         )
-
-
-def one_line(text: str) -> str:
-    """Return a text without control characters, which people's terminals would obey."""
-    return " ".join("".join(c if c.isprintable() else " " for c in text).split())

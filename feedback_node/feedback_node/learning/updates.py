@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How feedback moves profiles, as arrays: one profile, or those of thousands of runs at once.
+"""Update rules of profiles on arrays: one profile, or those of thousands of runs at once.
 
 All functions broadcast over leading axes, so that each row is moved as if it were alone. Plain
 sums are those of plain Python, bit for bit.
@@ -77,7 +77,7 @@ def rates(rule: RuleArrays, rate: ArrayLike, weight: ArrayLike, changes: ArrayLi
     return result
 
 
-def asked(kind: ArrayLike, profile: Array, target: Array) -> Array:
+def requested(kind: ArrayLike, profile: Array, target: Array) -> Array:
     """Return the profile that feedback asks for: the target, or for negative its mirror image.
 
     "Away from the scene by the same step" is the step towards ``2p − s``, which may lie outside
@@ -92,7 +92,7 @@ def asked(kind: ArrayLike, profile: Array, target: Array) -> Array:
     return np.where(negative, profile - (target - profile), target)
 
 
-def moved(
+def apply_update(
     kind: ArrayLike,
     profile: Array,
     target: Array,
@@ -118,7 +118,7 @@ def moved(
         target: [..., n]; NaN leaves its parameter alone.
         rate: [..., n], as of :func:`rates`.
         rule: The learning rule, the same for all rows.
-        recent: [..., k, n], what the feedbacks before this one asked for as of :func:`asked`,
+        recent: [..., k, n], what the feedbacks before this one asked for as of :func:`requested`,
             newest last, NaN for none; only ``MEDIAN`` looks at it.
         authored: [..., n], profile of the agent's file.
         low: [n], lower ends of the ranges.
@@ -131,7 +131,7 @@ def moved(
     if rule.update == Update.HUBER:
         pull = np.clip(pull, -rule.width, rule.width)
     elif rule.update == Update.MEDIAN:
-        goal = _usual(asked(kind, profile, target), recent, rule.window)
+        goal = _median_target(requested(kind, profile, target), recent, rule.window)
         pull = goal - profile
     after = profile + rate * pull
     # Rounding may carry the sum one digit past the target, which would be an overshoot.
@@ -157,13 +157,13 @@ def median(samples: Array) -> Array:
     return result
 
 
-def _usual(asked_now: Array, recent: Array, window: int) -> Array:
+def _median_target(requested_now: Array, recent: Array, window: int) -> Array:
     before = recent[..., max(recent.shape[-2] - (window - 1), 0) :, :]
-    wide = np.broadcast_shapes(before.shape[:-2], asked_now.shape[:-1])
+    wide = np.broadcast_shapes(before.shape[:-2], requested_now.shape[:-1])
     samples = np.concatenate(
         [
             np.broadcast_to(before, (*wide, *before.shape[-2:])),
-            np.broadcast_to(asked_now, (*wide, asked_now.shape[-1]))[..., None, :],
+            np.broadcast_to(requested_now, (*wide, requested_now.shape[-1]))[..., None, :],
         ],
         axis=-2,
     )

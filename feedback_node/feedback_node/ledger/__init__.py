@@ -23,21 +23,21 @@ from feedback_node.ledger.rows import (
     RESET,
     STARTS,
     UNDO,
-    Cause,
-    Revision,
+    ProfileRevision,
+    RevisionCause,
     name_of,
     row_of,
 )
 
 
 @dataclass(frozen=True, kw_only=True)
-class Entry:
+class LedgerEntry:
     """A revision to be recorded."""
 
     agent: str
     layer: str = ""
     profile: Mapping[str, float]
-    cause: Cause
+    cause: RevisionCause
 
 
 class Ledger(LedgerReader):
@@ -101,7 +101,7 @@ class Ledger(LedgerReader):
 
     # Changes
 
-    def enter(self, profiles: Mapping[str, Mapping[str, float]]) -> dict[str, Revision]:
+    def enter(self, profiles: Mapping[str, Mapping[str, float]]) -> dict[str, ProfileRevision]:
         """Record what the agents' files say and return the current revision of each.
 
         A new agent starts at revision 0. Where the author has edited a value since the last
@@ -120,13 +120,13 @@ class Ledger(LedgerReader):
             return {agent: self._enter(agent, profile) for agent, profile in profiles.items()}
 
     def append(
-        self, agent: str, profile: Mapping[str, float], cause: Cause, *, layer: str = ""
-    ) -> Revision:
+        self, agent: str, profile: Mapping[str, float], cause: RevisionCause, *, layer: str = ""
+    ) -> ProfileRevision:
         """Record a new profile of an agent; see :meth:`record`."""
-        entry = Entry(agent=agent, layer=layer, profile=profile, cause=cause)
+        entry = LedgerEntry(agent=agent, layer=layer, profile=profile, cause=cause)
         return self.record([entry])[0]
 
-    def record(self, entries: Sequence[Entry]) -> tuple[Revision, ...]:
+    def record(self, entries: Sequence[LedgerEntry]) -> tuple[ProfileRevision, ...]:
         """Record revisions together; a known ``feedback_id`` returns its old ones instead.
 
         Raises:
@@ -144,7 +144,9 @@ class Ledger(LedgerReader):
                 recorded.append(self._append(entry))
             return tuple(recorded)
 
-    def undo(self, agent: str, layer: str = "", *, source: str = "", reason: str = "") -> Revision:
+    def undo(
+        self, agent: str, layer: str = "", *, source: str = "", reason: str = ""
+    ) -> ProfileRevision:
         """Bring back the profile before the last change, as a new revision.
 
         Again and again it goes further back, down to the last profile that the author wrote, or
@@ -168,7 +170,7 @@ class Ledger(LedgerReader):
                     ),
                 )
             back = self._restored(self._row(agent, layer, undone.revision - 1))
-            cause = Cause(
+            cause = RevisionCause(
                 cause=UNDO,
                 kind=FeedbackKind.SET,
                 source=source,
@@ -177,11 +179,13 @@ class Ledger(LedgerReader):
                 restores=back.revision,
                 changes=back.cause.changes,
             )
-            return self._append(Entry(agent=agent, layer=layer, profile=back.profile, cause=cause))
+            return self._append(
+                LedgerEntry(agent=agent, layer=layer, profile=back.profile, cause=cause)
+            )
 
     def reset(
         self, agent: str, layer: str = "", *, source: str = "", reason: str = ""
-    ) -> Revision:
+    ) -> ProfileRevision:
         """Bring back the profile that the author wrote last, as a new revision.
 
         Raises:
@@ -191,14 +195,16 @@ class Ledger(LedgerReader):
         with self._transaction():
             self._last(agent, layer)
             authored = self.authored(agent)
-            cause = Cause(
+            cause = RevisionCause(
                 cause=RESET,
                 kind=FeedbackKind.SET,
                 source=source,
                 reason=reason or "back to the profile of its file",
                 target=authored,
             )
-            return self._append(Entry(agent=agent, layer=layer, profile=authored, cause=cause))
+            return self._append(
+                LedgerEntry(agent=agent, layer=layer, profile=authored, cause=cause)
+            )
 
     def forget(self, profiles: Iterable[tuple[str, str]], *, source: str = "") -> str:
         """Erase the content of layers from the file; a row for each says that it was there.
@@ -226,21 +232,21 @@ class Ledger(LedgerReader):
                         f"{agent} has no layer '{layer}', so there is nothing to forget",
                     )
                 self._append(
-                    Entry(
+                    LedgerEntry(
                         agent=agent,
                         layer=erase_layer(self._database, agent, layer),
                         profile={},
-                        cause=Cause(cause=FORGOTTEN, source=source),
+                        cause=RevisionCause(cause=FORGOTTEN, source=source),
                     ),
                     revision=last.revision + 1,
                 )
         return self._erasure.start()
 
-    def _enter(self, agent: str, authored: Mapping[str, float]) -> Revision:
+    def _enter(self, agent: str, authored: Mapping[str, float]) -> ProfileRevision:
         last = self.current(agent)
-        cause = Cause(cause=AUTHORED, source="file", reason="first seen", target=authored)
+        cause = RevisionCause(cause=AUTHORED, source="file", reason="first seen", target=authored)
         if last is None:
-            return self._append(Entry(agent=agent, profile=authored, cause=cause))
+            return self._append(LedgerEntry(agent=agent, profile=authored, cause=cause))
         written = self.authored(agent)
         edited = [name for name in authored if name in written and authored[name] != written[name]]
         if not edited and authored.keys() == written.keys():
@@ -254,10 +260,10 @@ class Ledger(LedgerReader):
         for row in self.layers(agent):
             learned = {k: v for k, v in row.profile.items() if k not in edited}
             profile = {name: learned.get(name, value) for name, value in authored.items()}
-            self._append(Entry(agent=agent, layer=row.layer, profile=profile, cause=cause))
+            self._append(LedgerEntry(agent=agent, layer=row.layer, profile=profile, cause=cause))
         kept = {} if edited else last.profile
         profile = {name: kept.get(name, value) for name, value in authored.items()}
-        return self._append(Entry(agent=agent, profile=profile, cause=cause))
+        return self._append(LedgerEntry(agent=agent, profile=profile, cause=cause))
 
     def _newest(self, agent: str, layer: str) -> int | None:
         """Return the number of the latest revision of an agent; None for an unknown one."""
@@ -268,11 +274,11 @@ class Ledger(LedgerReader):
             self._revisions[agent, layer] = last.revision
         return self._revisions[agent, layer]
 
-    def _append(self, entry: Entry, revision: int | None = None) -> Revision:
+    def _append(self, entry: LedgerEntry, revision: int | None = None) -> ProfileRevision:
         if revision is None:
             newest = self._newest(entry.agent, entry.layer)
             revision = 0 if newest is None else newest + 1
-        appended = Revision(
+        appended = ProfileRevision(
             agent=entry.agent,
             layer=entry.layer,
             revision=revision,

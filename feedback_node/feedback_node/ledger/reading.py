@@ -16,7 +16,7 @@ from feedback_node.ledger.rows import (
     FEEDBACK,
     FORGOTTEN_LAYER,
     Damaged,
-    Revision,
+    ProfileRevision,
     hidden,
     name_of,
     select,
@@ -40,13 +40,13 @@ class LedgerReader:
         self._authored: dict[str, Mapping[str, float]] = {}
         self.path = path
 
-    def current(self, agent: str, layer: str = "") -> Revision | None:
+    def current(self, agent: str, layer: str = "") -> ProfileRevision | None:
         """Return the latest revision of an agent; None for an unknown one."""
         where = "WHERE agent = ? AND layer = ? ORDER BY revision DESC LIMIT 1"
         found = self._select(where, agent, layer)
         return found[0] if found else None
 
-    def layers(self, agent: str) -> tuple[Revision, ...]:
+    def layers(self, agent: str) -> tuple[ProfileRevision, ...]:
         """Return the latest revision of each layer of an agent, by name."""
         where = (
             "JOIN (SELECT layer AS l, max(revision) AS r FROM revision WHERE agent = ?1 AND "
@@ -84,12 +84,12 @@ class LedgerReader:
                 return row.cause.target
         raise Refused("UNKNOWN_AGENT", f"the ledger has no agent '{agent}'; enter it first")
 
-    def find(self, feedback_id: str) -> Revision | None:
+    def find(self, feedback_id: str) -> ProfileRevision | None:
         """Return the revision that a feedback led to, the first of several; None for a new id."""
         found = self.find_all(feedback_id)
         return found[0] if found else None
 
-    def find_all(self, feedback_id: str) -> tuple[Revision, ...]:
+    def find_all(self, feedback_id: str) -> tuple[ProfileRevision, ...]:
         """Return all revisions that a feedback led to, in the order of their entry."""
         where = "WHERE feedback_id IN (?, ?) ORDER BY number"
         return tuple(self._select(where, feedback_id, hidden(feedback_id)))
@@ -110,13 +110,13 @@ class LedgerReader:
 
     def history(
         self, agent: str, layer: str = "", *, newest: int | None = None
-    ) -> tuple[Revision, ...]:
+    ) -> tuple[ProfileRevision, ...]:
         """Return the revisions of an agent, oldest first; all, or the newest so many."""
         where = "WHERE agent = ? AND layer = ? ORDER BY revision DESC LIMIT ?"
         found = self._select(where, agent, layer, -1 if newest is None else newest)
         return tuple(reversed(found))
 
-    def taught(self, agent: str, layer: str = "", *, newest: int) -> tuple[Revision, ...]:
+    def taught(self, agent: str, layer: str = "", *, newest: int) -> tuple[ProfileRevision, ...]:
         """Return the feedbacks that have led to the current profile, oldest first.
 
         Those that were undone are left out, and those before the author, a reset or an import has
@@ -127,7 +127,7 @@ class LedgerReader:
             layer: Which.
             newest: At most so many.
         """
-        found: list[Revision] = []
+        found: list[ProfileRevision] = []
         for row in self._back(agent, layer):
             if len(found) == newest or row.cause.cause != FEEDBACK:
                 break
@@ -135,15 +135,15 @@ class LedgerReader:
                 found.append(row)
         return tuple(reversed(found))
 
-    def before(self, revision: Revision) -> Revision:
+    def before(self, revision: ProfileRevision) -> ProfileRevision:
         """Return the revision that came before one; revision 0 comes before itself."""
         number = max(0, revision.revision - 1)
         return self._row(revision.agent, revision.layer, number)
 
-    def _back(self, agent: str, layer: str) -> Iterator[Revision]:
+    def _back(self, agent: str, layer: str) -> Iterator[ProfileRevision]:
         """Return the revisions that have led to the current one, from it back to the first."""
         row = self.current(agent, layer)
-        near: dict[int, Revision] = {}
+        near: dict[int, ProfileRevision] = {}
         batch = _FIRST_BATCH
         while row is not None:
             row = self._restored(row)
@@ -158,11 +158,11 @@ class LedgerReader:
                 batch = min(2 * batch, _LARGEST_BATCH)
             row = near[wanted] if wanted in near else self._row(agent, layer, wanted)
 
-    def _restored(self, row: Revision) -> Revision:
+    def _restored(self, row: ProfileRevision) -> ProfileRevision:
         restores = row.cause.restores
         return row if restores is None else self._row(row.agent, row.layer, restores)
 
-    def _last(self, agent: str, layer: str) -> Revision:
+    def _last(self, agent: str, layer: str) -> ProfileRevision:
         last = self.current(agent, layer)
         if last is None and self.current(agent) is None:
             raise Refused("UNKNOWN_AGENT", f"the ledger has no agent '{agent}'; enter it first")
@@ -171,7 +171,7 @@ class LedgerReader:
             raise Refused("UNKNOWN_LAYER", f"{agent} has no layer '{layer}'; it has: {known}")
         return last
 
-    def _row(self, agent: str, layer: str, revision: int) -> Revision:
+    def _row(self, agent: str, layer: str, revision: int) -> ProfileRevision:
         where = "WHERE agent = ? AND layer = ? AND revision = ?"
         found = self._select(where, agent, layer, revision)
         if not found:
@@ -180,7 +180,7 @@ class LedgerReader:
             )
         return found[0]
 
-    def _select(self, where: str, *values: str | int) -> list[Revision]:
+    def _select(self, where: str, *values: str | int) -> list[ProfileRevision]:
         try:
             return select(self._database, where, *values)
         except (sqlite3.Error, Damaged) as error:

@@ -56,7 +56,7 @@ _HIDDEN = "sha256:"
 
 
 @dataclass(frozen=True, kw_only=True)
-class Cause:
+class RevisionCause:
     """Reason for a revision.
 
     Attributes:
@@ -99,7 +99,7 @@ class Cause:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Revision:
+class ProfileRevision:
     """Profile of an agent, or of one of its layers, from one change to the next.
 
     Attributes:
@@ -116,7 +116,7 @@ class Revision:
     layer: str = ""
     revision: int
     profile: Mapping[str, float]
-    cause: Cause
+    cause: RevisionCause
     stamp: float
 
 
@@ -159,7 +159,7 @@ class Damaged(ValueError):
     """A row is not what was written."""
 
 
-_DEFAULTS = vars(Cause())
+_DEFAULTS = vars(RevisionCause())
 _CAUSE_NAMES = _DEFAULTS.keys() - {"feedback_id"}
 _MAPPINGS = ("rates", "target")
 _JSON = json.JSONEncoder(allow_nan=False, separators=(",", ":"))
@@ -201,7 +201,7 @@ def with_checksum(row: Row) -> Row:
     return row._replace(checksum=checksum_of(row))
 
 
-def row_of(number: int, revision: Revision) -> Row:
+def row_of(number: int, revision: ProfileRevision) -> Row:
     """Return a revision as a row.
 
     Raises:
@@ -217,7 +217,7 @@ def row_of(number: int, revision: Revision) -> Row:
     return with_checksum(Row(number, *key, _JSON.encode(content)))
 
 
-def read_row(row: Row) -> Revision:
+def read_row(row: Row) -> ProfileRevision:
     """Return the revision of a row; a forgotten one without its content.
 
     Raises:
@@ -227,8 +227,8 @@ def read_row(row: Row) -> Revision:
         raise Damaged(f"{row.name} (row {row.number}) is not what was written")
     number, agent, layer, revision, feedback_id, content, _ = row
     if content is None:
-        cause = Cause(cause=FORGOTTEN, feedback_id=feedback_id)
-        return Revision(
+        cause = RevisionCause(cause=FORGOTTEN, feedback_id=feedback_id)
+        return ProfileRevision(
             agent=agent, layer=layer, revision=revision, profile={}, cause=cause, stamp=0.0
         )
     try:
@@ -238,12 +238,12 @@ def read_row(row: Row) -> Revision:
             raise Damaged(f"{row.name} (row {number}) has unknown fields")
         for name in _MAPPINGS:
             fields[name] = _numbers(fields.get(name, {}))
-        return Revision(
+        return ProfileRevision(
             agent=agent,
             layer=layer,
             revision=revision,
             profile=profile,
-            cause=Cause(feedback_id=feedback_id, **fields),
+            cause=RevisionCause(feedback_id=feedback_id, **fields),
             stamp=stamp,
         )
     except (ValueError, TypeError, KeyError, AttributeError) as error:
@@ -267,7 +267,7 @@ def name_of(agent: str, layer: str) -> str:
     return f"{agent} for {layer}" if layer else agent
 
 
-def select(database: sqlite3.Connection, where: str, *values: str | int) -> list[Revision]:
+def select(database: sqlite3.Connection, where: str, *values: str | int) -> list[ProfileRevision]:
     """Return the revisions that a condition selects.
 
     Raises:

@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import json
-import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any, TypeGuard
@@ -12,7 +11,7 @@ from typing import Any, TypeGuard
 from bt_agents_core.errors import Refused
 from bt_agents_core.profile_layers import checked_layer
 from bt_agents_core.scene import SceneSpace, Vector
-from feedback_node.ledger.rows import Revision
+from feedback_node.ledger.rows import ProfileRevision
 
 FORMAT = 1
 LONGEST = 4_000_000
@@ -33,7 +32,10 @@ class ImportedProfiles:
 
 
 def to_document(
-    profiles: Iterable[Mapping[str, Any]], revisions: Iterable[Revision], *, document_id: str
+    profiles: Iterable[Mapping[str, Any]],
+    revisions: Iterable[ProfileRevision],
+    *,
+    document_id: str,
 ) -> str:
     """Return a document.
 
@@ -82,11 +84,6 @@ def from_document(text: str, space: SceneSpace) -> tuple[str, tuple[ImportedProf
     return document_id, tuple(found.values())
 
 
-def number(value: float) -> float | None:
-    """Return a number as JSON has it, None for NaN."""
-    return None if math.isnan(value) else value
-
-
 def _imported(fields: Any, what: str, space: SceneSpace) -> ImportedProfiles:
     if not isinstance(fields, dict):
         raise _bad(f"{what}: expected a mapping")
@@ -112,7 +109,7 @@ def _is_name(value: Any) -> TypeGuard[str]:
     return isinstance(value, str) and 1 <= len(value) <= _LONGEST_NAME and value.isprintable()
 
 
-def _revision(revision: Revision) -> dict[str, Any]:
+def _revision(revision: ProfileRevision) -> dict[str, Any]:
     cause = revision.cause
     fields = {name: value for name, value in vars(cause).items() if value or name == "cause"}
     for name in ("rates", "target"):

@@ -11,12 +11,13 @@ from typing import Any
 from bt_agents_core.errors import Refused
 from bt_agents_core.feedback import FeedbackKind
 from bt_agents_core.profile_layers import MOST_LAYERS, PERSON, PLACE, checked_layer
+from bt_agents_core.scene import finite_or_none
 from feedback_node.learning.changes import Delivery, ProfileChange
 from feedback_node.learning.profiles import Profiles
 from feedback_node.learning.texts import check_texts
-from feedback_node.ledger import Entry, Ledger
-from feedback_node.ledger.rows import IMPORT, Cause, Revision
-from feedback_node.management.documents import ImportedProfiles, from_document, number, to_document
+from feedback_node.ledger import Ledger, LedgerEntry
+from feedback_node.ledger.rows import IMPORT, ProfileRevision, RevisionCause
+from feedback_node.management.documents import ImportedProfiles, from_document, to_document
 
 MOST_REVISIONS = 5000
 """Newest revisions that one document holds."""
@@ -131,26 +132,28 @@ class Management:
         selected = self._selected(order)
         if not selected:
             raise self._unknown(order.agent, order.layer)
-        revisions: list[Revision] = []
+        revisions: list[ProfileRevision] = []
         for one in selected:
             room = MOST_REVISIONS - len(revisions)
             revisions += self._ledger.history(one.agent, one.layer, newest=room)
         return self._document(selected, revisions)
 
-    def _document(self, selected: Sequence[Revision], revisions: Iterable[Revision]) -> Done:
+    def _document(
+        self, selected: Sequence[ProfileRevision], revisions: Iterable[ProfileRevision]
+    ) -> Done:
         profiles = [self._summary(one) for one in selected]
         document = to_document(profiles, revisions, document_id=self._new_id())
         count = len(profiles)
         return Done(message=f"{count} profile{'s' if count != 1 else ''}", document=document)
 
-    def _summary(self, one: Revision) -> dict[str, Any]:
+    def _summary(self, one: ProfileRevision) -> dict[str, Any]:
         return {
             "agent": one.agent,
             "layer": one.layer,
             "revision": one.revision,
             "changes": one.cause.changes,
             "stamp": one.stamp,
-            "false_rate": number(self._profiles.false_rate(one.agent, one.layer)),
+            "false_rate": finite_or_none(self._profiles.false_rate(one.agent, one.layer)),
             "values": dict(one.profile),
         }
 
@@ -180,13 +183,13 @@ class Management:
         self._check_room(found)
         known = {(one.agent, one.layer) for one in self._layers_of("")}
         begun = (one for one in found if one.layer and (one.agent, one.layer) not in known)
-        entries = [self._profiles.beginning(one.agent, one.layer) for one in begun]
+        entries = [self._profiles.first_layer_entry(one.agent, one.layer) for one in begun]
         entries += [
-            Entry(
+            LedgerEntry(
                 agent=one.agent,
                 layer=one.layer,
                 profile=self._profiles.space.named(one.values),
-                cause=Cause(
+                cause=RevisionCause(
                     cause=IMPORT,
                     kind=FeedbackKind.SET,
                     source=order.author,
@@ -242,7 +245,7 @@ class Management:
             raise self._unknown(order.agent, order.layer)
         return self._erase(found, order.author)
 
-    def _erase(self, found: Sequence[Revision], author: str) -> Done:
+    def _erase(self, found: Sequence[ProfileRevision], author: str) -> Done:
         if not found:
             return Done(message="nothing to forget")
         keys = [(one.agent, one.layer) for one in found]
@@ -253,10 +256,10 @@ class Management:
                 f"; traces stay in free parts of the file until it can be rewritten, which is "
                 f"tried again and again: {delayed}"
             )
-        return Done(message=message, deliveries=self._profiles.gone(keys), forgets=True)
+        return Done(message=message, deliveries=self._profiles.on_erased(keys), forgets=True)
 
-    def _changed(self, revisions: Sequence[Revision]) -> Done:
-        changes = tuple(self._profiles.taken([one]) for one in revisions)
+    def _changed(self, revisions: Sequence[ProfileRevision]) -> Done:
+        changes = tuple(self._profiles.on_recorded([one]) for one in revisions)
         message = "; ".join(
             f"{one.revision.agent}: {one.words} (revision {one.revision.revision})"
             for one in changes[:_MOST_NAMED]
@@ -265,7 +268,7 @@ class Management:
             message += f"; and {len(changes) - _MOST_NAMED} more"
         return Done(message=message, changes=changes)
 
-    def _selected(self, order: ManagementCommand) -> list[Revision]:
+    def _selected(self, order: ManagementCommand) -> list[ProfileRevision]:
         """Return the current revisions that an order is about."""
         names = [order.agent] if order.agent else self._ledger.agents()
         own = (self._ledger.current(name) for name in names) if not order.layer else ()
@@ -275,11 +278,11 @@ class Management:
                 found.append(one)
         return sorted(found, key=lambda one: (one.agent, one.layer))
 
-    def _layers_of(self, agent: str) -> list[Revision]:
+    def _layers_of(self, agent: str) -> list[ProfileRevision]:
         names = [agent] if agent else self._ledger.agents()
         return [one for name in names for one in self._ledger.layers(name)]
 
-    def _known(self, agent: str, layer: str) -> Revision:
+    def _known(self, agent: str, layer: str) -> ProfileRevision:
         if not agent:
             raise Refused("UNKNOWN_AGENT", "no agent is named; name one")
         current = self._ledger.current(agent, layer)

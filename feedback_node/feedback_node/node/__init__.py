@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The feedback node: messages in, changes of profiles out; everything it decides is pure."""
+"""Feedback node on ROS: messages in, changes of profiles out; what it decides is pure."""
 
 from __future__ import annotations
 
@@ -15,7 +15,6 @@ from typing import Any, TypeVar
 from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.task import Future
 
-from bt_agents.host.live_scene import declare_live_lease
 from bt_agents_core.errors import Refused
 from bt_agents_core.scene import SceneSpace
 from bt_agents_core.trees_folder import find_trees
@@ -30,6 +29,7 @@ from bt_agents_ros import qos
 from bt_agents_ros.base_node import BaseNode
 from bt_agents_ros.calls import Calls
 from bt_agents_ros.messages import scene_from_msg
+from bt_agents_ros.parameters import declare_live_lease
 from bt_agents_ros.spinner import run
 from bt_agents_ros.startup import TREES, StartParameter, make_from_parameters
 from bt_agents_ros.timers import OneShot, steady_timer
@@ -39,9 +39,8 @@ from feedback_node.learning.profiles import Profiles
 from feedback_node.ledger import Ledger
 from feedback_node.ledger.file import LedgerError, ledger_path
 from feedback_node.management.management import Done, Management
-from feedback_node.node.active_leaves import ActiveLeaves
 from feedback_node.node.cancel_requests import CancelRequests
-from feedback_node.node.hosts import HostProfiles
+from feedback_node.node.hosts import ActiveLeaves, HostProfiles
 from feedback_node.node.management_service import ManagementService
 from feedback_node.node.messages import (
     card_from_msg,
@@ -58,7 +57,7 @@ CARDS_S = 10.0
 """So long after its start the node waits for the card of an agent that it is asked about [s]."""
 
 _REST_S = 0.025
-"""Between two looks at live scenes, however many come [s]."""
+"""Least time between two evaluations of live scenes [s]."""
 
 _TIDY_S = 1.0
 _MOST_PROBLEMS = 100
@@ -67,7 +66,7 @@ ResultT = TypeVar("ResultT")
 
 
 class FeedbackNode(BaseNode):
-    """Learns from moods, people and lists, and tells the hosts what their agents are now."""
+    """Learns from moods, people and lists, and delivers profiles to the hosts."""
 
     def __init__(
         self,
@@ -101,16 +100,16 @@ class FeedbackNode(BaseNode):
         self._card_awaited: list[Future] = []
         self._calls = Calls(self)
         self._hosts = HostProfiles(self, self._calls, self._profiles)
-        self._tips = ActiveLeaves(self, self._on_status)
+        self._active_leaves = ActiveLeaves(self, self._on_status)
         self._problems: dict[str, tuple[str, ...]] = {}
-        self._untaken: dict[str, HostCard] = {}
+        self._pending_cards: dict[str, HostCard] = {}
         self._table: Table = ()
         self._live: SceneMsg | None = None
-        self._looked = -math.inf
-        self._stops = CancelRequests(self, self._calls, self._teaching.runs)
-        self._tell_from_now()
+        self._polled_at = -math.inf
+        self._stops = CancelRequests(self, self._calls, self._teaching.is_running)
+        self._create_history_publishers()
         self._current = self.create_publisher(ProfilesMsg, "profiles", qos.FACT)
-        self._timer = OneShot(self, self._look)
+        self._timer = OneShot(self, self._poll)
         steady_timer(self, _TIDY_S, self._on_idle)
         self.create_subscription(HostCard, "cards", self._on_card, qos.FACTS)
         self.create_subscription(RunMsg, "runs", self._on_run, qos.HISTORY)
@@ -136,14 +135,15 @@ class FeedbackNode(BaseNode):
     # What happens around the runs
 
     def _on_card(self, message: HostCard) -> None:
-        self._untaken.pop(message.host, None)
+        self._pending_cards.pop(message.host, None)
         try:
-            deliveries, problems = self._teaching.introduce(card_from_msg(message))
+            card = card_from_msg(message, self._space)
+            deliveries, problems = self._teaching.register_card(card)
         except Refused as refusal:
             deliveries, problems = (), (str(refusal),)
-            if isinstance(refusal, LedgerError) and len(self._untaken) < _MOST_PROBLEMS:
+            if isinstance(refusal, LedgerError) and len(self._pending_cards) < _MOST_PROBLEMS:
                 # Its agents learn nothing before the ledger has taken them.
-                self._untaken[message.host] = message
+                self._pending_cards[message.host] = message
         if problems != self._problems.get(message.host, ()):
             for problem in problems:
                 self.get_logger().error(problem)
@@ -153,10 +153,10 @@ class FeedbackNode(BaseNode):
                 del self._problems[next(iter(self._problems))]
         for delivery in deliveries:
             self._hosts.deliver(delivery)
-        self._tips.follow(self._profiles.hosts)
+        self._active_leaves.subscribe_to(self._profiles.hosts)
         self._publish_table()
         self._set_timer()
-        self._look_again()
+        self._resume_waiting()
 
     def _on_run(self, message: RunMsg, info: dict[str, int]) -> None:
         try:
@@ -165,61 +165,61 @@ class FeedbackNode(BaseNode):
             self.get_logger().warning(f"event of a run refused: {refusal}")
             return
         if message.event == RunMsg.STARTED:
-            self._teaching.started(event, replayed=info["source_timestamp"] < self._born_ns)
+            self._teaching.on_run_started(event, replayed=info["source_timestamp"] < self._born_ns)
         elif message.event == RunMsg.CANCELLING:
-            self._teaching.cancelling(event)
+            self._teaching.on_run_cancelling(event)
         elif message.event == RunMsg.ENDED:
-            told = self._teaching.ended(event)
+            told = self._teaching.on_run_ended(event)
             if told is not None:
                 self._traces.publish(mood_trace_to_msg(told, time.time()))
         self._set_timer()
 
     def _on_status(self, message: TreeStatus) -> None:
-        self._teaching.ticked((message.epoch, message.round, message.agent), message.tip)
+        self._teaching.on_leaf((message.epoch, message.round, message.agent), message.tip)
 
     def _on_live(self, message: SceneMsg) -> None:
-        if not self._teaching.follows(message.scene_id):
+        if not self._teaching.wants(message.scene_id):
             return
         self._live = message
-        if time.monotonic() >= self._looked + _REST_S:
-            self._look()
+        if time.monotonic() >= self._polled_at + _REST_S:
+            self._poll()
         else:
             self._set_timer()
 
-    def _look(self) -> None:
-        """Look at the newest live scene, or at the time."""
-        message, self._live, self._looked = self._live, None, time.monotonic()
+    def _poll(self) -> None:
+        """Evaluate the newest live scene, or the time."""
+        message, self._live, self._polled_at = self._live, None, time.monotonic()
         try:
             live = None if message is None else scene_from_msg(message, self._space)
         except Refused as refusal:
             self.get_logger().warning(f"live scene refused: {refusal}", throttle_duration_sec=5.0)
             live = None
-        self._follow(self._teaching.tick() if live is None else self._teaching.see(live))
+        self._execute(self._teaching.tick() if live is None else self._teaching.receive(live))
 
     def _on_idle(self) -> None:
-        for card in list(self._untaken.values()):
+        for card in list(self._pending_cards.values()):
             self._on_card(card)
-        self._hosts.again()
-        self._follow(self._teaching.again())
-        self._look_again()
-        self._stops.again()
+        self._hosts.retry()
+        self._execute(self._teaching.retry())
+        self._resume_waiting()
+        self._stops.retry()
         if self._untidy and not self._teaching.watching:
             self._untidy = not self._ledger.checkpoint()
 
-    def _follow(self, lessons: Iterable[RuleOutcome]) -> None:
+    def _execute(self, lessons: Iterable[RuleOutcome]) -> None:
         for lesson in lessons:
             if lesson.problem:
                 self.get_logger().error(lesson.problem)
             if lesson.change is not None:
-                self._announce(lesson.change)
+                self._publish_change(lesson.change)
                 for delivery in self._profiles.deliveries(lesson.change.all):
                     self._hosts.deliver(delivery)
             if lesson.stop is not None:
-                self._stops.ask(lesson.stop)
+                self._stops.request(lesson.stop)
         self._set_timer()
 
     def _set_timer(self) -> None:
-        rested = math.inf if self._live is None else self._looked + _REST_S
+        rested = math.inf if self._live is None else self._polled_at + _REST_S
         self._timer.set(min(self._teaching.due, rested))
 
     # Requests
@@ -229,7 +229,7 @@ class FeedbackNode(BaseNode):
     ) -> CollectFeedback.Response:
         try:
             ended = collected_from_msg(request, self._space)
-            change = await self._introduced(lambda: self._teaching.collect(ended))
+            change = await self._once_known(lambda: self._teaching.collect(ended))
         except Refused as refusal:
             response.code, response.message = refusal.code, refusal.reason
             return response
@@ -238,9 +238,9 @@ class FeedbackNode(BaseNode):
             response.message = f"no feedback for {request.agent}"
             return response
         response.applied = True
-        told = self._tell(change)
-        response.feedback = self._announce(change)
-        response.message = await self._told(change, told)
+        answers = self._deliver(change)
+        response.feedback = self._publish_change(change)
+        response.message = await self._delivery_text(change, answers)
         return response
 
     async def _on_give(
@@ -249,20 +249,20 @@ class FeedbackNode(BaseNode):
         try:
             given = given_from_msg(request, self._space)
             if given.feedback_id:
-                change = await self._introduced(lambda: self._teaching.give(given))
+                change = await self._once_known(lambda: self._teaching.give(given))
             else:
                 change = self._teaching.give(given)
         except Refused as refusal:
             response.code, response.message = refusal.code, refusal.reason
             return response
         response.accepted = True
-        told = self._tell(change)
-        response.feedback = self._announce(change)
-        response.message = await self._told(change, told)
+        answers = self._deliver(change)
+        response.feedback = self._publish_change(change)
+        response.message = await self._delivery_text(change, answers)
         return response
 
-    async def _introduced(self, teach: Callable[[], ResultT]) -> ResultT:
-        """Do what was kept for this node while it was away, once the agent's card has come.
+    async def _once_known(self, teach: Callable[[], ResultT]) -> ResultT:
+        """Apply feedback that may precede the agent's card after a restart; wait for the card.
 
         Raises:
             Refused: As ``teach``.
@@ -278,12 +278,12 @@ class FeedbackNode(BaseNode):
             self._card_awaited.append(card)
             await card
 
-    def _look_again(self) -> None:
+    def _resume_waiting(self) -> None:
         awaited, self._card_awaited = self._card_awaited, []
         for card in awaited:
             card.set_result(None)
 
-    def _announce(self, change: ProfileChange) -> Feedback:
+    def _publish_change(self, change: ProfileChange) -> Feedback:
         """Publish a change unless it was published when it was new; return its message."""
         messages = [feedback_to_msg(one, self._space) for one in change.all]
         if change.fresh:
@@ -298,16 +298,16 @@ class FeedbackNode(BaseNode):
             )
         return messages[0]
 
-    def _tell(self, change: ProfileChange) -> list[Future]:
-        """Tell the hosts what their agents are now; each of the futures gets a problem or ""."""
+    def _deliver(self, change: ProfileChange) -> list[Future]:
+        """Deliver changed profiles to the hosts; each of the futures gets a problem or ""."""
         answers = []
         for delivery in self._profiles.deliveries(change.all):
             answers.append(Future())
             self._hosts.deliver(delivery, answers[-1])
         return answers
 
-    async def _told(self, change: ProfileChange, answers: list[Future]) -> str:
-        """Wait until the host bids with the profile or has not answered in time; say which."""
+    async def _delivery_text(self, change: ProfileChange, answers: list[Future]) -> str:
+        """Return the text of a change once the host has taken it or not answered in time."""
         words = f"{change.revision.agent}: {change.words}"
         problems = [await answer for answer in answers]
         if any(problems):
@@ -320,18 +320,18 @@ class FeedbackNode(BaseNode):
         if done.forgets:
             self._forget_history()
         for change in done.changes:
-            self._announce(change)
+            self._publish_change(change)
         for delivery in (*self._profiles.deliveries(done.changes), *done.deliveries):
             self._hosts.deliver(delivery)
         self._publish_table()
 
     def _forget_history(self) -> None:
-        """Take what was told so far from those who will listen later."""
+        """Drop the latched history, so that later subscribers do not get it."""
         for publisher in (self._feedback, self._traces):
             self.destroy_publisher(publisher)
-        self._tell_from_now()
+        self._create_history_publishers()
 
-    def _tell_from_now(self) -> None:
+    def _create_history_publishers(self) -> None:
         self._feedback = self.create_publisher(Feedback, "feedback", qos.HISTORY)
         self._traces = self.create_publisher(MoodTrace, "mood_traces", qos.HISTORY)
 
@@ -363,9 +363,11 @@ def main(args: Sequence[str] | None = None) -> int:
         def make(values: Mapping[str, str]) -> FeedbackNode:
             space = read_scene(find_trees(values["trees"]) / "scene.yaml").space
             path = values["simulated_feedback"]
-            rows = read_simulated_feedback(Path(path), space) if path else None
+            simulated = (
+                SimulatedFeedback(read_simulated_feedback(Path(path), space)) if path else None
+            )
             book = owned.enter_context(Ledger(ledger_path(values["ledger"], os.environ)))
-            node = FeedbackNode(space, book, rows)
+            node = FeedbackNode(space, book, simulated)
             node.get_logger().info(f"the ledger is {book.path}")
             return node
 

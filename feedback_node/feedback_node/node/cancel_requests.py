@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Asks the market to stop runs that a mood rule stops, until it has answered."""
+"""Requests to the market to cancel runs, sent until it has answered."""
 
 from __future__ import annotations
 
@@ -33,14 +33,14 @@ class CancelRequests:
         self._unanswered: list[RuleStop] = []
         self._client = node.create_client(CancelRun, "marketplace/cancel", qos_profile=qos.SERVICE)
 
-    def again(self) -> None:
-        """Ask again for what the market has not answered."""
+    def retry(self) -> None:
+        """Send again what the market has not answered."""
         stops, self._unanswered = self._unanswered, []
         for stop in stops:
             if self._runs(stop.run):
-                self.ask(stop)
+                self.request(stop)
 
-    def ask(self, stop: RuleStop) -> None:
+    def request(self, stop: RuleStop) -> None:
         """Have a run stopped, and its scene asked for again as it is now."""
         what = f"{stop.run.agent} in round {stop.run.round} was to be stopped ({stop.reason})"
 

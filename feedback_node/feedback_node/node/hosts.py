@@ -1,14 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Profiles on their way to the hosts that bid with them."""
+"""Exchange with the hosts: profiles to those that bid with them, states of their trees back."""
 
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Callable, Collection
 
 from rclpy.client import Client
 from rclpy.node import Node
+from rclpy.subscription import Subscription
 from rclpy.task import Future
 
+from bt_agents_interfaces.msg import TreeStatus
 from bt_agents_interfaces.srv import SetProfile
 from bt_agents_ros import qos
 from bt_agents_ros.calls import Calls
@@ -36,30 +39,30 @@ class HostProfiles:
         self._clients: dict[str, Client] = {}
         self._under_way: Counter[str] = Counter()
         self._waiting: dict[str, dict[tuple[str, str, str], Delivery]] = {}
-        self._untaken: dict[tuple[str, str, str], Delivery] = {}
-        self._told: set[str] = set()
+        self._unanswered: dict[tuple[str, str, str], Delivery] = {}
+        self._reported: set[str] = set()
 
     def deliver(self, delivery: Delivery, answer: Future | None = None) -> None:
-        """Tell a host the profile of an agent; ``answer`` gets "" or what went wrong."""
+        """Send a profile to its host; ``answer`` gets "" or the problem."""
         if answer is None and self._under_way[delivery.host] >= _MOST_UNDER_WAY:
             self._waiting.setdefault(delivery.host, {})[_key(delivery)] = delivery
             return
 
         def done(problem: str) -> None:
             self._under_way[delivery.host] -= 1
-            if problem and delivery.agent not in self._told:
-                self._told.add(delivery.agent)
-                self._node.get_logger().warning(f"{_words(delivery)} not delivered: {problem}")
+            if problem and delivery.agent not in self._reported:
+                self._reported.add(delivery.agent)
+                self._node.get_logger().warning(f"{_text(delivery)} not delivered: {problem}")
             if answer is not None:
                 answer.set_result(problem)
-            self._next(delivery.host)
+            self._deliver_next(delivery.host)
 
         def unanswered(problem: str) -> None:
-            self._untaken[_key(delivery)] = delivery
+            self._unanswered[_key(delivery)] = delivery
             done(problem)
 
         def answered(response: SetProfile.Response) -> None:
-            self._told.discard(delivery.agent)
+            self._reported.discard(delivery.agent)
             done("" if response.accepted else f"{response.code}: {response.message}")
             if not delivery.agent:
                 for layer in self._profiles.layers_at(delivery.host):
@@ -80,31 +83,31 @@ class HostProfiles:
             on_failure=unanswered,
         )
 
-    def again(self) -> None:
-        """Deliver what a host that is there has not answered; forget hosts without agents."""
-        for key, untaken in sorted(self._untaken.items()):
-            delivery = self._now(untaken)
+    def retry(self) -> None:
+        """Send again what available hosts have not answered; drop clients of other hosts."""
+        for key, waiting in sorted(self._unanswered.items()):
+            delivery = self._refreshed(waiting)
             if delivery is None or self._client(delivery.host).service_is_ready():
-                del self._untaken[key]
+                del self._unanswered[key]
                 if delivery is not None:
                     self.deliver(delivery)
         self._under_way = +self._under_way
         for host in self._clients.keys() - self._profiles.hosts - self._under_way.keys():
             self._node.destroy_client(self._clients.pop(host))
 
-    def _next(self, host: str) -> None:
+    def _deliver_next(self, host: str) -> None:
         waiting = self._waiting.get(host)
         if not waiting:
             self._waiting.pop(host, None)
             return
-        delivery = self._now(waiting.pop(next(iter(waiting))))
+        delivery = self._refreshed(waiting.pop(next(iter(waiting))))
         if delivery is None:
-            self._next(host)
+            self._deliver_next(host)
         else:
             self.deliver(delivery)
 
-    def _now(self, delivery: Delivery) -> Delivery | None:
-        """Return a delivery with the profile as it is now; None when nobody is to be told."""
+    def _refreshed(self, delivery: Delivery) -> Delivery | None:
+        """Return a delivery with the current profile; None when no host wants it any more."""
         if not delivery.agent:
             return delivery if delivery.host in self._profiles.hosts else None
         if not self._profiles.knows(delivery.agent):
@@ -119,11 +122,34 @@ class HostProfiles:
         return self._clients[host]
 
 
+class ActiveLeaves:
+    """Subscriptions to the trees of all hosts whose cards are known.
+
+    Args:
+        node: The feedback node.
+        on_status: Called back with each change of a running tree.
+    """
+
+    def __init__(self, node: Node, on_status: Callable[[TreeStatus], None]) -> None:
+        self._node = node
+        self._on_status = on_status
+        self._subscriptions: dict[str, Subscription[TreeStatus]] = {}
+
+    def subscribe_to(self, hosts: Collection[str]) -> None:
+        """Subscribe to these hosts, by their full names, and to no others."""
+        for host in self._subscriptions.keys() - set(hosts):
+            self._node.destroy_subscription(self._subscriptions.pop(host))
+        for host in sorted(set(hosts) - self._subscriptions.keys()):
+            self._subscriptions[host] = self._node.create_subscription(
+                TreeStatus, f"{host}/status", self._on_status, qos.EVENTS
+            )
+
+
 def _key(delivery: Delivery) -> tuple[str, str, str]:
     return delivery.host, delivery.agent, delivery.layer
 
 
-def _words(delivery: Delivery) -> str:
+def _text(delivery: Delivery) -> str:
     if not delivery.agent:
         return f"that {delivery.host} is to forget its layers"
     what = f"for {delivery.layer} " if delivery.layer else ""

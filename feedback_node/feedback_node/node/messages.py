@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Cards, runs and feedback between messages and the pure core."""
+"""Conversion of cards, runs and feedback from and to messages."""
 
 from __future__ import annotations
 
@@ -8,12 +8,15 @@ from rclpy.validate_full_topic_name import validate_full_topic_name
 
 from bt_agents_core.errors import Refused
 from bt_agents_core.scene import SceneSpace
-from bt_agents_interfaces.msg import Feedback, HostCard, Learning, MoodRule, MoodTrace
+from bt_agents_interfaces.msg import AgentCard, Feedback, HostCard, Learning, MoodTrace
+from bt_agents_interfaces.msg import MoodRule as MoodRuleMsg
 from bt_agents_interfaces.msg import Profiles as ProfilesMsg
 from bt_agents_interfaces.msg import Run as RunMsg
 from bt_agents_interfaces.srv import CollectFeedback, GiveFeedback
+from bt_agents_language.files.mood_rule_reader import restore_mood_rule
+from bt_agents_language.model.mood_rule import MoodRule
 from bt_agents_ros.messages import scene_from_msg, to_time
-from feedback_node.learning.cards import AgentEntry, LearningCard, LearningEntry, RuleEntry
+from feedback_node.learning.cards import AgentEntry, LearningCard, LearningEntry
 from feedback_node.learning.changes import ProfileChange, Table
 from feedback_node.learning.feedback_controller import FeedbackRequest
 from feedback_node.learning.runs import AnnouncedRun
@@ -27,7 +30,7 @@ def set_profile_name(host: str) -> str:
     return f"{host}/set_profile"
 
 
-def card_from_msg(message: HostCard) -> LearningCard:
+def card_from_msg(message: HostCard, space: SceneSpace) -> LearningCard:
     """Return the card of a host.
 
     Raises:
@@ -43,17 +46,26 @@ def card_from_msg(message: HostCard) -> LearningCard:
         host=message.host,
         instance=message.host_instance,
         parameters=tuple(message.parameters),
-        agents=tuple(
-            AgentEntry(
-                name=agent.name,
-                profile=tuple(agent.profile),
-                revision=agent.revision,
-                learning_rate=agent.learning_rate,
-                learning=_learning_from_msg(agent.learning),
-                rules=tuple(map(_rule_from_msg, agent.rules)),
-            )
-            for agent in message.agents
-        ),
+        agents=tuple(_agent_from_msg(agent, space) for agent in message.agents),
+    )
+
+
+def _agent_from_msg(message: AgentCard, space: SceneSpace) -> AgentEntry:
+    rules: list[MoodRule] = []
+    bad_rules: list[Refused] = []
+    for rule in message.rules:
+        try:
+            rules.append(rule_from_msg(rule, space))
+        except Refused as refusal:
+            bad_rules.append(refusal)
+    return AgentEntry(
+        name=message.name,
+        profile=tuple(message.profile),
+        revision=message.revision,
+        learning_rate=message.learning_rate,
+        learning=_learning_from_msg(message.learning),
+        rules=tuple(rules),
+        bad_rules=tuple(bad_rules),
     )
 
 
@@ -72,12 +84,18 @@ def _learning_from_msg(message: Learning) -> LearningEntry:
     )
 
 
-def _rule_from_msg(message: MoodRule) -> RuleEntry:
-    return RuleEntry(
+def rule_from_msg(message: MoodRuleMsg, space: SceneSpace) -> MoodRule:
+    """Return the mood rule of a message.
+
+    Raises:
+        Refused: ``BAD_RULE``.
+    """
+    return restore_mood_rule(
+        space,
         when=message.when,
         hold_s=message.hold_s,
         give=message.give,
-        cancel=message.cancel,
+        action=message.action,
         baseline_s=message.baseline_s,
         release=message.release,
         cooldown_s=message.cooldown_s,
@@ -111,7 +129,7 @@ def collected_from_msg(request: CollectFeedback.Request, space: SceneSpace) -> A
 
 
 def given_from_msg(request: GiveFeedback.Request, space: SceneSpace) -> FeedbackRequest:
-    """Return what somebody gives.
+    """Return the feedback of a request.
 
     Raises:
         Refused: As in :func:`scene_from_msg` when it names a scene.
@@ -156,7 +174,7 @@ def feedback_to_msg(change: ProfileChange, space: SceneSpace) -> Feedback:
 
 
 def mood_trace_to_msg(told: ReportedMood, stamp: float) -> MoodTrace:
-    """Return the message of how the mood went in a run that ended at a time [s since 1970]."""
+    """Return the message of the mood trace of a run that ended at a time [s since 1970]."""
     run = told.run
     return MoodTrace(
         stamp=to_time(stamp),

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A distance as a sum that people can check."""
+"""Distance of a bid formatted as a sum that people can check."""
 
 from __future__ import annotations
 
@@ -7,7 +7,8 @@ import math
 from collections.abc import Callable
 
 from bt_agents_core.scene import Scene
-from marketplace_node.explanation.formatting import FEW, distance, listed, number
+from bt_agents_core.text import format_number, join_first
+from marketplace_node.explanation.formatting import FEW, distance
 from marketplace_node.round.decision import RankedBid
 
 _TERMS_SHOWN = 12
@@ -40,22 +41,22 @@ def calculation(bid: RankedBid, scene: Scene, by: str) -> str:
     text = f"{distance(bid.distance)} = {text}"
     if bid.bonus:
         sign = "less" if bid.bonus > 0.0 else "plus"
-        text += f", {sign} {number(abs(bid.bonus), FEW)} is {distance(bid.score, FEW)}"
+        text += f", {sign} {format_number(abs(bid.bonus), FEW)} is {distance(bid.score, FEW)}"
     if missing:
-        names = listed(scene.values[index].name for index in missing)
+        names = join_first(scene.values[index].name for index in missing)
         text += f"; {names} {'is' if len(missing) == 1 else 'are'} missing and left out"
     return text
 
 
 def _difference(bid: RankedBid, index: int, scene: Scene) -> str:
     wanted = scene.vector[index]
-    shown = f"({number(wanted)})" if wanted < 0 else number(wanted)
-    return f"|{number(bid.vector[index])}−{shown}|"
+    shown = f"({format_number(wanted)})" if wanted < 0 else format_number(wanted)
+    return f"|{format_number(bid.vector[index])}−{shown}|"
 
 
 def _weighted(bid: RankedBid, index: int, scene: Scene) -> str:
     weight = bid.weights[index] if bid.weights else 1.0
-    factor = "" if weight == 1.0 else f"{number(weight)}·"
+    factor = "" if weight == 1.0 else f"{format_number(weight)}·"
     return factor + _difference(bid, index, scene)
 
 
@@ -66,7 +67,7 @@ def _squared(bid: RankedBid, index: int, scene: Scene) -> str:
 def _expected(bid: RankedBid, index: int, scene: Scene) -> str:
     if not scene.std[index] > 0.0:
         return _difference(bid, index, scene)
-    return number(bid.contributions[index], FEW)
+    return format_number(bid.contributions[index], FEW)
 
 
 _TERMS: dict[str, Callable[[RankedBid, int, Scene], str]] = {

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Says in plain sentences, one a line, why a round of the marketplace ended as it did."""
+"""Explanation of a decision in plain sentences, one a line."""
 
 from __future__ import annotations
 
@@ -7,7 +7,8 @@ import math
 from collections.abc import Iterator, Sequence
 
 from bt_agents_core.scene import Origin, SceneParameter, SceneSpace, SceneValue
-from marketplace_node.explanation.formatting import FEW, distance, joined, listed, number, percent
+from bt_agents_core.text import format_number, join_first, join_words
+from marketplace_node.explanation.formatting import FEW, distance, percent
 from marketplace_node.explanation.reason import declined, nobody, tie_rule
 from marketplace_node.round.decision import (
     AuctionOutcome,
@@ -96,7 +97,7 @@ def _scene(decision: Decision, space: SceneSpace) -> Iterator[str]:
         yield f"The scene: {'; '.join(shown)}."
     if missing:
         verb = "is" if len(missing) == 1 else "are"
-        yield _sentence(f"{listed(missing)} {verb} not known and left out")
+        yield _sentence(f"{join_first(missing)} {verb} not known and left out")
 
 
 def _value(parameter: SceneParameter, value: SceneValue) -> str:
@@ -114,7 +115,7 @@ def _value(parameter: SceneParameter, value: SceneValue) -> str:
 
 
 def _with_std(value: float, std: float) -> str:
-    return number(value, FEW) + (f" ± {number(std, 2)}" if std > 0.0 else "")
+    return format_number(value, FEW) + (f" ± {format_number(std, 2)}" if std > 0.0 else "")
 
 
 def _origin(value: SceneValue) -> str:
@@ -133,12 +134,12 @@ def _why(decision: Decision, winner: RankedBid, space: SceneSpace) -> Iterator[s
     if ranked.fallback:
         yield _sentence(f"{ranked.fallback}; so {ranked.by} ranks")
     if ranked.placed:
-        said = ranked.precedence or "it gave no reason"
-        names = joined([bid.agent for bid in decision.ranking[: ranked.placed]])
+        reason = ranked.precedence or "it gave no reason"
+        names = join_words([bid.agent for bid in decision.ranking[: ranked.placed]])
         if ranked.by == RULES:
-            yield f"What holds is {said}; it names {names} before all nearer ones."
+            yield f"What holds is {reason}; it names {names} before all nearer ones."
         else:
-            yield f"The program outside puts {names} first: {said}."
+            yield f"The program outside puts {names} first: {reason}."
     elif ranked.by == RULES:
         yield "No rule holds for anybody who bids, so the nearest bid comes first."
     yield _parts(winner, decision, space)
@@ -154,22 +155,22 @@ def _parts(bid: RankedBid, decision: Decision, space: SceneSpace) -> str:
         (i for i in known if bid.contributions[i] > 0.0), key=lambda i: -bid.contributions[i]
     )
     fitting = [space.names[i] for i in known if bid.contributions[i] == 0.0]
-    said = []
+    parts = []
     for index in adding[:_PARAMETERS_SHOWN]:
         std = scene.std[index] if by == "expected_manhattan" else 0.0
-        against = f"its {number(bid.vector[index], FEW)} against "
+        against = f"its {format_number(bid.vector[index], FEW)} against "
         against += _with_std(scene.vector[index], std)
         if by == "weighted_manhattan" and bid.weights:
-            against += f", weight {number(bid.weights[index], FEW)}"
-        adds = number(bid.contributions[index], FEW)
-        said.append(f"{space.names[index]} adds {adds} ({against})")
+            against += f", weight {format_number(bid.weights[index], FEW)}"
+        adds = format_number(bid.contributions[index], FEW)
+        parts.append(f"{space.names[index]} adds {adds} ({against})")
     if len(adding) > _PARAMETERS_SHOWN:
-        said.append(f"{len(adding) - _PARAMETERS_SHOWN} more parameters the rest")
+        parts.append(f"{len(adding) - _PARAMETERS_SHOWN} more parameters the rest")
     if fitting:
-        said.append(f"{listed(fitting)} {'fits' if len(fitting) == 1 else 'fit'} exactly")
+        parts.append(f"{join_first(fitting)} {'fits' if len(fitting) == 1 else 'fit'} exactly")
     measure = " by the straight line" if by == "euclidean" else ""
     away = f"{bid.agent} is {distance(bid.distance, FEW)} away{measure}"
-    return f"{away}: {', '.join(said)}."
+    return f"{away}: {', '.join(parts)}."
 
 
 def _chance(decision: Decision, winner: RankedBid) -> Iterator[str]:
@@ -181,7 +182,7 @@ def _chance(decision: Decision, winner: RankedBid) -> Iterator[str]:
     if ranked.by == "softmax":
         share = softmax_share(decision.ranking, options["temperature"])
         yield (
-            f"The order was drawn with temperature {number(options['temperature'])}; "
+            f"The order was drawn with temperature {format_number(options['temperature'])}; "
             f"{winner.agent} had a chance of {percent(share)}."
         )
     elif ranked.by == "epsilon_greedy":
@@ -190,16 +191,16 @@ def _chance(decision: Decision, winner: RankedBid) -> Iterator[str]:
         yield f"{left} one of the {often} of rounds that are left to chance alone."
     elif ranked.by == "thompson":
         yield (
-            f"Profiles count as uncertain (sigma {number(options['sigma'])}); the one drawn for "
-            f"{winner.agent} is {score} away."
+            f"Profiles count as uncertain (sigma {format_number(options['sigma'])}); the one "
+            f"drawn for {winner.agent} is {score} away."
         )
     elif ranked.by == "ucb" and winner.bonus:
         rounds = decision.terms.rounds_run
         ran = f"It {_ran(winner.runs)} in {rounds} {'run' if rounds == 1 else 'runs'}"
-        forgiven = number(winner.bonus, FEW)
+        forgiven = format_number(winner.bonus, FEW)
         yield f"{ran}, for which {forgiven} is taken off its distance: {score}."
     elif winner.bonus and not ranked.placed:
-        yield f"The strategy {ranked.by} takes {number(winner.bonus, FEW)} off: {score}."
+        yield f"The strategy {ranked.by} takes {format_number(winner.bonus, FEW)} off: {score}."
 
 
 def softmax_share(ranking: Sequence[RankedBid], temperature: float) -> float:
@@ -218,7 +219,7 @@ def _next(decision: Decision, winner: RankedBid, space: SceneSpace) -> Iterator[
     away = f"{distance(second.distance, FEW)} away"
     tied = [bid for bid in others if bid.score == winner.score]
     if tied:
-        names = joined([bid.agent for bid in tied])
+        names = join_words([bid.agent for bid in tied])
         verb = "is" if len(tied) == 1 else "are"
         yield f"{names} {verb} as good, but {tie_rule(decision, winner, tied)}."
     elif decision.ranked.placed:
@@ -232,7 +233,7 @@ def _next(decision: Decision, winner: RankedBid, space: SceneSpace) -> Iterator[
         yield f"Next comes {second.agent}, {away}: further by {behind}."
     rest = others[max(1, len(tied)) :]
     if rest:
-        yield f"Then {listed(f'{b.agent} {distance(b.distance, FEW)}' for b in rest)}."
+        yield f"Then {join_first(f'{b.agent} {distance(b.distance, FEW)}' for b in rest)}."
     yield from _change(decision, second, space)
 
 
@@ -244,25 +245,25 @@ def _change(decision: Decision, second: RankedBid, space: SceneSpace) -> Iterato
         yield f"What would have made {second.agent} win cannot be said: {change.obstacle}."
         return
     now = dict(zip(space.names, decision.terms.scene.vector, strict=True))
-    said = [
-        f"{name} {'had been ' if index == 0 else ''}{number(value)} instead of "
-        f"{number(now[name], FEW)}"
-        for index, (name, value) in enumerate(zip(change.names, change.shown, strict=True))
-    ]
-    yield f"If {joined(said)}, {second.agent} would have won."
+    for name, value in zip(change.names, change.values, strict=True):
+        then, before = format_number(value, FEW), format_number(now[name], FEW)
+        other = f"about {then} instead of {before}"
+        if then == before:
+            other = f"a little {'lower' if value < now[name] else 'higher'}"
+        yield f"If {name} had been {other}, {second.agent} would have won."
 
 
 def _others(decision: Decision) -> Iterator[str]:
     """Yield who has no say in it, unless that is all there is to tell."""
     if decision.winner is None:
         return
-    for why, agents in declined(decision).items():
-        yield f"{listed(agents)} {'does' if len(agents) == 1 else 'do'} not bid: {why}."
+    for why, (_, agents) in declined(decision).items():
+        yield f"{join_first(agents)} {'does' if len(agents) == 1 else 'do'} not bid: {why}."
     barred: dict[str, list[str]] = {}
     for bid in decision.terms.barred:
         barred.setdefault(bid.reason, []).append(bid.agent)
     for why, agents in barred.items():
-        yield f"{listed(agents)} may not bid: {why}."
+        yield f"{join_first(agents)} may not bid: {why}."
     people = {bid.agent for bid in decision.terms.barred}
     no_news = {*decision.terms.excluded, *people}
     refused = [
@@ -279,14 +280,14 @@ def _others(decision: Decision) -> Iterator[str]:
     for host, why in decision.terms.unasked.items():
         yield f"{host} is not asked: {why}."
     if decision.silent_hosts:
-        yield f"No answer came in time from {listed(decision.silent_hosts)}."
+        yield f"No answer came in time from {join_first(decision.silent_hosts)}."
 
 
 def _ran(count: int) -> str:
     return {0: "never ran", 1: "ran once"}.get(count, f"ran {count} times")
 
 
-def _sentence(words: str) -> str:
+def _sentence(text: str) -> str:
     """Return words with a capital letter and a full stop."""
-    start = words[:1] if words.partition(" ")[0].count("_") else words[:1].upper()
-    return f"{start}{words[1:]}{'' if words.endswith(('.', '!', '?')) else '.'}"
+    start = text[:1] if text.partition(" ")[0].count("_") else text[:1].upper()
+    return f"{start}{text[1:]}{'' if text.endswith(('.', '!', '?')) else '.'}"

@@ -1,10 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Numbers and lists as the texts about decisions write them."""
+"""Formatting of numbers, lists and foreign texts for people."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from functools import lru_cache
+from bt_agents_core.text import ellipsize, format_number, printable_line
 
 ALL_DIGITS = 6
 """Digits of all other numbers."""
@@ -12,33 +11,12 @@ ALL_DIGITS = 6
 FEW = 4
 """Digits of numbers of which more would tell people nothing, as where chance is part of them."""
 
-_NAMES_SHOWN = 4
-
-
-def listed(words: Iterable[str]) -> str:
-    """Return words with commas, the first of many."""
-    all_words = list(words)
-    if len(all_words) <= _NAMES_SHOWN:
-        return ", ".join(all_words)
-    return f"{', '.join(all_words[:_NAMES_SHOWN])} and {len(all_words) - _NAMES_SHOWN} more"
-
-
-def joined(words: Sequence[str]) -> str:
-    """Return words as a sentence lists them: ``a, b and c``."""
-    if len(words) < 2:
-        return "".join(words)
-    return f"{', '.join(words[:-1])} and {words[-1]}"
-
-
-@lru_cache(maxsize=4096)
-def number(value: float, digits: int = ALL_DIGITS) -> str:
-    """Return a number in at most so many digits, with a real minus sign."""
-    return f"{value + 0.0:.{digits}g}".replace("-", "−")
+_LONGEST_LINE = 300  # characters
 
 
 def distance(value: float, digits: int = ALL_DIGITS) -> str:
     """Return a number that shows that it is no count: ``2.0``."""
-    text = number(value, digits)
+    text = format_number(value, digits)
     return text if set(text) & set(".e") else f"{text}.0"
 
 
@@ -49,3 +27,8 @@ def percent(share: float) -> str:
     if 0.99 < share < 1.0:
         return "more than 99 %"
     return f"{share * 100.0:.0f} %"
+
+
+def shown(text: str) -> str:
+    """Return words from outside as one line that is not too long."""
+    return ellipsize(printable_line(text), _LONGEST_LINE)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where along one parameter a bid is behind others, for scores made of straight lines."""
+"""Piecewise linear scores: where along one parameter a bid is behind others."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _STRICTLY = 1e-9
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Intervals:
-    """Stretches of one parameter; ``low[k] <= high[k]``."""
+    """Intervals of one parameter; ``low[k] <= high[k]``."""
 
     low: Floats
     high: Floats
@@ -33,15 +33,17 @@ class Intervals:
         if direction < 0:
             low, high = -high, -low
         at = direction * start
-        while not math.isinf(at):
-            covering = (low <= at) & (at < high)
-            if not covering.any():
-                break
-            at = float(high[covering].max())
-        return direction * at
+        by_low = np.argsort(low, kind="stable")
+        low, reach = low[by_low], np.maximum.accumulate(high[by_low])
+        begun = int(np.searchsorted(low, at, side="right"))
+        if begun == 0 or reach[begun - 1] <= at:
+            return start
+        ends = np.append(low[1:] > reach[:-1], True)
+        last = begun - 1 + int(np.argmax(ends[begun - 1 :]))
+        return direction * float(reach[last])
 
 
-def gaps_between(lines: LinearScores, scene: Floats, one: int, others: Integers) -> Floats:
+def differences_between(lines: LinearScores, scene: Floats, one: int, others: Integers) -> Floats:
     """Return the score of one bid minus those of others, [K]; missing values do not count."""
     known = ~np.isnan(scene)
     rows = np.append(others, one)
@@ -86,7 +88,7 @@ def losing_intervals(
         return part
 
     here = moved(np.full((len(others), 1), scene[parameter]))
-    base = gaps_between(lines, scene, one, others)[:, None] - here
+    base = differences_between(lines, scene, one, others)[:, None] - here
     bends = np.clip(np.stack([np.full_like(profile, own), profile], axis=1), *limits)
     bends.sort(axis=1)
     ends = np.full((len(others), 1), 1.0)

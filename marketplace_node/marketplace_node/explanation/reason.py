@@ -1,17 +1,19 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Says on one line why a round of the marketplace ended as it did."""
+"""Reason of a decision on one line."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 
+from bt_agents_core.text import join_first
 from marketplace_node.explanation.calculation import calculation
-from marketplace_node.explanation.formatting import ALL_DIGITS, FEW, distance, listed
+from marketplace_node.explanation.formatting import ALL_DIGITS, FEW, distance
 from marketplace_node.round.decision import (
     AuctionOutcome,
     ClosedBy,
     Decision,
     RankedBid,
+    RefusedBid,
     RoundKind,
 )
 from marketplace_node.settings import RULES
@@ -36,7 +38,7 @@ def reason(decision: Decision) -> str:
 
 
 def challenge(
-    decision: Decision, running: str, margin: float, *, obstacle: str = "", line: str = ""
+    decision: Decision, running: str, margin: float, *, obstacle: str = "", no_room: str = ""
 ) -> str:
     """Return the decision about a scene that came during a run as one line for a terminal.
 
@@ -45,7 +47,7 @@ def challenge(
         running: The agent that runs.
         margin: By how much another agent has to be nearer to the scene.
         obstacle: Why a run is not stopped even for a better bid; empty when nothing is in the way.
-        line: Why the scene cannot wait; empty when it can.
+        no_room: Why the scene cannot wait; empty when it can.
 
     Example:
         ``mira 0.5 for the new scene, leo who runs has 2.5: better by 2.0, margin 1.0: leo is
@@ -53,7 +55,7 @@ def challenge(
     """
     if decision.closed_by is ClosedBy.STOPPED:
         return f"stopped before the round closed: {decision.stopped}"
-    goes_on = f"{running} goes on, " + (f"but {line}" if line else "the scene waits")
+    goes_on = f"{running} goes on, " + (f"but {no_room}" if no_room else "the scene waits")
     if decision.winner is None:
         return "; ".join([*nobody(decision), goes_on])
     verdict = f"{running} is stopped" if decision.outcome is AuctionOutcome.PREEMPTS else goes_on
@@ -75,13 +77,12 @@ def tie_rule(decision: Decision, winner: RankedBid, tied: Sequence[RankedBid]) -
 def nobody(decision: Decision) -> list[str]:
     """Return why nobody bids, in parts of a line."""
     parts = []
-    for why, agents in declined(decision).items():
-        names = listed(agents)
-        if why.startswith("needs "):
-            verb = "needs" if len(agents) == 1 else "need"
-            parts.append(f"{names} {verb} {why.removeprefix('needs ')}")
+    for first, agents in declined(decision).values():
+        names = join_first(agents)
+        if first.unmet:
+            parts.append(f"{names} {'needs' if len(agents) == 1 else 'need'} {first.unmet}")
         else:
-            parts.append(f"{names}: {why}")
+            parts.append(f"{names}: {first.reason}")
     parts += _not_taken(decision)
     parts += [f"{host} is not asked: {why}" for host, why in decision.terms.unasked.items()]
     if not parts:
@@ -91,12 +92,12 @@ def nobody(decision: Decision) -> list[str]:
     return parts
 
 
-def declined(decision: Decision) -> dict[str, list[str]]:
-    """Return who does not want the scene, by the reason."""
-    groups: dict[str, list[str]] = {}
+def declined(decision: Decision) -> dict[str, tuple[RefusedBid, list[str]]]:
+    """Return the agents that do not want the scene, by reason, with the first of each as a bid."""
+    groups: dict[str, tuple[RefusedBid, list[str]]] = {}
     for bid in decision.refused:
         if bid.kind is RoundKind.DECLINED and bid.agent not in decision.terms.excluded:
-            groups.setdefault(bid.reason, []).append(bid.agent)
+            groups.setdefault(bid.reason, (bid, []))[1].append(bid.agent)
     return groups
 
 
@@ -128,7 +129,7 @@ def _follows(decision: Decision) -> str:
     terms = decision.terms
     if not terms.follows:
         return ""
-    without = listed(f"{agent} ({why})" for agent, why in terms.excluded.items())
+    without = join_first(f"{agent} ({why})" for agent, why in terms.excluded.items())
     return f"continues round {terms.follows}, without {without}: "
 
 
@@ -152,7 +153,7 @@ def _award(decision: Decision, winner: RankedBid) -> list[str]:
         parts.append(f"next: {behind} (margin {distance(decision.margin, digits)})")
     else:
         tied = [bid for bid in others if bid.score == winner.score]
-        names = listed(bid.agent for bid in tied)
+        names = join_first(bid.agent for bid in tied)
         parts.append(f"tied with {names}: {tie_rule(decision, winner, tied)}")
     return parts + _not_taken(decision)
 
@@ -165,7 +166,7 @@ def _not_taken(decision: Decision) -> list[str]:
         for bid in decision.refused
         if bid.kind is RoundKind.REFUSED and bid.agent not in people
     ]
-    parts = [f"refused: {listed(refused)}"] if refused else []
+    parts = [f"refused: {join_first(refused)}"] if refused else []
     if decision.silent_hosts:
-        parts.append(f"no answer in time from {listed(decision.silent_hosts)}")
+        parts.append(f"no answer in time from {join_first(decision.silent_hosts)}")
     return parts

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The chat-completions protocol of OpenAI, as far as a ranking of agents needs it."""
+"""Chat-completions protocol of OpenAI, as far as a ranking of agents needs it."""
 
 from __future__ import annotations
 
@@ -13,7 +13,8 @@ from urllib.parse import urlsplit
 
 from bt_agents_core.errors import Refused
 from bt_agents_core.scene import Scene, SceneSpace, Vector
-from marketplace_node.external_ranking.external_ranking_check import check_ranking, shown
+from marketplace_node.explanation.formatting import shown
+from marketplace_node.round.precedence import check_ranking
 
 MOST_BYTES = 1_000_000
 """A longer answer is refused unread."""
@@ -36,7 +37,7 @@ _HEADER = re.compile(r"[\x21-\x7e]+")
 
 @dataclass(frozen=True, kw_only=True)
 class Endpoint:
-    """A server that speaks the protocol.
+    """Server that speaks the protocol.
 
     Attributes:
         base_url: For example ``http://127.0.0.1:11434/v1``.
@@ -49,7 +50,7 @@ class Endpoint:
     key: str = ""
 
     def __post_init__(self) -> None:
-        """Check all of it.
+        """Check address, model and key.
 
         Raises:
             Refused: ``BAD_URL``, ``NO_MODEL``, ``BAD_KEY``, or ``INSECURE`` for a key that would
@@ -84,7 +85,7 @@ class Endpoint:
 
     @property
     def url(self) -> str:
-        """Where questions are sent."""
+        """Address of the completions of chats."""
         return f"{self.base_url.rstrip('/')}/chat/completions"
 
     def headers(self) -> dict[str, str]:
@@ -97,7 +98,7 @@ class Endpoint:
 
 @dataclass(frozen=True, kw_only=True)
 class Bidder:
-    """An agent that bids.
+    """Bid of an agent, as the model is told of it.
 
     Attributes:
         name: Unique.
@@ -114,7 +115,7 @@ class Bidder:
 
 @dataclass(frozen=True, kw_only=True)
 class Ranking:
-    """What a model answers: agents, best first, and why in words."""
+    """Ranking by a model: agents, best first, and its reason."""
 
     agents: tuple[str, ...]
     reason: str
@@ -131,7 +132,7 @@ def question(
         scene: What the bids are for.
         bidders: Who bids.
     """
-    told = {
+    asked = {
         "scene": {
             "label": scene.label,
             "somebody_is_there": scene.person,
@@ -143,7 +144,7 @@ def question(
         "model": model,
         "messages": [
             {"role": "system", "content": _SYSTEM},
-            {"role": "user", "content": json.dumps(told, ensure_ascii=False, allow_nan=False)},
+            {"role": "user", "content": json.dumps(asked, ensure_ascii=False, allow_nan=False)},
         ],
         "temperature": 0,
         "max_tokens": _BASE_TOKENS + _TOKENS_PER_AGENT * len(bidders),
@@ -199,30 +200,30 @@ def ranking(content: str, bidders: Sequence[str]) -> Ranking:
 
 def _value(space: SceneSpace, name: str, value: float, std: float) -> dict[str, Any]:
     parameter = space.parameter(name)
-    told: dict[str, Any] = {
+    fields: dict[str, Any] = {
         "name": name,
         "from": parameter.minimum,
         "to": parameter.maximum,
         "value": "unknown" if math.isnan(value) else value,
     }
     if parameter.description:
-        told["meaning"] = parameter.description
+        fields["meaning"] = parameter.description
     if parameter.labels:
-        told["labels"] = {f"{at:g}": label for at, label in parameter.labels.items()}
+        fields["labels"] = {f"{at:g}": label for at, label in parameter.labels.items()}
     if std > 0:
-        told["standard_deviation"] = std
-    return told
+        fields["standard_deviation"] = std
+    return fields
 
 
 def _character(space: SceneSpace, bidder: Bidder) -> dict[str, Any]:
-    told: dict[str, Any] = {
+    fields: dict[str, Any] = {
         "name": bidder.name,
         "profile": dict(zip(space.names, bidder.vector, strict=True)),
         "distance": bidder.distance,
     }
     if bidder.description:
-        told["description"] = bidder.description[:_LONGEST_TEXT]
-    return told
+        fields["description"] = bidder.description[:_LONGEST_TEXT]
+    return fields
 
 
 def _content(parsed: object) -> str:

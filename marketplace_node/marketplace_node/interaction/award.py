@@ -1,11 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""An award and what becomes of it: taken or not, running, told to stop, ended."""
+"""Award of a run and its life: accepted or refused, running, stopping, ended."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
 from bt_agents_core.scene import Scene
+from bt_agents_core.stop_cause import StopCause
 from marketplace_node.effects import AnnounceRun, RunEventKind, RunGoal, RunOutcome
 
 STOPPED = "STOPPED"
@@ -15,7 +16,7 @@ PREEMPTED = "PREEMPTED"
 
 @dataclass(frozen=True, kw_only=True)
 class StopRequest:
-    """Why a run is told to stop, and whether to ask again afterwards.
+    """Order to stop a run, with its reason and whether to ask again afterwards.
 
     Attributes:
         reason: Why, in words.
@@ -38,10 +39,22 @@ class StopRequest:
 
 @dataclass(frozen=True, kw_only=True)
 class RunEnd:
-    """How a run ended; ``outcome`` is as in ``RunAgent.action`` and may be anything."""
+    """End of a run as its host reports it; numbers are as in ``RunAgent.action``, unchecked.
+
+    Attributes:
+        outcome: How it ended.
+        message: Why, in words.
+        stop_cause: Why it was stopped.
+        host_reason: True when the message says more than that the market stopped it.
+        orphans: Paths of the nodes whose goals were not confirmed ended.
+        ticks: Ticks of the tree.
+        overruns: Ticks that took longer than the time between two.
+    """
 
     outcome: int
     message: str
+    stop_cause: int = StopCause.NOT_STOPPED
+    host_reason: bool = False
     orphans: tuple[str, ...] = ()
     ticks: int = 0
     overruns: int = 0
@@ -49,7 +62,7 @@ class RunEnd:
 
 @dataclass(eq=False, kw_only=True)
 class Award:
-    """A goal for the winner of a round.
+    """Goal for the winner of a round, and its state.
 
     Attributes:
         goal: What the host is to run.
@@ -103,6 +116,7 @@ class Award:
             goal=self.goal,
             scene=self.scene,
             message=end.message,
+            stop_cause=end.stop_cause,
             orphans=end.orphans,
             ticks=end.ticks,
             overruns=end.overruns,

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One interaction: a scene, its bids and awards, follow-up rounds, the end of the last run."""
+"""Interaction: a scene, its rounds and awards, follow-ups, the end of the last run."""
 
 from __future__ import annotations
 
@@ -8,7 +8,6 @@ from dataclasses import replace
 from functools import partial
 
 from bt_agents_core.scene import Scene
-from bt_agents_core.stop_words import AS_TOLD
 from marketplace_node.effects import (
     CancelGoal,
     Collect,
@@ -35,7 +34,7 @@ _STOPPABLE = (RunOutcome.CANCELLED, RunOutcome.LOST)
 
 
 class Interaction:
-    """Conducts one interaction; whoever drives it calls nothing more once ``over`` is set.
+    """State machine of one interaction; final once ``over`` is set.
 
     Each agent runs at most once in an interaction, so it comes to an end.
 
@@ -63,13 +62,13 @@ class Interaction:
         self._follow_ups = 0
         self._again: Scene | None = None
         self._last_run: tuple[str, str] | None = None
-        self._last_words = ""
+        self._last_text = ""
         self._hurries = False
         self._open(self.origin, now, follows=0, drawn=waiting.drawn)
 
     @property
     def goal(self) -> RunGoal | None:
-        """The award of the moment."""
+        """Goal of the award in force; None without one."""
         return self._award.goal if self._award else None
 
     @property
@@ -77,8 +76,8 @@ class Interaction:
         """When its deadline passes, that of the open round aside, steady time [s]."""
         return math.inf if self._deadline is None else self._deadline
 
-    def words(self) -> str:
-        """Return the state in words."""
+    def state_text(self) -> str:
+        """Return the state as a text for people."""
         agent = self.goal.agent if self.goal else ""
         match self.state:
             case State.AWARDING:
@@ -89,9 +88,9 @@ class Interaction:
             case State.CANCELLING:
                 return f"{agent} is told to stop"
             case State.COLLECTING:
-                return f"{self._last_words}; collecting feedback"
+                return f"{self._last_text}; collecting feedback"
             case _:
-                return self.open_round.words() if self.open_round else "asking for bids"
+                return self.open_round.state_text() if self.open_round else "asking for bids"
 
     def close_when_due(self, now: float) -> None:
         """Close the open round when everybody has answered or its time is over."""
@@ -131,14 +130,14 @@ class Interaction:
             self._floor.ended(goal)
         elif end.outcome in _REPORTED:
             if award.stop is not None and end.outcome == RunOutcome.CANCELLED:
-                more = "" if end.message == AS_TOLD else f" ({end.message})"
+                more = f" ({end.message})" if end.host_reason else ""
                 end = replace(end, message=f"{award.stop.reason}{more}")
             self._end(award, RunOutcome(end.outcome), end, now)
         else:
             message = f"the host reported the unknown outcome {end.outcome}; {end.message}"
             self._end(award, RunOutcome.FAILED, replace(end, message=message), now)
 
-    def heard(self, host: str, epoch: str, round_number: int, now: float) -> None:
+    def on_heartbeat(self, host: str, epoch: str, round_number: int, now: float) -> None:
         """Note whether the host's heartbeat still names the run."""
         award = self._award
         if award is None or not award.accepted or award.goal.host != host:
@@ -148,10 +147,10 @@ class Interaction:
         elif award.unheard_since is None:
             award.unheard_since = now
 
-    def excuse(self, lasted_s: float) -> None:
+    def extend_after_stall(self, lasted_s: float) -> None:
         """Move all deadlines, as nobody has listened for so long [s]."""
         if self.open_round is not None:
-            self.open_round.excuse(lasted_s)
+            self.open_round.extend_after_stall(lasted_s)
         if self._deadline is not None:
             self._deadline += lasted_s
         if self._award is not None and self._award.unheard_since is not None:
@@ -160,10 +159,10 @@ class Interaction:
     def collected(self, message: str) -> None:
         """The feedback service has answered, or will not answer; ``message`` says which."""
         if self.state is State.COLLECTING:
-            self._last_words += f"; {message}"
+            self._last_text += f"; {message}"
             self._proceed()
 
-    def kept(self) -> None:
+    def feedback_deferred(self) -> None:
         """The feedback service is away, and its answer is not waited for."""
         self.collected("feedback is kept until the feedback node is back")
 
@@ -233,7 +232,7 @@ class Interaction:
         award = self._award
         assert award is not None, "outside of a round only an award has a deadline"
         if self.state is State.COLLECTING:
-            self.kept()
+            self.feedback_deferred()
         elif award.accepted:
             self._floor.give_up(award.goal, award.unfinished, now, runs=True)
             limit = settings.cancel_deadline_s
@@ -255,15 +254,15 @@ class Interaction:
     def _close(self, by: ClosedBy, now: float, *, stop: StopRequest | None = None) -> None:
         assert self.open_round is not None, "only an open round can be closed"
         decision = self.open_round.close(by, now, stopped=stop.reason if stop else "")
-        say = partial(explain.reason, decision)
+        reason_fn = partial(explain.reason, decision)
         self.open_round = None
         if decision.outcome is AuctionOutcome.AWARDED:
             self._decision, self._next_rank, self._not_taken_by = decision, 0, []
             self._award_next(decision, now)
         else:
-            self._finish(stop.code if stop else NO_BIDS, say())
+            self._finish(stop.code if stop else NO_BIDS, reason_fn())
         # Last, as the winner must not wait for words.
-        self._floor.publish(decision, say)
+        self._floor.publish(decision, reason_fn)
 
     def _award_next(self, decision: Decision, now: float) -> None:
         while self._next_rank < len(decision.ranking):
@@ -291,7 +290,7 @@ class Interaction:
         if obstacle:
             self._not_taken(award, obstacle, now)
             return
-        award.held = self._floor.in_the_way(award.goal.host, now)
+        award.held = self._floor.other_host_busy(award.goal.host, now)
         if award.held:
             self._enter(State.AWARDING)
             return
@@ -322,7 +321,7 @@ class Interaction:
     def _end(self, award: Award, outcome: RunOutcome, end: RunEnd, now: float) -> None:
         goal = award.goal
         self._floor.effects.append(award.end(outcome, end, now))
-        self._last_words = f"{goal.agent} {outcome.name.lower()}: {end.message}"
+        self._last_text = f"{goal.agent} {outcome.name.lower()}: {end.message}"
         if award.started is not None or self._last_run is None:
             ran = "" if award.started is None else goal.agent
             self._last_run = (award.end_code(outcome), ran)
@@ -362,7 +361,7 @@ class Interaction:
 
     def _proceed(self) -> None:
         if self._again is None:
-            self._finish("", self._last_words)
+            self._finish("", self._last_text)
         else:
             self._award = None
             self._enter(State.BIDDING)

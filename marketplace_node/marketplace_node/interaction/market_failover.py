@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Runs of an earlier market whose end nobody has heard: recorded, and asked again when cut off."""
+"""Failover: runs inherited from an earlier market are announced, and asked again if cut off."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ _REMEMBERED = 400
 
 
 class InheritedRuns:
-    """Takes each run once and ends each scene of an earlier market once.
+    """Runs inherited from an earlier market, each taken once, each scene ended once.
 
     Args:
         floor: Shared by all rounds.
@@ -49,7 +49,7 @@ class InheritedRuns:
         self._again = [(at, scene) for at, scene in self._again if now < at]
         return scenes
 
-    def excuse(self, lasted_s: float) -> None:
+    def extend_after_stall(self, lasted_s: float) -> None:
         """Wait longer, as nobody has listened for so long [s]."""
         self._again = [(at + lasted_s, scene) for at, scene in self._again]
 
@@ -76,18 +76,18 @@ class InheritedRuns:
             if run.cut_off:
                 self._lose(origin, run, now, obstacle)
             else:
-                words = f"{run.goal.agent} {run.outcome.name.lower()}: {run.message}"
-                self._end(origin, run, run.outcome, words)
+                message = f"{run.goal.agent} {run.outcome.name.lower()}: {run.message}"
+                self._end(origin, run, run.outcome, message)
 
     def _is_new(self, host: str, run: EarlierRun) -> bool:
         which = (run.epoch, run.goal.round, run.goal.agent)
-        said = f"{host} says how the run of round {run.goal.round} of market '{run.epoch}' ended"
+        report = f"{host} says how the run of round {run.goal.round} of market '{run.epoch}' ended"
         if run.epoch == self._floor.epoch:
-            self._note(f"{said}, but this market knows its own runs; it is left out")
+            self._note(f"{report}, but this market knows its own runs; it is left out")
         elif run.goal.host != host:
-            self._note(f"{said}, but it was a run of '{run.goal.host}'; it is left out")
+            self._note(f"{report}, but it was a run of '{run.goal.host}'; it is left out")
         elif which in self._runs:
-            self._note(f"{said} once more; it is left out")
+            self._note(f"{report} once more; it is left out")
         else:
             self._runs.append(which)
             return True
@@ -99,12 +99,12 @@ class InheritedRuns:
         if not obstacle and not abs(run.age_s) < ASK_AGAIN_S:
             obstacle = f"it was cut off {run.age_s:.0f} s ago, more than {ASK_AGAIN_S:g} s"
         if obstacle:
-            words = f"the marketplace was restarted; not asked again, as {obstacle}"
-            self._end(origin, run, RunOutcome.LOST, words)
+            message = f"the marketplace was restarted; not asked again, as {obstacle}"
+            self._end(origin, run, RunOutcome.LOST, message)
             return
         scene_id = origin + AGAIN
-        words = f"the marketplace was restarted; asked again as scene '{scene_id}'"
-        self._end(origin, run, RunOutcome.LOST, words)
+        message = f"the marketplace was restarted; asked again as scene '{scene_id}'"
+        self._end(origin, run, RunOutcome.LOST, message)
         self._again.append((now + GATHER_S, run.scene.with_id(scene_id)))
 
     def _end(self, scene_id: str, run: EarlierRun, outcome: RunOutcome, message: str) -> None:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A scene that comes during a run: whether it is worth to stop the running agent for it."""
+"""Preemption round: decides whether a new scene stops the running agent."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from marketplace_node.settings import EXTERNAL, Settings
 
 
 class PreemptionRound:
-    """Calls for bids on a scene that waits, while another agent runs.
+    """Round for a queued scene during the run of another agent.
 
     Args:
         floor: Shared by all rounds.
@@ -40,8 +40,8 @@ class PreemptionRound:
         waiting.asked = True
         waiting.round = self.open_round.number
 
-    def judge(
-        self, by: ClosedBy, now: float, *, cooldown_left_s: float, line: str
+    def decide(
+        self, by: ClosedBy, now: float, *, cooldown_left_s: float, no_room: str
     ) -> tuple[bool, str]:
         """Close the round and publish its decision; return whether the run is stopped, and why.
 
@@ -49,7 +49,7 @@ class PreemptionRound:
             by: What closes the round.
             now: Steady time [s].
             cooldown_left_s: For so long no scene that is not urgent may stop a run [s].
-            line: Why the scene cannot wait; empty when it can.
+            no_room: Why the scene cannot wait; empty when it can.
         """
         settings = self._floor.settings
         decision = self.open_round.close(by, now)
@@ -65,7 +65,7 @@ class PreemptionRound:
             decision, outcome=AuctionOutcome.PREEMPTS if stops else AuctionOutcome.WAITS
         )
         reason = explain.challenge(
-            decision, self._running, settings.preempt_margin, obstacle=obstacle, line=line
+            decision, self._running, settings.preempt_margin, obstacle=obstacle, no_room=no_room
         )
         self._floor.publish(decision, lambda: reason)
         return stops, reason

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Scenes from their coming to their turn: refused, waiting, or asked about during a run."""
+"""Admission of scenes: reject, queue, or open a preemption round."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _REMEMBERED_SCENES = 4 * MAX_QUEUE
 
 
 class SceneAdmission:
-    """Lets scenes wait in line; where new scenes preempt, asks for each whether it is worth it.
+    """Admits scenes into the queue, or opens a preemption round where new scenes preempt.
 
     One challenge is open at a time, and only while a tree runs: scenes that come earlier, or
     during another challenge, are asked about when it is their turn.
@@ -29,11 +29,11 @@ class SceneAdmission:
         floor: Shared by all rounds.
 
     Attributes:
-        shut: Why no more scenes are taken; empty while they are.
+        closed_reason: Why no more scenes are taken; empty while they are.
     """
 
     def __init__(self, floor: MarketState) -> None:
-        self.shut = ""
+        self.closed_reason = ""
         self._floor = floor
         self._line = SceneQueue()
         self._known: deque[str] = deque(maxlen=_REMEMBERED_SCENES)
@@ -64,7 +64,7 @@ class SceneAdmission:
         self._check(scene, interaction)
         self._known.append(scene.scene_id)
         self._floor.last_scene = scene
-        self._line.join(scene, urgent_first=self._preempts)
+        self._line.push(scene, urgent_first=self._preempts)
 
     def refuse(self, scene_id: str, code: str, message: str, round_number: int = 0) -> None:
         """End a scene for which nothing has run."""
@@ -74,11 +74,11 @@ class SceneAdmission:
 
     def next(self) -> QueuedScene | None:
         """Take the scene whose turn it is; None when none waits."""
-        return self._line.next() if len(self._line) else None
+        return self._line.pop() if len(self._line) else None
 
-    def take_no_more(self, reason: str, now: float) -> None:
+    def close(self, reason: str, now: float) -> None:
         """End all scenes that wait, and from now on each one that comes."""
-        self.shut = reason
+        self.closed_reason = reason
         self._give_up_challenge(reason, now)
         while (waiting := self.next()) is not None:
             self.refuse(waiting.scene.scene_id, SHUTTING_DOWN, reason)
@@ -92,7 +92,7 @@ class SceneAdmission:
         noun = "scene that waited is" if count == 1 else "scenes that waited are"
         return f"; {count} {noun} forgotten" if count else ""
 
-    def mind(self, interaction: Interaction | None, now: float) -> None:
+    def update(self, interaction: Interaction | None, now: float) -> None:
         """Decide the challenge that is due, and open those that are allowed now."""
         if not _running(interaction) and self._challenge is not None:
             ends = interaction is not None and interaction.state is State.CANCELLING
@@ -108,7 +108,7 @@ class SceneAdmission:
                 self._challenge = PreemptionRound(
                     self._floor, waiting, interaction.goal.agent, now
                 )
-            if not self._judge(self._challenge, interaction, now):
+            if not self._decide(self._challenge, interaction, now):
                 return
 
     @property
@@ -116,8 +116,8 @@ class SceneAdmission:
         return self._floor.settings.on_new_scene == "preempt"
 
     def _check(self, scene: Scene, interaction: Interaction | None) -> None:
-        if self.shut:
-            raise Refused(SHUTTING_DOWN, self.shut)
+        if self.closed_reason:
+            raise Refused(SHUTTING_DOWN, self.closed_reason)
         if scene.scene_id in self._known:
             raise Refused(
                 "DUPLICATE",
@@ -140,22 +140,22 @@ class SceneAdmission:
         others = (waiting for waiting in self._line if not waiting.asked)
         return self._preempts and scene.urgent and not any(w.scene.urgent for w in others)
 
-    def _judge(self, challenge: PreemptionRound, interaction: Interaction, now: float) -> bool:
+    def _decide(self, challenge: PreemptionRound, interaction: Interaction, now: float) -> bool:
         by = challenge.open_round.closing(now)
         if by is None:
             return False
         self._challenge = None
-        waiting, line = challenge.waiting, self._full()
-        stops, reason = challenge.judge(
-            by, now, cooldown_left_s=self._cooldown_left(now), line=line
+        waiting, no_room = challenge.waiting, self._full()
+        stops, reason = challenge.decide(
+            by, now, cooldown_left_s=self._cooldown_left(now), no_room=no_room
         )
         if stops:
             self._preempted_at = now
             self._line.put_first(waiting)
-            words = f"preempted by scene '{waiting.scene.scene_id}': {reason}"
-            interaction.stop(StopRequest(reason=words, code=PREEMPTED), now)
-        elif line:
-            self._line.leave(waiting)
+            preempted = f"preempted by scene '{waiting.scene.scene_id}': {reason}"
+            interaction.stop(StopRequest(reason=preempted, code=PREEMPTED), now)
+        elif no_room:
+            self._line.remove(waiting)
             self.refuse(waiting.scene.scene_id, "QUEUE_FULL", reason, waiting.round)
         return True
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The scenes that wait for their turn, in the order in which they get it."""
+"""Queue of scenes: first come first served, urgent and preempting ones first."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from bt_agents_core.scene import Scene
 
 @dataclass(eq=False, kw_only=True)
 class QueuedScene:
-    """A scene that waits.
+    """Queued scene.
 
     Attributes:
         scene: The scene.
@@ -30,7 +30,7 @@ class QueuedScene:
 
 
 class SceneQueue:
-    """Scenes in the order of their coming, but for those that were put ahead."""
+    """Queue of scenes, in which some are put ahead."""
 
     def __init__(self) -> None:
         self._waiting: list[QueuedScene] = []
@@ -41,7 +41,7 @@ class SceneQueue:
     def __iter__(self) -> Iterator[QueuedScene]:
         return iter(self._waiting)
 
-    def join(self, scene: Scene, *, urgent_first: bool) -> None:
+    def push(self, scene: Scene, *, urgent_first: bool) -> None:
         """Let a scene wait behind all others, or an urgent one before those that are not."""
         place = len(self._waiting)
         if urgent_first and scene.urgent:
@@ -58,10 +58,10 @@ class SceneQueue:
         self._waiting.remove(waiting)
         self._waiting.insert(0, waiting)
 
-    def leave(self, waiting: QueuedScene) -> None:
+    def remove(self, waiting: QueuedScene) -> None:
         """Take a scene out of the line."""
         self._waiting.remove(waiting)
 
-    def next(self) -> QueuedScene:
+    def pop(self) -> QueuedScene:
         """Take the first scene out of the line."""
         return self._waiting.pop(0)

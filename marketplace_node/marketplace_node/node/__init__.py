@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The marketplace node: turns messages into events of the market and its effects into messages."""
+"""Marketplace node: messages become events of the market, its effects become messages."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from typing import Any
 
 from bt_agents_core.errors import ReadError, Refused
 from bt_agents_core.scene import SceneSpace
+from bt_agents_core.text import join_first
 from bt_agents_core.trees_folder import find_trees
 from bt_agents_interfaces.msg import Auction as AuctionMsg
 from bt_agents_interfaces.msg import Bids as BidsMsg
@@ -50,7 +51,6 @@ from marketplace_node.effects import (
     StatusChanged,
     StoreOverrides,
 )
-from marketplace_node.explanation.formatting import listed
 from marketplace_node.interaction.award import StopRequest
 from marketplace_node.market import Market
 from marketplace_node.node.bid_decoder import BidDecoder
@@ -64,9 +64,8 @@ from marketplace_node.node.messages import (
     scene_end_to_msg,
     status_to_msg,
 )
-from marketplace_node.node.operator_services import OperatorServices
-from marketplace_node.node.overrides_file import OverridesFile
-from marketplace_node.node.parameters import declare_settings, follow_settings
+from marketplace_node.node.operator_services import OperatorServices, OrdersFile
+from marketplace_node.node.parameters import declare_settings, watch_settings
 from marketplace_node.node.registration_service import RegistrationService
 from marketplace_node.registry import HostEntry
 from marketplace_node.settings import RULES, Settings
@@ -78,7 +77,7 @@ ORDERS = StartParameter(
     "empty for none",
 )
 
-_LOOK_S = 0.02  # between two looks whether somebody who starts is found
+_POLL_S = 0.02  # between two looks whether somebody who starts is found
 _HEARTBEAT_S = 0.1
 _NOTES_S = 1.0  # one note in so long: a peer that misbehaves must not fill the disk
 _SHOWN = 200  # characters of what is malformed
@@ -112,11 +111,11 @@ class MarketplaceNode(BaseNode):
         self._space = space
         self._due_calls: dict[int, tuple[OpenCall, float]] = {}
         self._due: deque[Effect] = deque()
-        self._carrying = False
+        self._executing = False
         self._state_entered: tuple[tuple[State, int], Any] | None = None
         self._market = Market(space, epoch or uuid.uuid4().hex[:12], declare_settings(self), rules)
-        self._hosts = HostConnections(self, self._market, self._carry_out)
-        follow_settings(self, lambda: self._market.settings, self._configure)
+        self._hosts = HostConnections(self, self._market, self._execute)
+        watch_settings(self, lambda: self._market.settings, self._configure)
         self._calls = self.create_publisher(CallForBids, "calls", qos.EVENTS)
         self._auctions = self.create_publisher(AuctionMsg, "auctions", qos.HISTORY)
         self._runs = self.create_publisher(RunMsg, "runs", qos.HISTORY)
@@ -128,21 +127,21 @@ class MarketplaceNode(BaseNode):
             self,
             self.create_client(CollectFeedback, "feedback/collect", qos_profile=qos.SERVICE),
         )
-        self.outside = ExternalRankingClient(self, self._market, self._carry_out)
-        self._operators = OperatorServices(self, self._market, space, self._carry_out)
-        self._orders = OverridesFile(self, orders) if orders is not None else None
+        self.outside = ExternalRankingClient(self, self._market, self._execute)
+        self._operators = OperatorServices(self, self._market, space, self._execute)
+        self._orders = OrdersFile(self, orders) if orders is not None else None
         self._ticked = time.monotonic()
         self._deadline = OneShot(self, self._tick)
-        self._look = steady_timer(self, _LOOK_S, self._tick, running=False)
+        self._poll = steady_timer(self, _POLL_S, self._tick, running=False)
         steady_timer(self, _HEARTBEAT_S, self._beat)
-        RegistrationService(self, self._market, self._hosts, space, self._carry_out)
+        RegistrationService(self, self._market, self._hosts, space, self._execute)
         self.create_service(CancelRun, "~/cancel", self._cancel, qos_profile=qos.SERVICE)
         self._hearing = BidDecoder(self._market.epoch, self._hosts.reaches)
         self._bids = self.create_subscription(
             BidsMsg, "bids", self._take_bids, qos.EVENTS, raw=True
         )
         self.create_subscription(SceneMsg, "scene", self._take_scene, qos.EVENTS)
-        self._carry_out(self._market.tick(self._ticked))
+        self._execute(self._market.tick(self._ticked))
         self._restore_orders()
         self.get_logger().info(f"market '{self._market.epoch}' waits for scenes")
 
@@ -154,7 +153,7 @@ class MarketplaceNode(BaseNode):
 
     def request_stop(self) -> None:
         """Stop the running tree, so that nobody is left alone with it."""
-        self._carry_out(self._market.shut("the marketplace is shutting down", time.monotonic()))
+        self._execute(self._market.shut_down("the marketplace is shutting down", time.monotonic()))
 
     def stopped(self) -> bool:
         """Return True when no tree runs."""
@@ -173,33 +172,33 @@ class MarketplaceNode(BaseNode):
         if not text:
             return
         try:
-            words, effects = self._market.restore_orders(text, time.monotonic())
+            standing, effects = self._market.restore_orders(text, time.monotonic())
         except Refused as refused:
             self.get_logger().error(refused.reason)
             return
-        if words:
-            self.get_logger().warning(f"still in force: {words}")
-        self._carry_out(effects)
+        if standing:
+            self.get_logger().warning(f"still in force: {standing}")
+        self._execute(effects)
 
     def _configure(self, settings: Settings) -> None:
-        self._carry_out(self._market.configure(settings, time.monotonic()))
+        self._execute(self._market.configure(settings, time.monotonic()))
 
     def _take_scene(self, message: SceneMsg) -> None:
         try:
             scene = scene_from_msg(message, self._space)
         except Refused as refused:
             scene_id = message.scene_id[:_SHOWN]
-            self._carry_out(self._market.malformed(scene_id, refused, time.monotonic()))
+            self._execute(self._market.malformed(scene_id, refused, time.monotonic()))
             return
-        self._carry_out(self._market.scene(scene, time.monotonic()))
+        self._execute(self._market.scene(scene, time.monotonic()))
 
     def _take_bids(self, message: bytes) -> None:
         try:
             bids = self._hearing.read(message)
         except Refused as refused:
-            self._carry_out([Note(message=str(refused)[:_SHOWN])])
+            self._execute([Note(message=str(refused)[:_SHOWN])])
             return
-        self._carry_out(self._market.bids(bids, time.monotonic()))
+        self._execute(self._market.bids(bids, time.monotonic()))
 
     def _cancel(
         self, request: CancelRun.Request, response: CancelRun.Response
@@ -219,18 +218,18 @@ class MarketplaceNode(BaseNode):
             time.monotonic(),
         )
         response.message = message + (remark if response.accepted else "")
-        self._carry_out(effects)
+        self._execute(effects)
         return response
 
     def _tick(self) -> None:
         now = time.monotonic()
         if now - self._ticked > self._market.settings.host_lease_s / 2:
             # This process was held up; the heartbeats of that time still wait to be read.
-            self._carry_out(self._market.excuse(self._ticked, now))
+            self._execute(self._market.extend_after_stall(self._ticked, now))
         self._ticked = now
         self._publish_calls(now)
         self._hosts.send_waiting()
-        self._carry_out(self._market.tick(now))
+        self._execute(self._market.tick(now))
 
     def _beat(self) -> None:
         self._beats += 1
@@ -245,23 +244,23 @@ class MarketplaceNode(BaseNode):
         )
         self._tick()
 
-    def _carry_out(self, effects: list[Effect]) -> None:
+    def _execute(self, effects: list[Effect]) -> None:
         self._due.extend(effects)
-        if self._carrying:
+        if self._executing:
             return
-        self._carrying = True
+        self._executing = True
         try:
             while self._due:
-                self._do(self._due.popleft())
+                self._execute_one(self._due.popleft())
         finally:
-            self._carrying = False
+            self._executing = False
         self._deadline.set(self._market.due)
-        if not (self._due_calls or self._hosts.is_looking):
-            self._look.cancel()
-        elif self._look.is_canceled():
-            self._look.reset()
+        if not (self._due_calls or self._hosts.is_polling):
+            self._poll.cancel()
+        elif self._poll.is_canceled():
+            self._poll.reset()
 
-    def _do(self, effect: Effect) -> None:
+    def _execute_one(self, effect: Effect) -> None:
         log = self.get_logger()
         match effect:
             case Connect():
@@ -292,8 +291,8 @@ class MarketplaceNode(BaseNode):
                 self._hosts.cancel_all(effect.host)
             case AnnounceRun():
                 self._runs.publish(run_to_msg(effect, self._market.epoch, self._now()))
-                words = f"{effect.goal.agent} {effect.event.name.lower()}: {effect.message}"
-                log.info(f"round {effect.goal.round}: {words}")
+                event = f"{effect.goal.agent} {effect.event.name.lower()}: {effect.message}"
+                log.info(f"round {effect.goal.round}: {event}")
             case AnnounceEarlierRun():
                 self._runs.publish(earlier_run_to_msg(effect.run, self._now()))
             case Collect():
@@ -305,7 +304,7 @@ class MarketplaceNode(BaseNode):
                 log.info(f"scene '{effect.scene_id}' {effect.code}: {effect.message}")
             case StoreOverrides():
                 if self._orders is not None:
-                    self._orders.keep(effect.text)
+                    self._orders.store(effect.text)
             case Note():
                 log.warning(effect.message, throttle_duration_sec=_NOTES_S)
             case Alarm():
@@ -314,10 +313,10 @@ class MarketplaceNode(BaseNode):
     def _connect(self, entry: HostEntry) -> None:
         try:
             self._hosts.connect(entry)
-            self.get_logger().info(f"{entry.host} is registered: {listed(entry.agents)}")
+            self.get_logger().info(f"{entry.host} is registered: {join_first(entry.agents)}")
         except Refused as refused:
             self.get_logger().error(refused.reason)
-            self._carry_out(self._market.disconnect(entry.host, time.monotonic()))
+            self._execute(self._market.disconnect(entry.host, time.monotonic()))
 
     def _publish_calls(self, now: float) -> None:
         for effect, latest in list(self._due_calls.values()):
@@ -327,21 +326,21 @@ class MarketplaceNode(BaseNode):
 
     def _matched(self, hosts: int) -> bool:
         """Return whether so many hosts hear a call, and are heard; else messages would be lost."""
-        heard = int(self._bids.get_publisher_count())
-        hearing = int(self._calls.get_subscription_count())
-        return min(heard, hearing) >= hosts
+        publishers = int(self._bids.get_publisher_count())
+        subscribers = int(self._calls.get_subscription_count())
+        return min(publishers, subscribers) >= hosts
 
     def _publish_call(self, effect: OpenCall, now: float) -> None:
         call = call_to_msg(effect, self._market.epoch, self._space, self._now())
         self._calls.publish(call)
-        self._carry_out(self._market.called(effect.round, now))
+        self._execute(self._market.called(effect.round, now))
 
     def _collect(self, effect: Collect) -> None:
         number = effect.goal.round
 
         def answered(answer: Any) -> None:
-            words = answer.message if answer is not None else "the request for feedback was lost"
-            self._carry_out(self._market.collected(number, words, time.monotonic()))
+            message = answer.message if answer is not None else "the request for feedback was lost"
+            self._execute(self._market.collected(number, message, time.monotonic()))
 
         self._feedback.put(
             CollectFeedback.Request(
@@ -354,7 +353,7 @@ class MarketplaceNode(BaseNode):
             answered,
         )
         if self._feedback.late:
-            self._carry_out(self._market.kept(number, time.monotonic()))
+            self._execute(self._market.feedback_deferred(number, time.monotonic()))
 
     def _publish_status(self, status: StatusChanged) -> None:
         key = (status.state, status.round)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Reads the answers of hosts; one that says what its host said before is not read again."""
+"""Decoder of bids, with a cache: an answer equal to the host's last one is not decoded again."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from marketplace_node.round.decision import Bids
 
 
 class BidDecoder:
-    """Remembers the last answer of each host.
+    """Decoder that caches the last answer of each host.
 
     Args:
         epoch: The market.
@@ -47,5 +47,5 @@ class BidDecoder:
         return bids
 
     def forget(self, host: str) -> None:
-        """Remember nothing of a host."""
+        """Drop what is cached of a host."""
         self._last.pop(host, None)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Asks the service ``select`` to rank bids; its answer, or its silence, goes to the market."""
+"""Client of the service ``select``, which ranks bids for the strategy ``external``."""
 
 from __future__ import annotations
 
@@ -19,26 +19,26 @@ from marketplace_node.round.decision import External
 
 
 class ExternalRankingClient:
-    """Sends each question once; the market owns the deadline.
+    """Client that requests each ranking once; the market owns the deadline.
 
     Args:
         node: The marketplace node.
         market: Who is told.
-        carry_out: Carries out the effects that the market answers with.
+        execute: Executes the effects that the market answers with.
     """
 
     def __init__(
-        self, node: Node, market: Market, carry_out: Callable[[list[Effect]], None]
+        self, node: Node, market: Market, execute: Callable[[list[Effect]], None]
     ) -> None:
         self._market = market
-        self._carry_out = carry_out
+        self._execute = execute
         self._calls = Calls(node)
         # Made before it is needed, so that the server is found by then.
         self._client = node.create_client(SelectAgent, "select", qos_profile=qos.SERVICE)
 
     @property
     def there(self) -> bool:
-        """True when somebody answers questions."""
+        """True when the service is available."""
         return bool(self._client.service_is_ready())
 
     def ask(self, effect: RequestRanking) -> None:
@@ -58,8 +58,8 @@ class ExternalRankingClient:
             selection_to_msg(effect, self._market.epoch),
             deadline_s=effect.limit_s,
             on_answer=answered,
-            on_failure=lambda words: self._report(effect, External(failure=words)),
+            on_failure=lambda reason: self._report(effect, External(failure=reason)),
         )
 
     def _report(self, effect: RequestRanking, external: External) -> None:
-        self._carry_out(self._market.ranked(effect.round, external, time.monotonic()))
+        self._execute(self._market.ranked(effect.round, external, time.monotonic()))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The market's end of every registered host: its heartbeat, its action and the goals under way."""
+"""Clients of every registered host: its heartbeat, its action and the goals under way."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from marketplace_node.registry import HostEntry
 
 @dataclass(eq=False, kw_only=True)
 class _Link:
-    """What reaches a host: clients of the services of its action, and its heartbeat."""
+    """Connection to a host: clients of the services of its action, and its heartbeat."""
 
     entry: HostEntry
     goals: Any
@@ -42,7 +42,7 @@ class _Link:
 
 @dataclass(eq=False, kw_only=True)
 class _Sending:
-    """A goal that waits for its server, or is sent."""
+    """Goal that waits for its server, or is sent."""
 
     link: _Link
     request: Any
@@ -50,7 +50,7 @@ class _Sending:
 
 
 class HostConnections:
-    """Sends goals to hosts and reports to the market what becomes of them.
+    """Action clients that send goals to hosts and report to the market what becomes of them.
 
     A goal waits for its server until the market gives it up; the market owns every deadline. The
     action is spoken to by its services: a client of an action would also listen to its feedback
@@ -59,20 +59,20 @@ class HostConnections:
     Args:
         node: The marketplace node.
         market: Who is told.
-        carry_out: Carries out the effects that the market answers with.
+        execute: Executes the effects that the market answers with.
     """
 
     def __init__(
-        self, node: Node, market: Market, carry_out: Callable[[list[Effect]], None]
+        self, node: Node, market: Market, execute: Callable[[list[Effect]], None]
     ) -> None:
         self._node = node
         self._market = market
-        self._carry_out = carry_out
+        self._execute = execute
         self._links: dict[str, _Link] = {}
         self._goals: dict[RunGoal, _Sending] = {}
 
     @property
-    def is_looking(self) -> bool:
+    def is_polling(self) -> bool:
         """Whether a goal waits for its server to be found."""
         return not all(sending.sent for sending in self._goals.values())
 
@@ -126,7 +126,7 @@ class HostConnections:
             self._node.destroy_subscription(link.heartbeat)
 
     def close(self) -> None:
-        """Forget all hosts."""
+        """Disconnect all hosts."""
         for host in list(self._links):
             self.disconnect(host)
 
@@ -181,7 +181,7 @@ class HostConnections:
             link.cancels.call_async(CancelGoal.Request())
 
     def _take_heartbeat(self, message: Heartbeat) -> None:
-        self._carry_out(
+        self._execute(
             self._market.heartbeat(
                 message.host,
                 message.host_instance,
@@ -202,7 +202,7 @@ class HostConnections:
         sending.link.results.call_async(request).add_done_callback(
             lambda done: self._ended(goal, sending, done)
         )
-        self._carry_out(self._market.goal_accepted(goal, time.monotonic()))
+        self._execute(self._market.goal_accepted(goal, time.monotonic()))
 
     def _ended(self, goal: RunGoal, sending: _Sending, future: Any) -> None:
         if self._goals.get(goal) is sending:
@@ -211,7 +211,7 @@ class HostConnections:
                 return  # from another server of this name; the heartbeat knows how it goes on
             del self._goals[goal]
             end = run_end_from_msg(answer.result)
-            self._carry_out(self._market.run_ended(goal, end, time.monotonic()))
+            self._execute(self._market.run_ended(goal, end, time.monotonic()))
 
     def _refuse(self, goal: RunGoal, reason: str) -> None:
-        self._carry_out(self._market.goal_refused(goal, reason, time.monotonic()))
+        self._execute(self._market.goal_refused(goal, reason, time.monotonic()))

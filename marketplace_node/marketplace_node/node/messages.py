@@ -1,19 +1,19 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Messages of the market: what comes in unchecked, and what goes out."""
+"""Conversion between the messages of the market and its data."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from functools import cache
 from typing import Any
 
 from bt_agents_core.errors import Refused
 from bt_agents_core.scene import Scene, SceneSpace
-from bt_agents_core.stop_words import CUT_OFF
 from bt_agents_interfaces.action import RunAgent
 from bt_agents_interfaces.msg import Auction as AuctionMsg
 from bt_agents_interfaces.msg import Bids as BidsMsg
-from bt_agents_interfaces.msg import CallForBids, MarketStatus
+from bt_agents_interfaces.msg import CallForBids, MarketStatus, StrategyInfo
 from bt_agents_interfaces.msg import RankedBid as RankedBidMsg
 from bt_agents_interfaces.msg import RefusedBid as RefusedBidMsg
 from bt_agents_interfaces.msg import Run as RunMsg
@@ -34,19 +34,12 @@ from marketplace_node.effects import (
     StatusChanged,
 )
 from marketplace_node.explanation.calculation import calculation
-from marketplace_node.external_ranking.external_ranking_check import check_ranking, shown
+from marketplace_node.explanation.formatting import shown
 from marketplace_node.interaction.award import RunEnd
 from marketplace_node.operators.operator_overrides import OperatorAction, OperatorCommand
 from marketplace_node.registry import Registration
-from marketplace_node.round.decision import (
-    EARLIER_RUNS,
-    SHADOW,
-    Bids,
-    Decision,
-    External,
-    RankedBid,
-    Terms,
-)
+from marketplace_node.round.decision import Bids, Decision, External, RankedBid, Terms
+from marketplace_node.round.precedence import check_ranking
 from marketplace_node.strategies import STRATEGIES
 
 _ENDED = (RunMsg.SUCCEEDED, RunMsg.FAILED, RunMsg.CANCELLED, RunMsg.LOST)
@@ -65,6 +58,7 @@ def bids_from_msg(message: BidsMsg) -> Bids:
         weights=message.weights,
         declined=tuple(message.declined),
         decline_reasons=tuple(message.decline_reasons),
+        unmet=tuple(message.unmet),
     )
 
 
@@ -85,6 +79,8 @@ def run_end_from_msg(result: RunAgent.Result) -> RunEnd:
     return RunEnd(
         outcome=result.outcome,
         message=result.message,
+        stop_cause=result.stop_cause,
+        host_reason=result.host_reason,
         orphans=tuple(result.orphans),
         ticks=result.ticks,
         overruns=result.overruns,
@@ -125,7 +121,7 @@ def earlier_run_from_msg(message: RunMsg, space: SceneSpace, now_s: float) -> Ea
         outcome=RunOutcome(message.outcome),
         scene=scene_from_msg(message.scene, space),
         message=message.message,
-        cut_off=_cut_off(message),
+        stop_cause=message.stop_cause,
         orphans=tuple(message.orphans),
         ticks=message.ticks,
         overruns=message.overruns,
@@ -176,6 +172,7 @@ def status_to_msg(status: StatusChanged, epoch: str, stamp: Any) -> MarketStatus
         agents=status.agents,
         strategy=status.strategy,
         shadow_strategy=status.shadow_strategy,
+        strategies=strategies_to_msg(),
         pinned=status.pinned,
         vetoed=list(status.vetoed),
         starved=list(status.starved),
@@ -183,11 +180,23 @@ def status_to_msg(status: StatusChanged, epoch: str, stamp: Any) -> MarketStatus
     )
 
 
+@cache
+def strategies_to_msg() -> list[StrategyInfo]:
+    """Return the messages of all strategies; plug-ins are found before the first is asked for."""
+    return [
+        StrategyInfo(
+            name=name,
+            description=" ".join(spec.description.split()),
+            options=[option.name for option in spec.options],
+        )
+        for name, spec in STRATEGIES.items()
+    ]
+
+
 def auction_to_msg(effect: PublishAuction, stamp: Any) -> AuctionMsg:
     """Return the message of the outcome of a round."""
     decision, terms = effect.decision, effect.decision.terms
     winner, change = decision.winner, decision.ranked.change
-    options = _options(terms)
     return AuctionMsg(
         stamp=stamp,
         epoch=terms.epoch,
@@ -199,8 +208,9 @@ def auction_to_msg(effect: PublishAuction, stamp: Any) -> AuctionMsg:
         preview=terms.preview,
         duration_s=decision.duration_s,
         strategy=terms.strategy,
-        option_names=list(options),
-        option_values=list(options.values()),
+        option_names=list(terms.options),
+        option_values=[float(value) for value in terms.options.values()],
+        earlier_runs=terms.earlier_runs,
         tie_break=terms.tie_break,
         seed=terms.seed if _draws(terms) else "",
         intervention=terms.intervention,
@@ -221,6 +231,8 @@ def auction_to_msg(effect: PublishAuction, stamp: Any) -> AuctionMsg:
         host=winner.host if winner else "",
         margin=decision.margin,
         shadow_strategy=terms.shadow,
+        shadow_option_names=list(terms.shadow_options),
+        shadow_option_values=[float(value) for value in terms.shadow_options.values()],
         shadow_winner=decision.ranked.shadow_winner,
         shadow_rounds=effect.shadow_rounds,
         shadow_disagreements=effect.shadow_disagreements,
@@ -246,11 +258,11 @@ def selection_to_msg(effect: RequestRanking, epoch: str) -> SelectAgent.Request:
 
 def selection_from_msg(answer: SelectAgent.Response, bidders: Sequence[str]) -> External:
     """Return what a program outside has answered, whatever it is."""
-    words = shown(answer.message)
+    message = shown(answer.message)
     if not answer.accepted:
-        return External(failure=f"the selector says: {words or 'no'}")
+        return External(failure=f"the selector says: {message or 'no'}")
     try:
-        return External(ranking=check_ranking(answer.ranking, bidders), message=words)
+        return External(ranking=check_ranking(answer.ranking, bidders), message=message)
     except Refused as refused:
         return External(failure=f"the selector's answer is of no use: {refused.reason}")
 
@@ -301,22 +313,8 @@ def _ranked_to_msg(bid: RankedBid, decision: Decision) -> RankedBidMsg:
     )
 
 
-def _options(terms: Terms) -> dict[str, float]:
-    """Return what is set about the strategy, and about its shadow with that word in front."""
-    shadow = {f"{SHADOW}{name}": value for name, value in terms.shadow_options.items()}
-    earlier = {EARLIER_RUNS: terms.earlier_runs} if terms.earlier_runs else {}
-    named = {**terms.options, **shadow, **earlier}
-    return {name: float(value) for name, value in named.items()}
-
-
 def _draws(terms: Terms) -> bool:
     return any(STRATEGIES[name].draws for name in (terms.strategy, terms.shadow) if name)
-
-
-def _cut_off(message: RunMsg) -> bool:
-    """Whether a run was broken off without anybody having wanted it."""
-    cancelled = message.outcome == RunMsg.CANCELLED and str(message.message).startswith(CUT_OFF)
-    return cancelled or message.outcome == RunMsg.LOST
 
 
 def run_to_msg(effect: AnnounceRun, epoch: str, stamp: Any) -> RunMsg:
@@ -327,6 +325,7 @@ def run_to_msg(effect: AnnounceRun, epoch: str, stamp: Any) -> RunMsg:
         round=effect.goal.round,
         event=int(effect.event),
         outcome=int(effect.outcome),
+        stop_cause=int(effect.stop_cause),
         scene=scene_to_msg(effect.scene),
         agent=effect.goal.agent,
         agent_id=effect.goal.agent_id,
@@ -348,6 +347,7 @@ def earlier_run_to_msg(run: EarlierRun, stamp: Any) -> RunMsg:
         goal=run.goal,
         scene=run.scene,
         message=run.message,
+        stop_cause=run.stop_cause,
         orphans=run.orphans,
         ticks=run.ticks,
         overruns=run.overruns,

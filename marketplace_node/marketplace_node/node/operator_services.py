@@ -1,32 +1,36 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The services of operators: their say, and previews, which are answered once bids are in."""
+"""Services of operators, and the file that keeps what they ordered over a restart."""
 
 from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from pathlib import Path
 
 from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.node import Node
 from rclpy.task import Future
 
+from bt_agents_core.atomic_file import write_atomically
 from bt_agents_core.errors import Refused
 from bt_agents_core.scene import SceneSpace
+from bt_agents_core.worker_thread import WorkerThread
 from bt_agents_interfaces.srv import OperateMarket, PreviewAuction
 from bt_agents_ros import qos
+from bt_agents_ros.future_poller import FuturePoller
 from marketplace_node.effects import Effect, PreviewEnded
 from marketplace_node.market import Market
 from marketplace_node.node.messages import auction_to_msg, order_from_msg, scene_or_last
 
 
 class OperatorServices:
-    """Answers operators; who waits for a preview holds nothing up.
+    """Services ``~/operate`` and ``~/preview``; a preview blocks nothing while it is open.
 
     Args:
         node: The marketplace node.
         market: Who is asked.
         space: The scene parameters.
-        carry_out: Carries out the effects that the market answers with.
+        execute: Executes the effects that the market answers with.
     """
 
     def __init__(
@@ -34,12 +38,12 @@ class OperatorServices:
         node: Node,
         market: Market,
         space: SceneSpace,
-        carry_out: Callable[[list[Effect]], None],
+        execute: Callable[[list[Effect]], None],
     ) -> None:
         self._node = node
         self._market = market
         self._space = space
-        self._carry_out = carry_out
+        self._execute = execute
         self._waiting: dict[int, Future] = {}
         node.create_service(OperateMarket, "~/operate", self._operate, qos_profile=qos.SERVICE)
         node.create_service(
@@ -67,9 +71,9 @@ class OperatorServices:
             response.code, response.message = refused.code, refused.reason
             return response
         response.accepted = True
-        words = f"{order.who}, {order.act.name.lower()}: {response.message}"
-        self._node.get_logger().info(words)
-        self._carry_out(effects)
+        action = order.act.name.lower()
+        self._node.get_logger().info(f"{order.who}, {action}: {response.message}")
+        self._execute(effects)
         return response
 
     async def _preview(
@@ -80,7 +84,7 @@ class OperatorServices:
             scene = scene_or_last(request.scene, self._space)
             number, effects = self._market.preview(scene, request.strategy, time.monotonic())
             ended = self._waiting[number] = Future()
-            self._carry_out(effects)
+            self._execute(effects)
             outcome = (await ended).outcome
             if isinstance(outcome, Refused):
                 raise outcome
@@ -91,3 +95,47 @@ class OperatorServices:
         response.auction = auction_to_msg(outcome, self._node.get_clock().now().to_msg())
         response.message = outcome.reason
         return response
+
+
+class OrdersFile:
+    """File that is read once and written by a thread of its own.
+
+    Args:
+        node: Tells what goes wrong.
+        path: The file; its folder is made when absent.
+    """
+
+    def __init__(self, node: Node, path: Path) -> None:
+        self._node = node
+        self._path = path
+        self._jobs = FuturePoller(node)
+        self._worker = WorkerThread("orders")
+
+    def read(self) -> str:
+        """Return what was kept; empty when nothing was."""
+        try:
+            return self._path.read_text(encoding="utf-8")
+        except FileNotFoundError:
+            return ""
+        except (OSError, UnicodeDecodeError) as error:
+            self._report(str(error))
+            return ""
+
+    def store(self, text: str) -> None:
+        """Write what is to be kept from now on."""
+        self._jobs.watch(self._worker.submit(self._write, text), self._report)
+
+    def close(self) -> None:
+        """Write what still waits to be written."""
+        self._worker.shutdown()
+
+    def _write(self, text: str) -> None:
+        self._path.parent.mkdir(parents=True, exist_ok=True)
+        self._path.touch()
+        write_atomically(self._path, text)
+
+    def _report(self, what: str) -> None:
+        if what:
+            self._node.get_logger().error(
+                f"pins, vetoes and counts are not kept over a restart of the market: {what}"
+            )

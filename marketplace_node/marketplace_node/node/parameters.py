@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The settings of the market as ROS parameters, described and checked before they count."""
+"""Parameters of the market, described, and checked before they count."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ def declare_settings(node: Node) -> Settings:
     return Settings(**values)
 
 
-def follow_settings(
+def watch_settings(
     node: Node, current: Callable[[], Settings], take: Callable[[Settings], None]
 ) -> None:
     """Refuse changes of parameters that make no sense, and hand over all others.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The service by which hosts enter their agents, and hand over runs that nobody has heard of."""
+"""Service ``~/register``: hosts enter their agents and report runs that are not announced."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ _SHOWN = 200  # characters of what is malformed
 
 
 class RegistrationService:
-    """Answers hosts that register.
+    """Service by which hosts register.
 
     Args:
         node: The marketplace node.
         market: Who is asked.
         hosts: The market's end of the hosts.
         space: The scene parameters.
-        carry_out: Carries out the effects that the market answers with.
+        execute: Executes the effects that the market answers with.
     """
 
     def __init__(
@@ -39,13 +39,13 @@ class RegistrationService:
         market: Market,
         hosts: HostConnections,
         space: SceneSpace,
-        carry_out: Callable[[list[Effect]], None],
+        execute: Callable[[list[Effect]], None],
     ) -> None:
         self._node = node
         self._market = market
         self._hosts = hosts
         self._space = space
-        self._carry_out = carry_out
+        self._execute = execute
         node.create_service(RegisterHost, "~/register", self._register, qos_profile=qos.SERVICE)
 
     def _register(
@@ -53,7 +53,7 @@ class RegistrationService:
     ) -> RegisterHost.Response:
         registration = registration_from_msg(request)
         answer, effects = self._market.register(registration, time.monotonic())
-        self._carry_out(effects)
+        self._execute(effects)
         response.epoch = self._market.epoch
         response.accepted = answer.accepted
         response.agent_ids = list(answer.agent_ids)
@@ -90,4 +90,4 @@ class RegistrationService:
                 f"{request.host} hands over {len(request.unreported)} unreported runs, "
                 f"the first {MAX_RUNS} are taken"
             )
-        self._carry_out(self._market.unreported(request.host, runs, time.monotonic()))
+        self._execute(self._market.unreported(request.host, runs, time.monotonic()))

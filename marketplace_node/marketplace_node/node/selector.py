@@ -1,14 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The selector node: has a language model rank bids, for the strategy ``external``."""
+"""Selector node: a language model ranks bids for the strategy ``external``."""
 
 from __future__ import annotations
 
 import json
 import math
 import os
-import time
 from collections.abc import Sequence
 from concurrent.futures import Future as Job
+from functools import partial
 from typing import Any
 
 from rclpy.callback_groups import ReentrantCallbackGroup
@@ -17,7 +17,6 @@ from rclpy.task import Future
 from bt_agents_core.errors import Refused
 from bt_agents_core.scene import SceneSpace
 from bt_agents_core.trees_folder import find_trees
-from bt_agents_core.worker_thread import WorkerThread
 from bt_agents_interfaces.msg import HostCard
 from bt_agents_interfaces.srv import SelectAgent
 from bt_agents_language.files.scene_reader import read_scene
@@ -27,7 +26,7 @@ from bt_agents_ros.messages import scene_from_msg
 from bt_agents_ros.spinner import run
 from bt_agents_ros.startup import TREES, StartParameter, make_from_parameters
 from bt_agents_ros.timers import steady_timer
-from marketplace_node.external_ranking.http_client import post
+from marketplace_node.external_ranking.http_client import HttpClient
 from marketplace_node.external_ranking.openai_protocol import (
     MOST_BYTES,
     Bidder,
@@ -47,15 +46,15 @@ KEY_VARIABLE = StartParameter(
     description="environment variable that holds the key of the server; empty for no key",
 )
 
-_LOOK_S = 0.01
+_POLL_S = 0.01
 _LONGEST_S = 60.0
 _SHARE = 0.95  # of the limit for the server, so that the market hears why there is no answer
 _MOST_WAITING = 4
-"""Questions that may wait for the server; a later one is refused at once."""
+"""Questions that may be under way at the server; a later one is refused at once."""
 
 
 class SelectorNode(BaseNode):
-    """Serves ``select`` by asking a server that speaks the chat-completions protocol.
+    """Service ``select``, which asks a server that speaks the chat-completions protocol.
 
     Args:
         space: The scene parameters of the system.
@@ -72,8 +71,8 @@ class SelectorNode(BaseNode):
         self._endpoint = endpoint
         self.descriptions: dict[str, dict[str, str]] = {}
         self._jobs: list[tuple[Job[Ranking], Future]] = []
-        self._worker = WorkerThread("selector")
-        self._look = steady_timer(self, _LOOK_S, self._take_answers, running=False)
+        self._client = HttpClient("selector")
+        self._poll = steady_timer(self, _POLL_S, self._take_answers, running=False)
         self.create_subscription(HostCard, "cards", self._take_card, qos.FACTS)
         self.create_service(
             SelectAgent,
@@ -87,7 +86,7 @@ class SelectorNode(BaseNode):
 
     def destroy_node(self) -> None:
         """Destroy the node; a question that is under way is not waited for."""
-        self._worker.shutdown(wait=False, cancel_futures=True)
+        self._client.close()
         super().destroy_node()
 
     def _take_card(self, card: HostCard) -> None:
@@ -114,7 +113,7 @@ class SelectorNode(BaseNode):
         return response
 
     async def _ask(self, request: SelectAgent.Request) -> Ranking:
-        """Have the server asked by another thread.
+        """Ask the server for a ranking.
 
         Raises:
             Refused: It cannot be asked, or says nothing of use.
@@ -130,13 +129,18 @@ class SelectorNode(BaseNode):
             )
         body = json.dumps(question(self._endpoint.model, self._space, scene, bidders)).encode()
         names = [bidder.name for bidder in bidders]
-        job = self._worker.submit(
-            _asked, self._endpoint, body, names, end=time.monotonic() + _SHARE * limit_s
+        job = self._client.post(
+            self._endpoint.url,
+            self._endpoint.headers(),
+            body,
+            partial(answer, bidders=names),
+            limit_s=_SHARE * limit_s,
+            most=MOST_BYTES,
         )
         ended = Future()
         self._jobs.append((job, ended))
-        if self._look.is_canceled():
-            self._look.reset()
+        if self._poll.is_canceled():
+            self._poll.reset()
         await ended
         try:
             return job.result(timeout=0)
@@ -173,17 +177,9 @@ class SelectorNode(BaseNode):
         ended = [one for one in self._jobs if one[0].done()]
         self._jobs = [one for one in self._jobs if not one[0].done()]
         if not self._jobs:
-            self._look.cancel()
+            self._poll.cancel()
         for _, waiting in ended:
             waiting.set_result(None)
-
-
-def _asked(endpoint: Endpoint, body: bytes, bidders: Sequence[str], *, end: float) -> Ranking:
-    limit_s = end - time.monotonic()
-    if limit_s <= 0:
-        raise Refused("TOO_LATE", "an earlier question took all the time")
-    status, text = post(endpoint.url, endpoint.headers(), body, limit_s=limit_s, most=MOST_BYTES)
-    return answer(status, text, bidders)
 
 
 def _make_node() -> SelectorNode:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Carries out what operators ask the market for."""
+"""Commands of operators, executed by the market."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _AWARDED = re.compile(r"\+award\d+$")
 
 
 class OperatorCommands:
-    """Changes the say of people, stops whom they veto, and puts scenes in line that they award.
+    """Executor of operator commands: pins and vetoes, stops of vetoed runs, awarded scenes.
 
     Args:
         floor: Shared by all rounds.
@@ -38,17 +38,17 @@ class OperatorCommands:
         Raises:
             Refused: Nothing is changed.
         """
-        say = self._floor.say
+        overrides = self._floor.overrides
         if order.act is OperatorAction.UNPIN:
-            return say.unpin()
+            return overrides.unpin()
         if order.act is OperatorAction.ALLOW:
-            return say.allow(order)
+            return overrides.allow(order)
         self._check_known(order.agent)
         match order.act:
             case OperatorAction.PIN:
-                return say.pin(order) + _runs_on(order.agent, interaction)
+                return overrides.pin(order) + _runs_on(order.agent, interaction)
             case OperatorAction.VETO:
-                return say.veto(order) + self._stop(order, interaction, now)
+                return overrides.veto(order) + self._stop(order, interaction, now)
             case _:
                 return self._award(order, interaction)
 
@@ -59,7 +59,7 @@ class OperatorCommands:
             Refused: ``MALFORMED``; nothing is changed.
         """
         self._floor.restore(text)
-        return self._floor.say.words("")
+        return self._floor.overrides.intervention("")
 
     def scene(self, scene: Scene | None) -> Scene:
         """Return a scene, or the one that was taken last.
@@ -95,14 +95,14 @@ class OperatorCommands:
         return f"; {message}" + ("" if stopping else ", and the others are asked")
 
     def _award(self, order: OperatorCommand, interaction: Interaction | None) -> str:
-        self._floor.say.check_award(order)
+        self._floor.overrides.check_award(order)
         scene = self.scene(order.scene)
         if order.scene is None:
             self._awards += 1
             scene = scene.with_id(f"{_AWARDED.sub('', scene.scene_id)}+award{self._awards}")
         scene = replace(scene, urgent=True)
         self._arrivals.join(scene, interaction)
-        self._floor.say.award(order, scene.scene_id)
+        self._floor.overrides.award(order, scene.scene_id)
         named = _AWARDED.sub("", scene.scene_id)
         answer = f"{order.agent} gets the run for scene '{named}' if it bids"
         if interaction is not None:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The operator's say: which agent is pinned, which are vetoed, and whom a scene is given to."""
+"""Operator overrides: the pinned agent, vetoed agents, and awards of scenes."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ NOT_AWARDED = "NOT_AWARDED"
 
 
 class OperatorAction(IntEnum):
-    """What an operator wants; the numbers are those of ``OperateMarket.srv``."""
+    """Action of an operator; the numbers are those of ``OperateMarket.srv``."""
 
     PIN = 0
     UNPIN = 1
@@ -30,7 +30,7 @@ class OperatorAction(IntEnum):
 
 @dataclass(frozen=True, kw_only=True)
 class OperatorCommand:
-    """What an operator asks for; fields as in ``OperateMarket.srv``.
+    """Command of an operator; fields as in ``OperateMarket.srv``.
 
     Attributes:
         act: What.
@@ -48,7 +48,7 @@ class OperatorCommand:
 
     @property
     def who(self) -> str:
-        """Who asks, in words."""
+        """Author of the command, or ``the operator``."""
         return self.author or "the operator"
 
     @property
@@ -59,14 +59,14 @@ class OperatorCommand:
 
 @dataclass(frozen=True, kw_only=True)
 class _Standing:
-    """An order in force: whom it is about, and its words."""
+    """Override in force: its agent and its text."""
 
     agent: str
-    words: str
+    text: str
 
 
 class OperatorOverrides:
-    """Keeps what people have ordered, for the life of the market."""
+    """Overrides by operators that are in force."""
 
     def __init__(self) -> None:
         self._pin: _Standing | None = None
@@ -83,24 +83,26 @@ class OperatorOverrides:
         """The agents that may not bid, by name."""
         return tuple(sorted(self._vetoes))
 
-    def as_kept(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, Any]:
         """Return pins and vetoes for :meth:`restore`; awards end with their scenes."""
-        pin = {"agent": self._pin.agent, "words": self._pin.words} if self._pin else None
+        pin = {"agent": self._pin.agent, "words": self._pin.text} if self._pin else None
         return {"pinned": pin, "vetoed": dict(self._vetoes)}
 
-    def restore(self, kept: Mapping[str, Any]) -> None:
+    def restore(self, stored: Mapping[str, Any]) -> None:
         """Take pins and vetoes of an earlier market over, instead of those in force.
 
         Raises:
-            KeyError, TypeError, AttributeError: It is not what :meth:`as_kept` gives; nothing is
+            KeyError, TypeError, AttributeError: It is not what :meth:`to_dict` gives; nothing is
                 changed.
         """
-        pin, vetoes = kept["pinned"], kept["vetoed"]
+        pin, vetoes = stored["pinned"], stored["vetoed"]
         standing = None
         if pin is not None:
-            standing = _Standing(agent=_word(pin["agent"]), words=_word(pin["words"]))
-        words = {_word(agent): _word(said) for agent, said in vetoes.items()}
-        self._pin, self._vetoes = standing, words
+            standing = _Standing(
+                agent=_checked_text(pin["agent"]), text=_checked_text(pin["words"])
+            )
+        texts = {_checked_text(agent): _checked_text(text) for agent, text in vetoes.items()}
+        self._pin, self._vetoes = standing, texts
 
     def veto_of(self, agent: str) -> str:
         """Return who has vetoed an agent and why; empty when nobody has."""
@@ -114,7 +116,7 @@ class OperatorOverrides:
         """
         self._check_not_vetoed(order.agent)
         self._pin = _Standing(
-            agent=order.agent, words=f"{order.who} pins {order.agent}{order.because}"
+            agent=order.agent, text=f"{order.who} pins {order.agent}{order.because}"
         )
         return f"only {order.agent} may bid from the next round on, until it is unpinned"
 
@@ -165,20 +167,20 @@ class OperatorOverrides:
         """Give the run for a scene that waits to one agent."""
         self._awards[scene_id] = _Standing(
             agent=order.agent,
-            words=f"{order.who} gives the run to {order.agent}{order.because}",
+            text=f"{order.who} gives the run to {order.agent}{order.because}",
         )
 
     def forget(self, scene_id: str) -> None:
         """Forget the award of a scene that is over."""
         self._awards.pop(scene_id, None)
 
-    def words(self, scene_id: str) -> str:
+    def intervention(self, scene_id: str) -> str:
         """Return what people have ordered that counts for a round, in words; may be empty."""
         award = self._awards.get(scene_id)
-        standing = [one.words for one in (award, self._pin) if one is not None]
+        standing = [one.text for one in (award, self._pin) if one is not None]
         return "; ".join([*standing, *(self._vetoes[agent] for agent in self.vetoed)])
 
-    def barred(self, hosts: Iterable[HostEntry], scene_id: str) -> tuple[RefusedBid, ...]:
+    def excluded(self, hosts: Iterable[HostEntry], scene_id: str) -> tuple[RefusedBid, ...]:
         """Return the agents of some hosts that may not bid in a round, with the reason."""
         award = self._awards.get(scene_id)
         if award is None and self._pin is None and not self._vetoes:
@@ -189,23 +191,23 @@ class OperatorOverrides:
             )
             for entry in hosts
             for agent in entry.agents
-            for code, reason in self._bars(agent, award)
+            for code, reason in self._exclusions(agent, award)
         )
 
-    def _bars(self, agent: str, award: _Standing | None) -> Iterator[tuple[str, str]]:
+    def _exclusions(self, agent: str, award: _Standing | None) -> Iterator[tuple[str, str]]:
         if agent in self._vetoes:
             yield VETOED, self._vetoes[agent]
         elif award is not None and award.agent != agent:
-            yield NOT_AWARDED, award.words
+            yield NOT_AWARDED, award.text
         elif self._pin is not None and self._pin.agent != agent:
-            yield NOT_PINNED, self._pin.words
+            yield NOT_PINNED, self._pin.text
 
     def _check_not_vetoed(self, agent: str) -> None:
         if agent in self._vetoes:
             raise Refused(VETOED, f"'{agent}' may not bid ({self._vetoes[agent]}); allow it first")
 
 
-def _word(value: object) -> str:
+def _checked_text(value: object) -> str:
     if not isinstance(value, str):
         raise TypeError("not a text")
     return value

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Rounds that only foretell who would win: nobody gets a run, and nothing is counted."""
+"""Previews: rounds that show who would win, without a run and uncounted."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ MOST = 8
 
 
 class Previews:
-    """Opens previews beside whatever else goes on, and ends each of them once.
+    """Open previews, each of which ends once.
 
     Args:
         floor: Shared by all rounds.
@@ -31,7 +31,7 @@ class Previews:
 
     @property
     def open_rounds(self) -> list[OpenRound]:
-        """Their calls for bids."""
+        """Open rounds of all previews."""
         return list(self._open)
 
     def ask(self, scene: Scene, strategy: str, now: float) -> int:
@@ -50,12 +50,12 @@ class Previews:
         self._open.append(preview)
         return preview.number
 
-    def excuse(self, lasted_s: float) -> None:
+    def extend_after_stall(self, lasted_s: float) -> None:
         """Move all deadlines, as nobody has listened for so long [s]."""
         for preview in self._open:
-            preview.excuse(lasted_s)
+            preview.extend_after_stall(lasted_s)
 
-    def mind(self, now: float) -> None:
+    def update(self, now: float) -> None:
         """End the previews that are due."""
         for preview in self.open_rounds:
             by = preview.closing(now)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One round of the marketplace: bids from whoever was asked, then exactly one outcome."""
+"""Auction of one round: checks the bids of the hosts asked, and decides exactly one outcome."""
 
 from __future__ import annotations
 
@@ -7,10 +7,9 @@ from collections.abc import Iterable
 
 from bt_agents_core.errors import Refused
 from bt_agents_core.scene import SceneSpace
-from marketplace_node.external_ranking.external_ranking_check import shown
+from marketplace_node.explanation.formatting import shown
 from marketplace_node.registry import HostEntry
-from marketplace_node.round.bid_rows import BidRows
-from marketplace_node.round.bid_table import BidColumns
+from marketplace_node.round.bid_table import BidColumns, BidRows
 from marketplace_node.round.decision import (
     AuctionOutcome,
     Bids,
@@ -27,7 +26,7 @@ from marketplace_node.round.ranking import decide, nearest
 
 
 class Auction:
-    """An open round.
+    """Bids of one open round, checked as they come.
 
     Args:
         space: The scene parameters; the one validator of every vector.
@@ -78,14 +77,15 @@ class Auction:
             self._take_all(bids, entry, rows)
         else:
             named = self._take_each(bids, entry, rows)
-        for agent, reason in zip(bids.declined, bids.decline_reasons, strict=True):
+        unmet_ones = bids.unmet or ("",) * len(bids.declined)
+        declined = zip(bids.declined, bids.decline_reasons, unmet_ones, strict=True)
+        for agent, reason, unmet in declined:
             if agent in self._barred:
                 continue
             try:
                 self._check_agent(agent, entry, named)
-                self._record(
-                    bids, agent, RoundKind.DECLINED, "DECLINED", reason or "gives no reason"
-                )
+                reason = reason or "gives no reason"
+                self._record(bids, agent, RoundKind.DECLINED, "DECLINED", reason, unmet)
             except Refused as refused:
                 self._refuse(bids, agent, refused)
             named.add(agent)
@@ -112,8 +112,8 @@ class Auction:
             ranked = decide(self._space, self.terms, self._accepted.table(), external=external)
         except Exception as error:
             # Whatever a strategy of somebody else does, no round stays open for ever.
-            words = shown(str(error))
-            stopped = f"the bids could not be ranked: {type(error).__name__}: {words}"
+            reason = shown(str(error))
+            stopped = f"the bids could not be ranked: {type(error).__name__}: {reason}"
             ranked, by = Ranked(), ClosedBy.STOPPED
         awarded = bool(ranked.bids) and by is not ClosedBy.STOPPED
         return Decision(
@@ -167,6 +167,12 @@ class Auction:
                 "WRONG_LENGTH",
                 f"{len(bids.declined)} agents decline with {len(bids.decline_reasons)} reasons, "
                 "expected one reason each",
+            )
+        if len(bids.unmet) not in (0, len(bids.declined)):
+            raise Refused(
+                "WRONG_LENGTH",
+                f"{len(bids.declined)} agents decline with {len(bids.unmet)} requirements that "
+                "are not met, expected none or one each",
             )
 
     def _is_everybody(self, bids: Bids, entry: HostEntry) -> bool:
@@ -247,9 +253,13 @@ class Auction:
     def _refuse(self, bids: Bids, agent: str, refused: Refused) -> None:
         self._record(bids, agent, RoundKind.REFUSED, refused.code, refused.reason)
 
-    def _record(self, bids: Bids, agent: str, kind: RoundKind, code: str, reason: str) -> None:
+    def _record(
+        self, bids: Bids, agent: str, kind: RoundKind, code: str, reason: str, unmet: str = ""
+    ) -> None:
         self._refused.append(
-            RefusedBid(agent=agent, host=bids.host, kind=kind, code=code, reason=reason)
+            RefusedBid(
+                agent=agent, host=bids.host, kind=kind, code=code, reason=reason, unmet=unmet
+            )
         )
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a round of the marketplace is about, what it takes in and how it ends."""
+"""Data of a round: its terms, its bids and its decision."""
 
 from __future__ import annotations
 
@@ -13,15 +13,9 @@ from typing import NamedTuple
 from bt_agents_core.scene import Scene, Vector
 from bt_agents_language.files.market_reader import MarketRule
 
-SHADOW = "shadow."
-"""Stands before the options of the shadow strategy in messages, as in ``shadow.temperature``."""
-
-EARLIER_RUNS = "market.earlier_runs"
-"""Stands with the options when counts of runs were taken over from an earlier start."""
-
 
 class AuctionOutcome(IntEnum):
-    """How a round ends; the numbers are those of ``Auction.msg``."""
+    """Outcome of a round; the numbers are those of ``Auction.msg``."""
 
     AWARDED = 1
     NO_BIDS = 2
@@ -30,7 +24,7 @@ class AuctionOutcome(IntEnum):
 
 
 class ClosedBy(IntEnum):
-    """What closes a round; the numbers are those of ``Auction.msg``."""
+    """Event that closes a round; the numbers are those of ``Auction.msg``."""
 
     ALL_ANSWERED = 1
     DEADLINE = 2
@@ -38,7 +32,7 @@ class ClosedBy(IntEnum):
 
 
 class RoundKind(IntEnum):
-    """Who does not want a bid; the numbers are those of ``RefusedBid.msg``."""
+    """Side that does not want a bid; the numbers are those of ``RefusedBid.msg``."""
 
     DECLINED = 0
     REFUSED = 1
@@ -46,7 +40,7 @@ class RoundKind(IntEnum):
 
 @dataclass(frozen=True, kw_only=True)
 class Bids:
-    """One host's answer, as it came in and before any check; fields as in ``Bids.msg``."""
+    """Answer of one host before any check; fields as in ``Bids.msg``."""
 
     epoch: str
     round: int
@@ -58,11 +52,12 @@ class Bids:
     weights: Sequence[float] = ()
     declined: tuple[str, ...] = ()
     decline_reasons: tuple[str, ...] = ()
+    unmet: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, kw_only=True)
 class AcceptedBid:
-    """A bid that passed every check; ``weights`` is empty when the agent states none."""
+    """Bid that passed every check; ``weights`` is empty when the agent states none."""
 
     agent: str
     agent_id: int
@@ -73,7 +68,7 @@ class AcceptedBid:
 
 
 class RankedBid(NamedTuple):
-    """An accepted bid as the strategy ranked it.
+    """Accepted bid as the strategy ranked it.
 
     Attributes:
         agent: Who bids.
@@ -106,18 +101,28 @@ class RankedBid(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True)
 class RefusedBid:
-    """A bid outside the ranking; ``agent`` is empty when a whole message is refused."""
+    """Bid outside the ranking.
+
+    Attributes:
+        agent: Whose; empty when a whole message is refused.
+        host: Who sent it.
+        kind: Who does not want it.
+        code: Why, as in ``RefusedBid.msg``.
+        reason: Why, in words.
+        unmet: What the scene lacks of what the agent requires; empty for any other reason.
+    """
 
     agent: str
     host: str
     kind: RoundKind
     code: str
     reason: str
+    unmet: str = ""
 
 
 @dataclass(frozen=True, kw_only=True)
 class External:
-    """What a program outside answered to the question how to rank the bids.
+    """Ranking by an external program, or why there is none.
 
     Attributes:
         ranking: Names of bidders, best first; those not named come after these by distance.
@@ -132,7 +137,7 @@ class External:
 
 @dataclass(frozen=True, kw_only=True)
 class Terms:
-    """What is fixed when a round opens.
+    """Terms of a round, fixed when it opens.
 
     Attributes:
         epoch: The instance of the market.
@@ -182,18 +187,16 @@ class Terms:
 
 @dataclass(frozen=True, kw_only=True)
 class Counterfactual:
-    """The smallest change of the scene by which the runner-up would have won.
+    """Smallest change of the scene by which the runner-up would have won.
 
     Attributes:
-        names: The parameters that change; empty when no change was found.
-        values: Their values then.
-        shown: The same, rounded for people so that the runner-up still wins.
+        names: The parameter that changes; empty when no change was found.
+        values: Its value then.
         obstacle: Why there is none, in words; empty when there is one.
     """
 
     names: tuple[str, ...] = ()
     values: tuple[float, ...] = ()
-    shown: tuple[float, ...] = ()
     obstacle: str = ""
 
 
@@ -203,7 +206,7 @@ def _no_change() -> Counterfactual | None:
 
 @dataclass(frozen=True, kw_only=True)
 class Ranked:
-    """Accepted bids in order, and why they are.
+    """Ranking of the accepted bids, and its reasons.
 
     Attributes:
         bids: Best first; what comes after the first may be put in order only when it is looked at.
@@ -233,7 +236,7 @@ class Ranked:
 
     @cached_property
     def change(self) -> Counterfactual | None:
-        """By which the runner-up would have won; None without a runner-up.
+        """Smallest change by which the runner-up would have won; None where none is searched for.
 
         It is searched for when it is first asked for, so that no award waits for it.
         """
@@ -242,7 +245,7 @@ class Ranked:
 
 @dataclass(frozen=True, kw_only=True)
 class Decision:
-    """The outcome of a round.
+    """Decision of a round.
 
     Attributes:
         terms: What was fixed at the opening.
@@ -267,7 +270,7 @@ class Decision:
 
     @property
     def ranking(self) -> Sequence[RankedBid]:
-        """Accepted bids, best first."""
+        """Accepted bids; the best first."""
         return self.ranked.bids
 
     @property
@@ -277,7 +280,7 @@ class Decision:
 
     @property
     def change(self) -> Counterfactual | None:
-        """By which the runner-up would have won; None without a runner-up."""
+        """As in :class:`Ranked`."""
         return self.ranked.change
 
     @property

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A round from its call for bids to its close, with the clock that bounds it."""
+"""Open round: from its call for bids to its close, with its deadlines."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _LEAST_TO_RANK = 2  # a single bid wins, whatever anybody outside says
 
 
 class OpenRound:
-    """Calls for bids and takes them; its owner closes it when :meth:`closing` says so.
+    """Round that takes bids; its owner closes it when :meth:`closing` says so.
 
     With the strategy ``external`` the bids are closed first, and a program outside is asked to
     rank them; the round closes with its answer, or without it after ``external.limit``.
@@ -87,7 +87,7 @@ class OpenRound:
         """When its time is over, steady time [s]."""
         return self._deadline
 
-    def words(self) -> str:
+    def state_text(self) -> str:
         """Return what the round waits for, in words."""
         return "asking for bids" if self.takes_bids else "asking outside for a ranking"
 
@@ -97,7 +97,7 @@ class OpenRound:
             self._opened = now
             self._deadline = now + self._limit_s
 
-    def excuse(self, lasted_s: float) -> None:
+    def extend_after_stall(self, lasted_s: float) -> None:
         """Move the deadline, as nobody has listened for so long [s]."""
         self._deadline += lasted_s
 

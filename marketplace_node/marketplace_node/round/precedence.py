@@ -1,16 +1,20 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Bids that come before nearer ones: by a rule of ``market.yaml`` or a ranking from outside."""
+"""Precedence of bids over nearer ones, by a rule of ``market.yaml`` or an external ranking."""
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
+from functools import partial
 
 import numpy as np
 
-from bt_agents_language.expression.expressions import EvaluationError, MissingValue
+from bt_agents_core.errors import Refused
+from bt_agents_language.expression.name_resolution import SceneFacts, resolve, surely_true
 from bt_agents_language.files.market_reader import MarketRule
+from marketplace_node.explanation.formatting import shown
 from marketplace_node.strategies import Scores
+
+_BIDDERS_NAMED = 5
 
 
 def applicable_rule(
@@ -29,21 +33,40 @@ def applicable_rule(
         person: Whether a person is there.
         agents: Who bids.
     """
-
-    def lookup(name: str) -> object:
-        parameter = name.partition(".")[2]
-        if parameter == "person":
-            return person
-        value = values[parameter]
-        if math.isnan(value):
-            raise MissingValue(name)
-        return value
-
+    names = partial(resolve, scene=SceneFacts(person=person, values=values))
     bidders = set(agents)
     for number, rule in enumerate(rules, 1):
-        if not bidders.isdisjoint(rule.agents) and _holds(rule, lookup):
+        if not bidders.isdisjoint(rule.agents) and surely_true(rule.condition, names):
             return number, rule
     return None
+
+
+def check_ranking(ranking: Sequence[str], bidders: Sequence[str]) -> tuple[str, ...]:
+    """Return a ranking from outside, best first, when it names bidders only and none twice.
+
+    Args:
+        ranking: Names of agents; those that it leaves out come after these by distance.
+        bidders: Who has bid.
+
+    Raises:
+        Refused: ``EMPTY``, ``UNKNOWN_AGENT`` or ``DUPLICATE``.
+    """
+    if not ranking:
+        raise Refused("EMPTY", "it ranks nobody, expected the names of bidders, best first")
+    known = set(bidders)
+    named: set[str] = set()
+    for agent in ranking:
+        if agent not in known:
+            few = ", ".join(bidders[:_BIDDERS_NAMED]) + (
+                " …" if len(bidders) > _BIDDERS_NAMED else ""
+            )
+            raise Refused(
+                "UNKNOWN_AGENT", f"it ranks '{shown(agent)}', which has not bid; there are {few}"
+            )
+        if agent in named:
+            raise Refused("DUPLICATE", f"it ranks '{agent}' twice, expected each bidder once")
+        named.add(agent)
+    return tuple(ranking)
 
 
 def apply_precedence(scores: Scores, places: Sequence[int]) -> Scores:
@@ -64,10 +87,3 @@ def apply_precedence(scores: Scores, places: Sequence[int]) -> Scores:
         score=score,
         contributions=scores.contributions,
     )
-
-
-def _holds(rule: MarketRule, lookup: Callable[[str], object]) -> bool:
-    try:
-        return rule.condition.evaluate(lookup) is True
-    except (MissingValue, EvaluationError):
-        return False

@@ -1,11 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Ranks the accepted bids of a round: a pure function of the terms and the bids."""
+"""Ranking of the accepted bids of a round: a pure function of terms and bids."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
-from functools import cache, partial
+from functools import cache, cached_property, partial
+from typing import overload
 
 import numpy as np
 
@@ -21,7 +22,6 @@ from marketplace_node.round.decision import (
     RankedBid,
     Terms,
 )
-from marketplace_node.round.lazy_ranking import LazyRanking
 from marketplace_node.round.round_model import RoundModel, Scored
 from marketplace_node.strategies import STRATEGIES, StrategySpec
 from marketplace_node.strategies.arrays import Integers, Sum
@@ -73,7 +73,7 @@ def decide(
     places = contest.order(measured.scores.score)
     shadow_winner, shadow_failure = _shadow(contest)
     return Ranked(
-        bids=LazyRanking(
+        bids=Standings(
             _ranked(space, terms, table, measured, places[:1])[0],
             len(table),
             partial(_ranked, space, terms, table, measured, places),
@@ -123,7 +123,7 @@ def _led(
     if terms.shadow:
         shadow_winner, shadow_failure = _shadow(_contest(space, terms, table, None))
     return Ranked(
-        bids=LazyRanking(_bid(space, terms, table, distance, best), len(table), ranked),
+        bids=Standings(_bid(space, terms, table, distance, best), len(table), ranked),
         bidders=table.agents,
         by=spec.name,
         shadow_winner=shadow_winner,
@@ -255,3 +255,48 @@ def _shadow(contest: RoundModel) -> tuple[str, str]:
     except Refused as refused:
         return "", refused.reason
     return contest.table.agents[int(shadow.order(scores.score)[0])], ""
+
+
+class Standings(Sequence[RankedBid]):
+    """Ranking whose winner is computed eagerly and the rest lazily.
+
+    Args:
+        best: The first.
+        count: How many there are.
+        rank: Returns all of them; asked once, when another than the first is looked at.
+    """
+
+    def __init__(
+        self, best: RankedBid, count: int, rank: Callable[[], tuple[RankedBid, ...]]
+    ) -> None:
+        self._best = best
+        self._count = count
+        self._rank = rank
+
+    def __len__(self) -> int:
+        return self._count
+
+    @overload
+    def __getitem__(self, index: int) -> RankedBid: ...
+
+    @overload
+    def __getitem__(self, index: slice) -> tuple[RankedBid, ...]: ...
+
+    def __getitem__(self, index: int | slice) -> RankedBid | tuple[RankedBid, ...]:
+        return self._best if index == 0 else self._all[index]
+
+    def __iter__(self) -> Iterator[RankedBid]:
+        return iter(self._all)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Sequence) and self._all == tuple(other)
+
+    def __hash__(self) -> int:
+        return hash(self._all)
+
+    def __repr__(self) -> str:
+        return repr(self._all)
+
+    @cached_property
+    def _all(self) -> tuple[RankedBid, ...]:
+        return self._rank()

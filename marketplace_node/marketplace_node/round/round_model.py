@@ -1,16 +1,16 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One round with everything fixed but the scene, so that other scenes can be tried."""
+"""Round with everything fixed but the scene, so that other scenes can be scored."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from bt_agents_core.errors import Refused
-from marketplace_node.external_ranking.external_ranking_check import shown
+from marketplace_node.explanation.formatting import shown
 from marketplace_node.round.bid_table import BidTable
 from marketplace_node.round.decision import External, Terms
 from marketplace_node.round.precedence import applicable_rule, apply_precedence
@@ -32,7 +32,7 @@ _UNUSED = round_rng("")
 
 @dataclass(frozen=True, kw_only=True)
 class Scored:
-    """Scores of one round, and why some bids come before nearer ones.
+    """Scores of one round, and the precedence of some bids over nearer ones.
 
     Attributes:
         scores: Of all bids.
@@ -42,12 +42,12 @@ class Scored:
 
     scores: Scores
     precedence: str = ""
-    apply_precedence: int = 0
+    placed: int = 0
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class RoundModel:
-    """Bids, and what ranks them.
+    """Bids of a round with the strategy, options and seed that rank them.
 
     Attributes:
         terms: What is fixed in the round.
@@ -74,7 +74,7 @@ class RoundModel:
             Refused: ``STRATEGY_FAILED``; see :func:`scored`.
         """
         scores = scored(self.spec, self.field, self.options, self._chance())
-        agents, why = self._first(self.field.scene)
+        agents, why = self._first()
         places = [self.table.agents.index(agent) for agent in agents]
         if not places:
             return Scored(scores=scores)
@@ -86,7 +86,7 @@ class RoundModel:
         return order(scores, last_run, None, self.terms.tie_break)
 
     def winners(self, scenes: Floats) -> Integers:
-        """Return who would win in other scenes with the same chance; [G, n] to [G].
+        """Return who has the best score in other scenes with the same chance; [G, n] to [G].
 
         Raises:
             Refused: ``STRATEGY_FAILED``.
@@ -94,13 +94,7 @@ class RoundModel:
         field = replace(self.field, scene=scenes)
         same = _SameForAll(self._chance())
         scores = scored(self.spec, field, self.options, same).score
-        winners = self.order(scores)[:, 0].copy()
-        if self.spec.name == RULES:
-            for row, values in enumerate(scenes):
-                agents, _ = self._first(values)
-                if agents:
-                    winners[row] = self.table.agents.index(agents[0])
-        return winners
+        return self.order(scores)[:, 0]
 
     def lines(self) -> LinearScores | None:
         """Return the scores as a function of the scene; None where they are no straight lines.
@@ -121,42 +115,15 @@ class RoundModel:
                 offsets=_checked("offsets of lines", lines.offsets, (count,)),
             )
 
-    def among(self, rows: Sequence[int]) -> RoundModel:
-        """Return the contest of some of the bids, which come in their order by name.
-
-        Not for a strategy that draws chance: fewer bids draw another one.
-        """
-        table, field = self.table, self.field
-        index = sorted(rows)
-        weights = field.weights if field.weights.ndim == 1 else field.weights[index]
-        return replace(
-            self,
-            table=BidTable(
-                agents=tuple(table.agents[row] for row in index),
-                agent_ids=tuple(table.agent_ids[row] for row in index),
-                hosts=tuple(table.hosts[row] for row in index),
-                instances=tuple(table.instances[row] for row in index),
-                vectors=table.vectors[index],
-            ),
-            field=replace(
-                field,
-                bids=np.asfortranarray(field.bids[index]),
-                weights=weights,
-                runs=field.runs[index],
-                idle=field.idle[index],
-            ),
-        )
-
     def _chance(self) -> np.random.Generator:
         """Return what the strategy draws from."""
         return _UNUSED if self.spec.sum is not None else round_rng(self.seed)
 
-    def _first(self, values: Floats) -> tuple[list[str], str]:
-        """Return the bidders that come before nearer ones in a scene, and why."""
+    def _first(self) -> tuple[list[str], str]:
+        """Return the bidders that come before nearer ones, and why."""
         external, scene, bidders = self.external, self.terms.scene, self.table.agents
         if self.spec.name == RULES:
-            names = (value.name for value in scene.values)
-            named = dict(zip(names, values.tolist(), strict=True))
+            named = {value.name: value.value for value in scene.values}
             found = applicable_rule(self.terms.rules, named, scene.person, bidders)
             if found is not None:
                 number, rule = found
@@ -213,7 +180,7 @@ def _checked(what: str, found: object, shape: tuple[int, ...]) -> Floats:
 
 
 class _SameForAll:
-    """Gives each of many scenes the chance that the one of the round has had."""
+    """Random source that gives each of many scenes the draws of the round's own scene."""
 
     def __init__(self, source: np.random.Generator) -> None:
         self._source = source

@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The rules by which the marketplace ranks bids: pure functions on arrays, by name."""
+"""Strategies that rank bids: pure functions on arrays, by name."""
 
 from marketplace_node.strategies.arrays import (
+    TIE_BREAKS,
     BatchRandomSource,
     LinearScores,
     Option,
@@ -9,6 +10,7 @@ from marketplace_node.strategies.arrays import (
     RoundArrays,
     Scores,
     StrategySpec,
+    order,
     round_rng,
     scores_of,
     with_bonus,
@@ -21,7 +23,6 @@ from marketplace_node.strategies.distances import (
     weighted_manhattan,
 )
 from marketplace_node.strategies.exploration import epsilon_greedy, softmax, thompson, ucb
-from marketplace_node.strategies.ordering import TIE_BREAKS, order
 from marketplace_node.strategies.plugins import add_installed
 
 __all__ = [

@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What strategies are given and give back: arrays, of one round or of many at once."""
+"""Arrays of rounds: what strategies take and return, the random source, the order."""
 
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any, Final, Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -14,9 +14,11 @@ import numpy.typing as npt
 Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]
 
+TIE_BREAKS: Final = ("least_recently_run", "name")
+
 
 class RandomSource(Protocol):
-    """Where a strategy draws chance from; a ``numpy.random.Generator`` is one."""
+    """Random source of a strategy; a ``numpy.random.Generator`` is one."""
 
     def random(self, size: tuple[int, ...], /) -> Floats:
         """Return numbers drawn evenly from 0 (included) to 1 (excluded)."""
@@ -29,7 +31,7 @@ class RandomSource(Protocol):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class RoundArrays:
-    """The bids of a round, or of many rounds along leading axes (written ``...``).
+    """Bids of a round, or of many rounds along leading axes (written ``...``), as arrays.
 
     N is the number of bids and n that of the scene parameters. Leading axes of different
     attributes broadcast against each other as usual.
@@ -64,7 +66,7 @@ class RoundArrays:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Scores:
-    """How a strategy measures bids; less is better.
+    """Scores of bids; less is better.
 
     Attributes:
         distance: From bid to scene, [..., N].
@@ -97,7 +99,7 @@ class LinearScores:
 
 @dataclass(frozen=True, kw_only=True)
 class Option:
-    """A number that can be set about a strategy.
+    """Option of a strategy, a number.
 
     Attributes:
         name: As in parameters and on the command line.
@@ -119,7 +121,7 @@ Score = Callable[[RoundArrays, Mapping[str, float], RandomSource], Scores]
 
 @dataclass(frozen=True, kw_only=True)
 class Sum:
-    """A distance that is a sum of ``|bid - scene|`` over the parameters.
+    """Distance that is a sum of ``|bid - scene|`` over the parameters.
 
     Attributes:
         weighted: True when each is multiplied by its weight.
@@ -132,7 +134,7 @@ class Sum:
 
 @dataclass(frozen=True, kw_only=True)
 class StrategySpec:
-    """A strategy as people choose it.
+    """Strategy with its name, function, options and properties.
 
     Attributes:
         name: As the parameter ``strategy`` takes it.
@@ -171,7 +173,7 @@ def round_rng(seed: str) -> np.random.Generator:
 
 
 class BatchRandomSource:
-    """Draws for many rounds at once what each would draw alone.
+    """Random source of many rounds at once, each of which draws what it would draw alone.
 
     Args:
         sources: One for each round along the first axis.
@@ -234,3 +236,32 @@ def with_bonus(scores: Scores, bonus: Floats) -> Scores:
         score=scores.distance - bonus,
         contributions=scores.contributions,
     )
+
+
+def order(
+    scores: Floats,
+    last_run: Any,
+    names: Sequence[str] | None,
+    tie_break: str = "least_recently_run",
+) -> Integers:
+    """Return the indices of bids, best first.
+
+    Args:
+        scores: [..., N]; smaller is better.
+        last_run: Number of the last run of each bidder, [..., N] or [N]; 0 when it never ran.
+        names: Name of each bidder, N; no two alike. None when they stand in the order of their
+            names.
+        tie_break: ``least_recently_run``: of equal scores the one that ran least recently comes
+            first, then by name; ``name``: by name alone.
+
+    Returns:
+        Indices along the last axis, [..., N].
+    """
+    keys: list[Any] = [scores]
+    if tie_break == "least_recently_run":
+        keys.insert(0, np.broadcast_to(np.asarray(last_run), scores.shape))
+    if names is not None:
+        by_name = np.empty(len(names), dtype=np.int64)
+        by_name[sorted(range(len(names)), key=names.__getitem__)] = np.arange(len(names))
+        keys.insert(0, np.broadcast_to(by_name, scores.shape))
+    return np.lexsort(keys, axis=-1)  # stable: what is equal stays as it stands

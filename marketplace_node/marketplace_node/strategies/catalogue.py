@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""All strategies by name."""
+"""Catalogue of all strategies by name."""
 
 from __future__ import annotations
 

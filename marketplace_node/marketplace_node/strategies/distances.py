@@ -19,7 +19,8 @@ from marketplace_node.strategies.arrays import (
     scores_of,
     total,
 )
-from marketplace_node.strategies.error_function import erf
+
+_erf = np.vectorize(math.erf, otypes=[np.float64])
 
 
 def manhattan(field: RoundArrays, options: Mapping[str, float], random: RandomSource) -> Scores:
@@ -99,5 +100,5 @@ def folded_mean(gap: Floats, std: Floats) -> Floats:
         deviation = np.broadcast_to(std, size.shape)[unsure]
         turns = size[unsure] / deviation
         near = deviation * math.sqrt(2.0 / math.pi) * np.exp(-0.5 * turns**2)
-        size[unsure] = near + size[unsure] * erf(turns / math.sqrt(2.0))
+        size[unsure] = near + size[unsure] * _erf(turns / math.sqrt(2.0))
     return size

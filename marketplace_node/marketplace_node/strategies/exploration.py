@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Strategies that also give agents a chance that are not nearest, so that none is starved."""
+"""Strategies that explore: agents that are not nearest may win, so that none is starved."""
 
 from __future__ import annotations
 

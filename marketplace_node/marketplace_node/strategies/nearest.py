@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Finds the nearest bids, and measures no more than that takes."""
+"""Search for the nearest bids that measures no more than it needs."""
 
 from __future__ import annotations
 

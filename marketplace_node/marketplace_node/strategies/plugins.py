@@ -20,7 +20,7 @@ _NAME = re.compile(r"[a-z][a-z0-9_]{0,63}")
 
 
 class StrategyPluginProblem(BtAgentsError):
-    """A package brings a strategy that cannot be one."""
+    """Strategy of a package that cannot be used."""
 
 
 @cache

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The scene layer as a ROS node: a scene for every trigger, a live one during every run."""
+"""Scene layer on ROS: a scene for every trigger, live scenes during every run."""
 
 from __future__ import annotations
 
@@ -40,8 +40,8 @@ from scene_layer.sources import Sources
 SHORTEST_S = 0.02
 """Shortest time between two live scenes [s]; changes in between are sent together."""
 
-LOOK_S = 0.1
-"""Time between two looks at who is there, if there is nothing new [s]."""
+UPDATE_S = 0.1
+"""Time between two updates of who is there, if nothing comes [s]."""
 
 _PERSON = {
     Analyze.Request.AS_MEASURED: None,
@@ -133,8 +133,8 @@ class SceneLayerNode(BaseNode):
         timer = partial(steady_timer, self, running=False)
         self._live_timer = timer(self._period_s, self._publish_live)
         self._soon_timer = timer(SHORTEST_S, self._publish_live)
-        if self._estimate.encounters.wanted:
-            steady_timer(self, LOOK_S, self._look)
+        if self._estimate.encounters.enabled:
+            steady_timer(self, UPDATE_S, self._poll)
 
     def _set_rate(self, hertz: float) -> None:
         self._period_s = 1.0 / hertz
@@ -142,13 +142,13 @@ class SceneLayerNode(BaseNode):
 
     # Persons
 
-    def _look(self) -> None:
-        """Find out who is there; tell it when it has changed."""
+    def _poll(self) -> None:
+        """Update who is there; publish it when it has changed."""
         running = self._following.run
         scene_id = running.scene_id if running is not None else None
-        moved = self._estimate.look(time.monotonic(), time.time(), scene_id)
+        moved = self._estimate.update(time.monotonic(), time.time(), scene_id)
         if self._listening is not None:
-            self._listening.follow()
+            self._listening.subscribe_to_tracked()
         if moved and running is not None:
             self._publish_live()
         self._publish_persons()
@@ -156,7 +156,7 @@ class SceneLayerNode(BaseNode):
     def _publish_persons(self) -> None:
         now, wall = time.monotonic(), time.time()
         encounters = self._estimate.encounters
-        if not encounters.told_apart or now - self._persons_at < self._period_s:
+        if not encounters.identified or now - self._persons_at < self._period_s:
             return
         stamp = self._stamp()
         scenes = [
@@ -225,8 +225,8 @@ class SceneLayerNode(BaseNode):
         *,
         urgent: bool = False,
     ) -> Scene:
-        if self._estimate.encounters.wanted:
-            self._look()
+        if self._estimate.encounters.enabled:
+            self._poll()
         now = time.monotonic()
         self._announced_id = self._ids()
         self._estimate.begin(self._announced_id, label, values, person, now, urgent=urgent)

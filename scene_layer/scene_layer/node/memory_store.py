@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Keeps what is known of persons and places in a file, and forgets it when told to."""
+"""Storage of the memory in a file, and the service that forgets persons and places."""
 
 from __future__ import annotations
 
@@ -21,8 +21,13 @@ from bt_agents_interfaces.srv import ManageProfiles
 from bt_agents_ros import qos
 from bt_agents_ros.future_poller import FuturePoller
 from bt_agents_ros.timers import steady_timer
-from scene_layer import memory_file
-from scene_layer.memory import Memory
+from scene_layer.memory import (
+    DamagedMemoryError,
+    Memory,
+    read_memory,
+    save_memory,
+    set_aside,
+)
 
 SAVE_S = 10.0
 """Time between two savings of what has changed [s]; it is also saved at the end."""
@@ -90,10 +95,10 @@ class MemoryStore:
 
     def _read(self, path: Path) -> None:
         try:
-            self._memory.remember(*memory_file.read(path, self._space, time.time()))
-        except memory_file.DamagedMemoryError as error:
+            self._memory.restore(*read_memory(path, self._space, time.time()))
+        except DamagedMemoryError as error:
             try:
-                kept = memory_file.set_aside(path)
+                kept = set_aside(path)
             except OSError as problem:
                 words = problem.strerror or problem
                 raise BtAgentsError(f"{error}; it cannot be set aside: {words}") from None
@@ -109,9 +114,9 @@ class MemoryStore:
         if self._path is None:
             return None
         self._saved = self._memory.changes
-        kept = self._memory.kept(self._known())
-        self._saving = self._disk.submit(memory_file.save, self._path, *kept)
-        self._jobs.follow(self._saving, self._told)
+        kept = self._memory.snapshot(self._known())
+        self._saving = self._disk.submit(save_memory, self._path, *kept)
+        self._jobs.watch(self._saving, self._told)
         return self._saving
 
     def _told(self, trouble: str) -> None:
@@ -157,6 +162,6 @@ class MemoryStore:
         if job is None:
             return ""
         ended = Future(executor=self._node.executor)
-        self._jobs.follow(job, ended.set_result)
+        self._jobs.watch(job, ended.set_result)
         trouble: str = await ended
         return trouble

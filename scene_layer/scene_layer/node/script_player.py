@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Plays a script in the stead of sensors."""
+"""Player of a script in place of sensors."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class Announce(Protocol):
     def __call__(
         self, label: str, values: Mapping[str, float], person: bool | None, *, urgent: bool
     ) -> Scene:
-        """Do so."""
+        """Announce."""
 
 
 class ScriptPlayer:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The subscriptions that sources need: some always, some as long as a person is tracked."""
+"""Subscriptions of the sources: some permanent, some while a person is tracked."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from rclpy.exceptions import InvalidTopicNameException
 from rclpy.node import Node
 
 from bt_agents_core.errors import Refused
+from bt_agents_core.field_path import NoSuchItem, value_at
+from bt_agents_core.field_types import BindingKind
 from bt_agents_language.model.scene_specs import MESSAGE, SceneSpec, SourceSpec, TrackedSpec
-from bt_agents_language.model.specs import BindingKind
 from bt_agents_ros import qos
 from bt_agents_ros.installed import InstalledInterfaces
-from bt_agents_ros.types import load_type, read_field
-from scene_layer.encounters import Encounters
-from scene_layer.persons import check_id
+from bt_agents_ros.types import load_type, message_field, read_field
+from scene_layer.persons import Encounters, check_id
 from scene_layer.sources import Sources
 
 _LONGEST = 300
@@ -31,7 +31,7 @@ _MOST_UNNAMED = 1000
 
 @dataclass(frozen=True)
 class _Key:
-    """What one subscription is made for; several sources of one person may share it."""
+    """Key of a subscription; several sources of one person may share it."""
 
     topic: str
     type: str
@@ -40,7 +40,7 @@ class _Key:
 
 
 class SourceSubscriptions:
-    """Hands the messages of all sources to their readings.
+    """Subscriptions of all sources; their messages become readings.
 
     Args:
         node: The scene layer's node.
@@ -51,7 +51,7 @@ class SourceSubscriptions:
 
     Raises:
         Refused: A source names a type or field that is not installed, or a topic that cannot be
-            heard.
+            subscribed to.
     """
 
     def __init__(
@@ -83,8 +83,8 @@ class SourceSubscriptions:
         if spec.persons is not None:
             self._track(spec.persons.tracked)
 
-    def follow(self) -> None:
-        """Listen to what there is about everybody who is tracked now, and to nobody else."""
+    def subscribe_to_tracked(self) -> None:
+        """Subscribe to the topics of everybody who is tracked now, and of nobody else."""
         if self._spec.persons is None:
             return
         people = self._encounters.tracked
@@ -100,9 +100,9 @@ class SourceSubscriptions:
                 del self._dynamic[key]
         for key, new in needed.items():
             if key not in self._dynamic and key.topic not in self._unnamed:
-                self._follow(key, new)
+                self._subscribe_to(key, new)
 
-    def _follow(self, key: _Key, read: frozenset[SourceSpec]) -> None:
+    def _subscribe_to(self, key: _Key, read: frozenset[SourceSpec]) -> None:
         try:
             subscription = self._subscribe(key, sorted(read, key=lambda s: str(s.position)))
         except Refused as refused:
@@ -119,9 +119,9 @@ class SourceSubscriptions:
     def _subscribe(self, key: _Key, read: Iterable[SourceSpec]) -> Any:
         take = partial(self._on_reading, tuple(read), key.person)
         profile = qos.FACT if key.latched else qos.SENSOR
-        return self._listen(key.topic, key.type, take, profile)
+        return self._create_subscription(key.topic, key.type, take, profile)
 
-    def _listen(
+    def _create_subscription(
         self, topic: str, type_name: str, take: Callable[[Any], None], profile: Any
     ) -> Any:
         """Subscribe to a topic.
@@ -190,11 +190,11 @@ class SourceSubscriptions:
         self._check(tracked.type, tracked.position, [tracked.field, *item])
         take = self._on_items if tracked.id else self._on_ids
         profile = qos.FACT if tracked.latched else qos.SENSOR
-        self._listen(tracked.topic, tracked.type, take, profile)
+        self._create_subscription(tracked.topic, tracked.type, take, profile)
 
     def _on_ids(self, message: Any) -> None:
         assert self._spec.persons is not None
-        self._listed(_raw(message, self._spec.persons.tracked.field, ()))
+        self._receive_ids(_raw(message, self._spec.persons.tracked.field, ()))
 
     def _on_items(self, message: Any) -> None:
         """Take a list with an item for each person, of which only those tracked are read."""
@@ -208,7 +208,7 @@ class SourceSubscriptions:
             # Bad ones are refused, and counted, as those of a list of ids.
             with suppress(Refused):
                 items.setdefault(check_id(person), item)
-        self._listed(ids)
+        self._receive_ids(ids)
         for person in self._encounters.candidates:
             if person in items:
                 self._on_item(items[person], person)
@@ -218,8 +218,8 @@ class SourceSubscriptions:
         for source in self._of_item:
             self._read(source, partial(read_field, item), person)
 
-    def _listed(self, ids: Iterable[object]) -> None:
-        left_out = self._encounters.listed(ids, time.monotonic())
+    def _receive_ids(self, ids: Iterable[object]) -> None:
+        left_out = self._encounters.receive_ids(ids, time.monotonic())
         if left_out is not None:
             self._complain(*left_out)
 
@@ -232,11 +232,7 @@ def _raw(message: Any, path: str, nothing: Any) -> Any:
         path: As for :func:`read_field`.
         nothing: What stands for an item of a list that is too short.
     """
-    for part in path.split("."):
-        if not part.isdigit():
-            message = getattr(message, part)
-        elif int(part) < len(message):
-            message = message[int(part)]
-        else:
-            return nothing
-    return message
+    try:
+        return value_at(message, path, message_field)
+    except NoSuchItem:
+        return nothing

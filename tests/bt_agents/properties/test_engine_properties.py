@@ -12,13 +12,14 @@ from hypothesis import strategies as st
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
-from bt_agents.engine.builder import COMPOSITES, LEAVES, MODIFIERS, SUBTREE
+from bt_agents.engine.builder import BEHAVIOURS
 from bt_agents.engine.environment import GIVE_FEEDBACK, GoalState
-from bt_agents.engine.feedback_leaf import GiveFeedback
+from bt_agents.engine.nodes.give_feedback import GiveFeedback
+from bt_agents.engine.nodes.skill import SkillLeaf
+from bt_agents.engine.nodes.wait_for import WaitForMessage
 from bt_agents.engine.scripted_environment import ScriptedReply
-from bt_agents.engine.skill_leaf import SkillLeaf
-from bt_agents.engine.waits import WaitForMessage
-from bt_agents_language.model.specs import NodeSpec, Plain
+from bt_agents_core.field_types import Plain
+from bt_agents_language.model.specs import NodeSpec
 from random_trees import ACTIONS, Puppet, placed, trees
 from tree_harness import Stage, scene
 
@@ -231,4 +232,4 @@ def test_the_random_trees_are_made_of_every_kind() -> None:
 
     collect()
     # Services and topics are drawn as bindings of 'action'.
-    assert found >= {*LEAVES, *MODIFIERS, *COMPOSITES, SUBTREE} - {"service", "publish"}
+    assert found >= set(BEHAVIOURS) - {"service", "publish"}

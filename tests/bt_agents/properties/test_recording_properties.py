@@ -1,10 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Laws of recording: whatever a tree is made of, its notes alone repeat it turn by turn."""
+"""Laws of recording: whatever a tree is made of, its recording alone repeats it step by step."""
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 from random import Random
+from typing import Any
 
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -12,8 +14,8 @@ from hypothesis import strategies as st
 from bt_agents.engine.environment import GIVE_FEEDBACK, GoalState
 from bt_agents.engine.run import Run, StatusChange
 from bt_agents.engine.scripted_environment import ManualClock, ScriptedEnvironment, ScriptedReply
-from bt_agents.recording.recording_run import RecordingRun
-from bt_agents.recording.replay_world import read_record, repeat
+from bt_agents.recording.format import read_recording
+from bt_agents.recording.run import RecordingRun, replay
 from bt_agents_language.model.specs import NodeSpec
 from random_trees import ACTIONS, Puppet, placed, trees
 from tree_harness import SPACE, Stage, agent, scene
@@ -76,7 +78,7 @@ class Recorded(Stage):
         self.world = ScriptedEnvironment(script, clock or CreepingClock())
         self.scene = self.live = scene(mood=3)
         self.lines: list[str] = []
-        self.turns: list[tuple[int, list[StatusChange]]] = []
+        self.steps: list[tuple[int, list[StatusChange]]] = []
         self.run: Run = RecordingRun(
             self.spec,
             space=SPACE,
@@ -92,13 +94,13 @@ class Recorded(Stage):
 
     def play(self, story: list[tuple[str, object]]) -> None:
         """Tick once, and after each event again; then wait for the end."""
-        self.turn()
+        self.step()
         for event, value in story:
             if self.run.result is not None:
                 return
-            self.turn(event, value)
+            self.step(event, value)
 
-    def turn(self, event: str = "", value: object = None) -> None:
+    def step(self, event: str = "", value: object = None) -> None:
         """Let something happen and tick."""
         changes: list[StatusChange] = []
         match event, value:
@@ -115,14 +117,14 @@ class Recorded(Stage):
             case "cancel", bool(clean_up):
                 changes += self.run.cancel("enough", clean_up=clean_up)
             case "hurry", float(seconds):
-                self.run.hurry(seconds)
+                self.run.shorten_settling(seconds)
         changes += self.run.tick()
-        self.turns.append((self.run.ticks, changes))
+        self.steps.append((self.run.ticks, changes))
 
 
 @settings(max_examples=400, deadline=None, derandomize=True)
 @given(trees, scripts, stories, st.integers(0, 2**53))
-def test_the_notes_of_a_run_repeat_each_turn_of_it(
+def test_the_recording_of_a_run_repeats_each_step_of_it(
     tree: NodeSpec,
     script: dict[str, list[ScriptedReply]],
     story: list[tuple[str, object]],
@@ -131,14 +133,14 @@ def test_the_notes_of_a_run_repeat_each_turn_of_it(
     stage = Recorded(tree, script, seed)
     stage.play(story)
     made = len(Puppet.alive)
-    again = list(repeat(read_record(stage.lines), stage.spec, SPACE))
-    # Turns after the last news have no note, and nothing happened in them.
-    told = stage.turns[: len(again)]
-    assert [(turn.tick, turn.changes) for turn in again] == told
-    for turn in again:
-        assert [list(out) for out in turn.asked] == turn.noted
+    again = list(replay(read_recording(stage.lines), stage.spec, SPACE))
+    # Steps after the last news have no entry, and nothing happened in them.
+    played = stage.steps[: len(again)]
+    assert [(step.tick, step.changes) for step in again] == played
+    for step in again:
+        assert _plain(step.requests) == _plain(step.recorded_requests)
     if stage.run.result is not None:
-        assert len(again) == len(stage.turns)
+        assert len(again) == len(stage.steps)
         assert again[-1].result == replace(stage.run.result, overruns=again[-1].result.overruns)  # type: ignore[union-attr]
     # Behaviours of packages are not made again.
     assert len(Puppet.alive) == made
@@ -164,14 +166,14 @@ def test_a_run_goes_the_same_way_recorded_or_not(
         random=Random(1),
     )
     plain.play(story)
-    assert recorded.turns == plain.turns
+    assert recorded.steps == plain.steps
     assert recorded.run.result == plain.run.result
     assert recorded.asked == plain.asked
 
 
 @settings(max_examples=60, deadline=None, derandomize=True)
 @given(trees, scripts, stories, st.integers(0, 400))
-def test_whatever_is_cut_from_the_notes_repeating_them_ends(
+def test_whatever_is_cut_from_a_recording_its_replay_ends(
     tree: NodeSpec,
     script: dict[str, list[ScriptedReply]],
     story: list[tuple[str, object]],
@@ -180,6 +182,73 @@ def test_whatever_is_cut_from_the_notes_repeating_them_ends(
     stage = Recorded(tree, script, 1)
     stage.play(story)
     lines = stage.lines[: max(1, len(stage.lines) - cut % 7)]
-    again = list(repeat(read_record(lines), stage.spec, SPACE))
-    told = stage.turns[: len(again)]
-    assert [(turn.tick, turn.changes) for turn in again] == told
+    again = list(replay(read_recording(lines), stage.spec, SPACE))
+    played = stage.steps[: len(again)]
+    assert [(step.tick, step.changes) for step in again] == played
+
+
+@settings(max_examples=100, deadline=None, derandomize=True)
+@given(trees, scripts, stories)
+def test_a_recording_in_format_1_is_read_as_the_same_one_in_format_2(
+    tree: NodeSpec, script: dict[str, list[ScriptedReply]], story: list[tuple[str, object]]
+) -> None:
+    stage = Recorded(tree, script, 1)
+    stage.play(story)
+    recording = read_recording(stage.lines)
+    before = read_recording(map(_in_format_1, stage.lines))
+    assert before.steps == recording.steps
+    for number, entry in recording.entries.items():
+        assert json.dumps(before.entries[number], sort_keys=True) == json.dumps(
+            entry, sort_keys=True
+        )
+
+
+def _in_format_1(line: str) -> str:
+    """Return a line in the format before, which had lists by position."""
+    entry = json.loads(line)
+    if "format" in entry:
+        return json.dumps({**entry, "format": 1})
+    before = {}
+    for key, value in entry.items():
+        match key:
+            case "step":
+                before["turn"] = value
+            case "calls":
+                before["do"] = [
+                    ["cancel", one["reason"], one["clean_up"]]
+                    if one["call"] == "cancel"
+                    else ["hurry", one["settle_s"]]
+                    for one in value
+                ]
+            case "goals":
+                before["goals"] = [
+                    [one["goal"], one["field"], one["value"], "after_cancel" in one]
+                    for one in value
+                ]
+            case "messages":
+                before["inbox"] = [[one["inbox"], one["message"]] for one in value]
+            case "plugins":
+                before["plugins"] = [
+                    [one["path"], one.get("status", ""), one["message"]] for one in value
+                ]
+            case "requests":
+                before["out"] = [
+                    [one["kind"], one["name"], one["fields"], *_error_in_format_1(one)]
+                    for one in value
+                ]
+            case _:
+                before[key] = value
+    return json.dumps(before)
+
+
+def _error_in_format_1(request: dict[str, Any]) -> list[list[str]]:
+    if "error" not in request:
+        return []
+    error = request["error"]
+    if "code" in error:
+        return [[error["code"], error["reason"]]]
+    return [["", error["type"], error["message"]]]
+
+
+def _plain(requests: list[Any]) -> str:
+    return json.dumps(requests, sort_keys=True, default=list)

@@ -11,8 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from bt_agents_core.errors import Refused
-from bt_agents_language.model.specs import AgentSpec
-from bt_agents_language.model.walking import iter_nodes
+from bt_agents_language.model.specs import AgentSpec, iter_nodes
 from reload_harness import Watched, new_folder
 
 NAMES = ("ann", "bob")

@@ -6,14 +6,15 @@ from __future__ import annotations
 import difflib
 import json
 import math
+import sqlite3
 from collections.abc import Mapping
-from contextlib import suppress
+from dataclasses import replace
 
 import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from bt_agents.host.tuning.change_log_lines import revision_line, state_line, take_line
+from bt_agents.host.tuning.change_log import ChangeLog
 from bt_agents.host.tuning.history import (
     TuningAction,
     TuningCause,
@@ -27,15 +28,18 @@ from bt_agents.host.tuning.tunable import (
     Setting,
     TunableKind,
     TunableParameter,
-    tunables_of,
-    written,
+    format_value,
+    parameters_of,
+    profile_values,
 )
 from bt_agents_core.errors import Refused
+from bt_agents_core.field_types import FieldType
 from bt_agents_language.files.agent_reader import read_agent_text
-from bt_agents_language.model.specs import AgentSpec, FieldType
+from bt_agents_language.model.specs import AgentSpec
 from bt_agents_language.yaml.precheck import BAD_CHARACTER
 from bt_agents_language.yaml.source import Source
 from bt_agents_tools.client.write_back import TunedValue, write_defaults
+from faulty_disk import Disk
 from tree_harness import SPACE, TREES, VOCABULARY
 
 NAMES = ("a.x", "a.y", "b.x", "c.x", "rate")
@@ -47,16 +51,16 @@ TEXTS = st.text(st.characters(exclude_categories=["Cs", "Cc", "Cn", "Co"]), max_
 
 
 class Desk:
-    """Values and what is remembered of them, with the lines that a file would have."""
+    """Values and their overrides, with the revisions that a file would have."""
 
     def __init__(self) -> None:
         self.values = dict(START)
-        self.remembered = Overrides()
-        self.lines: list[str] = []
+        self.overrides = Overrides()
+        self.revisions: list[TuningRevision] = []
 
     @property
     def history(self) -> TuningHistory:
-        return self.remembered.history
+        return self.overrides.history
 
     def set(self, values: Mapping[str, Setting]) -> None:
         self._record(values, TuningCause(author="x"))
@@ -81,8 +85,8 @@ class Desk:
         number = self.history.revision + 1
         revision = TuningRevision(number=number, stamp=1.0, cause=cause, changes=changes)
         defaults = {name: START[name] for name in revision.names}
-        self.lines.append(revision_line(revision, defaults))
-        self.remembered.take(revision, defaults)
+        self.revisions.append(revision)
+        self.overrides.add(revision, defaults)
         self.values |= values
 
 
@@ -165,37 +169,55 @@ def test_the_undo_of_an_agent_is_its_last_change_as_a_whole(steps, agent):
     assert desk.values == before
 
 
-@given(STEPS)
-def test_the_lines_of_the_file_say_everything_and_so_does_the_one_line_instead(steps):
+@settings(deadline=None, max_examples=60)
+@given(STEPS, st.data())
+def test_the_file_says_everything_however_often_the_host_restarts(tmp_path_factory, steps, data):
     desk = done(steps)
-    read = Overrides()
-    for line in desk.lines:
-        read = take_line(line, read)
-    short = take_line(state_line(desk.remembered), Overrides())
-    for other in (read, short):
-        assert other.kept == desk.remembered.kept
-        assert other.history.revision == desk.history.revision
-        assert other.history.undoable == desk.history.undoable
-        assert other.history.redoable == desk.history.redoable
-        assert other.history.shown == desk.history.shown
-    assert {n: k.value for n, k in read.kept.items()} == {
+    path = tmp_path_factory.mktemp("log") / "tunings.sqlite"
+    log = ChangeLog(path, Disk(), pytest.fail)
+    for revision in desk.revisions:
+        log.append(revision, dict.fromkeys(revision.names, 0))
+        match data.draw(st.sampled_from(["go on", "go on", "compact", "restart"])):
+            case "compact":
+                log._compact()
+            case "restart":
+                log.close()
+                log = ChangeLog(path, Disk(), pytest.fail)
+    log.close()
+    read = ChangeLog(path, Disk(), pytest.fail)
+    read.close()
+    assert read.problems == []
+    found = read.overrides
+    assert found.by_name == desk.overrides.by_name
+    assert found.history.revision == desk.history.revision
+    assert found.history.undoable == desk.history.undoable
+    assert found.history.redoable == desk.history.redoable
+    assert found.history.shown == desk.history.shown
+    assert {n: k.value for n, k in found.by_name.items()} == {
         name: value for name, value in desk.values.items() if value != 0
     }
 
 
+@settings(deadline=None, max_examples=60)
 @given(st.recursive(
     st.none() | st.booleans() | st.floats() | st.integers() | TEXTS,
-    lambda inner: st.lists(inner, max_size=4) | st.dictionaries(
-        st.sampled_from(["format", "revision", "undoable", "changes", "action", "kept", "of"]),
-        inner, max_size=5,
-    ),
+    lambda inner: st.lists(inner, max_size=4) | st.dictionaries(TEXTS, inner, max_size=3),
     max_leaves=8,
 ))  # fmt: skip
-def test_no_line_does_more_than_be_refused(content):
-    remembered = Overrides()
-    with suppress(Refused):
-        remembered = take_line(json.dumps(content), remembered)
-    assert isinstance(remembered.history.revision, int)
+def test_no_row_does_more_than_be_left_out(tmp_path_factory, content):
+    path = tmp_path_factory.mktemp("log") / "tunings.sqlite"
+    ChangeLog(path, Disk(), pytest.fail).close()
+    db = sqlite3.connect(path)
+    row = (1, 1.0, "", "", "set", 0, json.dumps(content), "undo", 1)
+    db.execute("INSERT INTO revisions VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?)", row)
+    db.execute("INSERT INTO overrides VALUES ('a.x', ?, '1')", (json.dumps(content),))
+    db.commit()
+    db.close()
+    log = ChangeLog(path, Disk(), pytest.fail)
+    log.close()
+    assert log.overrides.history.revision == 1
+    for kept in log.overrides.by_name.values():
+        assert isinstance(kept.value, bool | int | float | str)
 
 
 @settings(deadline=None)
@@ -217,10 +239,10 @@ def test_presets_are_read_as_they_were_written(tmp_path_factory, presets):
     st.sampled_from([FieldType.DURATION, FieldType.LENGTH, FieldType.ANGLE, FieldType.NUMBER]),
 )
 def test_what_is_written_is_read_as_the_same_value(value, field_type):
-    knob = TunableParameter(
+    parameter = TunableParameter(
         name="a.x", agent="a", key="x", kind=TunableKind.TUNABLE, type=field_type, default=0.0
     )
-    assert knob.meant(written(value, field_type)) == value
+    assert parameter.parse(format_value(value, field_type)) == value
 
 
 FILES = [
@@ -274,17 +296,26 @@ def read_file(text: str) -> AgentSpec:
     return read_agent_text(text, "a.yaml", VOCABULARY)
 
 
-def another(draw: st.DrawFn, knob: TunableParameter) -> Setting:
-    if knob.type is FieldType.BOOLEAN:
-        return not knob.default
-    if knob.type is FieldType.TEXT:
+def values_of(spec: AgentSpec) -> dict[str, TunableParameter]:
+    profile = profile_values(spec.name, SPACE.names, spec.profile)
+    ranged = [
+        replace(value, minimum=one.minimum, maximum=one.maximum)
+        for value, one in zip(profile, SPACE.parameters, strict=True)
+    ]
+    return {parameter.name: parameter for parameter in (*parameters_of(spec), *ranged)}
+
+
+def another(draw: st.DrawFn, parameter: TunableParameter) -> Setting:
+    if parameter.type is FieldType.BOOLEAN:
+        return not parameter.default
+    if parameter.type is FieldType.TEXT:
         return draw(st.sampled_from(["5", "8 s", "true", "a: b #", "", "yes", "5 sec", "Hi!"]))
-    assert knob.minimum is not None
-    assert knob.maximum is not None
-    if knob.type is FieldType.INTEGER:
-        return draw(st.integers(int(knob.minimum), int(knob.maximum)))
+    assert parameter.minimum is not None
+    assert parameter.maximum is not None
+    if parameter.type is FieldType.INTEGER:
+        return draw(st.integers(int(parameter.minimum), int(parameter.maximum)))
     steps = draw(st.integers(0, 1000))
-    value = knob.minimum + (knob.maximum - knob.minimum) * steps / 1000
+    value = parameter.minimum + (parameter.maximum - parameter.minimum) * steps / 1000
     return draw(st.sampled_from([value, float(f"{value:.3g}"), 60.0, 100.0, 3.0]))
 
 
@@ -292,29 +323,31 @@ def another(draw: st.DrawFn, knob: TunableParameter) -> Setting:
 @given(st.one_of(agent_files(), st.sampled_from(FILES)), st.data())
 def test_keeping_changes_the_wanted_values_of_a_file_and_nothing_else(text, data):
     spec = read_file(text)
-    knobs = {knob.name: knob for knob in tunables_of(spec, SPACE)}
-    chosen = data.draw(st.sets(st.sampled_from(sorted(knobs)), max_size=4))
+    parameters = values_of(spec)
+    chosen = data.draw(st.sets(st.sampled_from(sorted(parameters)), max_size=4))
     wanted: dict[str, Setting] = {}
     for name in sorted(chosen):
-        value = another(data.draw, knobs[name])
+        value = another(data.draw, parameters[name])
         try:
-            wanted[name] = knobs[name].check(value)
+            wanted[name] = parameters[name].check(value)
         except Refused:
             continue
     tuned = [
-        TunedValue(knob=knobs[n], value=v) for n, v in wanted.items() if v != knobs[n].default
+        TunedValue(parameter=parameters[n], value=v)
+        for n, v in wanted.items()
+        if v != parameters[n].default
     ]
     kept = write_defaults(Source("a.yaml", text), tuned, SPACE, read_file)
-    after = {knob.name: knob for knob in tunables_of(read_file(kept), SPACE)}
-    for name, knob in after.items():
-        expected = wanted.get(name, knobs[name].default)
+    after = values_of(read_file(kept))
+    for name, parameter in after.items():
+        expected = wanted.get(name, parameters[name].default)
         if isinstance(expected, float) and ".profile." in name:
-            assert math.isclose(float(knob.default), expected, rel_tol=1e-5)
+            assert math.isclose(float(parameter.default), expected, rel_tol=1e-5)
         else:
-            assert (knob.default, type(knob.default)) == (expected, type(expected))
+            assert (parameter.default, type(parameter.default)) == (expected, type(expected))
         for bound in ("type", "minimum", "maximum", "step"):
-            assert getattr(knob, bound) == getattr(knobs[name], bound)
-    rate_is_new = any(one.knob.key == "learning_rate" for one in tuned) and (
+            assert getattr(parameter, bound) == getattr(parameters[name], bound)
+    rate_is_new = any(one.parameter.key == "learning_rate" for one in tuned) and (
         "learning_rate" not in text
     )
     old, new = text.splitlines(keepends=True), kept.splitlines(keepends=True)
@@ -343,9 +376,9 @@ def test_a_time_keeps_the_unit_of_the_author_while_it_fits(old, value, new):
         "format: 1\nagent: a\nprofile: {age: 3, familiarity: 3, mood: 3}\n"
         f"tunables:\n  t: {{default: {old}, min: 0 s, max: 10 min}}  # t\ntree: {{wait: 0 s}}\n"
     )
-    [knob, *_] = tunables_of(read_file(text), SPACE)
+    [parameter, *_] = parameters_of(read_file(text))
     kept = write_defaults(
-        Source("a.yaml", text), [TunedValue(knob=knob, value=value)], SPACE, read_file
+        Source("a.yaml", text), [TunedValue(parameter=parameter, value=value)], SPACE, read_file
     )
     assert kept == text.replace(f"default: {old},", f"default: {new},")
 
@@ -363,9 +396,9 @@ def test_a_learning_rate_is_kept_where_the_author_wrote_it(learning, kept_as):
         "format: 1\nagent: a\nprofile: {age: 3, familiarity: 3, mood: 3}\n"
         f"{learning}tree: {{wait: 0 s}}\n"
     )
-    knob = next(one for one in tunables_of(read_file(text), SPACE) if one.key == "learning_rate")
+    parameter = next(one for one in parameters_of(read_file(text)) if one.key == "learning_rate")
     kept = write_defaults(
-        Source("a.yaml", text), [TunedValue(knob=knob, value=0.5)], SPACE, read_file
+        Source("a.yaml", text), [TunedValue(parameter=parameter, value=0.5)], SPACE, read_file
     )
     assert kept_as in kept
     assert read_file(kept).learning_rate == 0.5

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import pytest
 
-from bt_agents.host.agent_registry import AgentRegistry
+from bt_agents.host.agent_registry import AgentRegistry, Decline
 from bt_agents_core.errors import Refused
 from bt_agents_core.profile_layers import MOST_LAYERS
 from tree_harness import SPACE, agent, scene
@@ -18,7 +18,7 @@ def declined(roster: AgentRegistry, **values: float) -> dict[str, str]:
     roster.enrol(names, range(1, len(names) + 1), [""] * len(names))
     answer = roster.answer(scene(**values))
     assert {m.spec.name for m in answer.bids} == set(names) - set(answer.declined)
-    return dict(answer.declined)
+    return {name: decline.reason for name, decline in answer.declined.items()}
 
 
 def test_an_agent_bids_when_what_it_requires_is_true():
@@ -28,6 +28,13 @@ def test_an_agent_bids_when_what_it_requires_is_true():
     assert declined(AgentRegistry(SPACE, [spec])) == {
         "a": "needs scene.age >= 3, but scene.age is missing"
     }
+
+
+def test_what_a_scene_lacks_is_told_apart_from_other_reasons_not_to_bid():
+    roster = AgentRegistry(SPACE, [agent("say: x", "requires: scene.age >= 3")])
+    roster.enrol(["a"], [1], [""])
+    unmet = "scene.age >= 3"
+    assert roster.answer(scene(age=2)).declined == {"a": Decline(f"needs {unmet}", unmet=unmet)}
 
 
 def test_an_agent_that_uses_a_skill_which_nobody_offers_does_not_bid_and_says_why():
@@ -40,7 +47,7 @@ def test_agents_come_and_go_and_one_that_leaves_bids_no_more_and_says_why():
     roster = AgentRegistry(SPACE, [agent("say: x")])
     second = roster.add(replace(agent("say: x"), name="b"))
     assert declined(roster, age=3) == {}
-    second.leaving = "its file is gone"
+    second.removal_reason = "its file is gone"
     assert declined(roster, age=3) == {"b": "its file is gone"}
     roster.remove("b")
     assert set(roster.members) == {"a"}
@@ -52,7 +59,7 @@ def test_when_nobody_here_can_run_all_decline_with_that_reason():
     roster = AgentRegistry(SPACE, [agent("say: x", "requires: scene.age >= 3")])
     roster.enrol(["a"], [1], [""])
     answer = roster.answer(scene(age=2), obstacle="nothing publishes /clock")
-    assert (answer.bids, answer.declined) == ((), {"a": "nothing publishes /clock"})
+    assert (answer.bids, answer.declined) == ((), {"a": Decline("nothing publishes /clock")})
 
 
 def layered(kinds: str, **layers: float) -> AgentRegistry:
@@ -150,9 +157,9 @@ def test_every_change_of_an_agent_counts_in_the_next_answer():
     assert bid() == ["a", "b", 7, 8, 2.0, 3.0, 3.0, 3.0, 3.0, 3.0]
     roster.remove("a")
     assert bid() == ["b", 8, 3.0, 3.0, 3.0]
-    roster.member("b").leaving = "its file is gone"
+    roster.member("b").removal_reason = "its file is gone"
     assert bid() == []
-    roster.member("b").leaving = ""
+    roster.member("b").removal_reason = ""
     roster.member("b").spec = replace(agent("say: x", "weights: {age: 2}"), name="b")
     weights = [2.0, *(parameter.weight for parameter in SPACE.parameters[1:])]
     assert list(roster.answer(anna).bidders.weights) == weights

@@ -16,8 +16,7 @@ from bt_agents.engine.run import Run, RunLimits, TreeOutcome
 from bt_agents.engine.scripted_environment import ManualClock, ScriptedEnvironment, ScriptedReply
 from bt_agents_core.scene import Origin, Scene, SceneValue
 from bt_agents_language.files.folder_reader import read_trees
-from bt_agents_language.model.specs import AgentSpec
-from bt_agents_language.model.walking import iter_nodes
+from bt_agents_language.model.specs import AgentSpec, iter_nodes
 from tree_harness import SPACE, TREES
 
 AGENTS = read_trees(TREES).agents
@@ -117,7 +116,7 @@ class Performance:
             steady=self.world.clock,
             limits=LIMITS,
             random=Random(self.seed),
-            visit=lambda node, _status: self.visited.update((node.spec.path,)),
+            on_visit=lambda node, _status: self.visited.update((node.spec.path,)),
         )
 
     @property
@@ -131,7 +130,7 @@ class Performance:
         """Let time pass until something changes, and people do something."""
         now = self.world.clock.now
         moments = [goal.next_change for goal in self.world.goals]
-        moments += [at for at in self.run.wakes.values() if at > now]
+        moments += [at for at in self.run.deadlines.values() if at > now]
         moments += [self.run.deadline, now + STEP_S]
         self.world.clock.now = max(min(moments), now + 0.001)
         if self.random.random() < 0.3:

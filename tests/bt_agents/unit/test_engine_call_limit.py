@@ -13,7 +13,7 @@ from contextlib import suppress
 
 import pytest
 
-from bt_agents.plugins.call_limit import bounded
+from bt_agents.engine.call_limit import bounded
 from bt_agents_core.errors import Refused
 
 LIMIT_S = 0.02

@@ -10,7 +10,7 @@ import pytest
 from bt_agents.engine.environment import GoalState
 from bt_agents.engine.run import RunLimits, TreeOutcome
 from bt_agents.engine.scripted_environment import ScriptedReply
-from bt_agents.engine.ticking import Ticker
+from bt_agents.engine.ticker import Ticker
 from tree_harness import Stage
 
 LONG = ScriptedReply(after_s=100.0)
@@ -161,15 +161,15 @@ def test_a_run_in_a_hurry_waits_less_for_its_goals_whenever_that_is_said(wait_s:
     stage = Stage(SPEAKS, answers={"say": [STUBBORN]}, limits=RunLimits(settle_s=2.0))
     stage.tick()
     if not wait_s:
-        stage.run.hurry(0.7)
+        stage.run.shorten_settling(0.7)
     stage.run.cancel("the host is stopping")
     assert stage.after(wait_s) == "running"
-    stage.run.hurry(0.7)
+    stage.run.shorten_settling(0.7)
     assert stage.after(0.6) == "running"
     assert stage.after(0.1) == "cancelled"
     assert stage.run.result is not None
     assert stage.run.result.orphans == ("tree/0.say",)
-    stage.run.hurry(0.7)
+    stage.run.shorten_settling(0.7)
     assert stage.outcome == "cancelled"
 
 

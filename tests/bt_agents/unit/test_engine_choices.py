@@ -119,7 +119,7 @@ def test_the_case_of_an_earlier_time_keeps_no_status() -> None:
 def test_choose_says_which_case_it_took() -> None:
     stage = Stage(CASES, awarded=scene(age=5, mood=3))
     stage.tick()
-    assert stage.told("tree") == [("SUCCESS", "case 'old'")]
+    assert stage.reports("tree") == [("SUCCESS", "case 'old'")]
 
 
 RANDOM = """

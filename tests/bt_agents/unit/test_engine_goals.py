@@ -9,8 +9,9 @@ import pytest
 
 from bt_agents.engine.environment import GoalState, SkillGoal
 from bt_agents.engine.scripted_environment import ManualClock, ScriptedReply
-from bt_agents.host.environment.goal_track import SECOND_LOOK_S, GoalTrack
-from bt_agents_language.model.specs import BindingKind, HeartbeatSpec, Timeouts
+from bt_agents.host.environment.goal import SECOND_POLL_S, GoalTrack
+from bt_agents_core.field_types import BindingKind
+from bt_agents_language.model.specs import HeartbeatSpec, Timeouts
 from tree_harness import Stage
 
 BEAT = HeartbeatSpec(topic="robot/heartbeat", type="std_msgs/msg/Empty", within_s=1.0)
@@ -41,7 +42,7 @@ class Followed:
     def after(self, seconds: float, there: bool = True) -> GoalState:
         """Let a time pass and look."""
         self.clock.advance(seconds)
-        self.track.look(there)
+        self.track.poll(there)
         return self.track.state
 
     def cancels(self) -> int:
@@ -186,8 +187,8 @@ def test_a_heartbeat_is_waited_for_from_the_acceptance_on() -> None:
     subject = silent_goal()
     assert subject.after(0.99) is GoalState.ACTIVE
     assert subject.after(0.01) is GoalState.ACTIVE  # the first look at a silence says nothing
-    assert subject.track.due == subject.clock() + SECOND_LOOK_S
-    assert subject.after(SECOND_LOOK_S) is GoalState.UNREACHABLE
+    assert subject.track.due == subject.clock() + SECOND_POLL_S
+    assert subject.after(SECOND_POLL_S) is GoalState.UNREACHABLE
     assert subject.track.message == (
         "its server has gone silent (no heartbeat for 1.0 s, nor ever one on robot/heartbeat)"
     )
@@ -200,7 +201,7 @@ def test_a_server_that_beats_stays_alive() -> None:
         assert subject.after(0.9) is GoalState.ACTIVE
         subject.beat = subject.clock()
     subject.after(1.2)
-    assert subject.after(SECOND_LOOK_S) is GoalState.UNREACHABLE
+    assert subject.after(SECOND_POLL_S) is GoalState.UNREACHABLE
     assert subject.track.message == "its server has gone silent (no heartbeat for 1.2 s)"
 
 
@@ -208,7 +209,7 @@ def test_a_process_that_was_held_up_hears_the_beats_of_meanwhile_first() -> None
     subject = silent_goal()
     assert subject.after(5.0) is GoalState.ACTIVE
     subject.beat = subject.clock()
-    assert subject.after(SECOND_LOOK_S) is GoalState.ACTIVE
+    assert subject.after(SECOND_POLL_S) is GoalState.ACTIVE
     assert subject.after(0.9) is GoalState.ACTIVE
 
 
@@ -302,7 +303,7 @@ def test_each_way_to_fail_has_its_own_words(
     stage = Stage(RAW, answers={"dance": [answer]})
     stage.tick()
     stage.after(after_s)
-    assert stage.told("tree")[-1] == ("FAILURE", words)
+    assert stage.reports("tree")[-1] == ("FAILURE", words)
 
 
 def test_a_long_message_of_a_server_is_shortened() -> None:
@@ -360,7 +361,7 @@ def test_feedback_gives_names_values_while_the_action_goes_on() -> None:
     told = ((1.0, {"progress": 0.1}), (2.0, {"progress": 0.5}), (3.0, {"progress": 0.9}))
     stage = Stage(FOLLOWED, answers={"dance": [ScriptedReply(after_s=5.0, feedback=told)]})
     assert stage.tick() == "running"
-    assert stage.told("tree/1.sequence/0.wait_for") == [("RUNNING", "'done' has no value yet")]
+    assert stage.reports("tree/1.sequence/0.wait_for") == [("RUNNING", "'done' has no value yet")]
     stage.after(1.0)
     assert stage.said == []
     stage.after(1.0)

@@ -9,8 +9,10 @@ import pytest
 
 from bt_agents.engine.environment import GIVE_FEEDBACK, GoalState
 from bt_agents.engine.scripted_environment import GivenFeedback, ScriptedReply
+from bt_agents_core.diagnostic import Position
 from bt_agents_core.feedback import FeedbackKind
-from bt_agents_language.model.specs import Literal, MapValue, NodeSpec, Plain, Position
+from bt_agents_core.field_types import Plain
+from bt_agents_language.model.specs import Literal, MapValue, NodeSpec
 from tree_harness import Stage, agent, scene
 
 TUNABLES = """
@@ -35,27 +37,27 @@ def test_log_writes_a_line_and_tells_it_to_whoever_watches() -> None:
         ("warning", "Something is odd."),
         ("error", "Broken."),
     ]
-    assert stage.told("tree/0.log") == [("SUCCESS", "The scene is 3.")]
+    assert stage.reports("tree/0.log") == [("SUCCESS", "The scene is 3.")]
 
 
 def test_the_same_line_logged_again_is_told_again() -> None:
     stage = Stage("log: once more\nrepeat: 3")
     assert stage.tick(3) == "succeeded"
-    assert stage.told("tree") == [("SUCCESS", "once more")] * 3
+    assert stage.reports("tree") == [("SUCCESS", "once more")] * 3
 
 
 def test_a_skill_that_ends_at_once_twice_is_told_twice_and_a_check_is_not() -> None:
     stage = Stage("repeat: 3\nsequence:\n  - check: scene.age == 3\n  - say: x")
     stage.tick(3)
-    assert len(stage.told("tree/1.say")) == 3
-    assert len(stage.told("tree/0.check")) == 1
+    assert len(stage.reports("tree/1.say")) == 3
+    assert len(stage.reports("tree/0.check")) == 1
 
 
 def test_what_is_stopped_in_a_tick_is_told_in_that_tick() -> None:
     stage = Stage("say: x\ntimeout: 2 s", answers={"say": [ScriptedReply(after_s=9.0)]})
     stage.tick()
     assert stage.after(2.0) == "failed"
-    assert [status for status, _ in stage.told("tree")] == ["RUNNING", "INVALID"]
+    assert [status for status, _ in stage.reports("tree")] == ["RUNNING", "INVALID"]
 
 
 @pytest.mark.parametrize(
@@ -65,7 +67,7 @@ def test_feedback_is_given_and_taken(word: str, kind: FeedbackKind) -> None:
     stage = Stage(f"give_feedback: {word}")
     assert stage.tick() == "succeeded"
     assert stage.world.feedback_given == [GivenFeedback(kind=kind, values={}, reason="")]
-    assert stage.told("tree") == [("SUCCESS", f"{word} feedback given")]
+    assert stage.reports("tree") == [("SUCCESS", f"{word} feedback given")]
 
 
 def test_direct_feedback_carries_its_values_and_the_reason() -> None:

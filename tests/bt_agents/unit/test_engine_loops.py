@@ -46,7 +46,7 @@ def test_a_retry_says_which_attempt_it_is() -> None:
     stage.tick()
     stage.after(2.0)
     stage.after(1.0)
-    assert stage.told("tree@retry") == [
+    assert stage.reports("tree@retry") == [
         ("RUNNING", "attempt 2 of 2, after a pause of 2 s"),
         ("RUNNING", "attempt 2 of 2"),
         ("SUCCESS", ""),
@@ -130,7 +130,7 @@ def test_a_computed_count_may_come_out_as_a_whole_number_with_a_point() -> None:
 def test_a_single_attempt_says_that_it_failed_once() -> None:
     stage = Stage("say: x\ntimeout: 0 s\nretry: 1", answers={"say": LONG})
     assert stage.tick() == "failed"
-    assert stage.told("tree@retry")[-1][1].startswith("failed once (tree@retry")
+    assert stage.reports("tree@retry")[-1][1].startswith("failed once (tree@retry")
 
 
 def test_a_retry_that_was_stopped_counts_from_the_beginning() -> None:

@@ -69,7 +69,7 @@ def test_a_count_fails_as_soon_as_too_few_can_still_succeed_and_says_so() -> Non
     assert stage.tick(2, step_s=1.0) == "running"
     assert stage.after(1.0) == "failed"
     assert stage.world.running() == []
-    assert ("FAILURE", "2 had to succeed, at most 1 still can") in stage.told("tree")
+    assert ("FAILURE", "2 had to succeed, at most 1 still can") in stage.reports("tree")
 
 
 def test_one_is_enough_even_after_others_have_failed() -> None:

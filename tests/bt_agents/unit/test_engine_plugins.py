@@ -14,15 +14,9 @@ import py_trees
 import pytest
 from py_trees.common import Status
 
+from bt_agents_core.diagnostic import Position
 from bt_agents_language.expression.expressions import parse_expression
-from bt_agents_language.model.specs import (
-    ListValue,
-    Literal,
-    MapValue,
-    NodeSpec,
-    Position,
-    Reference,
-)
+from bt_agents_language.model.specs import ListValue, Literal, MapValue, NodeSpec, Reference
 from tree_harness import Stage, scene
 
 POSITION = Position(file="a.yaml", line=7, column=3)
@@ -88,7 +82,7 @@ def repeated(spec: NodeSpec, times: int) -> NodeSpec:
 def test_a_plug_in_is_set_up_ticked_and_shut_down() -> None:
     stage = Stage(plugged(Nod, times=Literal(value=2)))
     assert stage.tick() == "running"
-    assert stage.told("tree") == [("RUNNING", "1 to go")]
+    assert stage.reports("tree") == [("RUNNING", "1 to go")]
     assert stage.tick() == "succeeded"
     [nod] = Nod.made
     assert nod.name == "nod twice"
@@ -314,7 +308,7 @@ def test_the_children_of_a_composite_plug_in_are_set_up_and_shut_down_too() -> N
         assert nod.calls[-1] == "shutdown"
 
 
-def test_a_plug_in_without_a_tick_of_its_own_is_ticked_by_plain_calls() -> None:
+def test_a_plug_in_is_ticked_by_py_trees_itself() -> None:
     callers = []
 
     class Curious(Nod):
@@ -323,7 +317,7 @@ def test_a_plug_in_without_a_tick_of_its_own_is_ticked_by_plain_calls() -> None:
             return super().update()
 
     assert Stage(plugged(Curious)).tick() == "succeeded"
-    assert callers == ["engine"]
+    assert callers == ["py_trees"]
 
 
 def test_a_plug_in_with_a_way_of_its_own_to_be_ticked_keeps_it() -> None:

@@ -47,7 +47,7 @@ def test_our_nodes_have_all_that_tools_ask_of_a_behaviour() -> None:
     nodes = list(root.iterate())
     assert len({node.id for node in nodes}) == len(nodes)
     assert {node.id for node in nodes} == {node.id for node in nodes}
-    assert root.qualified_name == "LeanSequence/sequence"
+    assert root.qualified_name == "LightSequence/sequence"
     assert all(child.parent is node for node in nodes for child in node.children)
     assert list(root.iterator)[-1] is root
     for node in nodes:

@@ -39,7 +39,7 @@ def test_a_condition_must_hold_for_its_time_without_a_break() -> None:
 def test_a_condition_without_a_value_does_not_hold_yet_and_breaks_the_time() -> None:
     stage = Stage(CONDITION, awarded=scene(age=3))
     assert stage.tick() == "running"
-    assert stage.told("tree") == [("RUNNING", "'live.mood' has no value yet")]
+    assert stage.reports("tree") == [("RUNNING", "'live.mood' has no value yet")]
     stage.set_mood(5.0)
     stage.tick()
     stage.live = scene(age=3)

@@ -1,22 +1,24 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What is noted of a run: only news, as long as there is room, and nothing that breaks it."""
+"""Recordings: only news, as long as there is room, and nothing that breaks the run."""
 
 from __future__ import annotations
 
 import json
 from collections.abc import Callable
+from dataclasses import asdict
+from pathlib import Path
 from typing import Any
 
 import pytest
 
 from bt_agents.engine.environment import GoalState, SkillGoal
 from bt_agents.engine.scripted_environment import ScriptedEnvironment, ScriptedReply
-from bt_agents.recording.recording_run import RecordingRun
-from bt_agents.recording.recording_world import Notebook
-from bt_agents.recording.replay_world import Turn, read_record, repeat
+from bt_agents.recording.environment import RecordingEnvironment
+from bt_agents.recording.format import read_recording
+from bt_agents.recording.run import RecordingRun, ReplayedStep, replay
 from bt_agents_core.errors import Refused
-from bt_agents_language.model.specs import BindingKind
-from tree_harness import SPACE, Stage
+from bt_agents_core.field_types import BindingKind
+from tree_harness import SPACE, Stage, agent
 
 
 class Recorded(Stage):
@@ -40,17 +42,17 @@ class Recorded(Stage):
         )
 
     @property
-    def notes(self) -> list[dict[str, Any]]:
+    def entries(self) -> list[dict[str, Any]]:
         return [json.loads(line) for line in self.lines[1:]]
 
-    def again(self) -> list[Turn]:
-        return list(repeat(read_record(self.lines), self.spec, SPACE))
+    def again(self) -> list[ReplayedStep]:
+        return list(replay(read_recording(self.lines), self.spec, SPACE))
 
 
 LONG = {"say": [ScriptedReply(after_s=100.0)]}
 
 
-def test_a_tick_in_which_nothing_came_in_is_not_noted() -> None:
+def test_a_tick_in_which_nothing_came_in_is_not_recorded() -> None:
     stage = Recorded("say: hello", answers=LONG)
     stage.tick()
     before = len(stage.lines)
@@ -58,12 +60,12 @@ def test_a_tick_in_which_nothing_came_in_is_not_noted() -> None:
     assert len(stage.lines) == before
     stage.after(100.0)
     assert stage.outcome == "succeeded"
-    turn = stage.again()[-1]
-    assert turn.tick == 1002
-    assert turn.result is not None
+    step = stage.again()[-1]
+    assert step.tick == 1002
+    assert step.result is not None
 
 
-def test_a_tick_that_only_waits_for_a_time_is_not_noted() -> None:
+def test_a_tick_that_only_waits_for_a_time_is_not_recorded() -> None:
     stage = Recorded("wait: 50 s")
     stage.tick()
     before = len(stage.lines)
@@ -73,20 +75,21 @@ def test_a_tick_that_only_waits_for_a_time_is_not_noted() -> None:
     assert stage.again()[-1].result == stage.run.result
 
 
-def test_a_clock_that_goes_back_is_noted_even_if_a_time_has_not_come() -> None:
+def test_a_clock_that_goes_back_is_recorded_even_if_a_time_has_not_come() -> None:
     stage = Recorded("sequence: [{wait: 1 s}, {wait: 1 s}]")
     stage.tick()
     stage.tick(3, 0.5)
     stage.world.clock.advance(-1.0)
     stage.tick()
-    assert stage.notes[-1]["t"] == stage.world.clock()
+    assert stage.entries[-1]["t"] == stage.world.clock()
 
 
-def test_what_is_asked_for_is_noted_with_its_fields() -> None:
+def test_what_is_asked_for_is_recorded_with_its_fields() -> None:
     stage = Recorded("say: hello")
     stage.tick()
-    [[kind, name, fields]] = stage.notes[0]["out"]
-    assert (kind, name, fields["text"]) == ("action", "say", "hello")
+    [request] = stage.entries[0]["requests"]
+    assert (request["kind"], request["name"]) == ("action", "say")
+    assert request["fields"]["text"] == "hello"
 
 
 def test_a_record_that_gets_too_long_ends_with_the_reason_and_the_run_goes_on() -> None:
@@ -95,21 +98,21 @@ def test_a_record_that_gets_too_long_ends_with_the_reason_and_the_run_goes_on() 
     for _ in range(40):
         stage.world.arrive("t", {"data": False})
         stage.tick()
-    assert stage.notes[-1] == {"stopped": "its notes got too long"}
+    assert stage.entries[-1] == {"stopped": "the recording got too long"}
     length = len(stage.lines)
     stage.world.arrive("t", {"data": True})
     assert stage.tick() == "succeeded"
     assert len(stage.lines) == length
-    record = read_record(stage.lines)
-    assert record.stopped
-    assert not record.ended
-    assert len(stage.again()) == record.turns
+    recording = read_recording(stage.lines)
+    assert recording.stopped
+    assert not recording.complete
+    assert len(stage.again()) == recording.steps
 
 
-def test_a_value_that_cannot_be_written_down_stops_the_notes_and_not_the_run() -> None:
+def test_a_value_that_cannot_be_written_down_stops_the_recording_and_not_the_run() -> None:
     stage = Recorded("say: x", answers={"say": [ScriptedReply(result={"extra": object()})]})  # type: ignore[dict-item]
     assert stage.tick() == "succeeded"
-    assert "cannot be written down" in stage.notes[-1]["stopped"]
+    assert "cannot be written down" in stage.entries[-1]["stopped"]
 
 
 def test_numbers_that_json_does_not_know_come_back() -> None:
@@ -119,7 +122,7 @@ def test_numbers_that_json_does_not_know_come_back() -> None:
     stage.world.arrive("t", {"data": float("nan")})
     stage.world.arrive("t", {"data": float("inf")})
     assert stage.tick() == "succeeded"
-    assert [len(turn.changes) for turn in stage.again()] == [2, 2]
+    assert [len(step.changes) for step in stage.again()] == [2, 2]
 
 
 def test_a_service_that_is_refused_is_refused_again_with_its_words() -> None:
@@ -130,39 +133,37 @@ def test_a_service_that_is_refused_is_refused_again_with_its_words() -> None:
 
     stage.world.send = refuse  # type: ignore[method-assign]
     assert stage.tick() == "failed"
-    [turn] = stage.again()
-    assert turn.changes == stage.changes
-    assert turn.noted[0][3] == ["WRONG_TYPE", "'text' is a number"]
+    [step] = stage.again()
+    assert step.changes == stage.changes
+    [request] = step.recorded_requests
+    assert request["error"] == {"code": "WRONG_TYPE", "reason": "'text' is a number"}
 
 
 def test_an_answer_that_a_cancel_changes_comes_out_with_the_cancel() -> None:
     world = ScriptedEnvironment({"a": [ScriptedReply(after_s=9.0)]})
-    notebook = Notebook(world, lambda: pytest.fail("not looked at"), {}, world.clock)
-    notebook.begin()
-    goal = notebook.send(SkillGoal(kind=BindingKind.ACTION, name="a", type="t", fields={}))
+    environment = RecordingEnvironment(world, lambda: pytest.fail("not read"), {}, world.clock)
+    goal = environment.send(SkillGoal(kind=BindingKind.ACTION, name="a", type="t", fields={}))
     assert goal.state is GoalState.ACTIVE
     goal.cancel()
     assert goal.state is GoalState.CANCELLED
-    assert notebook.end()["goals"] == [
-        [0, "state", "ACTIVE", False],
-        [0, "state", "CANCELLED", True],
+    assert environment.steps.end()["goals"] == [
+        {"goal": 0, "field": "state", "value": "ACTIVE"},
+        {"goal": 0, "field": "state", "value": "CANCELLED", "after_cancel": True},
     ]
 
 
-def test_a_goal_stands_still_during_a_turn() -> None:
+def test_a_goal_stands_still_during_a_step() -> None:
     world = ScriptedEnvironment({"a": [ScriptedReply(after_s=1.0)]})
-    notebook = Notebook(world, lambda: pytest.fail("not looked at"), {}, world.clock)
-    notebook.begin()
-    goal = notebook.send(SkillGoal(kind=BindingKind.ACTION, name="a", type="t", fields={}))
-    before = notebook.clock(), goal.state
+    environment = RecordingEnvironment(world, lambda: pytest.fail("not read"), {}, world.clock)
+    goal = environment.send(SkillGoal(kind=BindingKind.ACTION, name="a", type="t", fields={}))
+    before = environment.clock(), goal.state
     world.clock.advance(5.0)
-    assert (notebook.clock(), goal.state) == before
-    notebook.end()
-    notebook.begin()
-    assert (notebook.clock(), goal.state) == (5.0, GoalState.SUCCEEDED)
+    assert (environment.clock(), goal.state) == before
+    environment.steps.end()
+    assert (environment.clock(), goal.state) == (5.0, GoalState.SUCCEEDED)
 
 
-HEAD = json.dumps({"format": 1})
+HEAD = json.dumps({"format": 2})
 
 
 @pytest.mark.parametrize(
@@ -171,43 +172,92 @@ HEAD = json.dumps({"format": 1})
         ([], "it is empty"),
         (["{"], "a line is no JSON"),
         (["[1]"], "a line holds a list, expected a mapping"),
-        (['{"format": 2}'], "it begins with the form 2, expected 1"),
-        (['{"turn": 1}'], "it begins with the form None, expected 1"),
-        ([HEAD, "{}"], "a note has the turn None"),
+        (['{"format": 3}'], "it begins with the format 3, expected 2 or 1"),
+        (['{"step": 1}'], "it begins with the format None, expected 2 or 1"),
+        ([HEAD, "{}"], "an entry has the step None"),
         (
-            [HEAD, '{"turn": 2, "quiet": 1}', '{"turn": 1}'],
-            "a note has the turn 1, expected a later one",
+            [HEAD, '{"step": 2, "quiet": 1}', '{"step": 1}'],
+            "an entry has the step 1, expected a later one",
         ),
-        ([HEAD, '{"turn": 2, "quiet": "1"}'], "turn 2 comes after '1' quiet ones"),
-        ([HEAD, '{"turn": 99999999999}'], "a note has the turn 99999999999"),
+        ([HEAD, '{"step": 2, "quiet": "1"}'], "step 2 comes after '1' quiet ones"),
+        ([HEAD, '{"step": 99999999999}'], "an entry has the step 99999999999"),
         ([HEAD, "[" * 100_000], "a line is no JSON"),
     ],
     ids=str,
 )
 def test_a_record_that_is_none_is_refused_in_words(lines: list[str], words: str) -> None:
     with pytest.raises(Refused) as refused:
-        read_record(lines)
+        read_recording(lines)
     assert words in refused.value.reason
 
 
 BROKEN: dict[str, Callable[[dict[str, Any], list[dict[str, Any]]], Any]] = {
-    "parameters": lambda head, notes: head.update(parameters=["x"]),
-    "scene": lambda head, notes: head.update(scene=5),
-    "profile": lambda head, notes: head.update(profile=None),
-    "goals": lambda head, notes: notes[0].update(goals=[[0, "colour", 1, False]]),
-    "state": lambda head, notes: notes[0].update(goals=[[0, "state", "FINE", False]]),
-    "clock": lambda head, notes: notes[0].update(t="noon"),
-    "do": lambda head, notes: notes[0].update(do=[["cancel"]]),
-    "live": lambda head, notes: notes[0].update(live={"colour": 1}),
+    "parameters": lambda head, entries: head.update(parameters=["x"]),
+    "scene": lambda head, entries: head.update(scene=5),
+    "profile": lambda head, entries: head.update(profile=None),
+    "goals": lambda head, entries: entries[0].update(
+        goals=[{"goal": 0, "field": "colour", "value": 1}]
+    ),
+    "state": lambda head, entries: entries[0].update(
+        goals=[{"goal": 0, "field": "state", "value": "FINE"}]
+    ),
+    "clock": lambda head, entries: entries[0].update(t="noon"),
+    "calls": lambda head, entries: entries[0].update(calls=[{"call": "cancel"}]),
+    "live": lambda head, entries: entries[0].update(live={"colour": 1}),
 }
 
 
 @pytest.mark.parametrize("what", BROKEN)
-def test_a_record_with_a_broken_note_is_refused_in_words(what: str) -> None:
+def test_a_record_with_a_broken_entry_is_refused_in_words(what: str) -> None:
     stage = Recorded("say: hello")
     stage.tick()
-    head, *notes = map(json.loads, stage.lines)
-    BROKEN[what](head, notes)
-    lines = [json.dumps(note) for note in (head, *notes)]
-    with pytest.raises(Refused, match="the record of a run cannot be repeated"):
-        list(repeat(read_record(lines), stage.spec, SPACE))
+    head, *entries = map(json.loads, stage.lines)
+    BROKEN[what](head, entries)
+    lines = [json.dumps(entry) for entry in (head, *entries)]
+    with pytest.raises(Refused, match="the recording of a run cannot be replayed"):
+        list(replay(read_recording(lines), stage.spec, SPACE))
+
+
+RECORDED = Path(__file__).parents[2] / "recordings"
+
+FORMAT_1_HEAD = """\
+on_cancel: {say: sorry}
+tunables:
+  patience: {default: 1, min: 0, max: 9, description: d}
+"""
+FORMAT_1_TREE = """
+sequence:
+  - {say: hello, timeout: 5 s}
+  - wait_for: {topic: t, type: std_msgs/msg/Float64, until: msg.data > patience}
+  - give_feedback: {kind: positive, reason: polite}
+  - publish: {topic: beep, type: std_msgs/msg/String, message: {data: x}}
+    on_failure: {log: "refused, mood ${live.mood}"}
+  - parallel: [{say: on and on}, {wait: 1 h}]
+"""
+
+
+def test_a_recording_of_format_1_is_replayed_equal_to_the_run_that_it_was_made_of() -> None:
+    lines = (RECORDED / "format_1.jsonl").read_text().splitlines()
+    assert json.loads(lines[0])["format"] == 1
+    recording = read_recording(lines)
+    assert recording.complete
+    steps = list(replay(recording, agent(FORMAT_1_TREE, FORMAT_1_HEAD), SPACE))
+    changes = [[c.path, c.name, c.status.name, c.message] for s in steps for c in s.changes]
+    assert changes == json.loads((RECORDED / "format_1.changes.json").read_text())
+    for step in steps:
+        assert json.dumps(step.requests) == json.dumps(step.recorded_requests)
+    last = steps[-1]
+    assert last.result is not None
+    assert last.recorded_end == {
+        **json.loads(json.dumps(asdict(last.result), default=lambda outcome: outcome.value)),
+    }
+
+
+@pytest.mark.parametrize(
+    "entry",
+    [{"goals": [[0, "state"]]}, {"do": [["cancel"]]}, {"out": [["action"]]}, {"inbox": 3}],
+    ids=str,
+)
+def test_a_broken_entry_of_format_1_is_refused_in_words(entry: dict[str, Any]) -> None:
+    with pytest.raises(Refused, match="the recording of a run cannot be replayed"):
+        read_recording([json.dumps({"format": 1}), json.dumps({"turn": 1, **entry})])

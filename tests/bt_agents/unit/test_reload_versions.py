@@ -40,7 +40,7 @@ def test_a_changed_tree_is_replaced_when_the_agent_does_not_run(watched):
     ann = watched.in_force["ann"]
     said = edit(watched, "bob", agent("bob", "{sequence: [{say: a}, {say: b}]}"))
     assert said == [
-        "replace tree bob: version 2 in force (tree changed: 1 node changed, 2 nodes added)"
+        "replace bob: version 2 in force (tree changed: 1 node changed, 2 nodes added)"
     ]
     assert watched.in_force["ann"] is ann
     assert causes(watched, "bob") == [
@@ -70,8 +70,8 @@ def test_a_version_that_failed_is_taken_back_and_tried_again_with_the_next_readi
     assert watched.versions.status("bob").problems
     assert causes(watched, "bob") == [(1, "start", "")]
     assert edit(watched, "ann", agent("ann", "{say: hi}")) == [
-        "replace tree ann: version 2 in force (tree changed: 1 node changed)",
-        "replace tree bob: version 2 in force (tree changed: 1 node changed)",
+        "replace ann: version 2 in force (tree changed: 1 node changed)",
+        "replace bob: version 2 in force (tree changed: 1 node changed)",
     ]
     assert not watched.versions.status("bob").problems
 
@@ -89,7 +89,7 @@ def test_a_changed_default_is_a_change_of_values_also_while_the_agent_runs(watch
     edit(watched, "bob", agent("bob", WAIT, TUNABLES.format("8 s")))
     watched.running = "bob"
     said = edit(watched, "bob", agent("bob", WAIT, TUNABLES.format("12 s")))
-    assert said == ["update values bob: version 3 in force (patience: 8 s → 12 s)"]
+    assert said == ["update bob: version 3 in force (patience: 8 s → 12 s)"]
 
 
 @pytest.mark.parametrize(
@@ -109,15 +109,13 @@ def test_a_changed_default_is_a_change_of_values_also_while_the_agent_runs(watch
 def test_what_is_not_the_tree_comes_into_force_at_once(watched, head, words):
     watched.running = "bob"
     assert edit(watched, "bob", agent("bob", head=head)) == [
-        f"update values bob: version 2 in force ({words})"
+        f"update bob: version 2 in force ({words})"
     ]
 
 
 def test_a_changed_profile_says_which_parameter(watched):
     text = agent("bob").replace("{age: 3}", "{age: 4.5}")
-    assert edit(watched, "bob", text) == [
-        "update values bob: version 2 in force (profile age: 3 → 4.5)"
-    ]
+    assert edit(watched, "bob", text) == ["update bob: version 2 in force (profile age: 3 → 4.5)"]
 
 
 def test_a_new_tunable_is_a_change_of_the_tree(watched):
@@ -136,9 +134,7 @@ def test_a_changed_tree_waits_for_the_end_of_the_run(watched):
     assert watched.in_force["bob"] is before
     assert watched.versions.status("bob").waiting
     assert watched.versions.waiting_text("bob") == "version 2 of bob waits"
-    assert watched.end_run() == [
-        "replace tree bob: version 2 in force (tree changed: 1 node changed)"
-    ]
+    assert watched.end_run() == ["replace bob: version 2 in force (tree changed: 1 node changed)"]
     assert not watched.versions.status("bob").waiting
     assert watched.versions.status("bob").version == 2
 
@@ -175,7 +171,7 @@ def test_a_file_that_breaks_while_a_version_waits_lets_that_wait_on(watched):
     edit(watched, "bob", agent("bob", "{say: bye}"))
     (said,) = edit(watched, "bob", "[")
     assert "version 2 still waits for the end of its run" in said
-    assert watched.end_run()[0].startswith("replace tree bob: version 2 in force")
+    assert watched.end_run()[0].startswith("replace bob: version 2 in force")
     assert watched.versions.status("bob").problems
 
 
@@ -246,7 +242,7 @@ def test_a_roll_back_is_the_newest_version_and_writes_the_file(watched):
     old = agent("bob")
     edit(watched, "bob", agent("bob", "{say: bye}"))
     assert watched.roll_back("bob") == [
-        "replace tree bob: version 3 in force (tree changed: 1 node changed)"
+        "replace bob: version 3 in force (tree changed: 1 node changed)"
     ]
     file = watched.folder / "agents" / "bob.yaml"
     assert file.read_text() == old
@@ -254,7 +250,7 @@ def test_a_roll_back_is_the_newest_version_and_writes_the_file(watched):
     assert causes(watched, "bob")[-1][:2] == (3, "roll back to 1")
     assert watched.in_force["bob"].tree.fields["text"].value == "hello"
     assert edit(watched, "bob", agent("bob", "{say: 'on'}"))[0].startswith(
-        "replace tree bob: version 4"
+        "replace bob: version 4"
     )
 
 
@@ -262,7 +258,7 @@ def test_a_roll_back_of_a_running_tree_waits(watched):
     edit(watched, "bob", agent("bob", "{say: bye}"))
     watched.running = "bob"
     assert watched.roll_back("bob", 1)[0].startswith("report bob: version 3 waits for the end")
-    assert watched.end_run()[0].startswith("replace tree bob: version 3 in force")
+    assert watched.end_run()[0].startswith("replace bob: version 3 in force")
     assert watched.poll() == []
 
 
@@ -289,12 +285,12 @@ def test_a_roll_back_to_what_cannot_be_written_is_in_force_anyway_and_stays_so(
 
     monkeypatch.setattr("bt_agents.host.reload.folder_watch.write_atomically", refuse)
     said = watched.roll_back("bob", 1)
-    assert said[0].startswith("replace tree bob: version 3 in force")
+    assert said[0].startswith("replace bob: version 3 in force")
     assert said[1].endswith(
         "bob.yaml could not be written (Permission denied) and holds another text"
     )
     assert watched.poll() == []
-    assert edit(watched, "ann", agent("ann", "{say: bye}"))[0].startswith("replace tree ann")
+    assert edit(watched, "ann", agent("ann", "{say: bye}"))[0].startswith("replace ann")
     assert watched.in_force["bob"].tree.fields["text"].value == "hello"
 
 
@@ -334,4 +330,4 @@ def test_the_last_versions_are_kept_and_the_one_in_force_always(watched):
 def test_two_nodes_that_change_places_are_another_order(watched):
     edit(watched, "bob", agent("bob", "{sequence: [{say: a}, {say: b}]}"))
     said = edit(watched, "bob", agent("bob", "{sequence: [{say: b}, {say: a}]}"))
-    assert said == ["replace tree bob: version 3 in force (tree changed: nodes in another order)"]
+    assert said == ["replace bob: version 3 in force (tree changed: nodes in another order)"]

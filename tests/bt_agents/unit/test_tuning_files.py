@@ -4,23 +4,18 @@
 from __future__ import annotations
 
 import os
+import re
 import signal
+import sqlite3
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
 
-from bt_agents.host.tuning import change_log as journal_module
-from bt_agents.host.tuning.change_log import Journal
-from bt_agents.host.tuning.change_log_lines import revision_line
-from bt_agents.host.tuning.history import (
-    MOST_UNDONE,
-    TuningAction,
-    TuningCause,
-    TuningChange,
-    TuningRevision,
-)
+from bt_agents.host.tuning import change_log
+from bt_agents.host.tuning.change_log import ChangeLog
+from bt_agents.host.tuning.history import TuningAction, TuningCause, TuningChange, TuningRevision
 from bt_agents.host.tuning.overrides import Override
 from bt_agents.host.tuning.presets import Presets, presets_text, read_presets
 from bt_agents_core.errors import BtAgentsError, Refused
@@ -39,166 +34,232 @@ def revision(number: int, before: float, after: float, *, of: int = 0) -> Tuning
 
 @pytest.fixture
 def path(tmp_path: Path) -> Path:
-    return tmp_path / "state" / "tunings.jsonl"
+    return tmp_path / "state" / "tunings.sqlite"
 
 
-def opened(path: Path, disk: Disk | None = None, told: list[str] | None = None) -> Journal:
-    tell = told.append if told is not None else pytest.fail
-    return Journal(path, disk or Disk(), tell)
+def opened(path: Path, disk: Disk | None = None, reports: list[str] | None = None) -> ChangeLog:
+    report = reports.append if reports is not None else pytest.fail
+    return ChangeLog(path, disk or Disk(), report)
 
 
-def reopened(path: Path) -> Journal:
-    journal = opened(path)
-    journal.close()
-    return journal
+def reopened(path: Path) -> ChangeLog:
+    log = opened(path)
+    log.close()
+    return log
 
 
 def test_what_was_written_is_there_after_a_restart(path):
-    journal = opened(path)
-    journal.append(revision(1, 8.0, 12.0), {"a.x": 8.0})
-    journal.append(revision(2, 12.0, 8.0, of=1), {"a.x": 8.0})
-    journal.append(revision(3, 8.0, 10.0), {"a.x": 8.0})
-    journal.close()
+    log = opened(path)
+    log.append(revision(1, 8.0, 12.0), {"a.x": 8.0})
+    log.append(revision(2, 12.0, 8.0, of=1), {"a.x": 8.0})
+    log.append(revision(3, 8.0, 10.0), {"a.x": 8.0})
+    log.close()
     again = reopened(path)
     assert again.problems == []
-    assert again.remembered.kept == {"a.x": Override(value=10.0, default=8.0)}
-    assert again.remembered.history.undoable == (revision(3, 8.0, 10.0),)
-    assert again.remembered.history.revision == 3
-    assert [one.number for one, _ in again.remembered.history.shown] == [1, 2, 3]
+    assert again.overrides.by_name == {"a.x": Override(value=10.0, default=8.0)}
+    assert again.overrides.history.undoable == (revision(3, 8.0, 10.0),)
+    assert again.overrides.history.revision == 3
+    assert [one.number for one, _ in again.overrides.history.shown] == [1, 2, 3]
+    assert list(path.parent.iterdir()) == [path]
 
 
 def test_a_value_that_is_as_in_the_file_again_is_not_kept(path):
-    journal = opened(path)
-    journal.append(revision(1, 8.0, 12.0), {"a.x": 8.0})
-    journal.append(revision(2, 12.0, 8.0), {"a.x": 8.0})
-    journal.close()
-    assert reopened(path).remembered.kept == {}
+    log = opened(path)
+    log.append(revision(1, 8.0, 12.0), {"a.x": 8.0})
+    log.append(revision(2, 12.0, 8.0), {"a.x": 8.0})
+    log.append(revision(3, 8.0, 9.0), {"a.x": 8.0})
+    log.clear("a.x")
+    log.close()
+    assert reopened(path).overrides.by_name == {}
 
 
-@pytest.mark.parametrize("torn", [b'{"revision":2,"sta', b'{"revision":2}', b"\xff\xfe"])
-def test_a_torn_last_line_is_dropped_with_words_and_the_next_one_is_whole(path, torn):
-    journal = opened(path)
-    journal.append(revision(1, 8.0, 12.0), {"a.x": 8.0})
-    journal.close()
-    with path.open("ab") as file:
-        file.write(torn)
-    again = opened(path)
-    assert again.problems == [f"{path}:2: its end is missing; it is left out"]
-    again.append(revision(2, 12.0, 9.0), {"a.x": 8.0})
-    again.close()
-    last = reopened(path)
-    assert last.problems == []
-    assert last.remembered.kept["a.x"].value == 9.0
+@pytest.mark.parametrize("value", [True, 1, 1.0, "1.0 s", "it's «1»\n", 2**63 - 1, 1e300])
+def test_a_value_keeps_its_type(path, value):
+    log = opened(path)
+    change = TuningChange(name="a.x", before="", after=value)
+    cause = TuningCause(author="anna")
+    log.append(TuningRevision(number=1, stamp=1.0, cause=cause, changes=(change,)), {"a.x": ""})
+    log.close()
+    found = reopened(path).overrides.by_name["a.x"].value
+    assert (found, type(found)) == (value, type(value))
 
 
 @pytest.mark.parametrize(
-    ("line", "words"),
+    ("damage", "words"),
     [
-        ("garbage", "no JSON"),
-        ("[" * 100_000, "no JSON"),
-        ("[]", "the line is no mapping"),
-        ('{"format": 9}', "format 9, expected 1"),
-        ('{"revision": 2}', "action None, expected set, undo or redo"),
-        ('{"action": "set", "revision": 2, "stamp": NaN}', "NaN is no number"),
-        ('{"action": "set", "revision": -1, "stamp": 1}', "'author' is no text"),
+        (lambda path: path.write_bytes(b"garbage" * 1000), "file is not a database"),
+        (lambda path: path.write_text('{"revision": 1}\n' * 100), "file is not a database"),
+        (lambda path: _overwrite(path, 1024, b"\xff" * 3000), "malformed|Page|Tree"),
+        (lambda path: os.truncate(path, path.stat().st_size - 1024), "malformed|Page|Tree"),
         (
-            '{"action":"undo","revision":2,"stamp":1,"author":"","reason":"","of":7,'
-            '"changes":[],"defaults":{}}',
-            "revision 7 cannot be taken back",
-        ),
-        (
-            '{"action":"set","revision":2,"stamp":1,"author":"","reason":"","of":0,'
-            '"changes":[{"name":"a.x","before":1,"after":[]}],"defaults":{}}',
-            "a value is no number, text, true or false",
+            lambda path: _sql(path, "DROP TABLE overrides; CREATE TABLE overrides (x)"),
+            "no such column",
         ),
     ],
+    ids=["bytes", "text", "overwritten", "cut off", "other table"],
 )
-def test_a_line_that_cannot_be_read_is_left_out_with_its_place_and_the_rest_is_used(
-    path, line, words
+def test_a_damaged_file_is_set_aside_with_a_warning_and_a_new_one_begins(path, damage, words):
+    log = opened(path)
+    for number in range(1, 51):
+        log.append(revision(number, number - 1.0, float(number)), {"a.x": 0.0})
+    log.close()
+    damage(path)
+    before = path.read_bytes()
+    again = opened(path)
+    [problem] = again.problems
+    assert problem.startswith(f"{path} is damaged: ")
+    assert re.search(words, problem)
+    assert problem.endswith("everything stands as the files of the agents say")
+    [aside] = path.parent.glob("*.damaged-*")
+    assert aside.read_bytes() == before
+    assert again.overrides.by_name == {}
+    again.append(revision(1, 8.0, 12.0), {"a.x": 8.0})
+    again.close()
+    last = reopened(path)
+    assert last.problems == []
+    assert last.overrides.by_name["a.x"].value == 12.0
+
+
+@pytest.mark.parametrize(
+    "other", ["PRAGMA user_version = 9", "PRAGMA application_id = 7"], ids=["newer", "foreign"]
+)
+def test_a_file_of_another_program_or_version_is_left_alone(path, other):
+    reopened(path)
+    _sql(path, other)
+    before = path.read_bytes()
+    with pytest.raises(BtAgentsError, match="is no file of tunings of format 1; move it away"):
+        opened(path)
+    assert path.read_bytes() == before
+    assert list(path.parent.iterdir()) == [path]
+
+
+def _overwrite(path: Path, offset: int, content: bytes) -> None:
+    with path.open("r+b") as file:
+        file.seek(offset)
+        file.write(content)
+
+
+def _sql(path: Path, text: str) -> None:
+    db = sqlite3.connect(path)
+    db.executescript(text)
+    db.close()
+
+
+def test_a_torn_write_is_dropped_and_what_was_before_it_is_used(path):
+    log = opened(path)
+    log.append(revision(1, 8.0, 12.0), {"a.x": 8.0})
+    whole = path.with_name("tunings.sqlite-wal").stat().st_size
+    log.append(revision(2, 12.0, 9.0), {"a.x": 8.0})
+    copy = path.parent / "copy" / path.name
+    copy.parent.mkdir()
+    for suffix in ("", "-wal"):
+        Path(f"{copy}{suffix}").write_bytes(Path(f"{path}{suffix}").read_bytes())
+    log.close()
+    os.truncate(f"{copy}-wal", whole + 700)
+    again = opened(copy)
+    assert again.problems == []
+    assert again.overrides.by_name["a.x"].value == 12.0
+    again.append(revision(2, 12.0, 7.0), {"a.x": 8.0})
+    again.close()
+    assert reopened(copy).overrides.by_name["a.x"].value == 7.0
+
+
+@pytest.mark.parametrize(
+    ("column", "content", "words"),
+    [
+        ("changes", "garbage", "no JSON"),
+        ("changes", "[" * 100_000, "no JSON"),
+        ("changes", "{}", "no list of changes"),
+        ("changes", '[["a.x", 1]]', "no list of changes"),
+        ("changes", '[["a.x", 1, []]]', r"\[\] is no number, text, true or false"),
+        ("changes", '[["a.x", 1, NaN]]', "a number is not finite"),
+        ("changes", f'[["a.x", 1, {2**63}]]', "more than 64 bits"),
+        ("action", "unset", "'unset' is not a valid Action"),
+    ],
+)
+def test_a_row_that_cannot_be_read_is_left_out_with_its_number_and_the_rest_is_used(
+    path, column, content, words
 ):
-    journal = opened(path)
-    journal.append(revision(1, 8.0, 12.0), {"a.x": 8.0})
-    journal.close()
-    good = path.read_text()
-    path.write_text(f"{line}\n{good}")
+    log = opened(path)
+    log.append(revision(1, 8.0, 12.0), {"a.x": 8.0})
+    log.append(revision(2, 12.0, 9.0), {"a.x": 8.0})
+    log.close()
+    db = sqlite3.connect(path)
+    db.execute(f"UPDATE revisions SET {column} = ? WHERE number = 1", (content,))
+    db.commit()
+    db.close()
     again = reopened(path)
-    assert len(again.problems) == 1
-    assert again.problems[0].startswith(f"{path}:1: ")
-    assert words in again.problems[0]
-    assert again.problems[0].endswith("; it is left out")
-    assert again.remembered.kept["a.x"].value == 12.0
+    [problem] = again.problems
+    assert problem.startswith(f"{path}: revision 1: ")
+    assert re.search(words, problem)
+    assert problem.endswith("; it is left out")
+    assert again.overrides.by_name["a.x"].value == 9.0
+    assert [one.number for one in again.overrides.history.undoable] == [2]
 
 
-def test_a_file_full_of_garbage_is_told_in_a_few_lines(path):
-    path.parent.mkdir()
-    path.write_bytes(b"\xff\n" * 1000)
+def test_many_rows_that_cannot_be_read_are_reported_in_a_few_lines(path):
+    log = opened(path)
+    for number in range(1, 101):
+        log.append(revision(number, number - 1.0, float(number)), {"a.x": 0.0})
+    log.close()
+    _sql(path, "UPDATE revisions SET changes = 'x'; UPDATE overrides SET value = 'x'")
     assert len(reopened(path).problems) == 21
 
 
-def test_a_long_file_becomes_short_and_says_the_same(path, monkeypatch):
-    monkeypatch.setattr(journal_module, "MOST_LINES", 50)
-    journal = opened(path)
-    for number in range(1, 52):
+def test_a_long_log_is_compacted_and_says_the_same(path, monkeypatch):
+    monkeypatch.setattr(change_log, "MOST_CHANGES", 2500)
+    log = opened(path)
+    for number in range(1, 2501):
         one = revision(number, number - 1.0, float(number))
-        journal.append(one, {"a.x": 0.0})
-        journal.remembered.take(one, {"a.x": 0.0})
-    assert journal.is_long
-    journal.shorten(journal.remembered)
-    assert not journal.is_long
-    assert path.read_text().count("\n") == 1
-    journal.append(revision(52, 51.0, 52.0), {"a.x": 0.0})
-    journal.close()
+        log.append(one, {"a.x": 0.0})
+        log.overrides.add(one, {"a.x": 0.0})
+    assert Path(f"{path}-wal").stat().st_size == 0
+    log.append(revision(2501, 2500.0, 2501.0), {"a.x": 0.0})
+    log.close()
+    db = sqlite3.connect(path)
+    assert db.execute("SELECT count(*) FROM revisions").fetchone() == (1001,)
+    db.close()
     again = reopened(path)
     assert again.problems == []
-    assert again.remembered.kept["a.x"].value == 52.0
-    assert [one.number for one in again.remembered.history.undoable] == list(range(1, 53))
-    assert len(again.remembered.history.shown) == 52
-    assert len(list(path.parent.iterdir())) == 1
+    assert again.overrides.by_name["a.x"].value == 2501.0
+    numbers = [one.number for one in again.overrides.history.undoable]
+    assert numbers == list(range(1502, 2502))
+    assert len(again.overrides.history.shown) == 100
 
 
-def test_a_disk_that_takes_nothing_refuses_and_leaves_the_file_as_it_was(path, monkeypatch):
-    journal = opened(path)
-    journal.append(revision(1, 8.0, 12.0), {"a.x": 8.0})
-    before = path.read_bytes()
-    real = os.write
-
-    def half(descriptor: int, content: bytes) -> int:
-        real(descriptor, content[:5])
-        raise OSError(28, "No space left on device")
-
-    with monkeypatch.context() as patch:
-        patch.setattr(os, "write", half)
-        with pytest.raises(Refused, match=r"NOT_KEPT: .*No space left on device"):
-            journal.append(revision(2, 12.0, 9.0), {"a.x": 8.0})
-    assert path.read_bytes() == before
-    journal.append(revision(2, 12.0, 9.0), {"a.x": 8.0})
-    journal.close()
-    assert reopened(path).problems == []
+def test_a_log_that_cannot_be_compacted_stays_and_is_reported(path, monkeypatch):
+    monkeypatch.setattr(change_log, "MOST_CHANGES", 2)
+    reports: list[str] = []
+    disk = Disk(at_once=False)
+    log = opened(path, disk, reports)
+    log.append(revision(1, 8.0, 12.0), {"a.x": 8.0})
+    log.append(revision(2, 12.0, 9.0), {"a.x": 8.0})
+    log._db.execute("PRAGMA query_only = ON")
+    disk.turn()
+    log._db.execute("PRAGMA query_only = OFF")
+    [report] = reports
+    assert "the file of tunings grows, it cannot be compacted: NOT_KEPT" in report
+    disk.at_once = True
+    log.close()
+    assert reopened(path).overrides.by_name["a.x"].value == 9.0
 
 
-def test_a_line_that_could_not_even_be_taken_back_is_gone_before_the_next_one(path, monkeypatch):
-    journal = opened(path)
-    journal.append(revision(1, 8.0, 12.0), {"a.x": 8.0})
-    real = os.write
-
-    def half(descriptor: int, content: bytes) -> int:
-        real(descriptor, content[:5])
-        raise OSError(5, "Input/output error")
-
-    def no(descriptor: int, size: int) -> None:
-        raise OSError(5, "Input/output error")
-
-    with monkeypatch.context() as patch:
-        patch.setattr(os, "write", half)
-        patch.setattr(os, "ftruncate", no)
-        for _ in range(2):
-            with pytest.raises(Refused, match=r"NOT_KEPT: .*Input/output error"):
-                journal.append(revision(2, 12.0, 9.0), {"a.x": 8.0})
-    journal.append(revision(2, 12.0, 9.0), {"a.x": 8.0})
-    journal.close()
+def test_a_disk_that_takes_nothing_refuses_and_leaves_the_log_as_it_was(path):
+    log = opened(path)
+    log.append(revision(1, 8.0, 12.0), {"a.x": 8.0})
+    [pages] = log._db.execute("PRAGMA page_count").fetchone()
+    log._db.execute(f"PRAGMA max_page_count = {pages}")
+    long = TuningCause(author="anna", reason="x" * 5000)
+    change = TuningChange(name="a.x", before=12.0, after=9.0)
+    full = TuningRevision(number=2, stamp=1.0, cause=long, changes=(change,))
+    with pytest.raises(Refused, match=r"NOT_KEPT: .*database or disk is full; nothing is changed"):
+        log.append(full, {"a.x": 8.0})
+    log._db.execute("PRAGMA max_page_count = 1000000")
+    log.append(full, {"a.x": 8.0})
+    log.close()
     again = reopened(path)
     assert again.problems == []
-    assert again.remembered.kept["a.x"].value == 9.0
+    assert again.overrides.history.undoable == (revision(1, 8.0, 12.0), full)
 
 
 def test_a_change_outlives_a_process_that_is_killed(path):
@@ -206,8 +267,8 @@ def test_a_change_outlives_a_process_that_is_killed(path):
         "import os, signal, sys\n"
         "from pathlib import Path\n"
         "from test_tuning_files import opened, revision\n"
-        "journal = opened(Path(sys.argv[1]))\n"
-        "journal.append(revision(1, 8.0, 12.0), {'a.x': 8.0})\n"
+        "log = opened(Path(sys.argv[1]))\n"
+        "log.append(revision(1, 8.0, 12.0), {'a.x': 8.0})\n"
         "os.kill(os.getpid(), signal.SIGKILL)\n"
     )
     folders = [str(Path(__file__).parent), str(Path(__file__).parents[2] / "harness")]
@@ -218,122 +279,68 @@ def test_a_change_outlives_a_process_that_is_killed(path):
         check=False,
     )
     assert killed.returncode == -signal.SIGKILL
-    assert reopened(path).remembered.kept["a.x"].value == 12.0
+    assert reopened(path).overrides.by_name["a.x"].value == 12.0
 
 
 @pytest.fixture
-def synced(monkeypatch: pytest.MonkeyPatch) -> list[bytes]:
-    """What the file had in it at each sync."""
+def flushed(monkeypatch: pytest.MonkeyPatch) -> list[bytes]:
+    """What the write-ahead log had in it at each flush."""
     seen: list[bytes] = []
-    monkeypatch.setattr(os, "fdatasync", lambda file: seen.append(os.pread(file, 10**6, 0)))
+    monkeypatch.setattr(os, "fdatasync", lambda file: seen.append(os.pread(file, 10**7, 0)))
     return seen
 
 
-def test_a_change_is_written_at_once_and_only_the_disk_waits_for_itself(path, synced):
+def test_a_change_is_written_at_once_and_only_the_disk_waits_for_itself(path, flushed):
     disk = Disk(at_once=False)
-    journal = opened(path, disk)
-    journal.append(revision(1, 8.0, 12.0), {"a.x": 8.0})
-    assert path.read_bytes().count(b"\n") == 1
-    job = journal.sync()
-    assert (synced, job.done()) == ([], False)
+    log = opened(path, disk)
+    log.append(revision(1, 8.0, 12.0), {"a.x": 8.0})
+    written = Path(f"{path}-wal").read_bytes()
+    assert "too «fast»".encode() in written
+    job = log.flush()
+    assert (flushed, job.done()) == ([], False)
     disk.turn()
     assert job.done()
-    assert synced == [path.read_bytes()]
-    journal.close()
+    assert flushed == [written]
+    disk.at_once = True
+    log.close()
 
 
-def test_what_comes_before_a_sync_begins_shares_it_and_nothing_new_needs_none(path, synced):
+def test_what_comes_before_a_flush_starts_shares_it_and_nothing_new_needs_none(path, flushed):
     disk = Disk(at_once=False)
-    journal = opened(path, disk)
+    log = opened(path, disk)
     jobs = []
     for number in range(1, 41):
-        journal.append(revision(number, number - 1.0, float(number)), {"a.x": 0.0})
-        jobs.append(journal.sync())
+        log.append(revision(number, number - 1.0, float(number)), {"a.x": 0.0})
+        jobs.append(log.flush())
     disk.turn()
     assert len(set(map(id, jobs))) == 1
     for number in range(40):
-        journal.agree(f"a.x{number}")
-    assert journal.sync() is jobs[0]
-    assert len(synced) == 1
-    journal.append(revision(41, 40.0, 41.0), {"a.x": 0.0})
-    assert journal.sync() is not jobs[0]
+        log.clear(f"a.x{number}")
+    assert log.flush() is jobs[0]
+    assert len(flushed) == 1
+    log.append(revision(41, 40.0, 41.0), {"a.x": 0.0})
+    assert log.flush() is not jobs[0]
     disk.turn()
-    assert len(synced) == 2
-    journal.close()
-
-
-def test_what_is_written_while_the_file_is_made_short_is_in_both(path):
-    disk = Disk(at_once=False)
-    journal = opened(path, disk)
-    for number in (1, 2, 3):
-        one = revision(number, number - 1.0, float(number))
-        journal.append(one, {"a.x": 0.0})
-        journal.remembered.take(one, {"a.x": 0.0})
-    journal.shorten(journal.remembered)
-    journal.append(revision(4, 3.0, 4.0), {"a.x": 0.0})
-    assert path.read_bytes().count(b"\n") == 4
-    disk.turn()
-    assert path.read_bytes().count(b"\n") == 2
-    journal.append(revision(5, 4.0, 5.0), {"a.x": 0.0})
-    disk.turn()
-    journal.close()
-    again = reopened(path)
-    assert again.problems == []
-    assert again.remembered.kept["a.x"].value == 5.0
-    assert len(again.remembered.history.undoable) == 5
-    assert len(list(path.parent.iterdir())) == 1
-
-
-def test_a_file_that_cannot_be_made_short_stays_and_is_said(path, monkeypatch):
-    told: list[str] = []
-    disk = Disk(at_once=False)
-    journal = opened(path, disk, told)
-    journal.append(revision(1, 8.0, 12.0), {"a.x": 8.0})
-    journal.shorten(journal.remembered)
-
-    def no(*_: object) -> None:
-        raise OSError(30, "Read-only file system")
-
-    with monkeypatch.context() as patch:
-        patch.setattr(os, "replace", no)
-        disk.turn()
-    journal.append(revision(2, 12.0, 9.0), {"a.x": 8.0})
-    disk.turn()
-    journal.close()
-    assert told == [
-        "the file of tunings grows, it cannot be written anew: [Errno 30] Read-only file system"
-    ]
-    assert reopened(path).remembered.kept["a.x"].value == 9.0
-    assert len(list(path.parent.iterdir())) == 1
+    assert len(flushed) == 2
+    disk.at_once = True
+    log.close()
 
 
 def test_two_hosts_cannot_have_the_same_file(path):
     first = opened(path)
+    first.append(revision(1, 8.0, 12.0), {"a.x": 8.0})
     with pytest.raises(BtAgentsError, match="in use by another host; give each host a file"):
         opened(path)
-    first.shorten(first.remembered)
-    with pytest.raises(BtAgentsError, match="in use by another host"):
-        opened(path)
     first.close()
-    reopened(path)
+    assert reopened(path).problems == []
 
 
 def test_a_file_that_cannot_be_opened_is_named(tmp_path):
     (tmp_path / "file").write_text("")
     with pytest.raises(BtAgentsError, match="cannot be opened"):
-        opened(tmp_path / "file" / "tunings.jsonl")
-
-
-def test_ten_thousand_lines_are_read_and_bounded(path):
-    journal = opened(path)
-    journal.close()
-    lines = []
-    for number in range(1, 10_001):
-        lines.append(revision_line(revision(number, number - 1.0, float(number)), {"a.x": 0.0}))
-    path.write_text("".join(lines))
-    again = reopened(path)
-    assert again.remembered.kept["a.x"].value == 10_000.0
-    assert len(again.remembered.history.undoable) == MOST_UNDONE
+        opened(tmp_path / "file" / "tunings.sqlite")
+    with pytest.raises(BtAgentsError, match="cannot be opened"):
+        opened(tmp_path)
 
 
 PRESETS = {

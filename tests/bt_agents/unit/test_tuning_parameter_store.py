@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""All knobs of a host: what is recorded, what a restart brings back, and what a file overrules."""
+"""Parameters of a host: what is recorded, what a restart brings back, what a file overrules."""
 
 from __future__ import annotations
 
@@ -8,39 +8,38 @@ from pathlib import Path
 
 import pytest
 
-from bt_agents.host.tuning.change_log import Journal
+from bt_agents.host.tuning.change_log import ChangeLog
 from bt_agents.host.tuning.history import TuningAction, TuningCause
-from bt_agents.host.tuning.parameter_store import FILE, ParameterStore, words_of
-from bt_agents.host.tuning.pending_profiles import ProfileOrders
+from bt_agents.host.tuning.parameter_store import FILE, ParameterStore, checked_line
 from bt_agents.host.tuning.presets import Presets
-from bt_agents.host.tuning.tunable import TICK_RATE, TunableParameter, tunables_of
+from bt_agents.host.tuning.tunable import TICK_RATE, TunableParameter, parameters_of
 from bt_agents_core.errors import Refused
-from bt_agents_language.model.specs import FieldType
+from bt_agents_core.field_types import FieldType
 from faulty_disk import Disk
-from tree_harness import SPACE, agent
+from tree_harness import agent
 
 HEAD = """
 tunables:
   patience: {default: 8 s, min: 2 s, max: 30 s, description: how long}
   attempts: {default: 2, min: 1, max: 5}
 """
-KNOBS = (TICK_RATE, *tunables_of(agent("wait: 0 s", HEAD), SPACE))
+PARAMETERS = (TICK_RATE, *parameters_of(agent("wait: 0 s", HEAD)))
 ANNA = TuningCause(author="anna", reason="slow today")
 
 
 class Host:
-    """A board with the knobs of one agent, as a start of the host makes it."""
+    """A board with the parameters of one agent, as a start of the host makes it."""
 
     def __init__(
-        self, file: Path | None = None, knobs: tuple[TunableParameter, ...] = KNOBS
+        self, file: Path | None = None, parameters: tuple[TunableParameter, ...] = PARAMETERS
     ) -> None:
         self.told: list[str] = []
         disk = Disk()
-        journal = Journal(file, disk, self.told.append) if file is not None else None
-        self.board = ParameterStore(journal, Presets(None), disk, lambda: 1.0, self.told.append)
-        self.starts = {knob.name: self.board.start(knob) for knob in knobs}
-        for knob in knobs:
-            self.board.add(knob, self.starts[knob.name].value)
+        log = ChangeLog(file, disk, self.told.append) if file is not None else None
+        self.board = ParameterStore(log, Presets(None), disk, lambda: 1.0, self.told.append)
+        self.starts = {parameter.name: self.board.start(parameter) for parameter in parameters}
+        for parameter in parameters:
+            self.board.add(parameter, self.starts[parameter.name].value)
         self.board.overrule({n: s for n, s in self.starts.items() if s.overruled is not None})
 
     def undo(self, *agents: str) -> None:
@@ -55,7 +54,7 @@ def test_values_set_together_share_a_revision_with_author_and_reason():
     revision = board.record({"a.patience": 12.0, "a.attempts": 3, "tick_rate": 20.0}, ANNA)
     assert revision is not None
     assert (revision.number, revision.cause) == (1, ANNA)
-    assert board.words(revision.changes) == "a.patience: 8 s → 12 s, a.attempts: 2 → 3"
+    assert board.format_changes(revision.changes) == "a.patience: 8 s → 12 s, a.attempts: 2 → 3"
 
 
 def test_the_same_value_again_is_no_revision():
@@ -64,23 +63,29 @@ def test_the_same_value_again_is_no_revision():
     assert board.history.revision == 0
 
 
-def test_an_undo_that_finds_everything_done_is_still_done():
-    host = Host()
-    host.board.record({"a.profile.age": 4.0}, ANNA)
-    host.board.follow("a.profile.age", 3.0)
-    host.undo()
-    assert host.board.values["a.profile.age"] == 3.0
+def test_an_undo_that_finds_everything_done_is_still_done(tmp_path):
+    first = Host(tmp_path / "t.sqlite")
+    first.board.record({"a.patience": 12.0}, ANNA)
+    first.board.close()
+    again = Host(tmp_path / "t.sqlite")
+    launched = again.board.parameter("a.patience")
+    again.board.remove("a.patience")
+    again.board.add(launched, 8.0)
+    again.undo()
+    assert again.board.values["a.patience"] == 8.0
     with pytest.raises(Refused, match="NOTHING_TO_UNDO"):
-        host.undo()
+        again.undo()
+    again.board.close()
+    assert Host(tmp_path / "t.sqlite").board.redo(())[1] == {"a.patience": 12.0}
 
 
 def test_a_restart_brings_back_the_values_and_what_can_be_undone(tmp_path):
-    first = Host(tmp_path / "t.jsonl")
+    first = Host(tmp_path / "t.sqlite")
     first.board.record({"a.patience": 12.0, "tick_rate": 30.0}, ANNA)
     first.board.record({"a.attempts": 4}, ANNA)
     first.undo()
     first.board.close()
-    again = Host(tmp_path / "t.jsonl")
+    again = Host(tmp_path / "t.sqlite")
     assert again.board.values["a.patience"] == 12.0
     assert again.board.values["tick_rate"] == 30.0
     assert again.board.values["a.attempts"] == 2
@@ -90,55 +95,48 @@ def test_a_restart_brings_back_the_values_and_what_can_be_undone(tmp_path):
     again.board.close()
 
 
-def test_a_profile_is_not_brought_back_because_the_ledger_has_it(tmp_path):
-    first = Host(tmp_path / "t.jsonl")
-    first.board.record({"a.profile.age": 4.0}, ANNA)
-    first.board.close()
-    again = Host(tmp_path / "t.jsonl")
-    assert again.board.values["a.profile.age"] == 3.0
-    assert again.board.undo(())[1] == {"a.profile.age": 3.0}
-
-
 def _changed(**changes: object) -> tuple[TunableParameter, ...]:
     return tuple(
-        replace(knob, **changes) if knob.name == "a.patience" else knob  # type: ignore[arg-type]
-        for knob in KNOBS
+        replace(parameter, **changes) if parameter.name == "a.patience" else parameter  # type: ignore[arg-type]
+        for parameter in PARAMETERS
     )
 
 
 @pytest.mark.parametrize(
-    ("knobs", "value", "why"),
+    ("parameters", "value", "why"),
     [
         (_changed(default=6.0), 6.0, "the file says 6 s now"),
         (_changed(maximum=10.0), 8.0, r"a.patience is 12 s, expected 2 s to 10 s"),
     ],
 )
-def test_a_file_that_has_changed_meanwhile_overrules_what_was_tuned(tmp_path, knobs, value, why):
-    first = Host(tmp_path / "t.jsonl")
+def test_a_file_that_has_changed_meanwhile_overrules_what_was_tuned(
+    tmp_path, parameters, value, why
+):
+    first = Host(tmp_path / "t.sqlite")
     first.board.record({"a.patience": 12.0}, ANNA)
     first.board.close()
-    again = Host(tmp_path / "t.jsonl", knobs)
+    again = Host(tmp_path / "t.sqlite", parameters)
     assert again.board.values["a.patience"] == value
     [*_, (revision, change)] = again.board.history.shown
     assert revision.cause.author == FILE
     assert why in revision.cause.reason
     assert (change.before, change.after) == (12.0, value)
     again.board.close()
-    third = Host(tmp_path / "t.jsonl", knobs)
+    third = Host(tmp_path / "t.sqlite", parameters)
     assert third.board.values["a.patience"] == value
     assert third.board.history.revision == 2
 
 
 def test_what_was_tuned_waits_for_an_agent_that_is_away(tmp_path):
-    first = Host(tmp_path / "t.jsonl")
+    first = Host(tmp_path / "t.sqlite")
     first.board.record({"a.patience": 12.0}, ANNA)
     first.board.close()
-    without = Host(tmp_path / "t.jsonl", (TICK_RATE,))
+    without = Host(tmp_path / "t.sqlite", (TICK_RATE,))
     with pytest.raises(Refused, match=r"revision 1 cannot be: its value of a\.patience is not"):
         without.board.undo(())
     without.board.record({"tick_rate": 30.0}, ANNA)
     without.board.close()
-    again = Host(tmp_path / "t.jsonl")
+    again = Host(tmp_path / "t.sqlite")
     assert again.board.values["a.patience"] == 12.0
 
 
@@ -154,8 +152,8 @@ def test_what_was_tuned_waits_for_an_agent_that_is_away(tmp_path):
 def test_a_changed_default_wins_and_other_changes_keep_the_value_where_they_can(changes, value):
     board = Host().board
     board.record({"a.patience": 12.0}, ANNA)
-    [knob] = [one for one in _changed(**changes) if one.name == "a.patience"]
-    assert board.replace(knob) == value
+    [parameter] = [one for one in _changed(**changes) if one.name == "a.patience"]
+    assert board.replace(parameter) == value
 
 
 @pytest.mark.parametrize(
@@ -217,17 +215,17 @@ def test_an_unknown_agent_is_refused_with_the_nearest():
 
 
 def test_a_file_change_comes_into_force_even_when_it_cannot_be_kept(tmp_path, monkeypatch):
-    host = Host(tmp_path / "t.jsonl")
+    host = Host(tmp_path / "t.sqlite")
 
     def full(*_arguments: object) -> None:
         raise Refused("NOT_KEPT", "the disk is full")
 
-    monkeypatch.setattr(Journal, "append", full)
+    monkeypatch.setattr(ChangeLog, "append", full)
     with pytest.raises(Refused, match="NOT_KEPT"):
         host.board.record({"a.patience": 12.0}, ANNA)
     assert host.board.values["a.patience"] == 8.0
     assert host.board.history.revision == 0
-    host.board.record({"a.patience": 12.0}, TuningCause(author=FILE), kept_or_refused=False)
+    host.board.record({"a.patience": 12.0}, TuningCause(author=FILE), must_be_stored=False)
     assert host.board.values["a.patience"] == 12.0
     assert host.told == ["the disk is full"]
 
@@ -235,12 +233,12 @@ def test_a_file_change_comes_into_force_even_when_it_cannot_be_kept(tmp_path, mo
 @pytest.mark.parametrize("text", ["x" * 301, "two\nlines", "\x1b[2J"])
 def test_words_from_outside_are_one_line_that_can_be_shown(text):
     with pytest.raises(Refused, match="NOT_WORDS: the reason is"):
-        words_of(text, "the reason")
+        checked_line(text, "the reason")
 
 
 def test_the_character_that_cannot_be_shown_is_named():
     with pytest.raises(Refused, match=r"the reason is 'a b', with the character '\\n'; expected"):
-        words_of("a\nb", "the reason")
+        checked_line("a\nb", "the reason")
 
 
 def test_a_tunable_without_its_agent_is_asked_whose_it_is():
@@ -249,51 +247,17 @@ def test_a_tunable_without_its_agent_is_asked_whose_it_is():
 
 
 def test_an_empty_text_is_shown_in_quotes():
-    knob = replace(KNOBS[0], name="a.place", key="place", type=FieldType.TEXT, default="dock")
-    board = Host(None, (knob,)).board
+    parameter = replace(
+        PARAMETERS[0], name="a.place", key="place", type=FieldType.TEXT, default="dock"
+    )
+    board = Host(None, (parameter,)).board
     revision = board.record({"a.place": ""}, ANNA)
     assert revision is not None
-    assert board.words(revision.changes) == "a.place: dock → ''"
-
-
-def test_profile_values_wait_for_the_answer_and_newer_ones_take_the_place_of_older_ones():
-    orders = ProfileOrders()
-    names = ("age", "familiarity", "mood")
-    orders.want("a", {"age": 4.0}, "first")
-    first = orders.next("a")
-    assert first is not None
-    assert str(first.vector(names)) == "(4.0, nan, nan)"
-    orders.want("a", {"age": 4.5}, "second")
-    orders.want("a", {"mood": 2.0}, "third")
-    assert orders.next("a") is None
-    assert orders.over("a", names, (1.0, 1.0, 1.0)) == (4.5, 1.0, 2.0)
-    orders.done("a")
-    second = orders.next("a")
-    assert second is not None
-    assert (dict(second.values), second.reason) == ({"age": 4.5, "mood": 2.0}, "third")
-    orders.done("a")
-    assert orders.next("a") is None
-    assert orders.over("a", names, (1.0, 1.0, 1.0)) == (1.0, 1.0, 1.0)
-
-
-def test_an_order_that_was_not_taken_is_wanted_again_beneath_what_is_newer():
-    orders = ProfileOrders()
-    names = ("age", "familiarity", "mood")
-    orders.want("a", {"age": 4.0, "mood": 2.0}, "first")
-    assert orders.next("a") is not None
-    orders.want("a", {"age": 4.5}, "second")
-    orders.again("a")
-    assert orders.agents == ("a",)
-    assert orders.over("a", names, (1.0, 1.0, 1.0)) == (4.5, 1.0, 2.0)
-    again = orders.next("a")
-    assert again is not None
-    assert (dict(again.values), again.reason) == ({"age": 4.5, "mood": 2.0}, "second")
-    orders.done("a")
-    assert orders.agents == ()
+    assert board.format_changes(revision.changes) == "a.place: dock → ''"
 
 
 def test_a_value_that_was_written_into_the_file_is_not_tuned_any_more(tmp_path):
-    file = tmp_path / "t.jsonl"
+    file = tmp_path / "t.sqlite"
     first = Host(file)
     first.board.record({"a.patience": 12.0}, ANNA)
     [kept] = [one for one in _changed(default=12.0) if one.name == "a.patience"]
@@ -306,7 +270,7 @@ def test_a_value_that_was_written_into_the_file_is_not_tuned_any_more(tmp_path):
 
 
 def test_the_same_is_noticed_at_a_start(tmp_path):
-    file = tmp_path / "t.jsonl"
+    file = tmp_path / "t.sqlite"
     first = Host(file)
     first.board.record({"a.patience": 12.0}, ANNA)
     first.board.close()

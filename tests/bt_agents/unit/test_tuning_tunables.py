@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a knob takes and what it refuses, with words."""
+"""What a parameter takes and what it refuses, with words."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from bt_agents.host.tuning.tunable import (
     TICK_RATE,
     TunableKind,
     TunableParameter,
-    tunables_of,
-    written,
+    format_value,
+    parameters_of,
 )
 from bt_agents_core.errors import Refused
-from bt_agents_language.model.specs import FieldType
-from tree_harness import SPACE, agent
+from bt_agents_core.field_types import FieldType
+from tree_harness import agent
 
 HEAD = """
 learning_rate: 0.3
@@ -29,20 +29,14 @@ tunables:
   distance: {default: 1.5 m}
   turn: {default: 90 deg, min: 0 deg, max: 180 deg}
 """
-KNOBS = {knob.key: knob for knob in tunables_of(agent("wait: 0 s", HEAD), SPACE)}
+PARAMETERS = {parameter.key: parameter for parameter in parameters_of(agent("wait: 0 s", HEAD))}
 
 
-def test_an_agent_has_knobs_for_tunables_learning_rate_and_profile():
-    names = [knob.name for knob in tunables_of(agent("wait: 0 s", HEAD), SPACE)]
+def test_an_agent_has_parameters_for_its_tunables_and_its_learning_rate():
+    names = [parameter.name for parameter in parameters_of(agent("wait: 0 s", HEAD))]
     assert names[0] == "a.patience"
-    assert names[-4:] == [
-        "a.learning_rate",
-        "a.profile.age",
-        "a.profile.familiarity",
-        "a.profile.mood",
-    ]
-    assert (KNOBS["age"].default, KNOBS["age"].minimum, KNOBS["age"].maximum) == (3.0, 1, 5)
-    assert KNOBS["learning_rate"].default == 0.3
+    assert names[-1] == "a.learning_rate"
+    assert PARAMETERS["learning_rate"].default == 0.3
 
 
 @pytest.mark.parametrize(
@@ -59,11 +53,10 @@ def test_an_agent_has_knobs_for_tunables_learning_rate_and_profile():
         ("place", "8 s", "8 s"),
         ("distance", "20 cm", 0.2),
         ("turn", "180 deg", math.pi),
-        ("age", "4.2", 4.2),
     ],
 )
 def test_a_text_means_what_it_means_in_a_file(key, text, value):
-    read = KNOBS[key].read(text)
+    read = PARAMETERS[key].read(text)
     assert read == value
     assert type(read) is type(value)
 
@@ -89,12 +82,11 @@ def test_a_text_means_what_it_means_in_a_file(key, text, value):
         ("place", "\a", "NOT_A_VALUE: a.place has a control character"),
         ("place", "x" * 1001, "NOT_A_VALUE: a.place has 1001 characters, expected at most 1000"),
         ("learning_rate", "1.1", "OUT_OF_RANGE"),
-        ("age", "0", r"OUT_OF_RANGE: a\.profile\.age is 0, expected 1 to 5"),
     ],
 )
 def test_what_does_not_fit_is_refused_with_words(key, text, words):
     with pytest.raises(Refused, match=words):
-        KNOBS[key].read(text)
+        PARAMETERS[key].read(text)
 
 
 @pytest.mark.parametrize(
@@ -112,12 +104,12 @@ def test_what_does_not_fit_is_refused_with_words(key, text, words):
 )
 def test_a_value_of_the_wrong_kind_is_refused(key, value, code):
     with pytest.raises(Refused) as error:
-        KNOBS[key].check(value)
+        PARAMETERS[key].check(value)
     assert error.value.code == code
 
 
 def test_a_time_without_a_range_is_a_time_all_the_same():
-    knob = TunableParameter(
+    parameter = TunableParameter(
         name="a.t",
         agent="a",
         key="t",
@@ -125,19 +117,19 @@ def test_a_time_without_a_range_is_a_time_all_the_same():
         type=FieldType.DURATION,
         default=1.0,
     )
-    assert knob.check(3600.0) == 3600.0
+    assert parameter.check(3600.0) == 3600.0
     for value in (-1.0, 1e12):
         with pytest.raises(Refused, match="OUT_OF_RANGE"):
-            knob.check(value)
+            parameter.check(value)
 
 
 def test_the_end_of_a_range_is_possible_off_its_steps():
-    knob = TunableParameter(
+    parameter = TunableParameter(
         name="a.n", agent="a", key="n", kind=TunableKind.TUNABLE, type=FieldType.NUMBER,
         default=0.0, minimum=-0.3, maximum=0.35, step=0.1,
     )  # fmt: skip
     for value in (0.0, 0.1, 0.35):
-        assert knob.check(value) == value
+        assert parameter.check(value) == value
 
 
 def test_the_tick_rate_has_a_range():
@@ -160,4 +152,4 @@ def test_the_tick_rate_has_a_range():
     ],
 )
 def test_a_value_is_written_as_an_author_would(value, field_type, text):
-    assert written(value, field_type) == text
+    assert format_value(value, field_type) == text

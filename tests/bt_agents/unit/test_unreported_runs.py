@@ -19,24 +19,24 @@ def rounds(runs: list[Run]) -> list[int]:
 
 def test_a_run_is_for_every_market_but_its_own() -> None:
     runs = UnreportedRuns()
-    runs.keep(ended(1))
+    runs.store(ended(1))
     assert runs.of_others("e1") == []
     assert rounds(runs.of_others("e2")) == [1]
 
 
 def test_what_was_handed_over_is_forgotten_and_not_kept_again() -> None:
     runs = UnreportedRuns()
-    runs.keep(ended(1))
-    runs.handed_over(runs.of_others("e2"))
-    runs.keep(ended(1))
+    runs.store(ended(1))
+    runs.acknowledge(runs.of_others("e2"))
+    runs.store(ended(1))
     assert runs.of_others("e3") == []
 
 
 @pytest.mark.parametrize("event", [Run.ENDED, Run.REFUSED])
 def test_a_run_that_its_market_has_closed_is_forgotten(event: int) -> None:
     runs = UnreportedRuns()
-    runs.keep(ended(1))
-    runs.keep(ended(2))
+    runs.store(ended(1))
+    runs.store(ended(2))
     runs.take_event(ended(1, event=event))
     assert rounds(runs.of_others("e2")) == [2]
 
@@ -44,14 +44,14 @@ def test_a_run_that_its_market_has_closed_is_forgotten(event: int) -> None:
 def test_a_run_that_its_market_had_given_up_before_it_ended_is_not_kept() -> None:
     runs = UnreportedRuns()
     runs.take_event(ended(1))
-    runs.keep(ended(1))
+    runs.store(ended(1))
     assert runs.of_others("e2") == []
 
 
 def test_a_run_whose_round_another_agent_had_refused_is_kept() -> None:
     runs = UnreportedRuns()
     runs.take_event(ended(1, event=Run.REFUSED, agent="talker"))
-    runs.keep(ended(1))
+    runs.store(ended(1))
     assert rounds(runs.of_others("e2")) == [1]
 
 
@@ -59,13 +59,13 @@ def test_a_run_whose_round_another_agent_had_refused_is_kept() -> None:
 def test_a_run_that_goes_on_is_not_closed(event: int) -> None:
     runs = UnreportedRuns()
     runs.take_event(ended(1, event=event))
-    runs.keep(ended(1))
+    runs.store(ended(1))
     assert rounds(runs.of_others("e2")) == [1]
 
 
 def test_the_same_round_of_another_market_is_another_run() -> None:
     runs = UnreportedRuns()
-    runs.keep(ended(1))
+    runs.store(ended(1))
     runs.take_event(ended(1, epoch="e0"))
     assert rounds(runs.of_others("e2")) == [1]
 
@@ -73,5 +73,5 @@ def test_the_same_round_of_another_market_is_another_run() -> None:
 def test_only_the_last_ones_are_kept() -> None:
     runs = UnreportedRuns()
     for number in range(MOST + 3):
-        runs.keep(ended(number))
+        runs.store(ended(number))
     assert rounds(runs.of_others("e2")) == list(range(3, MOST + 3))

@@ -11,7 +11,7 @@ from bt_agents_core.delivery_queue import DeliveryQueue
 
 
 class Post:
-    """DeliveryQueue, and a clock that only the test moves."""
+    """Letters, and a clock that only the test moves."""
 
     def __init__(self, most: int = 3) -> None:
         self.now = 50.0

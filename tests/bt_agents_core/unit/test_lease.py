@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import pytest
 
-from bt_agents_core.lease import MarketLease
+from bt_agents.host.award_monitor import MarketLease
 
 BEGIN, HEARD, HELD_UP, END = "begin", "heard", "held up since", "end"
 
@@ -68,10 +68,10 @@ def test_silence_is_counted_from_the_last_sign_of_life(
             case "begin":
                 lease.begin(str(what), at)
             case "heard":
-                lease.heard(str(what), at)
+                lease.on_heartbeat(str(what), at)
             case "held up since":
                 assert isinstance(what, float)
-                lease.excuse(what, at)
+                lease.extend_after_stall(what, at)
             case "end":
                 lease.end()
     assert lease.silence(now) == pytest.approx(silence)
@@ -80,7 +80,7 @@ def test_silence_is_counted_from_the_last_sign_of_life(
 def test_another_lease_counts_at_once() -> None:
     lease = MarketLease(1.0)
     lease.begin("a", 0.0)
-    lease.heard("a", 0.0)
+    lease.on_heartbeat("a", 0.0)
     assert lease.silence(0.5) == 0.0
     lease.lease_s = 0.5
     assert lease.silence(0.5) == 0.5

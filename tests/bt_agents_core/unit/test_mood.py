@@ -7,8 +7,8 @@ import math
 
 import pytest
 
-from bt_agents_core.mood import Addressee, Mood, mood_of
-from bt_agents_core.scene import Origin, Scene, SceneParameter, SceneSpace, SceneValue
+from bt_agents_core.mood import Addressee, Mood
+from bt_agents_core.scene import Origin, Scene, SceneParameter, SceneSpace, SceneValue, mood_of
 
 NAN = math.nan
 SPACE = SceneSpace(
@@ -50,7 +50,7 @@ class Course:
 
     def see(self, at: float, live: Scene) -> float:
         self.now = at
-        self.mood.see(live)
+        self.mood.receive(live)
         return self.mood.change
 
     def tick(self, at: float) -> float:
@@ -161,6 +161,6 @@ def test_a_baseline_in_which_the_mood_was_lost_at_once_begins_again():
 )
 def test_somebody_else_is_nobody(awarded, lives, there):
     addressee = Addressee(scene(4.0, person_id=awarded))
-    seen = [addressee.seen(scene(1.0, person_id=one)) for one in lives]
+    seen = [addressee.mask(scene(1.0, person_id=one)) for one in lives]
     assert [one.person for one in seen] == there
     assert [not math.isnan(mood_of(one, SPACE)) for one in seen] == there

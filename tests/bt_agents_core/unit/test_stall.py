@@ -5,7 +5,8 @@ from __future__ import annotations
 
 import pytest
 
-from bt_agents_core.stall import AwardMonitor, RunKey, StallDetector
+from bt_agents.host.award_monitor import AwardMonitor, RunKey
+from bt_agents_core.liveness import StallDetector
 
 
 @pytest.mark.parametrize(
@@ -24,13 +25,13 @@ from bt_agents_core.stall import AwardMonitor, RunKey, StallDetector
 def test_after_a_gap_it_is_waited_for_news(
     looks: list[float], wait_s: float, lasted_s: float
 ) -> None:
-    held_up = StallDetector(0.0, limit_s=0.55, calm_s=0.3)
+    held_up = StallDetector(0.0, limit_s=0.55, settle_s=0.3)
     found = 0.0
     for now in looks:
-        found = held_up.wait_s(now)
+        found = held_up.hold_off_s(now)
     assert found == pytest.approx(wait_s)
-    assert held_up.lasted_s == pytest.approx(lasted_s)
-    assert held_up.sure == (lasted_s == 0.0)
+    assert held_up.last_stall_s == pytest.approx(lasted_s)
+    assert held_up.confirmed == (lasted_s == 0.0)
 
 
 MINE = RunKey(epoch="e1", round=3, agent="guide")
@@ -44,8 +45,8 @@ def after_a_hold_up(*heard_before: RunKey) -> AwardMonitor:
     """Return what a process knows that was held up from 0 to 2 s and is calm again at 2.3 s."""
     word = AwardMonitor(0.0)
     for award in heard_before:
-        assert not word.hear(award, MINE, 0.0)
-    word.held_up.wait_s(2.0)
+        assert not word.on_heartbeat(award, MINE, 0.0)
+    word.stall.hold_off_s(2.0)
     return word
 
 
@@ -67,30 +68,30 @@ def test_a_run_goes_on_when_its_market_names_it_and_is_given_away_when_it_twice_
     heard: list[RunKey], given_away: bool, goes_on: bool
 ) -> None:
     word = after_a_hold_up(MINE)
-    assert [word.hear(award, MINE, 2.5) for award in heard][-1:] in ([], [given_away])
-    assert (word.wait_s(MINE, 2.5) == 0.0) == goes_on
+    assert [word.on_heartbeat(award, MINE, 2.5) for award in heard][-1:] in ([], [given_away])
+    assert (word.hold_off_s(MINE, 2.5) == 0.0) == goes_on
 
 
 def test_what_waited_to_be_read_during_a_hold_up_confirms_nothing() -> None:
     word = after_a_hold_up(MINE)
-    assert not word.hear(MINE, MINE, 2.1)
-    assert word.wait_s(MINE, 2.4) > 0.0
+    assert not word.on_heartbeat(MINE, MINE, 2.1)
+    assert word.hold_off_s(MINE, 2.4) > 0.0
 
 
 def test_a_market_that_has_never_named_a_run_is_not_waited_for() -> None:
     word = after_a_hold_up()
-    assert word.wait_s(MINE, 2.2) == pytest.approx(0.1)
-    assert word.wait_s(MINE, 2.4) == 0.0
+    assert word.hold_off_s(MINE, 2.2) == pytest.approx(0.1)
+    assert word.hold_off_s(MINE, 2.4) == 0.0
 
 
 def test_without_a_run_every_sign_of_life_will_do() -> None:
     word = after_a_hold_up(MINE)
-    assert not word.hear(STRANGE, None, 2.5)
-    assert word.held_up.sure
+    assert not word.on_heartbeat(STRANGE, None, 2.5)
+    assert word.stall.confirmed
 
 
 @pytest.mark.parametrize(("said", "over"), [(MINE, False), (LATER, True), (STRANGE, False)])
 def test_a_round_is_over_when_its_market_is_at_a_later_one(said: RunKey, over: bool) -> None:
     word = AwardMonitor(0.0)
-    word.hear(said, None, 0.0)
+    word.on_heartbeat(said, None, 0.0)
     assert word.is_over(MINE) == over

@@ -99,7 +99,7 @@ def _cases(nodes: list[YamlNode]) -> st.SearchStrategy[tuple[YamlNode, ...]]:
 
 
 def _modified(nodes: st.SearchStrategy[YamlNode]) -> st.SearchStrategy[YamlNode]:
-    modifiers = st.fixed_dictionaries(
+    decorators = st.fixed_dictionaries(
         {},
         optional={
             "when": conditions,
@@ -116,7 +116,7 @@ def _modified(nodes: st.SearchStrategy[YamlNode]) -> st.SearchStrategy[YamlNode]
         },
     ).filter(lambda found: not {"succeed", "fail"} <= found.keys())
     return st.builds(
-        lambda node, more: replace(node, decorators={**more, **node.decorators}), nodes, modifiers
+        lambda node, more: replace(node, decorators={**more, **node.decorators}), nodes, decorators
     )
 
 

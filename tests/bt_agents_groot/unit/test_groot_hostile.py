@@ -10,8 +10,7 @@ import pytest
 
 from bt_agents_core.errors import ReadError
 from bt_agents_groot.agent_import import import_agent
-from bt_agents_language.reference.codes.of_xml import XML_CODES
-from bt_agents_language.reference.codes.table import CODES
+from bt_agents_language.reference.codes.table import code_groups, codes
 from bt_agents_language.yaml.source import Source, read_source
 from tree_harness import VOCABULARY
 
@@ -150,7 +149,7 @@ def test_the_encoding_that_the_file_claims_does_not_matter():
     assert "Grüß Gott" in import_agent(Source("t.xml", text), "a", VOCABULARY).text
 
 
-@pytest.mark.parametrize("code", XML_CODES, ids=lambda code: code.code)
+@pytest.mark.parametrize("code", code_groups()["Import from Groot2"], ids=lambda code: code.code)
 def test_the_examples_of_the_codes_say_what_they_should(code):
     assert problems(code.wrong)[0].split()[0] == code.code
     assert not problems(code.right)
@@ -168,5 +167,5 @@ def test_random_damage_is_answered_in_time_with_a_known_code_or_accepted():
     for _ in range(400):
         at = dice.randrange(len(sound))
         damaged = sound[:at] + dice.choice(pieces) + sound[at + dice.randrange(4) :]
-        assert {problem.split()[0] for problem in problems(damaged)} <= set(CODES)
+        assert {problem.split()[0] for problem in problems(damaged)} <= set(codes())
     assert time.process_time() - start < 20

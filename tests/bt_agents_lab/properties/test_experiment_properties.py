@@ -13,8 +13,8 @@ from bt_agents_lab.experiments.measures import wilson
 from bt_agents_lab.experiments.random_streams import RandomStreams, draw
 from bt_agents_lab.experiments.simulated_world import Arm, Person, SimulatedWorld
 from bt_agents_lab.experiments.simulation import simulate
-from bt_agents_language.model.experiment import closed_form
-from feedback_node.simulated_feedback import Errors, SimulatedFeedback
+from bt_agents_language.model.experiment import FeedbackErrors, PreparedFeedback, closed_form
+from feedback_node.simulated_feedback import SimulatedFeedback
 from one_run import react
 
 SPACE = SceneSpace(
@@ -101,10 +101,10 @@ def test_an_interval_holds_its_share_and_gets_narrower_with_more_runs(runs, part
     share=st.floats(0.0, 1.0),
 )
 def test_wrong_feedback_depends_on_its_number_alone(seed, given_before, every, share):
-    errors = Errors(space=SPACE, seed=seed, every=every, share=share)
+    errors = FeedbackErrors(space=SPACE, seed=seed, every=every, share=share)
 
     def feedback() -> SimulatedFeedback:
-        return SimulatedFeedback(each={"one": (5.0, 5.0)}, errors=errors)
+        return SimulatedFeedback(PreparedFeedback(each={"one": (5.0, 5.0)}, errors=errors))
 
     whole, rest = feedback(), feedback()
     said = [whole.next("one") for _ in range(given_before + 10)]

@@ -11,7 +11,7 @@ from typing import Any
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from bt_agents.host.learning_messages import learning_to_msg
+from bt_agents.host.host_card import learning_to_msg
 from bt_agents_core.feedback import BUTTON, MOOD_RULE, FeedbackKind, LearningRule, Update
 from bt_agents_core.scene import Scene
 from bt_agents_interfaces.msg import AgentCard, HostCard
@@ -107,7 +107,7 @@ def test_all_that_is_learned_is_learned_again(
         ],
     )
     known = Profiles(SPACE, Ledger(":memory:"))
-    _, problems = known.introduce(card_from_msg(card))
+    _, problems = known.register_card(card_from_msg(card, SPACE))
     assert problems == ()
     kept = []
     for number, (kind, target, source, person) in enumerate(taught):
@@ -195,10 +195,12 @@ def test_all_that_is_decided_is_decided_again(
     message = auction_to_msg(
         PublishAuction(
             decision=decision,
-            say=partial(reason, decision),
-            explain=partial(explanation, decision, SPACE),
+            reason_fn=partial(reason, decision),
+            explanation_fn=partial(explanation, decision, SPACE),
         ),
         to_time(1.0),
     )
-    [finding] = decisions_again([Round(auction=message, runs=runs + 1 - runs // 2, parsed=PARSED)])
+    [finding] = decisions_again(
+        [Round(auction=message, runs=runs + 1 - runs // 2, parsed=PARSED, format=2)]
+    )
     assert finding.verdict is ReplayVerdict.EQUAL, finding.text

@@ -7,6 +7,7 @@ import copy
 import json
 from collections.abc import Callable
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -23,9 +24,11 @@ from bt_agents_interfaces.msg import (
     TreeStatus,
 )
 from bt_agents_lab.cli.replay import replay
+from bt_agents_lab.recorder.reading import JournalEntry
 from bt_agents_lab.replay import decisions, replay_learning, trees
 from bt_agents_lab.replay.decisions import decisions_again
 from bt_agents_lab.replay.findings import FindingCounts, ReplayFinding, ReplayVerdict, tally
+from bt_agents_lab.replay.recording_index import tell
 from bt_agents_lab.replay.replay_learning import lessons_again
 from bt_agents_lab.replay.trees import runs_again
 from journal_fixture import NAN, Town, morning, story_of
@@ -180,7 +183,7 @@ def _in_note(old: str, new: str) -> Callable[[Any], None]:
 
 
 NOTES = {
-    "goal": ('"say",{"text":"Hello"}', '"say",{"text":"Hey"}'),
+    "goal": ('"fields":{"text":"Hello"}', '"fields":{"text":"Hey"}'),
     "state": ("SUCCEEDED", "ABORTED"),
     "result": ("kind", "keen"),
 }
@@ -253,7 +256,7 @@ def test_a_gap_in_the_notes_is_no_difference(town: Town, tmp_path: Path) -> None
     numbers = [n for n, one in enumerate(town.published) if isinstance(one.message, RunRecord)]
     found = again(town.write(tmp_path / "a.mcap", lambda n, m: None if n == numbers[2] else m))
     assert found.different == 0
-    assert "notes between the turns 1 and 7 are missing" in found.unequal[0].text
+    assert "entries between the steps 1 and 7 are missing" in found.unequal[0].text
 
 
 def test_notes_that_never_reached_the_journal_are_missing_and_no_difference(
@@ -392,3 +395,46 @@ def test_a_file_that_is_no_journal_is_refused_with_a_reason(tmp_path: Path) -> N
         assert "nothing can be read of the journal" in str(result.exception)
     missing = CliRunner().invoke(replay, [str(tmp_path / "b.mcap")])
     assert "no journal" in str(missing.exception)
+
+
+def of_format_1(auction: Auction) -> SimpleNamespace:
+    """Return an auction as it was recorded when it had no fields for these options."""
+    newer = ("earlier_runs", "shadow_option_names", "shadow_option_values")
+    names = (name for name in auction.get_fields_and_field_types() if name not in newer)
+    old = SimpleNamespace(**{name: getattr(auction, name) for name in names})
+    old.option_names = ["temperature", "shadow.epsilon", "market.earlier_runs"]
+    old.option_values = [2.0, 0.1, 3.0]
+    old.change_names, old.change_values = ["age", "mood"], [1.0, 2.0]
+    old.explanation = "If age had been 1, somebody else would have won."
+    return old
+
+
+def test_a_round_of_format_1_is_decided_again_with_what_its_options_said(tmp_path: Path) -> None:
+    made = Town(tmp_path / "trees", "softmax", {"temperature": 2.0}, shadow="epsilon_greedy")
+    made.round(scene("s1", age=4, familiarity=2, mood=3))
+    messages = [
+        of_format_1(spoken.message) if isinstance(spoken.message, Auction) else spoken.message
+        for spoken in made.said
+    ]
+    story = tell(
+        JournalEntry(
+            topic=spoken.topic,
+            type=f"bt_agents_interfaces/msg/{type(spoken.message).__name__}",
+            sent_ns=number,
+            heard_ns=number,
+            lost=0,
+            data=b"",
+            decoder=lambda _, message=message: message,
+        )
+        for number, (spoken, message) in enumerate(zip(made.said, messages, strict=True), 1)
+    )
+
+    assert story.problems == []
+    [one] = story.rounds
+    assert (one.format, one.earlier) == (1, 3)
+    assert dict(zip(one.auction.option_names, one.auction.option_values, strict=True)) == {
+        "temperature": 2.0
+    }
+    assert list(one.auction.shadow_option_names) == ["epsilon"]
+    [finding] = decisions_again(story.rounds)
+    assert (finding.verdict, finding.words) == (ReplayVerdict.EQUAL, "")

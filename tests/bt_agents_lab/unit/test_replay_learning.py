@@ -33,7 +33,7 @@ def card(window: int = 5) -> LearningCard:
 
 def known(ledger: Ledger, window: int = 5) -> Profiles:
     profiles = Profiles(SPACE, ledger)
-    assert profiles.introduce(card(window))[1] == ()
+    assert profiles.register_card(card(window))[1] == ()
     return profiles
 
 
@@ -59,9 +59,9 @@ def test_profiles_learn_the_same_whether_the_feedback_before_is_remembered_or_re
             if forgets:
                 profiles = known(ledger)
             if number % 17 == 16:
-                profiles.taken([ledger.undo("guide")])
+                profiles.on_recorded([ledger.undo("guide")])
             if number == 40:
-                assert profiles.introduce(card(window=9))[1] == ()
+                assert profiles.register_card(card(window=9))[1] == ()
             elif number > 40 and forgets:
                 profiles = known(ledger, window=9)
             give(profiles, number, random)
@@ -81,7 +81,7 @@ def test_a_feedback_reads_none_of_those_before_it(monkeypatch):
     for number in range(5):
         give(profiles, number, random)
     assert len(read) == 1
-    profiles.taken([ledger.undo("guide")])
+    profiles.on_recorded([ledger.undo("guide")])
     read.clear()
     for number in (8, 9):
         give(profiles, number, random)

@@ -21,6 +21,7 @@ from bt_agents.engine.environment import GoalState
 from bt_agents.engine.run import Run
 from bt_agents.engine.scripted_environment import ScriptedEnvironment, ScriptedReply
 from bt_agents_core.errors import ReadError
+from bt_agents_core.field_types import FieldType
 from bt_agents_language.files.agent_reader import read_agent
 from bt_agents_language.files.folder_reader import read_trees
 from bt_agents_language.files.libraries import FolderLibraries
@@ -30,10 +31,10 @@ from bt_agents_language.files.script_reader import read_script
 from bt_agents_language.files.skills_reader import read_skills
 from bt_agents_language.files.testing.test_reader import read_test
 from bt_agents_language.model.node_type import Children, Content, NodeField
-from bt_agents_language.model.specs import AgentSpec, FieldType
+from bt_agents_language.model.specs import AgentSpec
 from bt_agents_language.model.symbols import ImportProblem
-from bt_agents_language.nodes import BESIDE, KINDS, MODIFIERS
-from bt_agents_language.reference.codes.table import CODES
+from bt_agents_language.nodes.catalogue import DECORATORS, NODE_TYPES, SIBLINGS
+from bt_agents_language.reference.codes.table import codes
 from bt_agents_language.yaml.renderers import MAX_SHOWN
 from tree_harness import SPACE, TREES, VOCABULARY, scene
 
@@ -161,7 +162,7 @@ def check_refusal(error: ReadError, content: bytes, place: Path) -> None:
     for line in error.lines[:MAX_SHOWN]:
         match = LINE.fullmatch(line.removeprefix(str(place.parent)))
         assert match is not None, line
-        assert match[3] in CODES
+        assert match[3] in codes()
         places.append((int(match[1]), int(match[2])))
     assert places == sorted(places)
     for number, column in places:
@@ -383,8 +384,8 @@ CONTENTS: Mapping[Content, list[str]] = {
 ROS_TYPES = {"action": "a/action/B", "service": "a/srv/C"}
 SKILLS = [VOCABULARY.skills[name] for name in ("say", "ask", "show", "light", "drive", "sound")]
 USED = [
-    *(kind for kind in KINDS.values() if kind.children is Children.LIST),
-    *KINDS.values(),
+    *(kind for kind in NODE_TYPES.values() if kind.children is Children.LIST),
+    *NODE_TYPES.values(),
     *SKILLS,
 ]
 SUBTREES = """
@@ -433,8 +434,8 @@ def bodies(draw: st.DrawFn, kind: object, depth: int) -> str:
     """What stands behind the key of a node."""
     if kind in SKILLS:
         return draw(st.sampled_from(["x", "'${a}'", "'${n}'", "'${e}'", "x y"]))
-    assert kind in KINDS.values()
-    table = KINDS[kind.key]
+    assert kind in NODE_TYPES.values()
+    table = NODE_TYPES[kind.key]
     if table.key == "subtree":
         return draw(st.sampled_from(["s0", "s1"]))
     if table.open:
@@ -456,7 +457,7 @@ def bodies(draw: st.DrawFn, kind: object, depth: int) -> str:
 
 @st.composite
 def nodes(draw: st.DrawFn, depth: int, parent: str = "") -> str:
-    """A node with modifiers, as an author who has read half of the manual writes it."""
+    """A node with decorators, as an author who has read half of the manual writes it."""
     kind = draw(st.sampled_from(USED[:5] if depth == 0 else USED if depth < 4 else USED[-10:]))
     key = kind.name if kind in SKILLS else kind.key
     written = key[:2] + key[3:] if draw(MISFIT) else key
@@ -466,19 +467,19 @@ def nodes(draw: st.DrawFn, depth: int, parent: str = "") -> str:
         pairs["when"] = draw(st.sampled_from(CONDITIONS))
     if parent == "random" and draw(st.booleans()):
         pairs["weight"] = draw(st.sampled_from(["0", "2", "'${n}'"]))
-    for modifier in draw(st.lists(st.sampled_from([*MODIFIERS.values()]), max_size=2)):
-        if modifier.handler:
+    for decorator in draw(st.lists(st.sampled_from([*DECORATORS.values()]), max_size=2)):
+        if decorator.handler:
             value = draw(nodes(depth + 2))
-        elif not modifier.fields:
+        elif not decorator.fields:
             value = "yes" if draw(MISFIT) else "true"
         elif draw(st.booleans()):
-            value = draw(mappings(modifier.key, modifier.fields, depth))
+            value = draw(mappings(decorator.key, decorator.fields, depth))
         else:
-            value = draw(values(modifier.fields[0], depth))
-        pairs.setdefault(modifier.key, value)
+            value = draw(values(decorator.fields[0], depth))
+        pairs.setdefault(decorator.key, value)
     if draw(MISFIT):
         words = ["s0", "2", "'${n}'", "{a: x}", "{e: c}", "{d: answer}", "{i: 3, a: '${a}'}"]
-        pairs[draw(st.sampled_from([*BESIDE]))] = draw(st.sampled_from(words))
+        pairs[draw(st.sampled_from([*SIBLINGS]))] = draw(st.sampled_from(words))
     return "{" + ", ".join(f"{word}: {value}" for word, value in pairs.items()) + "}"
 
 

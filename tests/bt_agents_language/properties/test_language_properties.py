@@ -22,7 +22,8 @@ from bt_agents_language.files.script_reader import read_script
 from bt_agents_language.files.skills_reader import read_skills_text
 from bt_agents_language.model.quantities import QuantityError, duration, integer, number
 from bt_agents_language.model.specs import AgentSpec, NodeSpec
-from bt_agents_language.yaml.diagnostics import CODES, Diagnostics
+from bt_agents_language.reference.codes.table import codes
+from bt_agents_language.yaml.diagnostics import Diagnostics
 from bt_agents_language.yaml.source import Source
 from bt_agents_language.yaml.yaml_reader import Mapping, Node, Scalar, Sequence, read_yaml
 from tree_harness import SPACE, TREES, VOCABULARY
@@ -131,7 +132,7 @@ def check_refusal(error: ReadError, text: str) -> None:
         if match is None:
             assert "more other errors" in line
             continue
-        assert match[3] in CODES
+        assert match[3] in codes()
         places.append((int(match[1]), int(match[2])))
     assert places == sorted(places)
     lines = re.split("\r\n|\n|\r", text.removeprefix("\ufeff"))

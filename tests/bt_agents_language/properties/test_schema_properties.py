@@ -10,12 +10,12 @@ from jsonschema import Draft7Validator
 
 from bt_agents_core.errors import ReadError
 from bt_agents_language.files.agent_reader import read_agent_text
-from bt_agents_language.tools.schema.folder import SCHEMAS
+from bt_agents_language.tools.schema.folder import schema_of
 from core_schema import loaded
 from tree_harness import VOCABULARY
 
 HEAD = "format: 1\nagent: a\nprofile: {age: 3, familiarity: 3, mood: 3}\n"
-SCHEMA = Draft7Validator(SCHEMAS["agent"](VOCABULARY))
+SCHEMA = Draft7Validator(schema_of("agent", VOCABULARY))
 WORDS = st.sampled_from(
     ["true", "False", "null", "forever", "all", "one", "live.person", "${live.age}", "$${", "3 s"]
 )

@@ -8,21 +8,15 @@ from collections.abc import Iterator
 import pytest
 
 from bt_agents_core.errors import ReadError
+from bt_agents_core.feedback import FeedbackKind
+from bt_agents_core.field_types import BindingKind, FieldType
 from bt_agents_core.scene import SceneParameter, SceneSpace
 from bt_agents_language.expression.expressions import Expression
 from bt_agents_language.files.agent_reader import read_agent, read_agent_text
-from bt_agents_language.model.specs import (
-    BindingKind,
-    FieldType,
-    ListValue,
-    Literal,
-    MapValue,
-    NodeSpec,
-    Reference,
-    Text,
-)
+from bt_agents_language.model.mood_rule import MoodAction
+from bt_agents_language.model.specs import ListValue, Literal, MapValue, NodeSpec, Reference, Text
 from bt_agents_language.model.symbols import SymbolTable
-from bt_agents_language.nodes import KINDS, MODIFIERS
+from bt_agents_language.nodes.catalogue import DECORATORS, NODE_TYPES
 from bt_agents_language.tree.subtrees import MAX_NODES
 from fake_interfaces import FakeInterfaces
 from tree_harness import SPACE, TREES, VOCABULARY, agent
@@ -87,13 +81,17 @@ on_cancel: {light: red}
     assert spec.requires is not None
     assert spec.requires.text == "scene.person and scene.age >= 2"
     first, second = spec.rules
-    assert (first.when.text, first.hold_s, first.positive, first.cancel) == (
+    assert (first.when.text, first.hold_s, first.give, first.action) == (
         "mood.change <= -1",
         0.5,
-        False,
-        True,
+        FeedbackKind.NEGATIVE,
+        MoodAction.CANCEL,
     )
-    assert (second.hold_s, second.positive, second.cancel) == (0.0, True, False)
+    assert (second.hold_s, second.give, second.action) == (
+        0.0,
+        FeedbackKind.POSITIVE,
+        MoodAction.NONE,
+    )
     assert spec.on_cancel is not None
     assert spec.on_cancel.path == "on_cancel"
 
@@ -153,7 +151,7 @@ def test_modifiers_wrap_a_node_in_one_order_however_they_are_written(switch, oth
         kinds.append(spec.kind)
         assert spec.path == f"tree@{spec.kind}"
         spec = spec.children[0]
-    assert kinds == [key for key in MODIFIERS if key != other]
+    assert kinds == [key for key in DECORATORS if key != other]
     assert (spec.path, spec.name) == ("tree", "greet them all")
 
 
@@ -520,5 +518,5 @@ def test_without_interfaces_ros_types_are_not_looked_up():
 
 
 def test_every_kind_of_node_and_modifier_says_what_it_is_for():
-    assert all(kind.description.endswith(".") for kind in KINDS.values())
-    assert all(kind.description.endswith(".") for kind in MODIFIERS.values())
+    assert all(kind.description.endswith(".") for kind in NODE_TYPES.values())
+    assert all(kind.description.endswith(".") for kind in DECORATORS.values())

@@ -5,8 +5,8 @@ from __future__ import annotations
 
 import pytest
 
+from bt_agents_core.diagnostic import Position
 from bt_agents_core.errors import ReadError
-from bt_agents_language.model.specs import Position
 from bt_agents_language.yaml.diagnostics import MAX_COLLECTED, Diagnostics, did_you_mean
 from bt_agents_language.yaml.renderers import MAX_SHOWN
 from bt_agents_language.yaml.source import Source

@@ -12,7 +12,9 @@ from pathlib import Path
 
 import pytest
 
+from bt_agents_core.diagnostic import Diagnostic, Severity
 from bt_agents_core.errors import ReadError
+from bt_agents_core.field_types import BindingKind
 from bt_agents_groot.document import read_document
 from bt_agents_language.files import folder_reader
 from bt_agents_language.files.agent_reader import read_agent_text
@@ -21,17 +23,16 @@ from bt_agents_language.files.script_reader import read_script
 from bt_agents_language.files.skills_reader import read_skills
 from bt_agents_language.files.testing.test_reader import read_test
 from bt_agents_language.model.plugins import read_plugins
-from bt_agents_language.model.specs import BindingKind
 from bt_agents_language.model.symbols import SymbolTable
-from bt_agents_language.reference.codes.entry import Code, FileKind, Severity, written
-from bt_agents_language.reference.codes.table import CODES, GROUPS
+from bt_agents_language.reference.codes.table import Code, ExampleKind, code_groups, codes, written
 from bt_agents_language.tools import folder_check
 from bt_agents_language.tools.folder_check import check_folder
 from bt_agents_language.tools.linting.comment_truncation import cut_texts
 from bt_agents_language.tools.linting.lint import lint
-from bt_agents_language.yaml import diagnostics
-from bt_agents_language.yaml.diagnostics import Diagnostic
+from bt_agents_language.yaml.diagnostics import Diagnostics
+from bt_agents_language.yaml.document import read_document as read_file
 from bt_agents_language.yaml.source import read_source
+from bt_agents_language.yaml.yaml_reader import Mapping
 from fake_interfaces import FakeInterfaces
 from tree_harness import SPACE, TREES, VOCABULARY
 
@@ -43,6 +44,8 @@ HEAD = {
 }
 FILE = re.compile(r"^# (\S+\.yaml)(/?)$", re.MULTILINE)
 ROOT = Path(__file__).parents[3]
+TABLE = ROOT / "bt_agents_language" / "bt_agents_language" / "reference" / "codes.yaml"
+CODES = codes()
 
 
 class StandardTypes(FakeInterfaces):
@@ -133,15 +136,15 @@ def of_package(example: bytes, folder: Path) -> tuple[Diagnostic, ...]:
         return check_folder(TREES, StandardTypes(), [TREES / "scene.yaml"]).problems
 
 
-LOOK: dict[FileKind, Callable[[bytes, Path], tuple[Diagnostic, ...]]] = {
-    FileKind.AGENT: of_agent,
-    FileKind.SKILLS: of_skills,
-    FileKind.SCENE: of_scene,
-    FileKind.SCRIPT: of_script,
-    FileKind.TEST: of_test,
-    FileKind.FOLDER: of_folder,
-    FileKind.XML: of_xml,
-    FileKind.PACKAGE: of_package,
+LOOK: dict[ExampleKind, Callable[[bytes, Path], tuple[Diagnostic, ...]]] = {
+    ExampleKind.AGENT: of_agent,
+    ExampleKind.SKILLS: of_skills,
+    ExampleKind.SCENE: of_scene,
+    ExampleKind.SCRIPT: of_script,
+    ExampleKind.TEST: of_test,
+    ExampleKind.FOLDER: of_folder,
+    ExampleKind.XML: of_xml,
+    ExampleKind.PACKAGE: of_package,
 }
 
 
@@ -171,11 +174,27 @@ def test_a_code_has_a_plain_name_and_a_meaning_in_one_sentence(code):
     assert code.meaning.endswith(".")
 
 
+def test_the_table_is_a_sound_file_with_known_keys():
+    source = read_source(TABLE)
+    problems = Diagnostics(source)
+    _, root = read_file(source, problems)
+    assert not problems.sorted()
+    assert isinstance(root, Mapping)
+    for group in root.entries:
+        for entry in group.value.entries:
+            keys = [one.key.text for one in entry.value.entries]
+            assert keys == [key for key in KEYS if key in keys]
+            assert {"meaning", "wrong", "right"} <= {*keys}
+
+
 def test_every_code_stands_in_one_group():
-    assert len(CODES) == sum(map(len, GROUPS.values()))
-    warnings = {code.code for code in GROUPS["Warnings"]}
+    assert len(CODES) == sum(map(len, code_groups().values()))
+    warnings = {code.code for code in code_groups()["Warnings"]}
     assert warnings == {c.code for c in CODES.values() if c.severity is Severity.WARNING}
 
+
+KEYS = ("meaning", "file", "severity", "wrong", "right")
+"""Keys of a code in the table, in their order."""
 
 REPORTING = {
     "error": 0, "error_in": 0, "add": 0, "_give_up": 1, "_refuse": 0, "_refusal": 1,
@@ -230,7 +249,3 @@ def test_every_code_that_is_reported_is_in_the_table():
 def test_every_code_of_the_table_is_reported_somewhere():
     words = {word for tree in sources() for word in constants(tree)}
     assert set(CODES) <= words
-
-
-def test_the_table_is_what_readers_look_severities_up_in():
-    assert diagnostics.CODES is CODES

@@ -15,6 +15,7 @@ from pathlib import Path
 import pytest
 
 import hostile_inputs
+from bt_agents_core.diagnostic import Severity
 from bt_agents_core.errors import ReadError
 from bt_agents_language.files.agent_reader import read_agent
 from bt_agents_language.files.experiment_reader import read_experiment
@@ -24,8 +25,7 @@ from bt_agents_language.files.scene_reader import read_scene
 from bt_agents_language.files.script_reader import read_script
 from bt_agents_language.files.skills_reader import read_skills
 from bt_agents_language.model.symbols import ImportProblem
-from bt_agents_language.reference.codes.entry import FileKind, Severity
-from bt_agents_language.reference.codes.table import CODES
+from bt_agents_language.reference.codes.table import ExampleKind, codes
 from tree_harness import SPACE, VOCABULARY
 
 KEPT = Path(__file__).parents[2] / "corpus"
@@ -139,8 +139,9 @@ def test_every_code_is_provoked_by_a_file_or_by_a_test_of_its_own():
     provoked = set(re.findall(r"([a-z0-9-]+) \d+:\d+", " ".join(EXPECTED.values())))
     errors = {
         code
-        for code, entry in CODES.items()
-        if entry.severity is Severity.ERROR and entry.kind not in (FileKind.TEST, FileKind.XML)
+        for code, entry in codes().items()
+        if entry.severity is Severity.ERROR
+        and entry.kind not in (ExampleKind.TEST, ExampleKind.XML)
     }
     assert provoked | ELSEWHERE == errors
     assert not provoked & ELSEWHERE
@@ -155,7 +156,7 @@ def test_every_code_that_the_readers_know_is_in_the_table():
     sources = (Path(__file__).parents[3] / "bt_agents_language").rglob("*.py")
     found = {code for path in sources for code in emitted.findall(path.read_text("utf-8"))}
     assert len(found) > 40
-    assert found <= set(CODES)
+    assert found <= set(codes())
 
 
 def test_every_file_of_the_corpus_has_an_expectation():

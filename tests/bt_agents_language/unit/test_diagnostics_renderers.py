@@ -6,12 +6,12 @@ from __future__ import annotations
 import io
 import json
 import re
+from dataclasses import replace
 
 import pytest
 
-from bt_agents_language.model.specs import Position
-from bt_agents_language.reference.codes.entry import Severity
-from bt_agents_language.yaml.diagnostics import Diagnostic, Diagnostics
+from bt_agents_core.diagnostic import Diagnostic, Position, Severity
+from bt_agents_language.yaml.diagnostics import Diagnostics
 from bt_agents_language.yaml.renderers import (
     as_annotation,
     as_block,
@@ -39,7 +39,14 @@ def problem(**changes: object) -> Diagnostic:
     return Diagnostic(**{**fields, **changes})
 
 
-WARNING = problem(code="endless-speech", position=at(9, 1), end=None, hint="", excerpt="say: A.")
+WARNING = problem(
+    code="endless-speech",
+    position=at(9, 1),
+    end=None,
+    hint="",
+    excerpt="say: A.",
+    severity=Severity.WARNING,
+)
 
 
 class Terminal(io.StringIO):
@@ -191,5 +198,5 @@ def test_warnings_do_not_make_a_file_unreadable():
 def test_very_many_warnings_are_cut_and_do_not_end_the_reading():
     problems = Diagnostics(None)
     for line in range(2000):
-        problems.add("cut-text", at(line, 1), "m")
+        problems.append(replace(WARNING, position=at(line, 1)))
     assert len(problems.warnings) == 500

@@ -8,11 +8,11 @@ import pytest
 from bt_agents_language.model.experiment import (
     ExperimentSpec,
     FeedbackRecord,
+    PreparedFeedback,
     closed_form,
     deviation,
     difference,
 )
-from feedback_node.simulated_feedback import SimulatedFeedback
 
 
 def spec(seed: int) -> ExperimentSpec:
@@ -21,7 +21,7 @@ def spec(seed: int) -> ExperimentSpec:
         rounds=30,
         seed=seed,
         scenes=((1.0,), (3.0,), (5.0,)),
-        feedback=SimulatedFeedback(each={"a": (5.0,)}),
+        feedback=PreparedFeedback(each={"a": (5.0,)}),
     )
 
 

@@ -14,6 +14,7 @@ from bt_agents_core.scene import SceneParameter, SceneSpace
 from bt_agents_language.files.experiment_reader import read_experiment, read_simulated_feedback
 from bt_agents_language.files.folder_reader import read_trees
 from bt_agents_language.yaml.source import Source
+from feedback_node.simulated_feedback import SimulatedFeedback
 
 EXPERIMENTS = Path(__file__).parents[3] / "experiments"
 SPACE = SceneSpace(
@@ -41,10 +42,10 @@ def test_an_experiment_is_read():
     assert spec.order() == ((1.0, 2.0),) * 4
     errors = spec.feedback.errors
     assert (errors.seed, errors.every, errors.share, errors.value) == (7, 0, 0.25, None)
-    spec = replace(spec, feedback=spec.feedback.afresh(None))
-    assert spec.feedback.next("guide") == (5.0, 4.0)
+    simulated = SimulatedFeedback(replace(spec.feedback, errors=None))
+    assert simulated.next("guide") == (5.0, 4.0)
     for _ in range(2):
-        age, mood = spec.feedback.next("another") or ()
+        age, mood = simulated.next("another") or ()
         assert age == 3.0
         # What is left out of feedback is no opinion.
         assert math.isnan(mood)

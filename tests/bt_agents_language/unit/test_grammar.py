@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The composites, modifiers and leaves of the language become the nodes that they say."""
+"""The composites, decorators and leaves of the language become the nodes that they say."""
 
 from __future__ import annotations
 

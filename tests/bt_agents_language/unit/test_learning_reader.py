@@ -8,6 +8,7 @@ import pytest
 from bt_agents_core.errors import ReadError
 from bt_agents_core.feedback import LearningRule, Update
 from bt_agents_language.files.agent_reader import read_agent_text
+from bt_agents_language.model.mood_rule import ACTIONS, MoodAction
 from bt_agents_language.model.specs import AgentSpec
 from tree_harness import VOCABULARY
 
@@ -152,7 +153,7 @@ def test_freeze_all_stops_all_learning():
         (
             "learning: median\n",
             "5:11: error[wrong-type]: 'learning': expected a mapping with the keys 'rate', "
-            "'rates', 'freeze', 'update', 'window', …, found 'median'",
+            "'rates', 'freeze', 'update', 'width', …, found 'median'",
         ),
         (
             "weights: {age: -1}\n",
@@ -231,3 +232,7 @@ def test_a_mood_rule_without_them_fires_once_against_the_scene_as_awarded():
 def test_a_mistake_in_a_mood_rule_is_one_error_at_its_place(keys, line):
     text = f"feedback: [{{when: mood.change > 1, give: positive, {keys}}}]\n"
     assert errors(text) == [line]
+
+
+def test_every_action_of_a_mood_rule_but_none_has_a_word_in_files():
+    assert {action for action, _ in ACTIONS.values()} == {*MoodAction} - {MoodAction.NONE}

@@ -8,9 +8,10 @@ from dataclasses import replace
 import pytest
 
 from bt_agents_language.files.agent_reader import read_agent_text
+from bt_agents_language.model.endings import Outcome
 from bt_agents_language.model.specs import AgentSpec
 from bt_agents_language.tools.linting.lint import lint
-from bt_agents_language.tools.linting.outcomes import NodeOutcome, outcomes
+from bt_agents_language.tools.linting.outcomes import outcomes
 from tree_harness import VOCABULARY, agent
 
 
@@ -160,14 +161,14 @@ def test_only_the_first_of_what_is_never_reached_is_named():
 @pytest.mark.parametrize(
     ("tree", "ends"),
     [
-        ("wait: 1 s", {NodeOutcome.SUCCESS}),
-        ("wait: 1 s\ninvert: true", {NodeOutcome.FAILURE}),
-        ("say: A.", {NodeOutcome.SUCCESS, NodeOutcome.FAILURE}),
-        ("say: A.\nretry: forever", {NodeOutcome.SUCCESS, NodeOutcome.ENDLESS}),
-        ("wait: 1 s\nrepeat: forever", {NodeOutcome.ENDLESS}),
-        ("sequence: [{wait: 1 s, repeat: forever}]\ntimeout: 3 s", {NodeOutcome.FAILURE}),
-        ("wait: 1 s\nwhen: live.person", {NodeOutcome.SUCCESS}),
-        ("check: 0 / 0 > 1", {NodeOutcome.SUCCESS, NodeOutcome.FAILURE}),
+        ("wait: 1 s", {Outcome.SUCCESS}),
+        ("wait: 1 s\ninvert: true", {Outcome.FAILURE}),
+        ("say: A.", {Outcome.SUCCESS, Outcome.FAILURE}),
+        ("say: A.\nretry: forever", {Outcome.SUCCESS, Outcome.ENDLESS}),
+        ("wait: 1 s\nrepeat: forever", {Outcome.ENDLESS}),
+        ("sequence: [{wait: 1 s, repeat: forever}]\ntimeout: 3 s", {Outcome.FAILURE}),
+        ("wait: 1 s\nwhen: live.person", {Outcome.SUCCESS}),
+        ("check: 0 / 0 > 1", {Outcome.SUCCESS, Outcome.FAILURE}),
     ],
 )
 def test_a_node_tells_how_it_can_end(tree, ends):

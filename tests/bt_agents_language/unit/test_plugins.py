@@ -83,18 +83,18 @@ def run(package: Path, script: str) -> str:
 PLAY = """
 import json
 from dataclasses import replace
-import stage
+import tree_harness
 from bt_agents_core.errors import ReadError
 from bt_agents_language.model.plugins import installed_plugins
 
-stage.VOCABULARY = replace(stage.VOCABULARY, plugins=installed_plugins().kinds)
+tree_harness.VOCABULARY = replace(tree_harness.VOCABULARY, plugins=installed_plugins().kinds)
 """
 
 
 def test_a_behaviour_of_another_package_is_a_node(package):
     script = PLAY + textwrap.dedent(
         """
-        played = stage.Stage("sequence: [{blink: 3, name: eyes}, {say: done}]")
+        played = tree_harness.Stage("sequence: [{blink: 3, name: eyes}, {say: done}]")
         outcomes = [played.tick() for _ in range(3)]
         words = [c.message for c in played.changes if c.path == "tree/0.eyes"]
         print(json.dumps([outcomes, words, played.said]))
@@ -111,7 +111,7 @@ def test_its_fields_are_checked_like_those_of_any_node(package):
         """
         for tree in ("blink: 0", "blink: {times: 2, pause: 3 m}", "blink: {tims: 2}"):
             try:
-                stage.agent(tree)
+                tree_harness.agent(tree)
             except ReadError as error:
                 print(error.lines[0])
         """

@@ -7,6 +7,7 @@ import math
 
 import pytest
 
+from bt_agents_core.field_types import FieldType
 from bt_agents_language.model.quantities import (
     QuantityError,
     angle,
@@ -19,7 +20,6 @@ from bt_agents_language.model.quantities import (
     quantity_type,
     spoken,
 )
-from bt_agents_language.model.specs import FieldType
 
 
 @pytest.mark.parametrize(

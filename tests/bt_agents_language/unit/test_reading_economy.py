@@ -12,8 +12,7 @@ import pytest
 
 from bt_agents_core.errors import ReadError
 from bt_agents_language.files.agent_reader import read_agent_text
-from bt_agents_language.model.specs import AgentSpec, NodeSpec
-from bt_agents_language.model.walking import iter_nodes
+from bt_agents_language.model.specs import AgentSpec, NodeSpec, iter_nodes
 from tree_harness import VOCABULARY
 
 HEAD = "format: 1\nagent: a\nprofile: {age: 3, familiarity: 3, mood: 3}\n"

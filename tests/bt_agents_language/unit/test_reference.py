@@ -12,15 +12,14 @@ from py_trees.behaviours import Success
 from bt_agents.engine.run import Run
 from bt_agents.engine.scripted_environment import ScriptedEnvironment
 from bt_agents_core.errors import ReadError
+from bt_agents_core.field_types import FieldType
 from bt_agents_language.expression.functions import FUNCTIONS
 from bt_agents_language.expression.operators import BINARY, PREFIXES
 from bt_agents_language.files.agent_reader import read_agent_text
 from bt_agents_language.model.node_type import NodeField, NodeType
 from bt_agents_language.model.scope import mood_names, scene_names
-from bt_agents_language.model.specs import FieldType
 from bt_agents_language.model.units import DIMENSIONS
-from bt_agents_language.nodes import BESIDE, KINDS, MODIFIERS
-from bt_agents_language.reference.node_examples import EXAMPLES
+from bt_agents_language.nodes.catalogue import DECORATORS, NODE_TYPES, SIBLINGS
 from bt_agents_language.reference.node_pages import Group, node_page, node_pages, subtree_page
 from bt_agents_language.reference.reference_page import reference_page
 from bt_agents_language.reference.topics import MEANINGS, TOPICS, topic
@@ -29,7 +28,7 @@ from tree_harness import SPACE, VOCABULARY, scene
 
 GENERATED = runpy.run_path(str(ROOT / "scripts" / "generated.py"))["GENERATED"]
 HEAD = "format: 1\nagent: a\nprofile: {age: 3, familiarity: 3, mood: 3}\n"
-WORDS = [*KINDS, *VOCABULARY.skills, *MODIFIERS, *BESIDE]
+WORDS = [*NODE_TYPES, *VOCABULARY.skills, *DECORATORS, *SIBLINGS]
 
 
 def test_every_word_has_a_page_and_no_other_has():
@@ -37,8 +36,9 @@ def test_every_word_has_a_page_and_no_other_has():
     assert node_page("sya", VOCABULARY) is None
 
 
-def test_every_word_of_the_table_has_an_example_and_no_other_has():
-    assert set(EXAMPLES) == {*KINDS, *MODIFIERS, *BESIDE}
+def test_every_word_of_the_language_has_an_example():
+    table = (*NODE_TYPES.values(), *DECORATORS.values(), *SIBLINGS.values())
+    assert [one.key for one in table if not one.example] == []
 
 
 @pytest.mark.parametrize("key", WORDS)
@@ -89,7 +89,7 @@ def test_a_node_of_a_plugin_has_a_page_made_from_its_fields():
             NodeField(name="period", type=FieldType.DURATION, required=False, default=0.5),
         ),
         description="Blinks.",
-        behaviour=Success,
+        plugin=Success,
     )
     words = replace(VOCABULARY, plugins={"blink": blink})
     page = node_page("blink", words)
@@ -101,7 +101,7 @@ def test_a_node_of_a_plugin_has_a_page_made_from_its_fields():
     assert "### blink\n\nBlinks." in reference_page(words)
 
 
-BLINK = replace(VOCABULARY, plugins={"blink": NodeType(key="blink", behaviour=Success)})
+BLINK = replace(VOCABULARY, plugins={"blink": NodeType(key="blink", plugin=Success)})
 
 
 def test_a_node_without_fields_is_its_bare_key():

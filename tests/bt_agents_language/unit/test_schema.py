@@ -13,13 +13,14 @@ from click.testing import CliRunner
 from jsonschema import Draft7Validator
 from py_trees.behaviour import Behaviour
 
+from bt_agents_core.field_types import FieldType
 from bt_agents_language.model.node_type import Content, NodeField, NodeType
-from bt_agents_language.model.specs import FieldType
-from bt_agents_language.nodes import BESIDE, KINDS, MODIFIERS
+from bt_agents_language.nodes.catalogue import DECORATORS, NODE_TYPES, SIBLINGS
 from bt_agents_language.tools.schema.folder import (
-    SCHEMAS,
+    FILE_KINDS,
     folder_vocabulary,
     schema_file,
+    schema_of,
     schema_text,
 )
 from bt_agents_language.yaml.source import read_source
@@ -44,7 +45,7 @@ KIND_OF_FOLDER = {
     "experiments": "experiment",
     "tests": "test",
 }
-VALIDATORS = {kind: Draft7Validator(make(VOCABULARY)) for kind, make in SCHEMAS.items()}
+VALIDATORS = {kind: Draft7Validator(schema_of(kind, VOCABULARY)) for kind in FILE_KINDS}
 HEAD = "format: 1\nagent: a\nprofile: {age: 3, familiarity: 3, mood: 3}\n"
 
 
@@ -84,7 +85,7 @@ def in_tree(node: str) -> list[str]:
     return problems("agent", f"{HEAD}tree:\n{lines}")
 
 
-@pytest.mark.parametrize("kind", SCHEMAS)
+@pytest.mark.parametrize("kind", FILE_KINDS)
 def test_a_schema_is_a_json_schema(kind):
     Draft7Validator.check_schema(json.loads(schema_text(kind, VOCABULARY)))
 
@@ -92,7 +93,7 @@ def test_a_schema_is_a_json_schema(kind):
 @pytest.mark.parametrize("path", list(shipped()), ids=lambda path: str(path.relative_to(ROOT)))
 def test_every_shipped_file_is_taken(path):
     words = FOLDERS.get(path.parent) or FOLDERS[path.parents[1]]
-    validator = Draft7Validator(SCHEMAS[kind_of(path)](words))
+    validator = Draft7Validator(schema_of(kind_of(path), words))
     found = validator.iter_errors(loaded(read_source(path).text))
     assert [error.message for error in found] == []
 
@@ -102,14 +103,14 @@ def test_every_file_is_taken_that_the_readers_take(path):
     assert problems(kind_of(path), read_source(path).text) == []
 
 
-@pytest.mark.parametrize("key", [*KINDS, *VOCABULARY.skills, *MODIFIERS, *BESIDE])
+@pytest.mark.parametrize("key", [*NODE_TYPES, *VOCABULARY.skills, *DECORATORS, *SIBLINGS])
 def test_every_word_of_the_language_is_described_in_a_node(key):
-    properties = SCHEMAS["agent"](VOCABULARY)["definitions"]["node"]["properties"]
+    properties = schema_of("agent", VOCABULARY)["definitions"]["node"]["properties"]
     assert properties[key]["description"]
     assert properties[key]["markdownDescription"].startswith(properties[key]["description"])
 
 
-@pytest.mark.parametrize("kind", SCHEMAS)
+@pytest.mark.parametrize("kind", FILE_KINDS)
 def test_every_key_is_described(kind):
     def undescribed(part: object, at: str) -> Iterator[str]:
         if isinstance(part, list):
@@ -125,7 +126,7 @@ def test_every_key_is_described(kind):
     described_by_nature = ("condition", "duration", *SPACE.names, *VOCABULARY.skills)
     found = [
         path
-        for path in undescribed(SCHEMAS[kind](VOCABULARY), "")
+        for path in undescribed(schema_of(kind, VOCABULARY), "")
         if path.rpartition("/")[2] not in described_by_nature
     ]
     assert found == []
@@ -199,25 +200,25 @@ def test_a_node_of_a_plugin_is_a_node_with_typed_fields():
         NodeField(name="data", required=False),
     )
     blink = NodeType(
-        key="blink", main="seconds", fields=fields, description="Blinks.", behaviour=Behaviour
+        key="blink", main="seconds", fields=fields, description="Blinks.", plugin=Behaviour
     )
     talk = NodeType(
         key="talk",
         main="what",
         fields=(NodeField(name="what"),),
         description="Talks.",
-        behaviour=Behaviour,
+        plugin=Behaviour,
     )
-    nod = NodeType(key="nod", behaviour=Behaviour)
+    nod = NodeType(key="nod", plugin=Behaviour)
     turn = NodeType(
         key="turn",
         main="mode",
         fields=(NodeField(name="mode", content=Content.CONSTANT, required=False, words=("a",)),),
-        behaviour=Behaviour,
+        plugin=Behaviour,
     )
     kinds = {one.key: one for one in (blink, talk, nod, turn)}
     words = replace(VOCABULARY, plugins=kinds)
-    validator = Draft7Validator(SCHEMAS["agent"](words))
+    validator = Draft7Validator(schema_of("agent", words))
 
     def fits(node: str) -> bool:
         return bool(validator.is_valid(loaded(f"{HEAD}tree: {node}\n")))
@@ -233,7 +234,7 @@ def test_a_node_of_a_plugin_is_a_node_with_typed_fields():
     assert not fits("{blink: loud}")
     assert not fits("{blink: {mode: slow}}")
     assert not fits("{blink: {seconds: 5 s, mode: quick}}")
-    properties = SCHEMAS["agent"](words)["definitions"]["node"]["properties"]
+    properties = schema_of("agent", words)["definitions"]["node"]["properties"]
     assert properties["blink"]["description"] == "Blinks."
 
 
@@ -244,7 +245,7 @@ def test_the_command_writes_what_it_then_finds_up_to_date(tmp_path):
     written = run(schema, arguments)
     assert written.exit_code == 0
     assert sorted(path.name for path in (tmp_path / "schema").iterdir()) == sorted(
-        map(schema_file, SCHEMAS)
+        map(schema_file, FILE_KINDS)
     )
     assert run(schema, [*arguments, "--check"]).output == ""
     (tmp_path / "schema" / "agent.schema.json").write_bytes(b"\xff")

@@ -6,8 +6,9 @@ from __future__ import annotations
 import pytest
 
 from bt_agents_core.errors import ReadError
+from bt_agents_core.field_types import BindingKind, FieldType
 from bt_agents_language.files.skills_reader import read_skills, read_skills_text
-from bt_agents_language.model.specs import BindingKind, FieldType, MapValue, Reference
+from bt_agents_language.model.specs import MapValue, Reference
 from fake_interfaces import FakeInterfaces
 from tree_harness import TREES
 

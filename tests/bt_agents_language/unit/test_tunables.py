@@ -8,8 +8,9 @@ import math
 import pytest
 
 from bt_agents_core.errors import ReadError
+from bt_agents_core.field_types import FieldType
 from bt_agents_language.files.tunable_reader import read_tunable
-from bt_agents_language.model.specs import FieldType, Tunable
+from bt_agents_language.model.specs import Tunable
 from bt_agents_language.yaml.source import Source
 from bt_agents_language.yaml.typed_reader import TypedReader
 from bt_agents_language.yaml.yaml_reader import Mapping

@@ -8,10 +8,11 @@ from dataclasses import replace
 
 import pytest
 
+from bt_agents_core.diagnostic import Position
 from bt_agents_core.scene import SceneParameter, SceneSpace
 from bt_agents_language.expression.expressions import parse_expression
 from bt_agents_language.model.scene_specs import SceneSpec, SourceSpec
-from bt_agents_language.model.specs import Position, Visit
+from bt_agents_language.model.specs import Visit
 from bt_agents_robot.people import PAUSE_S, field_value, nested, pause_after, readings
 
 SPACE = SceneSpace(

@@ -56,6 +56,7 @@ def test_the_version_is_told_without_loading_any_command() -> None:
     assert loaded == str(
         [
             "bt_agents_core.errors",
+            "bt_agents_core.text",
             "bt_agents_ros.signals",
             "bt_agents_tools.cli",
             "bt_agents_tools.cli.main",

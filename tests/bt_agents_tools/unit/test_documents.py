@@ -18,12 +18,12 @@ from bt_agents_language.files.agent_reader import read_agent_text
 from bt_agents_language.files.folder_reader import read_trees
 from bt_agents_language.files.libraries import FolderLibraries
 from bt_agents_language.files.market_reader import read_market
-from bt_agents_language.files.scene_reader import read_scene_text
+from bt_agents_language.files.scene_reader import SCENE, read_scene_text
 from bt_agents_language.files.skills_reader import read_skills
 from bt_agents_language.files.testing.test_reader import read_test_text
 from bt_agents_language.model.plugins import GROUP, read_plugins
-from bt_agents_language.nodes import KINDS, MODIFIERS
-from bt_agents_language.tools.schema.scene_files import scene_schema
+from bt_agents_language.nodes.catalogue import DECORATORS, NODE_TYPES
+from bt_agents_language.tools.schema.generator import file_schema
 from bt_agents_language.yaml.source import Source
 from bt_agents_tools.cli.main import bt_agents
 from bt_agents_tools.rehearsal.rehearsal import Limits, rehearse
@@ -111,7 +111,7 @@ def test_every_yaml_example_can_be_read(document: str, text: str, tmp_path: Path
     agent = read_agent_text("\n".join(missing) + "\n" + text, document, VOCABULARY)
     # It ends, or goes on to the limit, or waits for what nobody announces: it never raises.
     limits = Limits(duration_s=600.0, ticks=2000)
-    told = rehearse(agent, SPACE, scenario(agent), limits=limits, against_its_bid=True)
+    told = rehearse(agent, SPACE, scenario(agent), limits=limits, force=True)
     assert told.events
     assert told.message
 
@@ -134,7 +134,7 @@ def test_the_page_of_the_scene_names_every_key() -> None:
         below = {key for part in schema.values() for key in keys(part)}
         return below | set(schema.get("properties", ()))
 
-    missing = {key for key in keys(scene_schema()) if f"`{key}`" not in page}
+    missing = {key for key in keys(file_schema(SCENE, SPACE)) if f"`{key}`" not in page}
     assert missing == {"format"}
 
 
@@ -213,13 +213,13 @@ def _run(line: str) -> str | None:
     return result.stdout
 
 
-def test_the_reference_names_every_node_and_every_modifier_in_order() -> None:
+def test_the_reference_names_every_node_and_every_decorator_in_order() -> None:
     text = (ROOT / "docs" / "language.md").read_text()
-    for kind in KINDS:
+    for kind in NODE_TYPES:
         assert re.search(rf"^\| .*`{kind}[:` ]", text, re.MULTILINE), kind
-    table = text.partition("## Modifiers")[2].partition("\n## ")[0]
+    table = text.partition("## Decorators")[2].partition("\n## ")[0]
     written = re.findall(r"^\| `(\w+):", table, re.MULTILINE)
-    assert written == ["name", *MODIFIERS]
+    assert written == ["name", *DECORATORS]
 
 
 @pytest.mark.parametrize(("document", "text"), blocks("python"))

@@ -266,7 +266,7 @@ def test_feedback_shows_the_profile_before_and_after() -> None:
     ]
 
 
-def test_a_profile_that_was_tuned_has_no_second_reason() -> None:
+def test_a_profile_that_was_tuned_says_by_whom() -> None:
     feedback = Message(
         **KINDS,
         agent="a",
@@ -278,7 +278,10 @@ def test_a_profile_that_was_tuned_has_no_second_reason() -> None:
         after=[5.0],
         revision=3,
     )
-    assert told(("feedback", feedback)) == ["  profile  a [4] → [5] (revision 3)"]
+    assert told(("feedback", feedback)) == [
+        " feedback  set for a by tuning: tuned by root",
+        "  profile  a [4] → [5] (revision 3)",
+    ]
 
 
 def test_a_long_line_is_wrapped_at_words_behind_its_column_on_a_terminal() -> None:

@@ -11,8 +11,10 @@ from click.testing import CliRunner
 from rich.console import Console
 
 from bt_agents_core.errors import BtAgentsError
-from bt_agents_language.reference.codes.table import CODES
+from bt_agents_language.reference.codes.table import codes
+from bt_agents_language.reference.file_pages import file_words
 from bt_agents_language.reference.node_pages import node_pages
+from bt_agents_language.tools.schema.folder import FILE_KINDS
 from bt_agents_tools.cli.commands.explain import explain, explanation, print_page
 from tree_harness import TREES, VOCABULARY
 
@@ -65,9 +67,9 @@ def test_a_skill_is_explained_by_its_fields_and_what_it_gives():
     assert "${answer} (text)  what the person answered" in text
 
 
-@pytest.mark.parametrize("code", CODES)
+@pytest.mark.parametrize("code", codes())
 def test_every_code_has_a_page(code):
-    assert CODES[code].meaning.split()[0] in page(code)
+    assert codes()[code].meaning.split()[0] in page(code)
 
 
 @pytest.mark.parametrize("word", [page.key for page in node_pages(VOCABULARY)])
@@ -126,6 +128,38 @@ def test_a_library_with_errors_explains_nothing(tmp_path):
 def test_without_a_word_all_are_listed():
     text = explained().split()
     assert {"sequence", "say", "retry", "greet", "units", "unknown-node"} <= set(text)
+    assert {*FILE_KINDS} <= set(text)
+
+
+def test_a_kind_of_file_is_explained_by_its_keys():
+    assert explained("market") == (
+        "market  file\n"
+        "\n"
+        "Rules by which the market chooses an agent.\n"
+        "\n"
+        "  field  value                left out\n"
+        "  rules  list, each: mapping  needed    For the strategy 'rules': the first one\n"
+        "                                        that holds counts."
+    )
+
+
+def test_a_key_of_a_file_is_explained_with_the_keys_below_it():
+    text = explained("tunables")
+    assert text.startswith("tunables  key of an agent file\n\nValues that may change")
+    assert "tunables: names and tunables" in text
+    assert "2, 2.0, 8 s, true, a text." in " ".join(text.split())
+
+
+def test_a_key_of_several_files_has_each_meaning():
+    text = page("seed")
+    assert "seed  key below 'cases' of a test file" in text
+    assert "seed  key of an experiment" in text
+    assert "whole number, 0 or more" in text
+
+
+@pytest.mark.parametrize("word", file_words())
+def test_every_key_of_a_file_has_a_page(word):
+    assert page(word).strip().startswith(word)
 
 
 @pytest.mark.parametrize(
@@ -135,6 +169,7 @@ def test_without_a_word_all_are_listed():
         ("unknown_node", "did you mean 'unknown-node'?"),
         ("clear_way", "did you mean 'clear_the_way'?"),
         ("unit", "did you mean 'units'?"),
+        ("learning_rat", "did you mean 'learning_rate'?"),
         ("qqqqqq", "'bt-agents explain' lists all"),
     ],
 )

@@ -17,7 +17,7 @@ from bt_agents_core.errors import Refused
 from bt_agents_tools.cli.commands import profile as command
 from bt_agents_tools.cli.main import bt_agents
 from bt_agents_tools.client import system
-from feedback_node.ledger.rows import Cause
+from feedback_node.ledger.rows import RevisionCause
 from feedback_node.management.management import ManagementAction
 from ledger_fixture import Desk
 
@@ -167,7 +167,9 @@ def test_expiring_shows_who_would_be_forgotten_and_asks(room):
 
 
 def test_what_a_terminal_would_obey_is_written_out(room):
-    room.desk.ledger.append("guide", {"age": 4.0}, Cause(reason="a\x1b[2Jb\nc", source="x\r"))
+    room.desk.ledger.append(
+        "guide", {"age": 4.0}, RevisionCause(reason="a\x1b[2Jb\nc", source="x\r")
+    )
     lines = room.run("history", "guide").output
     assert "\x1b" not in lines
     assert r"a\x1b[2Jb\nc" in lines

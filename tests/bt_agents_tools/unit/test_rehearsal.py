@@ -313,7 +313,7 @@ def test_an_agent_that_does_not_bid_does_not_run_unless_it_is_told_to() -> None:
     nobody = scenario(spec, "person: false")
     assert rehearse(spec, SPACE, nobody).declined == "needs scene.person"
     assert rehearse(spec, SPACE, nobody).uses == ()
-    assert said(rehearse(spec, SPACE, nobody, against_its_bid=True)) == ["Hello."]
+    assert said(rehearse(spec, SPACE, nobody, force=True)) == ["Hello."]
 
 
 def test_what_a_tree_does_again_at_each_tick_is_done_again_while_it_waits() -> None:

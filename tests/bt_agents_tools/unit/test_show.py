@@ -11,8 +11,7 @@ import pytest
 
 from bt_agents_core.errors import BtAgentsError, ReadError
 from bt_agents_language.files.folder_reader import read_trees
-from bt_agents_language.model.specs import AgentSpec
-from bt_agents_language.model.walking import iter_nodes
+from bt_agents_language.model.specs import AgentSpec, iter_nodes
 from bt_agents_language.tools.drawing.boxes import BoxKind, box_of
 from bt_agents_language.tools.drawing.layout import Placed, place
 from bt_agents_language.tools.drawing.mermaid import mermaid
@@ -215,7 +214,7 @@ flowchart TD
   tree_start([tree]) --> n0
   n0(["say #34;a #34;b#34; #60;i#62; #35;1#59; #37;#37; #123;x#125; #124; #93;#34;"]):::skill
   classDef composite fill:#dbe9ff,stroke:#2f6fd0,color:#0b2a5b
-  classDef modifier fill:#fff1cc,stroke:#c98a00,color:#4a3200
+  classDef decorator fill:#fff1cc,stroke:#c98a00,color:#4a3200
   classDef leaf fill:#eef0f3,stroke:#6b7480,color:#222a33
   classDef skill fill:#daf3df,stroke:#2e8b47,color:#0d3b1a
   classDef subtree fill:#eee0fb,stroke:#8247b8,color:#3a125e

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import pytest
 
 from bt_agents.host.tuning.tunable import TICK_RATE, Setting, TunableKind, TunableParameter
-from bt_agents_language.model.specs import FieldType
+from bt_agents_core.field_types import FieldType
 from bt_agents_tools.cli.tune_table import table
 
 WORDS = "how long to wait for an answer, in the eyes of the person before the robot"
@@ -36,7 +36,7 @@ PLACE = replace(
 
 @dataclass(frozen=True)
 class Stand:
-    knob: TunableParameter
+    parameter: TunableParameter
     value: Setting
 
 

@@ -193,7 +193,7 @@ def test_many_rows_at_once_are_moved_as_one_by_one(rule, rows):
     changes = np.array([row[5].changes for row in rows], dtype=float)
     authored = np.array([row[5].authored for row in rows]).reshape(-1, len(SPACE))
     rate = updates.rates(arrays, column[3], column[4], changes)
-    after = updates.moved(kind, profile, target, rate, arrays, recent, authored, low, high)
+    after = updates.apply_update(kind, profile, target, rate, arrays, recent, authored, low, high)
     singly = [
         step(k, p, f, r, rule=rule, weight=w, evidence=evidence)
         for k, p, f, r, w, evidence in rows

@@ -12,9 +12,9 @@ from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, rule
 
 from bt_agents_core.errors import Refused
-from feedback_node.ledger import Entry, Ledger
+from feedback_node.ledger import Ledger, LedgerEntry
 from feedback_node.ledger.file import inspect
-from feedback_node.ledger.rows import LAYER, Cause
+from feedback_node.ledger.rows import LAYER, RevisionCause
 from feedback_node.management.management import ManagementAction
 from ledger_fixture import Desk
 
@@ -27,7 +27,7 @@ texts = st.text(st.characters(exclude_categories=["Cs"]), max_size=20)
 def test_what_is_read_equals_what_was_written(profile, source, reason, target):
     with Ledger(":memory:") as ledger:
         ledger.enter({"a": {"age": 0.0, "mood": 0.0}})
-        cause = Cause(source=source, reason=reason, feedback_id=source, target=target)
+        cause = RevisionCause(source=source, reason=reason, feedback_id=source, target=target)
         row = ledger.append("a", profile, cause)
         assert ledger.history("a")[1] == row
         assert (dict(row.profile), row.cause) == (profile, cause)
@@ -39,7 +39,7 @@ def test_as_many_undos_as_changes_restore_the_beginning(changes):
         first = ledger.enter({"a": {"age": 0.0, "mood": 0.0}})["a"]
         expected = [first.profile]
         for change in changes:
-            expected.append(ledger.append("a", change, Cause()).profile)
+            expected.append(ledger.append("a", change, RevisionCause()).profile)
         for profile in reversed(expected[:-1]):
             assert ledger.undo("a").profile == profile
         assert [r.revision for r in ledger.history("a")] == list(range(2 * len(changes) + 1))
@@ -66,11 +66,15 @@ class LedgerMachine(RuleBasedStateMachine):
         new = feedback_id not in self.ids
         if layer not in self.rows:
             begins = self.rows[""][-1]
-            entries = [Entry(agent="a", layer=layer, profile=begins, cause=Cause(cause=LAYER))]
+            entries = [
+                LedgerEntry(
+                    agent="a", layer=layer, profile=begins, cause=RevisionCause(cause=LAYER)
+                )
+            ]
             if new:
                 self.rows[layer] = [begins]
-        cause = Cause(feedback_id=feedback_id)
-        entries.append(Entry(agent="a", layer=layer, profile=profile, cause=cause))
+        cause = RevisionCause(feedback_id=feedback_id)
+        entries.append(LedgerEntry(agent="a", layer=layer, profile=profile, cause=cause))
         row = self.ledger.record(entries)[-1]
         if new:
             self.rows[layer].append(profile)
@@ -156,8 +160,8 @@ def test_what_is_exported_and_taken_in_elsewhere_gives_the_same_profiles(learned
         named = dict(zip(("age", "mood"), values, strict=True))
         here = desks[0].ledger
         if layer and here.current(agent, layer) is None:
-            here.append(agent, named, Cause(cause=LAYER), layer=layer)
-        desks[0].profiles.taken([here.append(agent, named, Cause(), layer=layer)])
+            here.append(agent, named, RevisionCause(cause=LAYER), layer=layer)
+        desks[0].profiles.on_recorded([here.append(agent, named, RevisionCause(), layer=layer)])
     document = desks[0].execute(ManagementAction.EXPORT).document
     for _ in range(2):
         desks[1].execute(ManagementAction.IMPORT, document=document)

@@ -11,7 +11,9 @@ from hypothesis import strategies as st
 
 from bt_agents_core.feedback import FeedbackKind
 from bt_agents_core.scene import Origin, Scene, SceneParameter, SceneSpace, SceneValue
-from feedback_node.rules import LEAST_AGAIN_S, Fired, Rule, Watch, read_rule
+from bt_agents_language.files.mood_rule_reader import restore_mood_rule
+from bt_agents_language.model.mood_rule import MoodRule
+from feedback_node.rules import LEAST_AGAIN_S, Fired, Watch
 
 SPACE = SceneSpace(
     parameters=(SceneParameter(name="mood", minimum=1.0, maximum=5.0, default=3.0),), mood="mood"
@@ -69,20 +71,19 @@ seconds = st.sampled_from([0.0, 0.5, 1.0, 3.0])
 
 
 @st.composite
-def rules(draw: st.DrawFn) -> Rule:
-    return read_rule(
-        "mood.change <= -1",
-        draw(seconds),
-        FeedbackKind.NEGATIVE,
-        False,
+def rules(draw: st.DrawFn) -> MoodRule:
+    return restore_mood_rule(
         SPACE,
+        when="mood.change <= -1",
+        hold_s=draw(seconds),
+        give=FeedbackKind.NEGATIVE,
         release=draw(st.sampled_from(["", "mood.change > -1", "live.person"])),
         cooldown_s=draw(seconds),
         confidence=0.5,
     )
 
 
-def firings(rule: Rule, course: list[Look]) -> list[tuple[float, Fired]]:
+def firings(rule: MoodRule, course: list[Look]) -> list[tuple[float, Fired]]:
     """Return when a rule fires, the run beginning at 0 s."""
     now = 0.0
     awarded = scene(SceneValue(name="mood", value=START, origin=Origin.MEASURED))
@@ -90,7 +91,7 @@ def firings(rule: Rule, course: list[Look]) -> list[tuple[float, Fired]]:
     found = []
     for look in course:
         now += look.after_ms / 1000
-        fired = watch.tick() if look.mood is None else watch.see(look.scene())
+        fired = watch.tick() if look.mood is None else watch.receive(look.scene())
         found += [(now, one) for one in fired]
     return found
 
@@ -98,7 +99,7 @@ def firings(rule: Rule, course: list[Look]) -> list[tuple[float, Fired]]:
 @given(rules(), looks)
 def test_two_firings_are_at_least_hold_and_cooldown_apart(rule, course):
     moments = [at for at, _ in firings(rule, course)]
-    if not rule.again:
+    if not rule.repeats:
         assert len(moments) <= 1
     for earlier, later in itertools.pairwise(moments):
         assert later - earlier >= max(rule.cooldown_s, LEAST_AGAIN_S) + rule.hold_s - 1e-9
@@ -135,12 +136,10 @@ def test_a_rule_never_fires_on_a_person_who_is_lost_or_somebody_else(rule, cours
 
 @given(looks, st.sampled_from([0.5, 2.0]))
 def test_a_baseline_lies_between_the_moods_that_were_seen(course, baseline_s):
-    rule = read_rule(
-        "mood.change <= 0 or mood.change >= 0",
-        0.0,
-        FeedbackKind.NEGATIVE,
-        False,
+    rule = restore_mood_rule(
         SPACE,
+        when="mood.change <= 0 or mood.change >= 0",
+        give=FeedbackKind.NEGATIVE,
         baseline_s=baseline_s,
         confidence=0.5,
     )

@@ -13,9 +13,12 @@ import pytest
 from bt_agents_core.errors import Refused
 from bt_agents_core.feedback import FeedbackKind
 from bt_agents_core.scene import Origin, Scene, SceneParameter, SceneSpace, SceneValue
-from feedback_node.learning.cards import AgentEntry, LearningCard, LearningEntry, RuleEntry
+from bt_agents_language.files.mood_rule_reader import restore_mood_rule
+from bt_agents_language.model.experiment import PreparedFeedback
+from bt_agents_language.model.mood_rule import MoodAction
+from feedback_node.learning.cards import AgentEntry, LearningCard, LearningEntry
 from feedback_node.learning.feedback_controller import (
-    MOST_UNRECORDED,
+    MOST_PENDING,
     SETTLE_S,
     FeedbackController,
     FeedbackRequest,
@@ -35,7 +38,9 @@ SPACE = SceneSpace(
     ),
     mood="mood",
 )
-WORSE = RuleEntry(when="mood.change <= -1", hold_s=1.0, give=2, cancel=True)
+WORSE = restore_mood_rule(
+    SPACE, when="mood.change <= -1", hold_s=1.0, give=2, action=MoodAction.CANCEL
+)
 GUIDE = AgentEntry(name="guide", profile=(3.0, 3.0), revision=0, learning_rate=0.5, rules=(WORSE,))
 PERSONS = LearningEntry(
     update="plain",
@@ -80,7 +85,7 @@ class Room:
             simulated=simulated,
         )
         if card is not None:
-            self.teaching.introduce(card)
+            self.teaching.register_card(card)
 
     def profile(self, agent: str = "guide") -> tuple[float, ...]:
         return self.profiles.profile(agent)
@@ -88,14 +93,14 @@ class Room:
 
 def test_another_lease_counts_for_the_run_under_way():
     room = Room()
-    room.teaching.started(run())
+    room.teaching.on_run_started(run())
     room.teaching.set_lease(5.0)
-    room.teaching.see(scene(5.0, 2.0))
+    room.teaching.receive(scene(5.0, 2.0))
     room.now = 1.2
     assert len(room.teaching.tick()) == 1
     room = Room()
-    room.teaching.started(run())
-    room.teaching.see(scene(5.0, 2.0))
+    room.teaching.on_run_started(run())
+    room.teaching.receive(scene(5.0, 2.0))
     room.now = 1.2
     assert room.teaching.tick() == ()
 
@@ -133,10 +138,10 @@ def test_the_next_best_agent_may_run_in_the_round_of_a_lost_one():
 def test_a_look_is_due_only_when_a_rule_will_have_held_long_enough():
     room = Room()
     assert room.teaching.due == math.inf
-    room.teaching.started(run())
+    room.teaching.on_run_started(run())
     assert room.teaching.due == math.inf
     room.now = 3.0
-    assert room.teaching.see(scene(5.0, 2.5)) == ()
+    assert room.teaching.receive(scene(5.0, 2.5)) == ()
     assert room.teaching.due == 4.0
     room.now = room.teaching.due
     assert len(room.teaching.tick()) == 1
@@ -145,9 +150,9 @@ def test_a_look_is_due_only_when_a_rule_will_have_held_long_enough():
 
 def test_a_rule_that_fires_moves_the_profile_away_from_the_awarded_scene_and_stops_the_run():
     room = Room()
-    room.teaching.started(run())
+    room.teaching.on_run_started(run())
     assert room.teaching.watching
-    assert room.teaching.see(scene(5.0, 2.5)) == ()
+    assert room.teaching.receive(scene(5.0, 2.5)) == ()
     room.now = 1.0
     (lesson,) = room.teaching.tick()
     assert lesson.change is not None
@@ -165,9 +170,9 @@ def test_a_rule_that_fires_moves_the_profile_away_from_the_awarded_scene_and_sto
 def test_a_rule_stops_the_run_even_when_the_profile_cannot_move():
     room = Room()
     awarded = scene(NAN, NAN)
-    room.teaching.started(run(awarded=awarded))
-    room.teaching.see(scene(5.0, 4.0))
-    room.teaching.see(scene(5.0, 2.0))
+    room.teaching.on_run_started(run(awarded=awarded))
+    room.teaching.receive(scene(5.0, 4.0))
+    room.teaching.receive(scene(5.0, 2.0))
     room.now = 1.0
     (lesson,) = room.teaching.tick()
     assert lesson.change is None
@@ -177,67 +182,67 @@ def test_a_rule_stops_the_run_even_when_the_profile_cannot_move():
 
 def test_a_live_scene_of_another_interaction_is_ignored():
     room = Room()
-    room.teaching.started(run())
-    room.teaching.see(scene(5.0, 1.0, scene_id="s0"))
+    room.teaching.on_run_started(run())
+    room.teaching.receive(scene(5.0, 1.0, scene_id="s0"))
     room.now = 2.0
     assert room.teaching.tick() == ()
 
 
-@pytest.mark.parametrize("end", ["ended", "cancelling"])
+@pytest.mark.parametrize("end", ["on_run_ended", "on_run_cancelling"])
 def test_a_run_that_ends_or_is_being_stopped_is_watched_no_more(end):
     room = Room()
-    room.teaching.started(run())
-    room.teaching.see(scene(5.0, 2.0))
+    room.teaching.on_run_started(run())
+    room.teaching.receive(scene(5.0, 2.0))
     getattr(room.teaching, end)(run())
     room.now = 2.0
-    assert room.teaching.tick() == room.teaching.see(scene(5.0, 2.0)) == ()
+    assert room.teaching.tick() == room.teaching.receive(scene(5.0, 2.0)) == ()
     assert not room.teaching.watching
 
 
 def test_the_events_of_another_run_change_nothing():
     room = Room()
-    room.teaching.started(run(2))
-    room.teaching.cancelling(run(1))
-    room.teaching.ended(run(1))
+    room.teaching.on_run_started(run(2))
+    room.teaching.on_run_cancelling(run(1))
+    room.teaching.on_run_ended(run(1))
     assert room.teaching.watching
 
 
 def test_a_replayed_run_whose_end_follows_teaches_nothing_even_without_a_hold():
     eager = replace(WORSE, hold_s=0.0)
     room = Room(card=replace(CARD, agents=(replace(GUIDE, rules=(eager,)),)))
-    room.teaching.started(run(), replayed=True)
-    assert room.teaching.see(scene(5.0, 1.0)) == ()
-    room.teaching.ended(run())
+    room.teaching.on_run_started(run(), replayed=True)
+    assert room.teaching.receive(scene(5.0, 1.0)) == ()
+    room.teaching.on_run_ended(run())
     room.now = SETTLE_S
     assert room.teaching.tick() == ()
 
 
 def test_a_replayed_run_that_still_goes_on_is_watched_after_it_has_settled():
     room = Room()
-    room.teaching.started(run(), replayed=True)
-    room.teaching.see(scene(5.0, 1.0))
+    room.teaching.on_run_started(run(), replayed=True)
+    room.teaching.receive(scene(5.0, 1.0))
     room.now = SETTLE_S
-    room.teaching.see(scene(5.0, 1.0))
+    room.teaching.receive(scene(5.0, 1.0))
     room.now = SETTLE_S + 1.0
     assert len(room.teaching.tick()) == 1
 
 
 def test_a_run_that_started_before_its_card_came_is_watched_from_the_card_on():
     room = Room(card=None)
-    room.teaching.started(run())
+    room.teaching.on_run_started(run())
     assert not room.teaching.watching
-    room.teaching.introduce(CARD)
+    room.teaching.register_card(CARD)
     assert room.teaching.watching
 
 
 def test_a_card_that_comes_again_during_a_run_does_not_make_a_rule_fire_again():
     room = Room()
-    room.teaching.started(run())
-    room.teaching.see(scene(5.0, 2.0))
+    room.teaching.on_run_started(run())
+    room.teaching.receive(scene(5.0, 2.0))
     room.now = 1.0
     assert len(room.teaching.tick()) == 1
-    room.teaching.introduce(CARD)
-    room.teaching.see(scene(5.0, 2.0))
+    room.teaching.register_card(CARD)
+    room.teaching.receive(scene(5.0, 2.0))
     room.now = 2.5
     assert room.teaching.tick() == ()
 
@@ -246,9 +251,9 @@ def test_a_rule_teaches_a_run_once_even_when_the_node_starts_again_in_between():
     room = Room()
     for _ in range(2):
         teaching = FeedbackController(room.profiles, clock=lambda: room.now, new_id=str)
-        teaching.introduce(CARD)
-        teaching.started(run())
-        teaching.see(scene(5.0, 2.0))
+        teaching.register_card(CARD)
+        teaching.on_run_started(run())
+        teaching.receive(scene(5.0, 2.0))
         room.now += 1.0
         (lesson,) = teaching.tick()
         assert lesson.stop is not None
@@ -260,20 +265,20 @@ def test_a_rule_teaches_a_run_once_even_when_the_node_starts_again_in_between():
 def test_an_agent_may_weigh_its_mood_rules_as_it_likes():
     learning = LearningEntry(update="plain", window=5, sources=("mood rule",), weights=(1.0,))
     room = Room(card=replace(CARD, agents=(replace(GUIDE, learning=learning),)))
-    room.teaching.started(run())
-    room.teaching.see(scene(5.0, 2.5))
+    room.teaching.on_run_started(run())
+    room.teaching.receive(scene(5.0, 2.5))
     room.now = 1.0
     room.teaching.tick()
     assert room.profile() == (2.0, 2.5)
 
 
 def test_a_rule_that_fires_again_teaches_again():
-    rule = RuleEntry(when="mood.change <= -1", hold_s=0.5, give=2, cancel=False, cooldown_s=2.0)
+    rule = restore_mood_rule(SPACE, when="mood.change <= -1", hold_s=0.5, give=2, cooldown_s=2.0)
     room = Room(card=replace(CARD, agents=(replace(GUIDE, rules=(rule,)),)))
-    room.teaching.started(run(awarded=scene(3.5, 4.0)))
+    room.teaching.on_run_started(run(awarded=scene(3.5, 4.0)))
     ids = []
     for _ in range(100):
-        lessons = room.teaching.see(scene(3.5, 2.0))
+        lessons = room.teaching.receive(scene(3.5, 2.0))
         ids += [one.change.revision.cause.feedback_id for one in lessons if one.change]
         room.now += 0.1
     assert ids[:3] == ["rule/e/1/guide/0", "rule/e/1/guide/0/1", "rule/e/1/guide/0/2"]
@@ -284,8 +289,8 @@ def test_what_is_only_estimated_or_taken_by_default_teaches_nothing():
     doubtful = scene(5.0, 4.0)
     values = (replace(doubtful.values[0], origin=Origin.ESTIMATED), doubtful.values[1])
     room = Room()
-    room.teaching.started(run(awarded=replace(doubtful, values=values)))
-    room.teaching.see(scene(5.0, 2.5))
+    room.teaching.on_run_started(run(awarded=replace(doubtful, values=values)))
+    room.teaching.receive(scene(5.0, 2.5))
     room.now = 1.0
     (lesson,) = room.teaching.tick()
     assert lesson.change is not None
@@ -299,12 +304,12 @@ def test_what_is_only_estimated_or_taken_by_default_teaches_nothing():
 
 def test_a_change_of_the_mood_is_credited_to_the_node_that_was_at_work_when_it_began():
     room = Room()
-    room.teaching.started(run())
-    room.teaching.ticked(run().key, "tree/0.say")
+    room.teaching.on_run_started(run())
+    room.teaching.on_leaf(run().key, "tree/0.say")
     room.now = 0.5
-    room.teaching.see(scene(5.0, 2.5))
+    room.teaching.receive(scene(5.0, 2.5))
     room.now = 1.0
-    room.teaching.ticked(run().key, "tree/1.ask")
+    room.teaching.on_leaf(run().key, "tree/1.ask")
     room.now = 1.5
     (lesson,) = room.teaching.tick()
     assert lesson.change is not None
@@ -313,38 +318,38 @@ def test_a_change_of_the_mood_is_credited_to_the_node_that_was_at_work_when_it_b
 
 def test_feedback_of_a_person_is_about_the_node_at_work_unless_it_names_one():
     room = Room()
-    room.teaching.started(run())
-    room.teaching.ticked(run().key, "tree/0.say")
+    room.teaching.on_run_started(run())
+    room.teaching.on_leaf(run().key, "tree/0.say")
     given = FeedbackRequest(kind=FeedbackKind.POSITIVE, source="button")
     assert room.teaching.give(given).revision.cause.leaf == "tree/0.say"
     named = replace(given, leaf="tree/4.ask")
     assert room.teaching.give(named).revision.cause.leaf == "tree/4.ask"
-    room.teaching.ended(run())
+    room.teaching.on_run_ended(run())
     assert room.teaching.give(given).revision.cause.leaf == ""
 
 
 def test_the_end_of_a_run_tells_how_the_mood_went():
     room = Room()
-    room.teaching.ticked(run().key, "tree/0.say")  # heard before the start
-    room.teaching.started(run())
-    room.teaching.ticked(run(7).key, "tree/9.log")
+    room.teaching.on_leaf(run().key, "tree/0.say")  # heard before the start
+    room.teaching.on_run_started(run())
+    room.teaching.on_leaf(run(7).key, "tree/9.log")
     room.now = 1.0
-    room.teaching.see(scene(5.0, 3.5))
+    room.teaching.receive(scene(5.0, 3.5))
     room.now = 2.0
-    told = room.teaching.ended(run())
+    told = room.teaching.on_run_ended(run())
     assert told is not None
     assert told.run == run()
     assert told.leaves == (LeafMood(leaf="tree/0.say", seconds=2.0, mean=3.75, change=-0.5),)
-    assert room.teaching.ended(run()) is None
-    assert not room.teaching.following
+    assert room.teaching.on_run_ended(run()) is None
+    assert not room.teaching.tracks_mood
 
 
 def test_a_run_without_rules_is_followed_too():
     room = Room()
-    room.teaching.started(run(agent="express"))
-    assert (room.teaching.watching, room.teaching.following) == (False, True)
-    assert room.teaching.follows("s1")
-    assert not room.teaching.follows("s2")
+    room.teaching.on_run_started(run(agent="express"))
+    assert (room.teaching.watching, room.teaching.tracks_mood) == (False, True)
+    assert room.teaching.wants("s1")
+    assert not room.teaching.wants("s2")
 
 
 # --- given feedback -----------------------------------------------------------------------
@@ -352,17 +357,17 @@ def test_a_run_without_rules_is_followed_too():
 
 def test_feedback_without_a_name_goes_to_the_running_agent_else_the_last():
     room = Room()
-    room.teaching.started(run(1))
-    room.teaching.ended(run(1))
+    room.teaching.on_run_started(run(1))
+    room.teaching.on_run_ended(run(1))
     assert room.teaching.give(FeedbackRequest(kind=1)).revision.agent == "guide"
-    room.teaching.started(run(2, "express"))
+    room.teaching.on_run_started(run(2, "express"))
     assert room.teaching.give(FeedbackRequest(kind=1)).revision.agent == "express"
 
 
 def test_positive_and_negative_feedback_take_the_last_scene_of_the_named_agent():
     room = Room()
-    room.teaching.started(run(1))
-    room.teaching.started(run(2, "express", scene(1.0, 1.0)))
+    room.teaching.on_run_started(run(1))
+    room.teaching.on_run_started(run(2, "express", scene(1.0, 1.0)))
     change = room.teaching.give(FeedbackRequest(agent="guide", kind=1, source="button"))
     assert change.after == (4.0, 3.5)
     assert change.revision.cause.round == 1
@@ -376,7 +381,7 @@ LATE = scene(1.0, 2.0, "s0")
 def test_late_feedback_moves_towards_the_scene_that_it_is_about(ran_since):
     room = Room()
     if ran_since:
-        room.teaching.started(run(7))
+        room.teaching.on_run_started(run(7))
     change = room.teaching.give(FeedbackRequest(agent="guide", kind=1, scene=LATE))
     assert change.after == (2.0, 2.5)
     cause = change.revision.cause
@@ -385,7 +390,7 @@ def test_late_feedback_moves_towards_the_scene_that_it_is_about(ran_since):
 
 def test_feedback_about_the_scene_of_the_last_run_belongs_to_that_run():
     room = Room()
-    room.teaching.started(run(7))
+    room.teaching.on_run_started(run(7))
     change = room.teaching.give(FeedbackRequest(agent="guide", kind=2, scene=scene(5.0, 4.0)))
     assert (change.after, change.revision.cause.round) == ((2.0, 2.5), 7)
 
@@ -453,9 +458,9 @@ def test_an_unknown_agent_is_answered_with_the_known_ones():
 
 def test_the_same_id_is_applied_once_also_when_another_agent_runs_meanwhile():
     room = Room()
-    room.teaching.started(run(1))
+    room.teaching.on_run_started(run(1))
     first = room.teaching.give(FeedbackRequest(feedback_id="b1", kind=1))
-    room.teaching.started(run(2, "express"))
+    room.teaching.on_run_started(run(2, "express"))
     again = room.teaching.give(FeedbackRequest(feedback_id="b1", kind=1))
     assert (again.fresh, again.revision) == (False, first.revision)
     assert room.profile("express") == (2.0, 3.0)
@@ -464,7 +469,7 @@ def test_the_same_id_is_applied_once_also_when_another_agent_runs_meanwhile():
 @pytest.mark.parametrize("other", [{"agent": "express", "kind": 1}, {"kind": 2}])
 def test_an_id_that_belongs_to_other_feedback_is_refused(other):
     room = Room()
-    room.teaching.started(run(1))
+    room.teaching.on_run_started(run(1))
     room.teaching.give(FeedbackRequest(feedback_id="b1", kind=1))
     with pytest.raises(Refused, match="FEEDBACK_ID_TAKEN"):
         room.teaching.give(FeedbackRequest(feedback_id="b1", **other))
@@ -474,7 +479,7 @@ def test_an_id_that_belongs_to_other_feedback_is_refused(other):
 
 
 def test_a_prepared_list_teaches_once_a_run_and_uses_up_one_row():
-    room = Room(SimulatedFeedback(sequence=((5.0, 5.0), (1.0, 1.0))))
+    room = Room(SimulatedFeedback(PreparedFeedback(sequence=((5.0, 5.0), (1.0, 1.0)))))
     first, again = room.teaching.collect(run(1)), room.teaching.collect(run(1))
     assert first is not None
     assert again is not None
@@ -486,7 +491,9 @@ def test_a_prepared_list_teaches_once_a_run_and_uses_up_one_row():
     assert second.after == (2.5, 2.5)
 
 
-@pytest.mark.parametrize("simulated", [None, SimulatedFeedback(each={"express": (5.0, 5.0)})])
+@pytest.mark.parametrize(
+    "simulated", [None, SimulatedFeedback(PreparedFeedback(each={"express": (5.0, 5.0)}))]
+)
 def test_without_prepared_feedback_nothing_is_applied(simulated):
     assert Room(simulated).teaching.collect(run(1)) is None
 
@@ -500,7 +507,7 @@ def test_without_prepared_feedback_nothing_is_applied(simulated):
     ],
 )
 def test_a_collection_for_no_run_uses_up_no_row(asked, code):
-    room = Room(SimulatedFeedback(sequence=((5.0, 5.0),)))
+    room = Room(SimulatedFeedback(PreparedFeedback(sequence=((5.0, 5.0),))))
     with pytest.raises(Refused) as refusal:
         room.teaching.collect(asked)
     assert refusal.value.code == code
@@ -512,7 +519,9 @@ def test_a_restarted_node_goes_on_in_the_list_and_answers_again_what_it_has_appl
     rows = ((5.0, 5.0), (1.0, 1.0), (3.0, 3.0))
 
     def prepared() -> SimulatedFeedback:
-        return SimulatedFeedback(each={"express": (4.0, 4.0)}, sequence=rows, repeat=repeat)
+        return SimulatedFeedback(
+            PreparedFeedback(each={"express": (4.0, 4.0)}, sequence=rows, repeat=repeat)
+        )
 
     def collected(room: Room, number: int, agent: str = "guide") -> tuple[float, ...] | None:
         change = room.teaching.collect(run(number, agent))
@@ -530,19 +539,21 @@ def test_a_restarted_node_goes_on_in_the_list_and_answers_again_what_it_has_appl
 
 
 def test_a_list_begins_at_its_first_row_for_another_market():
-    room = Room(SimulatedFeedback(sequence=((5.0, 5.0),)))
+    room = Room(SimulatedFeedback(PreparedFeedback(sequence=((5.0, 5.0),))))
     room.teaching.collect(run(1))
     other = FeedbackController(
         room.profiles,
         clock=lambda: 0.0,
         new_id=str,
-        simulated=SimulatedFeedback(sequence=((1.0, 1.0),)),
+        simulated=SimulatedFeedback(PreparedFeedback(sequence=((1.0, 1.0),))),
     )
     assert other.collect(replace(run(1), epoch="another")) is not None
 
 
 def test_the_third_experiment_of_the_paper_keeps_each_agent_on_its_own_feedback():
-    simulated = SimulatedFeedback(each={"guide": (5.0, 5.0), "express": (1.0, 1.0)})
+    simulated = SimulatedFeedback(
+        PreparedFeedback(each={"guide": (5.0, 5.0), "express": (1.0, 1.0)})
+    )
     room = Room(simulated)
     for number in range(1, 41):
         room.teaching.collect(run(number, "guide" if number % 2 else "express"))
@@ -563,8 +574,8 @@ def full(room: Room, on: bool) -> None:
 
 def test_what_a_rule_teaches_while_the_disk_is_full_is_recorded_when_there_is_room():
     room = Room()
-    room.teaching.started(run())
-    room.teaching.see(scene(5.0, 2.5))
+    room.teaching.on_run_started(run())
+    room.teaching.receive(scene(5.0, 2.5))
     full(room, on=True)
     room.now = 1.0
     (lesson,) = room.teaching.tick()
@@ -572,34 +583,34 @@ def test_what_a_rule_teaches_while_the_disk_is_full_is_recorded_when_there_is_ro
     assert "STORAGE_FULL" in lesson.problem
     assert lesson.problem.endswith("; it is tried again until there is room")
     assert lesson.stop is not None
-    assert room.teaching.again() == ()
-    room.teaching.ended(run())
+    assert room.teaching.retry() == ()
+    room.teaching.on_run_ended(run())
     full(room, on=False)
-    (late,) = room.teaching.again()
+    (late,) = room.teaching.retry()
     assert late.change is not None
     assert (late.change.after, late.stop) == ((2.5, 2.75), None)
     assert room.profiles.recorded("rule/e/1/guide/0") is not None
-    assert room.teaching.again() == ()
+    assert room.teaching.retry() == ()
 
 
 def test_what_rules_teach_while_the_disk_is_full_is_bounded():
     room = Room()
     full(room, on=True)
     problems = []
-    for number in range(1, MOST_UNRECORDED + 2):
-        room.teaching.started(run(number))
-        room.teaching.see(scene(5.0, 2.5))
+    for number in range(1, MOST_PENDING + 2):
+        room.teaching.on_run_started(run(number))
+        room.teaching.receive(scene(5.0, 2.5))
         room.now += 1.0
         problems += [lesson.problem for lesson in room.teaching.tick()]
-        room.teaching.ended(run(number))
-    assert len(problems) == MOST_UNRECORDED + 1
+        room.teaching.on_run_ended(run(number))
+    assert len(problems) == MOST_PENDING + 1
     assert ["lost is that of guide in round 1" in one for one in problems[-2:]] == [False, True]
     full(room, on=False)
-    assert len(room.teaching.again()) == MOST_UNRECORDED
+    assert len(room.teaching.retry()) == MOST_PENDING
 
 
 def test_a_row_of_a_prepared_list_is_not_used_up_by_a_full_disk():
-    rows = SimulatedFeedback(sequence=((1.0, NAN), (2.0, NAN), (5.0, NAN)))
+    rows = SimulatedFeedback(PreparedFeedback(sequence=((1.0, NAN), (2.0, NAN), (5.0, NAN))))
     room = Room(rows)
     assert room.teaching.collect(run(1)) is not None
     full(room, on=True)
@@ -617,7 +628,7 @@ def test_late_repetitions_of_forgotten_feedback_of_any_kind_are_known():
     given = FeedbackRequest(feedback_id="x", agent="guide", kind=1, source="me", scene=anna)
     assert room.teaching.give(given).fresh
     room.profiles._ledger.forget([("guide", "person/anna")])
-    room.profiles.gone([("guide", "person/anna")])
+    room.profiles.on_erased([("guide", "person/anna")])
     again = room.teaching.give(given)
     assert (again.fresh, "forgotten since" in again.words) == (False, True)
     with pytest.raises(Refused, match="FEEDBACK_ID_TAKEN"):

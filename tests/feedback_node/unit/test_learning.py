@@ -11,7 +11,7 @@ import pytest
 from bt_agents_core.errors import Refused
 from bt_agents_core.feedback import FeedbackKind, LearningRule, Update
 from bt_agents_core.scene import SceneParameter, SceneSpace, Vector
-from feedback_node.learning.learning_step import Evidence, Step, asked, false_rate, step
+from feedback_node.learning.learning_step import Evidence, Step, false_rate, requested, step
 
 NAN = math.nan
 SPACE = SceneSpace(
@@ -304,10 +304,10 @@ def test_a_median_looks_at_so_many_of_the_last_feedbacks_and_at_this_one():
 
 
 def test_negative_feedback_asks_for_the_mirror_image_of_the_scene():
-    assert asked(FeedbackKind.NEGATIVE, (3.0, 3.0, 3.0), (4.0, NAN, 1.0)) == pytest.approx(
+    assert requested(FeedbackKind.NEGATIVE, (3.0, 3.0, 3.0), (4.0, NAN, 1.0)) == pytest.approx(
         (2.0, NAN, 5.0), nan_ok=True
     )
-    assert asked(FeedbackKind.POSITIVE, (3.0, 3.0, 3.0), (4.0, 2.0, 1.0)) == (4.0, 2.0, 1.0)
+    assert requested(FeedbackKind.POSITIVE, (3.0, 3.0, 3.0), (4.0, 2.0, 1.0)) == (4.0, 2.0, 1.0)
 
 
 def test_one_wrong_negative_does_not_move_a_median_that_has_seen_positive_ones():

@@ -11,12 +11,13 @@ import pytest
 from bt_agents_core.errors import Refused
 from bt_agents_core.feedback import LearningRule, Update
 from bt_agents_core.scene import SceneParameter, SceneSpace
+from bt_agents_language.files.mood_rule_reader import restore_mood_rule
+from bt_agents_language.model.mood_rule import MoodAction
 from feedback_node.learning import cards as cards_module
 from feedback_node.learning.cards import (
     AgentEntry,
     LearningCard,
     LearningEntry,
-    RuleEntry,
     read_card,
     read_learning,
 )
@@ -97,11 +98,12 @@ def test_an_agent_that_learns_in_no_possible_way_does_not_spoil_the_others(entry
 
 
 def test_a_mood_rule_of_a_card_keeps_its_further_values():
-    rule = RuleEntry(
+    rule = restore_mood_rule(
+        SPACE,
         when="mood.change > 1",
         hold_s=1.0,
         give=1,
-        cancel=False,
+        action=MoodAction.NONE,
         baseline_s=2.0,
         release="mood.change < 0",
         cooldown_s=3.0,
@@ -122,7 +124,7 @@ def test_a_mood_rule_of_a_card_keeps_its_further_values():
 
 
 def test_an_agent_that_a_card_says_nothing_new_of_is_not_read_anew(monkeypatch):
-    rule = RuleEntry(when="mood.change > 1", hold_s=1.0, give=1, cancel=False)
+    rule = restore_mood_rule(SPACE, when="mood.change > 1", hold_s=1.0, give=1)
     entry = AgentEntry(
         name="a",
         profile=(3.0, 3.0),
@@ -140,11 +142,10 @@ def test_an_agent_that_a_card_says_nothing_new_of_is_not_read_anew(monkeypatch):
 
     first = read(entry)
     asked = []
-    read_rule = cards_module.read_rule
     monkeypatch.setattr(
         cards_module,
-        "read_rule",
-        lambda *args, **more: asked.append(1) or read_rule(*args, **more),
+        "read_learning",
+        lambda *args, **more: asked.append(1) or read_learning(*args, **more),
     )
     again = replace(PLAIN, rates=(float("nan"), float("nan")))
     later = read(replace(entry, revision=7, learning=again), [first])
@@ -162,9 +163,14 @@ def test_an_agent_that_a_card_says_nothing_new_of_is_not_read_anew(monkeypatch):
 
 
 def test_a_rule_that_could_not_be_read_is_told_with_every_card():
-    rule = RuleEntry(when="moood > 1", hold_s=1.0, give=1, cancel=False)
-    entry = AgentEntry(name="a", profile=(3.0, 3.0), revision=0, learning_rate=0.2, rules=(rule,))
+    bad = Refused("BAD_RULE", "rule 'moood > 1': there is no name 'moood' here")
+    entry = AgentEntry(
+        name="a", profile=(3.0, 3.0), revision=0, learning_rate=0.2, bad_rules=(bad,)
+    )
     card = LearningCard(host="/agents", instance="i", parameters=SPACE.names, agents=(entry,))
     (agent,), problems = read_card(card, SPACE)
-    assert problems
+    assert problems == (
+        "BAD_RULE: card of /agents: agent 'a': rule 'moood > 1': there is no name 'moood' here; "
+        "the rule is skipped",
+    )
     assert read_card(card, SPACE, {"a": agent})[1] == problems

@@ -17,8 +17,8 @@ from feedback_node.learning.cards import AgentEntry, LearningCard, LearningEntry
 from feedback_node.learning.changes import Delivery, ProfileChange
 from feedback_node.learning.profiles import Profiles
 from feedback_node.learning.runs import AnnouncedRun
-from feedback_node.ledger import Entry, Ledger
-from feedback_node.ledger.rows import IMPORT, Cause
+from feedback_node.ledger import Ledger, LedgerEntry
+from feedback_node.ledger.rows import IMPORT, RevisionCause
 
 NAN = math.nan
 ANNA, LOBBY = "person/anna", "place/lobby"
@@ -58,7 +58,7 @@ def card(*agents: AgentEntry, instance: str = "i1") -> LearningCard:
 
 def known(entry: LearningEntry, ledger: Ledger | None = None) -> Profiles:
     made = Profiles(SPACE, ledger or Ledger(":memory:"))
-    assert made.introduce(card(guide(entry)))[1] == ()
+    assert made.register_card(card(guide(entry)))[1] == ()
     return made
 
 
@@ -166,7 +166,7 @@ def test_the_same_feedback_is_applied_once_in_all_layers_also_when_one_was_forgo
     assert not again.fresh
     assert [one.revision for one in again.all] == [one.revision for one in first.all]
     ledger.forget([("guide", ANNA)])
-    profiles.gone([("guide", ANNA)])
+    profiles.on_erased([("guide", ANNA)])
     third = teach(profiles, "f1", where=run("anna"))
     assert not third.fresh
     assert "forgotten since" in third.words
@@ -178,11 +178,11 @@ def test_what_a_forgotten_layer_was_taught_does_not_count_for_one_that_takes_its
     profiles = known(learning("person", update="median", window=3), ledger)
     teach(profiles, "f1", age=5.0, where=run("anna"))
     ledger.forget([("guide", ANNA)])
-    profiles.gone([("guide", ANNA)])
+    profiles.on_erased([("guide", ANNA)])
     middle = {"age": 3.0, "mood": 3.0}
-    cause = Cause(cause=IMPORT, kind=FeedbackKind.SET, target=middle)
-    taken_in = Entry(agent="guide", layer=ANNA, profile=middle, cause=cause)
-    profiles.taken(ledger.record([profiles.beginning("guide", ANNA), taken_in])[1:])
+    cause = RevisionCause(cause=IMPORT, kind=FeedbackKind.SET, target=middle)
+    taken_in = LedgerEntry(agent="guide", layer=ANNA, profile=middle, cause=cause)
+    profiles.on_recorded(ledger.record([profiles.first_layer_entry("guide", ANNA), taken_in])[1:])
     teach(profiles, "f2", age=1.0, where=run("anna"))
     assert ages(profiles)[ANNA] == 2.0
 
@@ -204,21 +204,21 @@ def test_each_layer_anneals_by_its_own_changes_and_takes_the_median_of_its_own_f
 def test_a_host_that_starts_again_forgets_its_layers_and_then_gets_those_that_there_are():
     ledger = Ledger(":memory:")
     profiles = known(learning("person"), ledger)
-    assert profiles.introduce(card(guide(learning("person")), instance="i2"))[0] == ()
+    assert profiles.register_card(card(guide(learning("person")), instance="i2"))[0] == ()
     teach(profiles, "f1", where=run("anna"))
     for fresh in (profiles, Profiles(SPACE, ledger)):
-        deliveries, _ = fresh.introduce(card(guide(learning("person")), instance="i3"))
+        deliveries, _ = fresh.register_card(card(guide(learning("person")), instance="i3"))
         assert deliveries == (Delivery(host="/agents", agent="", remove=True),)
         assert [(d.layer, d.values) for d in fresh.layers_at("/agents")] == [(ANNA, (4.0, 3.0))]
         # A card of the same start says nothing new.
-        assert fresh.introduce(card(guide(learning("person")), instance="i3"))[0] == ()
+        assert fresh.register_card(card(guide(learning("person")), instance="i3"))[0] == ()
 
 
 def test_an_edit_of_the_author_reaches_the_layers_at_the_host():
     profiles = known(learning("person"))
     teach(profiles, "f1", where=run("anna"))
     edited = guide(learning("person"), profile=(3.0, 1.5))
-    deliveries, _ = profiles.introduce(card(edited))
+    deliveries, _ = profiles.register_card(card(edited))
     assert [(d.layer, d.values) for d in deliveries] == [("", (3.0, 1.5)), (ANNA, (4.0, 1.5))]
 
 
@@ -232,7 +232,7 @@ def test_layers_are_bounded_and_the_others_still_learn(monkeypatch):
         teach(profiles, "carl", where=run("carl"))
     assert set(ages(profiles)) == {"", ANNA, "person/bob"}
     # Where everybody's profile learns as well, only the person's own is left out.
-    profiles.introduce(card(guide(learning("person", general=0.5)), instance="i2"))
+    profiles.register_card(card(guide(learning("person", general=0.5)), instance="i2"))
     before = ages(profiles)
     change = teach(profiles, "dora", where=run("dora"))
     assert set(ages(profiles)) == set(before)

@@ -12,7 +12,8 @@ import pytest
 from bt_agents_core.errors import Refused
 from bt_agents_core.feedback import FeedbackKind
 from bt_agents_core.scene import SceneParameter, SceneSpace
-from feedback_node.learning.cards import AgentEntry, LearningCard, RuleEntry, read_card
+from bt_agents_language.files.mood_rule_reader import restore_mood_rule
+from feedback_node.learning.cards import AgentEntry, LearningCard, read_card
 from feedback_node.learning.changes import Delivery, ProfileChange
 from feedback_node.learning.profiles import MOST_HOSTS, Profiles
 from feedback_node.ledger import Ledger
@@ -35,7 +36,7 @@ def card(*agents: AgentEntry, host: str = "/agents", instance: str = "i1") -> Le
 
 def profiles(*agents: AgentEntry) -> Profiles:
     known = Profiles(SPACE, Ledger(":memory:"))
-    known.introduce(card(*agents))
+    known.register_card(card(*agents))
     return known
 
 
@@ -71,11 +72,16 @@ def test_a_bad_entry_of_a_card_is_named_and_spoils_no_other(entry, code):
 
 
 def test_a_rule_that_cannot_be_read_is_skipped_and_the_agent_keeps_the_others():
-    good = RuleEntry(when="mood.change >= 1", hold_s=1.0, give=1, cancel=False)
-    bad = replace(good, when="mood.change >=")
-    agents, problems = read_card(card(replace(GUIDE, rules=(bad, good))), SPACE)
-    assert [rule.text for rule in agents[0].rules] == ["mood.change >= 1"]
+    good = restore_mood_rule(SPACE, when="mood.change >= 1", hold_s=1.0, give=1)
+    with pytest.raises(Refused) as refusal:
+        restore_mood_rule(SPACE, when="mood.change >=", hold_s=1.0, give=1)
+    entry = replace(GUIDE, rules=(good,), bad_rules=(refusal.value,))
+    agents, problems = read_card(card(entry), SPACE)
+    assert [rule.when.text for rule in agents[0].rules] == ["mood.change >= 1"]
     assert len(problems) == 1
+    assert problems[0].startswith(
+        "BAD_RULE: card of /agents: agent 'guide': rule 'mood.change >='"
+    )
     assert "the rule is skipped" in problems[0]
 
 
@@ -93,7 +99,7 @@ def test_a_card_without_a_full_host_name_is_refused(host):
 
 def test_a_new_agent_has_nothing_to_learn():
     known = Profiles(SPACE, Ledger(":memory:"))
-    assert known.introduce(card(GUIDE)) == ((), ())
+    assert known.register_card(card(GUIDE)) == ((), ())
     assert known.table() == (("guide", "", 0, (4.0, 3.0)),)
 
 
@@ -112,67 +118,67 @@ def test_feedback_moves_the_profile_by_the_rate_of_the_card():
 def test_a_host_that_starts_again_is_told_what_was_learned():
     known = profiles(GUIDE, EXPRESS)
     teach(known)
-    deliveries, _ = known.introduce(card(GUIDE, EXPRESS))
+    deliveries, _ = known.register_card(card(GUIDE, EXPRESS))
     assert deliveries == (known.delivery("guide"),)
-    assert known.introduce(card(replace(GUIDE, revision=1), EXPRESS)) == ((), ())
+    assert known.register_card(card(replace(GUIDE, revision=1), EXPRESS)) == ((), ())
 
 
 def test_an_author_who_edits_the_profile_wins():
     known = profiles(GUIDE)
     teach(known)
-    deliveries, _ = known.introduce(card(replace(GUIDE, profile=(1.0, 1.0), revision=1)))
+    deliveries, _ = known.register_card(card(replace(GUIDE, profile=(1.0, 1.0), revision=1)))
     assert [(one.values, one.revision) for one in deliveries] == [((1.0, 1.0), 2)]
 
 
 def test_an_agent_that_left_its_host_is_unknown_and_comes_back_with_what_it_learned():
     known = profiles(GUIDE, EXPRESS)
     teach(known)
-    known.introduce(card(EXPRESS))
+    known.register_card(card(EXPRESS))
     with pytest.raises(Refused, match="known are: express"):
         teach(known, feedback_id="f2")
-    deliveries, _ = known.introduce(card(GUIDE, EXPRESS))
+    deliveries, _ = known.register_card(card(GUIDE, EXPRESS))
     assert [one.values for one in deliveries] == [(4.5, 3.0)]
 
 
 def test_a_start_without_agents_takes_none_away_from_another_start_of_the_host():
     known = profiles(GUIDE, EXPRESS)
-    assert known.introduce(card(instance="i2")) == ((), ())
+    assert known.register_card(card(instance="i2")) == ((), ())
     assert known.table() == (("express", "", 0, (2.0, 3.0)), ("guide", "", 0, (4.0, 3.0)))
-    known.introduce(card())
+    known.register_card(card())
     assert known.table() == ()
 
 
 def test_a_start_with_agents_takes_over_from_the_one_before():
     known = profiles(GUIDE, EXPRESS)
-    known.introduce(card(GUIDE, instance="i2"))
+    known.register_card(card(GUIDE, instance="i2"))
     assert [name for name, *_ in known.table()] == ["guide"]
-    known.introduce(card(instance="i1"))
+    known.register_card(card(instance="i1"))
     assert [name for name, *_ in known.table()] == ["guide"]
-    known.introduce(card(instance="i2"))
+    known.register_card(card(instance="i2"))
     assert known.table() == ()
 
 
 def test_the_hosts_are_bounded_and_one_that_lost_its_agents_makes_room():
     known = Profiles(SPACE, Ledger(":memory:"))
     for number in range(MOST_HOSTS):
-        known.introduce(card(replace(GUIDE, name=f"a{number}"), host=f"/h{number}"))
+        known.register_card(card(replace(GUIDE, name=f"a{number}"), host=f"/h{number}"))
     with pytest.raises(Refused, match="TOO_MANY_HOSTS: card of /more: agents of 100 hosts"):
-        known.introduce(card(GUIDE, host="/more"))
-    known.introduce(card(host="/h7"))
-    known.introduce(card(GUIDE, host="/more"))
+        known.register_card(card(GUIDE, host="/more"))
+    known.register_card(card(host="/h7"))
+    known.register_card(card(GUIDE, host="/more"))
     assert len(known.hosts) == MOST_HOSTS
 
 
 def test_an_agent_at_a_second_host_is_reported_and_learns_there():
     known = profiles(GUIDE)
-    _, problems = known.introduce(card(GUIDE, host="/others"))
+    _, problems = known.register_card(card(GUIDE, host="/others"))
     assert [problem.split(":")[0] for problem in problems] == ["TWO_HOSTS"]
     assert known.delivery("guide").host == "/others"
 
 
 def test_a_host_that_holds_more_than_the_ledger_is_reported():
     known = Profiles(SPACE, Ledger(":memory:"))
-    deliveries, problems = known.introduce(card(replace(GUIDE, revision=12)))
+    deliveries, problems = known.register_card(card(replace(GUIDE, revision=12)))
     assert deliveries == ()
     assert [problem.split(":")[0] for problem in problems] == ["STALE_LEDGER"]
 
@@ -189,13 +195,13 @@ def test_the_same_id_is_applied_once_and_returns_the_recorded_change():
 def test_a_smaller_range_than_when_it_was_learned_clamps_the_profile():
     ledger = Ledger(":memory:")
     known = Profiles(SPACE, ledger)
-    known.introduce(card(GUIDE))
+    known.register_card(card(GUIDE))
     teach(known)
     narrow = SceneSpace(
         parameters=tuple(replace(parameter, maximum=4.2) for parameter in SPACE.parameters)
     )
     restarted = Profiles(narrow, ledger)
-    assert [one.values for one in restarted.introduce(card(GUIDE))[0]] == [(4.2, 3.0)]
+    assert [one.values for one in restarted.register_card(card(GUIDE))[0]] == [(4.2, 3.0)]
 
 
 @pytest.mark.parametrize("field", ["feedback_id", "source", "reason"])
@@ -210,7 +216,7 @@ def test_a_text_without_end_is_refused(field):
 def test_a_ledger_that_cannot_write_leaves_the_profile_as_it_was():
     ledger = Ledger(":memory:")
     known = Profiles(SPACE, ledger)
-    known.introduce(card(GUIDE))
+    known.register_card(card(GUIDE))
     ledger._database.execute("PRAGMA query_only = ON")
     with pytest.raises(Refused, match="LEDGER_FAILED"):
         teach(known)

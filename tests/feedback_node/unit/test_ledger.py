@@ -15,13 +15,13 @@ import pytest
 from bt_agents_core.errors import Refused
 from feedback_node.ledger import Ledger
 from feedback_node.ledger.file import LedgerError, ledger_path
-from feedback_node.ledger.rows import AUTHORED, FEEDBACK, UNDO, Cause
+from feedback_node.ledger.rows import AUTHORED, FEEDBACK, UNDO, RevisionCause
 
 FIRST = {"age": 4.0, "mood": 3.0}
 
 
-def cause(feedback_id: str, **fields: object) -> Cause:
-    return Cause(feedback_id=feedback_id, source="button", rate=0.2, **fields)  # type: ignore[arg-type]
+def cause(feedback_id: str, **fields: object) -> RevisionCause:
+    return RevisionCause(feedback_id=feedback_id, source="button", rate=0.2, **fields)  # type: ignore[arg-type]
 
 
 def profiles(ledger: Ledger, agent: str = "guide") -> list[dict[str, float]]:
@@ -73,8 +73,8 @@ def test_the_same_feedback_id_is_recorded_once(ledger):
 
 def test_changes_without_an_id_do_not_collide(ledger):
     ledger.enter({"guide": FIRST})
-    ledger.append("guide", FIRST, Cause())
-    assert ledger.append("guide", FIRST, Cause()).revision == 2
+    ledger.append("guide", FIRST, RevisionCause())
+    assert ledger.append("guide", FIRST, RevisionCause()).revision == 2
 
 
 def test_an_agent_that_was_never_entered_is_refused(ledger):

@@ -13,9 +13,9 @@ from pathlib import Path
 import pytest
 
 from bt_agents_core.errors import Refused
-from feedback_node.ledger import Entry, Ledger
+from feedback_node.ledger import Ledger, LedgerEntry
 from feedback_node.ledger.file import LedgerError
-from feedback_node.ledger.rows import LAYER, Cause, hidden
+from feedback_node.ledger.rows import LAYER, RevisionCause, hidden
 
 ANNA = "person/anna"
 FIRST = {"age": 4.0, "mood": 3.0}
@@ -30,11 +30,11 @@ def ledger() -> Iterator[Ledger]:
 
 def begin(ledger: Ledger, layer: str = ANNA, **first: float) -> None:
     profile = {**FIRST, **first}
-    ledger.append("guide", profile, Cause(cause=LAYER), layer=layer)
+    ledger.append("guide", profile, RevisionCause(cause=LAYER), layer=layer)
 
 
 def teach(ledger: Ledger, feedback_id: str, layer: str = "", age: float = 5.0) -> None:
-    cause = Cause(feedback_id=feedback_id, reason=f"because of {feedback_id}")
+    cause = RevisionCause(feedback_id=feedback_id, reason=f"because of {feedback_id}")
     ledger.append("guide", {"age": age, "mood": 3.0}, cause, layer=layer)
 
 
@@ -51,8 +51,10 @@ def test_each_layer_counts_its_own_revisions(ledger):
 
 
 def test_several_layers_are_recorded_together_or_not_at_all(ledger):
-    good = Entry(agent="guide", profile=FIRST, cause=Cause(feedback_id="f"))
-    bad = Entry(agent="guide", layer=ANNA, profile={"age": float("nan")}, cause=Cause())
+    good = LedgerEntry(agent="guide", profile=FIRST, cause=RevisionCause(feedback_id="f"))
+    bad = LedgerEntry(
+        agent="guide", layer=ANNA, profile={"age": float("nan")}, cause=RevisionCause()
+    )
     with pytest.raises(LedgerError):
         ledger.record([good, bad])
     assert (ages(ledger), ledger.layers("guide"), ledger.find("f")) == ([4.0], (), None)
@@ -61,7 +63,9 @@ def test_several_layers_are_recorded_together_or_not_at_all(ledger):
 def test_an_id_that_has_moved_several_layers_returns_all_of_them(ledger):
     begin(ledger)
     entries = [
-        Entry(agent="guide", layer=layer, profile=FIRST, cause=Cause(feedback_id="f"))
+        LedgerEntry(
+            agent="guide", layer=layer, profile=FIRST, cause=RevisionCause(feedback_id="f")
+        )
         for layer in (ANNA, "")
     ]
     recorded = ledger.record(entries)
@@ -101,7 +105,7 @@ def test_what_was_undone_does_not_count_as_taught(ledger):
 
 def test_an_edit_of_the_author_changes_in_layers_what_was_edited_only(ledger):
     begin(ledger)
-    ledger.append("guide", {"age": 4.8, "mood": 1.5}, Cause(), layer=ANNA)
+    ledger.append("guide", {"age": 4.8, "mood": 1.5}, RevisionCause(), layer=ANNA)
     ledger.enter({"guide": {"age": 2.0, "mood": 3.0}})
     assert dict(ledger.layers("guide")[0].profile) == {"age": 2.0, "mood": 1.5}
     ledger.enter({"guide": {"age": 2.0, "mood": 3.0, "stress": 1.0}})
@@ -137,7 +141,7 @@ def test_feedback_that_was_forgotten_is_not_applied_once_more(ledger):
     begin(ledger)
     teach(ledger, "f1", ANNA)
     ledger.forget([("guide", ANNA)])
-    known = ledger.append("guide", FIRST, Cause(feedback_id="f1"))
+    known = ledger.append("guide", FIRST, RevisionCause(feedback_id="f1"))
     assert (known.profile, known.cause.feedback_id) == ({}, hidden("f1"))
     assert ages(ledger) == [4.0]
 

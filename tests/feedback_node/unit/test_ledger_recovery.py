@@ -16,7 +16,7 @@ from bt_agents_tools.cli.main import bt_agents
 from feedback_node.ledger import Ledger
 from feedback_node.ledger.file import LedgerError, inspect
 from feedback_node.ledger.recovery import recover
-from feedback_node.ledger.rows import LAYER, Cause
+from feedback_node.ledger.rows import LAYER, RevisionCause
 
 ANNA = "person/anna"
 PAGE = 4096
@@ -28,10 +28,10 @@ def made(path: Path) -> Path:
     """Write a ledger of 13 rows: a forgotten layer in it, and the row that says so at its end."""
     with Ledger(path) as ledger:
         ledger.enter({"guide": {"age": 1.0}})
-        ledger.append("guide", {"age": 1.0}, Cause(cause=LAYER), layer=ANNA)
-        ledger.append("guide", {"age": 2.0}, Cause(feedback_id="a1"), layer=ANNA)
+        ledger.append("guide", {"age": 1.0}, RevisionCause(cause=LAYER), layer=ANNA)
+        ledger.append("guide", {"age": 2.0}, RevisionCause(feedback_id="a1"), layer=ANNA)
         for number in range(9):
-            ledger.append("guide", {"age": float(number)}, Cause(feedback_id=f"f{number}"))
+            ledger.append("guide", {"age": float(number)}, RevisionCause(feedback_id=f"f{number}"))
         ledger.forget([("guide", ANNA)])
     return path
 
@@ -166,7 +166,7 @@ def test_the_good_revisions_of_a_damaged_ledger_are_saved_into_a_new_one(
         ages = [row.profile["age"] for row in ledger.history("guide")]
         assert ages == [1.0, *(float(n) for n in range(9))][:revisions]
         assert ledger.layers("guide") == ()
-        assert not ledger.append("guide", {"age": 0.0}, Cause(feedback_id="a1")).profile
+        assert not ledger.append("guide", {"age": 0.0}, RevisionCause(feedback_id="a1")).profile
     with pytest.raises(Refused, match="FILE_EXISTS"):
         recover(str(path), str(new))
 
@@ -179,7 +179,7 @@ def test_what_was_forgotten_before_a_recovery_does_not_stand_in_the_way_of_what_
     assert recover(str(path), str(new)) == 3
     with Ledger(new) as ledger:
         for number in range(20):
-            ledger.append("guide", {"age": 1.0}, Cause(cause=LAYER), layer=ANNA)
+            ledger.append("guide", {"age": 1.0}, RevisionCause(cause=LAYER), layer=ANNA)
             assert ledger.forget([("guide", ANNA)]) == "", number
     assert inspect(str(new)).problems == ()
 

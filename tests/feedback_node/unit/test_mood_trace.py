@@ -29,13 +29,13 @@ class Run:
         self.now = 0.0
         self.trace = MoodTrace(awarded, SPACE, lambda: self.now, lease_s)
 
-    def tip(self, at: float, leaf: str) -> None:
+    def on_leaf(self, at: float, leaf: str) -> None:
         self.now = at
-        self.trace.tip(leaf)
+        self.trace.on_leaf(leaf)
 
     def see(self, at: float, live: Scene) -> None:
         self.now = at
-        self.trace.see(live)
+        self.trace.receive(live)
 
     def so_far(self, at: float) -> list[tuple[str, float, float, float]]:
         self.now = at
@@ -48,9 +48,9 @@ def told(one: LeafMood) -> tuple[str, float, float, float]:
 
 def test_each_node_has_its_time_its_mean_mood_and_its_change():
     run = Run(scene(4.0))
-    run.tip(1.0, "tree/0.say")
+    run.on_leaf(1.0, "tree/0.say")
     run.see(2.0, scene(4.0))
-    run.tip(3.0, "tree/1.ask")
+    run.on_leaf(3.0, "tree/1.ask")
     run.see(4.0, scene(2.0))
     run.see(6.0, scene(3.0))
     assert run.so_far(7.0) == [
@@ -61,11 +61,11 @@ def test_each_node_has_its_time_its_mean_mood_and_its_change():
 
 def test_the_turns_of_a_node_are_counted_together():
     run = Run(scene(4.0))
-    run.tip(0.0, "ask")
+    run.on_leaf(0.0, "ask")
     run.see(1.0, scene(3.0))
-    run.tip(2.0, "say")
+    run.on_leaf(2.0, "say")
     run.see(3.0, scene(5.0))
-    run.tip(4.0, "ask")
+    run.on_leaf(4.0, "ask")
     run.see(5.0, scene(4.5))
     assert [(leaf, seconds, change) for leaf, seconds, _, change in run.so_far(6.0)] == [
         ("ask", 4.0, -1.5),
@@ -78,7 +78,7 @@ def test_the_turns_of_a_node_are_counted_together():
 )
 def test_a_person_who_is_lost_is_not_unhappy(gap):
     run = Run(scene(4.0, person_id="anna"))
-    run.tip(0.0, "say")
+    run.on_leaf(0.0, "say")
     run.see(1.0, gap)
     run.see(3.0, scene(3.5, person_id="anna"))
     assert run.so_far(4.0) == [("say", 4.0, pytest.approx(3.75), -0.5)]
@@ -86,7 +86,7 @@ def test_a_person_who_is_lost_is_not_unhappy(gap):
 
 def test_a_node_without_any_known_mood_says_so():
     run = Run(scene(NAN))
-    run.tip(0.0, "say")
+    run.on_leaf(0.0, "say")
     run.see(1.0, scene(NAN))
     ((leaf, seconds, mean, change),) = run.so_far(2.0)
     assert (leaf, seconds) == ("say", 2.0)
@@ -96,11 +96,11 @@ def test_a_node_without_any_known_mood_says_so():
 
 def test_a_mood_counts_no_longer_than_the_lease():
     run = Run(scene(NAN), lease_s=1.0)
-    run.tip(0.0, "say")
+    run.on_leaf(0.0, "say")
     run.see(0.0, scene(2.0))
     run.see(5.0, scene(4.0))
     assert run.so_far(6.0) == [("say", 6.0, pytest.approx(3.0), 2.0)]
-    run.tip(8.0, "ask")
+    run.on_leaf(8.0, "ask")
     assert run.so_far(9.0)[1][1:3] == (1.0, pytest.approx(NAN, nan_ok=True))
 
 
@@ -109,16 +109,16 @@ def test_a_mood_counts_no_longer_than_the_lease():
 )
 def test_a_moment_belongs_to_the_node_that_was_at_work(moment, leaf):
     run = Run(scene(4.0))
-    run.tip(1.0, "say")
-    run.tip(2.0, "say")
-    run.tip(3.0, "ask")
+    run.on_leaf(1.0, "say")
+    run.on_leaf(2.0, "say")
+    run.on_leaf(3.0, "ask")
     assert run.trace.leaf_at(moment) == leaf
 
 
 def test_what_is_remembered_is_bounded():
     run = Run(scene(4.0))
     for number in range(MOST_CHANGES + 50):
-        run.tip(float(number), f"tree/{number}.say")
+        run.on_leaf(float(number), f"tree/{number}.say")
     assert len(run.trace.so_far()) == MOST_LEAVES
     assert run.trace.leaf_at(10.0) == ""
     assert run.trace.leaf_at(MOST_CHANGES + 20.5) == f"tree/{MOST_CHANGES + 20}.say"

@@ -14,7 +14,9 @@ import pytest
 from bt_agents_core.errors import Refused
 from bt_agents_core.feedback import FeedbackKind
 from bt_agents_core.scene import Origin, Scene, SceneParameter, SceneSpace, SceneValue
-from feedback_node.rules import LEAST_AGAIN_S, Fired, Rule, Watch, read_rule
+from bt_agents_language.files.mood_rule_reader import restore_mood_rule
+from bt_agents_language.model.mood_rule import MoodAction, MoodRule
+from feedback_node.rules import LEAST_AGAIN_S, Fired, Watch
 
 NAN = math.nan
 SPACE = SceneSpace(
@@ -54,8 +56,8 @@ def scene(
     return Scene(scene_id="s1", label="", person=person, values=values, person_id=person_id)
 
 
-def rule(when: str, hold_s: float = 1.0, *, cancel: bool = False, **more: Any) -> Rule:
-    return read_rule(when, hold_s, FeedbackKind.NEGATIVE, cancel, SPACE, **more)
+def rule(when: str, hold_s: float = 1.0, **more: Any) -> MoodRule:
+    return restore_mood_rule(SPACE, when=when, hold_s=hold_s, give=FeedbackKind.NEGATIVE, **more)
 
 
 class Story:
@@ -63,7 +65,7 @@ class Story:
 
     def __init__(
         self,
-        *rules: Rule,
+        *rules: MoodRule,
         awarded: Scene | None = None,
         settle_s: float = 0.0,
         lease_s: float = 1.0,
@@ -73,7 +75,7 @@ class Story:
 
     def see(self, at: float, live: Scene) -> list[tuple[int, str]]:
         self.clock.now = 100.0 + at
-        return self._told(self.watch.see(live))
+        return self._told(self.watch.receive(live))
 
     def tick(self, at: float) -> list[tuple[int, str]]:
         self.clock.now = 100.0 + at
@@ -194,7 +196,7 @@ def test_nothing_fires_before_the_first_live_scene():
 
 
 def test_rules_fire_in_their_order_and_none_after_one_that_cancels():
-    rules = (rule(WORSE, 1.0), rule(WORSE, 1.0, cancel=True), rule(WORSE, 2.0))
+    rules = (rule(WORSE, 1.0), rule(WORSE, 1.0, action=MoodAction.CANCEL), rule(WORSE, 2.0))
     story = Story(*rules)
     story.see(0.0, scene(2.0))
     assert [index for index, _ in story.tick(1.0)] == [0, 1]
@@ -311,7 +313,7 @@ def test_each_firing_says_since_when_its_condition_has_held_and_how_often_it_fir
     told = []
     for tick in range(120):
         story.clock.now = 100.0 + tick / 20
-        told += [(one.since, one.count) for one in story.watch.see(scene(2.0))]
+        told += [(one.since, one.count) for one in story.watch.receive(scene(2.0))]
     assert told == [(100.0, 0), (103.0, 1)]
 
 
@@ -351,7 +353,7 @@ def test_a_run_without_rules_is_over_at_once():
 )
 def test_a_rule_that_cannot_be_meant_is_refused(when, hold_s, give):
     with pytest.raises(Refused) as refusal:
-        read_rule(when, hold_s, give, False, SPACE)
+        restore_mood_rule(SPACE, when=when, hold_s=hold_s, give=give)
     assert refusal.value.code == "BAD_RULE"
     assert when in refusal.value.reason
 
@@ -366,6 +368,7 @@ def test_a_rule_that_cannot_be_meant_is_refused(when, hold_s, give):
         {"confidence": NAN},
         {"release": "mood.chnage > 0"},
         {"release": "live.mood"},
+        {"action": 2},
     ],
 )
 def test_more_of_a_rule_that_cannot_be_meant_is_refused(more):
@@ -376,4 +379,4 @@ def test_more_of_a_rule_that_cannot_be_meant_is_refused(more):
 def test_a_space_without_a_mood_knows_no_mood_change():
     space = SceneSpace(parameters=SPACE.parameters, mood=None)
     with pytest.raises(Refused, match="BAD_RULE"):
-        read_rule(WORSE, 1.0, FeedbackKind.NEGATIVE, False, space)
+        restore_mood_rule(space, when=WORSE, hold_s=1.0, give=FeedbackKind.NEGATIVE)

@@ -21,6 +21,7 @@ from ranked_rounds import bids, decided, terms, with_values
 QUARTERS = st.integers(4, 20).map(lambda number: number / 4)
 VECTORS = st.tuples(QUARTERS, QUARTERS, QUARTERS)
 WEIGHTS = st.sampled_from([0.0, 0.5, 1.0, 2.0])
+LINEAR = sorted(name for name, spec in STRATEGIES.items() if spec.lines is not None)
 few = settings(max_examples=25, deadline=None)
 some = settings(max_examples=40, deadline=None)
 
@@ -56,24 +57,23 @@ def found_change(of: Terms, accepted: list[AcceptedBid]) -> Decision:
     return decision
 
 
-@pytest.mark.parametrize("name", sorted(STRATEGIES))
+@pytest.mark.parametrize("strategy", LINEAR)
 @few
 @given(data=st.data())
-def test_with_the_change_the_runner_up_wins(name: str, data: st.DataObject) -> None:
-    of, accepted = data.draw(rounds(st.just(name)))
+def test_with_the_change_the_runner_up_wins(strategy: str, data: st.DataObject) -> None:
+    of, accepted = data.draw(rounds(st.just(strategy)))
     decision = found_change(of, accepted)
     change = decision.change
     assert change is not None
     assume(change.names)
 
-    for values in (change.values, change.shown):
-        there = dict(zip(change.names, values, strict=True))
-        assert all(1.0 <= value <= 5.0 for value in values)
-        assert wins_with(decision, accepted, there)
+    (name,), (value,) = change.names, change.values
+    assert 1.0 <= value <= 5.0
+    assert wins_with(decision, accepted, {name: value})
 
 
 @some
-@given(rounds(st.sampled_from(["manhattan", "weighted_manhattan", "ucb", "softmax", "thompson"])))
+@given(rounds(st.sampled_from(LINEAR)))
 def test_no_smaller_change_of_one_parameter_does(
     of_and_bids: tuple[Terms, list[AcceptedBid]],
 ) -> None:
@@ -82,7 +82,7 @@ def test_no_smaller_change_of_one_parameter_does(
     change = decision.change
     assert change is not None
     size = math.inf
-    if len(change.names) == 1:
+    if change.names:
         size = abs(change.values[0] - of.scene.get(change.names[0]))
 
     for parameter in SPACE.parameters:
@@ -92,37 +92,3 @@ def test_no_smaller_change_of_one_parameter_does(
                 smaller = abs(value - now) < size - 1e-6
                 there = {parameter.name: float(value)}
                 assert not (smaller and wins_with(decision, accepted, there))
-
-
-@some
-@given(st.lists(st.sampled_from([1.0, -1.0, 1.25, -1.25]), min_size=3, max_size=3), VECTORS)
-def test_of_a_change_of_several_parameters_none_can_be_left_out(
-    steps: list[float], third: tuple[float, ...]
-) -> None:
-    of = terms(scene("s", 3.0, 3.0, 3.0), tie_break="name")
-    beside = tuple(3.0 + step for step in steps)
-    assume(sum(abs(value - 3.0) for value in third) > 4.0)
-    accepted = bids({"a": (3.0, 3.0, 3.0), "b": beside, "c": third})
-    change = found_change(of, accepted).change
-    assert change is not None
-    assume(change.names)
-
-    assert len(change.names) > 1, "what one parameter can gain is less than the distance"
-    whole = dict(zip(change.names, change.values, strict=True))
-    for name in change.names:
-        assert not wins_with(decided(of, accepted), accepted, {**whole, name: 3.0})
-
-
-@some
-@given(rounds(st.just("manhattan")))
-def test_when_there_is_no_change_not_even_the_own_profile_wins(
-    of_and_bids: tuple[Terms, list[AcceptedBid]],
-) -> None:
-    of, accepted = of_and_bids
-    decision = found_change(of, accepted)
-    change = decision.change
-    own = dict(zip(SPACE.names, decision.ranking[1].vector, strict=True))
-    known = {name: own[name] for name in own if not math.isnan(of.scene.get(name))}
-
-    assert change is not None
-    assert bool(change.names) == wins_with(decision, accepted, known)

@@ -78,7 +78,7 @@ class AnyMarket(RuleBasedStateMachine):
     @rule(lasted_s=st.sampled_from([0.5, 2.5, 30.0]))
     def hold_the_market_up(self, lasted_s: float) -> None:
         since, self.driver.now = self.driver.now, self.driver.now + lasted_s
-        self.driver.do(self.driver.market.excuse(since, self.driver.now))
+        self.driver.do(self.driver.market.extend_after_stall(since, self.driver.now))
 
     @rule(host=hosts, round_number=st.sampled_from([1, 99]), own=st.booleans())
     def run_something_else(self, host: str, round_number: int, own: bool) -> None:

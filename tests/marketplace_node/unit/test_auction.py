@@ -114,6 +114,7 @@ def test_messages_from_elsewhere_are_refused_and_answer_nothing(
         {"agent_ids": (1,)},
         {"declined": ("x",)},
         {"decline_reasons": ("because",)},
+        {"unmet": ("scene.person",)},
     ],
 )
 def test_a_malformed_message_is_refused_as_a_whole_and_counts_as_an_answer(

@@ -41,12 +41,12 @@ AS_GIVEN = Scene(
 )
 
 
-def refused(agent: str, kind: RoundKind, code: str, why: str) -> RefusedBid:
-    return RefusedBid(agent=agent, host="/agents", kind=kind, code=code, reason=why)
+def refused(agent: str, kind: RoundKind, code: str, why: str, unmet: str = "") -> RefusedBid:
+    return RefusedBid(agent=agent, host="/agents", kind=kind, code=code, reason=why, unmet=unmet)
 
 
 def declined(agent: str) -> RefusedBid:
-    return refused(agent, RoundKind.DECLINED, "DECLINED", "needs scene.person")
+    return refused(agent, RoundKind.DECLINED, "DECLINED", "needs scene.person", "scene.person")
 
 
 def of(scene: Scene = AS_GIVEN, agents: Any = None, **changes: Any) -> Decision:

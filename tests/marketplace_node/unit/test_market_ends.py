@@ -69,7 +69,7 @@ def stopped_without_a_follower(market: Driver) -> None:
 
 
 def shut_while_bidding(market: Driver) -> None:
-    market.do(market.market.shut("shutting down", market.now))
+    market.do(market.market.shut_down("shutting down", market.now))
 
 
 @pytest.mark.parametrize(
@@ -194,7 +194,7 @@ def test_a_lost_run_is_told_when_the_excuse_of_a_held_up_market_has_run_out(two:
     two.accept()
     two.die()
     two.now += 5.0
-    two.do(two.market.excuse(two.now - 5.0, two.now))
+    two.do(two.market.extend_after_stall(two.now - 5.0, two.now))
     two.do(two.market.tick(two.now))
     assert two.status.state is State.RUNNING, "nobody has listened to its heartbeats"
     two.now += 0.5

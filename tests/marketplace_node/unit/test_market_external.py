@@ -8,8 +8,9 @@ import pytest
 from bt_agents_core.errors import Refused
 from market_harness import EXPRESS, GUIDE, PLAIN, Driver
 from marketplace_node.effects import Note, OpenCall, PublishAuction, SendGoal, State
-from marketplace_node.external_ranking.external_ranking_check import check_ranking, shown
+from marketplace_node.explanation.formatting import shown
 from marketplace_node.round.decision import AuctionOutcome, ClosedBy
+from marketplace_node.round.precedence import check_ranking
 from marketplace_node.settings import Settings
 
 
@@ -138,7 +139,7 @@ def test_a_stop_during_the_wait_ends_the_scene(market: Driver) -> None:
 
 def test_a_shutdown_during_the_wait_ends_the_scene(market: Driver) -> None:
     asked(market)
-    market.do(market.market.shut("the end", market.now))
+    market.do(market.market.shut_down("the end", market.now))
 
     assert market.ends == [("s1", "SHUTTING_DOWN")]
     assert market.status.state is State.IDLE
@@ -193,7 +194,7 @@ def test_a_switch_during_the_wait_acts_from_the_next_round_on(market: Driver) ->
 def test_a_market_that_is_held_up_waits_as_much_longer(market: Driver) -> None:
     asked(market)
     since, market.now = market.now, market.now + 30.0
-    market.do(market.market.excuse(since, market.now))
+    market.do(market.market.extend_after_stall(since, market.now))
     market.beat()
     market.ranked(EXPRESS)
 

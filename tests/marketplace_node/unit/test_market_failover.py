@@ -7,6 +7,7 @@ from typing import Any
 
 import pytest
 
+from bt_agents_core.stop_cause import StopCause
 from market_harness import GUIDE, Driver, scene
 from marketplace_node.effects import (
     AnnounceEarlierRun,
@@ -29,7 +30,7 @@ def run(**changes: Any) -> EarlierRun:
         "outcome": RunOutcome.CANCELLED,
         "scene": scene("old"),
         "message": "its market is gone",
-        "cut_off": True,
+        "stop_cause": StopCause.MARKET_LOST,
         "age_s": 1.0,
     }
     return EarlierRun(**(values | changes))
@@ -74,7 +75,7 @@ def test_a_run_that_was_cut_off_is_recorded_and_its_scene_asked_for_again(
 def test_a_run_that_ended_by_itself_ends_its_scene(
     market: Driver, outcome: RunOutcome, code: str
 ) -> None:
-    tell(market, run(outcome=outcome, message="done", cut_off=False))
+    tell(market, run(outcome=outcome, message="done", stop_cause=StopCause.NOT_STOPPED))
 
     (end,) = market.all(SceneEnded)
     assert (end.scene_id, end.code, end.agent, end.round) == ("old", code, GUIDE, 0)
@@ -105,7 +106,7 @@ def test_what_is_not_asked_for_again_says_why(
 
 
 def test_a_market_that_shuts_down_asks_for_nothing_again(market: Driver) -> None:
-    market.do(market.market.shut("the marketplace is shutting down", market.now))
+    market.do(market.market.shut_down("the marketplace is shutting down", market.now))
     tell(market, run())
 
     assert market.ends == [("old", "LOST")]
@@ -114,7 +115,7 @@ def test_a_market_that_shuts_down_asks_for_nothing_again(market: Driver) -> None
 
 def test_what_was_to_be_asked_for_again_ends_when_the_market_shuts_down(market: Driver) -> None:
     tell(market, run())
-    market.do(market.market.shut("shutting down", market.now))
+    market.do(market.market.shut_down("shutting down", market.now))
     market.wait(1.6)
 
     assert market.ends == [("old", "LOST"), ("old+again", "SHUTTING_DOWN")]
@@ -135,7 +136,12 @@ def test_nothing_is_asked_for_twice(market: Driver) -> None:
 
 
 def test_the_last_run_for_a_scene_says_how_it_ended(market: Driver) -> None:
-    follow_up = run(round=9, scene=scene("old+1"), outcome=RunOutcome.SUCCEEDED, cut_off=False)
+    follow_up = run(
+        round=9,
+        scene=scene("old+1"),
+        outcome=RunOutcome.SUCCEEDED,
+        stop_cause=StopCause.NOT_STOPPED,
+    )
     tell(market, run(round=8), follow_up)
 
     assert market.ends == [("old", "SUCCEEDED")]

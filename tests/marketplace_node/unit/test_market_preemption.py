@@ -161,7 +161,12 @@ def test_a_running_agent_whose_host_stays_silent_counts_as_infinitely_far() -> N
 
 def test_when_nobody_bids_the_run_goes_on(market: Driver) -> None:
     market.scene("s2")
-    market.bid(vectors={}, declined=dict.fromkeys((GUIDE, EXPRESS), "needs scene.person"), round=2)
+    market.bid(
+        vectors={},
+        declined=dict.fromkeys((GUIDE, EXPRESS), "needs scene.person"),
+        unmet=("scene.person", "scene.person"),
+        round=2,
+    )
 
     assert outcome(market) is AuctionOutcome.WAITS
     assert market.auction.decision.winner is None
@@ -361,7 +366,7 @@ def test_a_cancel_names_the_run_not_the_challenge(market: Driver) -> None:
 
 def test_shutting_down_ends_the_challenge_and_its_scene(market: Driver) -> None:
     market.scene("s2")
-    market.do(market.market.shut("shutting down", market.now))
+    market.do(market.market.shut_down("shutting down", market.now))
 
     assert market.ends == [("s2", "SHUTTING_DOWN")]
     assert market.auction.reason == "stopped before the round closed: shutting down"

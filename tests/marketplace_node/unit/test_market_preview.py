@@ -158,7 +158,7 @@ def test_only_so_many_previews_are_open_at_once(market: Driver) -> None:
 
 def test_a_market_that_shuts_down_ends_every_preview(market: Driver) -> None:
     market.preview()
-    market.do(market.market.shut("the end", market.now))
+    market.do(market.market.shut_down("the end", market.now))
 
     [ended] = market.previews
     assert isinstance(ended.outcome, Refused)

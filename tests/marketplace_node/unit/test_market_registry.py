@@ -46,7 +46,7 @@ def test_the_lease_of_a_host_begins_with_its_first_heartbeat_or_after_an_allowan
     registry.register(registration("/others", (PLAIN,)), 0.0)
     registry.beat("/others", "first", 0.1)
 
-    assert [entry.host for entry in registry.heard(0.2)] == ["/others"]
+    assert [entry.host for entry in registry.with_heartbeat(0.2)] == ["/others"]
     assert [entry.host for entry in registry.live(1.2)] == ["/agents"]
     assert [entry.host for entry in registry.live(0.99 + FIRST_BEAT_S)] == ["/agents"]
     assert registry.live(1.0 + FIRST_BEAT_S) == ()
@@ -149,7 +149,7 @@ def test_leases_are_renewed_when_nobody_listened_but_the_dead_stay_dead(
 ) -> None:
     registry.register(registration(), 0.0)
     registry.register(registration("/others", (PLAIN,)), 4.5)
-    registry.excuse(5.0, 9.0)
+    registry.extend_after_stall(5.0, 9.0)
 
     assert [entry.host for entry in registry.live(9.0)] == ["/others"]
     assert registry.live(9.6) == ()

@@ -22,7 +22,7 @@ def hold_up(market: Driver, lasted_s: float) -> None:
     """Let time pass without the market; what came meanwhile is read after this."""
     since = market.now
     market.now += lasted_s
-    market.do(market.market.excuse(since, market.now))
+    market.do(market.market.extend_after_stall(since, market.now))
     market.do(market.market.tick(market.now))
 
 
@@ -95,7 +95,7 @@ def test_feedback_that_is_kept_holds_nothing_up(market: Driver) -> None:
     market.do(market.market.scene(scene("s2"), market.now))
     market.end()
     assert market.status.state is State.COLLECTING
-    market.do(market.market.kept(1, market.now))
+    market.do(market.market.feedback_deferred(1, market.now))
 
     assert market.ends == [("s1", "SUCCEEDED")]
     assert market.end_words.endswith("feedback is kept until the feedback node is back")

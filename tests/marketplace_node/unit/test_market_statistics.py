@@ -7,7 +7,7 @@ import pytest
 
 from market_harness import EXPRESS, GUIDE, Driver
 from marketplace_node.effects import Alarm, Collect, PublishAuction
-from marketplace_node.operators.starvation import Starvation
+from marketplace_node.operators.statistics import Starvation
 from marketplace_node.registry import HostEntry
 from marketplace_node.round.decision import AuctionOutcome
 from marketplace_node.settings import Settings

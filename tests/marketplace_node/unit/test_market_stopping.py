@@ -46,7 +46,7 @@ def test_the_reason_of_a_stop_stands_alone_when_the_host_has_nothing_to_add(
 ) -> None:
     market.run()
     market.cancel("she says stop")
-    market.end(outcome=3, message="the market stopped it")
+    market.end(outcome=3, message="whatever it says", host_reason=False)
     assert market.all(AnnounceRun)[-1].message == "she says stop"
 
 
@@ -236,7 +236,7 @@ def test_a_known_scene_id_is_a_duplicate(market: Driver) -> None:
 def test_shutting_stops_the_run_and_gives_up_what_waits(market: Driver) -> None:
     market.run()
     market.scene("s2")
-    market.do(market.market.shut("shutting down", market.now))
+    market.do(market.market.shut_down("shutting down", market.now))
     market.scene("s3")
 
     assert market.ends == [("s2", "SHUTTING_DOWN"), ("s3", "SHUTTING_DOWN")]

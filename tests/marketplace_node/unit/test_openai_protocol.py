@@ -3,22 +3,27 @@
 
 from __future__ import annotations
 
+import gzip
 import json
 import math
 import socket
 import ssl
+import subprocess
+import sys
 import threading
 import time
 from collections.abc import Iterator
+from concurrent.futures import CancelledError
 from contextlib import suppress
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from bt_agents_core.errors import Refused
 from bt_agents_core.scene import SceneParameter, SceneSpace
 from market_harness import EXPRESS, GUIDE, SPACE, scene
-from marketplace_node.external_ranking.http_client import post
+from marketplace_node.external_ranking.http_client import HttpClient
 from marketplace_node.external_ranking.openai_protocol import (
     MOST_BYTES,
     Bidder,
@@ -58,6 +63,17 @@ ICzTDN6fHd1YZT8Z38tRSY1fGydH7+vcNEh6WZzDckFqAiEA825Hm0VQoqrmXh6J
 def server() -> Iterator[ModelServer]:
     with model_server() as running:
         yield running
+
+
+def post(
+    url: str, headers: dict[str, str], body: bytes, *, limit_s: float, most: int
+) -> tuple[int, bytes]:
+    client = HttpClient("http of a test")
+    try:
+        asked = client.post(url, headers, body, lambda *found: found, limit_s=limit_s, most=most)
+        return asked.result(timeout=30.0)
+    finally:
+        client.close()
 
 
 def ask(server: ModelServer, limit_s: float = 5.0) -> Ranking:
@@ -236,25 +252,58 @@ def test_a_name_that_nobody_looks_up_in_time_is_not_waited_for(
     assert took < 10.0
 
 
-def test_many_addresses_share_the_time(monkeypatch: pytest.MonkeyPatch) -> None:
-    limits: list[float] = []
+def test_several_requests_are_under_way_at_once(server: ModelServer) -> None:
+    together = threading.Barrier(3)
 
-    class Silent(socket.socket):
-        def settimeout(self, value: float | None) -> None:
-            limits.append(value or 0.0)
+    def reply(request: Any) -> None:
+        together.wait(10.0)
+        sends(completion(GOOD))(request)
 
-        def connect(self, address: object) -> None:
-            raise TimeoutError("no answer")
+    server.reply = reply
+    client = HttpClient("http of a test")
+    endpoint = Endpoint(base_url=server.url, model="small")
+    asked = [
+        client.post(
+            endpoint.url,
+            {},
+            b"{}",
+            lambda status, body: answer(status, body, BIDDERS),
+            limit_s=20.0,
+            most=MOST_BYTES,
+        )
+        for _ in range(3)
+    ]
+    assert [one.result(timeout=30.0).agents for one in asked] == [(EXPRESS, GUIDE)] * 3
+    client.close()
 
-    address = (socket.AF_INET, socket.SOCK_STREAM, 6, "", ("127.0.0.1", 9))
-    monkeypatch.setattr(socket, "getaddrinfo", lambda *_, **__: [address] * 4)
-    monkeypatch.setattr(socket, "socket", Silent)
-    with pytest.raises(Refused) as caught:
-        post("http://x.example/v1", {}, b"", limit_s=8.0, most=10)
 
-    assert caught.value.code == "TOO_LATE"
-    assert len(limits) == 4
-    assert limits[0] <= 2.0
+def test_what_is_under_way_is_given_up_when_the_client_is_closed(server: ModelServer) -> None:
+    server.reply = drips(b"HTTP/1.0 200 OK\r\n" * 100, server.ended)
+    client = HttpClient("http of a test")
+    url = Endpoint(base_url=server.url, model="small").url
+    asked = client.post(url, {}, b"{}", lambda *found: found, limit_s=60.0, most=10)
+    start = time.monotonic()
+    client.close()
+    with pytest.raises(CancelledError):
+        asked.result(timeout=10.0)
+    assert time.monotonic() - start < 5.0
+    client.close()
+
+
+def test_an_answer_is_not_unpacked(server: ModelServer) -> None:
+    packed = gzip.compress(b"x" * 1000)
+
+    def reply(request: Any) -> None:
+        request.send_response(200)
+        request.send_header("Content-Encoding", "gzip")
+        request.send_header("Content-Length", str(len(packed)))
+        request.end_headers()
+        request.wfile.write(packed)
+
+    server.reply = reply
+    url = Endpoint(base_url=server.url, model="small").url
+    assert post(url, {}, b"{}", limit_s=5.0, most=MOST_BYTES) == (200, packed)
+    assert server.headers[0]["Accept-Encoding"] == "identity"
 
 
 def test_a_name_that_cannot_be_in_a_certificate_is_refused(server: ModelServer) -> None:
@@ -297,3 +346,8 @@ def test_the_key_is_never_shown() -> None:
     endpoint = Endpoint(base_url="https://api.example.org/v1/", model="m", key="secret")
     assert "secret" not in repr(endpoint)
     assert endpoint.url == "https://api.example.org/v1/chat/completions"
+
+
+def test_the_market_starts_without_the_http_client() -> None:
+    code = "import sys; sys.modules['aiohttp'] = None; import marketplace_node.node"
+    subprocess.run([sys.executable, "-c", code], check=True, timeout=60.0)

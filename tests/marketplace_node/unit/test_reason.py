@@ -90,6 +90,7 @@ def test_decline_reasons_are_grouped() -> None:
     market.bid(
         vectors={},
         declined={GUIDE: "needs scene.person", EXPRESS: "needs scene.person", PLAIN: "is tired"},
+        unmet=("scene.person", "scene.person", ""),
     )
 
     assert market.auction.reason == (

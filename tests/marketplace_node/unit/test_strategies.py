@@ -15,7 +15,6 @@ from field_values import field, scored
 from marketplace_node.settings import Settings
 from marketplace_node.strategies import STRATEGIES, BatchRandomSource, order, round_rng
 from marketplace_node.strategies.distances import folded_mean
-from marketplace_node.strategies.error_function import erf
 
 NAN = math.nan
 GUIDE, EXPRESS, CHILD = (4.0, 1.5, 3.0), (3.0, 5.0, 3.5), (1.0, 2.0, 4.0)
@@ -60,12 +59,6 @@ def test_the_expected_distance_to_a_certain_value_is_the_distance() -> None:
     [[age, familiarity, mood]] = scored("expected_manhattan", unsure).contributions
     assert age == pytest.approx(math.sqrt(2 / math.pi), rel=1e-15)
     assert (familiarity, mood) == (3.0, 0.0)
-
-
-def test_the_error_function_is_that_of_python_to_the_last_digits() -> None:
-    values = np.concatenate([np.linspace(0.0, 8.0, 4001), 10.0 ** np.arange(-300, 9, 7)])
-
-    assert erf(values) == pytest.approx([math.erf(value) for value in values], abs=1e-15)
 
 
 @pytest.mark.parametrize("gap", [0.0, 0.3, -1.0, 2.5, -8.0, 60.0])

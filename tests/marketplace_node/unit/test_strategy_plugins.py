@@ -54,7 +54,7 @@ def package(tmp_path: Path) -> Path:
 
 def test_the_strategy_of_the_page_ranks_and_broken_ones_stop_nothing(package: Path) -> None:
     script = """
-        from market_driver import SPACE, scene
+        from market_harness import SPACE, scene
         from marketplace_node.round.ranking import decide
         from marketplace_node.strategies import STRATEGIES, add_installed
         from ranked_rounds import bids, terms

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from hypothesis import given
 from hypothesis import strategies as st
 
+from bt_agents_core.diagnostic import Position
 from bt_agents_core.scene import SceneParameter, SceneSpace
 from bt_agents_language.model.scene_specs import (
     AddresseeRule,
@@ -16,9 +17,7 @@ from bt_agents_language.model.scene_specs import (
     PersonsSpec,
     TrackedSpec,
 )
-from bt_agents_language.model.specs import Position
-from scene_layer.memory import Memory, Running, ignorance
-from scene_layer.memory_file import from_text, to_text
+from scene_layer.memory import Memory, Running, from_text, ignorance, to_text
 from scene_layer.persons import NOBODY, Persons
 
 HOLD_S = 1.0
@@ -67,8 +66,8 @@ def play(rule: AddresseeRule, crowd: list[Moment]) -> list[tuple[float, str, tup
     for moment in crowd:
         now += moment.after_s
         if moment.listed is not None:
-            persons.listed(moment.listed, now)
-        persons.look(dict(moment.ranks), now)
+            persons.receive_ids(moment.listed, now)
+        persons.update(dict(moment.ranks), now)
         told.append((now, persons.addressee, persons.tracked))
     return told
 
@@ -148,10 +147,10 @@ def test_what_is_kept_comes_back_to_the_last_digit(people, place):
         for number, (value, std, weight) in enumerate(measured):
             memory.measured(person, "age", value, std, weight, float(number))
         memory.left(person, place, known=True, now=100.0)
-    text = to_text(*memory.kept())
+    text = to_text(*memory.snapshot())
     again = Memory(SPACE)
-    again.remember(*from_text(text, SPACE, 100.0))
-    assert to_text(*again.kept()) == text
+    again.restore(*from_text(text, SPACE, 100.0))
+    assert to_text(*again.snapshot()) == text
     for person in (*people, "a stranger"):
         found = memory.estimate(person, place, "age", 200.0)
         assert again.estimate(person, place, "age", 200.0) == found

@@ -12,7 +12,8 @@ from hypothesis import strategies as st
 
 from bt_agents_core.errors import Refused
 from bt_agents_language.files.scene_reader import read_scene_text
-from scene_layer.sources import Sources, message_of
+from plain_message import message_of
+from scene_layer.sources import Sources
 
 SCENE = """
 format: 1

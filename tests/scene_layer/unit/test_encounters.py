@@ -10,11 +10,11 @@ import pytest
 from bt_agents_core.scene import Origin, Scene, SceneValue
 from bt_agents_language.files.scene_reader import read_scene_text
 from bt_agents_language.model.scene_specs import SceneSpec
-from scene_layer.encounters import AWAY_S, MOST_AWAY
-from scene_layer.memory import MOST_KNOWN, Memory
-from scene_layer.memory_file import from_text, to_text
+from plain_message import message_of
+from scene_layer.memory import MOST_KNOWN, Memory, from_text, to_text
+from scene_layer.persons import AWAY_S, MOST_AWAY
 from scene_layer.scene_estimator import SceneEstimator
-from scene_layer.sources import Sources, message_of
+from scene_layer.sources import Sources
 
 FACES = """
 format: 1
@@ -65,7 +65,7 @@ class Room:
         """Take a picture; what a face does not say is not in its item."""
         self.now = now
         crowd = self.estimate.encounters
-        crowd.listed(list(faces), now)
+        crowd.receive_ids(list(faces), now)
         for person in crowd.candidates:
             if person in faces:
                 self.read(person, faces[person])
@@ -85,7 +85,7 @@ class Room:
 
     def look(self, now: float | None = None) -> bool:
         self.now = self.now if now is None else now
-        return self.estimate.look(self.now, 1000.0 + self.now, self.running)
+        return self.estimate.update(self.now, 1000.0 + self.now, self.running)
 
     def announce(self, scene_id: str = "s", person: bool | None = None, **given: float) -> Scene:
         self.estimate.begin(scene_id, "", given, person, self.now)
@@ -223,7 +223,7 @@ def test_nothing_estimated_or_given_is_remembered():
         room.see(float(second), anna={"known": 1.0})
         room.scene()
     room.see(20.0)
-    assert room.memory.kept() == ({}, {})
+    assert room.memory.snapshot() == ({}, {})
 
 
 def test_a_reading_without_confidence_is_no_reading():
@@ -348,7 +348,7 @@ class Door:
         self.sources.read(ONE.person, message_of({"data": there}), now)
         if age is not None:
             self.sources.read(ONE.sources[0], message_of({"data": age}), now)
-        self.estimate.look(now, now, self.running)
+        self.estimate.update(now, now, self.running)
         [value] = self.estimate.scene("s", now=now, wall=now, stamp=0.0).values
         return f"{value.origin.name.lower()} {value.value:.3g} {value.source}".strip()
 
@@ -386,10 +386,10 @@ def test_a_person_who_is_forgotten_is_unknown_until_they_come_again():
     for second in range(3, 6):
         room.see(float(second), anna={"age": 5.0, "known": 1.0})
     room.see(6.0)
-    assert room.memory.kept()[0] == {}, "not remembered from the rest of this visit either"
+    assert room.memory.snapshot()[0] == {}, "not remembered from the rest of this visit either"
     room.see(400.0, anna={"age": 4.0, "known": 1.0})
     room.see(401.0)
-    assert set(room.memory.kept(room.estimate.encounters.known)[0]) == {"anna"}
+    assert set(room.memory.snapshot(room.estimate.encounters.known)[0]) == {"anna"}
 
 
 def test_a_place_can_be_forgotten():
@@ -397,7 +397,7 @@ def test_a_place_can_be_forgotten():
     room.see(0.0, face1={"age": 5.0})
     room.see(1.0)
     assert room.memory.forget(place="lobby")
-    assert room.memory.kept() == ({}, {})
+    assert room.memory.snapshot() == ({}, {})
 
 
 def test_whoever_was_not_seen_for_longest_is_forgotten_first():
@@ -407,7 +407,7 @@ def test_whoever_was_not_seen_for_longest_is_forgotten_first():
         memory.came(person, float(number))
         memory.measured(person, "age", 3.0, 0.0, 1.0, float(number))
         memory.left(person, f"place {number}", known=True, now=float(number))
-    persons, places = memory.kept()
+    persons, places = memory.snapshot()
     assert len(persons) == len(places) == MOST_KNOWN
     assert "p9" not in persons
     assert "p10" in persons
@@ -420,12 +420,12 @@ def test_who_is_known_by_name_outlives_a_restart_and_who_is_here_unnamed_does_no
     room = Room()
     for second in range(3):
         room.see(float(second), anna={"age": 5.0, "known": 1.0}, face7={"age": 1.0})
-    text = to_text(*room.memory.kept(room.estimate.encounters.known))
+    text = to_text(*room.memory.snapshot(room.estimate.encounters.known))
     persons, places = from_text(text, SPEC.space, 1e9)
     assert set(persons) == {"anna"}
     assert places == {}
     memory = Memory(SPEC.space)
-    memory.remember(persons, places)
+    memory.restore(persons, places)
     again = Room(memory)
     again.see(0.0, anna={})
     again.announce()
@@ -437,7 +437,7 @@ def test_ids_that_come_and_go_between_two_looks_leave_nothing_behind():
     room = Room()
     sources = room.sources
     for picture in range(40):
-        room.estimate.encounters.listed([f"face{picture}"], 0.01 * picture)
+        room.estimate.encounters.receive_ids([f"face{picture}"], 0.01 * picture)
         room.read(f"face{picture}", {"age": 3.0})
     room.look(0.5)
     assert sources.people == {"face39"}, "only who is listed still"
@@ -455,11 +455,11 @@ def test_a_tracker_that_loses_somebody_known_for_moments_does_not_make_more_visi
         room.see(float(second), face7={"age": 1.0})
         room.see(second + 1.0)
     assert room.estimate.encounters.known == {"anna"}
-    persons, places = room.memory.kept(room.estimate.encounters.known)
+    persons, places = room.memory.snapshot(room.estimate.encounters.known)
     assert (set(persons), persons["anna"].visits) == ({"anna"}, 1)
     assert places["lobby"].visits == 2
     room.look(119.0 + AWAY_S)
-    persons, places = room.memory.kept()
+    persons, places = room.memory.snapshot()
     assert places["lobby"].visits == 3
     assert persons["anna"].seen_at == 1119.0, "when they went, not when that was certain"
 
@@ -470,7 +470,7 @@ def test_of_many_who_are_out_of_sight_those_gone_for_longest_have_left():
         room.see(float(number), **{f"anna{number}": {"age": 5.0, "known": 1.0}})
     room.see(100.0)
     assert len(room.sources.people) == MOST_AWAY
-    assert room.memory.kept()[1]["lobby"].visits == 10
+    assert room.memory.snapshot()[1]["lobby"].visits == 10
 
 
 def test_of_a_person_who_is_lost_only_what_was_said_of_them_counts():
@@ -497,7 +497,7 @@ def test_the_room_alone_is_not_the_mood_of_somebody_nor_is_it_remembered():
     room.see(1.0, anna={"known": 1.0, "mood": 5.0})
     assert room.value("mood").value == 3.0
     room.see(2.0, anna={"known": 1.0, "mood": 5.0})
-    assert room.memory.kept({"anna"})[0]["anna"].values["mood"].mean == 5.0
+    assert room.memory.snapshot({"anna"})[0]["anna"].values["mood"].mean == 5.0
 
 
 def test_a_camera_of_thirty_pictures_a_second_counts_once_a_second_and_silence_not_at_all():

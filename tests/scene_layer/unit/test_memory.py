@@ -60,7 +60,7 @@ def test_what_is_kept_is_not_changed_by_what_comes_later():
     memory.came("anna", 0.0)
     memory.measured("anna", "age", 4.0, 0.0, 1.0, 0.0)
     memory.left("anna", "lobby", known=True, now=1.0)
-    persons, places = memory.kept()
+    persons, places = memory.snapshot()
     memory.came("anna", 2.0)
     memory.measured("anna", "age", 1.0, 0.0, 1.0, 3.0)
     memory.left("anna", "lobby", known=True, now=4.0)

@@ -12,14 +12,14 @@ import pytest
 
 from bt_agents_core.errors import BtAgentsError
 from bt_agents_core.scene import SceneParameter, SceneSpace
-from scene_layer import memory_file
+from scene_layer import memory
 from scene_layer.memory import MOST_KNOWN, KnownPerson, Running
 
 SPACE = SceneSpace(parameters=(SceneParameter(name="age", minimum=1.0, maximum=5.0, default=3.0),))
 ANNA = KnownPerson(
     visits=2, values={"age": Running(mean=4.0, scatter=0.5, weight=2.0, at=7.0)}, seen_at=8.0
 )
-GOOD = memory_file.to_text({"anna": ANNA}, {"lobby": ANNA})
+GOOD = memory.to_text({"anna": ANNA}, {"lobby": ANNA})
 
 
 NOW = 1000.0
@@ -27,36 +27,36 @@ NOW = 1000.0
 
 def test_what_is_written_is_read(tmp_path: Path) -> None:
     path = tmp_path / "state" / "memory.json"
-    assert memory_file.read(path, SPACE, NOW) == ({}, {})
-    memory_file.save(path, {"anna": ANNA}, {"lobby": ANNA})
+    assert memory.read_memory(path, SPACE, NOW) == ({}, {})
+    memory.save_memory(path, {"anna": ANNA}, {"lobby": ANNA})
     assert json.loads(path.read_text())["persons"]["anna"]["visits"] == 2
-    assert memory_file.read(path, SPACE, NOW) == ({"anna": ANNA}, {"lobby": ANNA})
+    assert memory.read_memory(path, SPACE, NOW) == ({"anna": ANNA}, {"lobby": ANNA})
     assert stat.S_IMODE(path.stat().st_mode) == 0o600
 
 
 def test_an_empty_file_is_an_empty_memory(tmp_path: Path) -> None:
     path = tmp_path / "memory.json"
     path.write_text(" \n")
-    assert memory_file.read(path, SPACE, NOW) == ({}, {})
+    assert memory.read_memory(path, SPACE, NOW) == ({}, {})
 
 
 def test_what_there_is_no_room_for_is_what_was_seen_longest_ago() -> None:
     persons = {f"p{at}": replace(ANNA, seen_at=float(at)) for at in range(100)}
     places = {"lobby": replace(ANNA, seen_at=98.5), "café": replace(ANNA, seen_at=0.5)}
-    text = memory_file.to_text(persons, places, 1000)
+    text = memory.to_text(persons, places, 1000)
     assert 900 < len(text.encode()) <= 1000
-    kept = memory_file.from_text(text, SPACE, NOW)
+    kept = memory.from_text(text, SPACE, NOW)
     count = len(kept[0])
     assert kept == ({f"p{at}": persons[f"p{at}"] for at in range(100 - count, 100)},
                     {"lobby": places["lobby"]})  # fmt: skip
-    assert memory_file.from_text(memory_file.to_text(persons, places), SPACE, NOW) == (
+    assert memory.from_text(memory.to_text(persons, places), SPACE, NOW) == (
         persons,
         places,
     )
 
 
 def test_what_a_wrong_clock_saw_in_the_future_was_seen_now() -> None:
-    persons, places = memory_file.from_text(GOOD, SPACE, 2.0)
+    persons, places = memory.from_text(GOOD, SPACE, 2.0)
     for known in (persons["anna"], places["lobby"]):
         assert (known.seen_at, known.values["age"].at) == (2.0, 2.0)
 
@@ -99,8 +99,8 @@ def changed(**person: object) -> str:
 def test_a_damaged_file_is_refused_as_a_whole(tmp_path: Path, text: str, words: str) -> None:
     path = tmp_path / "memory.json"
     path.write_text(text)
-    with pytest.raises(memory_file.DamagedMemoryError, match=words) as refused:
-        memory_file.read(path, SPACE, NOW)
+    with pytest.raises(memory.DamagedMemoryError, match=words) as refused:
+        memory.read_memory(path, SPACE, NOW)
     assert str(path) in str(refused.value)
     assert len(str(refused.value)) < 1000
 
@@ -108,12 +108,12 @@ def test_a_damaged_file_is_refused_as_a_whole(tmp_path: Path, text: str, words: 
 def test_a_file_that_is_no_text_any_more_or_too_large_is_damaged(tmp_path: Path) -> None:
     path = tmp_path / "memory.json"
     path.write_bytes(GOOD.replace("anna", "XXX").encode().replace(b"XXX", b"\xff\xfe\x00"))
-    with pytest.raises(memory_file.DamagedMemoryError, match="is not text"):
-        memory_file.read(path, SPACE, NOW)
+    with pytest.raises(memory.DamagedMemoryError, match="is not text"):
+        memory.read_memory(path, SPACE, NOW)
     with path.open("r+b") as opened:
-        opened.truncate(memory_file.MOST_BYTES + 1)
-    with pytest.raises(memory_file.DamagedMemoryError, match="bytes"):
-        memory_file.read(path, SPACE, NOW)
+        opened.truncate(memory.MOST_BYTES + 1)
+    with pytest.raises(memory.DamagedMemoryError, match="bytes"):
+        memory.read_memory(path, SPACE, NOW)
 
 
 @pytest.mark.parametrize(
@@ -124,19 +124,19 @@ def test_a_file_of_another_program_is_not_called_damaged(tmp_path: Path, content
     path = tmp_path / "ledger.sqlite"
     path.write_bytes(content)
     with pytest.raises(BtAgentsError, match=r"is not a memory.*name another file") as refused:
-        memory_file.read(path, SPACE, NOW)
-    assert not isinstance(refused.value, memory_file.DamagedMemoryError)
+        memory.read_memory(path, SPACE, NOW)
+    assert not isinstance(refused.value, memory.DamagedMemoryError)
 
 
 def test_a_folder_is_no_memory(tmp_path: Path) -> None:
     with pytest.raises(BtAgentsError, match="is a folder, expected a file") as refused:
-        memory_file.read(tmp_path, SPACE, NOW)
-    assert not isinstance(refused.value, memory_file.DamagedMemoryError)
+        memory.read_memory(tmp_path, SPACE, NOW)
+    assert not isinstance(refused.value, memory.DamagedMemoryError)
 
 
 def test_values_that_the_parameters_do_not_have_any_more_are_left_out() -> None:
     text = changed(values={"age": [9.0, 1.0, 1.0, 0.0], "gone": [1.0, 1.0, 1.0, 0.0]})
-    persons, _ = memory_file.from_text(text, SPACE, NOW)
+    persons, _ = memory.from_text(text, SPACE, NOW)
     assert persons["anna"].values == {}
 
 
@@ -144,7 +144,7 @@ def test_damaged_files_are_kept_aside_each_under_a_name_of_its_own(tmp_path: Pat
     path = tmp_path / "memory.json"
     for text in ("first", "second"):
         path.write_text(text)
-        memory_file.set_aside(path)
+        memory.set_aside(path)
     assert sorted((p.name, p.read_text()) for p in tmp_path.iterdir()) == [
         ("memory.json.damaged", "first"),
         ("memory.json.damaged1", "second"),

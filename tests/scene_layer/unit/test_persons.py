@@ -8,6 +8,7 @@ import math
 import numpy
 import pytest
 
+from bt_agents_core.diagnostic import Position
 from bt_agents_core.errors import Refused
 from bt_agents_language.model.scene_specs import (
     AddresseeRule,
@@ -15,7 +16,6 @@ from bt_agents_language.model.scene_specs import (
     PersonsSpec,
     TrackedSpec,
 )
-from bt_agents_language.model.specs import Position
 from scene_layer.persons import LONGEST_ID, MOST_PERSONS, NOBODY, Persons, check_id
 
 HERE = Position(file="scene.yaml", line=1, column=1)
@@ -183,8 +183,8 @@ def test_the_addressee(rule: str, steps: list[Step]) -> None:
     crowd = persons(rule)
     for now, ids, ranks, expected in steps:
         if ids is not None:
-            crowd.listed(ids.split(), now)
-        crowd.look(ranks, now)
+            crowd.receive_ids(ids.split(), now)
+        crowd.update(ranks, now)
         assert (now, crowd.addressee) == (now, expected)
 
 
@@ -200,19 +200,19 @@ def test_the_addressee(rule: str, steps: list[Step]) -> None:
 )
 def test_the_reason_is_in_words(rule, ids, ranks, words):
     crowd = persons(rule)
-    crowd.listed(ids.split(), 0.0)
-    crowd.look(ranks, 0.0)
+    crowd.receive_ids(ids.split(), 0.0)
+    crowd.update(ranks, 0.0)
     assert crowd.reason == words
 
 
 def test_the_reason_of_a_switch_and_of_a_loss():
     crowd = persons("nearest")
     for now in (0.0, 2.0, 3.0):
-        crowd.listed(["anna", "ben"], now)
-        crowd.look({"anna": 1.0, "ben": 1.5 if now < 1.0 else 0.5}, now)
+        crowd.receive_ids(["anna", "ben"], now)
+        crowd.update({"anna": 1.0, "ben": 1.5 if now < 1.0 else 0.5}, now)
     assert crowd.reason == "ben has been nearer than anna for 1 s"
-    crowd.listed([], 3.5)
-    crowd.look({}, 4.0)
+    crowd.receive_ids([], 3.5)
+    crowd.update({}, 4.0)
     assert (crowd.addressee, crowd.reason) == (NOBODY, "ben is gone")
 
 
@@ -220,8 +220,8 @@ def test_who_comes_and_who_goes_is_told_once():
     crowd = persons(lost_after=0.5)
     told = []
     for now, ids in [(0.0, "a b"), (0.1, "a b"), (0.2, "b"), (0.4, "b c"), (0.7, "b c")]:
-        crowd.listed(ids.split(), now)
-        moved = crowd.look({}, now)
+        crowd.receive_ids(ids.split(), now)
+        moved = crowd.update({}, now)
         told.append((" ".join(moved.came), " ".join(moved.gone)))
     assert told == [("a b", ""), ("", ""), ("", ""), ("c", ""), ("", "a")]
     assert crowd.tracked == ("b", "c")
@@ -233,12 +233,12 @@ def test_a_tracker_may_count_persons_instead_of_naming_them():
 
 def test_whoever_is_tracked_goes_before_those_who_are_not():
     crowd = persons()
-    crowd.listed(["anna"], 0.0)
-    crowd.look({}, 0.0)
+    crowd.receive_ids(["anna"], 0.0)
+    crowd.update({}, 0.0)
     others = [f"p{number}" for number in range(2 * MOST_PERSONS)]
-    crowd.listed([*others, "anna"], 1.0)
-    crowd.look({}, 1.0)
-    crowd.look({}, 1.6)
+    crowd.receive_ids([*others, "anna"], 1.0)
+    crowd.update({}, 1.0)
+    crowd.update({}, 1.6)
     assert crowd.addressee == "anna"
     assert len(crowd.tracked) == MOST_PERSONS
 
@@ -264,10 +264,10 @@ def test_a_hostile_id_is_refused_by_name_and_the_others_count(hostile, code):
     assert refused.value.code == code
     assert len(refused.value.reason) < 300
     crowd = persons()
-    problem = crowd.listed(["anna", hostile, "ben"], 0.0)
+    problem = crowd.receive_ids(["anna", hostile, "ben"], 0.0)
     assert problem is not None
     assert problem.code == code
-    crowd.look({}, 0.0)
+    crowd.update({}, 0.0)
     assert crowd.tracked == ("anna", "ben")
 
 
@@ -278,24 +278,24 @@ def test_any_other_text_is_an_id(usual):
 
 def test_an_id_that_stands_twice_is_one_person():
     crowd = persons()
-    problem = crowd.listed(["a", "b", "a"], 0.0)
+    problem = crowd.receive_ids(["a", "b", "a"], 0.0)
     assert problem is not None
     assert problem.code == "DUPLICATE_PERSON"
-    crowd.look({}, 0.0)
+    crowd.update({}, 0.0)
     assert crowd.tracked == ("a", "b")
 
 
 def test_of_ten_thousand_persons_the_first_are_tracked_and_stay():
     crowd = persons()
-    crowd.listed(["anna"], 0.0)
-    crowd.look({}, 0.0)
+    crowd.receive_ids(["anna"], 0.0)
+    crowd.update({}, 0.0)
     many = [f"p{number}" for number in range(10_000)]
-    problem = crowd.listed([*many, "anna"], 0.1)
+    problem = crowd.receive_ids([*many, "anna"], 0.1)
     assert problem is not None
     assert problem.code == "TOO_MANY"
-    crowd.look({}, 0.1)
+    crowd.update({}, 0.1)
     assert crowd.tracked == ("anna", *many[: MOST_PERSONS - 1])
-    crowd.listed(reversed([*many, "anna"]), 0.2)
-    crowd.look({}, 0.2)
+    crowd.receive_ids(reversed([*many, "anna"]), 0.2)
+    crowd.update({}, 0.2)
     assert len(crowd.tracked) == MOST_PERSONS
     assert crowd.addressee == "anna"

@@ -26,10 +26,10 @@ class Story:
         self.now = 7.0 + moment
         return self.view.now()
 
-    def see(self, moment: float, live: Scene) -> None:
+    def receive(self, moment: float, live: Scene) -> None:
         """Let a live scene come."""
         self.now = 7.0 + moment
-        self.view.see(live)
+        self.view.receive(live)
 
 
 @pytest.mark.parametrize(
@@ -46,20 +46,20 @@ def test_the_scene_as_awarded_counts_for_the_lease_and_is_stale_then(moment, sta
 def test_each_live_scene_counts_anew_for_the_lease(lease_s, moment, stale_s):
     story = Story(lease_s)
     live = scene(mood=1)
-    story.see(5.0, live)
+    story.receive(5.0, live)
     assert story.at(moment) == replace(live, stale_s=stale_s)
 
 
 def test_a_live_scene_after_a_silence_counts_at_once():
     story = Story()
     assert story.at(9.0).stale_s
-    story.see(9.0, scene(mood=2))
+    story.receive(9.0, scene(mood=2))
     assert story.at(9.5) == scene(mood=2)
 
 
 def test_a_live_scene_of_another_scene_neither_counts_nor_breaks_the_silence():
     story = Story()
-    story.see(0.75, replace(scene(mood=5), scene_id="another"))
+    story.receive(0.75, replace(scene(mood=5), scene_id="another"))
     assert story.at(1.5) == replace(AWARDED, stale_s=1.5)
 
 
@@ -135,7 +135,7 @@ def test_a_wait_says_once_that_it_is_stale_and_goes_on_when_the_scene_layer_is_b
     for silent_s in (1.1, 1.2, 1.3):
         stage.live = replace(stage.live, stale_s=silent_s)
         assert stage.after(0.1) == "running"
-    told = [message for _, message in stage.told("tree") if "stale" in message]
+    told = [message for _, message in stage.reports("tree") if "stale" in message]
     assert told == ["'live.mood' is stale: the scene layer has been silent for 1.1 s"]
     stage.live = replace(stage.live, stale_s=0.0)
     assert stage.after(0.1) == "running"

@@ -7,15 +7,16 @@ import math
 
 import pytest
 
+from bt_agents_core.diagnostic import Position
 from bt_agents_core.errors import Refused
 from bt_agents_core.scene import Origin, Scene, SceneParameter, SceneSpace, SceneValue
 from bt_agents_language.expression.expressions import parse_expression
 from bt_agents_language.model.scene_specs import SceneSpec, SourceSpec
-from bt_agents_language.model.specs import Position
+from plain_message import message_of
 from scene_layer.memory import Memory
 from scene_layer.run_tracker import LiveRun, RunTracker
 from scene_layer.scene_estimator import KEPT, SceneEstimator, check_given
-from scene_layer.sources import Sources, message_of
+from scene_layer.sources import Sources
 
 SPACE = SceneSpace(
     parameters=tuple(

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What trees ask of the feedback node: waited for a moment, kept until it has arrived."""
+"""Feedback of trees: waited for a moment, resent until the feedback node has answered."""
 
 from __future__ import annotations
 
@@ -12,17 +12,17 @@ from rclpy.node import Node
 
 from bt_agents.engine.environment import GIVE_FEEDBACK, GoalState
 from bt_agents_core.feedback import FeedbackKind
+from bt_agents_core.field_types import Plain
 from bt_agents_core.scene import SceneSpace
 from bt_agents_interfaces.msg import Scene as SceneMsg
 from bt_agents_interfaces.srv import GiveFeedback
-from bt_agents_language.model.specs import Plain
 from bt_agents_ros import qos
 from bt_agents_ros.outbox import Outbox
 
 WAIT_S = 1.0
-"""How long a leaf waits for the feedback node's answer [s]."""
+"""Longest wait of a leaf for the feedback node's answer [s]."""
 
-KEPT = "kept: the feedback node is away and gets it when it is back"
+STORED = "stored: the feedback node is away and gets it when it is back"
 """Message of feedback that nobody has answered yet."""
 
 
@@ -67,14 +67,14 @@ class FeedbackRequests:
             scene=self._scene(),
         )
         run = FeedbackRun()
-        self.outbox.put(request, lambda answer: self._answered(run, request, answer))
+        self.outbox.put(request, lambda answer: self._handle_answer(run, request, answer))
         return run
 
-    def _answered(self, run: FeedbackRun, request: Any, answer: Any | None) -> None:
+    def _handle_answer(self, run: FeedbackRun, request: Any, answer: Any | None) -> None:
         if answer is None:
-            return  # the outbox has said so
+            return  # the outbox has logged it
         waited_for = not run.state.ended
-        run.answered(answer)
+        run.handle_answer(answer)
         if waited_for:
             self._wake()
         elif not answer.accepted:
@@ -84,13 +84,13 @@ class FeedbackRequests:
 
 
 class FeedbackRun:
-    """Feedback on its way; after :data:`WAIT_S` nobody waits for it, but it still arrives."""
+    """Feedback that was sent; after :data:`WAIT_S` its leaf succeeds, but it still arrives."""
 
     feedback: Mapping[str, Plain] | None = None
-    """A service tells nothing on the way."""
+    """None: a service has no feedback."""
 
     confirmed = True
-    """No server goes on with it unseen: a tree has nothing to wait for at its end."""
+    """Nothing of it can be orphaned, so that a run need not wait for it."""
 
     def __init__(self) -> None:
         self.message = ""
@@ -100,13 +100,13 @@ class FeedbackRun:
 
     @property
     def state(self) -> GoalState:
-        """Where it is now; looking also notices that the time to wait is up."""
+        """Its current state; reading it compares the wait with the clock."""
         if not self._state.ended and time.monotonic() >= self._wait_until:
-            self._end(GoalState.SUCCEEDED, KEPT)
+            self._end(GoalState.SUCCEEDED, STORED)
         return self._state
 
-    def answered(self, answer: Any) -> None:
-        """Take the feedback node's answer."""
+    def handle_answer(self, answer: Any) -> None:
+        """Handle the feedback node's answer."""
         if answer.accepted:
             self._end(GoalState.SUCCEEDED)
         else:

@@ -1,20 +1,44 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Goals of actions and requests of services over rclpy, which never block a tick."""
+"""Goals of actions and requests of services over rclpy: state machine, client and deadlines."""
 
 from __future__ import annotations
 
+import math
 import weakref
+from collections import deque
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from typing import Any
 
 from action_msgs.msg import GoalStatus
 from action_msgs.srv import CancelGoal
+from rclpy.node import Node
 
-from bt_agents.engine.environment import GoalState
-from bt_agents.host.environment.goal_track import GoalTrack
-from bt_agents_language.model.specs import Plain
+from bt_agents.engine.environment import (
+    Clock,
+    GoalState,
+    SkillGoal,
+    no_acceptance,
+    no_result,
+    result_limit_s,
+    server_missing,
+)
+from bt_agents_core.field_types import BindingKind, Plain
 from bt_agents_ros.message_view import MessageView
+from bt_agents_ros.timers import steady_timer
+
+SECOND_POLL_S = 0.02
+"""Time between the poll that finds a heartbeat lost and the one that decides so [s].
+
+A process that was stalled itself finds its timers before the messages that came meanwhile.
+"""
+
+MOST_UNCONFIRMED = 100
+"""Most goals that were given up and are still remembered; then the oldest are abandoned."""
+
+_SEARCH_S = 0.02
+_GRAPH_S = 0.25
+_SHORTEST_S = 0.001
 
 _ENDS = {
     GoalStatus.STATUS_SUCCEEDED: GoalState.SUCCEEDED,
@@ -24,18 +48,200 @@ _ENDS = {
 _NOTHING: Mapping[str, Plain] = {}
 
 
-class _Sent:
-    """What goals and requests have in common.
+class GoalTrack:
+    """State machine of one goal of an action, or of one request of a service.
+
+    The client reports what the server does: :meth:`sent`, :meth:`accepted`, :meth:`ended` and so
+    on. :meth:`poll` compares that with the clock. What ends once stays ended for the leaf; what
+    comes later only confirms that the server has ended it too.
+
+    =================== ==================================== ============================
+    state               event                                next state
+    =================== ==================================== ============================
+    PENDING, not sent   no server in time                    UNREACHABLE, confirmed
+    PENDING, not sent   cancel                               CANCELLED, confirmed
+    PENDING             accepted                             ACTIVE
+    PENDING             rejected                             REJECTED, confirmed
+    PENDING             no acceptance in time                UNREACHABLE
+    ACTIVE              result                               as it says, confirmed
+    ACTIVE              no result in time                    TIMED_OUT
+    ACTIVE              no heartbeat, server not on graph    UNREACHABLE
+    PENDING, ACTIVE     cancel of an action                  the same until its server answers
+    PENDING, ACTIVE     cancel of a service                  CANCELLED, confirmed
+    =================== ==================================== ============================
+
+    Args:
+        goal: The goal or request.
+        steady: A clock that never stands still [s].
+        last_beat: Returns when the server's heartbeat was last received [s], minus infinity for
+            never; None where there is no heartbeat.
+
+    Attributes:
+        state: Its state for the leaf.
+        message: Reason of the state for people.
+        confirmed: See :class:`bt_agents.engine.environment.GoalRun`.
+    """
+
+    def __init__(
+        self, goal: SkillGoal, steady: Clock, last_beat: Callable[[], float] | None = None
+    ) -> None:
+        self.state = GoalState.PENDING
+        self.message = ""
+        self.confirmed = False
+        self._kind = goal.kind
+        self._timeouts = goal.timeouts
+        self._within_s = goal.heartbeat.within_s if goal.heartbeat is not None else math.inf
+        self._heartbeat_topic = goal.heartbeat.topic if goal.heartbeat is not None else ""
+        self._steady = steady
+        self._last_beat = last_beat
+        self._made_at = steady()
+        self._sent_at: float | None = None
+        self._accepted_at: float | None = None
+        self._seen_at = 0.0
+        self._silent_since: float | None = None
+        self._cancel_asked = False
+        self._cancel_sent = False
+
+    @property
+    def unsent(self) -> bool:
+        """True while it waits for its server to be found."""
+        return self._sent_at is None and not self.state.ended
+
+    def sent(self) -> None:
+        """Handle that it was sent; a service accepts every request."""
+        self._sent_at = self._steady()
+        if self._kind is not BindingKind.ACTION:
+            self.accepted()
+
+    def accepted(self) -> None:
+        """Handle its acceptance, which may come after it was given up."""
+        self._accepted_at = self._seen_at = self._steady()
+        if not self.state.ended:
+            self.state = GoalState.ACTIVE
+
+    def rejected(self) -> None:
+        """Handle its rejection."""
+        self._end(GoalState.REJECTED)
+        self.confirmed = True
+
+    def ended(self, state: GoalState, message: str = "") -> None:
+        """Handle its end, which may come after it was given up."""
+        self._end(state, message)
+        self.confirmed = True
+
+    def lost(self, message: str) -> None:
+        """Handle that its server will not answer any more, though it may go on."""
+        self._give_up(GoalState.UNREACHABLE, message)
+
+    def cancel(self) -> None:
+        """Ask for the end."""
+        self._cancel_asked = True
+        if self.state.ended:
+            return
+        if self._sent_at is None:
+            self.ended(GoalState.CANCELLED, "stopped before it was sent")
+        elif self._kind is not BindingKind.ACTION:
+            self.ended(GoalState.CANCELLED, "stopped before the answer")
+
+    def take_cancel(self) -> bool:
+        """Return whether a cancel has to be sent to the server now; True once only."""
+        due = (
+            self._accepted_at is not None
+            and not self.confirmed
+            and not self._cancel_sent
+            and (self._cancel_asked or self.state.ended)
+        )
+        self._cancel_sent = self._cancel_sent or due
+        return due
+
+    def poll(self, server_there: bool) -> None:
+        """Compare it with the clock.
+
+        Args:
+            server_there: Whether its server is on the graph.
+        """
+        if self.state.ended:
+            return
+        now, timeouts = self._steady(), self._timeouts
+        if self._sent_at is None:
+            if now >= self._made_at + timeouts.server_s:
+                self.ended(GoalState.UNREACHABLE, server_missing(timeouts.server_s))
+        elif self._accepted_at is None:
+            if now >= self._sent_at + timeouts.accept_s:
+                self._give_up(GoalState.UNREACHABLE, no_acceptance(timeouts.accept_s))
+        else:
+            self._poll_server(now, self._accepted_at, server_there)
+
+    @property
+    def due(self) -> float:
+        """When to poll again at the latest, on the steady clock [s]; infinite for never."""
+        if self.state.ended:
+            return math.inf
+        if self._sent_at is None:
+            return self._steady() + _SEARCH_S
+        if self._accepted_at is None:
+            return self._sent_at + self._timeouts.accept_s
+        beat_by = self._last_sign_of_life(self._accepted_at) + self._within_s
+        if self._silent_since is not None:
+            beat_by = self._silent_since + SECOND_POLL_S
+        answered_by = self._accepted_at + result_limit_s(self._kind, self._timeouts)
+        return min(beat_by, answered_by, self._steady() + _GRAPH_S)
+
+    def _poll_server(self, now: float, accepted_at: float, server_there: bool) -> None:
+        limit_s = result_limit_s(self._kind, self._timeouts)
+        if now >= accepted_at + limit_s:
+            self._give_up(GoalState.TIMED_OUT, no_result(self._kind, limit_s))
+            return
+        silent_s = now - self._last_sign_of_life(accepted_at)
+        if silent_s < self._within_s:
+            self._silent_since = None
+        elif self._silent_since is None:
+            self._silent_since = now
+        elif now >= self._silent_since + SECOND_POLL_S:
+            self._give_up(GoalState.UNREACHABLE, self._silence(silent_s))
+            return
+        if server_there:
+            self._seen_at = now
+        elif now >= self._seen_at + self._timeouts.server_s:
+            self._give_up(
+                GoalState.UNREACHABLE,
+                f"its server has left the graph (gone for {self._timeouts.server_s:g} s)",
+            )
+
+    def _silence(self, silent_s: float) -> str:
+        text = f"no heartbeat for {silent_s:.1f} s"
+        if self._last_beat is not None and self._last_beat() == -math.inf:
+            text += f", nor ever one on {self._heartbeat_topic}"
+        return f"its server has gone silent ({text})"
+
+    def _last_sign_of_life(self, accepted_at: float) -> float:
+        if self._last_beat is None:
+            return accepted_at
+        return max(accepted_at, self._last_beat())
+
+    def _give_up(self, state: GoalState, message: str) -> None:
+        self._end(state, message)
+        # Of a request nothing can be stopped; a goal may go on.
+        self.confirmed = self.confirmed or self._kind is not BindingKind.ACTION
+
+    def _end(self, state: GoalState, message: str = "") -> None:
+        if not self.state.ended:
+            self.state = state
+            self.message = message
+
+
+class SentGoal:
+    """Base of the clients of one goal or one request; sends it when its server appears.
 
     Args:
         client: Client of the action or service.
         message: The goal or request.
-        track: Says where it is.
-        rearm: Called when it may have to be looked at earlier than before.
-        wake: Called when there is news for its leaf, or for the run that waits for its end.
+        track: Its state machine.
+        reschedule: Called when its deadline may have changed.
+        wake: Called when it has ended for its leaf, or is confirmed ended.
 
     Attributes:
-        client: The same.
+        client: See above.
     """
 
     def __init__(
@@ -44,22 +250,22 @@ class _Sent:
         message: Any,
         track: GoalTrack,
         *,
-        rearm: Callable[[], None],
+        reschedule: Callable[[], None],
         wake: Callable[[], None],
     ) -> None:
         self.client = client
         self._message = message
         self._track = track
-        self._rearm = rearm
+        self._reschedule = reschedule
         self._wake = wake
         self._result = _NOTHING
         self._futures: list[Any] = []
-        self.look()
+        self.poll()
 
     @property
     def state(self) -> GoalState:
-        """Where it is now; looking also notices a server that appeared or a time that is up."""
-        self.look()
+        """Its current state; reading it polls the server and the clock."""
+        self.poll()
         return self._track.state
 
     @property
@@ -69,7 +275,7 @@ class _Sent:
 
     @property
     def message(self) -> str:
-        """Why it is where it is, in words."""
+        """Reason of the state for people."""
         return self._track.message
 
     @property
@@ -84,24 +290,24 @@ class _Sent:
 
     @property
     def due(self) -> float:
-        """When to look again at the latest, on the steady clock [s]; infinite for never."""
+        """When to poll again at the latest, on the steady clock [s]; infinite for never."""
         return self._track.due
 
-    def forget(self) -> None:
-        """Wait for no word of its server any more."""
+    def abandon(self) -> None:
+        """Discard every later answer of its server."""
         for future in self._futures:
             if not future.done():
                 future.cancel()
 
-    def look(self) -> None:
+    def poll(self) -> None:
         """Compare it with the clock, and send it as soon as its server is there."""
         if self._track.state.ended:
             return
-        there = self._there()
-        with self._news():
+        there = self._server_ready()
+        with self._transition():
             if there and self._track.unsent:
                 self._try_to_send()
-            self._track.look(there)
+            self._track.poll(there)
 
     def _try_to_send(self) -> None:
         try:
@@ -110,53 +316,53 @@ class _Sent:
             self._track.ended(GoalState.UNREACHABLE, f"it cannot be sent: {error}")
 
     @contextmanager
-    def _news(self) -> Iterator[None]:
-        """Draw the conclusions from what happens inside."""
+    def _transition(self) -> Iterator[None]:
+        """Follow up a transition of the track inside: send a cancel, reschedule, wake."""
         before = (self._track.state.ended, self._track.confirmed)
         yield
-        self._obey()
-        self._rearm()
+        self._follow_up()
+        self._reschedule()
         if (self._track.state.ended, self._track.confirmed) != before:
             self._wake()
 
-    def _there(self) -> bool:
+    def _server_ready(self) -> bool:
         raise NotImplementedError
 
     def _send(self) -> None:
         raise NotImplementedError
 
-    def _obey(self) -> None:
-        """Do what its new state asks for."""
+    def _follow_up(self) -> None:
+        """Act on a new state."""
 
     def _expect(self, future: Any, then: Callable[[Any], None]) -> None:
-        """Go on with an answer when it is there, which may be long after anybody waits for it."""
+        """Handle an answer when it comes, which may be after the goal was given up."""
         self._futures.append(future)
 
-        def answered(future: Any) -> None:
+        def handle(future: Any) -> None:
             if future not in self._futures or future.cancelled():
                 return
             self._futures.remove(future)
-            with self._news():
+            with self._transition():
                 error = future.exception()
                 if error is not None:
                     self._track.lost(f"its answer cannot be read: {error}")
                 else:
                     then(future.result())
 
-        future.add_done_callback(answered)
+        future.add_done_callback(handle)
 
 
-class RosGoalRun(_Sent):
+class RosGoalRun(SentGoal):
     """A goal of an action.
 
     Args:
         client: The action client.
         message: The goal.
-        track: Says where it is.
-        rearm: As for every goal and request.
-        wake: The same.
-        feedback: Whether its feedback is listened to.
-        warn: Is told in words when the server refuses to stop.
+        track: Its state machine.
+        reschedule: See :class:`SentGoal`.
+        wake: See :class:`SentGoal`.
+        feedback: Whether to subscribe to its feedback.
+        warn: Called with a text when the server refuses a cancel.
     """
 
     def __init__(
@@ -165,7 +371,7 @@ class RosGoalRun(_Sent):
         message: Any,
         track: GoalTrack,
         *,
-        rearm: Callable[[], None],
+        reschedule: Callable[[], None],
         wake: Callable[[], None],
         feedback: bool,
         warn: Callable[[str], None],
@@ -174,7 +380,7 @@ class RosGoalRun(_Sent):
         self._wants_feedback = feedback
         self._feedback: MessageView | None = None
         self._warn = warn
-        super().__init__(client, message, track, rearm=rearm, wake=wake)
+        super().__init__(client, message, track, reschedule=reschedule, wake=wake)
 
     @property
     def feedback(self) -> Mapping[str, Plain] | None:
@@ -183,19 +389,19 @@ class RosGoalRun(_Sent):
 
     def cancel(self) -> None:
         """Ask for the end; a goal not accepted yet is cancelled on acceptance."""
-        with self._news():
+        with self._transition():
             self._track.cancel()
 
-    def _there(self) -> bool:
+    def _server_ready(self) -> bool:
         return bool(self.client.server_is_ready())
 
     def _send(self) -> None:
-        listener = _listener(self) if self._wants_feedback else None
-        future = self.client.send_goal_async(self._message, feedback_callback=listener)
+        callback = _feedback_callback(self) if self._wants_feedback else None
+        future = self.client.send_goal_async(self._message, feedback_callback=callback)
         self._track.sent()
         self._expect(future, self._answered)
 
-    def _obey(self) -> None:
+    def _follow_up(self) -> None:
         if self._track.take_cancel():
             self._expect(self._handle.cancel_goal_async(), self._cancel_answered)
 
@@ -220,28 +426,28 @@ class RosGoalRun(_Sent):
         self._result = MessageView(response.result)
         self._track.ended(state)
 
-    def hear(self, message: Any) -> None:
-        """Take feedback."""
+    def handle_feedback(self, message: Any) -> None:
+        """Store feedback for the leaf."""
         if not self._track.state.ended:
             self._feedback = MessageView(message.feedback)
             self._wake()
 
 
-class RosRequest(_Sent):
+class RosRequest(SentGoal):
     """A request of a service."""
 
     def cancel(self) -> None:
-        """Wait for the answer no more."""
-        with self._news():
+        """Stop waiting for the answer."""
+        with self._transition():
             self._track.cancel()
 
-    def forget(self) -> None:
-        """Wait for no answer any more; one that comes is discarded."""
+    def abandon(self) -> None:
+        """Discard the answer."""
         for future in self._futures:
             self.client.remove_pending_request(future)
         self._futures.clear()
 
-    def _there(self) -> bool:
+    def _server_ready(self) -> bool:
         return bool(self.client.service_is_ready())
 
     def _send(self) -> None:
@@ -249,9 +455,9 @@ class RosRequest(_Sent):
         self._track.sent()
         self._expect(future, self._answered)
 
-    def _obey(self) -> None:
+    def _follow_up(self) -> None:
         if self._track.state.ended:
-            self.forget()
+            self.abandon()
 
     def _answered(self, response: Any) -> None:
         if not self._track.state.ended:
@@ -259,13 +465,60 @@ class RosRequest(_Sent):
             self._track.ended(GoalState.SUCCEEDED)
 
 
-def _listener(goal: RosGoalRun) -> Callable[[Any], None]:
-    """Return a callback for feedback, which rclpy keeps for ever when a goal is rejected."""
+def _feedback_callback(goal: RosGoalRun) -> Callable[[Any], None]:
+    """Return a callback for feedback; rclpy keeps it for ever when a goal is rejected."""
     known = weakref.ref(goal)
 
-    def hear(message: Any) -> None:
+    def handle(message: Any) -> None:
         goal = known()
         if goal is not None:
-            goal.hear(message)
+            goal.handle_feedback(message)
 
-    return hear
+    return handle
+
+
+class GoalDeadlines:
+    """One steady timer for the earliest deadline of all open goals.
+
+    Args:
+        node: The host's node.
+        steady: A clock that never stands still [s].
+    """
+
+    def __init__(self, node: Node, steady: Clock) -> None:
+        self._steady = steady
+        self._open: list[SentGoal] = []
+        self._unconfirmed: deque[SentGoal] = deque()
+        self._timer = steady_timer(node, 1.0, self._poll, running=False)
+
+    def add(self, goal: SentGoal) -> None:
+        """Track a goal from now on."""
+        self._open.append(goal)
+        self.reschedule()
+
+    def clients(self) -> list[Any]:
+        """Return the clients of all goals whose end is not confirmed."""
+        self._drop_confirmed()
+        return [goal.client for goal in (*self._open, *self._unconfirmed)]
+
+    def reschedule(self) -> None:
+        """Set the timer to the earliest deadline."""
+        self._drop_confirmed()
+        due = min((goal.due for goal in self._open), default=math.inf)
+        if due == math.inf:
+            self._timer.cancel()
+            return
+        self._timer.timer_period_ns = int(max(due - self._steady(), _SHORTEST_S) * 1e9)
+        self._timer.reset()
+
+    def _poll(self) -> None:
+        for goal in list(self._open):
+            goal.poll()
+        self.reschedule()
+
+    def _drop_confirmed(self) -> None:
+        self._unconfirmed.extend(goal for goal in self._open if goal.due == math.inf)
+        self._open = [goal for goal in self._open if goal.due < math.inf]
+        self._unconfirmed = deque(goal for goal in self._unconfirmed if not goal.confirmed)
+        while len(self._unconfirmed) > MOST_UNCONFIRMED:
+            self._unconfirmed.popleft().abandon()

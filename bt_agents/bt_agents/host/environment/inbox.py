@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Topics that leaves wait for: heard only meanwhile, or, when latched, from the start."""
+"""Subscriptions of leaves that wait: only meanwhile, or, when latched, from the start."""
 
 from __future__ import annotations
 
@@ -9,19 +9,19 @@ from typing import Any
 
 from rclpy.node import Node
 
-from bt_agents_language.model.specs import Plain
+from bt_agents_core.field_types import Plain
 from bt_agents_ros import qos
 from bt_agents_ros.message_view import MessageView
 
 DEPTH = 100
-"""Messages that an inbox keeps; of more the oldest are dropped."""
+"""Most messages of an inbox; then the oldest are dropped."""
 
 
 class TopicInbox:
     """Messages of a topic for one leaf.
 
     Args:
-        on_close: Called with the inbox when nobody listens any more.
+        on_close: Called with the inbox when it is closed.
     """
 
     def __init__(self, on_close: Callable[[TopicInbox], None]) -> None:
@@ -29,7 +29,7 @@ class TopicInbox:
         self._on_close: Callable[[TopicInbox], None] | None = on_close
 
     def put(self, message: Any) -> None:
-        """Take a message in."""
+        """Append a message."""
         self._messages.append(message)
 
     def take(self) -> Mapping[str, Plain] | None:
@@ -37,14 +37,14 @@ class TopicInbox:
         return MessageView(self._messages.popleft()) if self._messages else None
 
     def close(self) -> None:
-        """Stop listening."""
+        """Unsubscribe."""
         if self._on_close is not None:
             on_close, self._on_close = self._on_close, None
             on_close(self)
 
 
 def open_inbox(node: Node, topic: str, kind: Any, wake: Callable[[], None]) -> TopicInbox:
-    """Return an inbox of a topic from now on; nothing is subscribed to before or afterwards.
+    """Return an inbox of a topic, which is subscribed to until the inbox is closed.
 
     Args:
         node: The host's node.
@@ -53,23 +53,23 @@ def open_inbox(node: Node, topic: str, kind: Any, wake: Callable[[], None]) -> T
         wake: Called when a message has come.
     """
 
-    def take_in(message: Any) -> None:
+    def receive(message: Any) -> None:
         inbox.put(message)
         wake()
 
-    subscription = node.create_subscription(kind, topic, take_in, qos.SENSOR)
+    subscription = node.create_subscription(kind, topic, receive, qos.SENSOR)
     inbox = TopicInbox(lambda _inbox: node.destroy_subscription(subscription))
     return inbox
 
 
 class LatchedTopic:
-    """A topic whose publisher keeps its last message; subscribed to until it is closed.
+    """A topic with a transient-local publisher; subscribed to until it is closed.
 
     Args:
         node: The host's node.
         topic: ROS name.
         kind: Class of the messages.
-        wake: Called when a message has come that somebody waits for.
+        wake: Called when a message has come while an inbox is open.
     """
 
     def __init__(self, node: Node, topic: str, kind: Any, wake: Callable[[], None]) -> None:
@@ -77,7 +77,7 @@ class LatchedTopic:
         self._wake = wake
         self._last: Any = None
         self._inboxes: list[TopicInbox] = []
-        self._subscription = node.create_subscription(kind, topic, self._take_in, qos.FACTS)
+        self._subscription = node.create_subscription(kind, topic, self._receive, qos.FACTS)
 
     def open(self) -> TopicInbox:
         """Return an inbox that begins with the last message, if there was one."""
@@ -88,10 +88,10 @@ class LatchedTopic:
         return inbox
 
     def close(self) -> None:
-        """Stop listening."""
+        """Unsubscribe."""
         self._node.destroy_subscription(self._subscription)
 
-    def _take_in(self, message: Any) -> None:
+    def _receive(self, message: Any) -> None:
         self._last = message
         for inbox in self._inboxes:
             inbox.put(message)

@@ -12,24 +12,25 @@ from rclpy.node import Node
 
 from bt_agents.engine.environment import Clock, GoalRun, Inbox, SkillGoal
 from bt_agents.host.environment.feedback_requests import FeedbackRequests
-from bt_agents.host.environment.goal import RosGoalRun, RosRequest
-from bt_agents.host.environment.goal_deadlines import GoalDeadlines, Heartbeats
-from bt_agents.host.environment.goal_track import GoalTrack
+from bt_agents.host.environment.goal import GoalDeadlines, GoalTrack, RosGoalRun, RosRequest
+from bt_agents.host.environment.heartbeat import Heartbeats
 from bt_agents.host.environment.inbox import LatchedTopic, open_inbox
 from bt_agents.host.environment.tree_clock import TreeClock
 from bt_agents_core.feedback import FeedbackKind
+from bt_agents_core.field_types import BindingKind
 from bt_agents_core.scene import SceneSpace
 from bt_agents_interfaces.msg import Scene as SceneMsg
-from bt_agents_language.model.specs import Binding, BindingKind, Literal, NodeSpec
+from bt_agents_language.model.specs import Binding, NodeSpec
+from bt_agents_language.nodes.catalogue import type_of
 from bt_agents_ros import qos
 from bt_agents_ros.types import fill, load_type
 
 
 class RosEnvironment:
-    """What the trees of one host reach through its node.
+    """Environment of the trees of one host: clients, publishers and subscriptions of its node.
 
     Args:
-        node: The host's node; clients are made once a name and kept.
+        node: The host's node; there is one client for each name.
         wake: Called when something has arrived that a leaf may wait for.
         space: The scene parameters.
         agent: Returns the name of the agent whose tree is running.
@@ -57,7 +58,7 @@ class RosEnvironment:
         self._agent = agent
         self._scene = scene
         self._steady = steady
-        self._lookout = GoalDeadlines(node, steady)
+        self._deadlines = GoalDeadlines(node, steady)
         self._heartbeats = Heartbeats(node, steady)
         self._clients: dict[tuple[BindingKind, str, str], Any] = {}
         self._publishers: dict[tuple[str, str], Any] = {}
@@ -65,38 +66,40 @@ class RosEnvironment:
         self._feedback: FeedbackRequests | None = None
 
     def prepare(self, spec: NodeSpec) -> None:
-        """Make what a node will use ahead of its first use, so that discovery is over by then.
+        """Create what a node will use ahead of its first use, so that discovery is over by then.
 
-        What cannot be made is said in the log; the node fails when it is its turn.
+        What cannot be created is logged; the node fails when it is ticked.
         """
         try:
-            if spec.skill is not None and spec.skill.binding is not None:
-                self._prepare_binding(spec.skill.binding)
-            elif spec.kind == "give_feedback":
+            resources = type_of(spec).resources(spec)
+            if resources.binding is not None:
+                self._prepare_binding(resources.binding)
+            if resources.feedback:
                 self._feedback_requests()
-            elif spec.kind == "wait_for" and _constant(spec, "latched") is True:
-                self._latched_topic(str(_constant(spec, "topic")), str(_constant(spec, "type")))
+            if resources.latched and resources.topic is not None:
+                self._latched_topic(*resources.topic)
         except Exception as error:
             self._node.get_logger().warning(f"{spec.path}, {spec.position}: {error}")
 
-    def keep(self, specs: Iterable[NodeSpec]) -> None:
-        """Drop what was made for nodes that are no more; to be called while no tree runs.
+    def retain(self, specs: Iterable[NodeSpec]) -> None:
+        """Destroy what was created for nodes that are no more; called while no tree runs.
 
-        A goal whose end is not confirmed yet keeps its client until the next call.
+        A goal whose end is not confirmed yet holds its client until the next call.
 
         Args:
-            specs: Every node that there is.
+            specs: All nodes.
         """
         clients, publishers, latched, beats = set(), set(), set(), set()
         for spec in specs:
-            if spec.skill is not None and (binding := spec.skill.binding) is not None:
+            resources = type_of(spec).resources(spec)
+            if (binding := resources.binding) is not None:
                 clients.add((binding.kind, binding.name, binding.type))
                 publishers.add((binding.name, binding.type))
                 if binding.heartbeat is not None:
                     beats.add((binding.heartbeat.topic, binding.heartbeat.type))
-            elif spec.kind == "wait_for":
-                latched.add((str(_constant(spec, "topic")), str(_constant(spec, "type"))))
-        in_use = self._lookout.clients()
+            if resources.topic is not None:
+                latched.add(resources.topic)
+        in_use = self._deadlines.clients()
         for key in [key for key in self._clients if key not in clients]:
             if self._clients[key] not in in_use:
                 self._drop_client(key)
@@ -104,7 +107,7 @@ class RosEnvironment:
             self._node.destroy_publisher(self._publishers.pop(name))
         for name in self._latched.keys() - latched:
             self._latched.pop(name).close()
-        self._heartbeats.keep(beats)
+        self._heartbeats.retain(beats)
 
     def send(self, goal: SkillGoal) -> GoalRun:
         """Send a goal or request.
@@ -117,7 +120,7 @@ class RosEnvironment:
         is_action = goal.kind is BindingKind.ACTION
         message = kind.Goal() if is_action else kind.Request()
         fill(message, goal.fields)
-        beat = self._heartbeats.listen(goal.heartbeat) if goal.heartbeat is not None else None
+        beat = self._heartbeats.subscribe(goal.heartbeat) if goal.heartbeat is not None else None
         track = GoalTrack(goal, self._steady, beat)
         run: RosGoalRun | RosRequest
         if is_action:
@@ -125,14 +128,16 @@ class RosEnvironment:
                 client,
                 message,
                 track,
-                rearm=self._lookout.rearm,
+                reschedule=self._deadlines.reschedule,
                 wake=self._wake,
                 feedback=goal.feedback,
-                warn=lambda words: self._node.get_logger().warning(f"{goal.name}: {words}"),
+                warn=lambda text: self._node.get_logger().warning(f"{goal.name}: {text}"),
             )
         else:
-            run = RosRequest(client, message, track, rearm=self._lookout.rearm, wake=self._wake)
-        self._lookout.add(run)
+            run = RosRequest(
+                client, message, track, reschedule=self._deadlines.reschedule, wake=self._wake
+            )
+        self._deadlines.add(run)
         return run
 
     def publish(self, goal: SkillGoal) -> None:
@@ -146,7 +151,7 @@ class RosEnvironment:
         self._publisher(goal.name, goal.type).publish(message)
 
     def watch(self, topic: str, type_name: str, *, latched: bool = False) -> Inbox:
-        """Listen to a topic; if it is latched, its last message from before comes first.
+        """Subscribe to a topic; if it is latched, its last message from before comes first.
 
         Raises:
             Refused: ``UNKNOWN_TYPE``.
@@ -174,7 +179,7 @@ class RosEnvironment:
         return self._feedback_requests().give(kind, values, reason)
 
     def close(self) -> None:
-        """Leave the actions, which a node does not do; say which feedback has never arrived."""
+        """Destroy the action clients, which a node does not do; log undelivered feedback."""
         for (kind, _, _), client in self._clients.items():
             if kind is BindingKind.ACTION:
                 client.destroy()
@@ -188,7 +193,7 @@ class RosEnvironment:
         else:
             self._client(binding.kind, binding.name, binding.type)
         if binding.heartbeat is not None:
-            self._heartbeats.listen(binding.heartbeat)
+            self._heartbeats.subscribe(binding.heartbeat)
 
     def _client(self, kind: BindingKind, name: str, type_name: str) -> Any:
         key = (kind, name, type_name)
@@ -236,8 +241,3 @@ class RosEnvironment:
                 self._node, self._wake, space=self._space, agent=self._agent, scene=self._scene
             )
         return self._feedback
-
-
-def _constant(spec: NodeSpec, field: str) -> object:
-    value = spec.fields.get(field)
-    return value.value if isinstance(value, Literal) else None

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The clock of trees: simulated when the node is told so, and never going backwards."""
+"""Clock of the trees: steady, or simulated under ``use_sim_time``, never going backwards."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class TreeClock:
 
     def __call__(self) -> float:
         """Return the time [s]."""
-        source, raw = self._look()
+        source, raw = self._read()
         if source is not self._source or raw + self._offset < self._last:
             self._source = source
             self._offset = self._last - raw
@@ -42,15 +42,15 @@ class TreeClock:
         return self._last
 
     def obstacle(self) -> str:
-        """Return why time stands still, in words; empty when it passes."""
-        source, _ = self._look()
+        """Return why time stands still; empty when it passes."""
+        source, _ = self._read()
         if source is _Source.STEADY:
             return ""
         if source is _Source.NOT_YET or not self._node.count_publishers("/clock"):
             return "use_sim_time is set, but nothing publishes /clock"
         return ""
 
-    def _look(self) -> tuple[_Source, float]:
+    def _read(self) -> tuple[_Source, float]:
         clock = self._node.get_clock()
         if not clock.ros_time_is_active:
             return _Source.STEADY, time.monotonic()

@@ -4,9 +4,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 from bt_agents_core.scene import SceneSpace
+from bt_agents_core.text import ellipsize
 from bt_agents_language.files.agent_file import AgentFile
 from bt_agents_language.model.quantities import spoken
 from bt_agents_language.model.specs import AgentSpec, Tunable
@@ -52,10 +53,9 @@ def compare(before: AgentFile, after: AgentFile, space: SceneSpace) -> AgentChan
     if not parts:
         same = before.text == after.text
         parts = ["only places in files differ" if same else "only comments or layout changed"]
-    joined = "; ".join(parts)
-    if len(joined) > _LONGEST:
-        joined = joined[: _LONGEST - 1] + "…"
-    return AgentChange(text=joined, changes_tree=bool(tree or clean_up or typed))
+    return AgentChange(
+        text=ellipsize("; ".join(parts), _LONGEST), changes_tree=bool(tree or clean_up or typed)
+    )
 
 
 def _types(spec: AgentSpec) -> dict[str, object]:
@@ -91,12 +91,6 @@ def _range(tunable: Tunable) -> tuple[float | None, float | None, float]:
 
 
 def _others(old: AgentSpec, new: AgentSpec) -> Iterable[tuple[str, object, object]]:
-    def rules(spec: AgentSpec) -> list[tuple[object, ...]]:
-        return [
-            tuple(getattr(rule, one.name) for one in fields(rule) if one.name != "position")
-            for rule in spec.rules
-        ]
-
     return (
         ("title", old.title, new.title),
         ("description", old.description, new.description),
@@ -104,6 +98,6 @@ def _others(old: AgentSpec, new: AgentSpec) -> Iterable[tuple[str, object, objec
         ("requires", old.requires, new.requires),
         ("learning", old.learning, new.learning),
         ("weights", old.weights, new.weights),
-        ("feedback rules", rules(old), rules(new)),
+        ("feedback rules", old.rules, new.rules),
         ("skills that the robot offers", old.unoffered, new.unoffered),
     )

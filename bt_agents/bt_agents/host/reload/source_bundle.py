@@ -9,15 +9,15 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from bt_agents.host.reload.versions import AgentVersions
+from bt_agents_core.field_types import INTERFACE_FOLDERS
 from bt_agents_language.files.folder_reader import text_of
-from bt_agents_language.model.interfaces import FOLDERS
 
 HOST = "host.json"
 """Name of the text with the reader's other inputs: ``robot`` and installed ``packages``."""
 
 MARKET = "market.yaml"
 
-_TYPE = re.compile(rf"\b([a-z][a-z0-9_]*)/(?:{'|'.join(FOLDERS.values())})/[A-Z]")
+_TYPE = re.compile(rf"\b([a-z][a-z0-9_]*)/(?:{'|'.join(INTERFACE_FOLDERS.values())})/[A-Z]")
 
 
 @dataclass(frozen=True, kw_only=True)

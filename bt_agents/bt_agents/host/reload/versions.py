@@ -28,9 +28,9 @@ class ReloadAction(Enum):
 
     ADD = "add"
     REMOVE = "remove"
-    REPLACE_TREE = "replace tree"
+    REPLACE_TREE = "replace"
     """The next run has another tree."""
-    UPDATE_VALUES = "update values"
+    UPDATE_VALUES = "update"
     """The tree is the same; other values are set at once, also during a run."""
     REPORT = "report"
     """Nothing is done; people are told."""

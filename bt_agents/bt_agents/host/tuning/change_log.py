@@ -1,260 +1,387 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The file in which tuning outlives the host: one line a change, written before it counts."""
+"""SQLite log of tuned values: each change is written before it counts, and on disk soon after."""
 
 from __future__ import annotations
 
-import fcntl
+import json
+import math
 import os
-from collections.abc import Callable, Mapping
+import sqlite3
+import time
+from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import Executor, wait
 from concurrent.futures import Future as Job
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from pathlib import Path
+from threading import Lock
+from typing import Any
 
-from bt_agents.host.tuning.change_log_lines import (
-    agreed_line,
-    revision_line,
-    state_line,
-    take_line,
+from bt_agents.host.tuning.history import (
+    MOST_SHOWN,
+    MOST_UNDONE,
+    TuningAction,
+    TuningCause,
+    TuningChange,
+    TuningHistory,
+    TuningRevision,
 )
-from bt_agents.host.tuning.history import TuningRevision
-from bt_agents.host.tuning.overrides import Overrides
+from bt_agents.host.tuning.overrides import Override, Overrides
 from bt_agents.host.tuning.tunable import Setting
 from bt_agents_core.errors import BtAgentsError, Refused
 
-MOST_LINES = 5000
-"""Lines after which the file is written anew as one."""
+FORMAT = 1
+APPLICATION = 0x6274_4C67
+"""``application_id`` of the file."""
 
-MOST_BYTES = 64 * 2**20
-"""A larger file is none of ours."""
+MOST_CHANGES = 5000
+"""Changes after which the file is compacted."""
 
 _MOST_PROBLEMS = 20
 _CLOSE_S = 5.0
+_LARGEST = 2**63 - 1
+_UNDO, _REDO = "undo", "redo"
+
+_SETTINGS = """
+PRAGMA page_size = 1024;
+PRAGMA journal_mode = WAL;
+PRAGMA synchronous = NORMAL;
+PRAGMA wal_autocheckpoint = 0;
+"""
+
+_TABLES = f"""
+BEGIN IMMEDIATE;
+CREATE TABLE revisions (
+    number INTEGER PRIMARY KEY CHECK (number BETWEEN 1 AND 0xFFFFFFFF),
+    stamp REAL NOT NULL CHECK (stamp BETWEEN 0 AND 0x7FFFFFFF),
+    author TEXT NOT NULL,
+    reason TEXT NOT NULL,
+    action TEXT NOT NULL,
+    of INTEGER NOT NULL,
+    changes TEXT NOT NULL,  -- JSON: [[name, before, after], ...]
+    stack TEXT,             -- undo, redo, or NULL for neither
+    pushed INTEGER NOT NULL -- number of the revision that put it on its stack
+) STRICT;
+CREATE INDEX stacks ON revisions (stack, pushed) WHERE stack IS NOT NULL;
+CREATE TABLE overrides (
+    name TEXT PRIMARY KEY,
+    value TEXT NOT NULL,        -- JSON
+    file_default TEXT NOT NULL  -- JSON
+) STRICT, WITHOUT ROWID;
+PRAGMA application_id = {APPLICATION};
+PRAGMA user_version = {FORMAT};
+COMMIT;
+"""
+
+_DAMAGED = (sqlite3.SQLITE_NOTADB, sqlite3.SQLITE_CORRUPT, sqlite3.SQLITE_ERROR)
 
 
-class _Lines:
-    """An open file of lines: each is in it as a whole or not at all.
-
-    Attributes:
-        size: Of its whole lines [bytes].
-    """
-
-    def __init__(self, path: Path, descriptor: int) -> None:
-        self.path = path
-        self.descriptor = descriptor
-        self.size = os.fstat(descriptor).st_size
-        self._torn = False
-
-    def write(self, line: bytes) -> None:
-        """Write a line that counts when the size says so."""
-        if self._torn:
-            os.ftruncate(self.descriptor, self.size)
-            self._torn = False
-        while line:
-            line = line[os.write(self.descriptor, line) :]
-
-    def take_back(self) -> None:
-        """Remove what does not count, now or before the next line."""
-        self._torn = True
-        with suppress(OSError):
-            os.ftruncate(self.descriptor, self.size)
-            self._torn = False
+class _DamagedError(Exception):
+    """Damage of the file."""
 
 
-class Journal:
-    """An open file of tunings; nobody else can open it meanwhile.
+class ChangeLog:
+    """Open log of the changes of one host; nobody else can open it meanwhile.
 
-    A line that is written outlives the process at once, and a power cut as soon as the disk has
-    it. Only ``disk`` waits for that, nobody else.
+    A change that is written outlives the process at once, and a power cut after :meth:`flush`.
+    Only ``disk`` waits for the disk; while it compacts the file, a change waits for it.
 
     Args:
-        path: Made, with its folder, when it is not there.
+        path: Made, with its folder, when it is not there. A damaged file is set aside.
         disk: Does one thing after the other, in a thread of its own.
-        tell: Takes words for the log.
+        report: Takes a line for the log.
 
     Attributes:
-        problems: What was wrong with the file when it was opened, in words, with the line.
+        problems: What was wrong with the file when it was opened, one entry a problem.
+        overrides: What the file says of all changes so far.
 
     Raises:
-        BtAgentsError: It cannot be opened, is too large, or another host has it open.
+        BtAgentsError: It cannot be opened, or another host has it open.
     """
 
-    def __init__(self, path: Path, disk: Executor, tell: Callable[[str], None]) -> None:
+    def __init__(self, path: Path, disk: Executor, report: Callable[[str], None]) -> None:
         self.problems: list[str] = []
         self._path = path
         self._disk = disk
-        self._tell = tell
-        self._count = 0
-        self._unsynced = False
-        self._syncing: Job[None] = Job()
-        self._syncing.set_result(None)
-        self._renewal: Job[None] | None = None
+        self._report = report
+        self._lock = Lock()
+        self._unflushed = False
+        self._flushing: Job[None] = Job()
+        self._flushing.set_result(None)
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
-            file = _Lines(path, _locked(path))
-            # While the file is written anew there are two, and each line goes to both.
-            self._files: tuple[_Lines, ...] = (file,)
             try:
-                if file.size > MOST_BYTES:
-                    raise BtAgentsError(
-                        f"{path} has {file.size} bytes, expected at most {MOST_BYTES}; "
-                        "move it away"
-                    )
-                self.remembered = self._read(file)
-            except BaseException:
-                os.close(file.descriptor)
-                raise
-        except OSError as error:
-            raise BtAgentsError(f"{path} cannot be opened: {error.strerror or error}") from error
+                self._db, self.overrides = self._open()
+            except _DamagedError as damaged:
+                self._set_aside(str(damaged))
+                self._db, self.overrides = self._open()
+            # SQLite has no call that waits for the write-ahead log alone.
+            self._wal = os.open(f"{path}-wal", os.O_RDONLY)
+            [self._count] = self._db.execute("SELECT count(*) FROM revisions").fetchone()
+        except (OSError, sqlite3.Error, _DamagedError) as error:
+            if getattr(error, "sqlite_errorcode", None) == sqlite3.SQLITE_BUSY:
+                raise BtAgentsError(
+                    f"{path} is in use by another host; give each host a file of its own "
+                    "(parameter 'tunings')"
+                ) from None
+            reason = error.strerror if isinstance(error, OSError) else None
+            raise BtAgentsError(f"{path} cannot be opened: {reason or error}") from error
 
     def append(self, revision: TuningRevision, defaults: Mapping[str, Setting]) -> None:
         """Write a revision; when this returns, it outlives the process.
 
+        Args:
+            revision: The changes.
+            defaults: What the files say, for each changed value that is to outlive a restart.
+
         Raises:
             Refused: ``NOT_KEPT``: it cannot be written; the file is as before.
         """
-        self._append(revision_line(revision, defaults))
-        self._unsynced = True
+        with self._writing() as db:
+            _push(db, revision)
+            for change in revision.changes:
+                if change.name in defaults:
+                    _override(db, change.name, change.after, defaults[change.name])
+        self._unflushed = True
+        self._count += 1
+        if self._count >= MOST_CHANGES:
+            self._count = 0
+            self._disk.submit(self._compact)
 
-    def agree(self, name: str) -> None:
-        """Write that a file has a tuned value as its default now; as :meth:`append`.
+    def clear(self, name: str) -> None:
+        """Remove the override of a value that has become the default of its file.
 
-        It needs no :meth:`sync`: when it is lost, the next start notices it again.
+        It needs no :meth:`flush`: when it is lost, the next start notices it again.
 
         Raises:
             Refused: ``NOT_KEPT``.
         """
-        self._append(agreed_line(name))
+        with self._writing() as db:
+            db.execute("DELETE FROM overrides WHERE name = ?", (name,))
 
-    def sync(self) -> Job[None]:
+    def flush(self) -> Job[None]:
         """Return a job that has ended when every revision so far outlives a power cut.
 
-        It is one for all that is written before it begins. Its error is an ``OSError``.
+        One job covers all writes before it starts. Its error is an ``OSError``.
         """
-        begun = self._syncing.running() or self._syncing.done()
-        if self._unsynced and begun:
-            self._syncing = self._disk.submit(self._sync)
-        self._unsynced = False
-        return self._syncing
-
-    def _sync(self) -> None:
-        for file in self._files:
-            os.fdatasync(file.descriptor)
-
-    def _append(self, text: str) -> None:
-        self._take_renewed()
-        line = text.encode()
-        try:
-            for file in self._files:
-                file.write(line)
-        except OSError as error:
-            for file in self._files:
-                file.take_back()
-            raise Refused(
-                "NOT_KEPT",
-                f"{self._path} cannot be written: {error.strerror or error}; nothing is changed, "
-                "because it would be lost with the host",
-            ) from error
-        for file in self._files:
-            file.size += len(line)
-        self._count += 1
-
-    @property
-    def is_long(self) -> bool:
-        """True when the file is to be written anew, see :meth:`shorten`."""
-        return self._count > MOST_LINES and self._renewal is None
-
-    def shorten(self, remembered: Overrides) -> None:
-        """Begin to write the file anew, as one line; until then the old file is there.
-
-        Raises:
-            OSError: It cannot be written.
-        """
-        self._count = 0
-        text = state_line(remembered).encode()
-        path = self._path.with_name(f".{self._path.name}.{os.getpid()}")
-        opened = os.open(path, os.O_RDWR | os.O_APPEND | os.O_CREAT | os.O_TRUNC, 0o644)
-        try:
-            fcntl.flock(opened, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            fresh = _Lines(path, opened)
-            fresh.write(text)
-        except BaseException:
-            os.close(opened)
-            path.unlink(missing_ok=True)
-            raise
-        fresh.size = len(text)
-        self._files = (*self._files, fresh)
-        self._renewal = self._disk.submit(self._put_in_place, fresh)
-
-    def _put_in_place(self, fresh: _Lines) -> None:
-        try:
-            os.fsync(fresh.descriptor)
-            os.replace(fresh.path, self._path)
-        except BaseException:
-            fresh.path.unlink(missing_ok=True)
-            raise
-        folder = os.open(self._path.parent, os.O_RDONLY)
-        try:
-            with suppress(OSError):
-                os.fsync(folder)
-        finally:
-            os.close(folder)
-
-    def _take_renewed(self) -> None:
-        """Write to one file again when the other one is in its place."""
-        if self._renewal is None or not self._renewal.done():
-            return
-        error = self._renewal.exception()
-        self._renewal = None
-        old, fresh = self._files
-        if error is not None:
-            old, fresh = fresh, old
-            self._tell(f"the file of tunings grows, it cannot be written anew: {error}")
-        self._files = (fresh,)
-        # A sync of both may be under way.
-        self._disk.submit(os.close, old.descriptor)
+        started = self._flushing.running() or self._flushing.done()
+        if self._unflushed and started:
+            self._flushing = self._disk.submit(os.fdatasync, self._wal)
+        self._unflushed = False
+        return self._flushing
 
     def close(self) -> None:
-        """Let others have the file; the disk is waited for, but not for ever."""
-        jobs = [self.sync(), *([self._renewal] if self._renewal is not None else [])]
-        wait(jobs, _CLOSE_S)
-        self._take_renewed()
-        for file in self._files:
-            os.close(file.descriptor)
+        """Release the file; the disk is waited for, but not for ever."""
+        wait([self._disk.submit(self._close)], _CLOSE_S)
 
-    def _read(self, file: _Lines) -> Overrides:
-        content = os.pread(file.descriptor, file.size, 0)
-        whole = content.rfind(b"\n") + 1
-        if whole < len(content):
-            self._problem(content.count(b"\n") + 1, "its end is missing; it is left out")
-            os.ftruncate(file.descriptor, whole)
-            file.size = whole
-        remembered = Overrides()
-        for number, line in enumerate(content[:whole].split(b"\n")[:-1], start=1):
-            self._count += 1
+    def _close(self) -> None:
+        with self._lock:
+            os.close(self._wal)
+            self._db.close()
+
+    def _open(self) -> tuple[sqlite3.Connection, Overrides]:
+        db = sqlite3.connect(self._path, timeout=0, isolation_level=None, check_same_thread=False)
+        try:
+            db.execute("PRAGMA locking_mode = EXCLUSIVE")
+            is_new = self._is_new(db)
+            db.executescript(_SETTINGS)
+            [verdict] = db.execute("PRAGMA quick_check(1)").fetchone()
+            if verdict != "ok":
+                raise _DamagedError(verdict.splitlines()[-1])
+            if is_new:
+                db.executescript(_TABLES)
+            return db, self._read(db)
+        except sqlite3.DatabaseError as error:
+            db.close()
+            code = getattr(error, "sqlite_errorcode", sqlite3.SQLITE_CORRUPT)  # none: no UTF-8
+            if code & 0xFF in _DAMAGED:
+                raise _DamagedError(str(error)) from error
+            raise
+        except BaseException:
+            db.close()
+            raise
+
+    def _is_new(self, db: sqlite3.Connection) -> bool:
+        [tables] = db.execute("SELECT count(*) FROM sqlite_schema").fetchone()
+        [application] = db.execute("PRAGMA application_id").fetchone()
+        [version] = db.execute("PRAGMA user_version").fetchone()
+        if tables and (application, version) != (APPLICATION, FORMAT):
+            raise BtAgentsError(
+                f"{self._path} is no file of tunings of format {FORMAT}; move it away, or name "
+                "another one (parameter 'tunings')"
+            )
+        return not tables
+
+    def _set_aside(self, reason: str) -> None:
+        aside = f"{self._path}.damaged-{time.strftime('%Y%m%d-%H%M%S')}"
+        for suffix in ("", "-wal", "-shm"):
+            with suppress(FileNotFoundError):
+                os.replace(f"{self._path}{suffix}", f"{aside}{suffix}")
+        self.problems.append(
+            f"{self._path} is damaged: {reason}; it is set aside as {aside}, and everything "
+            "stands as the files of the agents say"
+        )
+
+    @contextmanager
+    def _writing(self) -> Iterator[sqlite3.Connection]:
+        try:
+            with self._lock:
+                self._db.execute("BEGIN IMMEDIATE")
+                try:
+                    yield self._db
+                    self._db.execute("COMMIT")
+                except BaseException:
+                    if self._db.in_transaction:
+                        self._db.execute("ROLLBACK")
+                    raise
+        except sqlite3.Error as error:
+            raise Refused(
+                "NOT_KEPT",
+                f"{self._path} cannot be written: {error}; nothing is changed, because it would "
+                "be lost with the host",
+            ) from error
+
+    def _compact(self) -> None:
+        """Delete what nobody can undo, redo or see, and empty the write-ahead log."""
+        try:
+            with self._writing() as db:
+                db.execute(
+                    "DELETE FROM revisions WHERE stack IS NULL AND number <= "
+                    "(SELECT max(number) FROM revisions) - ?",
+                    (MOST_UNDONE,),
+                )
+                db.execute(
+                    "DELETE FROM revisions WHERE stack IS NOT NULL AND number NOT IN (SELECT "
+                    "number FROM revisions WHERE stack = ? ORDER BY pushed DESC LIMIT ?) AND "
+                    "number NOT IN (SELECT number FROM revisions WHERE stack = ? ORDER BY pushed "
+                    "DESC LIMIT ?)",
+                    (_UNDO, MOST_UNDONE, _REDO, MOST_UNDONE),
+                )
+            with self._lock:
+                self._db.execute("PRAGMA wal_checkpoint(TRUNCATE)")
+        except (Refused, sqlite3.Error) as error:
+            self._report(f"the file of tunings grows, it cannot be compacted: {error}")
+
+    def _read(self, db: sqlite3.Connection) -> Overrides:
+        newest = db.execute("SELECT max(number) FROM revisions").fetchone()[0] or 0
+        history = TuningHistory(
+            newest,
+            self._revisions(db, "stack = ? ORDER BY pushed DESC LIMIT ?", _UNDO, MOST_UNDONE),
+            self._revisions(db, "stack = ? ORDER BY pushed DESC LIMIT ?", _REDO, MOST_UNDONE),
+            self._revisions(db, "changes != '[]' ORDER BY number DESC LIMIT ?", MOST_SHOWN),
+        )
+        overrides = {}
+        for name, value, default in db.execute("SELECT name, value, file_default FROM overrides"):
             try:
-                remembered = take_line(line.decode(), remembered)
-            except UnicodeDecodeError:
-                self._problem(number, "no UTF-8; it is left out")
-            except Refused as refused:
-                self._problem(number, f"{refused.reason}; it is left out")
-        return remembered
+                overrides[name] = Override(
+                    value=_setting_from(value), default=_setting_from(default)
+                )
+            except ValueError as error:
+                self._problem(f"the value of {name}: {error}")
+        return Overrides(history=history, by_name=overrides)
 
-    def _problem(self, line: int, words: str) -> None:
+    def _revisions(
+        self, db: sqlite3.Connection, which: str, *values: object
+    ) -> list[TuningRevision]:
+        rows = db.execute(
+            "SELECT number, stamp, author, reason, action, of, changes FROM revisions WHERE "
+            + which,
+            values,
+        ).fetchall()
+        found = []
+        for row in reversed(rows):
+            try:
+                found.append(_revision_from(*row))
+            except ValueError as error:
+                self._problem(f"revision {row[0]}: {error}")
+        return found
+
+    def _problem(self, what: str) -> None:
+        words = f"{self._path}: {what}; it is left out"
+        if words in self.problems:
+            return
         if len(self.problems) < _MOST_PROBLEMS:
-            self.problems.append(f"{self._path}:{line}: {words}")
+            self.problems.append(words)
         elif len(self.problems) == _MOST_PROBLEMS:
-            self.problems.append(f"{self._path}: and more lines that cannot be read")
+            self.problems.append(f"{self._path}: and more that cannot be read")
 
 
-def _locked(path: Path) -> int:
-    opened = os.open(path, os.O_RDWR | os.O_APPEND | os.O_CREAT, 0o644)
+def _push(db: sqlite3.Connection, revision: TuningRevision) -> None:
+    """Insert a revision, and move the one that it undoes or redoes to the other stack."""
+    cause, number = revision.cause, revision.number
+    if cause.action is TuningAction.SET:
+        db.execute("UPDATE revisions SET stack = NULL WHERE stack = ?", (_REDO,))
+    else:
+        to = _REDO if cause.action is TuningAction.UNDO else _UNDO
+        db.execute(
+            "UPDATE revisions SET stack = ?, pushed = ? WHERE number = ?", (to, number, cause.of)
+        )
+    changes = [(one.name, one.before, one.after) for one in revision.changes]
+    db.execute(
+        "INSERT INTO revisions VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?)",
+        (
+            number,
+            revision.stamp,
+            cause.author,
+            cause.reason,
+            cause.action.value,
+            cause.of,
+            _json(changes),
+            _UNDO if cause.action is TuningAction.SET else None,
+            number,
+        ),
+    )
+
+
+def _override(db: sqlite3.Connection, name: str, value: Setting, default: Setting) -> None:
+    if value == default:
+        db.execute("DELETE FROM overrides WHERE name = ?", (name,))
+    else:
+        db.execute("REPLACE INTO overrides VALUES (?, ?, ?)", (name, _json(value), _json(default)))
+
+
+def _json(content: object) -> str:
+    return json.dumps(content, ensure_ascii=False, separators=(",", ":"))
+
+
+def _revision_from(
+    number: int, stamp: float, author: str, reason: str, action: str, of: int, changes: str
+) -> TuningRevision:
+    """Return the revision of a row.
+
+    Raises:
+        ValueError: It is none.
+    """
+    cause = TuningCause(author=author, reason=reason, action=TuningAction(action), of=of)
+    found = _parsed(changes)
+    if not isinstance(found, list) or not all(isinstance(o, list) and len(o) == 3 for o in found):
+        raise ValueError(f"no list of changes: {changes[:80]!r}")
+    return TuningRevision(
+        number=number,
+        stamp=stamp,
+        cause=cause,
+        changes=tuple(
+            TuningChange(name=str(name), before=_setting(before), after=_setting(after))
+            for name, before, after in found
+        ),
+    )
+
+
+def _setting_from(text: str) -> Setting:
+    return _setting(_parsed(text))
+
+
+def _parsed(text: str) -> Any:
     try:
-        fcntl.flock(opened, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError:
-        os.close(opened)
-        raise BtAgentsError(
-            f"{path} is in use by another host; give each host a file of its own (parameter "
-            "'tunings')"
-        ) from None
-    return opened
+        return json.loads(text)
+    except (TypeError, ValueError, RecursionError) as error:
+        raise ValueError(f"no JSON: {error}") from None
+
+
+def _setting(found: Any) -> Setting:
+    if not isinstance(found, bool | int | float | str):
+        raise ValueError(f"{found!r} is no number, text, true or false")
+    if isinstance(found, int) and abs(found) > _LARGEST:
+        raise ValueError("a whole number has more than 64 bits")
+    if isinstance(found, float) and not math.isfinite(found):
+        raise ValueError("a number is not finite")
+    return found

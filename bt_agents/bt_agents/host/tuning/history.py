@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What was changed by whom, and what can be taken back: undo and redo as in an editor."""
+"""History of tuned values: revisions, and stacks of undo and redo as in an editor."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ MOST_SHOWN = 100
 
 @dataclass(frozen=True, kw_only=True)
 class TuningChange:
-    """One value that has changed."""
+    """Change of one value."""
 
     name: str
     before: Setting
@@ -28,7 +28,7 @@ class TuningChange:
 
 
 class TuningAction(Enum):
-    """How a revision came to be."""
+    """Kind of revision."""
 
     SET = "set"
     UNDO = "undo"
@@ -37,12 +37,12 @@ class TuningAction(Enum):
 
 @dataclass(frozen=True, kw_only=True)
 class TuningCause:
-    """Who wants a change, and why.
+    """Author and reason of a revision.
 
     Attributes:
-        author: In words.
-        reason: In words; may be empty.
-        action: How it came to be.
+        author: For people.
+        reason: For people; may be empty.
+        action: New, or an undo or redo.
         of: Revision that an undo or redo is about; 0 for a new change.
     """
 
@@ -54,7 +54,7 @@ class TuningCause:
 
 @dataclass(frozen=True, kw_only=True)
 class TuningRevision:
-    """Values that have changed together.
+    """Changes that came into force together.
 
     Attributes:
         number: Counts up from 1.
@@ -75,11 +75,11 @@ class TuningRevision:
 
 
 Possible = Callable[[str, Setting], bool]
-"""Whether something of this name can have this value now."""
+"""Tells whether the parameter of this name can have this value now."""
 
 
 class TuningHistory:
-    """The changes so far: those that can be undone, those that can be redone, the last to show."""
+    """Undo stack, redo stack and the last changes to show."""
 
     def __init__(
         self,
@@ -111,7 +111,7 @@ class TuningHistory:
         return tuple(self._shown)
 
     def add(self, revision: TuningRevision) -> None:
-        """Take in what has come into force.
+        """Add a revision that has come into force.
 
         Raises:
             Refused: ``UNKNOWN_REVISION``: it undoes or redoes what cannot be.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What is known of all tuning so far: the history, and which values differ from their files."""
+"""Overrides: values that were tuned and differ from their files, with the history of changes."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from bt_agents.host.tuning.tunable import Setting
 
 @dataclass(frozen=True, kw_only=True)
 class Override:
-    """A tuned value.
+    """Tuned value that outlives a restart.
 
     Attributes:
         value: In force.
@@ -25,22 +25,22 @@ class Override:
 
 @dataclass(kw_only=True)
 class Overrides:
-    """The history, and the tuned values, also of agents that are not here now.
+    """History and overrides of a host, also those of agents that are not here now.
 
     Attributes:
         history: The changes so far.
-        kept: Name → tuned value, for each that differs from its file.
+        by_name: Name → tuned value, for each that differs from its file.
     """
 
     history: TuningHistory = field(default_factory=TuningHistory)
-    kept: dict[str, Override] = field(default_factory=dict)
+    by_name: dict[str, Override] = field(default_factory=dict)
 
-    def take(self, revision: TuningRevision, defaults: Mapping[str, Setting]) -> None:
-        """Take in what has come into force.
+    def add(self, revision: TuningRevision, defaults: Mapping[str, Setting]) -> None:
+        """Add a revision that has come into force.
 
         Args:
             revision: The changes.
-            defaults: What the files say, for each changed value that is to be kept.
+            defaults: What the files say, for each changed value that is to outlive a restart.
 
         Raises:
             Refused: As in :meth:`TuningHistory.add`; then nothing is changed.
@@ -48,15 +48,15 @@ class Overrides:
         self.history.add(revision)
         for change in revision.changes:
             if change.name in defaults:
-                self.keep(change.name, change.after, defaults[change.name])
+                self.override(change.name, change.after, defaults[change.name])
 
-    def keep(self, name: str, value: Setting, default: Setting) -> None:
-        """Keep a value over a restart, unless it is what the file says anyway."""
+    def override(self, name: str, value: Setting, default: Setting) -> None:
+        """Set the override of a value, or clear it when the file says the same."""
         if value == default:
-            self.agree(name)
+            self.clear(name)
         else:
-            self.kept[name] = Override(value=value, default=default)
+            self.by_name[name] = Override(value=value, default=default)
 
-    def agree(self, name: str) -> None:
-        """Note that the file says what was tuned, so that there is nothing to keep."""
-        self.kept.pop(name, None)
+    def clear(self, name: str) -> None:
+        """Remove the override of a value that has become the default of its file."""
+        self.by_name.pop(name, None)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Presets: values that are applied together under a name, in a file that people can read."""
+"""Presets: named values that are applied together, in a YAML file that people can read."""
 
 from __future__ import annotations
 
@@ -8,8 +8,9 @@ from pathlib import Path
 
 from bt_agents_core.atomic_file import write_atomically
 from bt_agents_core.errors import ReadError, Refused
+from bt_agents_core.text import quote
 from bt_agents_language.tools.formatting.scalar_style import quoted
-from bt_agents_language.yaml.diagnostics import did_you_mean, shown
+from bt_agents_language.yaml.diagnostics import did_you_mean
 from bt_agents_language.yaml.source import read_source
 from bt_agents_language.yaml.typed_reader import TypedReader
 
@@ -26,7 +27,7 @@ Preset = Mapping[str, str]
 
 
 class Presets:
-    """The presets of a host, on the disk before they count.
+    """Presets of a host, on the disk before they count.
 
     One thread may change them, and others read them meanwhile.
 
@@ -34,7 +35,7 @@ class Presets:
         file: Where they are kept; None keeps them in memory.
 
     Attributes:
-        problem: Why those of the file cannot be used, in words; empty when they can.
+        problem: Report of what is wrong with the file; empty when it can be used.
     """
 
     def __init__(self, file: Path | None) -> None:
@@ -49,7 +50,7 @@ class Presets:
 
     @property
     def by_name(self) -> Mapping[str, Preset]:
-        """All presets, by name in the order of the alphabet."""
+        """Presets in alphabetical order."""
         presets = self._presets
         return {name: presets[name] for name in sorted(presets)}
 
@@ -63,11 +64,11 @@ class Presets:
         if name not in presets:
             self._refuse_broken()
             hint = did_you_mean(name, presets) or "'bt-agents preset save NAME' makes one"
-            raise Refused("UNKNOWN_PRESET", f"no preset {shown(name)}; {hint}")
+            raise Refused("UNKNOWN_PRESET", f"no preset {quote(name)}; {hint}")
         return presets[name]
 
     def save(self, name: str, values: Preset) -> None:
-        """Keep values under a name, instead of what had it before.
+        """Save values under a name, instead of what had it before.
 
         Raises:
             Refused: ``NOT_A_NAME``, ``TOO_MANY``, ``BROKEN_PRESETS`` or ``NOT_KEPT``; nothing is
@@ -125,7 +126,7 @@ def check_name(name: str) -> str:
     if not 0 < len(name) <= LONGEST_NAME or not name.isprintable() or name != name.strip():
         raise Refused(
             "NOT_A_NAME",
-            f"a preset cannot be called {shown(name)}; expected 1 to {LONGEST_NAME} visible "
+            f"a preset cannot be called {quote(name)}; expected 1 to {LONGEST_NAME} visible "
             "characters in one line, for example 'morning' or 'care home'",
         )
     return name
@@ -156,8 +157,8 @@ def read_presets(path: Path) -> Mapping[str, Preset]:
         except Refused as refused:
             reading.error("out-of-range", entry.key, refused.reason)
         presets[name] = {}
-        for one in reading.entries(entry.value, f"preset {shown(name)}", "values"):
-            what = f"the value of {shown(one.key.text)}"
+        for one in reading.entries(entry.value, f"preset {quote(name)}", "values"):
+            what = f"the value of {quote(one.key.text)}"
             presets[name][one.key.text] = reading.text(one.value, what, empty=True) or ""
     reading.problems.raise_if_any()
     return presets

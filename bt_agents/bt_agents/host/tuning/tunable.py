@@ -1,24 +1,24 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Every value that may be tuned: its type and range, its check, and how people write it."""
+"""Tunable parameters: type, range and check of a value, and how people write it."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
 
 from bt_agents_core.errors import Refused
-from bt_agents_core.scene import SceneSpace
+from bt_agents_core.field_types import FieldType
+from bt_agents_core.text import quote
 from bt_agents_language.model import quantities
 from bt_agents_language.model.quantities import MAX_DURATION_S, QuantityError, spoken
-from bt_agents_language.model.specs import AgentSpec, FieldType, Tunable
-from bt_agents_language.yaml.diagnostics import shown
+from bt_agents_language.model.specs import AgentSpec, Tunable
 from bt_agents_language.yaml.precheck import BAD_CHARACTER
 from bt_agents_language.yaml.scalars import boolean
 
 Setting = bool | int | float | str
-"""A value of a knob; times, lengths and angles in SI."""
+"""Value of a tunable parameter; times, lengths and angles in SI."""
 
 LONGEST_TEXT = 1000
 """Characters of a text that is tuned."""
@@ -46,7 +46,7 @@ _TYPE_WORDS: Mapping[type, str] = {
 
 
 class TunableKind(Enum):
-    """What a knob turns."""
+    """What a value belongs to; a profile is no ROS parameter, but is written into files alike."""
 
     TUNABLE = "tunable"
     LEARNING_RATE = "learning rate"
@@ -56,19 +56,19 @@ class TunableKind(Enum):
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class TunableParameter:
-    """One value that may be tuned; it is a ROS parameter of the host.
+    """Description of a value that may be tuned: a ROS parameter of the host.
 
     Attributes:
         name: Of the parameter: ``attentive_guide.patience``.
-        agent: Whose; empty for a knob of the whole host.
+        agent: Whose; empty for a parameter of the whole host.
         key: Its name without the agent's: ``patience``, ``age`` of a profile.
-        kind: What it turns.
+        kind: What it belongs to.
         type: Type of its value.
         default: What the file says, in SI.
         minimum: Smallest value; None for texts, booleans and quantities without a range.
         maximum: Largest value.
         step: Distance of the allowed values from ``minimum`` on; 0 allows all.
-        description: What it means, in words.
+        description: What it means.
     """
 
     name: str
@@ -94,12 +94,12 @@ class TunableParameter:
             Refused: ``NOT_A_VALUE``, or as in :meth:`check`.
         """
         try:
-            return self.check(self.meant(text))
+            return self.check(self.parse(text))
         except QuantityError as error:
             hint = f"; {error.hint}" if error.hint else ""
             raise Refused("NOT_A_VALUE", f"{self.name}: {error.message}{hint}") from None
 
-    def meant(self, text: str) -> Setting:
+    def parse(self, text: str) -> Setting:
         """Return the value that a text means here, whether it is possible or not.
 
         Raises:
@@ -112,12 +112,12 @@ class TunableParameter:
         if self.type is FieldType.BOOLEAN:
             value = boolean(text.strip())
             if value is None:
-                raise QuantityError(f"expected true or false, found {shown(text)}")
+                raise QuantityError(f"expected true or false, found {quote(text)}")
             return value
         return text if self.type is FieldType.TEXT else quantities.number(text)
 
     def check(self, value: Setting) -> Setting:
-        """Return a value that this knob can have.
+        """Return a value that this parameter can have.
 
         Raises:
             Refused: ``WRONG_TYPE``, ``NOT_FINITE``, ``OUT_OF_RANGE``, ``OFF_STEP`` or
@@ -127,7 +127,7 @@ class TunableParameter:
         if type(value) is not wanted:
             raise Refused(
                 "WRONG_TYPE",
-                f"{self.name} is {shown(str(value))}, a {type(value).__name__}; expected "
+                f"{self.name} is {quote(str(value))}, a {type(value).__name__}; expected "
                 f"{_TYPE_WORDS[wanted]}",
             )
         if isinstance(value, str):
@@ -159,7 +159,7 @@ class TunableParameter:
             raise Refused(
                 "OUT_OF_RANGE",
                 f"{self.name} is {spoken(value, self.type, _DIGITS)}, expected "
-                f"{self.written(low)} to {self.written(high)}",
+                f"{self.format(low)} to {self.format(high)}",
             )
         if not self.step or low is None or value == high:
             return
@@ -168,21 +168,21 @@ class TunableParameter:
             raise Refused(
                 "OFF_STEP",
                 f"{self.name} is {spoken(value, self.type, _DIGITS)}, expected "
-                f"{self.written(low)} and then steps of {self.written(self.step)}; the nearest is "
+                f"{self.format(low)} and then steps of {self.format(self.step)}; the nearest is "
                 f"{spoken(low + round(steps) * self.step, self.type, _DIGITS)}",
             )
 
     def _limits(self) -> str:
         if self.minimum is None or self.maximum is None:
             return ""
-        return f" from {self.written(self.minimum)} to {self.written(self.maximum)}"
+        return f" from {self.format(self.minimum)} to {self.format(self.maximum)}"
 
-    def written(self, value: Setting) -> str:
+    def format(self, value: Setting) -> str:
         """Return a value as an author writes it: ``12 s``; :meth:`read` gives the same value."""
-        return written(value, self.type)
+        return format_value(value, self.type)
 
 
-def written(value: Setting, field_type: FieldType) -> str:
+def format_value(value: Setting, field_type: FieldType) -> str:
     """Return a value as an author writes it, with as many digits as it needs."""
     if isinstance(value, bool):
         return str(value).lower()
@@ -199,9 +199,9 @@ def written(value: Setting, field_type: FieldType) -> str:
     return f"{value!r} {_UNITS[field_type]}"
 
 
-def shown_value(knob: TunableParameter, value: Setting) -> str:
+def shown_value(parameter: TunableParameter, value: Setting) -> str:
     """Return a value for people: an empty text as ``''``, else as an author writes it."""
-    return knob.written(value) or "''"
+    return parameter.format(value) or "''"
 
 
 def same(one: Setting, other: Setting) -> bool:
@@ -222,8 +222,8 @@ TICK_RATE = TunableParameter(
 )
 
 
-def tunables_of(spec: AgentSpec, space: SceneSpace) -> tuple[TunableParameter, ...]:
-    """Return the knobs of an agent: its tunables, its learning rate, the values of its profile."""
+def parameters_of(spec: AgentSpec) -> tuple[TunableParameter, ...]:
+    """Return the parameters of an agent: its tunables and its learning rate."""
     rate = TunableParameter(
         name=f"{spec.name}.learning_rate",
         agent=spec.name,
@@ -235,21 +235,25 @@ def tunables_of(spec: AgentSpec, space: SceneSpace) -> tuple[TunableParameter, .
         maximum=1.0,
         description="step of a profile towards feedback",
     )
-    profile = (
+    return (*(_of_tunable(spec.name, tunable) for tunable in spec.tunables), rate)
+
+
+def profile_values(
+    agent: str, names: Sequence[str], profile: Sequence[float]
+) -> tuple[TunableParameter, ...]:
+    """Return the values of a profile as a file writes them, in the form of parameters."""
+    return tuple(
         TunableParameter(
-            name=f"{spec.name}.profile.{parameter.name}",
-            agent=spec.name,
-            key=parameter.name,
+            name=f"{agent}.profile.{name}",
+            agent=agent,
+            key=name,
             kind=TunableKind.PROFILE,
             type=FieldType.NUMBER,
             default=float(value),
-            minimum=parameter.minimum,
-            maximum=parameter.maximum,
-            description=f"its bid: {parameter.description}".rstrip(": "),
+            description="its bid",
         )
-        for parameter, value in zip(space.parameters, spec.profile, strict=True)
+        for name, value in zip(names, profile, strict=True)
     )
-    return (*(_of_tunable(spec.name, tunable) for tunable in spec.tunables), rate, *profile)
 
 
 def _of_tunable(agent: str, tunable: Tunable) -> TunableParameter:

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The service that tunes with a name and a reason, and the topic that says what was tuned."""
+"""Service ``~/tune``, with author and reason, and the topics ``~/tunings`` and ``~/tunables``."""
 
 from __future__ import annotations
 
 import traceback
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from concurrent.futures import Future as Job
 from dataclasses import dataclass
 from typing import Any
@@ -14,12 +14,13 @@ from rclpy.node import Node
 from rclpy.task import Future
 
 from bt_agents.host.tuning.history import TuningAction, TuningCause, TuningChange, TuningRevision
-from bt_agents.host.tuning.parameter_store import ParameterStore, words_of
+from bt_agents.host.tuning.parameter_store import ParameterStore, checked_line
 from bt_agents.host.tuning.tunable import Setting
+from bt_agents.host.tuning.tunable_messages import info_to_msg
 from bt_agents_core.errors import Refused
-from bt_agents_interfaces.msg import Preset, Tuning, Tunings
+from bt_agents_core.text import quote
+from bt_agents_interfaces.msg import Preset, Tunables, Tuning, Tunings
 from bt_agents_interfaces.srv import Tune
-from bt_agents_language.yaml.diagnostics import shown
 from bt_agents_ros import qos
 from bt_agents_ros.future_poller import FuturePoller
 from bt_agents_ros.messages import to_time
@@ -37,25 +38,25 @@ Set = Callable[[Mapping[str, Setting], TuningCause], TuningRevision | None]
 
 @dataclass(frozen=True, kw_only=True)
 class _Done:
-    """What an action has done.
+    """Result of an action.
 
     Attributes:
-        words: For people.
+        message: For people.
         revision: What has come into force.
-        kept: Ends when a preset is kept, or not: it counts only then.
+        saving: Ends when a preset is saved, or not: it counts only then.
     """
 
-    words: str
+    message: str
     revision: TuningRevision | None = None
-    kept: Job[Any] | None = None
+    saving: Job[Any] | None = None
 
 
 class TuneServer:
-    """Serves ``~/tune`` and publishes ``~/tunings``.
+    """Serves ``~/tune`` and publishes ``~/tunings`` and ``~/tunables``.
 
     Args:
         node: The host's node.
-        board: Its knobs.
+        board: Its tunable parameters.
         set_together: Sets values, or refuses all of them.
         jobs: Says when the disk has what was tuned.
     """
@@ -69,6 +70,7 @@ class TuneServer:
         self._jobs = jobs
         self._shown: dict[tuple[int, str], Tuning] = {}
         self._tunings = node.create_publisher(Tunings, "~/tunings", qos.FACT)
+        self._tunables = node.create_publisher(Tunables, "~/tunables", qos.FACT)
         # One that waits for the disk holds up no other.
         group = ReentrantCallbackGroup()
         node.create_service(
@@ -83,13 +85,25 @@ class TuneServer:
             Tune.Request.FORGET: self._forget,
         }
 
-    def publish(self) -> None:
-        """Tell what was tuned, what can be taken back, and the presets."""
+    def publish_infos(self, agents: Iterable[str]) -> None:
+        """Publish what can be tuned of agents; the empty name stands for the whole host."""
+        self._tunables.publish(
+            Tunables(
+                host=self._node.get_fully_qualified_name(),
+                tunables=[info_to_msg(one) for agent in agents for one in self._board.of(agent)],
+            )
+        )
+
+    def publish_tunings(self) -> None:
+        """Publish the last changes, what an undo or redo would do, and the presets."""
         history = self._board.history
         shown = {(r.number, c.name): (r, c) for r, c in history.shown}
         self._shown = {
             key: self._shown.get(key) or self._message(*one) for key, one in shown.items()
         }
+        undoable = {revision.number for revision in history.undoable}
+        for (number, _), message in self._shown.items():
+            message.undoable = number in undoable
         self._tunings.publish(
             Tunings(
                 host=self._node.get_fully_qualified_name(),
@@ -113,7 +127,7 @@ class TuneServer:
             TuningChange(name=name, before=self._board.values[name], after=value)
             for name, value in values.items()
         )
-        return f"{self._board.words(changes)} (revision {revision.number})"
+        return f"{self._board.format_changes(changes)} (revision {revision.number})"
 
     def _message(self, revision: TuningRevision, change: TuningChange) -> Tuning:
         return Tuning(
@@ -122,15 +136,15 @@ class TuneServer:
             author=revision.cause.author,
             reason=revision.cause.reason,
             name=change.name,
-            before=self._board.written(change.name, change.before),
-            after=self._board.written(change.name, change.after),
+            before=self._board.format_value(change.name, change.before),
+            after=self._board.format_value(change.name, change.after),
         )
 
     async def _tune(self, request: Tune.Request, response: Tune.Response) -> Tune.Response:
         try:
             done = self._act(request)
-            if done.kept is not None:
-                await self._kept(done.kept)
+            if done.saving is not None:
+                await self._saved(done.saving)
         except Refused as refused:
             response.code, response.message = refused.code, refused.reason
             return response
@@ -140,11 +154,11 @@ class TuneServer:
             response.message = f"{type(error).__name__}: {error}; the log says more"
             return response
         response.accepted = True
-        response.message = done.words
+        response.message = done.message
         if done.revision is not None:
             response.tunings = [self._message(done.revision, o) for o in done.revision.changes]
-            synced = self._board.sync()
-            trouble = await self._trouble(synced) if synced is not None else ""
+            flushed = self._board.flush()
+            trouble = await self._trouble(flushed) if flushed is not None else ""
             if trouble:
                 response.message += f"; it is in force, but a power cut may undo it: {trouble}"
         return response
@@ -157,18 +171,18 @@ class TuneServer:
                 f"action {request.action}, expected 0 (set), 1 (undo), 2 (redo), 3 (apply), "
                 "4 (save) or 5 (forget)",
             )
-        author = words_of(request.author, "the author", _LONGEST_AUTHOR) or SOMEBODY
-        return act(request, author, words_of(request.reason, "the reason"))
+        author = checked_line(request.author, "the author", _LONGEST_AUTHOR) or SOMEBODY
+        return act(request, author, checked_line(request.reason, "the reason"))
 
     async def _trouble(self, job: Job[Any]) -> str:
-        """Wait for a job; return what went wrong in words."""
+        """Wait for a job; return what went wrong, empty for nothing."""
         ended = Future(executor=self._node.executor)
-        self._jobs.follow(job, ended.set_result)
+        self._jobs.watch(job, ended.set_result)
         trouble: str = await ended
         return trouble
 
-    async def _kept(self, job: Job[Any]) -> None:
-        """Wait until a preset is kept.
+    async def _saved(self, job: Job[Any]) -> None:
+        """Wait until a preset is saved.
 
         Raises:
             Refused: It is not.
@@ -177,12 +191,12 @@ class TuneServer:
         if not job.done():
             raise Refused("NOT_KEPT", f"the preset is {trouble}; look at the presets in a while")
         job.result()
-        self.publish()
+        self.publish_tunings()
 
     def _set(self, request: Any, author: str, reason: str) -> _Done:
         values = self._board.read(request.names, request.values)
         revision = self._set_together(values, TuningCause(author=author, reason=reason))
-        return _Done(words=self._told(revision), revision=revision)
+        return _Done(message=self._summary(revision), revision=revision)
 
     def _undo(self, request: Any, author: str, reason: str) -> _Done:
         return self._take_back(TuningAction.UNDO, self._board.undo(request.agents), author, reason)
@@ -199,25 +213,25 @@ class TuneServer:
             of=old.number,
         )
         revision = self._set_together(values, cause)
-        words = f"{action.value} of revision {old.number}: {self._told(revision)}"
-        return _Done(words=words, revision=revision)
+        message = f"{action.value} of revision {old.number}: {self._summary(revision)}"
+        return _Done(message=message, revision=revision)
 
     def _apply(self, request: Any, author: str, reason: str) -> _Done:
         values, gone = self._board.preset(request.preset)
-        words = f"preset {shown(request.preset)}"
-        revision = self._set_together(values, TuningCause(author=author, reason=reason or words))
+        name = f"preset {quote(request.preset)}"
+        revision = self._set_together(values, TuningCause(author=author, reason=reason or name))
         left_out = f"; left out, as it is not here any more: {', '.join(gone)}" if gone else ""
-        return _Done(words=f"{words}: {self._told(revision)}{left_out}", revision=revision)
+        return _Done(message=f"{name}: {self._summary(revision)}{left_out}", revision=revision)
 
     def _save(self, request: Any, _author: str, _reason: str) -> _Done:
-        count, kept = self._board.save(request.preset, request.agents)
-        return _Done(words=f"preset {shown(request.preset)} keeps {count} values", kept=kept)
+        count, saving = self._board.save(request.preset, request.agents)
+        return _Done(message=f"preset {quote(request.preset)} keeps {count} values", saving=saving)
 
     def _forget(self, request: Any, _author: str, _reason: str) -> _Done:
-        kept = self._board.forget(request.preset)
-        return _Done(words=f"preset {shown(request.preset)} is forgotten", kept=kept)
+        saving = self._board.forget(request.preset)
+        return _Done(message=f"preset {quote(request.preset)} is forgotten", saving=saving)
 
-    def _told(self, revision: TuningRevision | None) -> str:
+    def _summary(self, revision: TuningRevision | None) -> str:
         if revision is None or not revision.changes:
             return "everything stands so already"
-        return f"{self._board.words(revision.changes)} (revision {revision.number})"
+        return f"{self._board.format_changes(revision.changes)} (revision {revision.number})"

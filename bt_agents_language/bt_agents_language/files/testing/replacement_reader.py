@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Reads the nodes that a test puts in the place of others: ``"**.drive*": {log: would drive}``."""
+"""Reader of the nodes that replace others in a test: ``"**.drive*": {log: would drive}``."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ from bt_agents_language.expression.expressions import parse_expression
 from bt_agents_language.files.testing.path_patterns import matches
 from bt_agents_language.files.testing.scenarios import REPLACED
 from bt_agents_language.model.scope import NameScope, mood_names, scene_names
-from bt_agents_language.model.specs import NodeSpec, Tunable
+from bt_agents_language.model.specs import NodeSpec, Tunable, iter_nodes
 from bt_agents_language.model.symbols import SymbolTable
-from bt_agents_language.model.walking import iter_nodes
+from bt_agents_language.nodes.check import CHECK
 from bt_agents_language.tree.assigned_names import AssignedNames
 from bt_agents_language.tree.raw_nodes import RawNodeReader
 from bt_agents_language.tree.subtrees import MAX_NODES
@@ -19,7 +19,7 @@ from bt_agents_language.tree.tree_reader import TreeReader
 from bt_agents_language.yaml.typed_reader import TypedReader
 from bt_agents_language.yaml.yaml_reader import Mapping, Node
 
-_AT_ONCE = {"succeed": "true", "fail": "false"}
+AT_ONCE = {"succeed": "true", "fail": "false"}
 """Word for what ends at once → condition of the check that takes its place."""
 
 
@@ -42,7 +42,7 @@ class ReplacementReader:
     ) -> None:
         self._reading = reading
         self._nodes = nodes
-        self._drafts = RawNodeReader(reading, vocabulary)
+        self._structure = RawNodeReader(reading, vocabulary)
         self._trees = TreeReader(reading, vocabulary, {})
         self._written = AssignedNames(reading, {}, vocabulary.interfaces)
         self._tunables = {one.name: one.type for one in tunables}
@@ -60,12 +60,12 @@ class ReplacementReader:
         if not isinstance(node, Mapping):
             return self._at_once(node)
         before = len(self._reading.problems)
-        draft = self._drafts.read(node, "what stands in for it")
-        if draft is None:
+        raw = self._structure.read(node, "what stands in for it")
+        if raw is None:
             return None
         taken = dict.fromkeys(self._tunables, "a tunable")
-        written = self._written.of_trees([draft], taken, self._types)
-        spec = self._trees.read(draft, REPLACED, NameScope(self._types, written))
+        written = self._written.of_trees([raw], taken, self._types)
+        spec = self._trees.read(raw, REPLACED, NameScope(self._types, written))
         if spec is None or len(self._reading.problems) > before:
             return None
         places = sum(matches(pattern, one.path) for one in self._nodes)
@@ -84,7 +84,7 @@ class ReplacementReader:
         text = self._reading.text(node, "what stands in for it")
         if text is None:
             return None
-        if text not in _AT_ONCE:
+        if text not in AT_ONCE:
             self._reading.error(
                 "bad-choice",
                 node,
@@ -95,7 +95,7 @@ class ReplacementReader:
         return NodeSpec(
             path=REPLACED,
             position=node.position,
-            kind="check",
+            kind=CHECK.key,
             name=text,
-            fields={"condition": parse_expression(_AT_ONCE[text])},
+            fields={"condition": parse_expression(AT_ONCE[text])},
         )

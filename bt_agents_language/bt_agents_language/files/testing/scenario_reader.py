@@ -1,13 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Reads what a rehearsal starts from: scene, tunables, answers of the world and what happens."""
+"""Reader of scenarios: scene, tunables, answers of the world and events of a rehearsal."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 
+from bt_agents_core.field_types import FieldType, Plain
+from bt_agents_core.text import quote
 from bt_agents_language.files.testing.path_patterns import is_path, matches, nodes_of, path_hint
-from bt_agents_language.files.testing.replacement_reader import ReplacementReader
+from bt_agents_language.files.testing.replacement_reader import AT_ONCE, ReplacementReader
 from bt_agents_language.files.testing.scenarios import (
     AnswerRule,
     GoalEnd,
@@ -16,36 +18,112 @@ from bt_agents_language.files.testing.scenarios import (
     ScriptedAnswer,
     ScriptedEvent,
 )
+from bt_agents_language.model.file_kinds import (
+    ANY,
+    BOOLEAN,
+    DURATION,
+    FIELDS,
+    ROS_NAME,
+    TEXT,
+    Choice,
+    Either,
+    Entries,
+    FieldDecl,
+    Items,
+    Key,
+    KeyTable,
+    SceneValues,
+    Several,
+    integer,
+)
 from bt_agents_language.model.interfaces import read_ros_name
 from bt_agents_language.model.scene_values import read_values
 from bt_agents_language.model.scope import NameScope
 from bt_agents_language.model.specs import (
     AgentSpec,
-    FieldType,
     ListValue,
     Literal,
     MapValue,
     NodeSpec,
-    Plain,
     SkillSpec,
     Value,
 )
 from bt_agents_language.model.symbols import SymbolTable
 from bt_agents_language.model.values import read_value
-from bt_agents_language.tree.ros_leaves import RAW_LEAVES
-from bt_agents_language.yaml.diagnostics import did_you_mean, shown
-from bt_agents_language.yaml.mapping_reader import MappingReader
-from bt_agents_language.yaml.typed_reader import TypedReader
+from bt_agents_language.nodes.catalogue import NODE_TYPES
+from bt_agents_language.yaml.diagnostics import did_you_mean
+from bt_agents_language.yaml.typed_reader import MappingReader, Shape, TypedReader
 from bt_agents_language.yaml.yaml_reader import Mapping as MappingNode
 from bt_agents_language.yaml.yaml_reader import MappingEntry, Node, Scalar, Sequence
 
-SCENARIO_KEYS = ("scene", "person", "tunables", "seed", "answers", "replace", "during")
-
-_ANSWER_KEYS = ("gives", "outputs", "fails", "ends", "after")
 _ENDS = tuple(end.value for end in (GoalEnd.REJECTED, GoalEnd.UNREACHABLE, GoalEnd.NEVER))
-_HAPPENING_KEYS = ("after", "at", "person", "scene_layer", "publish", "tune", "cancel")
 _SILENT = {"silent": True, "back": False}
 _LARGEST_SEED = 2**63 - 1
+
+_ANSWER = KeyTable(
+    fields=(
+        FieldDecl("gives", ANY, "Value of the first output."),
+        FieldDecl("outputs", Entries(ANY, "outputs and values", keys=Key.ANY), "Output → value."),
+        FieldDecl("fails", TEXT, "It fails, for this reason."),
+        FieldDecl("ends", Choice(_ENDS), "How else it ends."),
+        FieldDecl("after", DURATION, "How long it takes."),
+    ),
+)
+_MESSAGE = KeyTable(
+    what="'publish'",
+    fields=(
+        FieldDecl("topic", ROS_NAME, "Where the message arrives.", required=True),
+        FieldDecl("message", FIELDS, "Its fields."),
+    ),
+)
+_HAPPENING = KeyTable(
+    what="what happens",
+    scene=True,
+    fields=(
+        FieldDecl("after", DURATION, "Time since the start of the run, or of 'at'."),
+        FieldDecl("at", TEXT, "Path of the node from whose start on 'after' counts."),
+        FieldDecl("person", BOOLEAN, "Whether the person is there from now on."),
+        FieldDecl(
+            "scene_layer",
+            Choice(tuple(_SILENT)),
+            "Silent: from now on nothing new is known of the scene.",
+        ),
+        FieldDecl("publish", _MESSAGE, "A message arrives."),
+        FieldDecl("tune", Entries(ANY, "names and values"), "Tunable → new value."),
+        FieldDecl("cancel", TEXT, "The run is cancelled, for this reason."),
+    ),
+)
+SCENARIO = KeyTable(
+    what="a rehearsal",
+    fields=(
+        FieldDecl(
+            "scene",
+            SceneValues(person="Whether a person is there."),
+            "The scene as awarded; the rest is missing.",
+        ),
+        FieldDecl("person", BOOLEAN, "Whether a person is there."),
+        FieldDecl(
+            "tunables",
+            Entries(ANY, "names and values"),
+            "Values that differ from the defaults.",
+        ),
+        FieldDecl("seed", integer(0), "Makes everything random the same each time."),
+        FieldDecl(
+            "answers",
+            Entries(
+                Several(Either((TEXT, _ANSWER))), "skills or paths, and answers", keys=Key.ANY
+            ),
+            "Skill or path of a node → how the world answers.",
+        ),
+        FieldDecl(
+            "replace",
+            Entries(Either((Choice(tuple(AT_ONCE)), FIELDS)), "paths and nodes", keys=Key.ANY),
+            "Path of a node → what stands in for it.",
+        ),
+        FieldDecl("during", Items(_HAPPENING), "What happens during the run."),
+    ),
+)
+"""The keys that say what a rehearsal starts from."""
 
 
 class ScenarioReader:
@@ -70,7 +148,7 @@ class ScenarioReader:
         for node in self._nodes:
             if node.skill is not None:
                 self.skills.setdefault(node.kind, node.skill)
-        named = {name: one for name, one in self.skills.items() if name not in RAW_LEAVES}
+        named = {name: one for name, one in self.skills.items() if name not in NODE_TYPES}
         self.known_skills = {**vocabulary.skills, **named}
         self._replacements = ReplacementReader(
             reading, vocabulary.with_skills(named), self._nodes, self._tunables.values()
@@ -86,20 +164,22 @@ class ScenarioReader:
             person = inner if inner is not None else person
             values = read_values(self._reading, _without_person(scene), "'scene'", self._space)
         elif scene is not None:
-            self._reading.wrong_type(scene, "'scene'", "a mapping such as {age: 4, mood: 3}")
+            self._reading.wrong_type(
+                scene, "'scene'", "a mapping such as {age: 4, mood: 3}", Shape.MAPPING
+            )
         return Scenario(
             scene=values,
             person=True if person is None else person,
-            tunables=self._tuned(fields.entries("tunables", "names and values")),
-            seed=fields.integer("seed", 0, _LARGEST_SEED) or 0,
+            tunables=self._tuned(fields.entries("tunables")),
+            seed=fields.integer("seed", maximum=_LARGEST_SEED) or 0,
             answers=tuple(
                 rule
-                for entry in fields.entries("answers", "skills or paths, and answers")
+                for entry in fields.entries("answers")
                 if (rule := self._rule(entry)) is not None
             ),
             replace=tuple(
                 one
-                for entry in fields.entries("replace", "paths and nodes")
+                for entry in fields.entries("replace")
                 if (one := self._replacement(entry)) is not None
             ),
             during=tuple(
@@ -127,7 +207,7 @@ class ScenarioReader:
             "unknown-path",
             node,
             f"no node of the agent{' that uses a skill' if skills else ''} has the path "
-            f"{shown(text)}",
+            f"{quote(text)}",
             path_hint(text, known),
         )
         return None
@@ -160,7 +240,7 @@ class ScenarioReader:
                 self._reading.error(
                     "unknown-name",
                     entry.key,
-                    f"the agent has no tunable {shown(entry.key.text)}",
+                    f"the agent has no tunable {quote(entry.key.text)}",
                     did_you_mean(entry.key.text, self._tunables),
                 )
                 continue
@@ -191,15 +271,15 @@ class ScenarioReader:
             self._reading.error(
                 "unknown-name",
                 entry.key,
-                f"the agent's tree uses no skill {shown(key)}",
+                f"the agent's tree uses no skill {quote(key)}",
                 did_you_mean(key, self.skills),
             )
             return None
         items = entry.value.items if isinstance(entry.value, Sequence) else (entry.value,)
         if not items:
-            self._reading.error("missing-value", entry.value, f"{shown(key)} has no answer")
+            self._reading.error("missing-value", entry.value, f"{quote(key)} has no answer")
         answers = tuple(
-            self._answer(item, outputs, f"the answer of {shown(key)}") for item in items
+            self._answer(item, outputs, f"the answer of {quote(key)}") for item in items
         )
         if not answers or None in answers:
             return None
@@ -209,15 +289,15 @@ class ScenarioReader:
         if not isinstance(node, MappingNode):
             given = self._given(node, outputs, what)
             return None if given is None else ScriptedAnswer(outputs=given)
-        fields = self._reading.fields(node, what, _ANSWER_KEYS)
+        fields = self._reading.keys(node, _ANSWER, what)
         if fields is None:
             return None
-        said = [key for key in _ANSWER_KEYS[:-1] if key in fields.nodes]
-        if len(said) > 1:
+        written = [key for key in _ANSWER.values if key in fields.nodes and key != "after"]
+        if len(written) > 1:
             self._reading.error(
                 "contradiction",
-                fields.keys[said[1]],
-                f"{what} has '{said[0]}' and '{said[1]}', which exclude each other",
+                fields.keys[written[1]],
+                f"{what} has '{written[0]}' and '{written[1]}', which exclude each other",
                 "keep one of them",
             )
             return None
@@ -225,7 +305,7 @@ class ScenarioReader:
         if "fails" in fields.nodes:
             return ScriptedAnswer(end=GoalEnd.FAILS, reason=fields.text("fails"), after_s=after_s)
         if "ends" in fields.nodes:
-            word = fields.choice("ends", _ENDS)
+            word = fields.choice("ends")
             return ScriptedAnswer(end=GoalEnd(word), after_s=after_s) if word else None
         if (node := fields.nodes.get("gives", node)) is not fields.mapping:
             given = self._given(node, outputs, what)
@@ -238,7 +318,7 @@ class ScenarioReader:
             self._reading.error(
                 "wrong-type",
                 node,
-                f"{what}: it gives nothing back that could be {shown(_text(node))}",
+                f"{what}: it gives nothing back that could be {quote(_text(node))}",
                 "write {after: 3 s}, {fails: why} or {ends: never}",
             )
             return None
@@ -248,13 +328,13 @@ class ScenarioReader:
 
     def _named(self, fields: MappingReader, outputs: _Outputs) -> dict[str, Plain] | None:
         values: dict[str, Plain] = {}
-        for entry in fields.entries("outputs", "outputs and values"):
+        for entry in fields.entries("outputs"):
             name = entry.key.text
             if name not in outputs.types:
                 self._reading.error(
                     "unknown-name",
                     entry.key,
-                    f"there is no output {shown(name)}",
+                    f"there is no output {quote(name)}",
                     did_you_mean(name, outputs.types),
                 )
                 return None
@@ -269,8 +349,8 @@ class ScenarioReader:
         return Replacement(pattern=pattern, node=node)
 
     def _happening(self, node: Node) -> ScriptedEvent | None:
-        names = [name for name in self._space.names if name not in _HAPPENING_KEYS]
-        fields = self._reading.fields(node, "what happens", (*_HAPPENING_KEYS, *names))
+        names = [name for name in self._space.names if name not in _HAPPENING.values]
+        fields = self._reading.keys(node, _HAPPENING, more=names)
         if fields is None:
             return None
         if "after" not in fields.nodes and "at" not in fields.nodes:
@@ -294,8 +374,8 @@ class ScenarioReader:
             at=(self.path(at_node, "'at'") or "") if at_node is not None else "",
             values=self._values(fields, names),
             person=fields.boolean("person"),
-            silent=_SILENT.get(fields.choice("scene_layer", tuple(_SILENT)) or ""),
-            tunables=self._tuned(fields.entries("tune", "names and values")),
+            silent=_SILENT.get(fields.choice("scene_layer") or ""),
+            tunables=self._tuned(fields.entries("tune")),
             topic=topic,
             message=message,
             cancel=fields.text("cancel"),
@@ -314,29 +394,31 @@ class ScenarioReader:
     def _message(self, node: Node | None) -> tuple[str, Mapping[str, Plain]]:
         if node is None:
             return "", {}
-        fields = self._reading.fields(node, "'publish'", ("topic", "message"), ("topic",))
+        fields = self._reading.keys(node, _MESSAGE)
         topic_node = fields.get("topic") if fields is not None else None
         if fields is None or topic_node is None:
             return "", {}
         topic = read_ros_name(self._reading, topic_node, "'topic'") or ""
-        self._refuse_unheard(topic_node, topic)
+        self._refuse_unused_topic(topic_node, topic)
         message_node = fields.get("message")
         if message_node is None:
             return topic, {}
         if not isinstance(message_node, MappingNode):
-            self._reading.wrong_type(message_node, "'message'", "a mapping such as {data: true}")
+            self._reading.wrong_type(
+                message_node, "'message'", "a mapping such as {data: true}", Shape.MAPPING
+            )
             return topic, {}
         message = self.plain(message_node, FieldType.ANY, "'message'")
         return topic, message if isinstance(message, Mapping) else {}
 
-    def _refuse_unheard(self, node: Node, topic: str) -> None:
-        heard = [one.fields["topic"] for one in self._nodes if "topic" in one.fields]
-        known = [str(value.value) for value in heard if isinstance(value, Literal)]
-        if topic and topic not in known and len(known) == len(heard):
+    def _refuse_unused_topic(self, node: Node, topic: str) -> None:
+        topics = [one.fields["topic"] for one in self._nodes if "topic" in one.fields]
+        known = [str(value.value) for value in topics if isinstance(value, Literal)]
+        if topic and topic not in known and len(known) == len(topics):
             self._reading.error(
                 "unknown-name",
                 node,
-                f"no node of the agent waits for a message on {shown(topic)}",
+                f"no node of the agent waits for a message on {quote(topic)}",
                 did_you_mean(topic, known) or "remove it",
             )
 
@@ -357,10 +439,10 @@ class _Outputs:
 def _outputs(node: NodeSpec) -> _Outputs:
     """Return what a node's skill gives back."""
     assert node.skill is not None
-    told = node.skill.binding.feedback if node.skill.binding is not None else {}
+    early = node.skill.binding.feedback if node.skill.binding is not None else {}
     types = {output.name: output.type for output in node.skill.outputs}
     types = types or dict.fromkeys((*node.outputs, *node.feedback), FieldType.ANY)
-    last = {name: types[name] for name in types if name not in told}
+    last = {name: types[name] for name in types if name not in early}
     return _Outputs(types=types, main=next(iter(last.items()), None))
 
 

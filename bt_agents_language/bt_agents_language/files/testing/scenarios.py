@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a test file says: scenes to rehearse, how the world answers, and what is expected."""
+"""Specification of a test file: scenarios and expectations."""
 
 from __future__ import annotations
 
@@ -7,8 +7,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import Enum
 
+from bt_agents_core.diagnostic import Position
 from bt_agents_core.feedback import FeedbackKind
-from bt_agents_language.model.specs import AgentSpec, NodeSpec, Plain, Position
+from bt_agents_core.field_types import Plain
+from bt_agents_language.model.specs import AgentSpec, NodeSpec
 
 REPLACED = "replaced"
 """First part of the paths of a node that takes the place of others."""

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Reads ``*.test.yaml``: cases that rehearse an agent, and what is expected of each."""
+"""Reader of ``*.test.yaml``: cases that rehearse an agent, with their expectations."""
 
 from __future__ import annotations
 
@@ -7,8 +7,11 @@ import re
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 
+from bt_agents_core.diagnostic import Position
 from bt_agents_core.feedback import FeedbackKind
-from bt_agents_language.files.testing.scenario_reader import SCENARIO_KEYS, ScenarioReader
+from bt_agents_core.field_types import FieldType, Plain
+from bt_agents_core.text import quote
+from bt_agents_language.files.testing.scenario_reader import SCENARIO, ScenarioReader
 from bt_agents_language.files.testing.scenarios import (
     SPOKEN,
     AgentTest,
@@ -27,23 +30,108 @@ from bt_agents_language.files.testing.scenarios import (
     Visits,
     Within,
 )
-from bt_agents_language.model.specs import AgentSpec, FieldType, Plain, Position, SkillSpec
+from bt_agents_language.model.file_kinds import (
+    ANY,
+    BOOLEAN,
+    DURATION,
+    TEXT,
+    Choice,
+    Either,
+    Entries,
+    FieldDecl,
+    FileKind,
+    Items,
+    Key,
+    KeyTable,
+    Several,
+    Value,
+)
+from bt_agents_language.model.mood_rule import MoodAction
+from bt_agents_language.model.specs import AgentSpec, SkillSpec
 from bt_agents_language.model.symbols import SymbolTable
-from bt_agents_language.yaml.diagnostics import did_you_mean, shown
-from bt_agents_language.yaml.mapping_reader import MappingReader
+from bt_agents_language.yaml.diagnostics import did_you_mean
 from bt_agents_language.yaml.source import Source
-from bt_agents_language.yaml.typed_reader import TypedReader
+from bt_agents_language.yaml.typed_reader import MappingReader, Shape, TypedReader
 from bt_agents_language.yaml.yaml_reader import Mapping as MappingNode
 from bt_agents_language.yaml.yaml_reader import Node, Scalar, Sequence
 
 OUTCOMES = ("succeeded", "failed", "cancelled")
 
 _FILE = re.compile(r"[\w-]{1,100}(\.ya?ml)?")
-_EXPECT_KEYS = (
-    "bids", "says", "does", "does_not", "visited", "not_visited", "ends", "because", "within",
-    "feedback", "cancelled_by",
-)  # fmt: skip
 _KINDS = {kind.name.lower(): kind for kind in FeedbackKind}
+_USE = Either((TEXT, Entries(ANY, keys=Key.ANY, single=True)))
+
+
+def _contained(one: Value) -> KeyTable:
+    """Return the keys of a mapping with some of what must come, in order."""
+    contains = FieldDecl(
+        "contains",
+        Several(one),
+        "These, in order; others may come between.",
+        required=True,
+    )
+    return KeyTable(fields=(contains,))
+
+
+_EXPECT = KeyTable(
+    what="'expect'",
+    filled=True,
+    fields=(
+        FieldDecl("bids", BOOLEAN, "Whether it bids for the scene at all."),
+        FieldDecl(
+            "says",
+            Several(TEXT, _contained(TEXT)),
+            "What it says, in order and nothing else.",
+        ),
+        FieldDecl(
+            "does",
+            Several(_USE, _contained(_USE)),
+            "The skills it uses, in order and nothing else.",
+        ),
+        FieldDecl("does_not", Several(_USE), "Skills that it does not use."),
+        FieldDecl("visited", Several(TEXT), "Paths of nodes that are ticked."),
+        FieldDecl("not_visited", Several(TEXT), "Paths of nodes that are never ticked."),
+        FieldDecl("ends", Choice(OUTCOMES), "How the run ends."),
+        FieldDecl("because", TEXT, "Words of the reason why it ended."),
+        FieldDecl("within", DURATION, "The longest time that it may take."),
+        FieldDecl(
+            "feedback", Several(Choice(tuple(_KINDS))), "The feedback that is given, in order."
+        ),
+        FieldDecl(
+            "cancelled_by",
+            TEXT,
+            "The condition of the mood rule, or the reason, that cancels it.",
+        ),
+    ),
+)
+_CASE = KeyTable(
+    what="a case",
+    fields=(
+        FieldDecl("name", TEXT, "What is special about this case.", required=True),
+        *SCENARIO.fields,
+        FieldDecl("expect", _EXPECT, "What must come out.", required=True),
+    ),
+)
+TEST = FileKind(
+    name="test",
+    what="a test file",
+    title="Test",
+    description="Rehearsals of an agent.",
+    fields=(
+        FieldDecl(
+            "test",
+            TEXT,
+            "The agent: its name, or its file beside this one.",
+            required=True,
+        ),
+        FieldDecl(
+            "cases",
+            Items(_CASE, empty="there is no case"),
+            "The cases, each a rehearsal.",
+            required=True,
+        ),
+    ),
+)
 
 
 def read_test(path: Path, agents: Iterable[AgentSpec], vocabulary: SymbolTable) -> AgentTest:
@@ -77,7 +165,7 @@ def read_scenario_text(
         ReadError: There is a problem; it lists all of them.
     """
     reading = TypedReader(Source(file, text))
-    fields = reading.document("a rehearsal", SCENARIO_KEYS)
+    fields = reading.file(SCENARIO)
     scenario = ScenarioReader(reading, agent, vocabulary).read(fields)
     reading.problems.raise_if_any()
     return scenario
@@ -99,13 +187,9 @@ class _TestFile:
         self._folder = folder
 
     def read(self) -> AgentTest:
-        fields = self._reading.document("a test file", ("test", "cases"), ("test", "cases"))
+        fields = self._reading.file(TEST)
         agent = self._agent(fields.get("test"))
         nodes = fields.items("cases")
-        if not nodes and isinstance(fields.get("cases"), Sequence):
-            self._reading.error(
-                "missing-value", fields.nodes["cases"], "there is no case", "add one"
-            )
         cases: dict[str, AgentTestCase] = {}
         if agent is not None:
             scenarios = ScenarioReader(self._reading, agent, self._vocabulary)
@@ -128,14 +212,14 @@ class _TestFile:
             self._reading.error(
                 "unknown-agent",
                 node,
-                f"agent {shown(text)} cannot be tested, as its file has errors",
+                f"agent {quote(text)} cannot be tested, as its file has errors",
                 f"'bt-agents check {broken}' lists them",
             )
             return None
         self._reading.error(
             "unknown-agent",
             node,
-            f"there is no agent {shown(text)} without errors",
+            f"there is no agent {quote(text)} without errors",
             did_you_mean(text, [agent.name for agent in self._agents])
             or "'bt-agents check' lists the errors of all agents",
         )
@@ -158,9 +242,7 @@ class _TestFile:
         scenarios: ScenarioReader,
         cases: dict[str, AgentTestCase],
     ) -> None:
-        fields = self._reading.fields(
-            node, "a case", ("name", *SCENARIO_KEYS, "expect"), ("name", "expect")
-        )
+        fields = self._reading.keys(node, _CASE)
         if fields is None:
             return
         name = fields.text("name")
@@ -168,7 +250,7 @@ class _TestFile:
             self._reading.error(
                 "name-taken",
                 fields.nodes["name"],
-                f"there is a case {shown(name)} already (line {cases[name].position.line})",
+                f"there is a case {quote(name)} already (line {cases[name].position.line})",
                 "say what is different in this one",
             )
         scenario = scenarios.read(fields)
@@ -203,7 +285,7 @@ class _Expectations:
                 "missing-value", node, "nothing is expected", "add 'ends: succeeded'"
             )
             return ()
-        fields = self._reading.fields(node, "'expect'", _EXPECT_KEYS)
+        fields = self._reading.keys(node, _EXPECT)
         if fields is None:
             return ()
         found: list[Expectation | None] = []
@@ -232,7 +314,7 @@ class _Expectations:
             case "visited" | "not_visited":
                 return self._visits(node, key)
             case "ends":
-                outcome = fields.choice(key, OUTCOMES)
+                outcome = fields.choice(key)
                 return [None if outcome is None else Ends(outcome=outcome, position=position)]
             case "because":
                 words = fields.text(key)
@@ -263,7 +345,7 @@ class _Expectations:
     def _listed(self, node: Node, what: str) -> tuple[tuple[Node, ...], bool]:
         """Return the items of a list and whether they are meant to be all."""
         if isinstance(node, MappingNode) and node.get("contains") is not None:
-            fields = self._reading.fields(node, what, ("contains",))
+            fields = self._reading.keys(node, _contained(ANY), what)
             inner = fields.get("contains") if fields is not None else None
             return () if inner is None else _several(inner), False
         return _several(node), True
@@ -309,7 +391,9 @@ class _Expectations:
             inputs = self._inputs(entry.value, skill.name, types)
             return SkillUse(skill=skill.name, inputs=inputs, main=skill.main)
         if skill.main is None:
-            self._reading.wrong_type(entry.value, f"'{skill.name}'", "a mapping of inputs")
+            self._reading.wrong_type(
+                entry.value, f"'{skill.name}'", "a mapping of inputs", Shape.MAPPING
+            )
             return None
         value = self._scenarios.plain(entry.value, types[skill.main], f"'{skill.main}'")
         return SkillUse(skill=skill.name, inputs={skill.main: value}, main=skill.main)
@@ -324,7 +408,7 @@ class _Expectations:
                 self._reading.error(
                     "unknown-key",
                     entry.key,
-                    f"'{skill}' has no input {shown(name)}",
+                    f"'{skill}' has no input {quote(name)}",
                     did_you_mean(name, types),
                 )
                 continue
@@ -339,9 +423,9 @@ class _Expectations:
             self._reading.error(
                 "unknown-name",
                 node,
-                f"there is no skill {shown(name)}"
+                f"there is no skill {quote(name)}"
                 if any_skill
-                else f"the agent's tree uses no skill {shown(name)}",
+                else f"the agent's tree uses no skill {quote(name)}",
                 did_you_mean(name, known),
             )
         return skill
@@ -360,14 +444,14 @@ class _Expectations:
         text = self._reading.text(node, "'cancelled_by'")
         if text is None:
             return None
-        rules = [rule.when.text for rule in self._agent.rules if rule.cancel]
+        rules = [rule.when.text for rule in self._agent.rules if rule.action is MoodAction.CANCEL]
         known = [*rules, *(one.cancel for one in self._scenario.during if one.cancel)]
         cause = next((one for one in known if one.split() == text.split()), None)
         if cause is None:
             self._reading.error(
                 "unknown-name",
                 node,
-                f"nothing cancels this run for {shown(text)}",
+                f"nothing cancels this run for {quote(text)}",
                 did_you_mean(text, known)
                 or "give a rule under 'feedback' of the agent 'then: cancel', or cancel under "
                 "'during'",

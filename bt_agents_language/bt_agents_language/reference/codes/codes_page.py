@@ -1,10 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""All codes as one Markdown page."""
+"""Markdown page of all codes."""
 
 from __future__ import annotations
 
-from bt_agents_language.reference.codes.entry import Code
-from bt_agents_language.reference.codes.table import GROUPS
+from bt_agents_language.reference.codes.table import Code, code_groups
 
 _TOP = """\
 # Errors and warnings
@@ -32,7 +31,7 @@ and test files leave out what does not matter. `⟨…⟩` stands for what canno
 def codes_page() -> str:
     """Return the page."""
     parts = [_TOP]
-    for heading, codes in GROUPS.items():
+    for heading, codes in code_groups().items():
         parts.append(f"## {heading}")
         parts += [_section(code) for code in codes]
     return "\n\n".join(part.rstrip() for part in parts) + "\n"

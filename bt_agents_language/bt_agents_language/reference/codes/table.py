@@ -1,25 +1,116 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The table of all codes, for readers, tests, the terminal and the page that documents them."""
+"""Table of all codes, with the examples that document and test them."""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import Enum
+from functools import cache
+from importlib.resources import files
 
-from bt_agents_language.reference.codes.entry import Code
-from bt_agents_language.reference.codes.of_dangers import DANGER_CODES
-from bt_agents_language.reference.codes.of_text import TEXT_CODES
-from bt_agents_language.reference.codes.of_trees import TREE_CODES
-from bt_agents_language.reference.codes.of_values import VALUE_CODES
-from bt_agents_language.reference.codes.of_xml import XML_CODES
+import yaml
 
-GROUPS: Mapping[str, tuple[Code, ...]] = {
-    "Files and YAML": TEXT_CODES,
-    "Keys, values and names": VALUE_CODES,
-    "Trees, skills and references between files": TREE_CODES,
-    "Warnings": DANGER_CODES,
-    "Import from Groot2": XML_CODES,
-}
-"""Heading → its codes."""
+from bt_agents_core.diagnostic import Severity
 
-CODES: Mapping[str, Code] = {entry.code: entry for codes in GROUPS.values() for entry in codes}
-"""Every code that a problem can have."""
+_TABLE = "reference/codes.yaml"
+
+
+class ExampleKind(Enum):
+    """What the examples of a code are; the value says it to people."""
+
+    AGENT = "part of an agent file"
+    SKILLS = "a skills file"
+    SCENE = "a scene file"
+    SCRIPT = "a script"
+    TEST = "part of a test file"
+    FOLDER = "files of a trees folder"
+    XML = "a file of Groot2"
+    PACKAGE = "the pyproject.toml of a Python package"
+
+    @property
+    def language(self) -> str:
+        """What the examples are written in, as Markdown and highlighters name it."""
+        return {ExampleKind.XML: "xml", ExampleKind.PACKAGE: "toml"}.get(self, "yaml")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Code:
+    """One code.
+
+    Attributes:
+        code: Its name in reports.
+        meaning: One sentence.
+        wrong: The smallest file with this problem as its first; see :func:`written`.
+        right: The same file without it.
+        kind: What the examples are. Of an agent or test file they show only what matters; of a
+            folder each file comes below a line ``# path``.
+        severity: A file with a warning can be used, one with an error cannot.
+    """
+
+    code: str
+    meaning: str
+    wrong: str
+    right: str
+    kind: ExampleKind = ExampleKind.AGENT
+    severity: Severity = Severity.ERROR
+
+
+@cache
+def code_groups() -> Mapping[str, tuple[Code, ...]]:
+    """Return the codes by the heading that they stand under.
+
+    The table is read at the first call, as only explanations need it.
+    """
+    text = files("bt_agents_language").joinpath(_TABLE).read_text(encoding="utf-8")
+    groups = yaml.load(text, Loader=yaml.CSafeLoader)
+    return {
+        heading: tuple(_code(name, entry) for name, entry in codes.items())
+        for heading, codes in groups.items()
+    }
+
+
+@cache
+def codes() -> Mapping[str, Code]:
+    """Return every code that a problem can have, by its name."""
+    return {one.code: one for group in code_groups().values() for one in group}
+
+
+def _code(name: str, entry: Mapping[str, str]) -> Code:
+    return Code(
+        code=name,
+        meaning=entry["meaning"],
+        wrong=entry["wrong"],
+        right=entry["right"],
+        kind=ExampleKind[entry.get("file", "agent").upper()],
+        severity=Severity(entry.get("severity", "error")),
+    )
+
+
+_MARK = re.compile(r"⟨(?:(?P<tab>tab)|U\+(?P<point>[0-9A-F]{4})|byte (?P<byte>[0-9A-F]{2})"
+                   r"|(?P<unit>.+?) × (?P<times>[0-9,]+))⟩")  # fmt: skip
+
+
+def written(example: str) -> bytes:
+    """Return an example as it would stand in a file.
+
+    Examples stand for what cannot be seen or is too long by marks: ``⟨tab⟩``, ``⟨U+202E⟩`` for a
+    character, ``⟨byte FC⟩``, and ``⟨[] × 1,000⟩`` for so many times the same.
+    """
+    data = b""
+    at = 0
+    for mark in _MARK.finditer(example):
+        data += example[at : mark.start()].encode() + _marked(mark)
+        at = mark.end()
+    return data + example[at:].encode()
+
+
+def _marked(mark: re.Match[str]) -> bytes:
+    if mark["tab"]:
+        return b"\t"
+    if mark["point"]:
+        return chr(int(mark["point"], 16)).encode()
+    if mark["byte"]:
+        return bytes([int(mark["byte"], 16)])
+    return mark["unit"].encode() * int(mark["times"].replace(",", ""))

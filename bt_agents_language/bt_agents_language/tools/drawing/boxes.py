@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a picture of a tree shows of each node: its kind, its words, its place in the file."""
+"""Boxes of a picture: what it shows of each node of a tree, and in which colours."""
 
 from __future__ import annotations
 
@@ -7,26 +7,49 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import Enum
 
+from bt_agents_core.diagnostic import Position
+from bt_agents_core.field_types import FieldType
+from bt_agents_core.text import excerpt
 from bt_agents_language.expression.expressions import Expression
-from bt_agents_language.model.node_type import Children, Content, NodeField
-from bt_agents_language.model.specs import FieldType, Literal, NodeSpec, Position, Value
-from bt_agents_language.nodes import KINDS, MODIFIERS
-from bt_agents_language.tools.drawing.shown_values import LONGEST_TEXT, shortened, shown_value
+from bt_agents_language.model.node_type import Children, Content, Role
+from bt_agents_language.model.specs import Literal, NodeSpec, Value
+from bt_agents_language.nodes.catalogue import type_of
+from bt_agents_language.nodes.skill import SKILL
+from bt_agents_language.tools.drawing.shown_values import LONGEST_TEXT, shown_value
 
 
 class BoxKind(Enum):
-    """Kinds of nodes that look different in a picture."""
+    """Kind of box: these look different in a picture."""
 
     COMPOSITE = "composite"
-    MODIFIER = "modifier"
+    DECORATOR = "decorator"
     LEAF = "leaf"
     SKILL = "skill"
     SUBTREE = "subtree"
 
 
 @dataclass(frozen=True, kw_only=True)
+class Colours:
+    """Colours of one kind of box, as CSS; the text stands out from the fill by at least 7 : 1."""
+
+    fill: str
+    stroke: str
+    text: str
+
+
+COLOURS = {
+    BoxKind.COMPOSITE: Colours(fill="#dbe9ff", stroke="#2f6fd0", text="#0b2a5b"),
+    BoxKind.DECORATOR: Colours(fill="#fff1cc", stroke="#c98a00", text="#4a3200"),
+    BoxKind.LEAF: Colours(fill="#eef0f3", stroke="#6b7480", text="#222a33"),
+    BoxKind.SKILL: Colours(fill="#daf3df", stroke="#2e8b47", text="#0d3b1a"),
+    BoxKind.SUBTREE: Colours(fill="#eee0fb", stroke="#8247b8", text="#3a125e"),
+}
+"""By kind of box."""
+
+
+@dataclass(frozen=True, kw_only=True)
 class Box:
-    """One node of a picture.
+    """Box: one node of a picture.
 
     Attributes:
         kind: How it looks.
@@ -49,13 +72,6 @@ class Box:
     children: tuple[Box, ...]
 
 
-_MAIN = {"case": "condition", "weight": "weight"}
-"""What wraps a child of a composite like a modifier without being one, and its main field."""
-
-_HIDDEN = ("memory", "otherwise")
-_SWITCHED = {"memory": "starts over at each tick"}
-
-
 def box_of(spec: NodeSpec, longest_text: int = LONGEST_TEXT, role: str = "") -> Box:
     """Return what a picture shows of a node and of all below it.
 
@@ -66,8 +82,8 @@ def box_of(spec: NodeSpec, longest_text: int = LONGEST_TEXT, role: str = "") -> 
     """
     return Box(
         kind=_kind(spec),
-        word=_word(spec),
-        name=shortened(_name(spec), longest_text),
+        word=type_of(spec).drawn_key(spec),
+        name=excerpt(_name(spec), longest_text),
         details=_details(spec, longest_text),
         role=role,
         path=spec.path,
@@ -76,31 +92,26 @@ def box_of(spec: NodeSpec, longest_text: int = LONGEST_TEXT, role: str = "") -> 
             box_of(
                 child,
                 longest_text,
-                "on failure" if spec.kind == "on_failure" and index else "",
+                "on failure" if type_of(spec).handler and index else "",
             )
             for index, child in enumerate(spec.children)
         ),
     )
 
 
-def _word(spec: NodeSpec) -> str:
-    # The last child of 'choose' is the only one without a condition.
-    return "otherwise" if spec.kind == "case" and not spec.fields else spec.kind
-
-
 def _kind(spec: NodeSpec) -> BoxKind:
-    if spec.kind in MODIFIERS or spec.kind in _MAIN:
-        return BoxKind.MODIFIER
-    kind = KINDS.get(spec.kind)
-    if kind is None:
-        return BoxKind.SKILL if spec.skill is not None else BoxKind.LEAF
-    if kind.children is Children.NONE:
+    node_type = type_of(spec)
+    if node_type.role in (Role.DECORATOR, Role.BRANCH):
+        return BoxKind.DECORATOR
+    if node_type is SKILL:
+        return BoxKind.SKILL
+    if node_type.children is Children.NONE:
         return BoxKind.LEAF
-    return BoxKind.SUBTREE if spec.kind == "subtree" else BoxKind.COMPOSITE
+    return BoxKind.COMPOSITE if node_type.children is Children.LIST else BoxKind.SUBTREE
 
 
 def _name(spec: NodeSpec) -> str:
-    if spec.kind in MODIFIERS or spec.kind in _MAIN:
+    if type_of(spec).role in (Role.DECORATOR, Role.BRANCH):
         return ""
     made = spec.name == spec.kind or spec.name.startswith(f"{spec.kind} ")
     return "" if made else spec.name
@@ -109,7 +120,7 @@ def _name(spec: NodeSpec) -> str:
 def _details(spec: NodeSpec, longest_text: int) -> tuple[str, ...]:
     values = [*_interface(spec, longest_text), *_values(spec, longest_text)]
     details = [*(f"{value}," for value in values[:-1]), *values[-1:]]
-    if spec.kind == "subtree":
+    if type_of(spec).children is Children.ONE:
         first = [f"with {details[0]}", *details[1:]] if details else []
         details = [*filter(None, [_called(spec)]), *first]
     if spec.outputs or spec.feedback:
@@ -125,7 +136,7 @@ def _called(spec: NodeSpec) -> str:
 
 def _interface(spec: NodeSpec, longest_text: int) -> list[str]:
     """Return the ROS interface that a node names itself, and what it sends."""
-    if spec.kind not in KINDS or spec.skill is None or spec.skill.binding is None:
+    if spec.skill is None or spec.skill.binding is None or type_of(spec) is SKILL:
         return []
     binding = spec.skill.binding
     written = shown_value(binding.fields, longest_text=longest_text)
@@ -134,84 +145,73 @@ def _interface(spec: NodeSpec, longest_text: int) -> list[str]:
 
 
 def _values(spec: NodeSpec, longest_text: int) -> list[str]:
+    node_type = type_of(spec)
     fields = _fields(spec)
-    main = _main(spec)
+    main = spec.skill.main if spec.skill is not None else node_type.main
     shown = []
     for name, value in spec.fields.items():
         field = fields.get(name)
-        if _is_default(name, value, field):
+        if name in node_type.derived or _is_default(value, field):
             continue
-        text = _chosen(spec, value) or _text(value, field, longest_text)
-        if name in _SWITCHED:
-            shown.append(_SWITCHED[name])
+        text = _chosen(spec, value, field) or _text(value, field, longest_text)
+        if field is not None and field.drawn:
+            shown.append(field.drawn)
         elif name == main:
             shown.insert(0, text)
-        elif spec.kind == "set":
+        elif node_type.open:
             shown.append(f"{name} = {text}")
         else:
             shown.append(f"{name.replace('_', ' ')} {text}")
     return shown
 
 
-def _chosen(spec: NodeSpec, value: Value | Expression) -> str:
-    """Return the names of the children that a parallel needs; empty when it names none."""
+@dataclass(frozen=True, kw_only=True)
+class _Field:
+    """Field as far as a picture needs it.
+
+    Attributes:
+        words: Whether texts in it are words.
+        counts: Whether numbers in it are places of children.
+        drawn: What a picture says of any value but the default.
+    """
+
+    type: FieldType
+    default: object
+    words: bool = False
+    counts: bool = False
+    drawn: str = ""
+
+
+def _chosen(spec: NodeSpec, value: Value | Expression, field: _Field | None) -> str:
+    """Return the names of the children that a field chooses; empty when it chooses none."""
     chosen = value.value if isinstance(value, Literal) else None
-    if spec.kind != "parallel" or not isinstance(chosen, tuple):
+    if field is None or not field.counts or not isinstance(chosen, tuple):
         return ""
     names = []
     for child in (spec.children[at] for at in chosen if isinstance(at, int)):
-        while child.kind in MODIFIERS:
+        while type_of(child).role is Role.DECORATOR:
             child = child.children[0]
         names.append(child.name)
     return f"[{', '.join(names)}]"
 
 
-def _main(spec: NodeSpec) -> str | None:
-    if spec.skill is not None:
-        return spec.skill.main
-    if spec.kind in MODIFIERS:
-        return MODIFIERS[spec.kind].main
-    if spec.kind in KINDS:
-        return KINDS[spec.kind].main
-    return _MAIN.get(spec.kind)
-
-
-@dataclass(frozen=True, kw_only=True)
-class _Field:
-    """What is known of a field: its type, its default, and whether texts in it are words."""
-
-    type: FieldType
-    default: object
-    words: bool
-
-
 def _fields(spec: NodeSpec) -> Mapping[str, _Field]:
-    if spec.skill is not None and spec.kind not in KINDS:
-        return {
-            one.name: _Field(type=one.type, default=one.default, words=False)
-            for one in spec.skill.inputs
-        }
-    table: tuple[NodeField, ...] = ()
-    if spec.kind in MODIFIERS:
-        table = MODIFIERS[spec.kind].fields
-    elif spec.kind in KINDS:
-        table = KINDS[spec.kind].fields
+    if spec.skill is not None and type_of(spec) is SKILL:
+        return {one.name: _Field(type=one.type, default=one.default) for one in spec.skill.inputs}
     return {
         one.name: _Field(
             type=one.type,
             default=one.default,
             words=bool(one.words) or one.content is not Content.VALUE,
+            counts=one.content is Content.COUNT,
+            drawn=one.drawn,
         )
-        for one in table
+        for one in type_of(spec).fields
     }
 
 
-def _is_default(name: str, value: Value | Expression, field: _Field | None) -> bool:
-    if not isinstance(value, Literal):
-        return False
-    if field is None:
-        return name in _HIDDEN
-    return value.value == field.default
+def _is_default(value: Value | Expression, field: _Field | None) -> bool:
+    return field is not None and isinstance(value, Literal) and value.value == field.default
 
 
 def _text(value: Value | Expression, field: _Field | None, longest_text: int) -> str:

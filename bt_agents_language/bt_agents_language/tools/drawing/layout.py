@@ -1,14 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where the boxes of a tree stand: children to the right of their parent, an only one below it."""
+"""Layout of the boxes of a tree: children right of their parent, an only one below it."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
-from bt_agents_language.model.walking import iter_nodes
+from bt_agents_language.model.specs import iter_nodes
 from bt_agents_language.tools.drawing.boxes import Box, BoxKind
-from bt_agents_language.tools.drawing.outline import head
-from bt_agents_language.tools.drawing.packing import packed
+from bt_agents_language.tools.drawing.outline import head, packed
 from bt_agents_language.yaml.renderers import columns
 
 LINE = 17.0
@@ -59,7 +58,7 @@ def place(box: Box, x: float, y: float) -> Placed:
     width = _width(box, lines)
     height = len(lines) * LINE + 2 * PADDING
     children: list[Placed] = []
-    # Modifiers stand above what they modify, which keeps the picture of a deep tree narrow.
+    # Decorators stand above what they decorate, which keeps the picture of a deep tree narrow.
     only = len(box.children) == 1
     left, below = (x, y + height + _GAP_TO_ONLY) if only else (x + width + _GAP_ACROSS, y)
     for child in box.children:
@@ -92,7 +91,7 @@ def text_width(text: str) -> float:
 def _width(box: Box, lines: tuple[str, ...]) -> float:
     first = columns(lines[0]) + _PLACE_OF_NUMBER + len(str(box.position.line))
     longest = max([first, *map(columns, lines[1:])])
-    slant = 2 * PADDING if box.kind is BoxKind.MODIFIER else 0.0
+    slant = 2 * PADDING if box.kind is BoxKind.DECORATOR else 0.0
     return max(_NARROWEST, longest * _COLUMN + 2 * PADDING + slant)
 
 

@@ -1,20 +1,18 @@
 # SPDX-License-Identifier: Apache-2.0
-"""An agent's tree as a Mermaid flowchart, which wikis and code hosts draw."""
+"""Mermaid flowchart of an agent's trees, which wikis and code hosts draw."""
 
 from __future__ import annotations
 
 import json
 import re
 
-from bt_agents_language.model.specs import AgentSpec
-from bt_agents_language.model.walking import iter_nodes
-from bt_agents_language.tools.drawing.boxes import Box, BoxKind, box_of
-from bt_agents_language.tools.drawing.colours import COLOURS
+from bt_agents_language.model.specs import AgentSpec, iter_nodes
+from bt_agents_language.tools.drawing.boxes import COLOURS, Box, BoxKind, box_of
 from bt_agents_language.tools.drawing.layout import LONGEST_TEXT, detail_lines
 
 _SHAPES = {
     BoxKind.COMPOSITE: '["{}"]',
-    BoxKind.MODIFIER: '{{{{"{}"}}}}',
+    BoxKind.DECORATOR: '{{{{"{}"}}}}',
     BoxKind.LEAF: '("{}")',
     BoxKind.SKILL: '(["{}"])',
     BoxKind.SUBTREE: '[["{}"]]',

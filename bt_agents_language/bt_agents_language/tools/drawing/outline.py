@@ -1,21 +1,19 @@
 # SPDX-License-Identifier: Apache-2.0
-"""An agent's tree as indented text, with the line of each node in the file."""
+"""Outline of an agent's trees: indented text, with the line of each node in the file."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 
 from bt_agents_core.scene import SceneSpace
-from bt_agents_language.model.specs import AgentSpec
-from bt_agents_language.model.walking import iter_nodes
+from bt_agents_language.model.specs import AgentSpec, iter_nodes
 from bt_agents_language.tools.drawing.boxes import Box, BoxKind, box_of
-from bt_agents_language.tools.drawing.packing import packed
 from bt_agents_language.tools.drawing.shown_values import shown_profile, shown_tunable
 from bt_agents_language.yaml.renderers import columns
 
 SIGNS = {
     BoxKind.COMPOSITE: "▼",
-    BoxKind.MODIFIER: "◇",
+    BoxKind.DECORATOR: "◇",
     BoxKind.LEAF: "○",
     BoxKind.SKILL: "●",
     BoxKind.SUBTREE: "▶",
@@ -107,3 +105,21 @@ def _lines(box: Box, file: str, digits: int, width: int, before: str, below: str
         last = number == len(box.children)
         branch, under = ("└─ ", "   ") if last else ("├─ ", "│  ")
         yield from _lines(child, box.position.file, digits, width, below + branch, below + under)
+
+
+def packed(pieces: Iterable[str], width: int) -> list[str]:
+    """Return lines that hold the pieces one after the other.
+
+    Args:
+        pieces: Each stays in one line if it fits; a longer one is broken between its words.
+        width: Columns of a line; only a single word may be wider.
+    """
+    lines: list[str] = []
+    for piece in pieces:
+        whole = columns(piece) <= width
+        for part in [piece] if whole else piece.split(" "):
+            if lines and columns(lines[-1]) + 1 + columns(part) <= width:
+                lines[-1] += f" {part}"
+            else:
+                lines.append(part)
+    return lines

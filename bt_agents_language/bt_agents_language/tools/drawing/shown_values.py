@@ -5,16 +5,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+from bt_agents_core.field_types import FieldType, Plain
 from bt_agents_core.scene import SceneSpace, Vector
+from bt_agents_core.text import excerpt
 from bt_agents_language.expression.expressions import Expression
 from bt_agents_language.model.quantities import spoken
 from bt_agents_language.model.specs import (
     Computed,
-    FieldType,
     ListValue,
     Literal,
     MapValue,
-    Plain,
     Reference,
     Text,
     Tunable,
@@ -37,17 +37,17 @@ def shown_value(
 
     match value:
         case Expression():
-            return shortened(value.text)
+            return excerpt(value.text, LONGEST_TEXT)
         case Literal():
             known = field_type if field_type is not FieldType.ANY else value.type
             return shown_plain(value.value, known, longest_text)
         case Reference():
             return f"${{{value.name}}}"
         case Computed():
-            return f"${{{shortened(value.expression.text)}}}"
+            return f"${{{excerpt(value.expression.text, LONGEST_TEXT)}}}"
         case Text():
             parts = (part if isinstance(part, str) else inner(part) for part in value.parts)
-            return f'"{shortened("".join(parts), longest_text)}"'
+            return f'"{excerpt("".join(parts), longest_text)}"'
         case ListValue():
             return f"[{', '.join(map(inner, value.items))}]"
         case MapValue():
@@ -70,7 +70,7 @@ def shown_plain(
         case int() | float():
             return spoken(value, field_type)
         case str():
-            return f'"{shortened(value, longest_text)}"'
+            return f'"{excerpt(value, longest_text)}"'
         case tuple():
             return f"[{', '.join(map(inner, value))}]"
     return f"{{{_pairs({key: inner(one) for key, one in value.items()})}}}"
@@ -89,12 +89,6 @@ def shown_profile(profile: Vector, space: SceneSpace) -> str:
     """Return a profile in words: ``age 4, familiarity 1.5``."""
     values = zip(space.names, profile, strict=True)
     return ", ".join(f"{name} {value:g}" for name, value in values)
-
-
-def shortened(text: str, longest: int = LONGEST_TEXT) -> str:
-    """Return a text in one line, its end left out when it has more characters."""
-    flat = " ".join(text.split())
-    return flat if len(flat) <= longest else f"{flat[: longest - 1].rstrip()}…"
 
 
 def _pairs(items: Mapping[str, str]) -> str:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""An agent's tree as a picture (SVG) that needs no other program to be drawn."""
+"""SVG picture of an agent's trees, which needs no other program to be drawn."""
 
 from __future__ import annotations
 
@@ -7,10 +7,8 @@ import re
 from xml.sax.saxutils import escape, quoteattr
 
 from bt_agents_core.scene import SceneSpace
-from bt_agents_language.model.specs import AgentSpec
-from bt_agents_language.model.walking import iter_nodes
-from bt_agents_language.tools.drawing.boxes import Box, BoxKind, box_of
-from bt_agents_language.tools.drawing.colours import COLOURS
+from bt_agents_language.model.specs import AgentSpec, iter_nodes
+from bt_agents_language.tools.drawing.boxes import COLOURS, Box, BoxKind, box_of
 from bt_agents_language.tools.drawing.layout import (
     LINE,
     LONGEST_TEXT,
@@ -100,7 +98,7 @@ def _edges(tree: Placed) -> list[str]:
 
 def _box(placed: Placed, whole: Box) -> str:
     box = placed.box
-    left = placed.x + PADDING * (2 if box.kind is BoxKind.MODIFIER else 1)
+    left = placed.x + PADDING * (2 if box.kind is BoxKind.DECORATOR else 1)
     texts = []
     for row, line in enumerate(placed.lines):
         last = row == len(placed.lines) - 1
@@ -120,7 +118,7 @@ def _box(placed: Placed, whole: Box) -> str:
 
 def _shape(placed: Placed) -> str:
     x, y, width, height = placed.x, placed.y, placed.width, placed.height
-    if placed.box.kind is BoxKind.MODIFIER:
+    if placed.box.kind is BoxKind.DECORATOR:
         points = (
             (x, y + height / 2),
             (x + PADDING, y),

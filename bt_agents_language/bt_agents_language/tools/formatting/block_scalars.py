@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Texts of several lines, moved to another indentation with their line breaks left as they are."""
+"""Block scalars moved to another indentation with their line breaks as they are."""
 
 from __future__ import annotations
 

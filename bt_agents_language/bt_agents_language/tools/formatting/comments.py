@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Finds the comments of a YAML file, which the parser throws away but the formatter must keep."""
+"""Comments of a YAML file, which the parser drops and the formatter writes back."""
 
 from __future__ import annotations
 

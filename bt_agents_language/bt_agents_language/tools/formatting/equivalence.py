@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a document says, apart from where and how it is written."""
+"""Equivalence of documents apart from their layout."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Writes a YAML file of this project in one canonical style, with every comment kept."""
+"""Formatter: one canonical style for the YAML files of this project, with every comment."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ def _read(source: Source) -> Node:
 
 
 @dataclass(frozen=True, kw_only=True)
-class _Aside:
+class _TrailingComment:
     """A comment behind something; its ``column`` in the source counts from 0."""
 
     column: int
@@ -89,7 +89,7 @@ class _Writer:
         self._next = 0
         self._lines: list[str] = []
         # Comments behind lines, by the index of the line.
-        self._asides: dict[int, _Aside] = {}
+        self._trailing_comments: dict[int, _TrailingComment] = {}
         # The dashes that the next line starts with.
         self._dashes = ""
         # Up to where the source has been written.
@@ -105,7 +105,7 @@ class _Writer:
         else:
             self._value("", -1, self._root, 0, blank=False)
         self._flush(len(self._source.text), 0)
-        return "\n".join(self._with_asides()) + "\n"
+        return "\n".join(self._with_trailing_comments()) + "\n"
 
     def _block(self, node: Mapping | Sequence, indent: int, outside: int) -> None:
         """Write a list or mapping over several lines.
@@ -302,27 +302,27 @@ class _Writer:
     def _beside(self, number: int, comment: Comment) -> None:
         """Put a comment at the end of a line."""
         before = self._source.text[: comment.index].rpartition("\n")[2]
-        self._asides[number] = _Aside(column=len(before), text=comment.text)
+        self._trailing_comments[number] = _TrailingComment(column=len(before), text=comment.text)
 
-    def _with_asides(self) -> list[str]:
+    def _with_trailing_comments(self) -> list[str]:
         """Return the lines with their comments, which stay lined up on neighbouring lines."""
         lines = list(self._lines)
-        for run in _runs(self._asides):
+        for run in _runs(self._trailing_comments):
             width = max(len(lines[number]) for number in run) + STEP
             for number in run:
-                lines[number] = lines[number].ljust(width) + self._asides[number].text
+                lines[number] = lines[number].ljust(width) + self._trailing_comments[number].text
         return lines
 
     def _written(self, scalar: Scalar) -> str:
         return self._source.text[slice(*scalar.span)]
 
 
-def _runs(asides: dict[int, _Aside]) -> list[list[int]]:
+def _runs(comments: dict[int, _TrailingComment]) -> list[list[int]]:
     """Return the neighbouring lines whose comments stood in one column; many are alone."""
     runs: list[list[int]] = []
-    for number, aside in sorted(asides.items()):
-        before = asides.get(number - 1)
-        if before is not None and before.column == aside.column:
+    for number, comment in sorted(comments.items()):
+        before = comments.get(number - 1)
+        if before is not None and before.column == comment.column:
             runs[-1].append(number)
         else:
             runs.append([number])

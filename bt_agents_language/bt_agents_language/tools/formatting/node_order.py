@@ -1,28 +1,29 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The order in which the formatter writes the keys of a tree's nodes."""
+"""Order in which the formatter writes the keys of a node."""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Iterator, Sequence
 
-from bt_agents_language.model.node_type import Children
-from bt_agents_language.nodes import BESIDE, KINDS, MODIFIERS
+from bt_agents_language.model.node_type import Children, Content, NodeType
+from bt_agents_language.nodes.catalogue import DECORATORS, NODE_TYPES, SIBLINGS
 from bt_agents_language.yaml.yaml_reader import Mapping, MappingEntry, Node
 from bt_agents_language.yaml.yaml_reader import Sequence as SequenceNode
 
 _COMMENT_NEXT = re.compile(r"[ \t,]*#")
 _ARGUMENTS = ("with", "outputs")
+_HANDLERS = tuple(one.key for one in DECORATORS.values() if one.handler)
 _RANKS = {
     word: rank
     for rank, word in enumerate(
         dict.fromkeys(
             (
                 "name",
-                *(word for word in BESIDE if word not in _ARGUMENTS),
+                *(word for word in SIBLINGS if word not in _ARGUMENTS),
                 *_ARGUMENTS,
-                *(word for word in MODIFIERS if word != "on_failure"),
-                "on_failure",
+                *(word for word in DECORATORS if word not in _HANDLERS),
+                *_HANDLERS,
             )
         )
     )
@@ -34,7 +35,7 @@ def ordered_nodes(
 ) -> dict[tuple[int, int], tuple[MappingEntry, ...]]:
     """Return the entries of every tree node in the order in which they are to be written.
 
-    ``name`` comes first. Modifiers stay on their side of the node key, in the order in which they
+    ``name`` comes first. Decorators stay on their side of the node key, in the order in which they
     nest; ``with`` and ``outputs`` come before them, and the handler ``on_failure`` last. A node
     where that would change the order of comments stays as it is.
 
@@ -100,21 +101,21 @@ def _nodes_below(nodes: Iterable[Node]) -> Iterator[Mapping]:
             continue
         yield node
         for entry in node.entries:
-            if entry.key.text == "on_failure":
+            if entry.key.text in _HANDLERS:
                 yield from _nodes_below((entry.value,))
-            kind = KINDS.get(entry.key.text)
-            if kind is not None and kind.children is Children.LIST:
-                yield from _nodes_below(_children(entry.value))
+            node_type = NODE_TYPES.get(entry.key.text)
+            if node_type is not None and node_type.children is Children.LIST:
+                yield from _nodes_below(_children(entry.value, node_type))
 
 
-def _children(value: Node) -> tuple[Node, ...]:
+def _children(value: Node, node_type: NodeType) -> tuple[Node, ...]:
     if isinstance(value, SequenceNode):
         return value.items
     if not isinstance(value, Mapping):
         return ()
     listed = value.get("children")
-    otherwise = value.get("otherwise")
+    in_fields = [value.get(one.name) for one in node_type.fields if one.content is Content.NODE]
     return (
         *(listed.items if isinstance(listed, SequenceNode) else ()),
-        *((otherwise,) if otherwise is not None else ()),
+        *(node for node in in_fields if node is not None),
     )

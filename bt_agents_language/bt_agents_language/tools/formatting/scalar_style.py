@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How one text is written in a file: plain where that is safe, else in quotes."""
+"""Style of a scalar: plain where that is safe, else quoted."""
 
 from __future__ import annotations
 

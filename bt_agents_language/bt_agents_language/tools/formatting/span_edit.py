@@ -1,13 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Changes one value of a file and nothing else, so that a tuned value is a diff of one line."""
+"""Edit of one value by its source span, so that a tuned value is a diff of one line."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 
+from bt_agents_core.text import quote
 from bt_agents_language.tools.formatting.equivalence import value_type
 from bt_agents_language.tools.formatting.scalar_style import quoted
-from bt_agents_language.yaml.diagnostics import Diagnostics, shown
+from bt_agents_language.yaml.diagnostics import Diagnostics
 from bt_agents_language.yaml.source import Source
 from bt_agents_language.yaml.yaml_reader import Mapping, Node, Scalar, Sequence, read_yaml
 
@@ -27,7 +28,7 @@ def replace_value(source: Source, node: Scalar, new_text: str) -> str:
     """
     before = _read(source)
     if before is None or not any(part == node for part in _parts(before)):
-        raise ValueError(f"{node.position}: {shown(node.text)} is no value of this file")
+        raise ValueError(f"{node.position}: {quote(node.text)} is no value of this file")
     start, end = node.span
     end = start + len(source.text[start:end].rstrip())
     space = " " if start == end and source.text[start - 1 : start] in (":", "-") else ""
@@ -38,7 +39,7 @@ def replace_value(source: Source, node: Scalar, new_text: str) -> str:
         after = _read(Source(source.file, text))
         if after is not None and _only_changed(before, after, node, new_text):
             return text
-    raise ValueError(f"{node.position}: {shown(new_text)} cannot be written into a file")
+    raise ValueError(f"{node.position}: {quote(new_text)} cannot be written into a file")
 
 
 def _writings(node: Scalar, written: str, new_text: str) -> list[str]:

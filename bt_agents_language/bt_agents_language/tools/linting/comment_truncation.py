@@ -6,7 +6,8 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 
-from bt_agents_language.yaml.diagnostics import Diagnostic, Diagnostics
+from bt_agents_core.diagnostic import Diagnostic, Severity
+from bt_agents_language.yaml.diagnostics import Diagnostics
 from bt_agents_language.yaml.source import Source
 from bt_agents_language.yaml.yaml_reader import Mapping, Node, Scalar, Sequence, read_yaml
 
@@ -52,4 +53,5 @@ def _warning(source: Source, scalar: Scalar, match: re.Match[str]) -> Diagnostic
         end=source.position(match.end()),
         message=f"the text ends before '{lost[:20]}', because ' #' starts a comment",
         hint='put quotes around the whole text: "…"',
+        severity=Severity.WARNING,
     )

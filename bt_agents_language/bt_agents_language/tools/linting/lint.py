@@ -1,42 +1,27 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Warnings about agents that can be read: what is legal, but rarely meant by its author."""
+"""Linter of checked agents: warns of what is legal, but rarely meant by its author."""
 
 from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from itertools import chain, pairwise
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from itertools import chain
 
+from bt_agents_core.diagnostic import Diagnostic, Position, Severity
+from bt_agents_core.field_types import BindingKind
+from bt_agents_core.text import quote
 from bt_agents_language.files.testing.scenarios import SPOKEN
 from bt_agents_language.gc_pause import gc_paused
-from bt_agents_language.model.specs import (
-    AgentSpec,
-    BindingKind,
-    Literal,
-    NodeSpec,
-    Position,
-    UnusedInput,
-)
-from bt_agents_language.model.walking import iter_nodes
-from bt_agents_language.nodes import KINDS
-from bt_agents_language.tools.linting.outcomes import (
-    NodeOutcome,
-    Outcomes,
-    constant,
-    endless,
-    every_outcome,
-)
+from bt_agents_language.model.endings import Unreached
+from bt_agents_language.model.node_type import NodeType, Role, Waits
+from bt_agents_language.model.specs import AgentSpec, Literal, NodeSpec, UnusedInput, iter_nodes
+from bt_agents_language.nodes.catalogue import type_of
+from bt_agents_language.tools.linting.outcomes import endless, every_outcome
 from bt_agents_language.tools.linting.reads import names_read, texts_of
-from bt_agents_language.yaml.diagnostics import Diagnostic, shown
 
-_TAKING_TIME = ("wait", "wait_for", "action", "service")
-_GUARDS = ("timeout", "while")
-_COUNTS = {"retry": "attempts", "repeat": "times"}
 _PATIENCE = 20
 """Oftener than that nobody wants to hear the same."""
-_WRITTEN_BESIDE = ("case", "weight")
-"""Wrappers that no key of their own stands for."""
 
 _UNMARKED = re.compile(r"(?<![$\w])(?:\$([^\W\d]\w*)|\{([^\W\d]\w*)\})")
 
@@ -44,24 +29,23 @@ Found = Iterator[Diagnostic]
 
 
 class _Tree:
-    """A tree as the rules look at it.
+    """Tree with the types of its nodes, as the rules need it.
 
     Attributes:
         root: Its outermost node.
         nodes: All its nodes, parents before children.
-        kinds: What kinds there are among them.
+        types: Their types.
     """
 
     def __init__(self, root: NodeSpec) -> None:
         self.root = root
         self.nodes = list(iter_nodes(root))
-        self.kinds = {spec.kind for spec in self.nodes}
+        self.types = [type_of(spec) for spec in self.nodes]
 
-    def of(self, *kinds: str) -> list[NodeSpec]:
-        """Return the nodes of some kinds."""
-        if self.kinds.isdisjoint(kinds):
-            return []
-        return [spec for spec in self.nodes if spec.kind in kinds]
+    def where(self, wanted: Callable[[NodeType], object]) -> list[NodeSpec]:
+        """Return the nodes of the types that fit."""
+        pairs = zip(self.nodes, self.types, strict=True)
+        return [spec for spec, node_type in pairs if wanted(node_type)]
 
 
 @gc_paused()
@@ -86,19 +70,20 @@ def lint(agent: AgentSpec) -> tuple[Diagnostic, ...]:
 
 
 def _endless_speech(tree: _Tree) -> Found:
-    if all(_rounds(spec) <= _PATIENCE for spec in tree.of(*_COUNTS)):
+    if all(_rounds(spec) <= _PATIENCE for spec in tree.where(lambda one: one.rounds)):
         return iter(())
 
     def walk(spec: NodeSpec, loop: NodeSpec | None, guarded: bool) -> Found:
-        if spec.kind == "once":
+        node_type = type_of(spec)
+        if node_type.single_round:
             loop = None
-        elif spec.kind in _GUARDS:
+        elif node_type.limits:
             # Inside of a loop it ends one round only.
             guarded = guarded or loop is None
         elif (endless(spec) or _rounds(spec) > _PATIENCE) and not guarded:
             loop = loop if loop is not None and _rounds(loop) > _rounds(spec) else spec
         elif loop is not None and _speaks(spec):
-            key = _COUNTS[loop.kind]
+            key = type_of(loop).rounds
             rounds = _rounds(loop)
             many = f"{rounds} {key} are for ever for whoever stands there"
             end = "without end" if math.isinf(rounds) else f"of {rounds} {key}"
@@ -119,19 +104,18 @@ def _endless_speech(tree: _Tree) -> Found:
 
 def _rounds(spec: NodeSpec) -> float:
     """Return how often a loop does its node at most; 1 when nothing is known."""
-    count = spec.fields.get(_COUNTS.get(spec.kind, ""))
     if endless(spec):
         return math.inf
+    count = spec.fields.get(type_of(spec).rounds)
     number = count.value if isinstance(count, Literal) else 1
     return number if isinstance(number, int) else 1
 
 
 def _endless_waits(tree: _Tree) -> Found:
     def walk(spec: NodeSpec, ended: bool) -> Found:
-        if spec.kind == "parallel":
-            ended = ended or spec.fields.get("succeed_on") != Literal(value="all")
-        ended = ended or spec.kind in _GUARDS
-        if spec.kind == "wait_for" and not ended:
+        node_type = type_of(spec)
+        ended = ended or node_type.limits or node_type.stops_children(spec)
+        if node_type.waits is Waits.EVENT and not ended:
             yield _at(
                 spec,
                 "endless-wait",
@@ -141,67 +125,25 @@ def _endless_waits(tree: _Tree) -> Found:
         for child in spec.children:
             yield from walk(child, ended)
 
-    return walk(tree.root, False) if "wait_for" in tree.kinds else iter(())
+    waits = any(node_type.waits is Waits.EVENT for node_type in tree.types)
+    return walk(tree.root, False) if waits else iter(())
 
 
 def _never_reached(tree: _Tree) -> Found:
     ways = every_outcome(tree.nodes)
-    for spec in tree.of("sequence", "selector", "choose", "random", "when", "while"):
-        match spec.kind:
-            case "sequence":
-                yield from _behind(spec, NodeOutcome.SUCCESS, ways)
-            case "selector":
-                yield from _behind(spec, NodeOutcome.FAILURE, ways)
-            case "choose":
-                yield from _cases(spec)
-            case "random":
-                yield from (
-                    _unreached(child, "its 'weight' is 0", "give it a weight above 0")
-                    for child in spec.children
-                    if child.fields.get("weight") == Literal(value=0.0)
-                )
-            case "when" | "while" if constant(spec.fields.get("condition")) is False:
-                hint = "use a name in it, such as live.person, or remove the node"
-                yield _unreached(spec, f"its '{spec.kind}' is never true", hint)
-
-
-def _behind(composite: NodeSpec, goes_on: NodeOutcome, ways: Mapping[int, Outcomes]) -> Found:
-    """Find the first child behind one that never lets it come to that."""
-    for before, after in pairwise(composite.children):
-        ends = ways[id(before)]
-        if goes_on in ends:
-            continue
-        how = " or ".join(sorted(outcome.value for outcome in ends))
-        yield _unreached(
-            after,
-            f"'{before.kind}' in line {before.position.line} {how}, and '{composite.kind}' goes "
-            f"on only when a child {goes_on.value}",
-            "move it before that node, or remove it",
-        )
-        return
-
-
-def _cases(choose: NodeSpec) -> Found:
-    first: NodeSpec | None = None
-    for case in choose.children:
-        says = constant(case.fields.get("condition"))
-        if first is not None:
-            where = f"the 'when' of the case in line {first.position.line} is always true"
-            yield _unreached(case, where, "move it before that case, or remove it")
-            return
-        if says is False:
-            yield _unreached(case, "its 'when' is never true", "use a name in it, or remove it")
-        first = case if says else None
+    for spec, node_type in zip(tree.nodes, tree.types, strict=True):
+        if node_type.unreached is not None:
+            yield from map(_unreached, node_type.unreached(spec, ways))
 
 
 def _busy_repeats(tree: _Tree) -> Found:
-    for spec in tree.of(*_COUNTS):
+    for spec in tree.where(lambda one: one.rounds):
         if (
             endless(spec)
             and "pause" not in spec.fields
             and not any(map(_takes_time, iter_nodes(spec)))
         ):
-            key = _COUNTS[spec.kind]
+            key = type_of(spec).rounds
             yield _at(
                 spec,
                 "busy-repeat",
@@ -212,7 +154,7 @@ def _busy_repeats(tree: _Tree) -> Found:
 
 
 def _two_voices(tree: _Tree) -> Found:
-    for spec in tree.of("parallel"):
+    for spec in tree.where(lambda one: one.concurrent):
         spoken = [next(filter(_speaks, iter_nodes(child)), None) for child in spec.children]
         first, *others = [one for one in spoken if one is not None] or [spec]
         for other in others:
@@ -250,7 +192,7 @@ def _unmarked_names(agent: AgentSpec, nodes: Sequence[NodeSpec]) -> Found:
         return
     known = {tunable.name for tunable in agent.tunables}
     known |= {name for node in nodes for name in (*node.outputs, *node.feedback)}
-    known |= {name for node in nodes if node.kind == "set" for name in node.fields}
+    known |= {name for node in nodes if type_of(node).open for name in node.fields}
     for node, match in candidates:
         name = match[1] or match[2]
         if name in known:
@@ -270,7 +212,7 @@ def unused_inputs(inputs: Iterable[UnusedInput]) -> Found:
             "unused-input",
             one.position,
             len(one.name),
-            f"subtree {shown(one.subtree)} never uses its input {shown(one.name)}",
+            f"subtree {quote(one.subtree)} never uses its input {quote(one.name)}",
             f"write ${{{one.name}}} where it is needed, or remove the input",
         )
 
@@ -289,7 +231,7 @@ def _unread_tunables(agent: AgentSpec, nodes: Sequence[NodeSpec]) -> Found:
                 "unread-tunable",
                 tunable.position,
                 len(tunable.name),
-                f"nothing uses the tunable {shown(tunable.name)}: turning it changes nothing",
+                f"nothing uses the tunable {quote(tunable.name)}: turning it changes nothing",
                 f"write ${{{tunable.name}}} where it belongs, or remove it",
             )
 
@@ -309,16 +251,18 @@ def _speaks(spec: NodeSpec) -> bool:
 
 
 def _takes_time(spec: NodeSpec) -> bool:
-    if spec.plugin is not None or spec.kind in _TAKING_TIME or "pause" in spec.fields:
+    if type_of(spec).takes_time or "pause" in spec.fields:
         return True
-    if spec.skill is None or spec.kind in KINDS:
+    if spec.skill is None:
         return False
     return spec.skill.binding is None or spec.skill.binding.kind is not BindingKind.TOPIC
 
 
-def _unreached(spec: NodeSpec, why: str, hint: str) -> Diagnostic:
-    key = spec.children[0] if spec.kind in _WRITTEN_BESIDE else spec
-    return _at(key, "never-reached", f"this is never done: {why}", hint)
+def _unreached(one: Unreached) -> Diagnostic:
+    # A branch has no key of its own.
+    is_branch = type_of(one.node).role is Role.BRANCH
+    key = one.node.children[0] if is_branch else one.node
+    return _at(key, "never-reached", f"this is never done: {one.why}", one.hint)
 
 
 def _at(spec: NodeSpec, code: str, message: str, hint: str) -> Diagnostic:
@@ -327,4 +271,11 @@ def _at(spec: NodeSpec, code: str, message: str, hint: str) -> Diagnostic:
 
 def _warning(code: str, position: Position, width: int, message: str, hint: str) -> Diagnostic:
     end = position._replace(column=position.column + width)
-    return Diagnostic(code=code, position=position, message=message, hint=hint, end=end)
+    return Diagnostic(
+        code=code,
+        position=position,
+        message=message,
+        hint=hint,
+        end=end,
+        severity=Severity.WARNING,
+    )

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What stands in the values of a node of a checked tree: the names that it reads, its texts."""
+"""Names and plain texts in the values of a checked node."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from bt_agents_language.model.specs import (
     Text,
     Value,
 )
-from bt_agents_language.nodes import KINDS
+from bt_agents_language.nodes.catalogue import type_of
 
 
 def names_read(spec: NodeSpec) -> Iterator[str]:
@@ -26,11 +26,12 @@ def names_read(spec: NodeSpec) -> Iterator[str]:
             yield value.name
         elif not isinstance(value, Literal):
             yield from _of_value(value)
-    # The interface of a raw leaf stands in the tree; that of a skill names the skill's inputs.
-    if spec.kind in KINDS and spec.skill is not None and spec.skill.binding is not None:
-        yield from _of_value(spec.skill.binding.fields)
-        if spec.skill.binding.succeed_when is not None:
-            yield from spec.skill.binding.succeed_when.names
+    # The interface of a ROS leaf stands in the tree; that of a skill names the skill's inputs.
+    binding = spec.skill.binding if spec.skill is not None else None
+    if binding is not None and type_of(spec).interface is not None:
+        yield from _of_value(binding.fields)
+        if binding.succeed_when is not None:
+            yield from binding.succeed_when.names
 
 
 def _of_value(value: Value | Expression) -> Iterator[str]:

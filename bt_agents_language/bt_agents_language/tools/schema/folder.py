@@ -1,38 +1,34 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The schemas of all kinds of files for one trees folder, as texts to be written down."""
+"""Kinds of files, and their JSON Schemas for one trees folder."""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
+from bt_agents_language.files.agent_reader import AGENT
+from bt_agents_language.files.experiment_reader import EXPERIMENT
 from bt_agents_language.files.folder_reader import read_vocabulary
-from bt_agents_language.files.libraries import FolderLibraries
-from bt_agents_language.files.scene_reader import read_scene
+from bt_agents_language.files.libraries import LIBRARY, FolderLibraries
+from bt_agents_language.files.market_reader import MARKET
+from bt_agents_language.files.scene_reader import SCENE, read_scene
+from bt_agents_language.files.script_reader import SCRIPT
+from bt_agents_language.files.testing.test_reader import TEST
+from bt_agents_language.model.file_kinds import FileKind
 from bt_agents_language.model.node_type import NodeType
 from bt_agents_language.model.symbols import ImportProblem, SymbolTable
-from bt_agents_language.tools.schema.agent_schema import agent_schema, library_schema
-from bt_agents_language.tools.schema.documents import (
-    experiment_schema,
-    market_schema,
-    script_schema,
-)
-from bt_agents_language.tools.schema.scene_files import scene_schema
-from bt_agents_language.tools.schema.test_schema import cases_schema
+from bt_agents_language.tools.schema.generator import file_schema
+from bt_agents_language.tools.schema.node_schemas import node_definitions
 from bt_agents_language.tools.schema.value_schemas import Schema
 
-SCHEMAS: Mapping[str, Callable[[SymbolTable], Schema]] = {
-    "agent": agent_schema,
-    "library": library_schema,
-    "test": cases_schema,
-    "scene": lambda _: scene_schema(),
-    "market": lambda _: market_schema(),
-    "script": lambda vocabulary: script_schema(vocabulary.space),
-    "experiment": lambda vocabulary: experiment_schema(vocabulary.space),
+FILE_KINDS: Mapping[str, FileKind] = {
+    kind.name: kind for kind in (AGENT, LIBRARY, TEST, SCENE, MARKET, SCRIPT, EXPERIMENT)
 }
-"""Kind of file → its schema."""
+"""Kinds of files by name."""
+
+_WITH_TREES = (AGENT, LIBRARY)
 
 
 def folder_vocabulary(folder: Path, plugins: Mapping[str, NodeType] | None = None) -> SymbolTable:
@@ -63,6 +59,13 @@ def schema_file(kind: str) -> str:
     return f"{kind}.schema.json"
 
 
+def schema_of(kind: str, vocabulary: SymbolTable) -> Schema:
+    """Return the schema of a kind of file."""
+    table = FILE_KINDS[kind]
+    nodes = node_definitions(vocabulary) if table in _WITH_TREES else {}
+    return file_schema(table, vocabulary.space, nodes)
+
+
 def schema_text(kind: str, vocabulary: SymbolTable) -> str:
     """Return what stands in the file of a schema."""
-    return json.dumps(SCHEMAS[kind](vocabulary), indent=2, ensure_ascii=False) + "\n"
+    return json.dumps(schema_of(kind, vocabulary), indent=2, ensure_ascii=False) + "\n"

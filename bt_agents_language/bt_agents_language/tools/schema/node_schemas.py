@@ -1,30 +1,22 @@
 # SPDX-License-Identifier: Apache-2.0
-"""JSON Schema of a node: every kind, skill and modifier that may stand there, and its fields."""
+"""JSON Schema of a node: every node type, skill and decorator that may stand there."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 
+from bt_agents_core.field_types import FieldType
 from bt_agents_core.scene import SceneSpace
-from bt_agents_language.model.node_type import (
-    Children,
-    Content,
-    DecoratorType,
-    NodeField,
-    NodeType,
-)
-from bt_agents_language.model.specs import FieldSpec, FieldType, SkillSpec
+from bt_agents_language.model.node_type import Children, Content, NodeField, NodeType
+from bt_agents_language.model.server_timeouts import HEARTBEAT, TIMEOUTS
+from bt_agents_language.model.specs import FieldSpec, SkillSpec
 from bt_agents_language.model.symbols import SymbolTable
-from bt_agents_language.nodes import BESIDE, MODIFIERS
+from bt_agents_language.nodes.catalogue import DECORATORS, SIBLINGS
+from bt_agents_language.nodes.skill import SKILL
 from bt_agents_language.reference.node_pages import NodePage, node_page
 from bt_agents_language.tools.schema import value_schemas
-from bt_agents_language.tools.schema.documents import mapping
-from bt_agents_language.tools.schema.servers import heartbeat, timeouts
-from bt_agents_language.tools.schema.value_schemas import Schema, described
-from bt_agents_language.tree.ros_leaves import RAW_LEAVES
-
-NODE: Schema = {"$ref": "#/definitions/node"}
-"""A node, wherever one stands."""
+from bt_agents_language.tools.schema.generator import table_schema
+from bt_agents_language.tools.schema.value_schemas import NODE, Schema, described, mapping
 
 
 def node_definitions(vocabulary: SymbolTable) -> Mapping[str, Schema]:
@@ -35,12 +27,12 @@ def node_definitions(vocabulary: SymbolTable) -> Mapping[str, Schema]:
     a node that fits no alternative.
     """
     nodes = {
-        **{key: _kind(kind, vocabulary.space) for key, kind in vocabulary.kinds.items()},
+        **{key: _type(one, vocabulary.space) for key, one in vocabulary.node_types.items()},
         **{key: _skill(skill) for key, skill in vocabulary.skills.items()},
     }
     others = {
-        **{key: _modifier(modifier) for key, modifier in MODIFIERS.items()},
-        **{key: _beside(key) for key in BESIDE},
+        **{key: _decorator(one) for key, one in DECORATORS.items()},
+        **{key: _content(one.field) for key, one in SIBLINGS.items()},
     }
     properties: dict[str, object] = {}
     for key, schema in {**nodes, **others}.items():
@@ -48,23 +40,24 @@ def node_definitions(vocabulary: SymbolTable) -> Mapping[str, Schema]:
         assert page is not None
         properties[key] = _documented(page, schema)
     required = [{"required": [key]} for key in nodes]
-    outputs = ["subtree", *vocabulary.skills]
     return {
         "node": {
             "title": "node",
             "type": "object",
-            "description": "A node: exactly one node or skill, and modifiers beside it.",
+            "description": "A node: exactly one node or skill, and decorators beside it.",
             "properties": properties,
             "additionalProperties": False,
             "minProperties": 1,
             "dependencies": {
-                "with": ["subtree"],
-                "outputs": _one_of(outputs, "'outputs' stands beside a subtree or a skill"),
+                "with": _having("with", vocabulary),
+                "outputs": _one_of(
+                    _having("outputs", vocabulary), "'outputs' stands beside a subtree or a skill"
+                ),
             },
             "allOf": [
                 {
                     "if": {"propertyNames": {"enum": list(others)}, "minProperties": 1},
-                    "then": _refused("a modifier alone: there is no node beside it"),
+                    "then": _refused("a decorator alone: there is no node beside it"),
                 },
                 {
                     "if": {"allOf": [{"anyOf": required}, {"not": {"oneOf": required}}]},
@@ -75,6 +68,12 @@ def node_definitions(vocabulary: SymbolTable) -> Mapping[str, Schema]:
             ],
         }
     }
+
+
+def _having(sibling: str, vocabulary: SymbolTable) -> list[str]:
+    """Return the keys beside which a sibling key may stand."""
+    types = [one.key for one in vocabulary.node_types.values() if sibling in one.siblings]
+    return [*types, *(vocabulary.skills if sibling in SKILL.siblings else ())]
 
 
 def _refused(message: str) -> Schema:
@@ -122,42 +121,39 @@ def _snippet(names: list[str]) -> Schema:
     return {"label": ", ".join(names), "body": body}
 
 
-def _kind(kind: NodeType, space: SceneSpace) -> Schema:
-    properties = {field.name: _field(field) for field in kind.fields}
-    if kind.key not in RAW_LEAVES:
+def _type(node_type: NodeType, space: SceneSpace) -> Schema:
+    properties = {field.name: _field(field) for field in node_type.fields}
+    if node_type.interface is None:
         # Only the goals, requests and messages of ROS have fields that no table knows.
         scene = {one: value_schemas.value(FieldType.NUMBER) for one in space.names}
-        for field in kind.fields:
+        for field in node_type.fields:
             if field.content is Content.MAP:
                 properties[field.name] = described(mapping(scene, []), field.description)
-    required = [field.name for field in kind.fields if field.required]
-    if kind.open:
+    required = [field.name for field in node_type.fields if field.required]
+    if node_type.open:
         anything = value_schemas.value(FieldType.ANY)
         return {"type": "object", "minProperties": 1, "additionalProperties": anything}
-    if kind.children is Children.LIST:
-        child = _case() if kind.key == "choose" else NODE
+    if node_type.children is Children.LIST:
+        child = NODE
+        if node_type.child_keys:
+            child = {"allOf": [NODE, {"required": list(node_type.child_keys)}]}
         children: Schema = {"type": "array", "minItems": 1, "items": child}
         return {
             **children,
-            "title": kind.key,
+            "title": node_type.key,
             "type": ["array", "object"],
             "errorMessage": "expected a list of nodes, each starting with '- '; with options, "
             "the list stands behind 'children:'",
             "properties": {
                 **properties,
-                "children": described(children, f"The nodes that '{kind.key}' is made of."),
+                "children": described(children, f"The nodes that '{node_type.key}' is made of."),
             },
             "required": ["children", *required],
             "additionalProperties": False,
         }
-    main = next((field for field in kind.fields if field.name == kind.main), None)
+    main = next((field for field in node_type.fields if field.name == node_type.main), None)
     written = None if main is None else (main.name, _content(main))
-    return _leaf(kind.key, properties, required, written, empty=kind.behaviour is not None)
-
-
-def _case() -> Schema:
-    """Return the schema of a case of ``choose``."""
-    return {"allOf": [NODE, {"required": ["name", "when"]}]}
+    return _leaf(node_type.key, properties, required, written, empty=node_type.plugin is not None)
 
 
 def _skill(skill: SkillSpec) -> Schema:
@@ -168,26 +164,15 @@ def _skill(skill: SkillSpec) -> Schema:
     return _leaf(skill.name, properties, required, main, empty=True)
 
 
-def _modifier(modifier: DecoratorType) -> Schema:
-    if modifier.handler:
+def _decorator(decorator: NodeType) -> Schema:
+    if decorator.handler:
         return {"type": "object", "allOf": [NODE]}
-    if not modifier.fields:
+    if not decorator.fields:
         return value_schemas.boolean()
-    properties = {field.name: _field(field) for field in modifier.fields}
-    required = [field.name for field in modifier.fields if field.required]
-    main = next(field for field in modifier.fields if field.name == modifier.main)
-    return _leaf(modifier.key, properties, required, (main.name, _content(main)))
-
-
-def _beside(key: str) -> Schema:
-    match key:
-        case "name":
-            return value_schemas.text()
-        case "weight":
-            return value_schemas.value(FieldType.NUMBER, 0)
-        case "outputs":
-            return value_schemas.names(value_schemas.text())
-    return {"type": "object"}
+    properties = {field.name: _field(field) for field in decorator.fields}
+    required = [field.name for field in decorator.fields if field.required]
+    main = next(field for field in decorator.fields if field.name == decorator.main)
+    return _leaf(decorator.key, properties, required, (main.name, _content(main)))
 
 
 def _leaf(
@@ -251,9 +236,9 @@ def _content(field: NodeField) -> Schema:
         case Content.OUTPUTS:
             return value_schemas.names(value_schemas.text())
         case Content.TIMEOUTS:
-            return timeouts(field.words)
+            return table_schema(TIMEOUTS.only(field.words))
         case Content.HEARTBEAT:
-            return heartbeat()
+            return table_schema(HEARTBEAT)
         case Content.NODE:
             return NODE
         case Content.COUNT:

@@ -1,17 +1,20 @@
 # SPDX-License-Identifier: Apache-2.0
-"""JSON Schemas of single values: what the readers accept where a text, number or time stands."""
+"""JSON Schemas of single values: texts, numbers, quantities, names."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from typing import TypeAlias
 
-from bt_agents_language.model.specs import FieldType, Plain
+from bt_agents_core.field_types import FieldType, Plain
 from bt_agents_language.model.units import ANGLE, LENGTH, TIME
 from bt_agents_language.reference.node_pages import TYPE_WORDS
 
 Schema: TypeAlias = dict[str, object]
 """A JSON Schema, draft 7, with the annotations that yaml-language-server and VS Code know."""
+
+NODE: Schema = {"$ref": "#/definitions/node"}
+"""A node, wherever one stands."""
 
 _NUMBER = r"[-+]?([0-9]+(\.[0-9]*)?|\.[0-9]+)([eE][-+]?[0-9]+)?"
 _INTEGER = r"[-+]?[0-9]+"
@@ -20,6 +23,7 @@ _DIMENSIONS = {FieldType.DURATION: TIME, FieldType.LENGTH: LENGTH, FieldType.ANG
 _SCALAR = ["string", "number", "boolean"]
 _NAME = "^[a-z][a-z0-9_]*$"
 _ROS_NAME = r"^[A-Za-z~/_][A-Za-z0-9_/~]*$"
+_ROS_NAME_WITH_PLACEHOLDERS = r"^[A-Za-z~/_<][A-Za-z0-9_/~<>]*$"
 _ROS_TYPE = r"^[A-Za-z][A-Za-z0-9_]*/(msg|srv|action)/[A-Za-z][A-Za-z0-9_]*$"
 
 
@@ -42,9 +46,23 @@ def name() -> Schema:
     }
 
 
-def names(values: Schema) -> Schema:
-    """Return the schema of a mapping from new names to values."""
-    return {"type": "object", "propertyNames": {"pattern": _NAME}, "additionalProperties": values}
+def names(values: Schema, pattern: str = _NAME) -> Schema:
+    """Return the schema of a mapping from names, new ones of the author, to values."""
+    return {
+        "type": "object",
+        "propertyNames": {"pattern": pattern},
+        "additionalProperties": values,
+    }
+
+
+def mapping(properties: Mapping[str, Schema], required: list[str]) -> Schema:
+    """Return the schema of a mapping with these keys and no others."""
+    schema: Schema = {
+        "type": "object",
+        "properties": {key: {"title": key, **one} for key, one in properties.items()},
+        "additionalProperties": False,
+    }
+    return {**schema, "required": required} if required else schema
 
 
 def condition() -> Schema:
@@ -68,10 +86,10 @@ def number(minimum: float | None = None, maximum: float | None = None) -> Schema
     return schema | _limits(minimum, maximum)
 
 
-def integer(minimum: int | None = None) -> Schema:
+def integer(minimum: float | None = None, maximum: float | None = None) -> Schema:
     """Return the schema of a whole number, without any name in it."""
     schema = _quantity(f"^\\s*{_INTEGER}\\s*$", "a whole number")
-    return schema | {"type": ["string", "integer"]} | _limits(minimum, None)
+    return schema | {"type": ["string", "integer"]} | _limits(minimum, maximum)
 
 
 def duration() -> Schema:
@@ -84,12 +102,14 @@ def length() -> Schema:
     return _with_unit(FieldType.LENGTH) | _limits(0, None)
 
 
-def ros_name() -> Schema:
+def ros_name(*, placeholders: bool = False) -> Schema:
     """Return the schema of the name of a topic, service or action."""
+    expected = "expected words of letters, digits and '_' joined by '/'"
+    more = "; <person> stands for the id of a person"
     return {
         "type": "string",
-        "pattern": _ROS_NAME,
-        "patternErrorMessage": "expected words of letters, digits and '_' joined by '/'",
+        "pattern": _ROS_NAME_WITH_PLACEHOLDERS if placeholders else _ROS_NAME,
+        "patternErrorMessage": expected + more if placeholders else expected,
     }
 
 

@@ -17,12 +17,13 @@ from rich.text import Text
 
 from bt_agents_core.errors import BtAgentsError
 from bt_agents_core.scene import SceneSpace
+from bt_agents_core.text import quote
 from bt_agents_core.trees_folder import find_trees
 from bt_agents_language.model.plugins import installed_plugins
 from bt_agents_language.model.specs import SubtreeSpec
 from bt_agents_language.model.symbols import ImportProblem, SymbolTable
-from bt_agents_language.reference.codes.entry import Code
-from bt_agents_language.reference.codes.table import CODES
+from bt_agents_language.reference.codes.table import Code, codes
+from bt_agents_language.reference.file_pages import FilePage, file_pages, file_words
 from bt_agents_language.reference.node_pages import (
     FieldEntry,
     Group,
@@ -32,8 +33,8 @@ from bt_agents_language.reference.node_pages import (
     subtree_page,
 )
 from bt_agents_language.reference.topics import TOPICS, ReferenceTopic, topic
-from bt_agents_language.tools.schema.folder import folder_vocabulary
-from bt_agents_language.yaml.diagnostics import nearest, shown
+from bt_agents_language.tools.schema.folder import FILE_KINDS, folder_vocabulary
+from bt_agents_language.yaml.diagnostics import nearest
 
 _WORDS_WIDTH = 34
 """Columns for what may be written, so that what it means has room beside it."""
@@ -48,8 +49,9 @@ Part = Text | Table | Padding
 def explain(word: str, directory: str) -> None:
     """Explain a word of the language or a code of an error; without one, list them all.
 
-    WORD is a node, a skill, a modifier, a subtree of a library, or one of units, expressions and
-    names. CODE stands in brackets in a report of 'bt-agents check': error[unknown-node].
+    WORD is a node, a skill, a decorator, a kind of file or a key of one, a subtree of a library,
+    or one of units, expressions and names. CODE stands in brackets in a report of 'bt-agents
+    check': error[unknown-node].
     """
     console = Console(highlight=False)
     vocabulary = _vocabulary(directory)
@@ -86,8 +88,8 @@ def explanation(word: str, vocabulary: SymbolTable) -> Iterable[Part]:
     plain = word.strip().rstrip(":")
     if plain.endswith("]"):
         plain = plain[:-1].rpartition("[")[2]
-    if plain in CODES:
-        return _code(CODES[plain])
+    if plain in codes():
+        return _code(codes()[plain])
     page = node_page(plain, vocabulary)
     if page is not None:
         return _node(page)
@@ -98,11 +100,15 @@ def explanation(word: str, vocabulary: SymbolTable) -> Iterable[Part]:
     pages = [subtree_page(library, one) for library, one in subtrees if one.name == plain]
     if pages:
         return (part for one in pages for part in _node(one))
-    # A word that could be either is rather a node that somebody has typed than a code.
+    in_files = file_pages(plain)
+    if in_files:
+        return (part for one in in_files for part in _file(one))
+    # A word that could be either is rather a node that somebody has typed than a key or a code.
     words = [one.key for one in node_pages(vocabulary)] + [*TOPICS]
-    near = nearest(plain, [*words, *(one.name for _, one in subtrees)]) or nearest(plain, CODES)
+    words += (one.name for _, one in subtrees)
+    near = next(filter(None, (nearest(plain, of) for of in (words, file_words(), codes()))), None)
     hint = f"did you mean '{near}'?" if near else "'bt-agents explain' lists all"
-    raise BtAgentsError(f"there is no word or code {shown(plain)}; {hint}")
+    raise BtAgentsError(f"there is no word or code {quote(plain)}; {hint}")
 
 
 def _subtrees(vocabulary: SymbolTable) -> Iterator[tuple[str, SubtreeSpec]]:
@@ -164,6 +170,16 @@ def _node(page: NodePage) -> Iterable[Part]:
     yield _example(page.example, "yaml")
 
 
+def _file(page: FilePage) -> Iterable[Part]:
+    yield Text.assemble((page.key, "bold"), f"  {page.where}")
+    yield Text(f"\n{page.description}\n")
+    if page.expected:
+        yield Text(f"  {page.key}: {page.expected}\n", style="cyan")
+    if page.fields:
+        yield _fields(page.fields)
+        yield Text()
+
+
 def _topic(page: ReferenceTopic) -> Iterable[Part]:
     yield Text.assemble((page.key, "bold"), "  values and conditions")
     yield Text(f"\n{page.description}\n")
@@ -219,8 +235,9 @@ def _overview(vocabulary: SymbolTable) -> Table:
         libraries.setdefault(path, []).append(subtree.name)
     for path, names in libraries.items():
         table.add_row("subtree", Text(f"{'  '.join(names)}\nin {path}"))
+    table.add_row("file", Text("  ".join(FILE_KINDS)))
     table.add_row("about values", Text("  ".join(TOPICS)))
-    table.add_row("code", Text("  ".join(CODES)))
+    table.add_row("code", Text("  ".join(codes())))
     for problem in installed_plugins().without(vocabulary.skills).problems:
         table.add_row("left out", Text(problem, style="yellow"))
     return table

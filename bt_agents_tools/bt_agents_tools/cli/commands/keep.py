@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`bt-agents keep`: tuned values become the defaults of the agents' files."""
+"""`bt-agents keep`: write-back of tuned values into the agents' files."""
 
 from __future__ import annotations
 
@@ -20,8 +20,7 @@ from bt_agents_language.files.folder_reader import Trees, read_trees
 from bt_agents_language.model.specs import AgentSpec
 from bt_agents_language.yaml.source import Source, read_source
 from bt_agents_tools.cli.connection import connect, find_host, find_hosts
-from bt_agents_tools.client.write_back import TunedValue, default_text
-from bt_agents_tools.client.write_back import write_defaults as kept_text
+from bt_agents_tools.client.write_back import TunedValue, default_text, write_defaults
 
 if TYPE_CHECKING:
     from bt_agents_tools.client.observer import Observer
@@ -29,12 +28,12 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class _Edit:
-    """A file, its old and its new text, and what differs in words."""
+    """New text of a file, with a line for each changed value."""
 
     path: Path
     before: str
     after: str
-    words: tuple[str, ...]
+    changes: tuple[str, ...]
 
 
 @click.command()
@@ -65,21 +64,21 @@ def keep(agents: tuple[str, ...], profile: bool, dry_run: bool) -> None:
             raise BtAgentsError(
                 f"{edit.path} cannot be written: {error.strerror or error}"
             ) from error
-        for words in edit.words:
-            click.echo(f"{words}  in {edit.path}")
+        for change in edit.changes:
+            click.echo(f"{change}  in {edit.path}")
 
 
 def _edits(observer: Observer, host: str, agents: Sequence[str], profile: bool) -> list[_Edit]:
-    """Return the edits of the files of one host, each checked."""
+    """Return the checked edits of the files of one host."""
     from bt_agents_tools.client import tuning
 
     tuned: dict[str, list[TunedValue]] = {}
-    for state in tuning.knobs(observer, host, agents):
-        kept = state.knob.kind in (TunableKind.TUNABLE, TunableKind.LEARNING_RATE)
-        kept = kept or (profile and state.knob.kind is TunableKind.PROFILE)
-        if kept and state.value != state.knob.default:
-            one = TunedValue(knob=state.knob, value=state.value)
-            tuned.setdefault(state.knob.agent, []).append(one)
+    for state in tuning.parameters(observer, host, agents):
+        kept = state.parameter.kind in (TunableKind.TUNABLE, TunableKind.LEARNING_RATE)
+        kept = kept or (profile and state.parameter.kind is TunableKind.PROFILE)
+        if kept and state.value != state.parameter.default:
+            one = TunedValue(parameter=state.parameter, value=state.value)
+            tuned.setdefault(state.parameter.agent, []).append(one)
     if not tuned:
         return []
     folder = Path(observer.cards[host].trees)
@@ -103,22 +102,22 @@ def _edit(trees: Trees, agent: str, tuned: Sequence[TunedValue]) -> _Edit:
     def read(text: str) -> AgentSpec:
         return read_agent_text(text, source.file, trees.vocabulary)
 
-    after = kept_text(source, tuned, trees.vocabulary.space, read)
+    after = write_defaults(source, tuned, trees.vocabulary.space, read)
     written = Source(source.file, after)
     return _Edit(
         path=Path(spec.file),
         before=source.text,
         after=after,
-        words=tuple(
-            f"{one.knob.name}: {_default(source, one.knob)} → {_default(written, one.knob)}"
-            for one in tuned
+        changes=tuple(
+            f"{one.name}: {_default(source, one)} → {_default(written, one)}"
+            for one in (override.parameter for override in tuned)
         ),
     )
 
 
-def _default(source: Source, knob: TunableParameter) -> str:
-    """Return the default of a knob as a file writes it, or as it counts without a line."""
-    return default_text(source, knob) or shown_value(knob, knob.default)
+def _default(source: Source, parameter: TunableParameter) -> str:
+    """Return a default as a file writes it, or as it counts without a line."""
+    return default_text(source, parameter) or shown_value(parameter, parameter.default)
 
 
 def _text(path: Path) -> str:

@@ -13,6 +13,7 @@ from rich.table import Table
 from rich.text import Text
 
 from bt_agents_core.errors import BtAgentsError
+from bt_agents_core.text import format_known
 from bt_agents_tools.cli.connection import FIND_LIMIT_S, connect
 
 if TYPE_CHECKING:
@@ -85,18 +86,14 @@ def mood_table(trace: Any, names: dict[str, str]) -> Table:
         table.add_row(
             Text(names.get(leaf, "?")),
             f"{seconds:.1f} s",
-            _number(mean),
+            format_known(mean),
             _change(change),
             Text(leaf),
         )
     return table
 
 
-def _number(value: float) -> str:
-    return "–" if math.isnan(value) else f"{value:.3g}"
-
-
 def _change(value: float) -> Text:
     if math.isnan(value) or value == 0.0:
-        return Text(_number(value))
+        return Text(format_known(value))
     return Text(f"{value:+.3g}", style="green" if value > 0 else "red")

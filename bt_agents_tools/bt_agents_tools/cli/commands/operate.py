@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The commands of people who have a say: pin, unpin, veto, allow, award, and preview."""
+"""Commands of operators: pin, unpin, veto, allow, award, and preview."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`bt-agents preset`: values that are applied together under a name."""
+"""`bt-agents preset`: named values that are applied together."""
 
 from __future__ import annotations
 

@@ -103,10 +103,10 @@ def rehearse(
         spec,
         space,
         scenario,
-        tell=_teller(console, width, ticks, realtime),
+        on_event=_printer(console, width, ticks, realtime),
         typist=typist,
         prompt=typist.happening if typist is not None else None,
-        against_its_bid=True,
+        force=True,
     )
     sys.exit(_close(console, rehearsed, case))
 
@@ -186,14 +186,14 @@ def _heading(
         heading.append(f" · {case.name}")
     heading.append(f"\n{', '.join(words)}\n", style="not bold dim")
     tunables = {one.name: one.default for one in spec.tunables} | {**scenario.tunables}
-    declined = unmet(spec, space, awarded(space, scenario), spec.profile, tunables)
-    if declined:
-        note = f"The market would not call it: it does not bid, it {declined}.\n"
+    decline = unmet(spec, space, awarded(space, scenario), spec.profile, tunables)
+    if decline is not None:
+        note = f"The market would not call it: it does not bid, it {decline.reason}.\n"
         heading.append(note, style="not bold yellow")
     return heading
 
 
-def _teller(console: Console, width: int, ticks: bool, realtime: bool) -> Callable[[Event], None]:
+def _printer(console: Console, width: int, ticks: bool, realtime: bool) -> Callable[[Event], None]:
     start = time.monotonic()
 
     def tell(event: Event) -> None:

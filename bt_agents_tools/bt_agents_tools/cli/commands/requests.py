@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The commands that speak to a running system: trigger, sense, cancel, status, why, feedback."""
+"""Commands that ask a running system: trigger, sense, cancel, status, why, feedback."""
 
 from __future__ import annotations
 

@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import json
-import math
 import time
 from collections.abc import Iterator
 from contextlib import suppress
@@ -17,7 +16,8 @@ from rich.table import Table
 from rich.text import Text
 
 from bt_agents_core.errors import BtAgentsError
-from bt_agents_core.scene import Origin, SceneParameter
+from bt_agents_core.scene import Origin, SceneParameter, finite_or_none
+from bt_agents_core.text import format_known
 from bt_agents_core.trees_folder import find_trees
 from bt_agents_language.files.scene_reader import read_scene
 from bt_agents_tools.cli.connection import accepted, connect
@@ -185,7 +185,7 @@ def _persons(persons: Any) -> Table:
         mark = "* " if one.person_id == persons.addressee else "  "
         numbers = (
             Text(
-                "–" if math.isnan(value.value) else f"{value.value:.3g}",
+                format_known(value.value),
                 style=_STYLES[Origin(value.origin)],
             )
             for value in one.values
@@ -220,17 +220,13 @@ def _plain(message: Any) -> dict[str, Any]:
         "persons": message.persons,
         "values": {
             value.name: {
-                "value": _finite(value.value),
+                "value": finite_or_none(value.value),
                 "origin": Origin(value.origin).name.lower(),
-                "std": _finite(value.std),
-                "age_s": _finite(value.age_s),
+                "std": finite_or_none(value.std),
+                "age_s": finite_or_none(value.age_s),
                 "confidence": value.confidence,
                 "source": value.source,
             }
             for value in message.values
         },
     }
-
-
-def _finite(value: float) -> float | None:
-    return value if math.isfinite(value) else None

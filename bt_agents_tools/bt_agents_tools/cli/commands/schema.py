@@ -11,7 +11,7 @@ import click
 from bt_agents_core.errors import BtAgentsError
 from bt_agents_core.trees_folder import find_trees
 from bt_agents_language.tools.schema.folder import (
-    SCHEMAS,
+    FILE_KINDS,
     folder_vocabulary,
     schema_file,
     schema_text,
@@ -21,7 +21,7 @@ from bt_agents_language.tools.schema.folder import (
 @click.command()
 @click.argument("directory", required=False, default="")
 @click.option(
-    "--kind", "kinds", type=click.Choice(list(SCHEMAS)), multiple=True, help="Only this kind."
+    "--kind", "kinds", type=click.Choice(list(FILE_KINDS)), multiple=True, help="Only this kind."
 )
 @click.option(
     "--output",
@@ -43,7 +43,7 @@ def schema(directory: str, kinds: tuple[str, ...], output: Path, check: bool) ->
     """  # noqa: D301 (click wants the character, not the two letters)
     vocabulary = folder_vocabulary(find_trees(directory))
     outdated = []
-    for kind in kinds or SCHEMAS:
+    for kind in kinds or FILE_KINDS:
         file = output / schema_file(kind)
         text = schema_text(kind, vocabulary)
         if _written(file) == text.encode():

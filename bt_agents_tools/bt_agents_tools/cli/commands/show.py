@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`bt-agents show`: an agent's tree with every modifier and subtree in its place."""
+"""`bt-agents show`: an agent's tree with every decorator and subtree in its place."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from bt_agents_tools.cli.named_agent import named_agent
 )
 @click.option("--svg", "picture", metavar="OUT", default="", help="Write a picture to this file.")
 def show(agent: str, directory: str, form: str, picture: str) -> None:
-    """Show what an agent does: its tree, with modifiers as nodes in the order in which they nest.
+    """Show what an agent does: its tree, with decorators as nodes in the order in which they nest.
 
     FILE is an agent file in a trees folder, AGENT the name of an agent. Numbers are lines of the
     file.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`bt-agents strategy`: how the market ranks bids, shown and switched while it works."""
+"""`bt-agents strategy`: shows and switches the strategy of a running market."""
 
 from __future__ import annotations
 

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import getpass
+import re
 import shutil
 import sys
 import time
@@ -13,14 +14,17 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from bt_agents.host.tuning.tunable import TICK_RATE
-from bt_agents_core.errors import BtAgentsError
+from bt_agents_core.errors import BtAgentsError, Refused
+from bt_agents_language.model.quantities import QuantityError, number
 from bt_agents_tools.cli.connection import accepted, connect, find_host, find_hosts
 from bt_agents_tools.cli.tune_table import table
 
 if TYPE_CHECKING:
     from bt_agents_tools.client.observer import Observer
+    from bt_agents_tools.client.tuning import TunedProfile
 
 _NO_TERMINAL = 10_000
+_PROFILE = re.compile(r"(?P<agent>[^.]+)\.profile\.(?P<parameter>.+)")
 
 
 def user() -> str:
@@ -60,7 +64,8 @@ def tune(
     Times may have units: patience=12s, patience="2 min". Beside the tunables of its file each
     agent has learning_rate and the values of its profile, such as profile.age; the whole host has
     tick_rate: bt-agents tune tick_rate=30. Values of several agents change together when they are
-    named in full: bt-agents tune quick.patience=5 slow.patience=12.
+    named in full: bt-agents tune quick.patience=5 slow.patience=12. Values of a profile are a
+    change of their own, which the feedback node records.
 
     Without values it shows where everything stands. 'bt-agents keep' writes changed values into
     the agents' files.
@@ -80,15 +85,9 @@ def tune(
             for host in _hosts(observer, agent):
                 _show_history(observer, host, agent)
         elif asked:
-            host = _one_host(observer, agent)
-            agents = [agent] if agent else []
-            ask_host(observer, host, asked[0], agents=agents, author=author, reason=reason)
+            _take_back(observer, agent, asked[0], author=author, reason=reason)
         elif values:
-            for host, named in _by_host(observer, agent, values):
-                names, texts = [name for name, _ in named], [text for _, text in named]
-                ask_host(
-                    observer, host, "set", names=names, values=texts, author=author, reason=reason
-                )
+            _set(observer, agent, values, author=author, reason=reason)
         else:
             for host in _hosts(observer, agent):
                 _show(observer, host, agent)
@@ -108,6 +107,76 @@ def _split(words: Sequence[str]) -> tuple[str, list[tuple[str, str]]]:
     return agent, values
 
 
+def _set(
+    observer: Observer, agent: str, values: Iterable[tuple[str, str]], *, author: str, reason: str
+) -> None:
+    """Set values: those of the hosts first, then those of profiles."""
+    named = [(f"{agent}.{name}" if agent else name, text) for name, text in values]
+    profiles = _profiles(named)
+    on_hosts = [(name, text) for name, text in named if not _PROFILE.fullmatch(name)]
+    for one in profiles:
+        find_host(observer, one)
+    for host, some in _by_host(observer, on_hosts):
+        names, texts = [name for name, _ in some], [text for _, text in some]
+        ask_host(observer, host, "set", names=names, values=texts, author=author, reason=reason)
+    for one, wanted in profiles.items():
+        from bt_agents_tools.client import tuning
+
+        answer = tuning.set_profile(observer, one, wanted, author=author, reason=reason)
+        answer = accepted(answer, "the feedback node")
+        click.echo(f"{answer.message} (revision {answer.feedback.revision} of the profile)")
+
+
+def _profiles(named: Iterable[tuple[str, str]]) -> dict[str, dict[str, float]]:
+    """Return the values of profiles among some values, by agent and scene parameter.
+
+    Raises:
+        Refused: ``NOT_A_VALUE`` or ``DUPLICATE``.
+    """
+    found: dict[str, dict[str, float]] = {}
+    for name, text in named:
+        match = _PROFILE.fullmatch(name)
+        if match is None:
+            continue
+        values = found.setdefault(match["agent"], {})
+        if match["parameter"] in values:
+            raise Refused("DUPLICATE", f"{name} stands twice; give it one value")
+        try:
+            values[match["parameter"]] = number(text)
+        except QuantityError as error:
+            raise Refused("NOT_A_VALUE", f"{name}: {error.message}") from None
+    return found
+
+
+def _take_back(observer: Observer, agent: str, action: str, *, author: str, reason: str) -> None:
+    """Undo or redo the last change of an agent or of the host; of profiles the last tuning."""
+    host = _one_host(observer, agent)
+    if action == "undo":
+        profile = _undoable_profile(observer, host, agent)
+        if profile is not None:
+            from bt_agents_tools.client import system
+
+            answer = system.manage_profiles(
+                observer, "UNDO", agent=profile.agent, author=author, reason=reason
+            )
+            click.echo(f"undo of a profile: {accepted(answer, 'the feedback node').message}")
+            return
+    agents = [agent] if agent else []
+    ask_host(observer, host, action, agents=agents, author=author, reason=reason)
+
+
+def _undoable_profile(observer: Observer, host: str, agent: str) -> TunedProfile | None:
+    """Return the tuning of a profile that is newer than all that the host could undo."""
+    from bt_agents_tools.client import tuning
+
+    stamps = (
+        one.stamp.sec + one.stamp.nanosec * 1e-9
+        for one in tuning.tunings(observer, host).tunings
+        if one.undoable and (not agent or one.name.startswith(f"{agent}."))
+    )
+    return tuning.tuned_profile(observer, agent, max(stamps, default=0.0))
+
+
 def _hosts(observer: Observer, agent: str) -> list[str]:
     return [find_host(observer, agent)] if agent else find_hosts(observer)
 
@@ -120,12 +189,11 @@ def _one_host(observer: Observer, agent: str) -> str:
 
 
 def _by_host(
-    observer: Observer, agent: str, values: Iterable[tuple[str, str]]
+    observer: Observer, listed: list[tuple[str, str]]
 ) -> list[tuple[str, list[tuple[str, str]]]]:
-    """Return the values with their full names, by host; those of a host stand for each of them."""
-    if agent:
-        return [(find_host(observer, agent), [(f"{agent}.{name}", text) for name, text in values])]
-    listed = list(values)
+    """Return values by host; those of the whole host stand for each of them."""
+    if not listed:
+        return []
     whose = {name.partition(".")[0] for name, _ in listed if "." in name}
     found = sorted({find_host(observer, one) for one in whose}) or find_hosts(observer)
     if whose and len(found) > 1:
@@ -139,7 +207,7 @@ def _by_host(
 def _show(observer: Observer, host: str, agent: str) -> None:
     from bt_agents_tools.client import tuning
 
-    states = tuning.knobs(observer, host, [agent] if agent else ())
+    states = tuning.parameters(observer, host, [agent] if agent else ())
     for line in table(states, _width()):
         click.echo(line)
 
@@ -162,5 +230,7 @@ def _show_history(observer: Observer, host: str, agent: str) -> None:
             f"{one.revision:>5}  {when}  {one.name}: {one.before} → {one.after}  "
             f"({one.author}{reason})"
         )
-    click.echo(f"undo would be: {tunings.undo or 'nothing'}")
+    profile = _undoable_profile(observer, host, agent)
+    undo = f"the last change of the profile of {profile.agent}" if profile else tunings.undo
+    click.echo(f"undo would be: {undo or 'nothing'}")
     click.echo(f"redo would be: {tunings.redo or 'nothing'}")

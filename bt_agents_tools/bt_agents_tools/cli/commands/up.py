@@ -82,7 +82,7 @@ def up(
             orders=str(logs / "orders.json"),
         ),
         system.scene_layer(trees, memory=memory),
-        system.host(trees, tags, bindings, str(state_folder() / "tunings.jsonl")),
+        system.host(trees, tags, bindings, str(state_folder() / "tunings.sqlite")),
         system.feedback(trees, ledger=profiles),
     ]
     if bool(selector) != bool(model):

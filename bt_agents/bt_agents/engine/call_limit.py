@@ -1,0 +1,99 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Ends calls into third-party code that block, where the platform can interrupt them."""
+
+from __future__ import annotations
+
+import signal
+import sys
+import threading
+import time
+from collections.abc import Callable
+from types import FrameType
+from typing import TypeVar
+
+from bt_agents_core.errors import Refused
+
+T = TypeVar("T")
+
+_SOON_S = 1e-4
+"""When an alarm that is overdue rings [s]; zero would stop it."""
+
+
+class Blocked(BaseException):
+    """Raised inside of a call that blocks; no ``except Exception`` catches it."""
+
+
+def bounded(call: Callable[[], T], limit_s: float) -> T:
+    """Return what a call returns, unless it takes longer than it may.
+
+    In the main thread, where there is ``SIGALRM``, it is interrupted: sleeping, waiting for input
+    and endless loops of Python end there. A call into C that never returns to Python does not.
+    Elsewhere nothing can be interrupted, and a call that took too long is refused afterwards.
+    An alarm that somebody else has set is kept. Where Python drops exceptions (in ``__del__`` and
+    in callbacks of the garbage collector) an interruption is lost without a word, and the next
+    one ends the call.
+
+    Args:
+        call: The call.
+        limit_s: How long it may take, on the steady clock [s].
+
+    Raises:
+        Refused: ``BLOCKED``. Whatever the call raises is passed on.
+    """
+    if threading.current_thread() is threading.main_thread() and hasattr(signal, "setitimer"):
+        return _interrupted(call, limit_s)
+    began = time.monotonic()
+    result = call()
+    if time.monotonic() - began > limit_s:
+        raise _refusal(limit_s)
+    return result
+
+
+def _interrupted(call: Callable[[], T], limit_s: float) -> T:
+    guarding, rang = True, False
+
+    def ring(_signal: int, _frame: FrameType | None) -> None:
+        nonlocal rang
+        if guarding:
+            rang = True
+            raise Blocked
+
+    hook = sys.unraisablehook
+
+    def report_others(lost: sys.UnraisableHookArgs) -> None:
+        nonlocal guarding
+        guarding, was_guarding = False, guarding
+        if lost.exc_type is not Blocked:
+            hook(lost)
+        guarding = was_guarding
+
+    began = time.monotonic()
+    sys.unraisablehook = report_others
+    handler = signal.signal(signal.SIGALRM, ring)
+    left, interval = 0.0, 0.0
+    try:
+        # It rings again for code that catches everything and goes on.
+        left, interval = signal.setitimer(signal.ITIMER_REAL, limit_s, limit_s)
+        try:
+            result = call()
+        finally:
+            guarding = False
+    except (Blocked, Exception):
+        guarding = False
+        if rang:
+            raise _refusal(limit_s) from None
+        raise
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
+        signal.signal(signal.SIGALRM, signal.SIG_DFL if handler is None else handler)
+        sys.unraisablehook = hook
+        if left:
+            left = max(left - (time.monotonic() - began), _SOON_S)
+            signal.setitimer(signal.ITIMER_REAL, left, interval)
+    if rang:
+        raise _refusal(limit_s)
+    return result
+
+
+def _refusal(limit_s: float) -> Refused:
+    return Refused("BLOCKED", f"blocked for more than {limit_s:g} s")

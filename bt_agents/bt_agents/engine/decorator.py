@@ -1,0 +1,71 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Base of all decorators: nodes around one child, written as a key beside it."""
+
+from __future__ import annotations
+
+from py_trees import decorators
+from py_trees.common import Status
+
+from bt_agents.engine.context import BuildChild, RunContext
+from bt_agents.engine.fields import NodeFields
+from bt_agents.engine.light_behaviour import FAILURE, RUNNING
+from bt_agents.engine.node_errors import reason_of, with_location
+from bt_agents.engine.scope import Scope
+from bt_agents.engine.ticker import CallTicked, Ticker
+from bt_agents_language.model.specs import NodeSpec
+
+
+class Decorator(CallTicked, decorators.Decorator):
+    """A decorator made from a spec; whatever it raises is a FAILURE that says where and why.
+
+    As it stands it passes on the status of its child; subclasses override :meth:`decide`, and
+    :meth:`short_circuit` where the child is not always ticked.
+    """
+
+    status: Status
+
+    def __init__(
+        self, spec: NodeSpec, context: RunContext, scope: Scope, build: BuildChild
+    ) -> None:
+        child = self.decorated = build(spec.children[0], scope)
+        super().__init__(spec.name, [child])
+        self.spec = spec
+        self.context = context
+        self.fields = NodeFields(spec=spec, names=scope)
+
+    def short_circuit(self) -> Status | None:
+        """Return the status if the child is not to be ticked; None when it is.
+
+        RUNNING leaves the child as it is. Every other status resets it, even if it has ended by
+        itself, as how it ended has no say in what comes now.
+        """
+        return None
+
+    def decide(self) -> Status:
+        """Return the status after the child was ticked; may raise."""
+        return self.decorated.status
+
+    def tick_children(self, ticker: Ticker) -> Status:
+        """Tick the child unless it is short-circuited, and decide; an error is a FAILURE."""
+        status = self.short_circuit()
+        if status is RUNNING:
+            return status
+        if status is None:
+            if self.status is not RUNNING:
+                self.initialise()
+            ticker.tick_child(self.decorated)
+            self.feedback_message = ""
+            try:
+                status = self.decide()
+            except Exception as error:
+                status = self.fail(reason_of(error))
+            else:
+                if status is RUNNING or self.decorated.status is not RUNNING:
+                    return status
+        ticker.reset_child(self.decorated)
+        return status
+
+    def fail(self, reason: str) -> Status:
+        """Set the message to the reason and return FAILURE."""
+        self.feedback_message = with_location(reason, self.spec)
+        return FAILURE

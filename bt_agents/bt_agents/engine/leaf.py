@@ -1,0 +1,78 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Base of all leaves: errors become a FAILURE with its place in the file."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+from py_trees.common import Status
+
+from bt_agents.engine.context import BuildChild, RunContext
+from bt_agents.engine.fields import NodeFields
+from bt_agents.engine.light_behaviour import FAILURE, LightBehaviour
+from bt_agents.engine.node_errors import reason_of, with_location
+from bt_agents.engine.scope import Scope
+from bt_agents_language.model.specs import NodeSpec
+
+
+class Leaf(LightBehaviour):
+    """A leaf made from a spec; whatever it raises is a FAILURE that says where and why.
+
+    Subclasses override :meth:`begin`, :meth:`step` and :meth:`end`, each of which may raise.
+
+    Attributes:
+        has_side_effects: True when it does something outside of the tree, so that each of its
+            ends is reported, even when it ends twice in the same way.
+    """
+
+    has_side_effects: ClassVar[bool] = False
+
+    def __init__(
+        self, spec: NodeSpec, context: RunContext, scope: Scope, _build: BuildChild | None = None
+    ) -> None:
+        super().__init__(spec.name)
+        self.spec = spec
+        self.context = context
+        self.scope = scope
+        self.fields = NodeFields(spec=spec, names=scope)
+        self._error = ""
+
+    def begin(self) -> None:
+        """Start: called at the first tick."""
+
+    def step(self) -> Status:
+        """Go on: called at every tick, the first included."""
+        raise NotImplementedError
+
+    def missing(self) -> str:
+        """Return what it still waits for, empty where that is not known."""
+        return ""
+
+    def end(self) -> None:
+        """Leave nothing under way: called whenever it ends, maybe without having begun."""
+
+    def initialise(self) -> None:
+        """Begin, storing any error for :meth:`update`."""
+        self._error = ""
+        try:
+            self.begin()
+        except Exception as error:
+            self._error = reason_of(error)
+
+    def update(self) -> Status:
+        """Step; an error is a FAILURE."""
+        self.feedback_message = ""
+        if not self._error:
+            try:
+                return self.step()
+            except Exception as error:
+                self._error = reason_of(error)
+        self.feedback_message = with_location(self._error, self.spec)
+        return FAILURE
+
+    def terminate(self, new_status: Status) -> None:
+        """End; an error becomes the message."""
+        try:
+            self.end()
+        except Exception as error:
+            self.feedback_message = with_location(reason_of(error), self.spec)

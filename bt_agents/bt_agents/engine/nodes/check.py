@@ -1,0 +1,23 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Check: whether a condition is true now."""
+
+from __future__ import annotations
+
+from py_trees.common import Status
+
+from bt_agents.engine.leaf import Leaf
+from bt_agents.engine.light_behaviour import FAILURE, SUCCESS
+
+
+class Check(Leaf):
+    """SUCCESS when the condition is true, FAILURE when it is false or not known."""
+
+    def step(self) -> Status:
+        """Evaluate the condition."""
+        if self.fields.is_true("condition"):
+            return SUCCESS
+        self.feedback_message = self.fields.explain_false("condition")
+        return FAILURE
+
+
+BEHAVIOURS = {"check": Check}

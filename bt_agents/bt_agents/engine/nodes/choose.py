@@ -1,0 +1,39 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Choose: the first case whose condition is true, and no other."""
+
+from __future__ import annotations
+
+from py_trees.behaviour import Behaviour
+
+from bt_agents.engine.composite import ChooseOne
+from bt_agents.engine.nodes.case import Case
+from bt_agents_core.errors import Refused
+
+
+class Choose(ChooseOne):
+    """Ticks the first case that fits when it starts; no later one is tried instead.
+
+    ==== =============== ======= ======= =======
+    tick conditions: a b a       b       status
+    ==== =============== ======= ======= =======
+    1    false true      (I)     RUNNING RUNNING
+    2    true true       (I)     FAILURE FAILURE
+    3    true true       SUCCESS (I)     SUCCESS
+    4    false false     (I)     (I)     FAILURE
+    ==== =============== ======= ======= =======
+    """
+
+    def pick(self) -> Behaviour:
+        """Return the first case that fits."""
+        mismatches = []
+        for case in self.children:
+            assert isinstance(case, Case)
+            mismatch = case.why_not()
+            if not mismatch:
+                self.feedback_message = f"case '{case.name}'"
+                return case
+            mismatches.append(f"{case.name}: {mismatch}")
+        raise Refused("NO_CASE", f"no case fits; {'; '.join(mismatches)}")
+
+
+BEHAVIOURS = {"choose": Choose}

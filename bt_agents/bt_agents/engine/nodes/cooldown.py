@@ -1,0 +1,33 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Cooldown: skips the child for a time after it has ended."""
+
+from __future__ import annotations
+
+from py_trees.common import Status
+
+from bt_agents.engine.light_behaviour import RUNNING
+from bt_agents.engine.skips import Skip
+
+
+class Cooldown(Skip):
+    """Skips the child for a time after its end, on the trees' clock; the time may be tuned."""
+
+    _ended_at: float | None = None
+
+    def skip_reason(self) -> str:
+        """Compare the end of the child with the clock."""
+        if self._ended_at is None:
+            return ""
+        seconds = self.fields.seconds("duration")
+        if self.context.is_due(self.spec.path, self._ended_at + seconds):
+            return ""
+        return f"done less than {seconds:g} s ago"
+
+    def decide(self) -> Status:
+        """Remember when the child ends."""
+        if self.decorated.status is not RUNNING:
+            self._ended_at = self.context.clock()
+        return self.decorated.status
+
+
+BEHAVIOURS = {"cooldown": Cooldown}

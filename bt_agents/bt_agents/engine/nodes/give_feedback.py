@@ -1,0 +1,80 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Give_feedback: feedback on the running agent, as a person gives it by a button."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from py_trees.common import Status
+
+from bt_agents.engine.environment import GoalRun, GoalState
+from bt_agents.engine.fields import finite
+from bt_agents.engine.leaf import Leaf
+from bt_agents_core.errors import Refused
+from bt_agents_core.feedback import FeedbackKind
+from bt_agents_core.field_types import Plain
+from bt_agents_core.scene import check_value
+from bt_agents_language.expression.expression_values import described
+
+_DIRECT = "direct feedback"
+
+
+class GiveFeedback(Leaf):
+    """SUCCESS when the feedback was accepted, FAILURE with the reason of its refusal."""
+
+    has_side_effects = True
+    _run: GoalRun | None = None
+    _kind = FeedbackKind.POSITIVE
+
+    def begin(self) -> None:
+        """Send the feedback."""
+        self._run = None
+        self._kind = FeedbackKind[str(self.fields.value("kind")).upper()]
+        values = self._values()
+        reason = str(self.fields.value("reason")) if "reason" in self.fields else ""
+        self._run = self.context.give_feedback(self.spec.path, self._kind, values, reason)
+
+    def step(self) -> Status:
+        """Poll the answer."""
+        assert self._run is not None
+        state, title = self._run.state, f"{self._kind.name.lower()} feedback"
+        if not state.ended:
+            self.feedback_message = title
+            return Status.RUNNING
+        if state is GoalState.SUCCEEDED:
+            self.feedback_message = f"{title} {self._run.message or 'given'}"
+            return Status.SUCCESS
+        reason = f": {self._run.message}" if self._run.message else ""
+        self.feedback_message = f"{title} {state.value}{reason}"
+        return Status.FAILURE
+
+    def end(self) -> None:
+        """Stop waiting for the answer."""
+        if self._run is not None and not self._run.state.ended:
+            self._run.cancel()
+
+    def _values(self) -> Mapping[str, float]:
+        if self._kind is not FeedbackKind.DIRECT:
+            return {}
+        given = self.fields.value("values") if "values" in self.fields else None
+        if not isinstance(given, Mapping) or not given:
+            raise Refused(
+                "NO_VALUES",
+                f"{_DIRECT} has no values, expected at least one scene parameter with the "
+                "value that the profile moves to; write values: {age: 4}",
+            )
+        return {name: self._wanted(name, value) for name, value in given.items()}
+
+    def _wanted(self, name: str, value: Plain) -> float:
+        parameter = self.context.scope.space.parameter(name, what=_DIRECT)
+        number = finite(value)
+        if number is None:
+            raise Refused(
+                "NOT_A_NUMBER",
+                f"{_DIRECT}: {name} is {described(value)}, expected a number between "
+                f"{parameter.minimum:g} and {parameter.maximum:g}",
+            )
+        return check_value(parameter, number, what=_DIRECT)
+
+
+BEHAVIOURS = {"give_feedback": GiveFeedback}

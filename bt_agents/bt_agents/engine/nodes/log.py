@@ -1,0 +1,25 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Log: writes a line into the log."""
+
+from __future__ import annotations
+
+from py_trees.common import Status
+
+from bt_agents.engine.leaf import Leaf
+from bt_agents.engine.light_behaviour import SUCCESS
+
+
+class Log(Leaf):
+    """Writes a line into the log, which is the node's message, too; always SUCCESS."""
+
+    has_side_effects = True
+
+    def step(self) -> Status:
+        """Write the line."""
+        text = str(self.fields.value("message"))
+        self.context.environment.log(str(self.fields.constant("level", "info")), text)
+        self.feedback_message = text
+        return SUCCESS
+
+
+BEHAVIOURS = {"log": Log}

@@ -1,0 +1,24 @@
+# SPDX-License-Identifier: Apache-2.0
+"""On_failure: what is done instead when a node has failed."""
+
+from __future__ import annotations
+
+from bt_agents.engine.nodes.selector import LightSelector
+
+
+class OnFailure(LightSelector):
+    """A selector with memory of two children: the node, and after its FAILURE the handler.
+
+    ==== ======= ======= =======
+    tick node    handler status
+    ==== ======= ======= =======
+    1    RUNNING (I)     RUNNING
+    2    FAILURE RUNNING RUNNING
+    3    (I)     SUCCESS SUCCESS
+    ==== ======= ======= =======
+
+    The failure is handled: the status is that of the handler.
+    """
+
+
+BEHAVIOURS = {"on_failure": OnFailure}

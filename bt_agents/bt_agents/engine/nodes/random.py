@@ -1,0 +1,55 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Random: one of the children, drawn by their weights."""
+
+from __future__ import annotations
+
+from random import Random
+
+from py_trees.behaviour import Behaviour
+
+from bt_agents.engine.composite import ChooseOne
+from bt_agents.engine.context import BuildChild, RunContext
+from bt_agents.engine.nodes.weight import Weight
+from bt_agents.engine.scope import Scope
+from bt_agents_core.errors import Refused
+from bt_agents_language.model.specs import NodeSpec
+
+
+class RandomChoice(ChooseOne):
+    """Ticks one child, drawn at each start, the more often the larger its weight.
+
+    ==== ========= ======= ======= =======
+    tick draws     a       b       status
+    ==== ========= ======= ======= =======
+    1    b         (I)     RUNNING RUNNING
+    2    –         (I)     SUCCESS SUCCESS
+    3    a         FAILURE (I)     FAILURE
+    ==== ========= ======= ======= =======
+    """
+
+    def __init__(
+        self, spec: NodeSpec, context: RunContext, scope: Scope, build: BuildChild
+    ) -> None:
+        super().__init__(spec, context, scope, build)
+        seed = self.fields.constant("seed")
+        self._random = Random(seed) if isinstance(seed, int) else context.random
+
+    def pick(self) -> Behaviour:
+        """Draw among the children whose weight is not 0."""
+        weights: dict[Weight, float] = {}
+        for child in self.children:
+            assert isinstance(child, Weight)
+            if (weight := child.weight()) > 0:
+                weights[child] = weight
+        if not weights:
+            raise Refused("NO_WEIGHT", "all weights are 0, expected at least one larger number")
+        largest = max(weights.values())
+        # Scaled, so that the sum of large weights is finite.
+        [picked] = self._random.choices(
+            list(weights), [weight / largest for weight in weights.values()]
+        )
+        self.feedback_message = f"picked '{picked.decorated.name}'"
+        return picked
+
+
+BEHAVIOURS = {"random": RandomChoice}

@@ -1,0 +1,36 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Repeat: starts the child again after a SUCCESS."""
+
+from __future__ import annotations
+
+from py_trees.common import Status
+
+from bt_agents.engine.light_behaviour import SUCCESS
+from bt_agents.engine.loops import Loop
+
+
+class Repeat(Loop):
+    """SUCCESS after so many rounds in all, or when a condition is true at the end of one.
+
+    A FAILURE of the child ends it. A condition that cannot be evaluated is not true yet.
+    """
+
+    def ended(self, status: Status) -> Status:
+        """Count successes."""
+        if status is not SUCCESS:
+            return status
+        if self._is_over():
+            return SUCCESS
+        times = self.fields.count("times")
+        if self.exhausted(times):
+            return SUCCESS
+        return self.again("round", times)
+
+    def _is_over(self) -> bool:
+        try:
+            return "until" in self.fields and self.fields.is_true("until")
+        except Exception:
+            return False
+
+
+BEHAVIOURS = {"repeat": Repeat}

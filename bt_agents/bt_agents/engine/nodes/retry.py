@@ -1,0 +1,26 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Retry: starts the child again after a FAILURE."""
+
+from __future__ import annotations
+
+from py_trees.common import Status
+
+from bt_agents.engine.light_behaviour import FAILURE
+from bt_agents.engine.loops import Loop
+
+
+class Retry(Loop):
+    """SUCCESS with the first SUCCESS of the child, FAILURE after so many attempts in all."""
+
+    def ended(self, status: Status) -> Status:
+        """Count failures."""
+        if status is not FAILURE:
+            return status
+        attempts = self.fields.count("attempts")
+        if self.exhausted(attempts):
+            times = "once" if self._round == 1 else f"{self._round} times"
+            return self.fail(f"failed {times}")
+        return self.again("attempt", attempts)
+
+
+BEHAVIOURS = {"retry": Retry}

@@ -1,0 +1,74 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Selector: children one after the other, until one succeeds."""
+
+from __future__ import annotations
+
+from itertools import islice
+
+from py_trees import composites
+from py_trees.common import Status
+
+from bt_agents.engine.composite import Composite
+from bt_agents.engine.context import BuildChild, RunContext
+from bt_agents.engine.light_behaviour import FAILURE, INVALID, RUNNING
+from bt_agents.engine.scope import Scope
+from bt_agents.engine.ticker import Ticker
+from bt_agents_language.model.specs import NodeSpec
+
+
+class LightSelector(Composite, composites.Selector):
+    """Ticks its children in order; the first that does not fail decides.
+
+    S, F and R are the answers of the children a, b and c, I is INVALID, a bracket was not ticked.
+
+    ==== ================== ================= ==================== =================
+    tick with memory: a b c status            without memory: a b c status
+    ==== ================== ================= ==================== =================
+    1    F R (I)            RUNNING           F R (I)              RUNNING
+    2    (I) F R            RUNNING           F F R                RUNNING
+    3    (I I) R            RUNNING           F R (I), c stopped   RUNNING
+    4    (I I) S            SUCCESS           S (I I), b stopped   SUCCESS
+    5    F F F              FAILURE           F F F                FAILURE
+    ==== ================== ================= ==================== =================
+
+    With memory the children before the one that ran are made INVALID. A start does not touch the
+    children: those behind the one that decides are stopped, and made INVALID, only when it is
+    another than the last one.
+    """
+
+    def __init__(
+        self, spec: NodeSpec, context: RunContext, scope: Scope, build: BuildChild
+    ) -> None:
+        super().__init__(spec, context, scope, build)
+        self.memory = bool(self.fields.constant("memory", True))
+
+    def tick_children(self, ticker: Ticker) -> Status:
+        """Tick until a child does not fail."""
+        ticks, children = ticker.ticks, self.children
+        # Start: go on from the first child.
+        starts = self.status is not RUNNING
+        if starts:
+            self.current_child = children[0]
+        last = self.current_child
+        rest = iter(children)
+        # With memory: pass over the children before the one that ran.
+        if self.memory and last is not children[0]:
+            for child in islice(rest, children.index(last)):
+                if child.status is not INVALID:
+                    ticker.reset_child(child)
+        for child in rest:
+            status = ticks[child]()
+            if status is not FAILURE:
+                break
+        self.current_child = child
+        # Stop the children behind one that has interrupted another.
+        if status is not FAILURE:
+            if child is not last:
+                for child in rest:
+                    ticker.reset_child(child)
+            elif starts:
+                ticker.pending.extend(rest)
+        return status
+
+
+BEHAVIOURS = {"selector": LightSelector}

@@ -1,0 +1,148 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Skills, actions, services and topics: one goal, request or message to the robot."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from contextlib import suppress
+
+from py_trees.common import Status
+
+from bt_agents.engine.environment import GoalRun, GoalState, SkillGoal
+from bt_agents.engine.leaf import Leaf
+from bt_agents.engine.scope import (
+    BindingNames,
+    MessageNames,
+    evaluate,
+    explain_false,
+    field_of,
+    format_value,
+    is_true,
+)
+from bt_agents_core.errors import Refused
+from bt_agents_core.field_types import BindingKind, Plain
+from bt_agents_core.text import ellipsize
+from bt_agents_language.expression.expressions import MissingValue
+from bt_agents_language.model.specs import Binding, Literal
+
+_WHY = {
+    GoalState.REJECTED: "its server did not take the goal and says nothing about why",
+    GoalState.ABORTED: "its server gave up and says nothing about why",
+    GoalState.CANCELLED: "somebody else has stopped it",
+}
+"""Reasons for failures where the server gives none."""
+
+_LONGEST_REASON = 300
+"""Most characters of a server's message that are passed on."""
+
+
+class SkillLeaf(Leaf):
+    """Uses an action, service or topic, directly or through a skill.
+
+    Its failure says which of the ways to fail it was: the server is unreachable, has rejected,
+    aborted or cancelled the goal, or has timed out.
+    """
+
+    has_side_effects = True
+    _run: GoalRun | None = None
+    _last_feedback: Mapping[str, Plain] | None = None
+    _main_text = ""
+
+    def begin(self) -> None:
+        """Send the goal, or publish the message."""
+        self._run = self._last_feedback = None
+        skill = self.spec.skill
+        assert skill is not None
+        binding = self._binding()
+        inputs = {one.name: self.fields.value(one.name) for one in skill.inputs}
+        self._main_text = self._format_main_input(inputs)
+        names = BindingNames(inputs=inputs, around=self.scope)
+        goal = SkillGoal(
+            kind=binding.kind,
+            name=binding.name,
+            type=binding.type,
+            fields={key: evaluate(item, names) for key, item in binding.fields.items.items()},
+            sender=self.spec.path,
+            feedback=bool(self.spec.feedback),
+            timeouts=binding.timeouts,
+            heartbeat=binding.heartbeat,
+        )
+        if binding.kind is BindingKind.TOPIC:
+            self.context.environment.publish(goal)
+        else:
+            self._run = self.context.send(self.spec.path, goal)
+
+    def step(self) -> Status:
+        """Poll the goal."""
+        if self._run is None:
+            return Status.SUCCESS
+        state = self._run.state
+        self._store_feedback(self._run.feedback)
+        if not state.ended:
+            self.feedback_message = self._main_text
+            return Status.RUNNING
+        if state is GoalState.SUCCEEDED:
+            return self._succeeded(self._run.result)
+        reason = self._run.message or _result_message(self._run.result) or _WHY.get(state, "")
+        self.feedback_message = f"{self._binding().name} {state.value}" + (
+            f": {ellipsize(reason, _LONGEST_REASON)}" if reason else ""
+        )
+        return Status.FAILURE
+
+    def end(self) -> None:
+        """Cancel what has not ended."""
+        if self._run is not None and not self._run.state.ended:
+            self._run.cancel()
+
+    def _binding(self) -> Binding:
+        skill = self.spec.skill
+        assert skill is not None
+        if skill.binding is None:
+            reason = skill.unoffered or "no robot here offers it"
+            raise Refused("NOT_OFFERED", f"'{skill.name}' cannot be done: {reason}")
+        return skill.binding
+
+    def _succeeded(self, result: Mapping[str, Plain]) -> Status:
+        binding = self._binding()
+        if binding.succeed_when is not None:
+            names = MessageNames(prefix="result", message=result, around=self.scope)
+            if not is_true(binding.succeed_when, names):
+                reason = explain_false(binding.succeed_when, names)
+                self.feedback_message = _result_message(result) or (
+                    f"{binding.name} answered, but {reason}"
+                )
+                return Status.FAILURE
+        found = {
+            name: field_of(result, path, f"result.{path}")
+            for name, path in self.spec.outputs.items()
+        }
+        for name, value in found.items():
+            self.scope.write(name, value)
+        return Status.SUCCESS
+
+    def _store_feedback(self, feedback: Mapping[str, Plain] | None) -> None:
+        """Write the names that the latest feedback of the action gives values to."""
+        if feedback is None or feedback is self._last_feedback:
+            return
+        self._last_feedback = feedback
+        for name, path in self.spec.feedback.items():
+            # Feedback without the field is no reason to give the goal up.
+            with suppress(MissingValue, Refused):
+                self.scope.write(name, field_of(feedback, path, f"feedback.{path}"))
+
+    def _format_main_input(self, inputs: Mapping[str, Plain]) -> str:
+        """Format the main input, for a node that is named by references."""
+        skill = self.spec.skill
+        assert skill is not None
+        if skill.main is None or isinstance(self.spec.fields[skill.main], Literal):
+            return ""
+        [main] = (one for one in skill.inputs if one.name == skill.main)
+        return format_value(inputs[skill.main], main.type)
+
+
+def _result_message(result: Mapping[str, Plain]) -> str:
+    message = result.get("message", "")
+    return ellipsize(message, _LONGEST_REASON) if isinstance(message, str) else ""
+
+
+BEHAVIOURS = {"action": SkillLeaf, "service": SkillLeaf, "publish": SkillLeaf}

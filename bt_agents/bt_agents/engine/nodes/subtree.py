@@ -1,0 +1,47 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Subtree: a tree with names of its own, of which the caller sees the declared outputs."""
+
+from __future__ import annotations
+
+from py_trees.common import Status
+
+from bt_agents.engine.context import BuildChild, RunContext
+from bt_agents.engine.decorator import Decorator
+from bt_agents.engine.light_behaviour import RUNNING
+from bt_agents.engine.scope import Scope, SubtreeScope
+from bt_agents_language.expression.expressions import Expression
+from bt_agents_language.model.specs import NodeSpec
+
+
+class Subtree(Decorator):
+    """Ends as its tree does; each start forgets what an earlier one has written.
+
+    An output to which nothing was written leaves the caller's name as it is.
+    """
+
+    def __init__(
+        self, spec: NodeSpec, context: RunContext, scope: Scope, build: BuildChild
+    ) -> None:
+        self._caller = scope
+        self._inside = SubtreeScope(
+            inputs={k: v for k, v in spec.fields.items() if not isinstance(v, Expression)},
+            caller=scope,
+            run=context.scope,
+        )
+        super().__init__(spec, context, scope, lambda child, _: build(child, self._inside))
+
+    def initialise(self) -> None:
+        """Forget what was written."""
+        self._inside.written.clear()
+
+    def decide(self) -> Status:
+        """Hand over the outputs at the end."""
+        status = self.decorated.status
+        if status is not RUNNING:
+            for name, inner in self.spec.outputs.items():
+                if inner in self._inside.written:
+                    self._caller.write(name, self._inside.written[inner])
+        return status
+
+
+BEHAVIOURS = {"subtree": Subtree}

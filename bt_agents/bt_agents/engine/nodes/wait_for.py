@@ -1,0 +1,151 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Wait_for: SUCCESS when a condition is true, or when a message has come."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+from py_trees.common import Status
+
+from bt_agents.engine.context import BuildChild, RunContext
+from bt_agents.engine.environment import Clock, Inbox
+from bt_agents.engine.leaf import Leaf
+from bt_agents.engine.light_behaviour import RUNNING, SUCCESS
+from bt_agents.engine.scope import MessageNames, Scope, explain_false, field_of, is_true
+from bt_agents_core.field_types import Plain
+from bt_agents_language.expression.expressions import MissingValue, StaleValue
+from bt_agents_language.model.specs import NodeSpec
+
+
+class _Hold:
+    """Time since which something has been true without a break, on the trees' clock."""
+
+    def __init__(self) -> None:
+        self._since: float | None = None
+
+    def update(self, true_now: bool, clock: Clock) -> None:
+        """Take over whether it is true now."""
+        if not true_now:
+            self._since = None
+        elif self._since is None:
+            self._since = clock()
+
+    def due(self, seconds: float) -> float:
+        """Return when it will have been true for so long [s]; infinite while it is not."""
+        return math.inf if self._since is None else self._since + seconds
+
+
+class WaitForCondition(Leaf):
+    """SUCCESS when a condition has been true for a time; one with a missing value is not true."""
+
+    def begin(self) -> None:
+        """Start without having evaluated anything."""
+        self._hold = _Hold()
+        self._unknown: MissingValue | None = None
+        self._explanation = ""
+
+    def step(self) -> Status:
+        """Evaluate the condition."""
+        self._hold.update(self._is_true(), self.context.clock)
+        due = self._hold.due(self.fields.seconds("for"))
+        return SUCCESS if self.context.is_due(self.spec.path, due) else RUNNING
+
+    def missing(self) -> str:
+        """Return what its names are now, unless the condition is true already."""
+        return self._explain_false() if self.feedback_message else ""
+
+    def _is_true(self) -> bool:
+        before, self._unknown = self._unknown, None
+        try:
+            if self.fields.is_true("condition"):
+                return True
+        except MissingValue as missing:
+            self._unknown = missing
+        # Made once: the current values of the names would be a change at each tick.
+        if not self._explanation or _kind(before) != _kind(self._unknown):
+            self._explanation = self._explain_false()
+        self.feedback_message = self._explanation
+        return False
+
+    def _explain_false(self) -> str:
+        if isinstance(self._unknown, StaleValue):
+            return str(self._unknown)
+        if self._unknown is not None:
+            return f"{self._unknown} yet"
+        return self.fields.explain_false("condition", verb="not so yet")
+
+
+def _kind(unknown: MissingValue | None) -> tuple[type, str] | None:
+    return None if unknown is None else (type(unknown), unknown.name)
+
+
+class WaitForMessage(Leaf):
+    """SUCCESS when a message has come that fits, and for a time after it none that does not.
+
+    What a message says is true until the next one. Without a time the first that fits is enough.
+    """
+
+    _inbox: Inbox | None = None
+    _mismatch = ""
+
+    def begin(self) -> None:
+        """Subscribe."""
+        self._mismatch = ""
+        self._hold = _Hold()
+        self._message: Mapping[str, Plain] = {}
+        topic, type_name = str(self.fields.value("topic")), str(self.fields.value("type"))
+        latched = self.fields.constant("latched", False) is True
+        self._inbox = self.context.environment.watch(topic, type_name, latched=latched)
+
+    def step(self) -> Status:
+        """Handle the messages that have come."""
+        assert self._inbox is not None
+        seconds = self.fields.seconds("for")
+        while (message := self._inbox.take()) is not None:
+            fits = self._fits(message)
+            self._hold.update(fits, self.context.clock)
+            if fits:
+                self._message = message
+                if seconds == 0:
+                    break
+        if not self.context.is_due(self.spec.path, self._hold.due(seconds)):
+            self.feedback_message = self._mismatch
+            return RUNNING
+        found = {
+            name: field_of(self._message, path, f"msg.{path}")
+            for name, path in self.spec.outputs.items()
+        }
+        for name, value in found.items():
+            self.scope.write(name, value)
+        return SUCCESS
+
+    def missing(self) -> str:
+        """Return why the last message did not fit."""
+        return self._mismatch
+
+    def end(self) -> None:
+        """Unsubscribe."""
+        if self._inbox is not None:
+            inbox, self._inbox = self._inbox, None
+            inbox.close()
+
+    def _fits(self, message: Mapping[str, Plain]) -> bool:
+        if "until" not in self.fields:
+            return True
+        names = MessageNames(prefix="msg", message=message, around=self.scope)
+        until = self.fields.condition("until")
+        if is_true(until, names):
+            self._mismatch = ""
+            return True
+        self._mismatch = explain_false(until, names, verb="the last message is not so")
+        return False
+
+
+def wait_for(spec: NodeSpec, context: RunContext, scope: Scope, build: BuildChild) -> Leaf:
+    """Return the leaf of a ``wait_for``, which waits for a message if it names a topic."""
+    leaf = WaitForMessage if "topic" in spec.fields else WaitForCondition
+    return leaf(spec, context, scope, build)
+
+
+BEHAVIOURS = {"wait_for": wait_for}

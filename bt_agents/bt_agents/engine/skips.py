@@ -1,0 +1,44 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Base of the decorators that leave their child out."""
+
+from __future__ import annotations
+
+from py_trees.common import Status
+
+from bt_agents.engine.decorator import Decorator
+from bt_agents.engine.light_behaviour import FAILURE, RUNNING, SUCCESS
+from bt_agents.engine.node_errors import reason_of
+
+
+class Skip(Decorator):
+    """Decides when the child would start whether it is skipped.
+
+    ==== ================= ======= =====================================
+    tick ``skip_reason``   child   status
+    ==== ================= ======= =====================================
+    1    ""                RUNNING RUNNING
+    2    not asked         SUCCESS SUCCESS
+    3    "done already"    (I)     SUCCESS; FAILURE below a selector
+    4    raises            (I)     FAILURE
+    ==== ================= ======= =====================================
+
+    Below a selector a skip is a FAILURE, so that the next alternative is tried.
+    """
+
+    def skip_reason(self) -> str:
+        """Return why the child is skipped, empty when it takes part; an error is a FAILURE."""
+        raise NotImplementedError
+
+    def short_circuit(self) -> Status | None:
+        """Skip the child if there is a reason at the start."""
+        if self.status is RUNNING:
+            return None
+        try:
+            reason = self.skip_reason()
+        except Exception as error:
+            return self.fail(reason_of(error))
+        if not reason:
+            return None
+        self.feedback_message = f"left out: {reason}"
+        failure = self.fields.constant("otherwise") == "failure"
+        return FAILURE if failure else SUCCESS

@@ -1,0 +1,269 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Ticks trees by plain calls, and reports each node whose status or message has changed."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from typing import Any
+
+from py_trees.behaviour import Behaviour
+from py_trees.common import Status
+
+from bt_agents.engine.light_behaviour import INVALID, RUNNING, LightBehaviour
+
+Tick = Callable[[], Status]
+"""Ticks one node and those below it; returns the node's status."""
+
+OnChange = Callable[[Behaviour], None]
+"""Receives a node whose status or message has changed, or that has acted again."""
+
+OnVisit = Callable[[Behaviour, Status], None]
+"""Receives each node that was ticked, with its status."""
+
+WrapLeaf = Callable[[Tick, Behaviour], Tick]
+"""Takes the tick of a leaf, and the leaf; returns the tick that is used instead."""
+
+
+class CallTicked(LightBehaviour):
+    """A composite or decorator, ticked by plain calls instead of the generators of py_trees."""
+
+    def tick_children(self, ticker: Ticker) -> Status:
+        """Tick or reset the children; return the status of this node.
+
+        No child may be RUNNING when this node is not.
+        """
+        raise NotImplementedError
+
+    def update(self) -> Status:
+        """Return the status that :meth:`tick_children` has decided."""
+        return self.status
+
+    def tick(self) -> Iterator[Behaviour]:
+        """Tick, for tools of py_trees; yield the nodes that were ticked."""
+        visited: list[Behaviour] = []
+        Ticker(self, on_visit=lambda node, _: visited.append(node)).tick()
+        yield from visited
+
+    def stop(self, new_status: Status) -> None:
+        """Take the new status; INVALID stops the children, too."""
+        if new_status is INVALID:
+            for child in self.children:
+                if child.status is not INVALID:
+                    child.stop(INVALID)
+        self.status = new_status
+
+
+class LastReport:
+    """Status and message with which a node was last reported; INVALID before that.
+
+    Args:
+        node: The node, which is kept alive as reports are found by its ``id()``.
+    """
+
+    __slots__ = ("message", "node", "status")
+
+    def __init__(self, node: Behaviour) -> None:
+        self.node = node
+        self.status = INVALID
+        self.message = ""
+
+    @property
+    def outdated(self) -> bool:
+        """True when the node has changed since; the message of an INVALID node does not count."""
+        node = self.node
+        return node.status is not self.status or (
+            node.feedback_message != self.message and node.status is not INVALID
+        )
+
+
+class Ticker:
+    """Ticks a tree of :class:`CallTicked` nodes and leaves as ``root.tick_once()`` would.
+
+    A leaf is any behaviour without children: its ``initialise``, ``update`` and ``terminate`` are
+    called as py_trees calls them, and its ``update`` may not return INVALID.
+
+    Args:
+        root: The outermost node.
+        on_change: Called once per changed node after each tick of it: ticked nodes in the order
+            of their answers, then stopped nodes in the order of the tree. Nodes that have
+            ``has_side_effects`` are reported at every end.
+        on_visit: Called for each node that was ticked.
+        wrap_leaf: Wraps the tick of each leaf.
+
+    Attributes:
+        ticks: Node → its tick, made when it is first used.
+        pending: Roots of subtrees whose statuses may have changed without being ticked.
+    """
+
+    def __init__(
+        self,
+        root: Behaviour,
+        *,
+        on_change: OnChange | None = None,
+        on_visit: OnVisit | None = None,
+        wrap_leaf: WrapLeaf | None = None,
+    ) -> None:
+        self.root = root
+        self.ticks = _Ticks(self._tick_of)
+        self.pending: list[Behaviour] = []
+        self._on_change = on_change
+        self._on_visit = on_visit
+        self._wrap_leaf = wrap_leaf
+        self._reports: dict[int, LastReport] = {}
+        self._places: dict[int, int] = {}
+        self._tick = self.ticks[root]
+
+    def tick(self) -> Status:
+        """Tick the tree once; return its status.
+
+        Raises:
+            Exception: What a leaf raises. Some changes are never reported then.
+        """
+        status = self._tick()
+        if self.pending:
+            self._report_pending()
+        return status
+
+    def halt(self) -> None:
+        """Stop the tree."""
+        self.root.stop(INVALID)
+        self.pending[:] = [self.root]
+        self._report_pending()
+
+    def tick_child(self, node: Behaviour) -> Status:
+        """Tick a node below the one that is being ticked; return its status."""
+        return self.ticks[node]()
+
+    def reset_child(self, node: Behaviour) -> None:
+        """Stop a node below the one that is being ticked unless it is INVALID already."""
+        if node.status is not INVALID:
+            node.stop(INVALID)
+        self.pending.append(node)
+
+    def last_report(self, node: Behaviour) -> LastReport:
+        """Return with what a node was last reported."""
+        return self._reports.setdefault(id(node), LastReport(node))
+
+    def report_if_changed(self, last: LastReport, *, again: bool = False) -> None:
+        """Report a node if it has changed since its last report, or ``again`` in any case."""
+        node = last.node
+        if again or last.outdated:
+            last.status, last.message = node.status, node.feedback_message
+            assert self._on_change is not None
+            self._on_change(node)
+        elif node.status is not INVALID:
+            # An equal text in another string, which is from now on told apart by identity.
+            last.message = node.feedback_message
+
+    def _tick_of(self, node: Behaviour) -> Tick:
+        """Return the tick of a node, with all that is done around it."""
+        last = None if self._on_change is None else self.last_report(node)
+        make = _call_tick if isinstance(node, CallTicked) else _leaf_tick
+        if last is not None and getattr(node, "has_side_effects", False):
+            tick = _reported_ends(make(node, self, None), last, self)
+        else:
+            tick = make(node, self, last)
+        if self._wrap_leaf is not None and not node.children:
+            tick = self._wrap_leaf(tick, node)
+        return tick if self._on_visit is None else _visited(tick, node, self._on_visit)
+
+    def _report_pending(self) -> None:
+        if self._on_change is not None:
+            found: list[Behaviour] = []
+            for node in self.pending:
+                self._find_changed(node, found)
+            if len(self.pending) > 1 and len(found) > 1:
+                found.sort(key=self._place)
+            for node in found:
+                self.report_if_changed(self.last_report(node))
+        self.pending.clear()
+
+    def _find_changed(self, node: Behaviour, found: list[Behaviour]) -> None:
+        """Find the changed nodes of a subtree, children before their parents."""
+        last = self._reports.get(id(node))
+        if last is None or (last.status is INVALID and node.status is INVALID):
+            return
+        for child in node.children:
+            self._find_changed(child, found)
+        if last.outdated:
+            found.append(node)
+
+    def _place(self, node: Behaviour) -> int:
+        """Return the place of a node in the order of the tree."""
+        if not self._places:
+            self._places = {id(node): place for place, node in enumerate(self.root.iterate())}
+        return self._places[id(node)]
+
+
+class _Ticks(dict[Behaviour, Tick]):
+    """Node → its tick, made when it is first used."""
+
+    def __init__(self, make: Callable[[Behaviour], Tick]) -> None:
+        self._make = make
+
+    def __missing__(self, node: Behaviour) -> Tick:
+        tick = self[node] = self._make(node)
+        return tick
+
+
+# Changes are detected inside of the tick: a call around each tick would cost a third of it.
+
+
+def _call_tick(node: Any, ticker: Ticker, last: LastReport | None) -> Tick:
+    tick_children, report_if_changed = node.tick_children, ticker.report_if_changed
+
+    def tick() -> Status:
+        status: Status = tick_children(ticker)
+        node.status = status
+        if last is not None and (
+            status is not last.status or node.feedback_message is not last.message
+        ):
+            report_if_changed(last)
+        return status
+
+    return tick
+
+
+def _leaf_tick(node: Behaviour, ticker: Ticker, last: LastReport | None) -> Tick:
+    initialise, update, terminate = _own(node, "initialise"), node.update, _own(node, "terminate")
+    report_if_changed = ticker.report_if_changed
+
+    def tick() -> Status:
+        if initialise is not None and node.status is not RUNNING:
+            initialise()
+        status: Status = update()
+        if terminate is not None and status is not RUNNING:
+            terminate(status)
+        node.status = status
+        if last is not None and (
+            status is not last.status or node.feedback_message is not last.message
+        ):
+            report_if_changed(last)
+        return status
+
+    return tick
+
+
+def _reported_ends(tick: Tick, last: LastReport, ticker: Ticker) -> Tick:
+    report_if_changed = ticker.report_if_changed
+
+    def reported() -> Status:
+        status = tick()
+        report_if_changed(last, again=status is not RUNNING)
+        return status
+
+    return reported
+
+
+def _own(node: Behaviour, name: str) -> Any:
+    """Return a method of a node; None where its class leaves it empty."""
+    return None if getattr(type(node), name) is getattr(Behaviour, name) else getattr(node, name)
+
+
+def _visited(tick: Tick, node: Behaviour, on_visit: OnVisit) -> Tick:
+    def visited() -> Status:
+        status = tick()
+        on_visit(node, status)
+        return status
+
+    return visited

@@ -1,0 +1,110 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Award of a run as its host follows it in the heartbeat of the market."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from bt_agents_core.liveness import StallDetector, extended_after_stall
+
+_POLL_AGAIN_S = 0.1
+
+
+@dataclass(frozen=True, kw_only=True)
+class RunKey:
+    """Identity of a run: market, round and agent; round 0 is no run."""
+
+    epoch: str
+    round: int = 0
+    agent: str = ""
+
+
+class AwardMonitor:
+    """Follows which run the market names: a host that has stalled waits for it before acting.
+
+    Args:
+        now: The time on the steady clock [s].
+
+    Attributes:
+        stall: Detects that this process was suspended.
+    """
+
+    def __init__(self, now: float) -> None:
+        self.stall = StallDetector(now)
+        self._named: RunKey | None = None
+
+    def on_heartbeat(self, named: RunKey, run: RunKey | None, now: float) -> bool:
+        """Take the run that a market names; return True when the one under way was given away.
+
+        Args:
+            named: By the heartbeat.
+            run: The run under way; None without one.
+            now: The time [s].
+        """
+        if run is not None and run.epoch != named.epoch:
+            return False
+        before, self._named = self._named, named
+        if self.stall.confirmed or self.stall.hold_off_s(now):
+            return False
+        if run is None or named == run:
+            self.stall.confirmed = True
+            return False
+        # Twice, as the first may be from before the award.
+        return before is not None and before.epoch == run.epoch and before != run
+
+    def is_over(self, run: RunKey) -> bool:
+        """Return whether the market is at a later round already."""
+        named = self._named
+        return named is not None and named.epoch == run.epoch and named.round > run.round
+
+    def hold_off_s(self, run: RunKey, now: float) -> float:
+        """Return how long to wait before a run goes on [s].
+
+        A market that has never named a run will not do so now.
+        """
+        wait_s = self.stall.hold_off_s(now)
+        speaks = self._named is not None and self._named.epoch == run.epoch
+        return wait_s if self.stall.confirmed or not speaks else max(wait_s, _POLL_AGAIN_S)
+
+
+class MarketLease:
+    """Lease of the market on the run under way; all times are on the steady clock [s].
+
+    A market that has never been heard of is not missed: it may be one without heartbeats.
+
+    Args:
+        lease_s: The market is gone when it has been silent for this long [s].
+    """
+
+    def __init__(self, lease_s: float) -> None:
+        self.lease_s = lease_s
+        self._epoch: str | None = None
+        self._known = False
+        self._last = 0.0
+        self._latest = ""
+
+    def begin(self, epoch: str, now: float) -> None:
+        """Begin with a run of a market, which is a sign of life of it."""
+        self._epoch = epoch
+        self._known = epoch == self._latest
+        self._last = now
+
+    def end(self) -> None:
+        """Watch over no run any more."""
+        self._epoch = None
+
+    def on_heartbeat(self, epoch: str, now: float) -> None:
+        """Renew the lease, if it is that of this market."""
+        self._latest = epoch
+        if epoch == self._epoch:
+            self._known = True
+            self._last = now
+
+    def extend_after_stall(self, since: float, now: float) -> None:
+        """Renew the lease valid at ``since``, as nobody has listened to heartbeats after it."""
+        self._last = extended_after_stall(self._last, self.lease_s, since, now)
+
+    def silence(self, now: float) -> float:
+        """Return how long the market has been silent if that is too long, else 0 [s]."""
+        silent = now - self._last
+        return silent if self._epoch and self._known and silent >= self.lease_s else 0.0

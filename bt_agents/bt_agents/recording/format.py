@@ -1,0 +1,235 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Format of recordings: lines of JSON, one for the begin and one for each step with news.
+
+A step is a tick with the cancel before it. During one the outside stands still: clock, live scene
+and goals answer each time as they did first, a goal that is cancelled excepted. So one entry a
+step is enough. A step in which nothing new came has no entry.
+
+``NaN`` and ``Infinity`` are written as Python writes them. The first line has what was known
+before: ``format``, ``agent``, ``version``, ``file``, ``seed``, ``limits``, ``parameters``,
+``scene``, ``profile``, ``tunables``, ``live``, ``t``. The others have:
+
+============ =====================================================================================
+``step``     number of the step, from 1
+``quiet``    how many steps without an entry came right before; without it none
+``changes``  how many nodes have changed in it; without it none
+``t``        the trees' clock, when it was read and differs from before [s]; not when only a
+             deadline was compared with it that has not come
+``s``        the same of the steady clock, which only the end of a run reads [s]
+``live``     what is new in the live scene that was read
+``tunables`` all of them, when one has changed
+``calls``    what the host did besides: ``{"call": "cancel", "reason", "clean_up"}`` or
+             ``{"call": "shorten_settling", "settle_s"}`` each
+``goals``    what is new about goals that were polled: ``{"goal", "field", "value"}`` each, with
+             ``"after_cancel": true`` where only a cancel in the same step brought it out; goals
+             are numbered as sent, from 0
+``messages`` messages that were taken: ``{"inbox", "message"}`` each, inboxes numbered as opened
+``plugins``  answers of behaviours of packages: ``{"path", "status", "message"}`` each; what went
+             wrong at the end of one has no status
+``requests`` what was asked for: ``{"kind", "name", "fields"}`` each; one that was refused has the
+             ``"error"``: ``{"code", "reason"}``, or ``{"type", "message"}`` of another exception
+``end``      how the run has ended
+``stopped``  why nothing more is recorded
+============ =====================================================================================
+
+Format 1 had lists by position instead of keys inside of the lists, and other names for ``step``
+(``turn``), ``calls`` (``do``), ``messages`` (``inbox``) and ``requests`` (``out``). It is read as
+format 2.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from bt_agents.engine.environment import GoalState
+from bt_agents_core.errors import Refused
+
+FORMAT = 2
+"""The format that is written."""
+
+MOST_STEPS = 10_000_000
+"""Most steps of a recording; more of them are a slip of the pen."""
+
+Entry = dict[str, Any]
+"""One line of a recording."""
+
+_NUMBERS = {"step", "quiet", "changes", "t", "s"}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Recording:
+    """A recorded run.
+
+    Attributes:
+        head: What was known before the first step.
+        entries: Number of a step → its entry.
+        stopped: Why the entries end before the run, or where some are missing; else empty.
+    """
+
+    head: Mapping[str, Any]
+    entries: Mapping[int, Mapping[str, Any]]
+    stopped: str = ""
+
+    @property
+    def steps(self) -> int:
+        """Number of the last step that has an entry."""
+        return max(self.entries, default=0)
+
+    @property
+    def complete(self) -> bool:
+        """Whether it goes on to the end of the run."""
+        return bool(self.entries) and "end" in self.entries[self.steps]
+
+
+def initial_goal() -> dict[str, Any]:
+    """Return the fields of a goal right after it was sent, which need no entry."""
+    return {
+        "state": GoalState.PENDING,
+        "confirmed": False,
+        "message": "",
+        "result": {},
+        "feedback": None,
+    }
+
+
+def to_line(entry: Entry) -> str:
+    """Return an entry as JSON; most have only numbers, which are written much quicker.
+
+    Raises:
+        TypeError, ValueError, RecursionError: It holds something else than plain data.
+    """
+    if entry.keys() <= _NUMBERS:
+        return "{" + ",".join([f'"{key}":{value!r}' for key, value in entry.items()]) + "}"
+    return _JSON.encode(entry)
+
+
+def read_recording(lines: Iterable[str]) -> Recording:
+    """Return a recording of any format.
+
+    What follows a missing line cannot be replayed and is left out.
+
+    Args:
+        lines: As :class:`bt_agents.recording.run.RecordingRun` wrote them, in order.
+
+    Raises:
+        Refused: ``BAD_RECORD``; the first line is missing, or one cannot be read.
+    """
+    head: Mapping[str, Any] | None = None
+    entries: dict[int, Mapping[str, Any]] = {}
+    stopped = ""
+    last = 0
+    for line in lines:
+        entry = _parse(line)
+        if head is None:
+            if entry.get("format") not in (1, FORMAT):
+                raise bad_recording(
+                    f"it begins with the format {entry.get('format')}, expected {FORMAT} or 1"
+                )
+            head = entry
+            continue
+        if head["format"] == 1:
+            entry = _from_format_1(entry)
+        if "stopped" in entry:
+            stopped = str(entry["stopped"])
+            continue
+        step, quiet = entry.get("step"), entry.get("quiet", 0)
+        if not isinstance(step, int) or not last < step <= MOST_STEPS:
+            raise bad_recording(
+                f"an entry has the step {step!r}, expected a later one than before"
+            )
+        if not isinstance(quiet, int):
+            raise bad_recording(f"step {step} comes after {quiet!r} quiet ones, expected a number")
+        if step - 1 != last + quiet:
+            stopped = f"entries between the steps {last} and {step} are missing"
+            break
+        entries[step] = entry
+        last = step
+    if head is None:
+        raise bad_recording("it is empty")
+    return Recording(head=head, entries=entries, stopped=stopped)
+
+
+def bad_recording(reason: str) -> Refused:
+    """Return the error of a recording that cannot be replayed."""
+    return Refused("BAD_RECORD", f"the recording of a run cannot be replayed: {reason}")
+
+
+def _parse(line: str) -> Entry:
+    try:
+        entry = json.loads(line)
+    except (ValueError, RecursionError) as error:
+        raise bad_recording(f"a line is no JSON ({error})") from None
+    if not isinstance(entry, dict):
+        raise bad_recording(f"a line holds a {type(entry).__name__}, expected a mapping")
+    return entry
+
+
+def _from_format_1(entry: Entry) -> Entry:
+    """Return an entry of format 1 in format 2."""
+    try:
+        return {_NEW_KEYS.get(key, key): _new_value(key, value) for key, value in entry.items()}
+    except (TypeError, ValueError, LookupError) as error:
+        raise bad_recording(f"{type(error).__name__}: {error}") from None
+
+
+def _new_value(key: str, value: Any) -> Any:
+    match key:
+        case "do":
+            return [_call_1(*call) for call in value]
+        case "goals":
+            return [
+                {"goal": goal, "field": field, "value": new}
+                | ({"after_cancel": True} if late else {})
+                for goal, field, new, late in value
+            ]
+        case "inbox":
+            return [{"inbox": inbox, "message": message} for inbox, message in value]
+        case "plugins":
+            return [
+                ({"path": path, "status": status} if status else {"path": path})
+                | {"message": message}
+                for path, status, message in value
+            ]
+        case "out":
+            return [_request_1(*request) for request in value]
+        case _:
+            return value
+
+
+def _call_1(what: str, *how: Any) -> Entry:
+    if what == "hurry":
+        [settle_s] = how
+        return {"call": "shorten_settling", "settle_s": settle_s}
+    reason, clean_up = how
+    return {"call": what, "reason": reason, "clean_up": clean_up}
+
+
+def _request_1(kind: str, name: str, fields: Any, error: list[str] | None = None) -> Entry:
+    request = {"kind": kind, "name": name, "fields": fields}
+    if error is None:
+        return request
+    code, *texts = error
+    if code:
+        return request | {"error": {"code": code, "reason": texts[0]}}
+    return request | {"error": {"type": texts[0], "message": texts[1]}}
+
+
+_NEW_KEYS = {"turn": "step", "do": "calls", "inbox": "messages", "out": "requests"}
+"""Key of format 1 → key of format 2, where they differ."""
+
+
+def _to_plain(value: object) -> object:
+    """Return a value that JSON has no form for as one that it has a form for."""
+    if isinstance(value, Mapping):
+        return dict(value)
+    if isinstance(value, (bytes, bytearray)):
+        return list(value)
+    if hasattr(value, "tolist"):
+        return value.tolist()
+    raise TypeError(f"there is a {type(value).__name__}, expected plain data")
+
+
+_JSON = json.JSONEncoder(default=_to_plain, separators=(",", ":"), ensure_ascii=False)

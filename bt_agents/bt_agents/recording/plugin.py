@@ -1,0 +1,75 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Behaviours of packages: their answers are recorded, and replayed without the packages."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Mapping
+from typing import cast
+
+from py_trees.common import Status
+
+from bt_agents.engine.context import RunContext
+from bt_agents.engine.leaf import Leaf
+from bt_agents.engine.nodes.plugin import PluginLeaf
+from bt_agents.engine.scope import Scope
+from bt_agents.recording.format import Entry
+from bt_agents.recording.step_log import StepLog
+from bt_agents_language.model.specs import NodeSpec
+
+
+class RecordingPlugin(PluginLeaf):
+    """A behaviour of a package whose answers are recorded."""
+
+    def __init__(self, spec: NodeSpec, context: RunContext, scope: Scope, log: StepLog) -> None:
+        super().__init__(spec, context, scope)
+        self._log = log
+
+    def update(self) -> Status:
+        """Tick the behaviour and record its answer."""
+        status = super().update()
+        entry = {"path": self.spec.path, "status": status.name, "message": self.feedback_message}
+        self._log.add("plugins", entry)
+        return status
+
+    def terminate(self, new_status: Status) -> None:
+        """End the behaviour and record an error of that."""
+        before = self.feedback_message
+        super().terminate(new_status)
+        if self.feedback_message != before:
+            self._log.add("plugins", {"path": self.spec.path, "message": self.feedback_message})
+
+
+class ReplayPlugin(Leaf):
+    """A leaf with the recorded answers of a behaviour.
+
+    Args:
+        spec: See :class:`Leaf`.
+        context: See :class:`Leaf`.
+        scope: See :class:`Leaf`.
+        answers: Path of a node → the entries of this step that were not used yet.
+    """
+
+    has_side_effects = True
+
+    def __init__(
+        self,
+        spec: NodeSpec,
+        context: RunContext,
+        scope: Scope,
+        answers: Mapping[str, deque[Entry]],
+    ) -> None:
+        super().__init__(spec, context, scope)
+        self._answers = answers
+
+    def update(self) -> Status:
+        """Return the recorded answer."""
+        answer = self._answers[self.spec.path].popleft()
+        self.feedback_message = answer["message"]
+        return cast(Status, Status[answer["status"]])
+
+    def terminate(self, new_status: Status) -> None:
+        """Take the recorded error of its end, if there was one."""
+        answers = self._answers[self.spec.path]
+        if answers and "status" not in answers[0]:
+            self.feedback_message = answers.popleft()["message"]

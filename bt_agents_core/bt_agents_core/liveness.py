@@ -1,0 +1,52 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Liveness of processes: stalls, and leases that survive a stall of the listener."""
+
+from __future__ import annotations
+
+STALL_S = 0.5
+"""A process in which nobody had a turn for longer than this has stalled [s]."""
+
+
+def extended_after_stall(heard: float, lease_s: float, since: float, now: float) -> float:
+    """Return when a peer counts as heard, as nobody has listened after ``since``.
+
+    A lease that was valid then lasts for half its length from now at least.
+
+    Args:
+        heard: When a sign of life was heard last, on the steady clock [s].
+        lease_s: How long one counts [s].
+        since: When somebody listened last.
+        now: The time.
+    """
+    return max(heard, now - lease_s / 2) if since - heard < lease_s else heard
+
+
+class StallDetector:
+    """Detects that this process was suspended; all times are on the steady clock [s].
+
+    Args:
+        now: The time.
+        limit_s: A longer gap between two polls is a stall.
+        settle_s: How long afterwards to wait for news of what has happened meanwhile.
+
+    Attributes:
+        last_stall_s: How long the last stall was.
+        confirmed: False after a stall until somebody who had none has said what holds now.
+    """
+
+    def __init__(self, now: float, *, limit_s: float = STALL_S, settle_s: float = 0.3) -> None:
+        self.last_stall_s = 0.0
+        self.confirmed = True
+        self._last = now
+        self._limit_s = limit_s
+        self._settle_s = settle_s
+        self._until = now
+
+    def hold_off_s(self, now: float) -> float:
+        """Poll the clock; return how long not to act, 0 for not at all [s]."""
+        gap, self._last = now - self._last, now
+        if gap > self._limit_s:
+            self.last_stall_s = gap
+            self.confirmed = False
+            self._until = now + self._settle_s
+        return max(0.0, self._until - now)

@@ -1,0 +1,72 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Formatting of texts for people: shortened texts, lists of words, numbers."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from functools import lru_cache
+
+EXCERPT = 40
+"""Characters of a found text that a message shows."""
+
+_MOST_QUOTED = 5
+
+
+def ellipsize(text: str, longest: int = EXCERPT) -> str:
+    """Return a text, or its start and "…" when it has more than so many characters."""
+    return text if len(text) <= longest else f"{text[: longest - 1]}…"
+
+
+def single_spaced(text: str) -> str:
+    """Return a text in one line, each run of blanks as one space."""
+    return " ".join(text.split())
+
+
+def excerpt(text: str, longest: int) -> str:
+    """Return a text in one line, or its start and "…" when it has more characters."""
+    flat = single_spaced(text)
+    return flat if len(flat) <= longest else f"{flat[: longest - 1].rstrip()}…"
+
+
+def printable_line(text: str) -> str:
+    """Return a text in one line without control characters, which terminals would obey."""
+    return single_spaced("".join(c if c.isprintable() else " " for c in text))
+
+
+def quote(text: str) -> str:
+    """Return the start of a text in one line and in quotes."""
+    return f"'{ellipsize(single_spaced(text))}'"
+
+
+def join_words(words: Sequence[str], last: str = "and") -> str:
+    """Return words as a sentence lists them: ``a, b and c``."""
+    if len(words) < 2:
+        return "".join(words)
+    return f"{', '.join(words[:-1])} {last} {words[-1]}"
+
+
+def join_first(words: Iterable[str], most: int = 4) -> str:
+    """Return words with commas, of many the first and the number of the others."""
+    every = list(words)
+    if len(every) <= most:
+        return ", ".join(every)
+    return f"{', '.join(every[:most])} and {len(every) - most} more"
+
+
+def join_quoted(words: Iterable[str]) -> str:
+    """Return words in quotes, the first of many."""
+    every = list(words)
+    more = ", …" if len(every) > _MOST_QUOTED else ""
+    return ", ".join(f"'{word}'" for word in every[:_MOST_QUOTED]) + more
+
+
+@lru_cache(maxsize=4096)
+def format_number(value: float, digits: int = 6) -> str:
+    """Return a number in at most so many digits, with a real minus sign."""
+    return f"{value + 0.0:.{digits}g}".replace("-", "−")
+
+
+def format_known(value: float) -> str:
+    """Return a number in three digits, a dash for NaN."""
+    return "–" if math.isnan(value) else f"{value:.3g}"

@@ -1,0 +1,118 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Values of the names that every condition may use: scene, live scene, mood and profile."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Protocol, TypeVar
+
+from bt_agents_language.expression.expression_values import Lookup
+from bt_agents_language.expression.expressions import (
+    EvaluationError,
+    Expression,
+    MissingValue,
+    StaleValue,
+)
+
+
+class SceneLike(Protocol):
+    """A scene as far as conditions name it; see :class:`~bt_agents_core.scene.Scene`."""
+
+    @property
+    def person(self) -> bool:
+        """True when a person is there."""
+
+    @property
+    def stale_s(self) -> float:
+        """Silence of the scene layer after which the values tell nothing about now; else 0 [s]."""
+
+    def get(self, name: str) -> float:
+        """Return the value of a parameter, NaN when it is not known.
+
+        Raises:
+            KeyError: There is no such parameter.
+        """
+
+
+SceneT = TypeVar("SceneT", bound=SceneLike)
+
+
+@dataclass(frozen=True, kw_only=True)
+class SceneFacts:
+    """A scene as conditions name it, of which some values may count as unknown."""
+
+    person: bool
+    values: Mapping[str, float]
+    stale_s: float = 0.0
+
+    def get(self, name: str) -> float:
+        """Return the value of a parameter; see :class:`SceneLike`."""
+        return self.values[name]
+
+
+def resolve(
+    name: str,
+    scene: SceneLike,
+    live: Callable[[], SceneT] | None = None,
+    mood_change: Callable[[SceneT], float] | None = None,
+    profile: Callable[[str], float] | None = None,
+) -> bool | float:
+    """Return the value of a name such as ``scene.age`` or ``mood.change``.
+
+    Args:
+        name: The name.
+        scene: Scene as awarded, or as it is asked about.
+        live: Returns the scene as it is now; None where conditions do not name it.
+        mood_change: Mood of a live scene minus that at the start, NaN when it is not known.
+        profile: Returns the agent's own value of a parameter.
+
+    Raises:
+        MissingValue: The name has no value here; a stale live scene raises :class:`StaleValue`.
+    """
+    group, _, member = name.partition(".")
+    try:
+        if group == "scene":
+            return _value(name, scene, member)
+        if live is not None:
+            if name == "live.stale":
+                return live().stale_s > 0.0
+            if group == "live":
+                return _value(name, _fresh(name, live()), member)
+            if name == "mood.change" and mood_change is not None:
+                return _known(name, mood_change(_fresh(name, live())))
+        if group == "profile" and profile is not None:
+            return profile(member)
+    except KeyError:
+        raise MissingValue(name) from None
+    raise MissingValue(name)
+
+
+def surely_true(condition: Expression, lookup: Lookup) -> bool:
+    """Return whether a condition is true; one that cannot be worked out is not.
+
+    Args:
+        condition: The condition.
+        lookup: Returns the value of a name.
+    """
+    try:
+        return condition.evaluate(lookup) is True
+    except (MissingValue, EvaluationError):
+        return False
+
+
+def _fresh(name: str, live: SceneT) -> SceneT:
+    if live.stale_s:
+        raise StaleValue(name, live.stale_s)
+    return live
+
+
+def _value(name: str, scene: SceneLike, member: str) -> bool | float:
+    return scene.person if member == "person" else _known(name, scene.get(member))
+
+
+def _known(name: str, value: float) -> float:
+    if math.isnan(value):
+        raise MissingValue(name)
+    return value

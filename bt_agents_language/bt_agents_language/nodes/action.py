@@ -1,0 +1,56 @@
+# SPDX-License-Identifier: Apache-2.0
+"""``action``: uses a ROS action."""
+
+from __future__ import annotations
+
+from bt_agents_core.field_types import BindingKind
+from bt_agents_language.model.node_type import Content, MessageSource, NodeField, NodeType
+from bt_agents_language.model.server_timeouts import timeout_keys
+from bt_agents_language.nodes.ros_leaf import HEARTBEAT, ROS_TYPE, SUCCEED_WHEN, read_ros_leaf
+
+ACTION = NodeType(
+    key="action",
+    fields=(
+        NodeField(name="name", content=Content.ROS_NAME, description="name of the action"),
+        ROS_TYPE,
+        NodeField(
+            name="goal",
+            content=Content.MAP,
+            required=False,
+            description="fields of the goal",
+        ),
+        NodeField(
+            name="outputs",
+            content=Content.OUTPUTS,
+            required=False,
+            description="names for later nodes, each with the field it gets; feedback.x "
+            "gives it while the action goes on",
+        ),
+        SUCCEED_WHEN,
+        NodeField(
+            name="timeouts",
+            content=Content.TIMEOUTS,
+            words=timeout_keys(BindingKind.ACTION),
+            required=False,
+            description="server and accept, 3 s each: to be found and to take the goal; "
+            "result: from then on, without limit if left out",
+        ),
+        HEARTBEAT,
+    ),
+    description="Uses a ROS action.",
+    interface=BindingKind.ACTION,
+    message=MessageSource(kind=BindingKind.ACTION, section="result", prefix="result"),
+    read=read_ros_leaf,
+    idle=True,
+    example="""\
+tree:
+  sequence:
+    - action:
+        name: ask
+        type: bt_agents_interfaces/action/Ask
+        goal: {text: "Where to?", wait_s: 10.0}
+        outputs: {place: answer}
+        succeed_when: result.answer != ''
+    - say: To ${place}.
+""",
+)

@@ -1,0 +1,37 @@
+# SPDX-License-Identifier: Apache-2.0
+"""``check``: succeeds when a condition is true, else fails."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from bt_agents_language.model.endings import EITHER, FAILURE, SUCCESS, Outcomes, constant
+from bt_agents_language.model.node_type import Content, Mark, NodeField, NodeType
+from bt_agents_language.model.specs import NodeSpec
+
+
+def _outcomes(spec: NodeSpec, children: Sequence[Outcomes]) -> Outcomes:
+    said = constant(spec.fields.get("condition"))
+    return EITHER if said is None else SUCCESS if said else FAILURE
+
+
+CHECK = NodeType(
+    key="check",
+    main="condition",
+    fields=(
+        NodeField(name="condition", content=Content.CONDITION, description="what must be true"),
+    ),
+    description="Succeeds when a condition is true, else fails.",
+    outcomes=_outcomes,
+    idle=True,
+    looks_only=True,
+    ways=((Mark.SUCCEEDED, "never true"), (Mark.FAILED, "never false")),
+    example="""\
+tree:
+  selector:
+    - sequence:
+        - check: scene.familiarity >= 4
+        - say: You know how this works.
+    - say: I will show you how this works.
+""",
+)

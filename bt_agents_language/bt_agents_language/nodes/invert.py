@@ -1,0 +1,32 @@
+# SPDX-License-Identifier: Apache-2.0
+"""``invert``: swaps success and failure of its node."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from bt_agents_language.model.endings import Outcome, Outcomes
+from bt_agents_language.model.node_type import NodeType, Role
+from bt_agents_language.model.specs import NodeSpec
+
+_SWAPPED = {Outcome.SUCCESS: Outcome.FAILURE, Outcome.FAILURE: Outcome.SUCCESS}
+
+
+def _outcomes(spec: NodeSpec, children: Sequence[Outcomes]) -> Outcomes:
+    return frozenset(_SWAPPED.get(one, one) for one in children[0])
+
+
+INVERT = NodeType(
+    key="invert",
+    role=Role.DECORATOR,
+    description="Success counts as failure and failure as success.",
+    outcomes=_outcomes,
+    unaffected=True,
+    example="""\
+tree:
+  sequence:
+    - check: scene.person
+      invert: true
+    - drive: charging station
+""",
+)

@@ -1,0 +1,29 @@
+# SPDX-License-Identifier: Apache-2.0
+"""``once``: skips its node after that has ended once."""
+
+from __future__ import annotations
+
+from bt_agents_language.model.endings import skippable
+from bt_agents_language.model.node_type import Mark, NodeType, Role
+
+ONCE = NodeType(
+    key="once",
+    role=Role.DECORATOR,
+    description="Leaves the node out after it has ended once in this run.",
+    derived=("otherwise",),
+    outcomes=skippable,
+    skips=True,
+    unaffected=True,
+    single_round=True,
+    ways=((Mark.LEFT_OUT, "never left out"),),
+    example="""\
+tree:
+  repeat: 3
+  sequence:
+    - say: I play a sound whenever you press the button.
+      once: true
+    - wait_for: {topic: buttons/confirm, type: std_msgs/msg/Bool, until: msg.data}
+      timeout: 10 s
+    - sound: chirp
+""",
+)

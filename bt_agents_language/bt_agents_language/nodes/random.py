@@ -1,0 +1,86 @@
+# SPDX-License-Identifier: Apache-2.0
+"""``random``: runs one of its children, chosen by their weights."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+
+from bt_agents_core.field_types import FieldType
+from bt_agents_language.model.endings import Outcomes, Unreached, any_of
+from bt_agents_language.model.node_type import (
+    Children,
+    Content,
+    FieldValues,
+    NodeField,
+    NodeReader,
+    NodeType,
+    RawNode,
+    Role,
+    short,
+    wrapped,
+)
+from bt_agents_language.model.scope import NameScope
+from bt_agents_language.model.specs import Literal, NodeSpec
+from bt_agents_language.model.values import read_value
+from bt_agents_language.nodes.weight import WEIGHT, WEIGHT_KEY
+
+
+def _read(reader: NodeReader, raw: RawNode, path: str, names: NameScope) -> NodeSpec:
+    def weighted(child: RawNode, spec: NodeSpec | None, here: str) -> NodeSpec | None:
+        entry = child.siblings.get(WEIGHT_KEY.key)
+        value = None
+        if entry is not None:
+            value = read_value(
+                reader.reading, entry.value, FieldType.NUMBER, names, "'weight'", 0.0
+            )
+        label = f"weight {short(entry.value)}" if entry is not None and value else "weight 1"
+        fields: FieldValues = {"weight": value or Literal(value=1.0)}
+        return wrapped(spec, WEIGHT.key, child.key.position, here, fields, label)
+
+    spec = reader.composite(raw, path, names, weighted)
+    if spec.children and all(map(_never_chosen, spec.children)):
+        reader.reading.error(
+            "out-of-range",
+            raw.key,
+            "every weight is 0, so no child can ever be chosen",
+            "give one of them a weight above 0",
+        )
+    return spec
+
+
+def _never_chosen(child: NodeSpec) -> bool:
+    return child.fields.get("weight") == Literal(value=0.0)
+
+
+def _unreached(spec: NodeSpec, outcomes: Mapping[int, Outcomes]) -> Iterator[Unreached]:
+    for child in filter(_never_chosen, spec.children):
+        yield Unreached(child, "its 'weight' is 0", "give it a weight above 0")
+
+
+RANDOM = NodeType(
+    key="random",
+    role=Role.COMPOSITE,
+    fields=(
+        NodeField(
+            name="seed",
+            content=Content.CONSTANT,
+            type=FieldType.INTEGER,
+            required=False,
+            description="makes the choices the same in every run",
+        ),
+    ),
+    children=Children.LIST,
+    description="Does one of its children, the more often the larger its 'weight'.",
+    child_siblings=(WEIGHT_KEY.key,),
+    read=_read,
+    outcomes=lambda spec, children: any_of(children),
+    unreached=_unreached,
+    exclusive=True,
+    example="""\
+tree:
+  random:
+    - say: Hello.
+      weight: 3
+    - say: Good day to you.
+""",
+)

@@ -1,0 +1,43 @@
+# SPDX-License-Identifier: Apache-2.0
+"""``retry``: runs its node again after a failure."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from bt_agents_core.field_types import FieldType
+from bt_agents_language.model.endings import ENDLESS, FAILURE, Outcomes
+from bt_agents_language.model.node_type import FOREVER, NodeField, NodeType, Role
+from bt_agents_language.model.specs import Literal, NodeSpec
+from bt_agents_language.nodes.shared_fields import PAUSE
+
+
+def _outcomes(spec: NodeSpec, children: Sequence[Outcomes]) -> Outcomes:
+    endless = spec.fields.get("attempts") == Literal(value=FOREVER)
+    return (children[0] - FAILURE) | ENDLESS if endless else children[0]
+
+
+RETRY = NodeType(
+    key="retry",
+    role=Role.DECORATOR,
+    main="attempts",
+    fields=(
+        NodeField(
+            name="attempts",
+            type=FieldType.INTEGER,
+            minimum=1,
+            words=(FOREVER,),
+            description="how often in all",
+        ),
+        PAUSE,
+    ),
+    description="Tries the node again after a failure, so often in all.",
+    outcomes=_outcomes,
+    rounds="attempts",
+    gives_up=True,
+    example="""\
+tree:
+  ask: Where to?
+  retry: {attempts: 3, pause: 2 s}
+""",
+)

@@ -1,0 +1,102 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Leaves that name a ROS action, service or topic directly instead of a skill."""
+
+from __future__ import annotations
+
+from bt_agents_core.field_types import BindingKind, FieldType
+from bt_agents_language.files.bindings import (
+    RECEIVED,
+    SENT,
+    Outputs,
+    binding_keys,
+    read_binding,
+    what_comes_back,
+)
+from bt_agents_language.model.node_type import Content, NodeField, NodeReader, RawNode
+from bt_agents_language.model.scope import NameScope
+from bt_agents_language.model.specs import FieldSpec, NodeSpec, SkillSpec
+from bt_agents_language.yaml.typed_reader import MappingReader
+from bt_agents_language.yaml.yaml_reader import Scalar
+
+ROS_TYPE = NodeField(
+    name="type", content=Content.ROS_TYPE, description="its ROS type, package/kind/Name"
+)
+
+SUCCEED_WHEN = NodeField(
+    name="succeed_when",
+    content=Content.CONDITION,
+    required=False,
+    message="result",
+    description="condition over what came back, result.*; without it, an answer is a success",
+)
+
+HEARTBEAT = NodeField(
+    name="heartbeat",
+    content=Content.HEARTBEAT,
+    required=False,
+    description="topic, type, and within, 1 s: what its server publishes while it is alive; "
+    "when it falls silent for so long, the node fails",
+)
+
+
+def read_ros_leaf(
+    reader: NodeReader, raw: RawNode, path: str, names: NameScope
+) -> NodeSpec | None:
+    """Return the node of a leaf as one of a skill without a name; None when it is wrong."""
+    assert raw.type is not None
+    assert raw.type.interface is not None
+    skill = _skill(reader, raw, raw.type.interface, names)
+    if skill is None or skill.binding is None:
+        return None
+    return NodeSpec(
+        path=path,
+        position=raw.key.position,
+        kind=raw.type.key,
+        name=raw.name or f"{raw.type.key} {skill.binding.name}",
+        skill=skill,
+        outputs=skill.binding.outputs,
+        feedback=skill.binding.feedback,
+    )
+
+
+def _skill(
+    reader: NodeReader, raw: RawNode, kind: BindingKind, names: NameScope
+) -> SkillSpec | None:
+    reading, interfaces = reader.reading, reader.interfaces
+    name_key = "topic" if kind is BindingKind.TOPIC else "name"
+    keys = binding_keys(kind, name_key)
+    if kind in RECEIVED:
+        keys = (*keys, "outputs")
+    needed = (name_key, "type", SENT[kind]) if kind is BindingKind.TOPIC else (name_key, "type")
+    fields = reading.fields(raw.value, f"'{raw.key_meant}'", keys, needed)
+    if fields is None:
+        return None
+    outputs = _outputs(reader, fields, kind)
+    binding = read_binding(
+        reading, kind, fields, names, names, interfaces, outputs, name_key=name_key
+    )
+    if binding is None:
+        return None
+    return SkillSpec(
+        name=raw.key_meant,
+        description="",
+        main=None,
+        inputs=(),
+        outputs=tuple(
+            FieldSpec(name=name, type=FieldType.ANY, required=False)
+            for name in (*outputs.result, *outputs.feedback)
+        ),
+        binding=binding,
+        position=raw.key.position,
+    )
+
+
+def _outputs(reader: NodeReader, fields: MappingReader, kind: BindingKind) -> Outputs:
+    node = fields.get("type")
+    type_name = node.text if isinstance(node, Scalar) else ""
+    back = what_comes_back(kind, type_name, reader.interfaces)
+    outputs = Outputs()
+    for entry in fields.entries("outputs", "names and fields"):
+        name = entry.key.text
+        outputs.read(reader.reading, name, entry.value, f"output '{name[:40]}'", back)
+    return outputs

@@ -1,0 +1,26 @@
+# SPDX-License-Identifier: Apache-2.0
+"""``selector``: tries its children one after the other, until one succeeds."""
+
+from __future__ import annotations
+
+from bt_agents_language.model.endings import Outcome, behind, in_turn
+from bt_agents_language.model.node_type import Children, NodeType, Role
+from bt_agents_language.nodes.shared_fields import MEMORY
+
+SELECTOR = NodeType(
+    key="selector",
+    role=Role.COMPOSITE,
+    fields=(MEMORY,),
+    children=Children.LIST,
+    description="Tries its children one after the other, until one succeeds.",
+    goes_on=Outcome.FAILURE,
+    outcomes=lambda spec, children: in_turn(children, Outcome.FAILURE),
+    unreached=lambda spec, outcomes: behind(spec, Outcome.FAILURE, outcomes),
+    alternatives=lambda spec: spec.children,
+    example="""\
+tree:
+  selector:
+    - ask: Shall I carry your bag?
+    - say: Nobody answered. I wait over there.
+""",
+)

@@ -1,0 +1,24 @@
+# SPDX-License-Identifier: Apache-2.0
+"""``sequence``: runs its children one after the other, until one fails."""
+
+from __future__ import annotations
+
+from bt_agents_language.model.endings import Outcome, behind, in_turn
+from bt_agents_language.model.node_type import Children, NodeType, Role
+from bt_agents_language.nodes.shared_fields import MEMORY
+
+SEQUENCE = NodeType(
+    key="sequence",
+    role=Role.COMPOSITE,
+    fields=(MEMORY,),
+    children=Children.LIST,
+    description="Does its children one after the other, until one fails.",
+    outcomes=lambda spec, children: in_turn(children, Outcome.SUCCESS),
+    unreached=lambda spec, outcomes: behind(spec, Outcome.SUCCESS, outcomes),
+    example="""\
+tree:
+  sequence:
+    - say: Hello.
+    - drive: check-in desk
+""",
+)

@@ -1,0 +1,54 @@
+# SPDX-License-Identifier: Apache-2.0
+"""``set``: gives names values that later nodes can use."""
+
+from __future__ import annotations
+
+from bt_agents_core.field_types import FieldType
+from bt_agents_language.model.endings import always_success
+from bt_agents_language.model.node_type import (
+    LABEL_LENGTH,
+    FieldValues,
+    NodeReader,
+    NodeType,
+    RawNode,
+)
+from bt_agents_language.model.scope import NameScope
+from bt_agents_language.model.specs import NodeSpec
+from bt_agents_language.model.values import read_value
+from bt_agents_language.yaml.yaml_reader import Mapping
+
+
+def _read(reader: NodeReader, raw: RawNode, path: str, names: NameScope) -> NodeSpec:
+    reading = reader.reading
+    entries = reading.entries(raw.value, "'set'", "names and values")
+    if isinstance(raw.value, Mapping) and not entries:
+        reading.error("missing-value", raw.value, "'set' sets nothing", "write set: {name: value}")
+    fields: FieldValues = {}
+    for entry in entries:
+        value = read_value(reading, entry.value, FieldType.ANY, names, f"'{entry.key.text}'")
+        if value is not None:
+            fields[entry.key.text] = value
+    return NodeSpec(
+        path=path,
+        position=raw.key.position,
+        kind=SET.key,
+        name=raw.name or f"set {', '.join(fields)}"[:LABEL_LENGTH],
+        fields=fields,
+    )
+
+
+SET = NodeType(
+    key="set",
+    open=True,
+    description="Gives names values that later nodes can use.",
+    read=_read,
+    outcomes=always_success,
+    example="""\
+tree:
+  sequence:
+    - set: {place: gate 12, tries: 3}
+    - say: We go to ${place}.
+    - drive: ${place}
+      retry: ${tries}
+""",
+)

@@ -1,0 +1,68 @@
+# SPDX-License-Identifier: Apache-2.0
+"""``subtree``: runs a tree that stands under ``subtrees``."""
+
+from __future__ import annotations
+
+from bt_agents_core.field_types import FieldType
+from bt_agents_language.model.node_type import Children, Content, NodeField, NodeType, SiblingKey
+
+WITH = SiblingKey(
+    field=NodeField(
+        name="with", content=Content.MAP, description="The inputs of a subtree by their names."
+    ),
+    where="a subtree",
+    hint="write the fields behind '{node}:' as {{ … }}",
+    example="""\
+tree:
+  subtree: greet
+  with: {who: Ms. Miller}
+subtrees:
+  greet:
+    inputs: {who: text}
+    tree:
+      say: Good morning, ${who}.
+""",
+)
+
+OUTPUTS = SiblingKey(
+    field=NodeField(
+        name="outputs",
+        content=Content.OUTPUTS,
+        description="Names for later nodes, each with the output whose value it gets.",
+    ),
+    where="a subtree or a skill",
+    example="""\
+tree:
+  sequence:
+    - ask: Where to?
+      outputs: {place: answer}
+    - drive: ${place}
+""",
+)
+
+SUBTREE = NodeType(
+    key="subtree",
+    main="name",
+    fields=(
+        NodeField(
+            name="name",
+            content=Content.CONSTANT,
+            type=FieldType.TEXT,
+            description="name under 'subtrees', of this file or of an import",
+        ),
+    ),
+    children=Children.ONE,
+    description="Does a tree that stands under 'subtrees'; 'with' gives its inputs.",
+    siblings=(WITH.key, OUTPUTS.key),
+    read=lambda reader, raw, path, names: reader.subtree(raw, path, names),
+    example="""\
+tree:
+  subtree: greet
+  with: {who: Ms. Miller}
+subtrees:
+  greet:
+    inputs: {who: text}
+    tree:
+      say: Good morning, ${who}.
+""",
+)

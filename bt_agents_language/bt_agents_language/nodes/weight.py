@@ -1,0 +1,28 @@
+# SPDX-License-Identifier: Apache-2.0
+"""``weight``: wraps each child of a ``random``, beside which its key stands."""
+
+from __future__ import annotations
+
+from bt_agents_core.field_types import FieldType
+from bt_agents_language.model.node_type import NodeField, NodeType, Role, SiblingKey
+
+WEIGHT_KEY = SiblingKey(
+    field=NodeField(
+        name="weight",
+        type=FieldType.NUMBER,
+        minimum=0,
+        description="How often this child is chosen, relative to the others; 1 if not given.",
+    ),
+    where="a child of 'random'",
+    hint="put the node among the children of 'random', or remove it",
+    example="""\
+tree:
+  random:
+    - say: Hello.
+      weight: 3
+    - say: Good day to you.
+      weight: 1
+""",
+)
+
+WEIGHT = NodeType(key="weight", role=Role.BRANCH, main="weight")

@@ -1,0 +1,33 @@
+# SPDX-License-Identifier: Apache-2.0
+"""``when``: skips its node unless a condition is true as it would start."""
+
+from __future__ import annotations
+
+from bt_agents_language.model.endings import never_true, skippable
+from bt_agents_language.model.node_type import Content, Mark, NodeField, NodeType, Role
+
+WHEN = NodeType(
+    key="when",
+    role=Role.DECORATOR,
+    main="condition",
+    fields=(
+        NodeField(
+            name="condition",
+            content=Content.CONDITION,
+            description="what must be true for the node to start",
+        ),
+    ),
+    description="Leaves the node out unless a condition is true when it would start.",
+    derived=("otherwise",),
+    outcomes=skippable,
+    unreached=never_true,
+    skips=True,
+    ways=((Mark.LEFT_OUT, "never left out"),),
+    example="""\
+tree:
+  sequence:
+    - say: Hello. I carry your luggage.
+      when: scene.familiarity < 3
+    - drive: check-in desk
+""",
+)

@@ -1,0 +1,45 @@
+# SPDX-License-Identifier: Apache-2.0
+"""``while``: stops its node once a condition is not true any more."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from bt_agents_language.model.endings import FAILURE, Outcomes, constant, limited, never_true
+from bt_agents_language.model.node_type import Content, Mark, NodeField, NodeType, Role
+from bt_agents_language.model.specs import NodeSpec
+
+
+def _outcomes(spec: NodeSpec, children: Sequence[Outcomes]) -> Outcomes:
+    said = constant(spec.fields.get("condition"))
+    if said is not None:
+        return children[0] if said else FAILURE
+    return limited(children[0])
+
+
+WHILE = NodeType(
+    key="while",
+    role=Role.DECORATOR,
+    main="condition",
+    fields=(
+        NodeField(
+            name="condition",
+            content=Content.CONDITION,
+            description="what must stay true",
+        ),
+    ),
+    description="Looks at a condition at each tick; once it is not true, the node is "
+    "stopped and has failed.",
+    outcomes=_outcomes,
+    unreached=never_true,
+    limits=True,
+    gives_up=True,
+    ways=((Mark.BROKEN_OFF, "never broken off"),),
+    example="""\
+tree:
+  while: live.person
+  sequence:
+    - say: Follow me.
+    - drive: check-in desk
+""",
+)

@@ -1,0 +1,147 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Pages about kinds of files and their keys, made from the field tables that files are read by."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from dataclasses import field as data_field
+from functools import cache
+
+from bt_agents_core.text import join_words
+from bt_agents_language.model.file_kinds import (
+    Choice,
+    Either,
+    Entries,
+    FieldDecl,
+    FileKind,
+    Form,
+    Items,
+    KeyTable,
+    SceneNames,
+    SceneValues,
+    Several,
+    Shared,
+    Single,
+    Value,
+)
+from bt_agents_language.reference.node_pages import FieldEntry
+from bt_agents_language.tools.schema.folder import FILE_KINDS
+
+
+@dataclass(frozen=True, kw_only=True)
+class FilePage:
+    """Everything about a kind of file, or about one key of a file.
+
+    Attributes:
+        key: The word for the kind of file, or the key.
+        where: What has the key; of a kind of file the word ``file``. The same key of several
+            mappings has one page, with the first of them.
+        expected: What may stand behind the key; empty for a kind of file.
+        fields: The keys of the file, or of the mappings behind the key.
+    """
+
+    key: str
+    where: str = data_field(compare=False)
+    description: str
+    expected: str = ""
+    fields: tuple[FieldEntry, ...] = ()
+
+
+def file_pages(word: str) -> list[FilePage]:
+    """Return the page of a kind of file, else those of the keys of this name."""
+    if word in FILE_KINDS:
+        return [_kind_page(FILE_KINDS[word])]
+    return [page for page in _key_pages() if page.key == word]
+
+
+@cache
+def file_words() -> tuple[str, ...]:
+    """Return the words for kinds of files, and all keys of files."""
+    return tuple(dict.fromkeys([*FILE_KINDS, *(page.key for page in _key_pages())]))
+
+
+def _kind_page(kind: FileKind) -> FilePage:
+    return FilePage(
+        key=kind.name,
+        where="file",
+        description=kind.description,
+        fields=tuple(map(_entry, kind.fields)),
+    )
+
+
+@cache
+def _key_pages() -> tuple[FilePage, ...]:
+    pages = (page for kind in FILE_KINDS.values() for page in _pages(kind, kind, ""))
+    return tuple(dict.fromkeys(pages))
+
+
+def _pages(table: KeyTable, kind: FileKind, above: str) -> Iterator[FilePage]:
+    for one in table.fields:
+        inner = tuple(_tables(one.value, kind.shared))
+        below = dict.fromkeys(_entry(field) for part in inner for field in part.fields)
+        yield FilePage(
+            key=one.name,
+            where=f"key{above} of {kind.what}",
+            description=one.description,
+            expected=_expected(one.value),
+            fields=tuple(below),
+        )
+        for part in inner:
+            yield from _pages(part, kind, f" below '{one.name}'")
+
+
+def _tables(value: Value | None, shared: Mapping[str, KeyTable]) -> Iterator[KeyTable]:
+    """Yield the tables of the mappings in a value, without those inside of them."""
+    match value:
+        case KeyTable():
+            yield value
+        case Shared(name=name):
+            yield shared[name]
+        case Items(item=inner) | Entries(value=inner):
+            yield from _tables(inner, shared)
+        case Several(one=one, other=other):
+            yield from _tables(one, shared)
+            yield from _tables(other, shared)
+        case Either(options=options):
+            for option in options:
+                yield from _tables(option, shared)
+
+
+def _entry(declared: FieldDecl) -> FieldEntry:
+    return FieldEntry(
+        name=declared.name,
+        expected=_expected(declared.value),
+        required=declared.required,
+        default="" if declared.default is None else str(declared.default),
+        description=declared.description,
+    )
+
+
+def _expected(value: Value) -> str:
+    """Return what may stand there, for people: ``number, 0 to 1`` or ``list, each: name``."""
+    match value:
+        case Single(form=Form.NUMBER | Form.INTEGER, minimum=low, maximum=high):
+            limits = [f"{limit:g}" for limit in (low, high) if limit is not None]
+            bounds = " to ".join(limits) if high is not None else "".join(limits) + " or more"
+            return f"{value.form.value}, {bounds}" if limits else value.form.value
+        case Single():
+            return value.form.value
+        case Choice():
+            return join_words(value.words, "or")
+        case Items():
+            return f"list, each: {_expected(value.item)}"
+        case Several():
+            return f"{_expected(value.one)}, or a list"
+        case Entries():
+            return value.of or f"names, each with: {_expected(value.value)}"
+        case SceneValues():
+            return f"values of {'all ' if value.every else ''}scene parameters"
+        case SceneNames():
+            return f"list of scene parameters, or {value.every}"
+        case Either():
+            return ", or ".join(map(_expected, value.options))
+        case Shared():
+            return value.name.replace("_", " ")
+        case KeyTable():
+            return "mapping"

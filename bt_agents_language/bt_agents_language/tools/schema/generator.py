@@ -1,0 +1,211 @@
+# SPDX-License-Identifier: Apache-2.0
+"""JSON Schemas generated from the field tables of files."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+
+from bt_agents_core.scene import SceneParameter, SceneSpace
+from bt_agents_language.model.file_kinds import (
+    Choice,
+    Either,
+    Entries,
+    FieldDecl,
+    FileKind,
+    Form,
+    Items,
+    Key,
+    KeyTable,
+    Needs,
+    SceneNames,
+    SceneValues,
+    Several,
+    Shared,
+    Single,
+    Value,
+)
+from bt_agents_language.model.scope import mood_names, scene_names
+from bt_agents_language.tools.schema import value_schemas
+from bt_agents_language.tools.schema.value_schemas import Schema, described, mapping
+from bt_agents_language.yaml.typed_reader import FORMAT
+
+DRAFT = "http://json-schema.org/draft-07/schema#"
+
+_SINGLE: Mapping[Form, Callable[[], Schema]] = {
+    Form.ANY: dict,
+    Form.AMOUNT: lambda: {"type": ["number", "string"]},
+    Form.BOOLEAN: value_schemas.boolean,
+    Form.CONDITION: value_schemas.condition,
+    Form.DURATION: value_schemas.duration,
+    Form.LENGTH: value_schemas.length,
+    Form.NAME: value_schemas.name,
+    Form.NODE: lambda: dict(value_schemas.NODE),
+    Form.NOTHING: lambda: {"type": "null"},
+    Form.ROS_NAME: value_schemas.ros_name,
+    Form.ROS_TYPE: value_schemas.ros_type,
+    Form.TEXT: value_schemas.text,
+}
+
+
+def file_schema(
+    kind: FileKind, space: SceneSpace, definitions: Mapping[str, Schema] | None = None
+) -> Schema:
+    """Return the schema of a whole file.
+
+    Args:
+        kind: Its field table.
+        space: The scene parameters, whose names are keys in many places.
+        definitions: What the schema refers to besides the shared tables of the file.
+    """
+    generator = SchemaGenerator(space)
+    version: Schema = {
+        "description": "Version of the language.",
+        "enum": [FORMAT, str(FORMAT)],
+        "default": FORMAT,
+        "errorMessage": f"this version reads format: {FORMAT}",
+    }
+    properties = {"format": version, **generator.properties(kind.fields)}
+    shared = {name: generator.table(table) for name, table in kind.shared.items()}
+    every = {**shared, **(definitions or {})}
+    return {
+        "$schema": DRAFT,
+        "title": kind.title,
+        "description": kind.description,
+        **mapping(properties, ["format", *kind.required]),
+        **({"definitions": every} if every else {}),
+    }
+
+
+def table_schema(table: KeyTable) -> Schema:
+    """Return the schema of a mapping that is the same whatever the scene parameters are."""
+    return SchemaGenerator(SceneSpace(parameters=(), mood=None)).table(table)
+
+
+class SchemaGenerator:
+    """Makes schemas of values from their declarations.
+
+    Args:
+        space: The scene parameters.
+    """
+
+    def __init__(self, space: SceneSpace) -> None:
+        self._space = space
+
+    def table(self, table: KeyTable) -> Schema:
+        """Return the schema of a mapping with the keys of a table."""
+        properties = self.properties(table.fields)
+        if table.scene:
+            properties = {**self._parameters(), **properties}
+        filled: Schema = {"minProperties": 1} if table.filled else {}
+        needs = _needs(table.needs) if table.needs is not None else {}
+        return {**mapping(properties, list(table.required)), **filled, **needs}
+
+    def properties(self, fields: tuple[FieldDecl, ...]) -> dict[str, Schema]:
+        """Return the schema of each field by name."""
+        return {one.name: self._field(one) for one in fields}
+
+    def _field(self, declared: FieldDecl) -> Schema:
+        schema = self.value(declared.value)
+        text = declared.description
+        if isinstance(declared.value, Single) and declared.value.scene_names:
+            text += f" Names: {', '.join(self._condition_names())}."
+        if declared.default is not None:
+            schema = {**schema, "default": value_schemas.plain(declared.default)}
+        return described(schema, text)
+
+    def _condition_names(self) -> list[str]:
+        known = [*scene_names(self._space), *mood_names(self._space)]
+        # Those of parameters first, as they are what a condition is mostly about.
+        return sorted(known, key=lambda name: name.rpartition(".")[2] not in self._space.names)
+
+    def value(self, declared: Value) -> Schema:
+        """Return the schema of what may stand behind a key."""
+        match declared:
+            case Single():
+                return self._single(declared)
+            case Choice():
+                return {"enum": list(declared.words)}
+            case Items():
+                schema = _array(self.value(declared.item))
+                schema |= {"minItems": 1} if declared.filled or declared.empty else {}
+                return schema | ({"uniqueItems": True} if declared.unique else {})
+            case Several():
+                one = self.value(declared.one)
+                other = [] if declared.other is None else [self.value(declared.other)]
+                return {"anyOf": [one, _array(one), *other]}
+            case Either():
+                return {"anyOf": [self.value(one) for one in declared.options]}
+            case Entries():
+                return self._entries(declared)
+            case SceneValues():
+                return self._scene_values(declared)
+            case SceneNames():
+                names: Schema = {"enum": list(self._space.names)}
+                return {"anyOf": [{"const": declared.every}, _array(names)]}
+            case Shared():
+                return {"$ref": f"#/definitions/{declared.name}"}
+            case KeyTable():
+                return self.table(declared)
+
+    def _single(self, declared: Single) -> Schema:
+        limits = (declared.minimum, declared.maximum)
+        match declared.form:
+            case Form.NUMBER:
+                return value_schemas.number(*limits)
+            case Form.INTEGER:
+                return value_schemas.integer(*limits)
+            case Form.ROS_NAME if declared.placeholders:
+                return value_schemas.ros_name(placeholders=True)
+        return _SINGLE[declared.form]()
+
+    def _entries(self, declared: Entries) -> Schema:
+        value = self.value(declared.value)
+        schema: Schema = {"type": "object"} | ({"additionalProperties": value} if value else {})
+        match declared.keys:
+            case Key.NEW_NAME:
+                schema = value_schemas.names(value)
+            case Key.NUMBER:
+                schema = value_schemas.names(value, str(value_schemas.number()["pattern"]))
+            case Key.TOPIC:
+                schema |= {"propertyNames": {"pattern": value_schemas.ros_name()["pattern"]}}
+        if declared.filled or declared.empty or declared.single:
+            schema |= {"minProperties": 1}
+        return schema | ({"maxProperties": 1} if declared.single else {})
+
+    def _scene_values(self, declared: SceneValues) -> Schema:
+        if declared.limits is not None:
+            limits = {one.name: declared.limits(one) for one in self._space.parameters}
+            return mapping({name: value_schemas.number(*of) for name, of in limits.items()}, [])
+        properties = self._parameters()
+        if declared.person and "person" not in properties:
+            properties["person"] = described(value_schemas.boolean(), declared.person)
+        schema = mapping(properties, list(self._space.names) if declared.every else [])
+        return schema | ({"minProperties": 1} if declared.filled else {})
+
+    def _parameters(self) -> dict[str, Schema]:
+        return {one.name: _parameter(one) for one in self._space.parameters}
+
+
+def _parameter(parameter: SceneParameter) -> Schema:
+    labels = ", ".join(f"{value:g} {word}" for value, word in parameter.labels.items())
+    bounds = f"{parameter.minimum:g} to {parameter.maximum:g}"
+    text = f"{parameter.description or parameter.name} ({bounds})"
+    schema = value_schemas.number(parameter.minimum, parameter.maximum)
+    return {
+        **described(schema, f"{text}: {labels}" if labels else text),
+        "defaultSnippets": [{"label": parameter.name, "body": f"${{1:{parameter.default:g}}}"}],
+    }
+
+
+def _array(items: Schema) -> Schema:
+    return {"type": "array", "items": items}
+
+
+def _needs(needs: Needs) -> Schema:
+    schema: Schema = {"required": list(needs.keys)} if needs.keys else {}
+    if needs.hint:
+        schema["errorMessage"] = needs.hint
+    if needs.options:
+        key = "oneOf" if needs.exclusive else "anyOf"
+        schema[key] = [_needs(one) for one in needs.options]
+    return schema

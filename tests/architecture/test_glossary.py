@@ -1,0 +1,30 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The glossary: in alphabetical order, one line a term, and each home of a term exists."""
+
+from __future__ import annotations
+
+import pytest
+
+from programs import ROOT
+
+ROWS = [
+    [cell.strip() for cell in line.strip("|").split("|")]
+    for line in (ROOT / "docs" / "glossary.md").read_text(encoding="utf-8").splitlines()
+    if line.startswith("| ") and not line.startswith("| term ")
+]
+
+
+def test_the_terms_stand_in_alphabetical_order_and_once():
+    terms = [term for term, _, _ in ROWS]
+    assert terms == sorted(set(terms))
+    assert len(terms) > 60
+
+
+@pytest.mark.parametrize("row", ROWS, ids=lambda row: row[0])
+def test_a_term_has_one_sentence_and_a_home(row: list[str]):
+    _, meaning, where = row
+    assert meaning
+    assert not meaning.endswith(".")
+    package, *path = where.strip("`").split(".")
+    home = ROOT.joinpath(package, package, *path)
+    assert home.with_suffix(".py").is_file() or (home / "__init__.py").is_file()

@@ -1,0 +1,53 @@
+# SPDX-License-Identifier: Apache-2.0
+"""No module imports itself through others, not even for a type checker."""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Iterator, Mapping
+from graphlib import CycleError, TopologicalSorter
+from importlib.util import find_spec
+from pathlib import Path
+
+PACKAGES = (
+    "bt_agents", "marketplace_node", "scene_layer", "feedback_node", "bt_agents_robot",
+    "bt_agents_lab",
+)  # fmt: skip
+
+
+def modules() -> Mapping[str, Path]:
+    found: dict[str, Path] = {}
+    for package in PACKAGES:
+        spec = find_spec(package)
+        assert spec is not None
+        assert spec.origin is not None
+        folder = Path(spec.origin).parent
+        for path in folder.rglob("*.py"):
+            parts = (package, *path.relative_to(folder).with_suffix("").parts)
+            found[".".join(parts).removesuffix(".__init__")] = path
+    return found
+
+
+def imported(path: Path) -> Iterator[str]:
+    """Yield what a module imports, first as the module that a name might be."""
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom) and node.module is not None:
+            yield node.module
+            yield from (f"{node.module}.{alias.name}" for alias in node.names)
+
+
+def test_no_module_imports_itself_through_others():
+    known = modules()
+    assert len(known) > 300
+    graph: dict[str, set[str]] = {}
+    for name, path in known.items():
+        found = set(imported(path)) & known.keys()
+        # What a package's own name stands for beside a module of it is that module.
+        parents = {one.rpartition(".")[0] for one in found}
+        graph[name] = found - {name, *parents}
+    try:
+        TopologicalSorter(graph).prepare()
+    except CycleError as error:
+        raise AssertionError(" -> ".join(error.args[1])) from None

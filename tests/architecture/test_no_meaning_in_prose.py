@@ -1,0 +1,170 @@
+# SPDX-License-Identifier: Apache-2.0
+"""No product module decides anything by reading a text that was written for people."""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+PACKAGES = (
+    "bt_agents/bt_agents",
+    "marketplace_node/marketplace_node",
+    "scene_layer/scene_layer",
+    "feedback_node/feedback_node",
+    "bt_agents_lab/bt_agents_lab",
+    "bt_agents_robot/bt_agents_robot",
+)
+
+PROSE = {
+    "additional_constraints",
+    "calculation",
+    "description",
+    "expected",
+    "explanation",
+    "failure",
+    "fallback",
+    "feedback_message",
+    "hint",
+    "intervention",
+    "message",
+    "obstacle",
+    "precedence",
+    "problem",
+    "reason",
+    "refusal",
+    "why",
+    "words",
+}
+"""What texts for people are called."""
+
+LOOKS = {
+    "endswith",
+    "find",
+    "index",
+    "partition",
+    "removeprefix",
+    "removesuffix",
+    "rfind",
+    "rpartition",
+    "split",
+    "startswith",
+}
+MATCHES = {"findall", "finditer", "fullmatch", "match", "search"}
+DRESSED = {"casefold", "lower", "lstrip", "rstrip", "strip", "upper"}
+
+FORMATTED = {
+    ("bt_agents/cli/story.py", "calculation.partition('= ')"),
+    ("bt_agents/cli/scenario_words.py", "_ASSIGNMENT.findall(words)"),
+    ("bt_agents/cli/tune.py", "'=' not in words[0]"),
+    ("bt_agents/rehearsal/expecting.py", "expected != _NOTHING"),
+    ("bt_agents/rehearsal/expecting.py", "expected == _NOTHING"),
+}
+"""What only puts a text into form, or reads what a person types."""
+
+STILL = {
+    ("bt_agents/language/handbook/reference.py", "field.expected.split(' ≥ ')"),
+    ("bt_agents/language/shape.py", "expected == 'a text'"),
+    ("bt_agents/language/shape.py", "expected.startswith('a list')"),
+    ("bt_agents/language/shape.py", "expected.startswith('a mapping')"),
+    ("bt_agents/language/text/yaml_syntax.py", "\"'-'\" in slip.message"),
+    ("bt_agents/rehearsal/rehearsal.py", "_PLACED.search(words)"),
+    ("bt_agents/rehearsal/telling.py", "f'({node.path}, ' in change.message"),
+    ("bt_agents/reload/card_news.py", "_PLACE.match(problem)"),
+    ("bt_agents/ros/tunables.py", "result.reason.partition(': ')"),
+    ("bt_agents/ros/tune_client.py", "_UNIT.fullmatch(descriptor.description)"),
+    ("bt_agents/ros/tune_client.py", "descriptor.additional_constraints.startswith(DEFAULT)"),
+}
+"""What is to go; nothing comes to it."""
+
+
+def name_of(node: ast.expr) -> str:
+    """Return what a value is called: ``reason`` for ``str(answer.reason).strip()[2:]``."""
+    match node:
+        case ast.Name():
+            return node.id
+        case ast.Attribute():
+            return node.attr
+        case ast.Subscript():
+            return name_of(node.value)
+        case ast.BoolOp():
+            return name_of(node.values[0])
+        case ast.Call(func=ast.Attribute(attr=attr, value=value)) if attr in DRESSED:
+            return name_of(value)
+        case ast.Call(func=ast.Name(id="str"), args=[value]):
+            return name_of(value)
+    return ""
+
+
+def is_text(node: ast.expr) -> bool:
+    """Return whether a value is surely a piece of a text."""
+    return isinstance(node, ast.JoinedStr) or (
+        isinstance(node, ast.Constant) and isinstance(node.value, str) and bool(node.value)
+    )
+
+
+def is_sentence(node: ast.expr) -> bool:
+    """Return whether a value is surely some words, or a constant that may be some."""
+    if isinstance(node, ast.Name):
+        return node.id.isupper()
+    return isinstance(node, ast.Constant) and isinstance(node.value, str) and " " in node.value
+
+
+def decisions(tree: ast.AST) -> Iterator[ast.expr]:
+    """Yield what reads a text for people."""
+    for node in ast.walk(tree):
+        match node:
+            case ast.Call(func=ast.Attribute(attr=attr, value=value)) if attr in LOOKS:
+                # Without an argument, ``split`` only looks for space.
+                if name_of(value) in PROSE and node.args:
+                    yield node
+            case ast.Call(func=ast.Attribute(attr=attr)) if attr in MATCHES:
+                if any(name_of(argument) in PROSE for argument in node.args):
+                    yield node
+            case ast.Compare(left=left, ops=[ast.In() | ast.NotIn()], comparators=[text]):
+                if is_text(left) and name_of(text) in PROSE:
+                    yield node
+            case ast.Compare(left=left, ops=[ast.Eq() | ast.NotEq()], comparators=[right]):
+                for one, other in ((left, right), (right, left)):
+                    if name_of(one) in PROSE and is_sentence(other):
+                        yield node
+
+
+@pytest.mark.parametrize(
+    "source",
+    [
+        "answer.reason.startswith('needs ')",
+        "str(message.message).lower().endswith(CUT_OFF)",
+        "_UNIT.fullmatch(descriptor.description)",
+        "re.search('late', result.message)",
+        "'late' in found.reason",
+        "f'{name}: ' not in self.words[0]",
+        "end.message == 'the market stopped it'",
+        "end.message == AS_TOLD",
+        "reason.partition(': ')[0]",
+    ],
+)
+def test_what_reads_a_text_for_people_is_found(source: str) -> None:
+    assert list(decisions(ast.parse(source)))
+
+
+@pytest.mark.parametrize(
+    "source",
+    ["layer.startswith('person/')", "reason == ''", "name in words", "found.code == 'LATE'"],
+)
+def test_what_reads_anything_else_is_not(source: str) -> None:
+    assert not list(decisions(ast.parse(source)))
+
+
+def test_nothing_is_decided_by_a_text_for_people() -> None:
+    found: set[tuple[str, str]] = set()
+    for package in PACKAGES:
+        for path in sorted((ROOT / package).rglob("*.py")):
+            where = str(path.relative_to((ROOT / package).parent))
+            tree = ast.parse(path.read_text(encoding="utf-8"))
+            found |= {(where, ast.unparse(node)) for node in decisions(tree)}
+
+    assert found - FORMATTED == STILL

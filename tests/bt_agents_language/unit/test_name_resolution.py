@@ -1,0 +1,74 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the names of a condition mean, wherever it is evaluated."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from bt_agents_language.expression.expressions import MissingValue, StaleValue, parse_expression
+from bt_agents_language.expression.name_resolution import SceneFacts, resolve, surely_true
+
+AWARDED = SceneFacts(person=True, values={"age": 3.0, "mood": math.nan})
+LIVE = SceneFacts(person=False, values={"age": 4.0, "mood": 2.0})
+STALE = SceneFacts(person=False, values=LIVE.values, stale_s=2.0)
+
+
+def value(name: str, live: SceneFacts = LIVE) -> object:
+    return resolve(
+        name, AWARDED, lambda: live, lambda seen: seen.get("mood") - 3.0, {"age": 5.0}.__getitem__
+    )
+
+
+@pytest.mark.parametrize(
+    ("name", "expected"),
+    [
+        ("scene.age", 3.0),
+        ("scene.person", True),
+        ("live.age", 4.0),
+        ("live.person", False),
+        ("live.stale", False),
+        ("mood.change", -1.0),
+        ("profile.age", 5.0),
+    ],
+)
+def test_a_name_means_the_same_in_every_condition(name, expected):
+    assert value(name) == expected
+
+
+@pytest.mark.parametrize(
+    "name", ["scene.mood", "scene.height", "live.height", "profile.height", "age", "other.age", ""]
+)
+def test_what_is_not_known_has_no_value(name):
+    with pytest.raises(MissingValue) as missing:
+        value(name)
+    assert missing.value.name == name
+
+
+@pytest.mark.parametrize("name", ["live.age", "live.person", "mood.change"])
+def test_a_stale_live_scene_has_no_values_but_says_that_it_is_stale(name):
+    with pytest.raises(StaleValue):
+        value(name, STALE)
+    assert value("live.stale", STALE) is True
+
+
+@pytest.mark.parametrize("name", ["live.age", "live.stale", "mood.change", "profile.age"])
+def test_a_condition_about_a_scene_alone_knows_nothing_else(name):
+    with pytest.raises(MissingValue):
+        resolve(name, AWARDED)
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("scene.age >= 3", True),
+        ("scene.age > 3", False),
+        ("scene.mood > 1", False),
+        ("not scene.mood > 1", False),
+        ("1 / (scene.age - 3) > 0", False),
+        ("scene.age", False),
+    ],
+)
+def test_what_cannot_be_worked_out_is_not_surely_true(text, expected):
+    assert surely_true(parse_expression(text), value) is expected

@@ -1,0 +1,260 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Node types: each is known from its record alone, and nothing else decides by its key."""
+
+from __future__ import annotations
+
+import ast
+import keyword
+import os
+import shutil
+import subprocess
+import sys
+from collections.abc import Iterator
+from dataclasses import replace
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from bt_agents.engine import builder
+from bt_agents_core.diagnostic import Position
+from bt_agents_core.field_types import FieldType
+from bt_agents_groot import tree_export
+from bt_agents_language.files.agent_reader import read_agent_text
+from bt_agents_language.model.endings import always_success
+from bt_agents_language.model.node_type import Children, NodeType, Resources, Role
+from bt_agents_language.model.specs import NodeSpec
+from bt_agents_language.nodes import catalogue
+from bt_agents_language.nodes.catalogue import BRANCHES, DECORATORS, NODE_TYPES, SIBLINGS, type_of
+from bt_agents_language.nodes.plugin import PLUGIN
+from bt_agents_language.nodes.skill import SKILL
+from bt_agents_language.reference.node_pages import node_page
+from bt_agents_language.tools.drawing.outline import outline
+from bt_agents_language.tools.linting.lint import lint
+from bt_agents_language.tools.schema.node_schemas import node_definitions
+from checkout import ROOT
+from tree_harness import SPACE, VOCABULARY, agent
+
+HEAD = "format: 1\nagent: a\nprofile: {age: 3, familiarity: 3, mood: 3}\n"
+
+ALL = {**NODE_TYPES, **DECORATORS, **BRANCHES}
+NODES_FOLDER = Path(catalogue.__file__).parent
+ENGINE_FOLDER = Path(builder.__file__).parent
+FOREIGN_FORMATS = (Path(tree_export.__file__),)
+OF_TEST_FILES = {"succeed", "fail"}
+"""Words for what stands in for a node in a test file, which are those of two decorators."""
+
+NAMES_OF_KINDS = {"kind", "key", "key_meant", "text"}
+HERE = Position(file="a.yaml", line=1, column=1)
+
+
+def modules() -> Iterator[Path]:
+    """Give the product's modules without those that hold one node type, or one behaviour, each."""
+    for manifest in sorted(ROOT.glob("*/package.xml")):
+        for path in sorted(manifest.parent.rglob("*.py")):
+            if NODES_FOLDER not in path.parents and ENGINE_FOLDER not in path.parents:
+                yield path
+
+
+def keys_in(*nodes: ast.AST | None) -> set[str]:
+    """Return the keys of node types among literals, and in tuples, lists and sets of them."""
+    found: set[str] = set()
+    for node in nodes:
+        if isinstance(node, ast.Tuple | ast.List | ast.Set):
+            found |= keys_in(*node.elts)
+        elif isinstance(node, ast.Constant) and node.value in ALL:
+            found.add(str(node.value))
+    return found
+
+
+def names_kind(node: ast.AST) -> bool:
+    return isinstance(node, ast.Attribute) and node.attr in NAMES_OF_KINDS
+
+
+def compared(tree: ast.Module) -> Iterator[tuple[int, set[str]]]:
+    """Give the lines that compare a kind or key with that of a node type."""
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Compare):
+            sides = [node.left, *node.comparators]
+            if any(map(names_kind, sides)):
+                yield node.lineno, keys_in(*sides)
+        elif isinstance(node, ast.Match) and names_kind(node.subject):
+            inner = (one for case in node.cases for one in ast.walk(case.pattern))
+            values = [one.value for one in inner if isinstance(one, ast.MatchValue)]
+            yield node.lineno, keys_in(*values)
+
+
+def tables(tree: ast.Module) -> Iterator[tuple[int, set[str]]]:
+    """Give the lines of constants that list several node types, or have an entry for each."""
+    for node in tree.body:
+        value = node.value if isinstance(node, ast.Assign | ast.AnnAssign) else None
+        parts = value.keys if isinstance(value, ast.Dict) else getattr(value, "elts", [])
+        found = keys_in(*parts)
+        if len(parts) > 1 and len(found) == len(parts) and found != OF_TEST_FILES:
+            yield node.lineno, found
+
+
+def test_nothing_but_node_types_and_behaviours_decides_by_the_key_of_a_node_type() -> None:
+    found = []
+    for path in modules():
+        tree = ast.parse(path.read_text())
+        lines = [*compared(tree), *(() if path in FOREIGN_FORMATS else tables(tree))]
+        found += [f"{path}:{line}: {', '.join(sorted(keys))}" for line, keys in lines if keys]
+    assert found == []
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "def f(spec):\n    return spec.kind == 'wait'",
+        "def f(spec):\n    return 'wait' != spec.kind",
+        "def f(raw):\n    return raw.type.key in ('wait', 'wait_for')",
+        "def f(spec):\n    match spec.kind:\n        case 'when' | 'once':\n            return 1",
+        "_LIMITS = ('timeout', 'while')",
+        "_COUNTS = {'retry': 'attempts', 'repeat': 'times'}",
+    ],
+)
+def test_what_decides_by_a_key_is_found(text: str) -> None:
+    tree = ast.parse(text)
+    assert any(keys for _, keys in (*compared(tree), *tables(tree)))
+
+
+def test_each_type_has_its_role() -> None:
+    of_nodes = {one.role for one in NODE_TYPES.values()}
+    assert of_nodes == {Role.COMPOSITE, Role.LEAF}
+    assert {one.role for one in DECORATORS.values()} == {Role.DECORATOR}
+    assert {one.role for one in BRANCHES.values()} == {Role.BRANCH}
+    for one in NODE_TYPES.values():
+        assert (one.role is Role.COMPOSITE) == (one.children is Children.LIST)
+
+
+@pytest.mark.parametrize("key", [*ALL, "skill", "plugin"])
+def test_each_type_stands_in_the_file_of_its_name(key: str) -> None:
+    name = f"{key}_" if keyword.iskeyword(key) else key
+    module = import_module(f"{catalogue.__name__.rpartition('.')[0]}.{name}")
+    assert getattr(module, key.upper()).key == key
+
+
+def test_what_types_say_of_each_other_exists() -> None:
+    for one in ALL.values():
+        assert {*one.siblings, *one.child_siblings} <= SIBLINGS.keys()
+        assert set(one.child_keys) <= {*DECORATORS, *SIBLINGS}
+        names = [field.name for field in one.fields]
+        assert one.rounds in ("", *names)
+        assert one.role is Role.BRANCH or one.main in (None, *names)
+        if one.contrary:
+            assert DECORATORS[one.contrary].contrary == one.key
+
+
+def test_the_type_of_a_node_is_that_of_its_key() -> None:
+    for key, one in ALL.items():
+        assert type_of(NodeSpec(path="tree", position=HERE, kind=key, name=key)) is one
+
+
+def test_a_skill_is_a_skill_even_if_its_name_is_that_of_a_branch() -> None:
+    skill = replace(VOCABULARY.skills["say"], name="case")
+    spec = NodeSpec(path="tree", position=HERE, kind="case", name="case", skill=skill)
+    assert type_of(spec) is SKILL
+    assert type_of(replace(spec, skill=None, plugin=object)) is PLUGIN
+
+
+def test_groot_translates_node_types_that_exist() -> None:
+    assert tree_export.NODES.keys() <= NODE_TYPES.keys()
+    assert tree_export.DECORATED.keys() <= DECORATORS.keys()
+
+
+CHIME = f"""
+from {always_success.__module__} import always_success
+from {NodeType.__module__} import NodeField, NodeType
+from {FieldType.__module__} import FieldType
+
+CHIME = NodeType(
+    key="chime",
+    main="tone",
+    fields=(NodeField(name="tone", type=FieldType.TEXT, description="which one"),),
+    description="Plays a tone.",
+    outcomes=always_success,
+    example="tree:\\n  chime: high\\n",
+)
+"""
+GENTLY = f"""
+from {NodeType.__module__} import NodeType, Role
+
+GENTLY = NodeType(
+    key="gently",
+    role=Role.DECORATOR,
+    description="Takes its time.",
+    example="tree:\\n  say: Hello.\\n  gently: true\\n",
+)
+"""
+
+
+def use(key: str) -> None:
+    """Print what the readers and tools of the language make of the example of a node type."""
+    page = node_page(key, VOCABULARY)
+    assert page is not None
+    spec = read_agent_text(HEAD + page.example, "a.yaml", VOCABULARY)
+    definitions: Any = node_definitions(VOCABULARY)
+    print(spec.tree.kind, page.group.value, len(lint(spec)))
+    print(key in outline(spec, SPACE), key in definitions["node"]["properties"])
+
+
+@pytest.mark.parametrize(
+    ("key", "module", "table", "group"),
+    [("chime", CHIME, "NODE_TYPES", "leaf"), ("gently", GENTLY, "DECORATORS", "decorator")],
+)
+def test_a_new_type_is_one_file_and_its_entry_in_the_catalogue(
+    tmp_path: Path, key: str, module: str, table: str, group: str
+) -> None:
+    root = Path(catalogue.__file__).parents[catalogue.__name__.count(".") - 1]
+    copy = tmp_path / root.name
+    shutil.copytree(root, copy, ignore=shutil.ignore_patterns("__pycache__"))
+    nodes = copy / NODES_FOLDER.relative_to(root)
+    (nodes / f"{key}.py").write_text(module)
+    entries = (nodes / "catalogue.py").read_text()
+    start = f"{table}: Mapping[str, NodeType] = {{\n    one.key: one\n    for one in (\n"
+    assert start in entries
+    entries = entries.replace(start, f"{start}        {key.upper()},\n")
+    package = catalogue.__name__.rpartition(".")[0]
+    first = f"from {package}.action import"
+    imported = f"from {package}.{key} import {key.upper()}\n"
+    (nodes / "catalogue.py").write_text(entries.replace(first, imported + first))
+    path = [str(tmp_path), str(Path(__file__).parent), *sys.path]
+    result = subprocess.run(
+        [sys.executable, "-c", f"from {Path(__file__).stem} import use; use({key!r})"],
+        env={
+            **os.environ,
+            "PYTHONPATH": os.pathsep.join(path),
+            "PYTHONDONTWRITEBYTECODE": "1",
+        },
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=False,
+    )
+    assert result.stderr == ""
+    assert result.stdout.split() == [key, group, "0", "True", "True"]
+
+
+def resources_of(node: str) -> Resources:
+    spec = agent(node).tree
+    return type_of(spec).resources(spec)
+
+
+def test_a_type_says_what_its_nodes_use_outside_of_the_tree() -> None:
+    topic = "{topic: t, type: std_msgs/msg/Bool"
+    wanted = ("t", "std_msgs/msg/Bool")
+    assert resources_of(f"wait_for: {topic}}}") == Resources(topic=wanted)
+    assert resources_of(f"wait_for: {topic}, latched: true}}") == Resources(
+        topic=wanted, latched=True
+    )
+    assert resources_of("wait_for: live.person") == Resources()
+    assert resources_of("give_feedback: positive") == Resources(feedback=True)
+    assert resources_of("wait: 1 s") == Resources()
+    say = VOCABULARY.skills["say"].binding
+    assert say is not None
+    assert resources_of("say: Hello.") == Resources(binding=say)
+    raw = resources_of(f"publish: {topic}, message: {{data: true}}}}").binding
+    assert raw is not None
+    assert (raw.name, raw.type) == wanted

@@ -1,0 +1,98 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Changes of profiles by `bt-agents tune`: which values are meant, and what an undo takes back."""
+
+from __future__ import annotations
+
+import json
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from bt_agents_core.errors import Refused
+from bt_agents_tools.cli.commands.tune import _profiles
+from bt_agents_tools.client import tuning
+from bt_agents_tools.client.tuning import TunedProfile, tuned_at, tuned_profile
+
+
+def row(revision: int, source: str = "", **more: Any) -> dict[str, Any]:
+    return {"revision": revision, "stamp": 10.0 * revision, "source": source} | more
+
+
+class Feedback:
+    """Answers of a feedback node to ``HISTORY``."""
+
+    def __init__(self, **revisions: list[dict[str, Any]]) -> None:
+        self.asked: list[str] = []
+        self._revisions = revisions
+
+    def manage(self, _observer: Any, action: str, *, find_s: float, agent: str = "") -> Any:
+        assert (action, find_s) == ("HISTORY", 3.0)
+        self.asked.append(agent)
+        profiles = [
+            {"agent": name, "layer": layer, "stamp": rows[-1]["stamp"]}
+            for name, rows in self._revisions.items()
+            for layer in ("", "person/anna")
+        ]
+        told = {"profiles": profiles, "revisions": self._revisions.get(agent, [])}
+        return SimpleNamespace(accepted=True, document=json.dumps(told))
+
+
+@pytest.mark.parametrize(
+    ("rows", "stamp"),
+    [
+        ([], 0.0),
+        ([row(1)], 0.0),
+        ([row(1), row(2, "tuning")], 20.0),
+        ([row(1), row(2, "tuning"), row(3, "mood rule")], 0.0),
+        ([row(1), row(2, "tuning"), row(3, "tuning"), row(4, restores=2)], 20.0),
+        ([row(1), row(2, "tuning"), row(3, restores=1)], 0.0),
+        ([row(5, restores=2)], 0.0),
+    ],
+)
+def test_values_were_tuned_when_their_last_revision_says_so_or_the_one_it_restores(
+    rows: list[dict[str, Any]], stamp: float
+) -> None:
+    assert tuned_at(rows) == stamp
+
+
+def test_the_newest_tuning_of_all_profiles_is_taken_back(monkeypatch: pytest.MonkeyPatch) -> None:
+    feedback = Feedback(
+        a=[row(1), row(3, "tuning")],
+        b=[row(1), row(2, "tuning"), row(5, restores=2)],
+        c=[row(1), row(4, "mood rule")],
+        d=[row(1)],
+    )
+    monkeypatch.setattr(tuning, "manage_profiles", feedback.manage)
+    observer: Any = None
+    assert tuned_profile(observer, "", 0.0) == TunedProfile(agent="a", stamp=30.0)
+    assert feedback.asked == ["", "b", "c", "a"]
+    assert tuned_profile(observer, "b", 0.0) == TunedProfile(agent="b", stamp=20.0)
+    assert tuned_profile(observer, "", 30.0) is None
+    assert tuned_profile(observer, "c", 0.0) is None
+
+
+def test_nothing_is_taken_back_without_an_answer(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(tuning, "manage_profiles", lambda *_, **__: None)
+    observer: Any = None
+    assert tuned_profile(observer, "", 0.0) is None
+
+
+def test_the_values_of_profiles_are_found_by_agent() -> None:
+    named = [("a.profile.age", "4.5"), ("a.patience", "3 s"), ("b.profile.mood", "2")]
+    assert _profiles(named) == {"a": {"age": 4.5}, "b": {"mood": 2.0}}
+
+
+@pytest.mark.parametrize(
+    ("named", "code"),
+    [
+        ([("a.profile.age", "old")], "NOT_A_VALUE: a.profile.age: "),
+        ([("a.profile.age", "nan")], "NOT_A_VALUE: a.profile.age: "),
+        ([("a.profile.age", "1"), ("a.profile.age", "1")], "DUPLICATE: a.profile.age stands"),
+    ],
+)
+def test_a_value_of_a_profile_that_is_no_number_is_refused(
+    named: list[tuple[str, str]], code: str
+) -> None:
+    with pytest.raises(Refused, match=code):
+        _profiles(named)

@@ -1,0 +1,97 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The whole system in one process, on one executor, for tests of what its parts do together."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+from typing import Any
+
+from bt_agents.host.node import HostNode
+from bt_agents_interfaces.msg import Auction, Feedback, MarketStatus, Profiles, Run, SceneEnd
+from bt_agents_interfaces.srv import Analyze
+from bt_agents_language.files.folder_reader import read_trees
+from bt_agents_ros import qos
+from bt_agents_ros.installed import InstalledInterfaces
+from feedback_node.ledger import Ledger
+from feedback_node.node import FeedbackNode
+from marketplace_node.node import MarketplaceNode
+from scene_layer.node import SceneLayerNode
+
+ROOT = Path(__file__).parents[2]
+
+AGENT = """
+format: 1
+agent: {name}
+title: {name}
+description: d
+profile: {{age: {age}, familiarity: 3, mood: 3}}
+requires: scene.person
+feedback:
+  - {{when: mood.change <= -1, for: 0 s, give: negative, then: cancel}}
+tree: {{wait: "{wait}"}}
+"""
+
+
+def write_agents(tmp_path: Path, wait: str = "0 s", **ages: float) -> Path:
+    trees = tmp_path / f"trees{len(list(tmp_path.iterdir()))}"
+    shutil.copytree(ROOT / "trees" / "skills", trees / "skills")
+    shutil.copy(ROOT / "trees" / "scene.yaml", trees)
+    (trees / "agents").mkdir()
+    for name, age in ages.items():
+        text = AGENT.format(name=name, age=age, wait=wait)
+        (trees / "agents" / f"{name}.yaml").write_text(text)
+    return trees
+
+
+class System:
+    """Market, scene layer, feedback and one host on one executor."""
+
+    def __init__(self, ros: Any, trees: Path) -> None:
+        self.ros = ros
+        self.folder = read_trees(trees, InstalledInterfaces())
+        space = self.folder.scene.space
+        self.market = ros.add(MarketplaceNode(space, "epoch"))
+        self.scene_layer = ros.add(SceneLayerNode(self.folder.scene))
+        self.feedback = ros.add(FeedbackNode(space, Ledger(":memory:")))
+        self.host = ros.add(HostNode(self.folder))
+        self.auctions = ros.collect(Auction, "auctions", qos.HISTORY)
+        self.runs = ros.collect(Run, "runs", qos.HISTORY)
+        self.ends = ros.collect(SceneEnd, "scene_ends", qos.FACTS)
+        self.feedback_given = ros.collect(Feedback, "feedback", qos.HISTORY)
+        self.statuses = ros.collect(MarketStatus, "market", qos.FACT)
+        self.profiles = ros.collect(Profiles, "profiles", qos.FACT)
+        ros.until(lambda: self.host.registered)
+        ros.until(
+            lambda: self.profiles and len(self.profiles[-1].agents) >= len(self.folder.agents)
+        )
+
+    def analyze(self, announce: bool = True, **values: float) -> Any:
+        client = self.ros.node.create_client(Analyze, "scene_layer/analyze")
+        request = Analyze.Request(
+            names=list(values),
+            values=[float(value) for value in values.values()],
+            person=Analyze.Request.PRESENT,
+            announce=announce,
+        )
+        return self.ros.call(client, request)
+
+    def analyze_absent(self, **values: float) -> str:
+        """Trigger a scene in which nobody is there; return its id."""
+        client = self.ros.node.create_client(Analyze, "scene_layer/analyze")
+        request = Analyze.Request(
+            names=list(values),
+            values=[float(value) for value in values.values()],
+            person=Analyze.Request.ABSENT,
+            announce=True,
+        )
+        return str(self.ros.call(client, request).scene.scene_id)
+
+    def finished(self, scene_id: str) -> bool:
+        return any(status.finished_scene_id == scene_id for status in self.statuses)
+
+    def interact(self, **values: float) -> str:
+        """Trigger a scene and wait until it is over; return the last winner."""
+        scene_id = self.analyze(**values).scene.scene_id
+        self.ros.until(lambda: self.finished(scene_id))
+        return str(self.auctions[-1].winner)

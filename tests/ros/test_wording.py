@@ -1,0 +1,164 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Sentences are for people: with every one of them replaced, the system does the same."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from importlib import import_module
+from itertools import chain
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from bt_agents_core.errors import Refused
+from bt_agents_interfaces.msg import Auction, MarketStatus, Run
+from bt_agents_interfaces.srv import CancelRun, GiveFeedback, OperateMarket
+from marketplace_node.node import MarketplaceNode
+from whole_system import System, write_agents
+
+pytestmark = pytest.mark.ros
+
+TEXTS = {
+    "calculation",
+    "change",
+    "decline_reasons",
+    "description",
+    "explanation",
+    "intervention",
+    "message",
+    "problems",
+    "reason",
+    "reasons",
+    "title",
+    "unmet",
+}
+"""Fields that are written for people."""
+
+MARK = "※"
+
+
+def replaced(text: str) -> str:
+    """Return other words; none remain none."""
+    return text if not text or text.startswith(MARK) else f"{MARK} {len(text)} others {MARK}"
+
+
+def types_of_messages() -> Iterator[type]:
+    """Yield every class of a message, a service and an action of ours."""
+    for kind in ("msg", "srv", "action"):
+        module = import_module(f"bt_agents_interfaces.{kind}")
+        for found in vars(module).values():
+            parts = (getattr(found, name, None) for name in ("Request", "Response", "Result"))
+            yield from (
+                part for part in chain([found], parts) if hasattr(part, "_fields_and_field_types")
+            )
+
+
+def with_other_words(field: property) -> property:
+    def store(message: Any, value: Any) -> None:
+        assert field.fset is not None
+        if isinstance(value, str):
+            field.fset(message, replaced(value))
+        elif value and all(isinstance(one, str) for one in value):
+            field.fset(message, [replaced(one) for one in value])
+        else:
+            field.fset(message, value)
+
+    return property(field.fget, store)
+
+
+@pytest.fixture(params=["as they are", "replaced"])
+def words(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> str:
+    """Have all texts of messages and refusals replaced, or none."""
+    if request.param == "replaced":
+        for kind in types_of_messages():
+            for name in TEXTS & kind._fields_and_field_types.keys():
+                monkeypatch.setattr(kind, name, with_other_words(getattr(kind, name)))
+        refuse = Refused.__init__
+        monkeypatch.setattr(
+            Refused,
+            "__init__",
+            lambda self, code, reason, *more: refuse(self, code, replaced(reason), *more),
+        )
+    return str(request.param)
+
+
+def started(system: System, count: int) -> Callable[[], bool]:
+    return lambda: sum(run.event == Run.STARTED for run in system.runs) == count
+
+
+def operate(system: System, **fields: Any) -> Any:
+    client = system.ros.node.create_client(OperateMarket, "marketplace/operate")
+    return system.ros.call(client, OperateMarket.Request(author="test", **fields))
+
+
+def test_a_whole_cycle_goes_the_same_way_whatever_the_words_are(
+    ros: Any, tmp_path: Path, words: str
+) -> None:
+    trees = write_agents(tmp_path, wait="30 s", young=1.5, middle=3.0, old=4.5)
+    system = System(ros, trees)
+    system.analyze_absent(age=5)
+    ros.until(lambda: len(system.ends) == 1)
+    scene_id = system.analyze(age=5, familiarity=3, mood=4).scene.scene_id
+    ros.until(started(system, 1))
+    assert system.analyze(announce=False, mood=2).accepted, "the mood falls: a rule stops the run"
+    ros.until(started(system, 2))
+    running = system.runs[-1].agent
+    assert operate(system, action=OperateMarket.Request.VETO, agent=running).accepted
+    ros.until(started(system, 3))
+    cancel = ros.node.create_client(CancelRun, "marketplace/cancel")
+    assert ros.call(cancel, CancelRun.Request(reason="enough")).accepted
+    ros.until(lambda: system.finished(scene_id))
+    give = ros.node.create_client(GiveFeedback, "feedback/give")
+    assert ros.call(give, GiveFeedback.Request(agent="young", values=[2.0, 3.0, 3.0])).accepted
+    assert not ros.call(
+        give, GiveFeedback.Request(agent="nobody", values=[2.0, 3.0, 3.0])
+    ).accepted
+    ros.until(lambda: len(system.feedback_given) == 2)
+
+    assert [(end.code, end.agent) for end in system.ends] == [
+        ("NO_BIDS", ""), ("CANCELLED", "young"),
+    ]  # fmt: skip
+    assert [
+        (auction.outcome, auction.winner, bool(auction.follows), len(auction.refused))
+        for auction in system.auctions
+    ] == [
+        (Auction.NO_BIDS, "", False, 3),
+        (Auction.AWARDED, "old", False, 0),
+        (Auction.AWARDED, "middle", True, 0),
+        (Auction.AWARDED, "young", True, 1),
+    ]
+    ended = [run for run in system.runs if run.event == Run.ENDED]
+    assert [(run.agent, run.outcome, run.stop_cause) for run in ended] == [
+        (agent, Run.CANCELLED, Run.BY_MARKET) for agent in ("old", "middle", "young")
+    ]
+    assert [(one.agent, one.kind) for one in system.feedback_given] == [("old", 2), ("young", 0)]
+    told = {auction.reason[:1] == MARK for auction in system.auctions}
+    assert told == {words == "replaced"}
+
+
+def test_a_run_that_is_cut_off_is_asked_for_again_whatever_the_words_are(
+    ros: Any, tmp_path: Path, words: str
+) -> None:
+    del words
+    system = System(ros, write_agents(tmp_path, wait="30 s", young=1.5))
+    system.analyze(age=1, familiarity=3, mood=3)
+    ros.until(started(system, 1))
+    ros.remove(system.market)
+    ros.add(MarketplaceNode(system.folder.scene.space, "epoch-2"))
+    ros.until(started(system, 2))
+
+    ended = next(run for run in system.runs if run.event == Run.ENDED)
+    assert (ended.epoch, ended.stop_cause) == ("epoch", Run.MARKET_LOST)
+    assert [end.code for end in system.ends] == ["LOST"]
+    assert system.auctions[-1].scene.scene_id == f"{system.auctions[0].scene.scene_id}+again"
+
+
+def test_a_market_says_by_which_strategies_it_can_rank(ros: Any, tmp_path: Path) -> None:
+    system = System(ros, write_agents(tmp_path, young=1.5))
+    ros.until(lambda: system.statuses)
+    status: MarketStatus = system.statuses[-1]
+    options = {info.name: list(info.options) for info in status.strategies}
+    assert options["softmax"] == ["temperature"]
+    assert options["manhattan"] == []
+    assert all(info.description for info in status.strategies)
