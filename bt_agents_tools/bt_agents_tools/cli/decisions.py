@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Decisions of the market formatted for people, and as JSON."""
+"""Decisions of the market and ends of scenes, formatted for people and as JSON."""
 
 from __future__ import annotations
 
@@ -12,10 +12,13 @@ from rich.console import Console
 
 from bt_agents_core.scene import finite_or_none
 from bt_agents_tools.cli.connection import FIND_LIMIT_S
-from bt_agents_tools.cli.formatting import SceneNames, print_line
+from bt_agents_tools.cli.formatting import SceneNames, code_text, print_line
 
 if TYPE_CHECKING:
     from bt_agents_tools.client.observer import Observer
+
+SOON_S = 0.3
+"""Time for a message that follows at once [s]."""
 
 _INDENT = 4
 _MAX_SHOWN = 30
@@ -73,6 +76,29 @@ def headline(auction: Any) -> str:
     if auction.preview and auction.winner:
         return f"{auction.winner} would win"
     return auction.winner or "nobody"
+
+
+def last_end_received(observer: Observer, ends: list[Any]) -> bool:
+    """Return whether the end of the market's last scene is among these, if there was one."""
+    finished = observer.market.finished_scene_id
+    return not finished or any(end.scene_id == finished for end in ends)
+
+
+def end_text(end: Any, names: SceneNames) -> str:
+    """Return how a scene ended, as text."""
+    return f"{code_text(end.code)}: {names.with_names(end.message)}"
+
+
+def admission_text(observer: Observer) -> tuple[str, str]:
+    """Return the market's ``on_new_scene``, empty without an answer, and how many scenes wait."""
+    from bt_agents_tools.client import system
+
+    waiting = observer.market.queued
+    settings = system.admission_settings(observer)
+    if settings is None:
+        return "", f"{waiting} wait"
+    mode, limit = settings
+    return mode, f"{waiting} of {limit} wait"
 
 
 def disagreements(auction: Any) -> str:
