@@ -26,3 +26,8 @@ def assignments(
                 f"'{text}' is not of the form name=number, for example age=4.5"
             ) from None
     return tuple(found)
+
+
+def columns(values: Assignments) -> tuple[list[str], list[float]]:
+    """Return the names and the numbers of assignments, same order."""
+    return [name for name, _ in values], [number for _, number in values]

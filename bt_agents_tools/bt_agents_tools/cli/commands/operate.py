@@ -12,7 +12,7 @@ from bt_agents_core.errors import BtAgentsError
 from bt_agents_language.yaml.diagnostics import did_you_mean
 from bt_agents_tools.cli.assignments import Assignments, assignments
 from bt_agents_tools.cli.connection import FIND_LIMIT_S, accepted, running_system
-from bt_agents_tools.cli.decisions import heard_decisions, names_of_scenes, show_decision
+from bt_agents_tools.cli.decisions import last_decisions, names_of_scenes, show_decision
 
 if TYPE_CHECKING:
     from bt_agents_tools.client.observer import Observer
@@ -69,7 +69,7 @@ def award(agent: str, values: Assignments, label: str, person: bool | None, reas
     with running_system() as observer:
         from bt_agents_tools.client import market
 
-        scene, names = None, names_of_scenes(heard_decisions(observer))
+        scene, names = None, names_of_scenes(last_decisions(observer))
         if values or label or person is not None:
             scene = _scene(observer, values, f"award-{uuid.uuid4().hex[:8]}", person, label)
             names.take(scene)
@@ -115,7 +115,7 @@ def _scene(
     """
     from bt_agents_tools.client import market
 
-    auctions = heard_decisions(observer)
+    auctions = last_decisions(observer)
     observer.turn_until(lambda: observer.profiles is not None, FIND_LIMIT_S)
     like = auctions[-1].scene if auctions else None
     names = _parameters(observer, like)

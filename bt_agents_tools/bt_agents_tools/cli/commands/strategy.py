@@ -12,7 +12,7 @@ from bt_agents_core.errors import BtAgentsError
 from bt_agents_language.yaml.diagnostics import did_you_mean
 from bt_agents_tools.cli.assignments import Assignments, assignments
 from bt_agents_tools.cli.connection import running_system
-from bt_agents_tools.cli.decisions import disagreements, heard_decisions
+from bt_agents_tools.cli.decisions import disagreements, last_decisions
 from bt_agents_tools.cli.wrap import print_line
 
 if TYPE_CHECKING:
@@ -53,7 +53,7 @@ def strategy(
             if refusal:
                 raise BtAgentsError(refusal)
             found = market.strategies(observer) or found
-        auctions = heard_decisions(observer)
+        auctions = last_decisions(observer)
         _show(found, auctions[-1] if auctions else None)
 
 
