@@ -45,7 +45,7 @@ def save(name: str, agents: tuple[str, ...]) -> None:
         for agent in agents:
             by_host.setdefault(host_of(observer, agent), []).append(agent)
         for host, named in (by_host or {host: [] for host in hosts(observer)}).items():
-            ask_host(observer, host, "save", preset=name, agents=named)
+            ask_host(observer, host, "SAVE", preset=name, agents=named)
 
 
 @preset.command()
@@ -56,7 +56,7 @@ def apply(name: str, reason: str, author: str) -> None:
     """Give the values of the preset NAME, all or none."""
     with running_system() as observer:
         for host in _hosts_with(observer, name):
-            ask_host(observer, host, "apply", preset=name, reason=reason, author=author)
+            ask_host(observer, host, "APPLY", preset=name, reason=reason, author=author)
 
 
 @preset.command()
@@ -65,7 +65,7 @@ def forget(name: str) -> None:
     """Remove the preset NAME."""
     with running_system() as observer:
         for host in _hosts_with(observer, name):
-            ask_host(observer, host, "forget", preset=name)
+            ask_host(observer, host, "FORGET", preset=name)
 
 
 @preset.command()
