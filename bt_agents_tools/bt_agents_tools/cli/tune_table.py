@@ -10,10 +10,10 @@ from typing import Protocol
 from bt_agents.host.tuning.tunable import Setting, TunableKind, TunableParameter, shown_value
 from bt_agents_core.text import ellipsize
 
-_WIDEST = 22
+_MAX_COLUMN = 22
 _GAP = "  "
-_NARROWEST = 28
-"""Columns that a description needs beside the rest of its row; else it gets lines of its own."""
+_MIN_DESCRIPTION = 28
+"""Columns for a description beside its row; with fewer it gets lines of its own."""
 
 _INDENT = " " * 6
 
@@ -42,7 +42,8 @@ def table(states: Iterable[Stand], width: int) -> Iterator[str]:
     )
     cells = [_cells(state) for state in ordered]
     widths = [
-        min(max((len(row[column]) for row in cells), default=0), _WIDEST) for column in range(4)
+        min(max((len(row[column]) for row in cells), default=0), _MAX_COLUMN)
+        for column in range(4)
     ]
     agent = ""
     for state, row in zip(ordered, cells, strict=True):
@@ -70,7 +71,7 @@ def _lines(
     used = [(cell, size) for cell, size in zip(cells, widths, strict=True) if size]
     row = _GAP.join(f"{cell:<{size}}" for cell, size in used) + _GAP
     rest = width - (sum(size for _, size in used) + len(_GAP) * len(used))
-    if rest < _NARROWEST:
+    if rest < _MIN_DESCRIPTION:
         yield row.rstrip()
         yield from textwrap.wrap(
             description, width, initial_indent=_INDENT, subsequent_indent=_INDENT

@@ -55,7 +55,7 @@ def new(name: str, directory: Path, kind: str) -> None:
         if taken is not None:
             raise BtAgentsError(f"there is an agent '{name}' already: {taken.file}")
         text = new_agent(name, str(directory), str(files[0]), trees.scene, skills)
-        # A scene so odd that this fails is better told now than by a file with errors.
+        # Fails for a scene so odd that the new file would have errors.
         read_agent_text(text, str(files[0]), trees.vocabulary)
         _write(files[0], _schema(directory, kind) + text)
         test = new_test(name, str(files[1]), trees.scene, skills)

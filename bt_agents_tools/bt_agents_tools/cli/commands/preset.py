@@ -88,7 +88,7 @@ def _presets(observer: Observer) -> Iterable[Any]:
 
 
 def _hosts_with(observer: Observer, name: str) -> list[str]:
-    """Return the hosts that have a preset; all of them when none has, so that they say so."""
+    """Return the hosts that have a preset; all when none has, so that their answers say so."""
     from bt_agents_tools.client import tuning
 
     every = hosts(observer)
