@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A host whose agents' files change: what comes into force when, and who is told."""
+"""A host whose agents' files change: what comes into force when, and who is reported."""
 
 from __future__ import annotations
 
@@ -402,32 +402,32 @@ def test_a_thousand_swaps_while_the_tree_is_ticked_never_mix_two_versions(
     statuses = ros.collect(TreeStatus, "agents/status", qos.EVENTS)
     watch = FolderWatch(host.node._versions.trees)
     runs: list[tuple[list[Any], Any]] = []
-    swaps = swapped = 0
-    while swaps < 1000:
+    replacements = replaced = 0
+    while replacements < 1000:
         first = len(statuses)
         handle = host.market.start(host.node, "bob")
         future = handle.get_result_async()
         while not future.done():
-            if swaps < 1000:
-                swaps += 1
-                name = ("ann", "bob")[swaps % 2]
+            if replacements < 1000:
+                replacements += 1
+                name = ("ann", "bob")[replacements % 2]
                 before = host.node.roster.members[name].spec
-                host.edit(name, text(name, swaps))
-                trees = watch.look(settle=False)
+                host.edit(name, text(name, replacements))
+                trees = watch.poll(settle=False)
                 assert trees is not None
-                host.node._reloading.take(trees)
-                swapped += host.node.roster.members[name].spec is not before
+                host.node._reloading.update(trees)
+                replaced += host.node.roster.members[name].spec is not before
             ros.turns(3)
         result = future.result().result
         ros.until(lambda r=result, f=first: statuses[f:] and statuses[-1].tick == r.ticks)
         runs.append((statuses[first:], result))
     assert len(runs) >= 10
-    assert swapped >= 500, "ann does not run, so that each change of her tree is a swap at once"
+    assert replaced >= 500, "ann does not run, so that each change of her tree acts at once"
     versions = []
-    for told, result in runs:
+    for reported, result in runs:
         assert result.outcome == RunAgent.Result.SUCCEEDED
-        assert [status.tick for status in told] == list(range(1, result.ticks + 1))
-        names = {c.name for s in told for c in s.changes if c.name.startswith("v")}
+        assert [status.tick for status in reported] == list(range(1, result.ticks + 1))
+        names = {c.name for s in reported for c in s.changes if c.name.startswith("v")}
         marks = {name.partition("_")[0] for name in names}
         assert len(marks) == 1
         assert {name.partition("_")[2] for name in names} == {"a", "b", "c"}

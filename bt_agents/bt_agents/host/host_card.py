@@ -7,8 +7,7 @@ from rclpy.node import Node
 from rclpy.publisher import Publisher
 
 from bt_agents.host.agent_registry import AgentRegistry, HostedAgent
-from bt_agents.host.reload.report import problems_of
-from bt_agents.host.reload.source_bundle import texts
+from bt_agents.host.reload.source_bundle import source_bundle
 from bt_agents.host.reload.versions import AgentVersions
 from bt_agents_core.feedback import WEIGHTS, LearningRule
 from bt_agents_core.scene import SceneSpace
@@ -69,10 +68,10 @@ class HostCardPublisher:
             return
         trees = self._versions.trees
         members = self._roster.members.values()
-        problems = problems_of(trees)
+        problems = self._versions.folder_problems()
         for member in members:
             name = member.spec.name
-            for line in self._versions.standing(name).problems:
+            for line in self._versions.status(name).problems:
                 if line not in problems:
                     problems.append(f"{name}: {line.removeprefix(f'{name}: ')}")
         problems += [f"{m.spec.file}: {m.refusal}" for m in members if m.refusal]
@@ -104,7 +103,7 @@ class HostCardPublisher:
 
     def files(self) -> None:
         """Publish the texts that the agents in force are made from."""
-        found = texts(self._versions, InstalledInterfaces().has_package)
+        found = source_bundle(self._versions, InstalledInterfaces().has_package)
         self._files.publish(
             AgentFiles(
                 host=self._host,
@@ -121,7 +120,7 @@ class HostCardPublisher:
 
     def _agent_card(self, member: HostedAgent) -> AgentCard:
         spec = member.spec
-        standing = self._versions.standing(spec.name)
+        status = self._versions.status(spec.name)
         return AgentCard(
             name=spec.name,
             title=spec.title,
@@ -133,10 +132,10 @@ class HostCardPublisher:
             learning_rate=member.learning_rate,
             learning=learning_to_msg(spec.learning, self._roster.space),
             rules=[rule_to_msg(rule) for rule in spec.rules],
-            version=standing.version,
-            waiting=standing.waiting,
-            degraded=bool(standing.problems),
-            problems=list(standing.problems),
+            version=status.version,
+            waiting=status.waiting,
+            degraded=bool(status.problems),
+            problems=list(status.problems),
         )
 
 

@@ -11,10 +11,9 @@ from bt_agents.host.agent_registry import AgentRegistry, HostedAgent
 from bt_agents.host.host_card import HostCardPublisher
 from bt_agents.host.live_scene import LiveScene
 from bt_agents.host.market_registration import MarketRegistration
-from bt_agents.host.reload.reload_actions import ReloadAction, ReloadEffect
 from bt_agents.host.reload.reload_service import ReloadService
 from bt_agents.host.reload.version_services import ReloadServices
-from bt_agents.host.reload.versions import AgentVersions
+from bt_agents.host.reload.versions import AgentVersions, ReloadAction, ReloadEffect
 from bt_agents.host.run_server import RunServer
 from bt_agents.host.tuning.tunable_parameters import TunableParameters
 from bt_agents_core.errors import Refused
@@ -72,7 +71,7 @@ class HostNode(BaseNode):
             self.roster,
             self.instance,
             live.begin_run,
-            version=lambda name: self._versions.standing(name).version,
+            version=lambda name: self._versions.status(name).version,
         )
         for member in self.roster.members.values():
             self._prepare(member.spec)
@@ -148,10 +147,10 @@ class HostNode(BaseNode):
     def _change(self, effect: ReloadEffect) -> None:
         """Change one agent, or leave it as it was; a tree that runs keeps what it began with."""
         name, agent = effect.name, effect.agent
-        if effect.act is ReloadAction.REMOVE:
+        if effect.action is ReloadAction.REMOVE:
             self.roster.remove(name)
             self._tunables.remove(name)
-        elif effect.act is ReloadAction.ADD and agent is not None:
+        elif effect.action is ReloadAction.ADD and agent is not None:
             self._add(agent)
         elif agent is not None:
             member = self.roster.members[name]
@@ -160,11 +159,11 @@ class HostNode(BaseNode):
                     f"{name}: what it has learned (revision {member.revision}) counts until the "
                     "feedback node has recorded the profile of the file"
                 )
-            if effect.act is ReloadAction.REPLACE_TREE:
+            if effect.action is ReloadAction.REPLACE_TREE:
                 member.tunables = dict(member.tunables)
             self._replace(member, agent)
         if name in self.roster.members:
-            self.roster.members[name].removal_reason = self._versions.standing(name).removal_reason
+            self.roster.members[name].removal_reason = self._versions.status(name).removal_reason
 
     def _add(self, agent: AgentSpec) -> None:
         try:
@@ -186,10 +185,10 @@ class HostNode(BaseNode):
 
     def _tell_changes(self, effects: Sequence[ReloadEffect]) -> None:
         """Tell everybody about changed agents, in one message each."""
-        acts = {effect.act for effect in effects}
-        if acts & {ReloadAction.ADD, ReloadAction.REMOVE}:
+        actions = {effect.action for effect in effects}
+        if actions & {ReloadAction.ADD, ReloadAction.REMOVE}:
             self._membership.refresh()
-        if acts - {ReloadAction.REPORT}:
+        if actions - {ReloadAction.REPORT}:
             self._introductions.trees()
             self._introductions.files()
             self._changed = True

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Decisions of the market and ends of scenes, formatted for people, and as JSON."""
+"""Decisions of the market and ends of scenes, formatted for people and as JSON."""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -12,18 +12,17 @@ from rich.console import Console
 
 from bt_agents_core.scene import finite_or_none
 from bt_agents_tools.cli.connection import FIND_LIMIT_S
-from bt_agents_tools.cli.constants import code_words
-from bt_agents_tools.cli.scene_names import SceneNames
-from bt_agents_tools.cli.wrap import print_line
+from bt_agents_tools.cli.formatting import SceneNames, code_text, print_line
 
 if TYPE_CHECKING:
     from bt_agents_tools.client.observer import Observer
 
+SOON_S = 0.3
+"""Time for a message that follows at once [s]."""
+
 _INDENT = 4
 _MAX_SHOWN = 30
 """Bids and refusals that are printed; the JSON has all."""
-
-_END_LIMIT_S = 0.3
 
 
 def last_decisions(observer: Observer) -> list[Any]:
@@ -31,7 +30,7 @@ def last_decisions(observer: Observer) -> list[Any]:
     from bt_agents_tools.client import system
 
     auctions = system.decisions(observer)
-    observer.turn_until(
+    observer.spin_until(
         lambda: (auctions[-1].round if auctions else 0) >= observer.market.round, FIND_LIMIT_S
     )
     return auctions
@@ -41,38 +40,8 @@ def names_of_scenes(auctions: Iterable[Any]) -> SceneNames:
     """Return the names of the scenes of some decisions."""
     names = SceneNames()
     for auction in auctions:
-        names.take(auction.scene)
+        names.add(auction.scene)
     return names
-
-
-def receive_last_end(observer: Observer, ends: Sequence[Any]) -> None:
-    """Wait until the end of the last interaction is among the ``ends``, if there was one.
-
-    Args:
-        observer: In the graph of the system.
-        ends: The list that ``scene_ends`` fills.
-    """
-    observer.turn_until(
-        lambda: observer.market.finished_scene_id in ("", *(end.scene_id for end in ends)),
-        _END_LIMIT_S,
-    )
-
-
-def end_text(end: Any, names: SceneNames) -> str:
-    """Return how a scene ended, with the names of scenes."""
-    return f"{code_words(end.code)}: {names.in_words(end.message)}"
-
-
-def admission(observer: Observer) -> tuple[str, str]:
-    """Return the mode for new scenes, empty without an answer, and how many wait as text."""
-    from bt_agents_tools.client import system
-
-    waiting = observer.market.queued
-    settings = system.new_scenes(observer)
-    if settings is None:
-        return "", f"{waiting} wait"
-    mode, limit = settings
-    return mode, f"{waiting} of {limit} wait"
 
 
 def show_decision(auction: Any, names: SceneNames | None = None) -> None:
@@ -90,7 +59,7 @@ def show_decision(auction: Any, names: SceneNames | None = None) -> None:
         print_line(console, f"  –  {who:<22} ", bid.reason, _INDENT)
     _print_more(len(auction.refused), "that do not bid")
     for line in (auction.explanation or auction.reason).splitlines():
-        print_line(console, "", names.in_words(line), _INDENT)
+        print_line(console, "", names.with_names(line), _INDENT)
 
 
 def _print_more(count: int, what: str) -> None:
@@ -107,6 +76,29 @@ def headline(auction: Any) -> str:
     if auction.preview and auction.winner:
         return f"{auction.winner} would win"
     return auction.winner or "nobody"
+
+
+def last_end_received(observer: Observer, ends: list[Any]) -> bool:
+    """Return whether the end of the market's last scene is among these, if there was one."""
+    finished = observer.market.finished_scene_id
+    return not finished or any(end.scene_id == finished for end in ends)
+
+
+def end_text(end: Any, names: SceneNames) -> str:
+    """Return how a scene ended, as text."""
+    return f"{code_text(end.code)}: {names.with_names(end.message)}"
+
+
+def admission_text(observer: Observer) -> tuple[str, str]:
+    """Return the market's ``on_new_scene``, empty without an answer, and how many scenes wait."""
+    from bt_agents_tools.client import system
+
+    waiting = observer.market.queued
+    settings = system.admission_settings(observer)
+    if settings is None:
+        return "", f"{waiting} wait"
+    mode, limit = settings
+    return mode, f"{waiting} of {limit} wait"
 
 
 def disagreements(auction: Any) -> str:

@@ -126,7 +126,7 @@ def _value(name: str, given: Mapping[str, float], known: Mapping[str, Any]) -> A
 
 def strategies(observer: Observer) -> Strategies | None:
     """Return the strategies of the market with the values in force; None without an answer."""
-    if not observer.turn_until(lambda: observer.market is not None, _STATUS_LIMIT_S):
+    if not observer.spin_until(lambda: observer.market is not None, _STATUS_LIMIT_S):
         return None
     found = {info.name: info for info in observer.market.strategies}
     dotted = [f"{name}.{option}" for name, info in found.items() for option in info.options]

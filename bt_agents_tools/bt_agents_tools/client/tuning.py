@@ -108,7 +108,7 @@ def set_profile(
     Raises:
         Refused: ``UNKNOWN_PARAMETER``.
     """
-    observer.turn_until(lambda: observer.profiles is not None, _LATCHED_LIMIT_S)
+    observer.spin_until(lambda: observer.profiles is not None, _LATCHED_LIMIT_S)
     names = list(observer.profiles.parameters) if observer.profiles is not None else []
     for name in values:
         if names and name not in names:
@@ -188,7 +188,7 @@ def tuned_at(revisions: Iterable[Mapping[str, Any]]) -> float:
 def _latched(observer: Observer, kind: Any, topic: str) -> Any:
     received: list[Any] = []
     subscription = observer.node.create_subscription(kind, topic, received.append, qos.FACT)
-    observer.turn_until(lambda: bool(received), _LATCHED_LIMIT_S)
+    observer.spin_until(lambda: bool(received), _LATCHED_LIMIT_S)
     observer.node.destroy_subscription(subscription)
     if not received:
         raise _no_answer(topic)

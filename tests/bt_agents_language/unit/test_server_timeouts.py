@@ -10,8 +10,8 @@ import pytest
 
 from bt_agents.engine.scripted_environment import ScriptedReply
 from bt_agents_core.errors import ReadError
-from bt_agents_groot.exporting import export_agent
-from bt_agents_groot.importing import import_agent
+from bt_agents_groot.agent_export import export_agent
+from bt_agents_groot.agent_import import import_agent
 from bt_agents_language.files.agent_reader import read_agent_text
 from bt_agents_language.files.folder_reader import read_trees
 from bt_agents_language.files.skills_reader import read_skills_text

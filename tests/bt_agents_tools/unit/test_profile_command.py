@@ -31,12 +31,12 @@ class Room:
         self.desk = Desk()
         self.scene_layer: Any = None
         self.asked: list[tuple[str, str]] = []
-        monkeypatch.setattr(command, "running_system", self._join)
+        monkeypatch.setattr(command, "connect", self._connect)
         monkeypatch.setattr(system, "manage_profiles", self._manage)
         monkeypatch.setenv("COLUMNS", "200")
 
     @contextmanager
-    def _join(self) -> Iterator[None]:
+    def _connect(self) -> Iterator[None]:
         yield None
 
     def _manage(self, _: Any, action: str, *, node: str = "feedback", **fields: Any) -> Any:

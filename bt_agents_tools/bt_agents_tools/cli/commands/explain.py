@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`bt-agents explain`: the page of the reference about one word or one code, in the terminal."""
+"""Command `bt-agents explain`: page of the reference about a word or a code, in the terminal."""
 
 from __future__ import annotations
 

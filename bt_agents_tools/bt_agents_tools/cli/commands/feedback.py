@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`bt-agents feedback`: feedback of a person to an agent."""
+"""Command `bt-agents feedback`: feedback of a person to an agent."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 import click
 
 from bt_agents_core.errors import BtAgentsError
-from bt_agents_tools.cli.assignments import Assignments, assignments
-from bt_agents_tools.cli.connection import FIND_LIMIT_S, accepted, running_system
+from bt_agents_tools.cli.assignments import Assignments, assignments, columns
+from bt_agents_tools.cli.connection import FIND_LIMIT_S, accepted, connect
 
 if TYPE_CHECKING:
     from bt_agents_tools.client.observer import Observer
@@ -34,24 +34,17 @@ def feedback(kind: str, values: Assignments, agent: str, reason: str) -> None:
             f"{kind} feedback names the wanted values, for example: bt-agents feedback {kind} "
             "age=5 mood=2"
         )
-    with running_system() as observer:
+    with connect() as observer:
         from bt_agents_tools.client import system
 
-        observer.turn_until(lambda: observer.profiles is not None, FIND_LIMIT_S)
-        wanted = [number for _, number in values]
-        if kind in ("direct", "set"):
-            wanted = _profile(observer, values)
+        observer.spin_until(lambda: observer.profiles is not None, FIND_LIMIT_S)
+        wanted = _wanted(observer, values) if kind in ("direct", "set") else columns(values)[1]
         answer = system.give_feedback(observer, agent, kind, wanted, reason)
         answer = accepted(answer, "the feedback node")
         click.echo(f"{answer.message} (revision {answer.feedback.revision})")
 
 
-def _profile(observer: Observer, values: Assignments) -> list[float]:
-    """Return the wanted values in the order of the scene parameters, NaN for no opinion.
-
-    Raises:
-        BtAgentsError: There is no such parameter.
-    """
+def _wanted(observer: Observer, values: Assignments) -> list[float]:
     names = list(observer.profiles.parameters) if observer.profiles else []
     given = dict(values)
     unknown = [name for name in given if name not in names]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`bt-agents keep`: write-back of tuned values into the agents' files."""
+"""Command `bt-agents keep`: write-back of tuned values into the agents' files."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from bt_agents_language.files.agent_reader import read_agent_text
 from bt_agents_language.files.folder_reader import Trees, read_trees
 from bt_agents_language.model.specs import AgentSpec
 from bt_agents_language.yaml.source import Source, read_source
-from bt_agents_tools.cli.connection import host_of, hosts, running_system
+from bt_agents_tools.cli.connection import connect, find_host, find_hosts
 from bt_agents_tools.client.write_back import TunedValue, default_text, write_defaults
 
 if TYPE_CHECKING:
@@ -46,10 +46,10 @@ def keep(agents: tuple[str, ...], profile: bool, dry_run: bool) -> None:
     Only those values change in the files; comments, order and quotes stay. tick_rate belongs to
     no agent and is not kept.
     """
-    with running_system() as observer:
+    with connect() as observer:
         edits = [
             edit
-            for host in sorted({host_of(observer, a) for a in agents} or hosts(observer))
+            for host in sorted({find_host(observer, a) for a in agents} or find_hosts(observer))
             for edit in _edits(observer, host, agents, profile)
         ]
     if not edits:

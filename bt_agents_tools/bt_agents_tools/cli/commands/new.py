@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`bt-agents new`: a first file that works, in a new trees folder if there is none yet."""
+"""Command `bt-agents new`: a first file that works, in a new trees folder if there is none yet."""
 
 from __future__ import annotations
 

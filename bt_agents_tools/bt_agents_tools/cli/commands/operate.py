@@ -11,7 +11,7 @@ import click
 from bt_agents_core.errors import BtAgentsError
 from bt_agents_language.yaml.diagnostics import did_you_mean
 from bt_agents_tools.cli.assignments import Assignments, assignments
-from bt_agents_tools.cli.connection import FIND_LIMIT_S, accepted, running_system
+from bt_agents_tools.cli.connection import FIND_LIMIT_S, accepted, connect
 from bt_agents_tools.cli.decisions import last_decisions, names_of_scenes, show_decision
 
 if TYPE_CHECKING:
@@ -66,15 +66,15 @@ def award(agent: str, values: Assignments, label: str, person: bool | None, reas
     Without values it is the last scene. With values, what is not named is as in the last scene,
     or missing.
     """
-    with running_system() as observer:
+    with connect() as observer:
         from bt_agents_tools.client import market
 
         scene, names = None, names_of_scenes(last_decisions(observer))
         if values or label or person is not None:
             scene = _scene(observer, values, f"award-{uuid.uuid4().hex[:8]}", person, label)
-            names.take(scene)
+            names.add(scene)
         answer = market.operate(observer, "AWARD", agent=agent, reason=reason, scene=scene)
-        click.echo(names.in_words(accepted(answer, "the marketplace").message))
+        click.echo(names.with_names(accepted(answer, "the marketplace").message))
 
 
 @click.command()
@@ -87,7 +87,7 @@ def preview(values: Assignments, strategy: str, person: bool | None) -> None:
     For example: bt-agents preview age=4 mood=2 --strategy ucb. What is not named is as in the last
     scene, or missing.
     """
-    with running_system() as observer:
+    with connect() as observer:
         from bt_agents_tools.client import market
 
         scene = None
@@ -98,7 +98,7 @@ def preview(values: Assignments, strategy: str, person: bool | None) -> None:
 
 
 def _operate(action: str, agent: str, reason: str) -> None:
-    with running_system() as observer:
+    with connect() as observer:
         from bt_agents_tools.client import market
 
         answer = market.operate(observer, action, agent=agent, reason=reason)
@@ -116,7 +116,7 @@ def _scene(
     from bt_agents_tools.client import market
 
     auctions = last_decisions(observer)
-    observer.turn_until(lambda: observer.profiles is not None, FIND_LIMIT_S)
+    observer.spin_until(lambda: observer.profiles is not None, FIND_LIMIT_S)
     last = auctions[-1].scene if auctions else None
     names = _parameters(observer, last)
     unknown = next((name for name, _ in values if name not in names), None)

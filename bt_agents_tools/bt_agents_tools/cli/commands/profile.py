@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`bt-agents profile`: inspect, undo, reset, export, import, forget and check profiles."""
+"""Command `bt-agents profile`: inspect, undo, reset, export, import, forget and check profiles."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ from rich.table import Table
 from bt_agents_core.errors import BtAgentsError, Refused
 from bt_agents_language.model.quantities import QuantityError, duration
 from bt_agents_tools.cli.commands.tune import user
-from bt_agents_tools.cli.connection import FIND_LIMIT_S, accepted, running_system
-from bt_agents_tools.cli.constants import KINDS, counted
+from bt_agents_tools.cli.connection import FIND_LIMIT_S, accepted, connect
+from bt_agents_tools.cli.formatting import KINDS, counted
 
 if TYPE_CHECKING:
     from bt_agents_tools.client.observer import Observer
@@ -78,7 +78,7 @@ def show(agent: str) -> None:
 @click.option("--json", "as_json", is_flag=True, help="As JSON, with everything that is known.")
 def history(agent: str, layer: str, as_json: bool) -> None:
     """List the revisions of an AGENT's profile, the oldest first, and why there is each."""
-    with running_system() as observer:
+    with connect() as observer:
         answer = _manage(observer, "HISTORY", agent=agent, layer=layer)
     if as_json:
         click.echo(answer.document)
@@ -128,7 +128,7 @@ def reset(agent: str, layer: str, author: str, reason: str) -> None:
 @click.option("--layer", default="", help="Of one person or place only, such as person/anna.")
 def export(file: Path, agent: str, layer: str) -> None:
     """Write what was learned into a FILE, as JSON."""
-    with running_system() as observer:
+    with connect() as observer:
         answer = _manage(observer, "EXPORT", agent=agent, layer=layer)
     try:
         with file.open("x", encoding="utf-8") as opened:
@@ -166,7 +166,7 @@ def expire(older: str, agent: str, kind: str | None, yes: bool, author: str) -> 
     It cannot be undone, so it shows which they are and asks first.
     """
     age = _age(older)
-    with running_system() as observer:
+    with connect() as observer:
         if not yes:
             known = json.loads(_manage(observer, "HISTORY").document)["profiles"]
             old = [one for one in known if _is_old(one, age, agent, kind or "")]
@@ -204,7 +204,7 @@ def forget(layer: str, agent: str, yes: bool, author: str) -> None:
     if not yes:
         whose = agent or "all agents"
         click.confirm(f"forget what {whose} learned for {layer}, for ever?", abort=True)
-    with running_system() as observer:
+    with connect() as observer:
         from bt_agents_tools.client import system
 
         from_ledger = system.manage_profiles(
@@ -271,7 +271,7 @@ def recover(file: Path, new: Path) -> None:
 
 
 def _show(agent: str) -> None:
-    with running_system() as observer:
+    with connect() as observer:
         answer = _manage(observer, "EXPORT" if agent else "HISTORY", agent=agent)
     profiles = json.loads(answer.document)["profiles"]
     if not profiles:
@@ -304,7 +304,7 @@ def _manage(observer: Observer, action: str, **fields: Any) -> Any:
 
 
 def _manage_and_print(action: str, **fields: Any) -> None:
-    with running_system() as observer:
+    with connect() as observer:
         click.echo(_manage(observer, action, **fields).message)
 
 

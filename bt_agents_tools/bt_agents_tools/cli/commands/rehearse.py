@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`bt-agents rehearse`: an agent's tree in the terminal, on a virtual clock."""
+"""Command `bt-agents rehearse`: an agent's tree in the terminal, on a virtual clock."""
 
 from __future__ import annotations
 

@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`bt-agents sense`: changed values of the live scene of a run."""
+"""Command `bt-agents sense`: changed values of the live scene of a run."""
 
 from __future__ import annotations
 
 import click
 
 from bt_agents_tools.cli.assignments import Assignments, assignments, columns
-from bt_agents_tools.cli.connection import accepted, running_system
+from bt_agents_tools.cli.connection import accepted, connect
 
 
 @click.command()
@@ -17,7 +17,7 @@ def sense(values: Assignments, person: bool | None) -> None:
 
     For example: bt-agents sense mood=1.5.
     """
-    with running_system() as observer:
+    with connect() as observer:
         from bt_agents_tools.client import system
 
         names, numbers = columns(values)

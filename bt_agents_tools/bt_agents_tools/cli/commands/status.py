@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`bt-agents status`: the market, its hosts and agents, and every problem."""
+"""Command `bt-agents status`: the market, all hosts and agents, and every problem."""
 
 from __future__ import annotations
 
@@ -10,17 +10,17 @@ from typing import Any
 import click
 from rich.console import Console
 
-from bt_agents.host.reload.host_card_diff import why_kept
-from bt_agents_tools.cli.connection import FIND_LIMIT_S, running_system
-from bt_agents_tools.cli.constants import STATES, counted, word
+from bt_agents.host.reload.host_card_diff import degraded_reason
+from bt_agents_tools.cli.connection import FIND_LIMIT_S, connect
 from bt_agents_tools.cli.decisions import (
-    admission,
+    SOON_S,
+    admission_text,
     disagreements,
     end_text,
+    last_end_received,
     names_of_scenes,
-    receive_last_end,
 )
-from bt_agents_tools.cli.wrap import print_line
+from bt_agents_tools.cli.formatting import STATES, constant_text, counted, print_line
 
 _ENDS_SHOWN = 3
 
@@ -28,34 +28,34 @@ _ENDS_SHOWN = 3
 @click.command()
 def status() -> None:
     """Show what runs, all agents, and every problem."""
-    with running_system() as observer:
+    with connect() as observer:
         from bt_agents_tools.client import system
 
         auctions, ends = system.decisions(observer), system.scene_ends(observer)
-        observer.turn_until(lambda: bool(observer.cards), FIND_LIMIT_S)
-        receive_last_end(observer, ends)
+        observer.spin_until(lambda: bool(observer.cards), FIND_LIMIT_S)
+        observer.spin_until(lambda: last_end_received(observer, ends), SOON_S)
         market, names = observer.market, names_of_scenes(auctions)
         known = any(end.scene_id == market.finished_scene_id for end in ends[-_ENDS_SHOWN:])
-        state = word(market, market.state, STATES)
+        state = constant_text(market, market.state, STATES)
         if market.state != market.IDLE or not known:
-            state += f": {names.in_words(market.message)}"
+            state += f": {names.with_names(market.message)}"
         _print("market    ", state)
-        new_scenes = ", ".join(filter(None, admission(observer)))
+        new_scenes = ", ".join(filter(None, admission_text(observer)))
         _print(
             "          ",
             f"round {market.round}, {counted(market.hosts, 'host')}, "
             f"{counted(market.agents, 'agent')}; new scenes: {new_scenes}",
         )
-        for text in _ranking(market, auctions[-1] if auctions else None):
-            _print("          ", text)
+        for line in _ranking_lines(market, auctions[-1] if auctions else None):
+            _print("          ", line)
         for host, card in sorted(observer.cards.items()):
             click.echo(f"host      {host}")
             for agent in card.agents:
-                profile = _row(card.parameters, agent.current)
+                profile = _profile_text(card.parameters, agent.current)
                 _print(
                     f"  {agent.name:<22} ",
                     f"{profile}  (revision {agent.revision}, "
-                    f"version {agent.version}{_condition(agent)})",
+                    f"version {agent.version}{_version_text(agent)})",
                 )
             for problem in card.problems:
                 _print("  problem: ", problem)
@@ -63,11 +63,12 @@ def status() -> None:
             when = time.strftime("%H:%M:%S", time.localtime(end.stamp.sec))
             place = f"round {end.round}, " if end.round else ""
             _print(
-                "ended     ", f"{when}, {place}'{names.of(end.scene_id)}', {end_text(end, names)}"
+                "ended     ",
+                f"{when}, {place}'{names.name_of(end.scene_id)}', {end_text(end, names)}",
             )
 
 
-def _ranking(market: Any, last: Any) -> Iterator[str]:
+def _ranking_lines(market: Any, last: Any) -> Iterator[str]:
     """Yield how bids are ranked, and who may not bid or gets no run."""
     text = f"strategy: {market.strategy}"
     if market.shadow_strategy:
@@ -84,15 +85,15 @@ def _ranking(market: Any, last: Any) -> Iterator[str]:
         yield f"starved: {agent} bids again and again and gets no run"
 
 
-def _condition(agent: Any) -> str:
-    waits = "; a newer one waits for the end of the run" if agent.waiting else ""
-    why = why_kept(agent)
-    return waits + (f"; {why}" if why else "")
+def _version_text(agent: Any) -> str:
+    waiting = "; a newer one waits for the end of the run" if agent.waiting else ""
+    reason = degraded_reason(agent)
+    return waiting + (f"; {reason}" if reason else "")
 
 
 def _print(head: str, text: str) -> None:
     print_line(Console(), head, text)
 
 
-def _row(names: Any, values: Any) -> str:
+def _profile_text(names: Any, values: Any) -> str:
     return ", ".join(f"{name} {value:.4g}" for name, value in zip(names, values, strict=True))

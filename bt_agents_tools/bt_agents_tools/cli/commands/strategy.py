@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`bt-agents strategy`: the strategies of a running market, and a switch between them."""
+"""Command `bt-agents strategy`: the strategies of a running market, and a switch between them."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from rich.console import Console
 from bt_agents_core.errors import BtAgentsError
 from bt_agents_language.yaml.diagnostics import did_you_mean
 from bt_agents_tools.cli.assignments import Assignments, assignments
-from bt_agents_tools.cli.connection import running_system
+from bt_agents_tools.cli.connection import connect
 from bt_agents_tools.cli.decisions import disagreements, last_decisions
-from bt_agents_tools.cli.wrap import print_line
+from bt_agents_tools.cli.formatting import print_line
 
 if TYPE_CHECKING:
     from bt_agents_tools.client.market import Strategies
@@ -39,7 +39,7 @@ def strategy(
     if "=" in name:
         name, options = "", (name, *options)
     values = assignments(context, context.command.params[1], options)
-    with running_system() as observer:
+    with connect() as observer:
         from bt_agents_tools.client import market
 
         found = market.strategies(observer)

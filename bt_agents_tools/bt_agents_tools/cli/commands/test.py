@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`bt-agents test`: the test files of a trees folder, without a robot and without ROS."""
+"""Command `bt-agents test`: the test files of a trees folder, without a robot and without ROS."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`bt-agents trigger`: a scene put on the market, and the decision about it."""
+"""Command `bt-agents trigger`: a scene on the market, and its decision."""
 
 from __future__ import annotations
 
@@ -9,17 +9,15 @@ import click
 
 from bt_agents_core.errors import Refused
 from bt_agents_tools.cli.assignments import Assignments, assignments, columns
-from bt_agents_tools.cli.connection import accepted, running_system
-from bt_agents_tools.cli.decisions import admission, headline, names_of_scenes
+from bt_agents_tools.cli.connection import accepted, connect
+from bt_agents_tools.cli.decisions import SOON_S, admission_text, headline, names_of_scenes
 
 if TYPE_CHECKING:
     from bt_agents_tools.client.observer import Observer
 
 _DECIDE_LIMIT_S = 5.0
 _PREEMPTION_LIMIT_S = 1.0
-_END_LIMIT_S = 0.3
-
-_NOT_TAKEN = ("BUSY", "QUEUE_FULL", "DUPLICATE", "SHUTTING_DOWN")
+_REFUSED = ("BUSY", "QUEUE_FULL", "DUPLICATE", "SHUTTING_DOWN")
 
 
 @click.command()
@@ -32,7 +30,7 @@ def trigger(values: Assignments, label: str, person: bool, urgent: bool) -> None
 
     For example: bt-agents trigger age=4.5 mood=2. What is not named is as measured, or missing.
     """
-    with running_system() as observer:
+    with connect() as observer:
         from bt_agents_tools.client import system
 
         auctions, ends = system.decisions(observer), system.scene_ends(observer)
@@ -55,32 +53,32 @@ def trigger(values: Assignments, label: str, person: bool, urgent: bool) -> None
         def waits() -> bool:
             return not rounds() and bool(observer.market.queued)
 
-        observer.turn_until(lambda: decided() or waits(), _DECIDE_LIMIT_S)
+        observer.spin_until(lambda: decided() or waits(), _DECIDE_LIMIT_S)
         if waits():
-            # It may still be asked about, or be refused.
-            observer.turn_until(lambda: decided() or bool(rounds()), _PREEMPTION_LIMIT_S)
-        known = observer.turn_until(decided, _DECIDE_LIMIT_S) if rounds() else decided()
+            # A preemption round may still come, or a refusal.
+            observer.spin_until(lambda: decided() or bool(rounds()), _PREEMPTION_LIMIT_S)
+        known = observer.spin_until(decided, _DECIDE_LIMIT_S) if rounds() else decided()
         scene_names = names_of_scenes(auctions)
         if any(auction.outcome == auction.WAITS for auction in rounds()[-1:]):
-            # There may be no room to wait.
-            observer.turn_until(lambda: end() is not None, _END_LIMIT_S)
+            # The queue may be full.
+            observer.spin_until(lambda: end() is not None, SOON_S)
         for auction in rounds():
             click.echo(f"round {auction.round}: {headline(auction)}")
-            click.echo(scene_names.in_words(auction.reason))
-        if end() is not None and end().code in _NOT_TAKEN:
-            raise Refused(end().code, scene_names.in_words(end().message))
+            click.echo(scene_names.with_names(auction.reason))
+        if end() is not None and end().code in _REFUSED:
+            raise Refused(end().code, scene_names.with_names(end().message))
         if not known:
-            message = scene_names.in_words(observer.market.message)
+            state = scene_names.with_names(observer.market.message)
             click.echo(
-                f"waits in line: {_waiting_text(observer, urgent)}; {message}"
+                f"waits in line: {_queue_text(observer, urgent)}; {state}"
                 if waits()
-                else f"not decided yet, the market says: {message}"
+                else f"not decided yet, the market says: {state}"
             )
 
 
-def _waiting_text(observer: Observer, urgent: bool) -> str:
-    """Return how many scenes wait, and what an urgent one cannot expect."""
-    mode, waiting = admission(observer)
+def _queue_text(observer: Observer, urgent: bool) -> str:
+    """Return how many scenes wait, and a remark when urgency has no effect."""
+    mode, waiting = admission_text(observer)
     if urgent and mode not in ("", "preempt"):
         waiting += f" (urgent counts only where new scenes preempt, here they {mode})"
     return waiting

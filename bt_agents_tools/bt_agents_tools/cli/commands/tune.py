@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`bt-agents tune`: tunables, learning rates and profiles changed while the robot is at work."""
+"""Command `bt-agents tune`: changes of tunables, learning rates and profiles at run time."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ import click
 from bt_agents.host.tuning.tunable import TICK_RATE
 from bt_agents_core.errors import BtAgentsError, Refused
 from bt_agents_language.model.quantities import QuantityError, number
-from bt_agents_tools.cli.connection import accepted, host_of, hosts, running_system
+from bt_agents_tools.cli.connection import accepted, connect, find_host, find_hosts
 from bt_agents_tools.cli.tune_table import table
 
 if TYPE_CHECKING:
@@ -80,7 +80,7 @@ def tune(
         raise click.UsageError(
             f"tick_rate belongs to no agent; --{actions[0]} alone is for the whole host"
         )
-    with running_system() as observer:
+    with connect() as observer:
         if history:
             for host in _hosts(observer, agent):
                 _show_history(observer, host, agent)
@@ -115,7 +115,7 @@ def _set(
     profiles = _profiles(named)
     on_hosts = [(name, text) for name, text in named if not _PROFILE.fullmatch(name)]
     for one in profiles:
-        host_of(observer, one)
+        find_host(observer, one)
     for host, some in _by_host(observer, on_hosts):
         names, texts = [name for name, _ in some], [text for _, text in some]
         ask_host(observer, host, "SET", names=names, values=texts, author=author, reason=reason)
@@ -178,7 +178,7 @@ def _undoable_profile(observer: Observer, host: str, agent: str) -> TunedProfile
 
 
 def _hosts(observer: Observer, agent: str) -> list[str]:
-    return [host_of(observer, agent)] if agent else hosts(observer)
+    return [find_host(observer, agent)] if agent else find_hosts(observer)
 
 
 def _one_host(observer: Observer, agent: str) -> str:
@@ -195,7 +195,7 @@ def _by_host(
     if not listed:
         return []
     whose = {name.partition(".")[0] for name, _ in listed if "." in name}
-    found = sorted({host_of(observer, one) for one in whose}) or hosts(observer)
+    found = sorted({find_host(observer, one) for one in whose}) or find_hosts(observer)
     if whose and len(found) > 1:
         raise BtAgentsError(
             f"these agents are on different hosts, {', '.join(found)}, which cannot change "

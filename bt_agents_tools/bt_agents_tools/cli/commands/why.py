@@ -1,18 +1,19 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`bt-agents why`: the reason of a decision of the market."""
+"""Command `bt-agents why`: the reasons of a decision."""
 
 from __future__ import annotations
 
 import click
 
 from bt_agents_core.errors import BtAgentsError
-from bt_agents_tools.cli.connection import running_system
+from bt_agents_tools.cli.connection import connect
 from bt_agents_tools.cli.decisions import (
+    SOON_S,
     decision_as_json,
     end_text,
     last_decisions,
+    last_end_received,
     names_of_scenes,
-    receive_last_end,
     show_decision,
 )
 
@@ -22,20 +23,20 @@ from bt_agents_tools.cli.decisions import (
 @click.option("--json", "as_json", is_flag=True, help="The whole record of the decision, as JSON.")
 def why(round_number: int | None, as_json: bool) -> None:
     """Say why an agent won, last or in a ROUND."""
-    with running_system() as observer:
+    with connect() as observer:
         from bt_agents_tools.client import system
 
         ends = system.scene_ends(observer)
         auctions = last_decisions(observer)
-        receive_last_end(observer, ends)
+        observer.spin_until(lambda: last_end_received(observer, ends), SOON_S)
         found = [a for a in auctions if round_number is None or a.round == round_number]
         if not found:
-            rounds = ", ".join(str(a.round) for a in auctions)
+            known = ", ".join(str(a.round) for a in auctions)
             raise BtAgentsError(
                 f"no decision {'yet' if round_number is None else f'of round {round_number}'}"
                 + (
-                    f"; there are rounds {rounds}"
-                    if rounds
+                    f"; there are rounds {known}"
+                    if known
                     else "; 'bt-agents trigger' asks for one"
                 )
             )

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Makes an agent file of our language from a file of BehaviorTree.CPP v4."""
+"""Import of a BehaviorTree.CPP v4 file as an agent file of our language."""
 
 from __future__ import annotations
 
@@ -10,15 +10,15 @@ from dataclasses import dataclass, replace
 
 from bt_agents_groot.catalogue import BUILTINS, CONDITIONS, PortKind
 from bt_agents_groot.document import Document, Model, ModelPort, node_id, read_document
-from bt_agents_groot.port_types import read_type
-from bt_agents_groot.ports import from_port, pointed_at
-from bt_agents_groot.remarks import Remark, RemarkLevel, Remarks
+from bt_agents_groot.naming import Renaming, port, snake
+from bt_agents_groot.ports import field_type_of, from_port, pointed_at
 from bt_agents_groot.scopes import Interface, TreeNames
 from bt_agents_groot.skill_nodes import MissingSkill, SkillNodes
 from bt_agents_groot.subtree_calls import Callee, SubtreeCalls, ports_of_call, remaps_all
+from bt_agents_groot.translation import Remark, RemarkLevel, Remarks
 from bt_agents_groot.tree_import import TreeImport
-from bt_agents_groot.words import Renaming, port, snake
-from bt_agents_groot.written import (
+from bt_agents_groot.xml_files import Element
+from bt_agents_groot.yaml_nodes import (
     Data,
     Raw,
     YamlNode,
@@ -27,27 +27,28 @@ from bt_agents_groot.written import (
     with_comments,
     yaml_lines,
 )
-from bt_agents_groot.xml_reader import Element
 from bt_agents_language.model.symbols import SymbolTable
 from bt_agents_language.tools.formatting.formatter import format_source
 from bt_agents_language.yaml.source import Source
 from bt_agents_language.yaml.typed_reader import FORMAT
 
 ON_CANCEL = "on_cancel"
-"""A tree of this name that no other one uses is the clean-up of the agent."""
+"""Name of the tree that becomes the clean-up of the agent when no other tree uses it."""
 
 _SCRIPT_NAME = re.compile(r"[A-Za-z_@]\w*")
-_FROM_OUTSIDE = "What a program gave in BehaviorTree.CPP; write what fits, or make tunables of it."
+_INITIAL_COMMENT = (
+    "What a program gave in BehaviorTree.CPP; write what fits, or make tunables of it."
+)
 
 
 @dataclass(frozen=True, kw_only=True)
 class ImportedAgent:
-    """An agent file that was made.
+    """Imported agent file.
 
     Attributes:
         text: The file in canonical style.
-        remarks: What could not be said the same way, in the order of the XML file.
-        missing: Skills that it uses and nobody declares.
+        remarks: Differences and losses, in the order of the XML file.
+        missing: Skills that it uses and no file declares.
     """
 
     text: str
@@ -56,7 +57,7 @@ class ImportedAgent:
 
     @property
     def skeleton(self) -> str:
-        """A skills file for the missing skills, as a start; empty when none is missing."""
+        """Skeleton of a skills file for the missing skills; empty when none is missing."""
         return skills_file(self.missing)
 
 
@@ -106,7 +107,9 @@ class _Import:
         names = TreeNames(self._mentions(main) + self._mentions(on_cancel), ())
         tree = self._tree(main, names)
         clean_up = self._tree(on_cancel, names) if on_cancel is not None else None
-        tree = _prepared(tree, {name: self._given(names, name) for name in names.needed})
+        tree = _with_initial_values(
+            tree, {name: self._initial_value(names, name) for name in names.needed}
+        )
         entries: dict[str, Data] = {
             "format": FORMAT,
             "agent": self._agent,
@@ -148,7 +151,7 @@ class _Import:
             f"Made from {file} by 'bt-agents import groot'. Write the profile of the scenes that "
             "the\nagent suits; these values are those of an ordinary scene."
         )
-        lost = [remark for remark in remarks if remark.weight is RemarkLevel.LOST]
+        lost = [remark for remark in remarks if remark.level is RemarkLevel.LOST]
         if lost:
             yield from comment_lines(
                 f"Not everything could be translated; {len(lost)} "
@@ -171,7 +174,7 @@ class _Import:
             )
 
     def _callees_first(self) -> list[str]:
-        """Return the trees in an order in which every one follows those that it uses."""
+        """Return the trees in topological order: each one after those that it uses."""
         done: dict[str, None] = {}
         for start in self._document.trees:
             waiting = [start]
@@ -193,7 +196,7 @@ class _Import:
         """Return how often each blackboard entry is mentioned in a tree."""
         if tree_id is None:
             return Counter()
-        return Counter(_mentioned(self._document.trees[tree_id]))
+        return Counter(_mentioned_entries(self._document.trees[tree_id]))
 
     def _tree(self, tree_id: str, names: TreeNames) -> YamlNode:
         element = self._document.trees[tree_id]
@@ -211,13 +214,13 @@ class _Import:
         description = element.get("_description")
         return with_comments(tree, [description]) if description else tree
 
-    def _given(self, names: TreeNames, name: str) -> Data:
-        """Return the value that a name has when the main tree starts."""
+    def _initial_value(self, names: TreeNames, name: str) -> Data:
+        """Return the initial value of a name of the main tree."""
         model = self._document.subtree_models.get(self._document.main, Model(kind="SubTree"))
         declared = model.ports.get(port(names.original(name)))
         if declared is None or not declared.default:
             return names.default(name)
-        return from_port(declared.default, read_type(declared.type), names.rename)
+        return from_port(declared.default, field_type_of(declared.type), names.rename)
 
     def _subtree(self, tree_id: str) -> Data:
         callers = self._callers(tree_id)
@@ -245,7 +248,7 @@ class _Import:
             for name in (*names.needed, *outputs)
         }
         optional = frozenset(name for name in inputs if declared[inputs[name]].default)
-        copied: dict[str, Data] = {
+        copied_inputs: dict[str, Data] = {
             inside: Raw(f"${{{outer}}}") for outer, inside in inputs.items() if outer != inside
         }
         interface = Interface(inputs=inputs, optional=optional, outputs=outputs)
@@ -258,32 +261,34 @@ class _Import:
             }
         if outputs:
             entries["outputs"] = {
-                name: Raw(read_type(declared[name].type).value) for name in outputs
+                name: Raw(field_type_of(declared[name].type).value) for name in outputs
             }
-        return {**entries, "tree": _prepared(tree, copied, "")}
+        return {**entries, "tree": _with_initial_values(tree, copied_inputs, "")}
 
 
 def _declaration(declared: ModelPort, names: TreeNames) -> Data:
-    """Return an input as it is declared."""
-    field_type = read_type(declared.type)
+    """Return the declaration of an input."""
+    field_type = field_type_of(declared.type)
     if not declared.default:
         return Raw(field_type.value)
     default = from_port(declared.default, field_type, names.rename)
     return {"type": Raw(field_type.value), "default": default}
 
 
-def _prepared(tree: YamlNode, values: Mapping[str, Data], why: str = _FROM_OUTSIDE) -> YamlNode:
-    """Return a tree that first gives names the values which came from outside of it."""
+def _with_initial_values(
+    tree: YamlNode, values: Mapping[str, Data], comment: str = _INITIAL_COMMENT
+) -> YamlNode:
+    """Return a tree that first sets names to the values that came from outside of it."""
     if not values:
         return tree
-    first = YamlNode(key="set", value=dict(values), comments=(why,) if why else ())
+    first = YamlNode(key="set", value=dict(values), comments=(comment,) if comment else ())
     plain = replace(tree, children=(), comments=())
     if plain == YamlNode(key="sequence"):
         return replace(tree, children=(first, *tree.children))
     return sequence(first, tree)
 
 
-def _mentioned(element: Element) -> Iterator[str]:
+def _mentioned_entries(element: Element) -> Iterator[str]:
     """Return the blackboard entries that an element and all below it mention."""
     builtin = BUILTINS.get(node_id(element))
     for name, attribute in element.attributes.items():
@@ -294,7 +299,7 @@ def _mentioned(element: Element) -> Iterator[str]:
         elif entry is not None:
             yield name if entry == "=" else entry
     for child in element.children:
-        yield from _mentioned(child)
+        yield from _mentioned_entries(child)
 
 
 def skills_file(missing: tuple[MissingSkill, ...]) -> str:

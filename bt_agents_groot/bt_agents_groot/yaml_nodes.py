@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Nodes of our language that are to be written, and their text as YAML."""
+"""YAML nodes: nodes of our language that are made by an import, and their text."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from bt_agents_language.tools.formatting.scalar_style import quoted
 
 @dataclass(frozen=True)
 class Raw:
-    """What stands without quotes where YAML allows it: a number, a time, a condition, ``${x}``."""
+    """Scalar without quotes where YAML allows it: a number, a time, a condition, ``${x}``."""
 
     text: str
 
@@ -27,16 +27,16 @@ _HANDLERS = tuple(one.key for one in DECORATORS.values() if one.handler)
 
 @dataclass(frozen=True, kw_only=True)
 class YamlNode:
-    """One node.
+    """Node of our language.
 
     Attributes:
-        key: The node key.
-        value: What stands behind it; of a composite its options.
-        children: Of a composite, in order.
+        key: Node key.
+        value: Value of the key; of a composite its options.
+        children: Children of a composite, in order.
         name: Name for people; may be empty.
-        decorators: By key.
-        siblings: ``with``, ``outputs`` and ``weight``.
-        comments: Lines to stand above the node.
+        decorators: Decorators by key.
+        siblings: Values of the sibling keys ``with``, ``outputs`` and ``weight``.
+        comments: Comment lines above the node.
     """
 
     key: str
@@ -71,7 +71,7 @@ class YamlNode:
 
 
 Data = Raw | str | bool | int | float | list["Data"] | dict[str, "Data"] | YamlNode
-"""Something to be written; a ``str`` is a text and never anything else."""
+"""Value in a YAML file; a ``str`` is always a text."""
 
 
 def sequence(*children: YamlNode) -> YamlNode:
@@ -84,7 +84,7 @@ def selector(*children: YamlNode) -> YamlNode:
     return YamlNode(key="selector", children=children)
 
 
-def outside(node: YamlNode, key: str, value: Data) -> YamlNode:
+def decorated(node: YamlNode, key: str, value: Data) -> YamlNode:
     """Return a node with one more decorator around all that it has.
 
     Where the order of decorators would put the new one inside of another, or where two of them
@@ -92,8 +92,8 @@ def outside(node: YamlNode, key: str, value: Data) -> YamlNode:
     that.
     """
     # What skips the node makes no difference to some decorators, and stays outside of them.
-    outside_of_it = _SKIPPING if DECORATORS[key].unaffected else ()
-    outer = {k: v for k, v in node.decorators.items() if k in outside_of_it and k != key}
+    stays_outside = _SKIPPING if DECORATORS[key].unaffected else ()
+    outer = {k: v for k, v in node.decorators.items() if k in stays_outside and k != key}
     inner = {k: v for k, v in node.decorators.items() if k not in outer}
     contrary = DECORATORS[key].contrary in inner
     if contrary or any(_ORDER.index(present) <= _ORDER.index(key) for present in inner):
@@ -101,13 +101,13 @@ def outside(node: YamlNode, key: str, value: Data) -> YamlNode:
     return replace(node, decorators={**outer, **inner, key: value})
 
 
-def may_be_left_out(node: YamlNode) -> bool:
-    """Return whether a node says itself that it is left out sometimes."""
+def can_be_skipped(node: YamlNode) -> bool:
+    """Return whether a node has a decorator that can skip it."""
     return any(key in node.decorators for key in _SKIPPING)
 
 
 def with_comments(node: YamlNode, comments: Iterable[str]) -> YamlNode:
-    """Return a node with more lines above it."""
+    """Return a node with more comment lines above it."""
     return replace(node, comments=(*comments, *node.comments))
 
 
@@ -157,16 +157,15 @@ def _comments(node: YamlNode, indent: int) -> list[str]:
 
 
 def scalar(value: Data) -> str:
-    """Return a value that takes one line."""
+    """Return the text of a value that takes one line."""
     match value:
         case bool():
             return "true" if value else "false"
         case int() | float():
             return repr(value)
         case str():
-            return (
-                value if re.fullmatch(r"[a-z_]+", value) and value not in _TRAPS else quoted(value)
-            )
+            is_plain = re.fullmatch(r"[a-z_]+", value) and value not in _YAML_CONSTANTS
+            return value if is_plain else quoted(value)
         case Raw(text):
             return text if _is_plain(text) else quoted(text)
         case list():
@@ -174,7 +173,7 @@ def scalar(value: Data) -> str:
     return "{}"
 
 
-_TRAPS = frozenset(("true", "false", "null", "yes", "no", "on", "off", "y", "n"))
+_YAML_CONSTANTS = frozenset(("true", "false", "null", "yes", "no", "on", "off", "y", "n"))
 
 
 def _is_plain(text: str) -> bool:

@@ -1,12 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
-"""XML text turned into elements that know their place; what no tree needs is refused."""
+"""XML files: parsing into elements that know their place, with limits, and writing."""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from xml.parsers import expat
+from xml.sax.saxutils import escape
 
 from bt_agents_core.diagnostic import Position
 from bt_agents_core.text import quote
@@ -25,12 +26,13 @@ MAX_TEXT = 20_000
 
 _ATTRIBUTE = re.compile(r"""([^\s=<>"'/]+)\s*=\s*("[^"]*"|'[^']*')""")
 _WRITTEN_CHARACTER = re.compile(r"&[^;]*;|\r\n|.", re.DOTALL)
-_ESCAPES = "write &lt; for '<', &amp; for '&' and &quot; for '\"' inside an attribute"
+_ESCAPE_HINT = "write &lt; for '<', &amp; for '&' and &quot; for '\"' inside an attribute"
+_ESCAPES = {'"': "&quot;", "\n": "&#10;", "\t": "&#9;", "\r": "&#13;"}
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Attribute:
-    """One attribute.
+    """Attribute with its place.
 
     Attributes:
         name: Its name.
@@ -73,10 +75,10 @@ class Element:
 
 
 class XmlReading:
-    """One XML file while it is read: its source, its root element and the problems so far.
+    """XML file with its root element and the problems so far.
 
     Attributes:
-        root: The root element; None when nothing can be made of the file, which is then reported.
+        root: Root element; None when the file cannot be parsed, which is among the problems.
     """
 
     def __init__(self, source: Source) -> None:
@@ -104,12 +106,12 @@ class XmlReading:
 
 
 class _Refused(Exception):
-    """Reading on makes no sense; the reason is among the problems."""
+    """Raised to end the parsing; the reason is among the problems."""
 
 
 @dataclass
 class _Open:
-    """An element whose end has not come yet."""
+    """Element whose end tag has not come yet."""
 
     tag: str
     index: int
@@ -119,13 +121,13 @@ class _Open:
 
 
 class _Parser:
-    """Builds elements from the events of expat, without recursion."""
+    """Builder of elements from the events of expat, without recursion."""
 
     def __init__(self, source: Source, problems: Diagnostics) -> None:
         self._source = source
         self._problems = problems
         self._data = source.text.encode("utf-8", "replace")
-        # Expat counts bytes, and only forwards: what was counted once is not decoded again.
+        # Expat counts bytes, and only forwards: the part before this index is not decoded again.
         self._counted = (0, 0)
         self._open: list[_Open] = []
         self._count = 0
@@ -139,7 +141,7 @@ class _Parser:
         self._expat.CharacterDataHandler = self._text
 
     def root(self) -> Element | None:
-        """Return the root element; None when there is none, which is then reported."""
+        """Return the root element; None when there is none, which is among the problems."""
         if len(self._data) > MAX_BYTES:
             self._problems.add("too-large", self._source.position(0), *TOO_LARGE)
             return None
@@ -161,7 +163,7 @@ class _Parser:
         return self._root
 
     def _index(self, byte: int) -> int:
-        """Return the index in the text of a byte."""
+        """Return the index in the text for an offset in bytes."""
         from_byte, from_index = self._counted
         index = from_index + len(self._data[from_byte:byte].decode("utf-8", "replace"))
         self._counted = (byte, index)
@@ -254,7 +256,7 @@ class _Parser:
         self._problems.add("xml-syntax", self._source.position(index), message, hint)
 
     def _explanation(self, said: str) -> tuple[str, str]:
-        """Return what an error of expat means, and how to mend it."""
+        """Return the message and the hint for an error of expat."""
         still_open = self._open[-1].tag if self._open else ""
         match said:
             case "no element found":
@@ -271,7 +273,38 @@ class _Parser:
             case "duplicate attribute":
                 return "this element has the same attribute twice", "remove one of them"
             case "undefined entity":
-                return "a '&name;' stands here that XML does not know", _ESCAPES
+                return "a '&name;' stands here that XML does not know", _ESCAPE_HINT
             case "unclosed token" | "unclosed CDATA section":
                 return "what starts here is not closed", "add the missing '>' or quotation mark"
-        return f"this is not XML ({quote(said)})", _ESCAPES
+        return f"this is not XML ({quote(said)})", _ESCAPE_HINT
+
+
+@dataclass(frozen=True, kw_only=True)
+class Xml:
+    """Element to be written."""
+
+    tag: str
+    attributes: Mapping[str, str] = field(default_factory=dict)
+    children: tuple[Xml, ...] = ()
+    text: str = ""
+
+    def having(self, **attributes: str) -> Xml:
+        """Return the element with more attributes."""
+        return replace(self, attributes={**self.attributes, **attributes})
+
+
+def xml_text(root: Xml) -> str:
+    """Return a file with one root element."""
+    return "\n".join(['<?xml version="1.0" encoding="UTF-8"?>', *_lines(root, 0)]) + "\n"
+
+
+def _lines(element: Xml, indent: int) -> list[str]:
+    pad = " " * indent
+    pairs = [f' {name}="{escape(value, _ESCAPES)}"' for name, value in element.attributes.items()]
+    start = f"{pad}<{element.tag}{''.join(pairs)}"
+    if element.text:
+        return [f"{start}>{escape(element.text)}</{element.tag}>"]
+    if not element.children:
+        return [f"{start}/>"]
+    inner = [line for child in element.children for line in _lines(child, indent + 2)]
+    return [f"{start}>", *inner, f"{pad}</{element.tag}>"]

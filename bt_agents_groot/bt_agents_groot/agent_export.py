@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Makes a file of BehaviorTree.CPP v4 from an agent file, so that Groot2 can show its trees."""
+"""Export of an agent file as a BehaviorTree.CPP v4 file, which Groot2 can show."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from bt_agents_groot.models import Models
-from bt_agents_groot.remarks import Remark, RemarkLevel, Remarks
+from bt_agents_groot.translation import Remark, RemarkLevel, Remarks
 from bt_agents_groot.tree_export import TreeExport
-from bt_agents_groot.xml_writer import Xml, xml_text
+from bt_agents_groot.xml_files import Xml, xml_text
 from bt_agents_language.files.agent_reader import read_agent_text
 from bt_agents_language.files.imports import read_imports
 from bt_agents_language.files.inputs import read_inputs
@@ -27,7 +27,7 @@ _NOT_IN_TREES = (
 
 @dataclass(frozen=True, kw_only=True)
 class ExportedAgent:
-    """A file of BehaviorTree.CPP that was made, and what differs in it."""
+    """Exported file of BehaviorTree.CPP, with remarks on what differs in it."""
 
     text: str
     remarks: tuple[Remark, ...]
@@ -38,7 +38,7 @@ def export_agent(source: Source, vocabulary: SymbolTable) -> ExportedAgent:
 
     Args:
         source: The agent file.
-        vocabulary: What it may speak of; see ``agent_reader``.
+        vocabulary: Symbols that it may use; see ``agent_reader``.
 
     Raises:
         ReadError: There is a problem in the file; it lists all of them.
@@ -49,7 +49,7 @@ def export_agent(source: Source, vocabulary: SymbolTable) -> ExportedAgent:
 
 @dataclass
 class _TreeFile:
-    """An agent file or library whose trees are translated."""
+    """Agent file or library whose trees are exported."""
 
     fields: MappingReader
     vocabulary: SymbolTable
@@ -71,7 +71,7 @@ class _Export:
     def run(self, source: Source, agent: str, tunables: tuple[Tunable, ...]) -> ExportedAgent:
         """Translate an agent's trees and all subtrees that they use."""
         main = self._open(source)
-        # The agent's own tree gets the ID that its name asks for; others make way.
+        # Reserved first, so that the agent's own tree gets the ID that its name asks for.
         main_id = self._models.tree_id(agent)
         self._models.main(main_id, tunables)
         trees = [self._tree(main, main.fields.get("tree"), main_id)]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Names as one of the two languages allows them, and back: ``SaySomething``, ``say_something``."""
+"""Naming rules of both languages, and conversions: ``SaySomething``, ``say_something``."""
 
 from __future__ import annotations
 
@@ -41,30 +41,30 @@ def pascal(name: str, taken: Collection[str]) -> str:
 
 
 def port(name: str) -> str:
-    """Return the port of a field; ``name`` means something else to BehaviorTree.CPP."""
+    """Return the port name of a field; ``name`` has another meaning in BehaviorTree.CPP."""
     return f"{name}_" if re.fullmatch("name_*", name) else name
 
 
 def field_of(port_name: str) -> str:
-    """Return the field that :func:`port` has made a port of."""
+    """Return the field name of a port, the inverse of :func:`port`."""
     name = entry_of(port_name)
     return name if _OURS.fullmatch(name) else snake(name)
 
 
 def entry_of(port_name: str) -> str:
-    """Return what a port is called inside of a subtree."""
+    """Return the name of a port inside of a subtree."""
     return port_name[:-1] if re.fullmatch("name_+", port_name) else port_name
 
 
 class Renaming:
-    """Gives every name of one kind a name in our language, different ones to different names."""
+    """Injective mapping of names to valid names of our language."""
 
     def __init__(self) -> None:
         self._taken = set(RESERVED)
         self._given: dict[str, str] = {}
 
     def __call__(self, name: str) -> str:
-        """Return what a name is called in our language, always the same for the same name."""
+        """Return the name in our language, always the same for the same name."""
         if name not in self._given:
             wanted = name if _OURS.fullmatch(name) else snake(name)
             given = wanted

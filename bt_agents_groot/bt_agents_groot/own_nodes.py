@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Words of our language that stand in a file of BehaviorTree.CPP as custom nodes of that name."""
+"""Import of custom nodes that are named as node keys of our language."""
 
 from __future__ import annotations
 
@@ -8,22 +8,22 @@ from collections.abc import Callable
 from bt_agents_core.field_types import FieldType
 from bt_agents_groot.catalogue import CONDITIONS, OTHER_ATTRIBUTES
 from bt_agents_groot.document import node_id
+from bt_agents_groot.naming import port
 from bt_agents_groot.ports import PortError, from_port, names_in, names_of_expression
-from bt_agents_groot.remarks import RemarkLevel
 from bt_agents_groot.scopes import TreeNames
-from bt_agents_groot.words import port
-from bt_agents_groot.written import Data, Raw, YamlNode
-from bt_agents_groot.xml_reader import Attribute, Element
+from bt_agents_groot.translation import RemarkLevel
+from bt_agents_groot.xml_files import Attribute, Element
+from bt_agents_groot.yaml_nodes import Data, Raw, YamlNode
 from bt_agents_language.model.node_type import Children, Content, NodeField
 from bt_agents_language.nodes.catalogue import NODE_TYPES
 from bt_agents_language.nodes.set import SET
 
-Remarking = Callable[[RemarkLevel, Element | Attribute, str], None]
-"""Takes a remark about an element or attribute."""
+RemarkFunction = Callable[[RemarkLevel, Element | Attribute, str], None]
+"""Function that adds a remark about an element or attribute."""
 
 
-def own_leaf(element: Element, names: TreeNames, remark: Remarking) -> YamlNode | None:
-    """Return the node for a leaf of our own language; None when an element is none."""
+def own_leaf(element: Element, names: TreeNames, remark: RemarkFunction) -> YamlNode | None:
+    """Return the node for an element named as a leaf of our language; None for any other."""
     own = NODE_TYPES.get(node_id(element))
     if own is None or own.children is not Children.NONE:
         return None
@@ -39,7 +39,7 @@ def own_leaf(element: Element, names: TreeNames, remark: Remarking) -> YamlNode 
     return YamlNode(key=own.key, value=fields[own.main or ""] if only_main else fields)
 
 
-def _own_set(element: Element, names: TreeNames, remark: Remarking) -> YamlNode | None:
+def _own_set(element: Element, names: TreeNames, remark: RemarkFunction) -> YamlNode | None:
     values = element.attributes.get("values")
     data = port_value(values, FieldType.ANY, names, remark) if values is not None else None
     if not isinstance(data, dict):
@@ -50,11 +50,11 @@ def _own_set(element: Element, names: TreeNames, remark: Remarking) -> YamlNode 
 
 
 def own_fields(
-    element: Element, fields: tuple[NodeField, ...], names: TreeNames, remark: Remarking
+    element: Element, fields: tuple[NodeField, ...], names: TreeNames, remark: RemarkFunction
 ) -> dict[str, Data] | None:
-    """Return the fields of a word of our language; None when the ports are not those fields."""
+    """Return the fields of a node of our language; None when the ports are not those fields."""
     by_port = {port(one.name): one for one in fields}
-    written = written_ports(element)
+    written = given_ports(element)
     required = {port(one.name) for one in fields if one.required}
     present = {attribute.name for attribute in written}
     if not present or not required <= present <= set(by_port):
@@ -71,9 +71,9 @@ def own_fields(
 
 
 def port_value(
-    attribute: Attribute, field_type: FieldType, names: TreeNames, remark: Remarking
+    attribute: Attribute, field_type: FieldType, names: TreeNames, remark: RemarkFunction
 ) -> Data:
-    """Return what stands in a port, the names in it remembered."""
+    """Return the value of a port; the names in it are recorded as read."""
     try:
         data = from_port(attribute.value, field_type, names.rename)
     except PortError as error:
@@ -85,7 +85,7 @@ def port_value(
     return data
 
 
-def written_ports(element: Element) -> list[Attribute]:
+def given_ports(element: Element) -> list[Attribute]:
     """Return the attributes of an element that are ports."""
     return [
         attribute
