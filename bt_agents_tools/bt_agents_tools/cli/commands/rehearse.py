@@ -24,7 +24,7 @@ from bt_agents_language.files.testing.test_reader import read_scenario_text, rea
 from bt_agents_language.model.specs import AgentSpec
 from bt_agents_tools.cli.named_agent import named_agent
 from bt_agents_tools.cli.prompts import InteractiveAnswers
-from bt_agents_tools.cli.scenario_options import scenario_words
+from bt_agents_tools.cli.scenario_options import scenario_yaml
 from bt_agents_tools.rehearsal.assertions import failed_assertions
 from bt_agents_tools.rehearsal.events import Event, Rehearsed
 from bt_agents_tools.rehearsal.rehearsal import rehearse as play
@@ -80,13 +80,13 @@ def rehearse(
         agent, script = "", agent
     trees, spec, case = _material(agent, script, directory)
     space = trees.scene.space
-    options = scenario_words(
+    options = scenario_yaml(
         spec,
         # --scene takes only the first of its values; the others come as arguments.
         scene=(*scene, *(one for one in arguments if "=" in one)),
         tunables=tune,
         answers=answer,
-        happenings=at,
+        events=at,
         seed=seed,
     )
     try:
@@ -107,7 +107,7 @@ def rehearse(
         scenario,
         on_event=_printer(console, width, ticks, realtime),
         answer_source=interactive_answers,
-        prompt=interactive_answers.happening if interactive_answers is not None else None,
+        prompt=interactive_answers.event if interactive_answers is not None else None,
         force=True,
     )
     sys.exit(_close(console, rehearsed, case))
