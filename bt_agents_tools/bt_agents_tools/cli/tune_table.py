@@ -5,10 +5,13 @@ from __future__ import annotations
 
 import textwrap
 from collections.abc import Iterable, Iterator, Sequence
-from typing import Protocol
+from typing import TYPE_CHECKING
 
-from bt_agents.host.tuning.tunable import Setting, TunableKind, TunableParameter, shown_value
+from bt_agents.host.tuning.tunable import TunableKind, shown_value
 from bt_agents_core.text import ellipsize
+
+if TYPE_CHECKING:
+    from bt_agents_tools.client.tuning import ParameterState
 
 _MAX_COLUMN = 22
 _GAP = "  "
@@ -18,24 +21,12 @@ _MIN_DESCRIPTION = 28
 _INDENT = " " * 6
 
 
-class Stand(Protocol):
-    """Tunable parameter with its current value."""
-
-    @property
-    def parameter(self) -> TunableParameter:
-        """Description, with the default of the file."""
-
-    @property
-    def value(self) -> Setting:
-        """Current value."""
-
-
-def table(states: Iterable[Stand], width: int) -> Iterator[str]:
+def table(states: Iterable[ParameterState], width: int) -> Iterator[str]:
     """Yield the lines of a table: the parameters of the host, then those of each agent.
 
     Args:
-        states: The parameters.
-        width: Of the terminal, in columns.
+        states: The parameters with their values.
+        width: Columns of the terminal.
     """
     ordered = sorted(
         states, key=lambda one: (one.parameter.agent, one.parameter.kind is TunableKind.PROFILE)
@@ -53,8 +44,8 @@ def table(states: Iterable[Stand], width: int) -> Iterator[str]:
         yield from _lines(row, widths, state.parameter.description, width)
 
 
-def _cells(state: Stand) -> tuple[str, str, str, str]:
-    """Return name, value, default and limits; a column that is empty in all rows is left out."""
+def _cells(state: ParameterState) -> tuple[str, str, str, str]:
+    """Return name, value, default and limits, empty where there is nothing to show."""
     parameter = state.parameter
     name = f"  {parameter.name[len(parameter.agent) + 1 :]}" if parameter.agent else parameter.name
     changed = state.value != parameter.default

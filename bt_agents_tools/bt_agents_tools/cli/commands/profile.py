@@ -264,9 +264,9 @@ def recover(file: Path, new: Path) -> None:
     missing. FILE is not changed. Move it away, with its -wal and -shm, and put NEW in its place;
     or give the feedback node NEW as its parameter 'ledger'.
     """
-    from feedback_node.ledger.recovery import recover as copy_good_revisions
+    from feedback_node.ledger import recovery
 
-    count = copy_good_revisions(str(file), str(new))
+    count = recovery.recover(str(file), str(new))
     click.echo(f"{count} revisions copied to {new}")
 
 

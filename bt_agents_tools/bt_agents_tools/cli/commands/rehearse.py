@@ -25,9 +25,9 @@ from bt_agents_language.model.specs import AgentSpec
 from bt_agents_tools.cli.named_agent import named_agent
 from bt_agents_tools.cli.prompts import InteractiveAnswers
 from bt_agents_tools.cli.scenario_options import scenario_yaml
+from bt_agents_tools.rehearsal import rehearsal
 from bt_agents_tools.rehearsal.assertions import failed_assertions
 from bt_agents_tools.rehearsal.events import Event, Rehearsed
-from bt_agents_tools.rehearsal.rehearsal import rehearse as play
 from bt_agents_tools.rehearsal.rehearsal_scenes import awarded
 from bt_agents_tools.rehearsal.suite import TreesFolders
 from bt_agents_tools.rehearsal.transcript import WIDTH, ending, lines, table, tuned_text
@@ -101,7 +101,7 @@ def rehearse(
         InteractiveAnswers(console, spec, trees.vocabulary) if interactive else None
     )
     console.print(_heading(spec, scenario, space, case), soft_wrap=True)
-    rehearsed = play(
+    rehearsed = rehearsal.rehearse(
         spec,
         space,
         scenario,
