@@ -53,12 +53,8 @@ def operate(
 ) -> Any:
     """Send an operator's command; return the market's response, None without an answer.
 
-    Args:
-        observer: In the graph of the system.
-        action: Name of a constant of ``OperateMarket.srv``.
-        agent: The agent that it is about.
-        reason: Reason for people.
-        scene: Scene of an award; None means the last one.
+    The action is the name of a constant of ``OperateMarket.srv``. Without a scene an award is for
+    the last one.
     """
     request = OperateMarket.Request(
         action=getattr(OperateMarket.Request, action), agent=agent, reason=reason
@@ -71,10 +67,7 @@ def operate(
 def preview(observer: Observer, strategy: str, scene: Any = None) -> Any:
     """Ask who would win; return the market's response, None without an answer.
 
-    Args:
-        observer: In the graph of the system.
-        strategy: Name of a strategy; empty for the one in force.
-        scene: Scene of the preview; None means the last one.
+    Without a strategy it is the one in force, without a scene the last one.
     """
     request = PreviewAuction.Request(strategy=strategy)
     if scene is not None:
@@ -171,11 +164,7 @@ def _option(name: str, value: float, descriptor: Any) -> StrategyOption:
 
 
 def set_parameters(observer: Observer, changes: Mapping[str, str | float]) -> str | None:
-    """Set parameters of the market together.
-
-    Returns:
-        The reason of a refusal, empty when they are set, None without an answer.
-    """
+    """Set parameters of the market together; return why not, empty if set, None if unanswered."""
     parameters = [Parameter(name, value=value) for name, value in changes.items()]
     request = SetParametersAtomically.Request(
         parameters=[parameter.to_parameter_msg() for parameter in parameters]

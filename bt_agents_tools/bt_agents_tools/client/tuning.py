@@ -42,14 +42,7 @@ class ParameterState:
 
 
 def tune(observer: Observer, host: str, action: str, **fields: Any) -> Any:
-    """Ask a host to tune; return its response, None without an answer.
-
-    Args:
-        observer: In the graph of the system.
-        host: Fully qualified name of the host.
-        action: Name of a constant of ``Tune.srv``.
-        fields: The other fields of the request.
-    """
+    """Send a request, its action a constant of ``Tune.srv``, to a host; None without an answer."""
     request = Tune.Request(action=getattr(Tune.Request, action), **fields)
     return observer.call(Tune, f"{host}/tune", request)
 
@@ -141,15 +134,9 @@ class TunedProfile:
 
 
 def tuned_profile(observer: Observer, agent: str, since: float) -> TunedProfile | None:
-    """Return the newest tuning of a profile that can be undone.
+    """Return the newest tuning of a profile that can be undone, None without an answer, too.
 
-    Args:
-        observer: In the graph of the system.
-        agent: The agent; empty for all.
-        since: Time after which it has to be [s since 1970].
-
-    Returns:
-        The change; None, too, when the feedback node does not answer.
+    It is one of the agent, empty for all, and newer than ``since`` [s since 1970].
     """
     found: TunedProfile | None = None
     profiles = _history(observer, "profiles")
@@ -171,11 +158,7 @@ def _history(observer: Observer, what: str, **fields: Any) -> list[Mapping[str, 
 
 
 def tuned_at(revisions: Iterable[Mapping[str, Any]]) -> float:
-    """Return when the values in force of a profile were tuned [s since 1970]; 0 if never.
-
-    Args:
-        revisions: Revisions of the profile, as the ledger exports them.
-    """
+    """Return when the values in force among exported revisions were tuned [s since 1970], or 0."""
     by_number = {one["revision"]: one for one in revisions}
     # An undo is a revision that restores an earlier one.
     in_force = by_number.get(max(by_number, default=0))

@@ -28,16 +28,10 @@ class EventOrder:
     def in_order(
         self, at_s: float, changes: Sequence[StatusChange], held: Iterable[tuple[int, Event]]
     ) -> list[Event]:
-        """Return the events of a tick.
+        """Return the events of a tick at a time [s]: its changes and the held events.
 
-        Args:
-            at_s: The time [s].
-            changes: Changes of nodes, in order.
-            held: Other events of the tick, each with the number of changes before it.
-
-        Returns:
-            The events in time; a change of a node comes after the events of the node itself, and
-            after the changes of all nodes above it.
+        Each held event has the number of changes before it. A change of a node comes after the
+        events of the node itself, and after the changes of all nodes above it.
         """
         happened = [*held]
         waits: list[Event] = []

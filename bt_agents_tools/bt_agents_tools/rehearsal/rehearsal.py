@@ -244,11 +244,7 @@ class _Rehearsal:
         return f"it waits for ever: nothing more will happen ({waiting})"
 
     def _prompt_while_waiting(self, until: float) -> ScriptedEvent | None:
-        """Return the event that a person enters while the tree only waits; None for none.
-
-        Args:
-            until: Time of the next event without the person [s]; infinite for none.
-        """
+        """Return the event that a person enters while the tree only waits until a time."""
         announced = bool(self._agenda) or min(self._watch.due, self._run.deadline) < math.inf
         if self._prompt is None or not self._rests or announced:
             return None

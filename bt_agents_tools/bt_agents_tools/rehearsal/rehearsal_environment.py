@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from typing import Any
 
 from bt_agents.engine.environment import GoalState, SkillGoal
 from bt_agents.engine.scripted_environment import ManualClock, ScriptedEnvironment, ScriptedGoal
@@ -119,22 +120,6 @@ class RehearsalEnvironment(ScriptedEnvironment):
         self.uses.append(use)
         return use
 
-    def _event(
-        self,
-        kind: EventKind,
-        use: Use,
-        *,
-        outputs: Mapping[str, Plain] | None = None,
-        takes_s: float = 0.0,
-        text: str = "",
-    ) -> None:
-        event = Event(
-            at_s=self.clock(),
-            kind=kind,
-            node=use.node,
-            inputs=use.inputs,
-            outputs=outputs or {},
-            takes_s=takes_s,
-            text=text,
-        )
-        self._on_event(event)
+    def _event(self, kind: EventKind, use: Use, **details: Any) -> None:
+        at_s = self.clock()
+        self._on_event(Event(at_s=at_s, kind=kind, node=use.node, inputs=use.inputs, **details))

@@ -185,7 +185,6 @@ def expire(older: str, agent: str, kind: str | None, yes: bool, author: str) -> 
 
 
 def _is_old(one: Mapping[str, Any], age_s: float, agent: str, kind: str) -> bool:
-    """Return True for a profile that is to expire."""
     asked = one["layer"].startswith(kind) and agent in ("", one["agent"])
     return bool(one["layer"]) and asked and one["stamp"] < time.time() - age_s
 
