@@ -39,14 +39,14 @@ def test_whatever_a_test_file_says_has_a_named_code_or_is_run(
     text = TEXT
     for start, length, piece in changes:
         text = text[:start] + piece + text[start + length :]
-    named: list[str] = []
+    found: list[str] = []
     try:
         test = read_test_text(text, "a.test.yaml", AGENTS, VOCABULARY)
     except ReadError as error:
-        named = [code for code in codes() if f"[{code}]" in error.lines[0]]
+        found = [code for code in codes() if f"[{code}]" in error.lines[0]]
         test = None
     if test is None:
-        assert len(named) == 1
+        assert len(found) == 1
         return
     for case in test.cases:
         assert failure(run_case(test.agent, SPACE, case))
