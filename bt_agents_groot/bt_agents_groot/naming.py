@@ -32,9 +32,9 @@ def pascal(name: str, taken: Collection[str]) -> str:
 
     Where that is taken or could not be read back, the name itself is the ID.
     """
-    words = "".join(word.capitalize() for word in name.split("_"))
-    if words not in taken and snake(words) == name:
-        return words
+    capitalised = "".join(word.capitalize() for word in name.split("_"))
+    if capitalised not in taken and snake(capitalised) == name:
+        return capitalised
     while name in taken:
         name += "_tree"
     return name
@@ -66,11 +66,11 @@ class Renaming:
     def __call__(self, name: str) -> str:
         """Return the name in our language, always the same for the same name."""
         if name not in self._given:
-            wanted = name if _OURS.fullmatch(name) else snake(name)
-            given = wanted
+            valid = name if _OURS.fullmatch(name) else snake(name)
+            given = valid
             number = 2
             while given in self._taken:
-                given = f"{wanted[: MAX_NAME - 4]}_{number}"
+                given = f"{valid[: MAX_NAME - 4]}_{number}"
                 number += 1
             self._taken.add(given)
             self._given[name] = given

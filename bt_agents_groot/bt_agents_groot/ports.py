@@ -36,7 +36,7 @@ _CPP_TYPES = {
     FieldType.BOOLEAN: "bool",
 }
 _FIELD_TYPES = {
-    **{word: field_type for field_type, word in _CPP_TYPES.items()},
+    **{type_name: field_type for field_type, type_name in _CPP_TYPES.items()},
     **{field_type.value: field_type for field_type in FieldType},
     "string": FieldType.TEXT,
     "unsigned int": FieldType.INTEGER,
@@ -175,8 +175,8 @@ def _from_json(text: str) -> Data:
         raise PortError(f"what stands behind '{JSON}' is not JSON: {str(error)[:80]}") from None
 
 
-def _refuse_constant(word: str) -> None:
-    raise ValueError(f"{word} is no finite number")
+def _refuse_constant(literal: str) -> None:
+    raise ValueError(f"{literal} is no finite number")
 
 
 def _data(value: object, depth: int) -> Data:
@@ -199,9 +199,9 @@ def cpp_type(field_type: FieldType) -> str:
     return "" if field_type is FieldType.ANY else _CPP_TYPES.get(field_type, field_type.value)
 
 
-def field_type_of(word: str) -> FieldType:
+def field_type_of(type_name: str) -> FieldType:
     """Return our type for the declared type of a port; any for one that we do not have."""
-    return _FIELD_TYPES.get(word.strip(), FieldType.ANY)
+    return _FIELD_TYPES.get(type_name.strip(), FieldType.ANY)
 
 
 def quantity(value: Plain, field_type: FieldType) -> str | None:

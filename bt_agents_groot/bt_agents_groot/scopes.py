@@ -62,7 +62,7 @@ class TreeNames:
         self._originals: dict[str, str] = {}
         # Name → whether its first mention reads it, in the order of the tree.
         self._first: dict[str, bool] = {}
-        self._written: set[str] = set()
+        self._assigned: set[str] = set()
         self._types: dict[str, FieldType] = {}
         self._fresh: list[str] = []
 
@@ -105,7 +105,7 @@ class TreeNames:
     def write(self, name: str) -> None:
         """Record that a name is written."""
         self._first.setdefault(name, False)
-        self._written.add(name)
+        self._assigned.add(name)
 
     def read_formula(self, formula: Formula, field_type: FieldType = FieldType.ANY) -> None:
         """Record that the names of a formula are read, with the types of its operators."""
@@ -113,8 +113,8 @@ class TreeNames:
             case Name(name):
                 self.read([name], field_type)
             case Unary(operator, operand):
-                wanted = FieldType.BOOLEAN if operator == "not" else FieldType.NUMBER
-                self.read_formula(operand, wanted)
+                operand_type = FieldType.BOOLEAN if operator == "not" else FieldType.NUMBER
+                self.read_formula(operand, operand_type)
             case Binary(operator, left, right):
                 for one, other in ((left, right), (right, left)):
                     self.read_formula(one, _operand_type(operator, other))
@@ -126,7 +126,7 @@ class TreeNames:
     @property
     def written(self) -> frozenset[str]:
         """Names that the tree writes."""
-        return frozenset(self._written)
+        return frozenset(self._assigned)
 
     @property
     def needed(self) -> list[str]:

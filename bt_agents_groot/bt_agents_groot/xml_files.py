@@ -216,12 +216,12 @@ class _Parser:
                     f"one text has {len(value):,} characters, at most {MAX_TEXT:,} are possible",
                     "split it",
                 )
-            bad = BAD_CHARACTER.search(value)
-            if bad is not None:
+            invalid = BAD_CHARACTER.search(value)
+            if invalid is not None:
                 self._problems.add(
                     "bad-character",
                     self._source.position(start),
-                    f"the text holds an invisible character (U+{ord(bad[0]):04X})",
+                    f"the text holds an invisible character (U+{ord(invalid[0]):04X})",
                     "delete it; it may have come in by copying from another program",
                 )
             attributes[name] = Attribute(
@@ -255,10 +255,10 @@ class _Parser:
         message, hint = self._explanation(expat.ErrorString(error.code) or "")
         self._problems.add("xml-syntax", self._source.position(index), message, hint)
 
-    def _explanation(self, said: str) -> tuple[str, str]:
+    def _explanation(self, expat_message: str) -> tuple[str, str]:
         """Return the message and the hint for an error of expat."""
         still_open = self._open[-1].tag if self._open else ""
-        match said:
+        match expat_message:
             case "no element found":
                 if not still_open:
                     return "there is no element in the file", 'start with <root BTCPP_format="4">'
@@ -276,7 +276,7 @@ class _Parser:
                 return "a '&name;' stands here that XML does not know", _ESCAPE_HINT
             case "unclosed token" | "unclosed CDATA section":
                 return "what starts here is not closed", "add the missing '>' or quotation mark"
-        return f"this is not XML ({quote(said)})", _ESCAPE_HINT
+        return f"this is not XML ({quote(expat_message)})", _ESCAPE_HINT
 
 
 @dataclass(frozen=True, kw_only=True)
