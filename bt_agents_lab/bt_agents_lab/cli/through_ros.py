@@ -94,12 +94,12 @@ def _record(
     spec: ExperimentSpec,
     interrupt: Interrupt,
 ) -> list[FeedbackRecord]:
-    from bt_agents_tools.client import system as client
     from bt_agents_tools.client.observer import Observer
+    from bt_agents_tools.client.system import watch_decisions
 
     observer = Observer()
     recorder = _Recorder()
-    client.watch_decisions(observer, recorder.auction, recorder.feedback)
+    watch_decisions(observer, recorder.auction, recorder.feedback)
     try:
         observer.spin_until(
             lambda: bool(interrupt or supervisor.failure()) or observer.ready(agents), _STALL_S

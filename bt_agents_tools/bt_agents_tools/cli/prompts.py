@@ -20,7 +20,7 @@ from bt_agents_language.files.testing.scenarios import (
 from bt_agents_language.files.testing.test_reader import read_scenario_text
 from bt_agents_language.model.specs import AgentSpec, Literal, NodeSpec
 from bt_agents_language.model.symbols import SymbolTable
-from bt_agents_tools.cli.scenario_options import Words, happens, typed_answer, typed_happening
+from bt_agents_tools.cli.scenario_options import TypedYaml, is_event, typed_answer, typed_event
 from bt_agents_tools.rehearsal import default_answers
 from bt_agents_tools.rehearsal.events import Use
 from bt_agents_tools.rehearsal.transcript import value_text
@@ -67,41 +67,41 @@ class InteractiveAnswers:
             return ScriptedAnswer(end=GoalEnd.FAILS, reason=rest.strip() or "typed so")
         if typed == "never":
             return ScriptedAnswer(end=GoalEnd.NEVER)
-        if typed not in possible and happens(self._agent, self._space, typed):
-            return self._happening(typed) or self.answer(use)
+        if typed not in possible and is_event(self._agent, self._space, typed):
+            return self._read_event(typed) or self.answer(use)
         read = self._read(typed_answer(use.node.path, typed))
         return self.answer(use) if read is None else read.answers[0].answers[0]
 
-    def happening(self, reason: str, waits: Sequence[NodeSpec]) -> ScriptedEvent | None:
+    def event(self, reason: str, waits: Sequence[NodeSpec]) -> ScriptedEvent | None:
         """Prompt for an event while the tree only waits; None for none."""
         self._console.print(Text(f"{'':{_INDENT}}{reason}", style="yellow"), soft_wrap=True)
         examples = [*map(_message_example, waits), self._mood_example(), "cancel"]
         self._print_hint(f"Enter: nothing · {' · '.join(filter(None, dict.fromkeys(examples)))}")
         while typed := self._prompt("what happens? [nothing]"):
-            happening = self._happening(typed)
-            if happening is not None:
-                return happening
+            event = self._read_event(typed)
+            if event is not None:
+                return event
         return None
 
-    def _happening(self, typed: str) -> ScriptedEvent | None:
+    def _read_event(self, typed: str) -> ScriptedEvent | None:
         try:
-            words = typed_happening(self._agent, typed)
+            typed_yaml = typed_event(self._agent, typed)
         except BtAgentsError as error:
             self._console.print(Text(str(error), style="red"), soft_wrap=True)
             return None
-        read = self._read(words)
+        read = self._read(typed_yaml)
         return None if read is None else read.during[0]
 
     def _mood_example(self) -> str:
         name = self._space.mood or next(iter(self._space.names), "")
         return f"3s {name}=1" if name else "3s person=false"
 
-    def _read(self, words: Words) -> Scenario | None:
-        """Parse typed words; None when they have errors, which are printed."""
+    def _read(self, typed: TypedYaml) -> Scenario | None:
+        """Parse typed YAML; None when it has errors, which are printed."""
         try:
-            return read_scenario_text(words.text, "typed", self._agent, self._vocabulary)
+            return read_scenario_text(typed.text, "typed", self._agent, self._vocabulary)
         except ReadError as error:
-            self._console.print(Text(words.explained(error), style="red"), soft_wrap=True)
+            self._console.print(Text(typed.explained(error), style="red"), soft_wrap=True)
             return None
 
     def _print_hint(self, text: str) -> None:

@@ -21,7 +21,7 @@ from bt_agents_language.files.folder_reader import Trees, read_trees
 from bt_agents_ros.signals import Interrupt, loading
 from bt_agents_tools.cli.event_printer import EventPrinter
 from bt_agents_tools.cli.formatting import print_line
-from bt_agents_tools.launcher import components as system
+from bt_agents_tools.launcher import components
 from bt_agents_tools.launcher.domain_lock import hold_domain
 from bt_agents_tools.launcher.supervisor import (
     Component,
@@ -64,12 +64,12 @@ def journal_components(folder: str | None) -> list[Component]:
         raise BtAgentsError(
             "a journal needs the package mcap; install it with pip install 'bt-agents[lab]'"
         )
-    return [system.journal(Path(folder).resolve() if folder else journal_folder())]
+    return [components.journal(Path(folder).resolve() if folder else journal_folder())]
 
 
 def run_system(
     command: str,
-    components: Sequence[Component],
+    processes: Sequence[Component],
     trees: Path,
     tags: str,
     interrupt: Interrupt,
@@ -80,7 +80,7 @@ def run_system(
 
     Args:
         command: Name of the command.
-        components: Processes of the system.
+        processes: Processes of the system.
         trees: Trees folder.
         tags: Only agents with one of these tags.
         interrupt: Becomes true on Ctrl-C.
@@ -93,16 +93,16 @@ def run_system(
     hold_domain(int(domain), f"'bt-agents {command}' of {trees.resolve()} (process {os.getpid()})")
     with loading():
         from bt_agents_ros.installed import InstalledInterfaces
-        from bt_agents_tools.client import observer as observing
+        from bt_agents_tools.client.observer import Observer, profiles_by_agent
 
     console = Console()
     folder = read_trees(trees, InstalledInterfaces()).tagged(tags)
     _print_broken(console, folder)
     if not folder.agents:
         raise BtAgentsError(f"there is no agent to run in {trees / 'agents'}")
-    supervisor = Supervisor(logs or system.new_log_folder())
+    supervisor = Supervisor(logs or components.new_log_folder())
     printer = EventPrinter(console, folder.scene.space)
-    observer = observing.Observer(printer)
+    observer = Observer(printer)
     observer.watch_heartbeats(supervisor.on_heartbeat)
     try:
         observer.spin_until(lambda: bool(interrupt) or observer.market is not None, _FIND_OTHER_S)
@@ -113,13 +113,13 @@ def run_system(
             )
         try:
             if not interrupt:
-                supervisor.start(*components)
-            recorded = any(component.name == "journal" for component in components)
+                supervisor.start(*processes)
+            recorded = any(component.name == "journal" for component in processes)
             _wait_until_ready(
                 console, observer, supervisor, len(folder.agents), interrupt, recorded
             )
             if not interrupt:
-                printer.profiles(observing.profiles_by_agent(observer.profiles))
+                printer.profiles(profiles_by_agent(observer.profiles))
                 _print_ready(console, observer.cards.values(), time.monotonic() - start)
                 _print_events(console, observer, supervisor, interrupt, visitors, start)
             if visitors is not None and not interrupt:

@@ -184,7 +184,7 @@ def test_a_refusal_is_said_in_its_own_words(room):
 
 def test_numbers_dates_and_heads_stay_whole_in_a_narrow_terminal(room, monkeypatch):
     room.desk.teach_layer("person/" + "somebody" * 9)
-    monkeypatch.setattr(command, "_WIDE", 80)
+    monkeypatch.setattr(command, "_NO_TERMINAL", 80)
     lines = room.run().output.splitlines()
     assert max(map(len, lines)) <= 80
     for head in ("revision", "feedbacks", "changed", "seem wrong", "age", "mood"):

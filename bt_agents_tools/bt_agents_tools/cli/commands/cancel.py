@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Command `bt-agents cancel`: the running agent stops."""
+"""Command `bt-agents cancel`: end of the run under way, and of the scenes that wait."""
 
 from __future__ import annotations
 

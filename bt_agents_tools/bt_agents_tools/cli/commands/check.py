@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`bt-agents check`: every problem of a trees folder, without a robot and even without ROS."""
+"""Command `bt-agents check`: problems of a trees folder, without a robot, even without ROS."""
 
 from __future__ import annotations
 

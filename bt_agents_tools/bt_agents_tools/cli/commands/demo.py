@@ -13,7 +13,7 @@ import click
 from bt_agents_core.trees_folder import find_trees
 from bt_agents_ros.signals import Interrupt
 from bt_agents_tools.cli.run_system import journal_components, journal_option, run_system
-from bt_agents_tools.launcher import components as system
+from bt_agents_tools.launcher import components
 from bt_agents_tools.launcher.domain_lock import reserve_domain
 
 
@@ -34,13 +34,13 @@ def demo(voice: bool, script: Path | None, tags: str, journal: str | None) -> No
     trees = find_trees()
     script = script or trees / "scripts" / "airport_morning.yaml"
     with tempfile.TemporaryDirectory(prefix="bt-agents-demo-") as folder:
-        components = [
-            system.robot(pace=1.0, voice="auto" if voice else "off"),
-            system.market(trees),
-            system.scene_layer(trees),
-            system.host(trees, tags),
-            system.feedback(trees, ledger=str(Path(folder) / "ledger.sqlite")),
+        processes = [
+            components.robot(pace=1.0, voice="auto" if voice else "off"),
+            components.market(trees),
+            components.scene_layer(trees),
+            components.host(trees, tags),
+            components.feedback(trees, ledger=str(Path(folder) / "ledger.sqlite")),
             *journal_components(journal),
         ]
-        visitors = system.visitors(trees, script, pace=1.0)
-        sys.exit(run_system("demo", components, trees, tags, interrupt, visitors))
+        visitors = components.visitors(trees, script, pace=1.0)
+        sys.exit(run_system("demo", processes, trees, tags, interrupt, visitors))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Command `bt-agents feedback`: an agent learns how it did."""
+"""Command `bt-agents feedback`: feedback of a person to an agent."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`bt-agents preset`: named values that are applied together."""
+"""Command `bt-agents preset`: named values that are applied together."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def save(name: str, agents: tuple[str, ...]) -> None:
         for agent in agents:
             by_host.setdefault(find_host(observer, agent), []).append(agent)
         for host, named in (by_host or {host: [] for host in find_hosts(observer)}).items():
-            ask_host(observer, host, "save", preset=name, agents=named)
+            ask_host(observer, host, "SAVE", preset=name, agents=named)
 
 
 @preset.command()
@@ -56,7 +56,7 @@ def apply(name: str, reason: str, author: str) -> None:
     """Give the values of the preset NAME, all or none."""
     with connect() as observer:
         for host in _hosts_with(observer, name):
-            ask_host(observer, host, "apply", preset=name, reason=reason, author=author)
+            ask_host(observer, host, "APPLY", preset=name, reason=reason, author=author)
 
 
 @preset.command()
@@ -65,7 +65,7 @@ def forget(name: str) -> None:
     """Remove the preset NAME."""
     with connect() as observer:
         for host in _hosts_with(observer, name):
-            ask_host(observer, host, "forget", preset=name)
+            ask_host(observer, host, "FORGET", preset=name)
 
 
 @preset.command()
@@ -88,7 +88,7 @@ def _presets(observer: Observer) -> Iterable[Any]:
 
 
 def _hosts_with(observer: Observer, name: str) -> list[str]:
-    """Return the hosts that have a preset; all of them when none has, so that they say so."""
+    """Return the hosts that have a preset; all when none has, so that their answers say so."""
     from bt_agents_tools.client import tuning
 
     every = find_hosts(observer)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Command `bt-agents reload`: changed files of agents are read at once."""
+"""Command `bt-agents reload`: immediate reload of changed files of agents."""
 
 from __future__ import annotations
 

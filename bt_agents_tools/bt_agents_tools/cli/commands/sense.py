@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Command `bt-agents sense`: the live scene of a run changes."""
+"""Command `bt-agents sense`: changed values of the live scene of a run."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Command `bt-agents trigger`: a scene is put on the market."""
+"""Command `bt-agents trigger`: a scene on the market, and its decision."""
 
 from __future__ import annotations
 

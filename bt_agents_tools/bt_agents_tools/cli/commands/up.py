@@ -13,7 +13,7 @@ from bt_agents_core.paths import state_folder
 from bt_agents_core.trees_folder import find_trees
 from bt_agents_ros.signals import Interrupt
 from bt_agents_tools.cli.run_system import journal_components, journal_option, run_system
-from bt_agents_tools.launcher import components as system
+from bt_agents_tools.launcher import components
 
 
 @click.command()
@@ -73,26 +73,26 @@ def up(
         raise click.UsageError("--memory names the ledger; it needs a file of its own")
     interrupt = Interrupt()
     trees = find_trees(directory)
-    logs = system.new_log_folder()
-    components = [
-        system.market(
+    logs = components.new_log_folder()
+    processes = [
+        components.market(
             trees,
             on_new_scene or "",
             strategy or ("external" if selector else ""),
             orders=str(logs / "orders.json"),
         ),
-        system.scene_layer(trees, memory=memory),
-        system.host(trees, tags, bindings, str(state_folder() / "tunings.sqlite")),
-        system.feedback(trees, ledger=profiles),
+        components.scene_layer(trees, memory=memory),
+        components.host(trees, tags, bindings, str(state_folder() / "tunings.sqlite")),
+        components.feedback(trees, ledger=profiles),
     ]
     if bool(selector) != bool(model):
         raise click.UsageError("--selector and --model go together: the server, and its model")
     if selector:
-        components.append(system.selector(trees, selector, model, key_variable))
+        processes.append(components.selector(trees, selector, model, key_variable))
         if strategy not in ("", "external"):
             click.echo(f"{strategy} ranks; 'bt-agents strategy external' has the selector asked")
     if robot:
-        components.append(system.robot(pace=1.0, voice="auto" if voice else "off"))
-    components += journal_components(journal)
-    components = [replace(component, file=params) for component in components]
-    sys.exit(run_system("up", components, trees, tags, interrupt, logs=logs))
+        processes.append(components.robot(pace=1.0, voice="auto" if voice else "off"))
+    processes += journal_components(journal)
+    processes = [replace(component, file=params) for component in processes]
+    sys.exit(run_system("up", processes, trees, tags, interrupt, logs=logs))
