@@ -131,6 +131,7 @@ def run(commands: str, folder: Path) -> str:
             ),
             "PYTHONDONTWRITEBYTECODE": "1",
             "PYTEST_DISABLE_PLUGIN_AUTOLOAD": "1",
+            "CI": "1",  # hypothesis then takes its time
         },
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
