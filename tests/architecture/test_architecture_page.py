@@ -45,6 +45,9 @@ def test_one_cycle_passes_so_many_files_and_each_is_named_once() -> None:
     assert len({*paths, *asked()}) == len(paths) + len(asked())
     assert len(paths) <= MOST_STEPS
     assert len(asked()) <= MOST_ASKED
+    said = re.search(r"passes (\d+) files.*?(\d+) more are", PAGE, re.DOTALL)
+    assert said is not None
+    assert [int(number) for number in said.groups()] == [len(paths), len(asked())]
 
 
 def test_every_file_of_the_cycle_is_a_module_of_the_product() -> None:
