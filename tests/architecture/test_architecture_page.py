@@ -15,7 +15,7 @@ PAGE = (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8")
 DOCUMENTS = ("CONTRIBUTING.md", "README.md", "docs/how_to_add.md", "docs/architecture.md")
 FOLDERS = {path.name for path in ROOT.iterdir() if path.is_dir()}
 NAMED = re.compile(r"`((?:\.\w|\w)[\w.*/-]*)`")
-ADDED = re.compile(r"^`([^`]+)`:\n\n```py\n", re.MULTILINE)
+ADDED = re.compile(r"^`([^`]+)`:\n\n```(?:py|yml)\n", re.MULTILINE)
 MOST_STEPS = 60
 MOST_ASKED = 21
 

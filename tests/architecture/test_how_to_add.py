@@ -30,7 +30,7 @@ MOST_FILES = {
 """Heading of the page → how many files of the product an addition of the kind touches."""
 
 COPIED = (*[package.name for package in PYTHON_PACKAGES], "bt_agents_interfaces", "trees")
-NEW_FILE = re.compile(r"^`([^`]+)`:\n\n```py\n(.*?)^```", re.MULTILINE | re.DOTALL)
+NEW_FILE = re.compile(r"^`([^`]+)`:\n\n```(?:py|yml)\n(.*?)^```", re.MULTILINE | re.DOTALL)
 DIFF = re.compile(r"^```diff\n(.*?)^```", re.MULTILINE | re.DOTALL)
 SESSION = re.compile(r"^```sh\n(.*?)^```\n(?:\n```text\n(.*?)^```)?", re.MULTILINE | re.DOTALL)
 BT_AGENTS = '#!/bin/sh\nexec "{python}" -S -P -m bt_agents_tools.cli "$@"\n'
@@ -79,7 +79,7 @@ def edits(text: str) -> list[Edit]:
 def touched(text: str) -> list[str]:
     """Return the files of the product that a section adds or changes."""
     paths = {path for path, _ in NEW_FILE.findall(text)} | {one.path for one in edits(text)}
-    return sorted(path for path in paths if not path.startswith("tests/"))
+    return sorted(path for path in paths if not path.startswith(("tests/", "trees/")))
 
 
 def make(text: str, folder: Path) -> None:
@@ -178,7 +178,7 @@ def test_an_addition_works_as_it_is_written(heading: str, copy: Path) -> None:
     assert sessions
     for commands, output in sessions:
         printed = run(commands, copy)
-        assert not output or printed == output
+        assert not output or printed.strip() == output.strip()
 
 
 def test_a_copy_is_used_instead_of_what_is_installed(copy: Path) -> None:
