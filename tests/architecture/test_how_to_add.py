@@ -19,6 +19,7 @@ from checkout import PYTHON_PACKAGES, ROOT
 PAGE = (ROOT / "docs" / "how_to_add.md").read_text(encoding="utf-8")
 MOST_FILES = {
     "A leaf": 3,
+    "A leaf with a new capability": 7,
     "A decorator": 3,
     "A selection strategy": 2,
     "An option of scene sources": 3,
