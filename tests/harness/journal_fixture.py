@@ -222,7 +222,7 @@ class Town:
             profile=spec.profile,
             live=lambda: moody,
             tunables={},
-            world=world,
+            environment=world,
             steady=world.clock,
             seed=5,
             sink=record,

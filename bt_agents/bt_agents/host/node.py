@@ -131,19 +131,21 @@ class HostNode(BaseNode):
         self._reloading.close()
         self._tunables.close()
         self._runs.close()
-        self._runs.world.close()
+        self._runs.environment.close()
         super().destroy_node()
 
     def _prepare(self, agent: AgentSpec) -> None:
         for spec in _nodes(agent):
-            self._runs.world.prepare(spec)
+            self._runs.environment.prepare(spec)
 
     def _tidy_up(self) -> None:
         """Drop what only earlier versions of the agents have used, when no tree runs."""
         if self._changed and not self._runs.busy:
             self._changed = False
             members = self.roster.members.values()
-            self._runs.world.retain(node for member in members for node in _nodes(member.spec))
+            self._runs.environment.retain(
+                node for member in members for node in _nodes(member.spec)
+            )
 
     def _change(self, effect: ReloadEffect) -> None:
         """Change one agent, or leave it as it was; a tree that runs keeps what it began with."""
@@ -209,7 +211,7 @@ class HostNode(BaseNode):
             self.get_logger().warning(f"call of round {call.round} not answered: {refused}")
             return
         answer = self.roster.answer(
-            scene, frozenset(call.excluded), obstacle=self._runs.world.clock.obstacle()
+            scene, frozenset(call.excluded), obstacle=self._runs.environment.clock.obstacle()
         )
         self._bids.publish(self._saying.message(call.epoch, call.round, answer))
 

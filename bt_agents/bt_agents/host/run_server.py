@@ -103,7 +103,7 @@ class RunServer:
         self._pace = TickScheduler(self._period_s, time.monotonic())
         self._at_begin: list[Callable[[Any], None]] = []
         self._at_end: list[Callable[[Any, RunAgent.Result], None]] = []
-        self.world = RosEnvironment(
+        self.environment = RosEnvironment(
             node,
             self._on_news,
             space=roster.space,
@@ -310,7 +310,7 @@ class RunServer:
             profile=member.profile_for(self._scene),
             live=self._live(self._scene),
             tunables=member.tunables,
-            world=self.world,
+            environment=self.environment,
             steady=time.monotonic,
         )
         self._run.period_s = self._period_s

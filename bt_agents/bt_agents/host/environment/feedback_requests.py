@@ -55,7 +55,7 @@ class FeedbackRequests:
         self.outbox = Outbox(node, client)
 
     def give(self, kind: FeedbackKind, values: Mapping[str, float], reason: str) -> FeedbackRun:
-        """Ask for a change of the running agent's profile; see ``World.give_feedback``."""
+        """Request a change of a profile; as :meth:`Environment.give_feedback`."""
         direct = kind is FeedbackKind.DIRECT
         request = GiveFeedback.Request(
             feedback_id=f"tree/{uuid.uuid4()}",

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The world of trees over rclpy: goals, requests and topics that never block a tick."""
+"""The environment of trees over rclpy: goals, requests and topics that never block a tick."""
 
 from __future__ import annotations
 
