@@ -140,9 +140,9 @@ def test_a_service_that_is_refused_is_refused_again_with_its_words() -> None:
 
 
 def test_an_answer_that_a_cancel_changes_comes_out_with_the_cancel() -> None:
-    environment = ScriptedEnvironment({"a": [ScriptedReply(after_s=9.0)]})
+    scripted = ScriptedEnvironment({"a": [ScriptedReply(after_s=9.0)]})
     environment = RecordingEnvironment(
-        environment, lambda: pytest.fail("not read"), {}, environment.clock
+        scripted, lambda: pytest.fail("not read"), {}, scripted.clock
     )
     goal = environment.send(SkillGoal(kind=BindingKind.ACTION, name="a", type="t", fields={}))
     assert goal.state is GoalState.ACTIVE
@@ -155,13 +155,13 @@ def test_an_answer_that_a_cancel_changes_comes_out_with_the_cancel() -> None:
 
 
 def test_a_goal_stands_still_during_a_step() -> None:
-    environment = ScriptedEnvironment({"a": [ScriptedReply(after_s=1.0)]})
+    scripted = ScriptedEnvironment({"a": [ScriptedReply(after_s=1.0)]})
     environment = RecordingEnvironment(
-        environment, lambda: pytest.fail("not read"), {}, environment.clock
+        scripted, lambda: pytest.fail("not read"), {}, scripted.clock
     )
     goal = environment.send(SkillGoal(kind=BindingKind.ACTION, name="a", type="t", fields={}))
     before = environment.clock(), goal.state
-    environment.clock.advance(5.0)
+    scripted.clock.advance(5.0)
     assert (environment.clock(), goal.state) == before
     environment.steps.end()
     assert (environment.clock(), goal.state) == (5.0, GoalState.SUCCEEDED)

@@ -116,7 +116,7 @@ class ParameterStore:
         override = self._overrides.by_name.get(parameter.name)
         if override is not None and same(override.value, parameter.default):
             self._overrides.clear(parameter.name)
-            self._store(lambda log: log.clear(parameter.name), must_be_stored=False)
+            self._write_log(lambda log: log.clear(parameter.name), must_be_stored=False)
 
     def add(self, parameter: TunableParameter, value: Setting) -> None:
         """Add a parameter with its value."""
@@ -249,13 +249,13 @@ class ParameterStore:
             number=self.history.revision + 1, stamp=self._now(), cause=cause, changes=changes
         )
         defaults = {change.name: self._parameters[change.name].default for change in changes}
-        self._store(lambda log: log.append(revision, defaults), must_be_stored=must_be_stored)
+        self._write_log(lambda log: log.append(revision, defaults), must_be_stored=must_be_stored)
         self._overrides.add(revision, defaults)
         for change in changes:
             self.values[change.name] = change.after
         return revision
 
-    def _store(self, write: Callable[[ChangeLog], None], *, must_be_stored: bool) -> None:
+    def _write_log(self, write: Callable[[ChangeLog], None], *, must_be_stored: bool) -> None:
         if self._log is None:
             return
         try:

@@ -56,18 +56,18 @@ class TuneServer:
 
     Args:
         node: The host's node.
-        board: Its tunable parameters.
+        store: Its tunable parameters.
         set_together: Sets values, or refuses all of them.
-        jobs: Says when the disk has what was tuned.
+        poller: Says when the disk has what was tuned.
     """
 
     def __init__(
-        self, node: Node, board: ParameterStore, set_together: Set, jobs: FuturePoller
+        self, node: Node, store: ParameterStore, set_together: Set, poller: FuturePoller
     ) -> None:
         self._node = node
-        self._board = board
+        self._store = store
         self._set_together = set_together
-        self._jobs = jobs
+        self._poller = poller
         self._shown: dict[tuple[int, str], Tuning] = {}
         self._tunings = node.create_publisher(Tunings, "~/tunings", qos.FACT)
         self._tunables = node.create_publisher(Tunables, "~/tunables", qos.FACT)
@@ -90,13 +90,13 @@ class TuneServer:
         self._tunables.publish(
             Tunables(
                 host=self._node.get_fully_qualified_name(),
-                tunables=[info_to_msg(one) for agent in agents for one in self._board.of(agent)],
+                tunables=[info_to_msg(one) for agent in agents for one in self._store.of(agent)],
             )
         )
 
     def publish_tunings(self) -> None:
         """Publish the last changes, what an undo or redo would do, and the presets."""
-        history = self._board.history
+        history = self._store.history
         shown = {(r.number, c.name): (r, c) for r, c in history.shown}
         self._shown = {
             key: self._shown.get(key) or self._message(*one) for key, one in shown.items()
@@ -109,11 +109,11 @@ class TuneServer:
                 host=self._node.get_fully_qualified_name(),
                 revision=history.revision,
                 tunings=list(self._shown.values()),
-                undo=self._next(self._board.undo),
-                redo=self._next(self._board.redo),
+                undo=self._next(self._store.undo),
+                redo=self._next(self._store.redo),
                 presets=[
                     Preset(name=name, names=list(values), values=list(values.values()))
-                    for name, values in self._board.presets.by_name.items()
+                    for name, values in self._store.presets.by_name.items()
                 ],
             )
         )
@@ -124,10 +124,10 @@ class TuneServer:
         except Refused:
             return ""
         changes = (
-            TuningChange(name=name, before=self._board.values[name], after=value)
+            TuningChange(name=name, before=self._store.values[name], after=value)
             for name, value in values.items()
         )
-        return f"{self._board.format_changes(changes)} (revision {revision.number})"
+        return f"{self._store.format_changes(changes)} (revision {revision.number})"
 
     def _message(self, revision: TuningRevision, change: TuningChange) -> Tuning:
         return Tuning(
@@ -136,8 +136,8 @@ class TuneServer:
             author=revision.cause.author,
             reason=revision.cause.reason,
             name=change.name,
-            before=self._board.format_value(change.name, change.before),
-            after=self._board.format_value(change.name, change.after),
+            before=self._store.format_value(change.name, change.before),
+            after=self._store.format_value(change.name, change.after),
         )
 
     async def _tune(self, request: Tune.Request, response: Tune.Response) -> Tune.Response:
@@ -157,7 +157,7 @@ class TuneServer:
         response.message = done.message
         if done.revision is not None:
             response.tunings = [self._message(done.revision, o) for o in done.revision.changes]
-            flushed = self._board.flush()
+            flushed = self._store.flush()
             trouble = await self._trouble(flushed) if flushed is not None else ""
             if trouble:
                 response.message += f"; it is in force, but a power cut may undo it: {trouble}"
@@ -177,7 +177,7 @@ class TuneServer:
     async def _trouble(self, job: Job[Any]) -> str:
         """Wait for a job; return what went wrong, empty for nothing."""
         ended = Future(executor=self._node.executor)
-        self._jobs.watch(job, ended.set_result)
+        self._poller.watch(job, ended.set_result)
         trouble: str = await ended
         return trouble
 
@@ -194,15 +194,15 @@ class TuneServer:
         self.publish_tunings()
 
     def _set(self, request: Any, author: str, reason: str) -> _Done:
-        values = self._board.read(request.names, request.values)
+        values = self._store.read(request.names, request.values)
         revision = self._set_together(values, TuningCause(author=author, reason=reason))
         return _Done(message=self._summary(revision), revision=revision)
 
     def _undo(self, request: Any, author: str, reason: str) -> _Done:
-        return self._take_back(TuningAction.UNDO, self._board.undo(request.agents), author, reason)
+        return self._take_back(TuningAction.UNDO, self._store.undo(request.agents), author, reason)
 
     def _redo(self, request: Any, author: str, reason: str) -> _Done:
-        return self._take_back(TuningAction.REDO, self._board.redo(request.agents), author, reason)
+        return self._take_back(TuningAction.REDO, self._store.redo(request.agents), author, reason)
 
     def _take_back(self, action: TuningAction, found: Found, author: str, reason: str) -> _Done:
         old, values = found
@@ -217,21 +217,21 @@ class TuneServer:
         return _Done(message=message, revision=revision)
 
     def _apply(self, request: Any, author: str, reason: str) -> _Done:
-        values, gone = self._board.preset(request.preset)
+        values, gone = self._store.preset(request.preset)
         name = f"preset {quote(request.preset)}"
         revision = self._set_together(values, TuningCause(author=author, reason=reason or name))
         left_out = f"; left out, as it is not here any more: {', '.join(gone)}" if gone else ""
         return _Done(message=f"{name}: {self._summary(revision)}{left_out}", revision=revision)
 
     def _save(self, request: Any, _author: str, _reason: str) -> _Done:
-        count, saving = self._board.save(request.preset, request.agents)
+        count, saving = self._store.save(request.preset, request.agents)
         return _Done(message=f"preset {quote(request.preset)} keeps {count} values", saving=saving)
 
     def _forget(self, request: Any, _author: str, _reason: str) -> _Done:
-        saving = self._board.forget(request.preset)
+        saving = self._store.forget(request.preset)
         return _Done(message=f"preset {quote(request.preset)} is forgotten", saving=saving)
 
     def _summary(self, revision: TuningRevision | None) -> str:
         if revision is None or not revision.changes:
             return "everything stands so already"
-        return f"{self._board.format_changes(revision.changes)} (revision {revision.number})"
+        return f"{self._store.format_changes(revision.changes)} (revision {revision.number})"
