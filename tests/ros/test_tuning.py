@@ -392,7 +392,7 @@ def test_a_tuning_that_goes_wrong_in_another_way_is_answered(
     def fail(*_: Any) -> None:
         raise RuntimeError("something else")
 
-    monkeypatch.setattr(host.tunables._board, "read", fail)
+    monkeypatch.setattr(host.tunables._store, "read", fail)
     answer = tuner.set(a__patience="12")
     assert (answer.accepted, answer.code) == (False, "FAILED")
     assert answer.message == "RuntimeError: something else; the log says more"

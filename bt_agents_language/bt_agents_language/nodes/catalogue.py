@@ -16,13 +16,16 @@ from bt_agents_language.nodes.skill import SKILL
 from bt_agents_language.nodes.subtree import OUTPUTS, WITH
 from bt_agents_language.nodes.weight import WEIGHT_KEY
 
+_BUILD_ON_IT = ("catalogue", "plugin_discovery", "symbols")
+"""Files of this folder that need the catalogue themselves."""
+
 
 def find_node_types(*roles: Role) -> Mapping[str, NodeType]:
     """Return the types with these roles by key, in their order, from all files of this folder."""
     found: dict[str, NodeType] = {}
-    for module in iter_modules(nodes.__path__, f"{nodes.__name__}."):
-        if module.name != __name__:
-            values = vars(import_module(module.name)).values()
+    for module in iter_modules(nodes.__path__):
+        if module.name not in _BUILD_ON_IT:
+            values = vars(import_module(f"{nodes.__name__}.{module.name}")).values()
             found |= {one.key: one for one in values if isinstance(one, NodeType)}
     del found[SKILL.key], found[PLUGIN.key]
     types = sorted(found.values(), key=lambda one: (one.order, one.key))
