@@ -51,11 +51,11 @@ class ParameterStore:
     """Tunable parameters whose changes are checked and logged here before anything acts on them.
 
     Args:
-        log: Where changes are written before they count; None keeps them in memory.
+        log: Log in which changes are written before they count; None for none.
         presets: Values under names; only ``disk`` changes them.
-        disk: Does one thing after the other, in a thread of its own.
+        disk: Executor with one thread for the disk.
         now: Returns the time [s since 1970].
-        report: Takes a line for the log of the host.
+        report: Writes a line into the log of the host.
 
     Attributes:
         values: Current value of each parameter, by name.
@@ -290,9 +290,9 @@ class ParameterStore:
         """
         preset = self.presets.get(name)
         values = {
-            o: self._parameters[o].read(text)
-            for o, text in preset.items()
-            if o in self._parameters
+            key: self._parameters[key].read(text)
+            for key, text in preset.items()
+            if key in self._parameters
         }
         if not values:
             raise Refused(

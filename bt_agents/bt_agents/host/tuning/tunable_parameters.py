@@ -35,7 +35,7 @@ from bt_agents_ros.parameters import describe
 from bt_agents_ros.timers import steady_timer
 
 ROS_PARAMETER = "ros parameter"
-"""Author of what is set without a name."""
+"""Author of a change without a name."""
 
 PRESETS = "presets.yaml"
 """Beside the file of the tunings."""
@@ -110,7 +110,7 @@ class TunableParameters:
     def add(self, member: HostedAgent) -> None:
         """Declare the parameters of an agent, with what was tuned before."""
         self._declare_together(parameters_of(member.spec))
-        self._fill(member)
+        self._copy_values(member)
         self._infos_due = True
         self._publish_soon()
 
@@ -136,7 +136,7 @@ class TunableParameters:
         for name, parameter in old.items():
             if name not in new or new[name].type is not parameter.type:
                 self._undeclare(parameter)
-        self._declare_together([k for name, k in new.items() if not self._store.has(name)])
+        self._declare_together([one for name, one in new.items() if not self._store.has(name)])
         wanted: dict[str, Setting] = {}
         for name, parameter in new.items():
             if name not in old or old[name].type is not parameter.type or old[name] == parameter:
@@ -156,7 +156,7 @@ class TunableParameters:
         member.spec = spec
         if member.revision == 0 and spec.profile != member.profile:
             member.profile = spec.profile
-        self._fill(member)
+        self._copy_values(member)
         self._infos_due = True
         self._publish_soon()
 
@@ -220,10 +220,12 @@ class TunableParameters:
         self._node.undeclare_parameter(parameter.name)
         self._store.remove(parameter.name)
 
-    def _fill(self, member: HostedAgent) -> None:
+    def _copy_values(self, member: HostedAgent) -> None:
         """Copy the values of its parameters to a member; the mapping stays the same object."""
         own = self._store.of(member.spec.name)
-        values = {k.key: self._store.values[k.name] for k in own if k.kind is TunableKind.TUNABLE}
+        values = {
+            one.key: self._store.values[one.name] for one in own if one.kind is TunableKind.TUNABLE
+        }
         for key in [*member.tunables]:
             if key not in values:
                 del member.tunables[key]
@@ -284,12 +286,12 @@ class TunableParameters:
         job = self._store.flush() if self._flush_due else None
         self._flush_due = False
         if job is not None:
-            self._poller.watch(job, self._flushed)
+            self._poller.watch(job, self._report_flush)
 
-    def _flushed(self, trouble: str) -> None:
-        if trouble:
+    def _report_flush(self, error: str) -> None:
+        if error:
             self._node.get_logger().error(
-                f"what was tuned is in force, but a power cut may undo it: {trouble}"
+                f"what was tuned is in force, but a power cut may undo it: {error}"
             )
 
 
