@@ -28,7 +28,7 @@ from bt_agents_lab.recorder.reading import JournalEntry
 from bt_agents_lab.replay import decisions, replay_learning, trees
 from bt_agents_lab.replay.decisions import decisions_again
 from bt_agents_lab.replay.findings import FindingCounts, ReplayFinding, ReplayVerdict, tally
-from bt_agents_lab.replay.recording_index import tell
+from bt_agents_lab.replay.recording_index import index_entries
 from bt_agents_lab.replay.replay_learning import lessons_again
 from bt_agents_lab.replay.trees import runs_again
 from journal_fixture import NAN, Town, morning, story_of
@@ -413,20 +413,19 @@ def test_a_round_of_format_1_is_decided_again_with_what_its_options_said(tmp_pat
     made = Town(tmp_path / "trees", "softmax", {"temperature": 2.0}, shadow="epsilon_greedy")
     made.round(scene("s1", age=4, familiarity=2, mood=3))
     messages = [
-        of_format_1(spoken.message) if isinstance(spoken.message, Auction) else spoken.message
-        for spoken in made.said
+        of_format_1(sent.message) if isinstance(sent.message, Auction) else sent.message
+        for sent in made.published
     ]
-    story = tell(
+    story = index_entries(
         JournalEntry(
-            topic=spoken.topic,
-            type=f"bt_agents_interfaces/msg/{type(spoken.message).__name__}",
+            topic=sent.topic,
+            type=f"bt_agents_interfaces/msg/{type(sent.message).__name__}",
             sent_ns=number,
-            heard_ns=number,
             lost=0,
             data=b"",
             decoder=lambda _, message=message: message,
         )
-        for number, (spoken, message) in enumerate(zip(made.said, messages, strict=True), 1)
+        for number, (sent, message) in enumerate(zip(made.published, messages, strict=True), 1)
     )
 
     assert story.problems == []
@@ -437,4 +436,4 @@ def test_a_round_of_format_1_is_decided_again_with_what_its_options_said(tmp_pat
     }
     assert list(one.auction.shadow_option_names) == ["epsilon"]
     [finding] = decisions_again(story.rounds)
-    assert (finding.verdict, finding.words) == (ReplayVerdict.EQUAL, "")
+    assert (finding.verdict, finding.text) == (ReplayVerdict.EQUAL, "")
