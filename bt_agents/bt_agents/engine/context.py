@@ -22,7 +22,7 @@ class _OpenGoal:
 
 
 class RunContext:
-    """Gives leaves access to the environment; tracks each goal until its end is confirmed.
+    """Access of leaves to the environment; tracks each goal until its end is confirmed.
 
     Args:
         environment: All that the tree reaches outside.

@@ -144,7 +144,7 @@ class RecordingEnvironment:
 
 
 class RecordingContext(RunContext):
-    """Shared state of the nodes of a recorded run: deadlines that have not come are no news."""
+    """Shared state of the nodes of a recorded run; a deadline not reached leaves no entry."""
 
     def __init__(self, environment: Environment, scope: RunScope, random: Random) -> None:
         super().__init__(environment, scope, random)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Feedback of trees: waited for a moment, resent until the feedback node has answered."""
+"""Feedback of trees: awaited for a moment, resent until the feedback node has answered."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ STORED = "stored: the feedback node is away and gets it when it is back"
 
 
 class FeedbackRequests:
-    """Gives feedback in the name of running trees; none is lost while the feedback node is away.
+    """Requests for feedback of running trees; none is lost while the feedback node is away.
 
     Args:
         node: The host's node.
