@@ -50,7 +50,7 @@ class Core:
     ) -> None:
         self.space = folder.scene.space
         self._market = Market(self.space, "core", settings or Settings())
-        self._roster = AgentRegistry(self.space, folder.agents)
+        self._registry = AgentRegistry(self.space, folder.agents)
         self._ledger = Ledger(MEMORY)
         self._teaching = FeedbackController(
             Profiles(self.space, self._ledger),
@@ -86,7 +86,7 @@ class Core:
         return self._records[-1]
 
     def _register(self) -> None:
-        agents = tuple(member.spec for member in self._roster.members.values())
+        agents = tuple(member.spec for member in self._registry.members.values())
         names = tuple(agent.name for agent in agents)
         answer, effects = self._market.register(
             Registration(
@@ -99,7 +99,7 @@ class Core:
             ),
             _NOW,
         )
-        self._roster.enrol(names, answer.agent_ids, answer.reasons)
+        self._registry.apply_registration(names, answer.agent_ids, answer.reasons)
         self._execute(effects)
         self._beat(0)
         self._teaching.register_card(
@@ -137,7 +137,7 @@ class Core:
                 waiting += self._collect(effect)
 
     def _bids(self, call: OpenCall) -> Bids:
-        answer = self._roster.answer(call.scene, call.excluded)
+        answer = self._registry.bids_for(call.scene, call.excluded)
         return Bids(
             epoch=self._market.epoch,
             round=call.round,
@@ -158,7 +158,7 @@ class Core:
         )
         change = self._teaching.collect(run)
         if change is not None:
-            self._roster.set_profile(goal.agent, change.after, change.revision.revision)
+            self._registry.set_profile(goal.agent, change.after, change.revision.revision)
             self._records.append(
                 FeedbackRecord(
                     round=goal.round,

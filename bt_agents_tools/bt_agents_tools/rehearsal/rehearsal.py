@@ -151,7 +151,7 @@ class _Rehearsal:
             profile=agent.profile,
             live=self._live.now,
             tunables=self._tunables,
-            world=self._environment,
+            environment=self._environment,
             steady=self._clock,
             random=Random(scenario.seed),
             on_visit=lambda node, status: self._ticked.append((node, status)),

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a host's node does for its trees besides goals: log lines, feedback, preparation."""
+"""Environment of a host's trees besides goals: log lines, feedback, preparation."""
 
 from __future__ import annotations
 
@@ -44,13 +44,13 @@ class Teacher:
         return response
 
 
-def world_of(ros: Any) -> RosEnvironment:
+def environment_of(ros: Any) -> RosEnvironment:
     return RosEnvironment(ros.node, lambda: None, space=SPACE, agent=lambda: "guide")
 
 
 def test_log_lines_come_under_the_name_of_the_running_agent_at_their_level(ros: Any) -> None:
     lines = ros.collect(Log, "/rosout", qos.HISTORY)
-    subject = world_of(ros)
+    subject = environment_of(ros)
     for level in ("info", "warning", "error", "info"):
         subject.log(level, f"this is {level}")
     told = [("this is info", 20), ("this is warning", 30), ("this is error", 40)]
@@ -65,9 +65,9 @@ def test_log_lines_come_under_the_name_of_the_running_agent_at_their_level(ros: 
 def test_lines_of_different_levels_may_be_limited_also_where_files_are_links(
     ros: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    link = tmp_path / "linked_lines.py"
+    link = tmp_path / "linked_logger.py"
     link.symlink_to(quick_logger.__file__)
-    spec = spec_from_file_location("linked_lines", link)
+    spec = spec_from_file_location("linked_logger", link)
     assert spec is not None
     assert spec.loader is not None
     known = [name for name in rcutils_logger._internal_callers if "quick_logger" not in name]
@@ -84,7 +84,7 @@ def test_direct_feedback_is_sent_in_the_order_of_the_scene_without_opinion_on_th
     ros: Any,
 ) -> None:
     teacher = Teacher(ros, accepted=True)
-    run = world_of(ros).give_feedback(
+    run = environment_of(ros).give_feedback(
         FeedbackKind.DIRECT, {"mood": 5.0, "age": 4.0}, "it went well"
     )
     ros.until(lambda: run.state.ended)
@@ -100,7 +100,7 @@ def test_direct_feedback_is_sent_in_the_order_of_the_scene_without_opinion_on_th
 
 def test_positive_feedback_has_no_values_and_a_refusal_comes_with_its_words(ros: Any) -> None:
     teacher = Teacher(ros, accepted=False, message="there is no scene to learn from")
-    run = world_of(ros).give_feedback(FeedbackKind.POSITIVE, {}, "")
+    run = environment_of(ros).give_feedback(FeedbackKind.POSITIVE, {}, "")
     ros.until(lambda: run.state.ended)
     assert run.state is GoalState.REJECTED
     assert run.message == "there is no scene to learn from"
@@ -110,7 +110,7 @@ def test_positive_feedback_has_no_values_and_a_refusal_comes_with_its_words(ros:
 def test_what_cannot_be_prepared_is_said_and_left_to_the_leaf(ros: Any) -> None:
     lines = ros.collect(Log, "/rosout", qos.HISTORY)
     tree = agent("publish: {topic: sound, type: no_such_msgs/msg/Word, message: {}}").tree
-    world_of(ros).prepare(tree)
+    environment_of(ros).prepare(tree)
     ros.until(
         lambda: [line for line in lines if "tree, a.yaml:8:3: " in line.msg and line.level == 30]
     )
