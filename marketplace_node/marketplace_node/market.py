@@ -23,15 +23,15 @@ from marketplace_node.effects import (
 from marketplace_node.interaction.award import SHUTTING_DOWN, RunEnd, StopRequest
 from marketplace_node.interaction.interaction import Interaction
 from marketplace_node.interaction.market_failover import InheritedRuns
+from marketplace_node.interaction.open_round import OpenRound
 from marketplace_node.interaction.scene_admission import SceneAdmission
 from marketplace_node.market_state import PREVIEWS, MarketState
+from marketplace_node.operator_overrides import OperatorAction, OperatorCommand
 from marketplace_node.operators.operator_commands import OperatorCommands
-from marketplace_node.operators.operator_overrides import OperatorAction, OperatorCommand
 from marketplace_node.operators.previews import Previews
 from marketplace_node.registry import Registration, RegistrationAnswer
 from marketplace_node.round.auction import check_round
 from marketplace_node.round.decision import Bids, External
-from marketplace_node.round.open_round import OpenRound
 from marketplace_node.settings import Settings
 
 

@@ -22,11 +22,11 @@ from marketplace_node.effects import (
     StoreOverrides,
 )
 from marketplace_node.explanation.explanation import explanation
-from marketplace_node.operators.operator_overrides import OperatorOverrides
-from marketplace_node.operators.statistics import MarketStatistics, Tally, counts
+from marketplace_node.operator_overrides import OperatorOverrides
 from marketplace_node.registry import HostEntry, Registry
 from marketplace_node.round.decision import Decision, Terms
 from marketplace_node.settings import Settings
+from marketplace_node.statistics import MarketStatistics, Tally, counts
 
 PREVIEWS = 2**31
 """Numbers of rounds that only foretell begin after this one, so that no other is counted."""

@@ -22,7 +22,7 @@ from marketplace_node.effects import (
 )
 from marketplace_node.interaction.award import RunEnd, StopRequest
 from marketplace_node.market import Market
-from marketplace_node.operators.operator_overrides import OperatorAction, OperatorCommand
+from marketplace_node.operator_overrides import OperatorAction, OperatorCommand
 from marketplace_node.registry import Registration, RegistrationAnswer
 from marketplace_node.round.decision import Bids, External
 from marketplace_node.settings import Settings

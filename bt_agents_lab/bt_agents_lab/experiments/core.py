@@ -13,10 +13,10 @@ from bt_agents_core.scene import MISSING, Origin, Scene, SceneSpace, SceneValue,
 from bt_agents_lab.experiments.simulated_world import NOT_SIMULATED
 from bt_agents_language.files.folder_reader import Trees
 from bt_agents_language.model.experiment import ExperimentSpec, FeedbackRecord
+from feedback_node.announced_runs import AnnouncedRun
 from feedback_node.learning.cards import AgentEntry, LearningCard, LearningEntry
 from feedback_node.learning.feedback_controller import FeedbackController
 from feedback_node.learning.profiles import Profiles
-from feedback_node.learning.runs import AnnouncedRun
 from feedback_node.ledger import Ledger
 from feedback_node.ledger.file import MEMORY
 from feedback_node.simulated_feedback import SimulatedFeedback

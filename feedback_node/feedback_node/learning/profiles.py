@@ -12,6 +12,7 @@ from bt_agents_core.feedback import FeedbackKind
 from bt_agents_core.profile_layers import MOST_LAYERS
 from bt_agents_core.scene import SceneSpace, Vector
 from bt_agents_core.text import printable_line
+from feedback_node.announced_runs import AnnouncedRun
 from feedback_node.learning import learning_step
 from feedback_node.learning.cards import Agent, LearningCard, read_card
 from feedback_node.learning.changes import Delivery, ProfileChange, Table, changed, moved, together
@@ -23,7 +24,6 @@ from feedback_node.learning.layers import (
     shares,
     taught,
 )
-from feedback_node.learning.runs import AnnouncedRun
 from feedback_node.learning.texts import check_texts
 from feedback_node.ledger import Ledger, LedgerEntry
 from feedback_node.ledger.file import LedgerError

@@ -16,10 +16,10 @@ from bt_agents_interfaces.srv import CollectFeedback, GiveFeedback
 from bt_agents_language.files.mood_rule_reader import restore_mood_rule
 from bt_agents_language.model.mood_rule import MoodRule
 from bt_agents_ros.messages import scene_from_msg, to_time
+from feedback_node.announced_runs import AnnouncedRun
 from feedback_node.learning.cards import AgentEntry, LearningCard, LearningEntry
 from feedback_node.learning.changes import ProfileChange, Table
 from feedback_node.learning.feedback_controller import FeedbackRequest
-from feedback_node.learning.runs import AnnouncedRun
 from feedback_node.mood_trace import ReportedMood
 
 _OUTCOMES = (RunMsg.SUCCEEDED, RunMsg.FAILED, RunMsg.CANCELLED, RunMsg.LOST)

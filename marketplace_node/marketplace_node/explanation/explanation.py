@@ -8,8 +8,8 @@ from collections.abc import Iterator, Sequence
 
 from bt_agents_core.scene import Origin, SceneParameter, SceneSpace, SceneValue
 from bt_agents_core.text import format_number, join_first, join_words
-from marketplace_node.explanation.formatting import FEW, distance, percent
 from marketplace_node.explanation.reason import declined, nobody, tie_rule
+from marketplace_node.formatting import FEW, distance, percent
 from marketplace_node.round.decision import (
     AuctionOutcome,
     ClosedBy,

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 from bt_agents_core.text import join_first
 from marketplace_node.explanation.calculation import calculation
-from marketplace_node.explanation.formatting import ALL_DIGITS, FEW, distance
+from marketplace_node.formatting import ALL_DIGITS, FEW, distance
 from marketplace_node.round.decision import (
     AuctionOutcome,
     ClosedBy,

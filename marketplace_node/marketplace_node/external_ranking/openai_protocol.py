@@ -13,7 +13,7 @@ from urllib.parse import urlsplit
 
 from bt_agents_core.errors import Refused
 from bt_agents_core.scene import Scene, SceneSpace, Vector
-from marketplace_node.explanation.formatting import shown
+from marketplace_node.formatting import shown
 from marketplace_node.round.precedence import check_ranking
 
 MOST_BYTES = 1_000_000

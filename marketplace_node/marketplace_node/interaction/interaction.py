@@ -20,11 +20,11 @@ from marketplace_node.effects import (
 )
 from marketplace_node.explanation import reason as explain
 from marketplace_node.interaction.award import Award, RunEnd, StopRequest
+from marketplace_node.interaction.open_round import OpenRound
 from marketplace_node.interaction.scene_queue import QueuedScene
 from marketplace_node.market_state import MarketState
-from marketplace_node.operators.operator_overrides import VETOED
+from marketplace_node.operator_overrides import VETOED
 from marketplace_node.round.decision import AuctionOutcome, ClosedBy, Decision
-from marketplace_node.round.open_round import OpenRound
 
 NO_BIDS = "NO_BIDS"
 NOT_TAKEN = "NOT_TAKEN"

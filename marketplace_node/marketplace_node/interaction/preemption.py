@@ -8,10 +8,10 @@ from dataclasses import replace
 from functools import partial
 
 from marketplace_node.explanation import reason as explain
+from marketplace_node.interaction.open_round import OpenRound
 from marketplace_node.interaction.scene_queue import QueuedScene
 from marketplace_node.market_state import MarketState
 from marketplace_node.round.decision import AuctionOutcome, ClosedBy, Decision
-from marketplace_node.round.open_round import OpenRound
 from marketplace_node.settings import EXTERNAL, Settings
 
 

@@ -10,10 +10,10 @@ from bt_agents_core.scene import Scene
 from marketplace_node.effects import SceneEnded, State
 from marketplace_node.interaction.award import PREEMPTED, SHUTTING_DOWN, STOPPED, StopRequest
 from marketplace_node.interaction.interaction import Interaction
+from marketplace_node.interaction.open_round import OpenRound
 from marketplace_node.interaction.preemption import PreemptionRound
 from marketplace_node.interaction.scene_queue import QueuedScene, SceneQueue
 from marketplace_node.market_state import MarketState
-from marketplace_node.round.open_round import OpenRound
 from marketplace_node.settings import MAX_QUEUE
 
 _REMEMBERED_SCENES = 4 * MAX_QUEUE

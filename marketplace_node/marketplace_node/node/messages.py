@@ -34,9 +34,9 @@ from marketplace_node.effects import (
     StatusChanged,
 )
 from marketplace_node.explanation.calculation import calculation
-from marketplace_node.explanation.formatting import shown
+from marketplace_node.formatting import shown
 from marketplace_node.interaction.award import RunEnd
-from marketplace_node.operators.operator_overrides import OperatorAction, OperatorCommand
+from marketplace_node.operator_overrides import OperatorAction, OperatorCommand
 from marketplace_node.registry import Registration
 from marketplace_node.round.decision import Bids, Decision, External, RankedBid, Terms
 from marketplace_node.round.precedence import check_ranking

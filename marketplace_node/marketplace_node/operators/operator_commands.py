@@ -14,7 +14,7 @@ from marketplace_node.interaction.award import StopRequest
 from marketplace_node.interaction.interaction import Interaction
 from marketplace_node.interaction.scene_admission import SceneAdmission
 from marketplace_node.market_state import MarketState
-from marketplace_node.operators.operator_overrides import VETOED, OperatorAction, OperatorCommand
+from marketplace_node.operator_overrides import VETOED, OperatorAction, OperatorCommand
 
 _AWARDED = re.compile(r"\+award\d+$")
 

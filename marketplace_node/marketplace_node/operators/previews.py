@@ -9,9 +9,9 @@ from bt_agents_core.errors import Refused
 from bt_agents_core.scene import Scene
 from marketplace_node.effects import PreviewEnded
 from marketplace_node.explanation import reason as explain
+from marketplace_node.interaction.open_round import OpenRound
 from marketplace_node.market_state import MarketState
 from marketplace_node.round.decision import ClosedBy
-from marketplace_node.round.open_round import OpenRound
 from marketplace_node.settings import check_strategy
 
 MOST = 8

@@ -11,7 +11,7 @@ import numpy as np
 from bt_agents_core.errors import Refused
 from bt_agents_language.expression.name_resolution import SceneFacts, resolve, surely_true
 from bt_agents_language.files.market_reader import MarketRule
-from marketplace_node.explanation.formatting import shown
+from marketplace_node.formatting import shown
 from marketplace_node.strategies import Scores
 
 _BIDDERS_NAMED = 5

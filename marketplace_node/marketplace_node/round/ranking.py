@@ -12,8 +12,8 @@ import numpy as np
 
 from bt_agents_core.errors import Refused
 from bt_agents_core.scene import SceneSpace
-from marketplace_node.explanation.counterfactual import smallest_change
 from marketplace_node.round.bid_table import BidTable, weights_of
+from marketplace_node.round.counterfactual import smallest_change
 from marketplace_node.round.decision import (
     AcceptedBid,
     Counterfactual,

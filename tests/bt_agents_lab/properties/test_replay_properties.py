@@ -22,8 +22,8 @@ from bt_agents_lab.replay.replay_learning import lessons_again
 from bt_agents_language.files.market_reader import read_market
 from bt_agents_language.yaml.source import Source
 from bt_agents_ros.messages import to_time
+from feedback_node.announced_runs import AnnouncedRun
 from feedback_node.learning.profiles import Profiles
-from feedback_node.learning.runs import AnnouncedRun
 from feedback_node.ledger import Ledger
 from feedback_node.node.messages import card_from_msg, feedback_to_msg
 from marketplace_node.effects import PublishAuction

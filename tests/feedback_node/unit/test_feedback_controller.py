@@ -16,6 +16,7 @@ from bt_agents_core.scene import Origin, Scene, SceneParameter, SceneSpace, Scen
 from bt_agents_language.files.mood_rule_reader import restore_mood_rule
 from bt_agents_language.model.experiment import PreparedFeedback
 from bt_agents_language.model.mood_rule import MoodAction
+from feedback_node.announced_runs import AnnouncedRun, AnnouncedRuns
 from feedback_node.learning.cards import AgentEntry, LearningCard, LearningEntry
 from feedback_node.learning.feedback_controller import (
     MOST_PENDING,
@@ -24,7 +25,6 @@ from feedback_node.learning.feedback_controller import (
     FeedbackRequest,
 )
 from feedback_node.learning.profiles import Profiles
-from feedback_node.learning.runs import AnnouncedRun, AnnouncedRuns
 from feedback_node.ledger import Ledger
 from feedback_node.ledger.file import LedgerError
 from feedback_node.mood_trace import LeafMood

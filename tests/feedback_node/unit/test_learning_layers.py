@@ -12,11 +12,11 @@ from bt_agents_core import profile_layers as layers_module
 from bt_agents_core.errors import Refused
 from bt_agents_core.feedback import FeedbackKind
 from bt_agents_core.scene import Origin, Scene, SceneParameter, SceneSpace, SceneValue
+from feedback_node.announced_runs import AnnouncedRun
 from feedback_node.learning import profiles as profiles_module
 from feedback_node.learning.cards import AgentEntry, LearningCard, LearningEntry
 from feedback_node.learning.changes import Delivery, ProfileChange
 from feedback_node.learning.profiles import Profiles
-from feedback_node.learning.runs import AnnouncedRun
 from feedback_node.ledger import Ledger, LedgerEntry
 from feedback_node.ledger.rows import IMPORT, RevisionCause
 

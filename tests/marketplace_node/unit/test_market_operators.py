@@ -10,7 +10,7 @@ import pytest
 from bt_agents_core.errors import Refused
 from market_harness import EXPRESS, GUIDE, PLAIN, Driver, scene
 from marketplace_node.effects import CancelGoal, SendGoal, State, StoreOverrides
-from marketplace_node.operators.operator_overrides import OperatorAction
+from marketplace_node.operator_overrides import OperatorAction
 from marketplace_node.round.decision import AuctionOutcome
 
 

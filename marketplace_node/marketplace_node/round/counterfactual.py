@@ -10,8 +10,8 @@ import numpy as np
 
 from bt_agents_core.errors import Refused
 from bt_agents_core.scene import SceneSpace
-from marketplace_node.explanation.piecewise_linear import Intervals, losing_intervals
 from marketplace_node.round.decision import Counterfactual
+from marketplace_node.round.piecewise_linear import Intervals, losing_intervals
 from marketplace_node.round.round_model import RoundModel
 from marketplace_node.settings import EXTERNAL
 from marketplace_node.strategies import LinearScores
