@@ -18,7 +18,7 @@ from bt_agents.engine.scripted_environment import ScriptedEnvironment, ScriptedR
 from bt_agents.host.reload.source_bundle import texts
 from bt_agents.host.reload.versions import AgentVersions
 from bt_agents.host.run_messages import tree_status
-from bt_agents.recording.run import RecordingRun
+from bt_agents.recording.recorded_run import RecordingRun
 from bt_agents_core.feedback import FeedbackKind
 from bt_agents_core.scene import Scene
 from bt_agents_interfaces.msg import (

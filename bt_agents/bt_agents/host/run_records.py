@@ -11,7 +11,7 @@ from rclpy.node import Node
 from rclpy.publisher import Publisher
 
 from bt_agents.engine.run import Run
-from bt_agents.recording.run import RecordingRun
+from bt_agents.recording.recorded_run import RecordingRun
 from bt_agents_interfaces.msg import RunRecord, TreeStatus
 from bt_agents_language.model.specs import AgentSpec
 from bt_agents_ros import qos

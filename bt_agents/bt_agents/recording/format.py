@@ -112,7 +112,7 @@ def read_recording(lines: Iterable[str]) -> Recording:
     What follows a missing line cannot be replayed and is left out.
 
     Args:
-        lines: As :class:`bt_agents.recording.run.RecordingRun` wrote them, in order.
+        lines: As :class:`bt_agents.recording.recorded_run.RecordingRun` wrote them, in order.
 
     Raises:
         Refused: ``BAD_RECORD``; the first line is missing, or one cannot be read.

@@ -26,14 +26,14 @@ with loading():
         read_story,
         show_problems,
     )
-    from bt_agents_lab.replay.what_if import (
+    from bt_agents_lab.replay.counterfactual_replay import (
         ASSUMED,
         OTHERS_ASSUMED,
         Changes,
         Outlook,
         RoundComparison,
+        replay_with,
     )
-    from bt_agents_lab.replay.what_if import what_if as retell
     from bt_agents_language.files.folder_reader import read_trees
     from bt_agents_language.model.specs import AgentSpec
     from marketplace_node.strategies.plugins import add_installed
@@ -84,7 +84,7 @@ def what_if(
     if not story.rounds:
         raise BtAgentsError("there is no round of a market in it")
     with damage_reported():
-        outlook = retell(story, changes)
+        outlook = replay_with(story, changes)
     assumed = (*ASSUMED, OTHERS_ASSUMED) if agents and not tags else ASSUMED
     if as_json:
         click.echo(json.dumps(_as_data(outlook, assumed), indent=2))

@@ -10,7 +10,7 @@ from typing import Any
 
 from bt_agents.engine.run import TreeOutcome
 from bt_agents.recording.format import Recording, read_recording
-from bt_agents.recording.run import ReplayedStep, replay
+from bt_agents.recording.recorded_run import ReplayedStep, replay
 from bt_agents_core.errors import BtAgentsError, Refused
 from bt_agents_lab.replay.findings import ReplayFinding, compared, not_recorded
 from bt_agents_lab.replay.recording_index import RunStory

@@ -12,7 +12,7 @@ from rich.console import Console
 
 from bt_agents_core.scene import finite_or_none
 from bt_agents_tools.cli.connection import FIND_LIMIT_S
-from bt_agents_tools.cli.scene_names import SceneNames
+from bt_agents_tools.cli.scene_labels import SceneLabels
 from bt_agents_tools.cli.wrap import print_line
 
 if TYPE_CHECKING:
@@ -34,15 +34,15 @@ def heard_decisions(observer: Observer) -> list[Any]:
     return auctions
 
 
-def names_of_scenes(auctions: Iterable[Any]) -> SceneNames:
+def names_of_scenes(auctions: Iterable[Any]) -> SceneLabels:
     """Return what people call the scenes of some decisions."""
-    names = SceneNames()
+    names = SceneLabels()
     for auction in auctions:
         names.take(auction.scene)
     return names
 
 
-def show_decision(auction: Any, names: SceneNames | None = None) -> None:
+def show_decision(auction: Any, names: SceneLabels | None = None) -> None:
     """Print a decision: who won, every bid, and why in plain sentences."""
     names = names or names_of_scenes([auction])
     label = f" ({auction.scene.label})" if auction.scene.label else ""

@@ -13,7 +13,7 @@ from rich.text import Text
 
 from bt_agents_core.scene import SceneSpace
 from bt_agents_tools.cli.constants import KINDS, OUTCOMES, code_words, word
-from bt_agents_tools.cli.scene_names import SceneNames
+from bt_agents_tools.cli.scene_labels import SceneLabels
 from bt_agents_tools.cli.wrap import print_line
 
 _STATUS = {"running": "[yellow]▶", "success": "[green]✔", "failure": "[red]✘"}
@@ -37,7 +37,7 @@ class EventPrinter:
         self._start: dict[str, Sequence[float]] = {}
         self._now: dict[str, Sequence[float]] = {}
         self._scene_id = ""
-        self._names = SceneNames()
+        self._names = SceneLabels()
         self._queued = 0
         self._under_way = ""
         self._stopping = False

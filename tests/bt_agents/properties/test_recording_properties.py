@@ -15,7 +15,7 @@ from bt_agents.engine.environment import GIVE_FEEDBACK, GoalState
 from bt_agents.engine.run import Run, StatusChange
 from bt_agents.engine.scripted_environment import ManualClock, ScriptedEnvironment, ScriptedReply
 from bt_agents.recording.format import read_recording
-from bt_agents.recording.run import RecordingRun, replay
+from bt_agents.recording.recorded_run import RecordingRun, replay
 from bt_agents_language.model.specs import NodeSpec
 from random_trees import ACTIONS, Puppet, placed, trees
 from tree_harness import SPACE, Stage, agent, scene

@@ -13,9 +13,9 @@ import pytest
 
 from bt_agents.engine.environment import GoalState, SkillGoal
 from bt_agents.engine.scripted_environment import ScriptedEnvironment, ScriptedReply
-from bt_agents.recording.environment import RecordingEnvironment
 from bt_agents.recording.format import read_recording
-from bt_agents.recording.run import RecordingRun, ReplayedStep, replay
+from bt_agents.recording.recorded_environment import RecordingEnvironment
+from bt_agents.recording.recorded_run import RecordingRun, ReplayedStep, replay
 from bt_agents_core.errors import Refused
 from bt_agents_core.field_types import BindingKind
 from tree_harness import SPACE, Stage, agent

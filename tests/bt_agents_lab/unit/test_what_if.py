@@ -16,8 +16,8 @@ from bt_agents_core.feedback import FeedbackKind, Update
 from bt_agents_interfaces.msg import Auction, Run
 from bt_agents_lab.cli.journal import journal
 from bt_agents_lab.cli.what_if import what_if as command
+from bt_agents_lab.replay.counterfactual_replay import Changes, Outlook, replay_with
 from bt_agents_lab.replay.recording_index import RecordingIndex
-from bt_agents_lab.replay.what_if import Changes, Outlook, what_if
 from bt_agents_language.files.folder_reader import read_trees
 from journal_fixture import NAN, Town, morning, story_of, write_folder
 from tree_harness import SPACE, scene
@@ -26,7 +26,7 @@ from tree_harness import SPACE, scene
 def outlook(town: Town, path: Path, changes: Changes) -> Outlook:
     file = path / "a.mcap"
     file.unlink(missing_ok=True)
-    return what_if(story_of(town.write(file)), changes)
+    return replay_with(story_of(town.write(file)), changes)
 
 
 def winners(found: Outlook) -> list[str]:
@@ -57,7 +57,7 @@ def test_without_a_change_it_is_as_it_was_also_where_the_journal_begins_later(
     for missing in (firsts[:2], firsts[:6], firsts[4:6]):
         file = tmp_path / f"{len(missing)}-{missing[0]}.mcap"
         town.write(file, lambda n, m, gone=missing: None if n in gone else m)
-        found = what_if(story_of(file), Changes())
+        found = replay_with(story_of(file), Changes())
         assert [case.now for case in found.rounds] == [case.was for case in found.rounds]
         assert {case.now for case in found.rounds} == {"anna", "bert"}
         assert [c.margin_now for c in found.rounds] == [c.margin_was for c in found.rounds]
@@ -133,7 +133,7 @@ def test_what_cannot_be_is_refused_with_a_reason(
     strategy: str, options: Mapping[str, float], text: str
 ) -> None:
     with pytest.raises(BtAgentsError, match=text):
-        what_if(RecordingIndex(), Changes(strategy=strategy, options=options))
+        replay_with(RecordingIndex(), Changes(strategy=strategy, options=options))
 
 
 def test_the_command_prints_each_other_winner_and_what_it_assumes(tmp_path: Path) -> None:

@@ -24,7 +24,7 @@ from bt_agents_tools.cli.decisions import (
     names_of_scenes,
     show_decision,
 )
-from bt_agents_tools.cli.scene_names import SceneNames
+from bt_agents_tools.cli.scene_labels import SceneLabels
 from bt_agents_tools.cli.wrap import print_line
 
 if TYPE_CHECKING:
@@ -241,7 +241,7 @@ def _heard_last(observer: Observer, ends: list[Any]) -> bool:
     return not finished or any(end.scene_id == finished for end in ends)
 
 
-def _end(end: Any, names: SceneNames) -> str:
+def _end(end: Any, names: SceneLabels) -> str:
     return f"{code_words(end.code)}: {names.in_words(end.message)}"
 
 

@@ -16,9 +16,9 @@ from bt_agents.engine.leaf import Leaf
 from bt_agents.engine.scope import RunScope, Scope
 from bt_agents.recording.clock import RecordingClock, ReplayClock
 from bt_agents.recording.format import Entry
-from bt_agents.recording.goal import RecordingGoal, ReplayGoal
-from bt_agents.recording.inbox import RecordingInbox, ReplayInbox
-from bt_agents.recording.plugin import RecordingPlugin, ReplayPlugin
+from bt_agents.recording.recorded_goal import RecordingGoal, ReplayGoal
+from bt_agents.recording.recorded_inbox import RecordingInbox, ReplayInbox
+from bt_agents.recording.recorded_plugin import RecordingPlugin, ReplayPlugin
 from bt_agents.recording.step_log import StepLog
 from bt_agents_core.errors import Refused
 from bt_agents_core.feedback import FeedbackKind

@@ -11,12 +11,12 @@ from typing import Any
 
 from bt_agents.engine.environment import Clock, Environment
 from bt_agents.engine.run import Run, RunLimits, RunResult, StatusChange
-from bt_agents.recording.environment import (
+from bt_agents.recording.format import FORMAT, Entry, Recording, bad_recording, to_line
+from bt_agents.recording.recorded_environment import (
     RecordingContext,
     RecordingEnvironment,
     ReplayEnvironment,
 )
-from bt_agents.recording.format import FORMAT, Entry, Recording, bad_recording, to_line
 from bt_agents_core.field_types import Plain
 from bt_agents_core.scene import Origin, Scene, SceneSpace, SceneValue, Vector
 from bt_agents_language.model.specs import AgentSpec

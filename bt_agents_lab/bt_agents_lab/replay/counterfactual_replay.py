@@ -147,7 +147,7 @@ class Outlook:
         return sum(case.was != case.now for case in self.rounds if not case.problem)
 
 
-def what_if(story: RecordingIndex, changes: Changes) -> Outlook:
+def replay_with(story: RecordingIndex, changes: Changes) -> Outlook:
     """Decide and learn the contents of a journal with some changes.
 
     Args:

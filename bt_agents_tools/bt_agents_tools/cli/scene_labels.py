@@ -12,7 +12,7 @@ from bt_agents_core.scene import AGAIN
 _QUOTED = re.compile(r"'([^']*)'")
 
 
-class SceneNames:
+class SceneLabels:
     """Knows the names of the scenes that it was shown."""
 
     def __init__(self) -> None:
