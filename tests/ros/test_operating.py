@@ -256,11 +256,11 @@ def test_a_starved_agent_is_seen_in_the_status(ros: Any) -> None:
 
 def test_pins_and_vetoes_outlive_a_market(ros: Any, tmp_path: Path) -> None:
     path = tmp_path / "state" / "orders.json"
-    desk = Desk(ros, orders=path)
+    desk = Desk(ros, overrides_file=path)
     assert desk.operate(OperateMarket.Request.VETO, GUIDE).accepted
     assert desk.operate(OperateMarket.Request.PIN, EXPRESS).accepted
     ros.remove(desk.stage.market)
-    ros.add(MarketplaceNode(SPACE, "again", orders=path))
+    ros.add(MarketplaceNode(SPACE, "again", overrides_file=path))
     ros.until(lambda: desk.status.epoch == "again" and desk.status.pinned)
 
     assert (desk.status.pinned, list(desk.status.vetoed)) == (EXPRESS, [GUIDE])
@@ -269,7 +269,7 @@ def test_pins_and_vetoes_outlive_a_market(ros: Any, tmp_path: Path) -> None:
 def test_a_file_of_orders_that_cannot_be_read_stops_nothing(ros: Any, tmp_path: Path) -> None:
     path = tmp_path / "orders.json"
     path.write_bytes(b"\xff{")
-    desk = Desk(ros, orders=path)
+    desk = Desk(ros, overrides_file=path)
 
     assert (desk.status.pinned, list(desk.status.vetoed)) == ("", [])
     assert desk.play("s1").winner == GUIDE

@@ -259,12 +259,12 @@ def _others(decision: Decision) -> Iterator[str]:
         return
     for why, (_, agents) in declined(decision).items():
         yield f"{join_first(agents)} {'does' if len(agents) == 1 else 'do'} not bid: {why}."
-    barred: dict[str, list[str]] = {}
-    for bid in decision.terms.barred:
-        barred.setdefault(bid.reason, []).append(bid.agent)
-    for why, agents in barred.items():
+    by_reason: dict[str, list[str]] = {}
+    for bid in decision.terms.operator_exclusions:
+        by_reason.setdefault(bid.reason, []).append(bid.agent)
+    for why, agents in by_reason.items():
         yield f"{join_first(agents)} may not bid: {why}."
-    people = {bid.agent for bid in decision.terms.barred}
+    people = {bid.agent for bid in decision.terms.operator_exclusions}
     no_news = {*decision.terms.excluded, *people}
     refused = [
         f"Refused: {bid.reason}."

@@ -19,7 +19,7 @@ from marketplace_node.round.decision import (
 from marketplace_node.settings import RULES
 
 
-def reason(decision: Decision) -> str:
+def reason_of(decision: Decision) -> str:
     """Return the whole decision as one line for a terminal.
 
     Example:
@@ -37,7 +37,7 @@ def reason(decision: Decision) -> str:
     return _follows(decision) + "; ".join(parts)
 
 
-def challenge(
+def preemption_reason(
     decision: Decision, running: str, margin: float, *, obstacle: str = "", no_room: str = ""
 ) -> str:
     """Return the decision about a scene that came during a run as one line for a terminal.
@@ -160,7 +160,7 @@ def _award(decision: Decision, winner: RankedBid) -> list[str]:
 
 def _not_taken(decision: Decision) -> list[str]:
     """Return what is worth knowing beside the ranking: refused bids and silent hosts."""
-    people = {bid.agent for bid in decision.terms.barred}
+    people = {bid.agent for bid in decision.terms.operator_exclusions}
     refused = [
         f"{bid.agent or bid.host} ({bid.code}: {bid.reason})"
         for bid in decision.refused

@@ -267,7 +267,9 @@ def selection_from_msg(answer: SelectAgent.Response, bidders: Sequence[str]) -> 
         return External(failure=f"the selector's answer is of no use: {refused.reason}")
 
 
-def order_from_msg(request: OperateMarket.Request, space: SceneSpace) -> OperatorCommand:
+def operator_command_from_msg(
+    request: OperateMarket.Request, space: SceneSpace
+) -> OperatorCommand:
     """Check what an operator asks for and return it.
 
     Raises:
@@ -275,13 +277,13 @@ def order_from_msg(request: OperateMarket.Request, space: SceneSpace) -> Operato
     """
     if request.action not in set(OperatorAction):
         raise Refused("UNKNOWN_ACTION", f"action is {request.action}, expected 0 to 4")
-    act = OperatorAction(request.action)
+    action = OperatorAction(request.action)
     return OperatorCommand(
-        act=act,
+        action=action,
         agent=request.agent,
         author=shown(request.author),
         reason=shown(request.reason),
-        scene=scene_or_last(request.scene, space) if act is OperatorAction.AWARD else None,
+        scene=scene_or_last(request.scene, space) if action is OperatorAction.AWARD else None,
     )
 
 

@@ -67,7 +67,7 @@ class RoundModel:
     seed: str
     external: External | None = None
 
-    def measure(self) -> Scored:
+    def score(self) -> Scored:
         """Return the scores for the scene of the round.
 
         Raises:

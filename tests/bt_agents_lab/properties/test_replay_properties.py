@@ -28,7 +28,7 @@ from feedback_node.ledger import Ledger
 from feedback_node.node.messages import card_from_msg, feedback_to_msg
 from marketplace_node.effects import PublishAuction
 from marketplace_node.explanation.explanation import explanation
-from marketplace_node.explanation.reason import reason
+from marketplace_node.explanation.reason import reason_of
 from marketplace_node.node.messages import auction_to_msg
 from marketplace_node.round.decision import (
     AcceptedBid,
@@ -195,7 +195,7 @@ def test_all_that_is_decided_is_decided_again(
     message = auction_to_msg(
         PublishAuction(
             decision=decision,
-            reason_fn=partial(reason, decision),
+            reason_fn=partial(reason_of, decision),
             explanation_fn=partial(explanation, decision, SPACE),
         ),
         to_time(1.0),
