@@ -57,13 +57,13 @@ class AnnouncedRuns:
 
     def ended(self, run: AnnouncedRun) -> bool:
         """Note an end; return True when it was the current run."""
-        news = run.key not in self._ended
-        if news:
+        is_new = run.key not in self._ended
+        if is_new:
             self._ended.append(run.key)
         if self.current is not None and self.current.key == run.key:
             self.current = None
             return True
-        if news and self.current is None:
+        if is_new and self.current is None:
             self._remember(run)
         return False
 

@@ -335,14 +335,14 @@ def to_text(
         for name, known in every.items()
     ]
     room = most_bytes - len(f"{_HEAD}{{}}{_MIDDLE}{{}}}}\n")
-    kept = set()
+    remaining = set()
     for number in sorted(range(len(pieces)), key=lambda number: -pieces[number][0]):
         room -= len(pieces[number][2].encode()) + len(", ")
         if room < 0:
             break
-        kept.add(number)
+        remaining.add(number)
     known, here = (
-        ", ".join(pieces[number][2] for number in sorted(kept) if pieces[number][1] == kind)
+        ", ".join(pieces[number][2] for number in sorted(remaining) if pieces[number][1] == kind)
         for kind in (0, 1)
     )
     return f"{_HEAD}{{{known}}}{_MIDDLE}{{{here}}}}}\n"
@@ -368,8 +368,8 @@ def from_text(text: str, space: SceneSpace, now: float) -> Remembered:
     except (
         ValueError, TypeError, KeyError, AttributeError, RecursionError, ArithmeticError,
     ) as error:  # fmt: skip
-        words = f"no {error}" if isinstance(error, KeyError) else str(error)
-        raise DamagedMemoryError(f"not a memory of the scene layer: {words}") from None
+        text = f"no {error}" if isinstance(error, KeyError) else str(error)
+        raise DamagedMemoryError(f"not a memory of the scene layer: {text}") from None
 
 
 def read_memory(path: Path, space: SceneSpace, now: float) -> Remembered:
@@ -394,8 +394,8 @@ def read_memory(path: Path, space: SceneSpace, now: float) -> Remembered:
     except FileNotFoundError:
         return {}, {}
     except OSError as error:
-        words = error.strerror or error
-        raise BtAgentsError(f"{path} cannot be read ({words}); {another}") from None
+        text = error.strerror or error
+        raise BtAgentsError(f"{path} cannot be read ({text}); {another}") from None
     if not content.strip():
         return {}, {}
     if not content.startswith(_HEAD.encode()):

@@ -35,7 +35,7 @@ MOST_AWAY = 50
 THRESHOLD = 0.5
 """A person is there, or known by name, from this reading on: true, one face, a half."""
 
-_WORDS = {
+_RULE_TEXTS = {
     AddresseeRule.ENGAGED: ("most engaged", "more engaged", ""),
     AddresseeRule.NEAREST: ("nearest", "nearer", " m"),
 }
@@ -209,7 +209,7 @@ class Persons:
         if ready:
             before, challenger = self.addressee, self._best(ready, ranks)
             self._take(challenger, ranks, now)
-            _, word, _ = _WORDS[self._rule.rule]
+            _, word, _ = _RULE_TEXTS[self._rule.rule]
             self.reason = f"{challenger} has been {word} than {before} for {self._rule.hold_s:g} s"
 
     def _take(self, person: str, ranks: Mapping[str, float], now: float) -> None:
@@ -224,7 +224,7 @@ class Persons:
         rank = ranks.get(person, math.nan)
         if self._rule.rule is AddresseeRule.FIRST or math.isnan(rank):
             return f"{person} came first"
-        best, _, unit = _WORDS[self._rule.rule]
+        best, _, unit = _RULE_TEXTS[self._rule.rule]
         return f"{person} is {best}: {rank:.2g}{unit}"
 
     def _best(self, candidates: list[str], ranks: Mapping[str, float]) -> str:
@@ -379,10 +379,10 @@ class Encounters:
 
     def _observe(self, person: str, now: float, wall: float) -> None:
         """Remember what has been measured of a person since the last update."""
-        looked_at = self._observed_at.get(person, -math.inf)
+        observed_at = self._observed_at.get(person, -math.inf)
         for name in self._remembered:
             read = self._sources.latest(name, now, person, alone=True)
-            if read is not None and looked_at < read.at and now <= read.stale_at:
+            if read is not None and observed_at < read.at and now <= read.stale_at:
                 self._memory.measured(person, name, read.value, read.std, read.confidence, wall)
         self._observed_at[person] = now
         source = self._spec.persons.known if self._spec.persons is not None else None

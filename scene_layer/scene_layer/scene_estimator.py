@@ -13,7 +13,7 @@ from scene_layer.memory import Memory, ignorance
 from scene_layer.persons import NOBODY, THRESHOLD, Encounters, somebody_is_measured
 from scene_layer.sources import Sources
 
-KEPT = 1000
+MAX_INTERACTIONS = 1000
 """Interactions whose given values are remembered: more than scenes may wait in a market."""
 
 
@@ -126,13 +126,13 @@ class SceneEstimator:
         begun = empty.with_given(values, person, now)
         if person_id is not None:
             begun = replace(begun, person_id=person_id, met=bool(person_id))
-        return self._keep(begun)
+        return self._store(begun)
 
     def give(
         self, scene_id: str, values: Mapping[str, float], person: bool | None, now: float
     ) -> SceneInteraction:
         """Add checked given values to an interaction, known or not."""
-        return self._keep(self._known(scene_id).with_given(values, person, now))
+        return self._store(self._known(scene_id).with_given(values, person, now))
 
     def adopt(self, scene: Scene, now: float) -> SceneInteraction:
         """Return the interaction of an awarded scene; for a foreign scene, its given values."""
@@ -216,10 +216,10 @@ class SceneEstimator:
     def _known(self, scene_id: str) -> SceneInteraction:
         return self._interactions.get(scene_id, SceneInteraction(scene_id=scene_id))
 
-    def _keep(self, interaction: SceneInteraction) -> SceneInteraction:
+    def _store(self, interaction: SceneInteraction) -> SceneInteraction:
         self._interactions.pop(interaction.scene_id, None)
         self._interactions[interaction.scene_id] = interaction
-        while len(self._interactions) > KEPT:
+        while len(self._interactions) > MAX_INTERACTIONS:
             del self._interactions[next(iter(self._interactions))]
         return interaction
 

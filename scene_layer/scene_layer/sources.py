@@ -112,14 +112,14 @@ class Sources:
     def people(self) -> frozenset[str]:
         """Ids of all persons of whom something has been read and not been forgotten."""
         return frozenset(
-            person for kept in (self._latest, self._texts) for _, person in kept if person
+            person for store in (self._latest, self._texts) for _, person in store if person
         )
 
     def forget(self, person: str) -> None:
         """Drop all that was read of a person."""
-        for kept in (self._latest, self._texts):
-            for of in [one for one in kept if one[1] == person and one[0].per_person]:
-                del kept[of]
+        for store in (self._latest, self._texts):
+            for of in [one for one in store if one[1] == person and one[0].per_person]:
+                del store[of]
 
     # What is known now
 
@@ -307,7 +307,7 @@ def _number(source: SourceSpec, raw: object) -> float:
 
 
 def _in_table(source: SourceSpec, raw: object) -> float:
-    word = _word(raw)
+    word = _table_key(raw)
     for known, value in source.table:
         if known == word:
             return value
@@ -320,7 +320,7 @@ def _in_table(source: SourceSpec, raw: object) -> float:
     )
 
 
-def _word(raw: object) -> str | None:
+def _table_key(raw: object) -> str | None:
     """Return a value as it stands in a table; None for what cannot stand there."""
     match raw:
         case bool():

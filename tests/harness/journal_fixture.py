@@ -358,6 +358,6 @@ def ticks(path: Path) -> list[int]:
     return [entry.decode().tick for entry in JournalReader([path]).entries()]
 
 
-def story_of(path: Path) -> RecordingIndex:
+def index_of(path: Path) -> RecordingIndex:
     """Return the contents of a journal."""
     return index_entries(JournalReader([path]).entries())

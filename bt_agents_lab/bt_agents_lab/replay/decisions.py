@@ -37,7 +37,7 @@ _NOT_ASKED = " is not asked: "
 """Part of lines about hosts of which the message holds nothing else."""
 
 
-def decisions_again(rounds: Iterable[Round]) -> Iterator[ReplayFinding]:
+def replay_decisions(rounds: Iterable[Round]) -> Iterator[ReplayFinding]:
     """Decide each round again and yield whether everything about it is equal, bit for bit."""
     for one in rounds:
         auction = one.auction

@@ -209,19 +209,19 @@ class FeedbackController:
 
     def retry(self) -> tuple[RuleOutcome, ...]:
         """Retry to record feedback of rules that the full disk did not take."""
-        lessons = []
+        outcomes = []
         while self._pending:
             one = self._pending[0]
             try:
-                lessons.append(RuleOutcome(change=self._record(one)))
+                outcomes.append(RuleOutcome(change=self._record(one)))
             except Refused as refusal:
                 if refusal.code == STORAGE_FULL:
                     break
-                lessons.append(
+                outcomes.append(
                     RuleOutcome(problem=f"{one.run.agent}: {one.fired.reason}: {refusal}")
                 )
             self._pending.popleft()
-        return tuple(lessons)
+        return tuple(outcomes)
 
     def give(self, given: FeedbackRequest) -> ProfileChange:
         """Apply feedback from a person, a button or a program.

@@ -261,8 +261,8 @@ class Ledger(LedgerReader):
             learned = {k: v for k, v in row.profile.items() if k not in edited}
             profile = {name: learned.get(name, value) for name, value in authored.items()}
             self._append(LedgerEntry(agent=agent, layer=row.layer, profile=profile, cause=cause))
-        kept = {} if edited else last.profile
-        profile = {name: kept.get(name, value) for name, value in authored.items()}
+        own = {} if edited else last.profile
+        profile = {name: own.get(name, value) for name, value in authored.items()}
         return self._append(LedgerEntry(agent=agent, profile=profile, cause=cause))
 
     def _newest(self, agent: str, layer: str) -> int | None:

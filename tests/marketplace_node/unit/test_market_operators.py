@@ -215,7 +215,7 @@ def test_a_duplicate_of_an_awarded_scene_takes_nothing_from_it(market: Driver) -
 
 
 @pytest.mark.parametrize(
-    ("before", "act", "agent", "code"),
+    ("before", "action", "agent", "code"),
     [
         ([], OperatorAction.PIN, "guide", "UNKNOWN_AGENT"),
         ([], OperatorAction.VETO, "", "UNKNOWN_AGENT"),
