@@ -8,7 +8,7 @@ STALL_S = 0.5
 
 
 def extended_after_stall(last_seen: float, lease_s: float, since: float, now: float) -> float:
-    """Return when a peer counts as heard, as nobody has listened after ``since``.
+    """Return the last sign of life of a peer, extended as this process has not listened since.
 
     A lease that was valid then lasts for half its length from now at least.
 

@@ -118,7 +118,7 @@ class Market:
         return self._settle(now)
 
     def unreported(self, host: str, runs: Iterable[EarlierRun], now: float) -> list[Effect]:
-        """Take runs of an earlier market that a registered host has to tell the end of."""
+        """Take ended runs of an earlier market that a registered host reports."""
         self._inherited.take(host, runs, now, obstacle=self._admission.closed_reason)
         return self._settle(now)
 
@@ -148,7 +148,7 @@ class Market:
     def heartbeat(
         self, host: str, instance: str, epoch: str, round_number: int, now: float
     ) -> list[Effect]:
-        """A host is alive and says which run it is busy with; round 0 means none."""
+        """Take the heartbeat of a host with the run that it is busy with; round 0 means none."""
         if self._market_state.registry.heartbeat(host, instance, now):
             self._market_state.heartbeat(host, epoch, round_number, self._under_way, now)
             if self._interaction is not None:
@@ -174,7 +174,7 @@ class Market:
         return self._settle(now)
 
     def bids(self, bids: Bids, now: float) -> list[Effect]:
-        """Take a host's answer, whatever it looks like."""
+        """Take a host's answer, unchecked."""
         rounds = self._open_rounds()
         named = next((r for r in rounds if r.number == bids.round), None)
         real = [r for r in rounds if r.number <= PREVIEWS]
@@ -205,14 +205,14 @@ class Market:
         return self._settle(now)
 
     def operate(self, command: OperatorCommand, now: float) -> tuple[str, list[Effect]]:
-        """Do what an operator asks for.
+        """Execute a command of an operator.
 
         Returns:
             The answer in words, and the effects.
 
         Raises:
-            Refused: ``UNKNOWN_AGENT``, ``NO_SCENE``, or as in :class:`Say` and for scenes that
-                come in; nothing is changed then.
+            Refused: ``UNKNOWN_AGENT``, ``NO_SCENE``, or as in :class:`OperatorOverrides` and
+                for scenes that come in; nothing is changed then.
         """
         message = self._operator_commands.take(command, self._interaction, now)
         if command.action is not OperatorAction.AWARD:
@@ -220,7 +220,7 @@ class Market:
         return message, self._settle(now)
 
     def restore_overrides(self, text: str, now: float) -> tuple[str, list[Effect]]:
-        """Take over pins, vetoes and counts that an earlier market had kept, before any scene.
+        """Take over pins, vetoes and counts that an earlier market had stored, before any scene.
 
         Returns:
             The pins and vetoes in words, empty for none, and the effects.

@@ -32,7 +32,7 @@ PREVIEWS = 2**31
 """Numbers of rounds that only foretell begin after this one, so that no other is counted."""
 
 _CANCEL_AGAIN_S = 1.0
-_SURE_S = 0.3  # a heartbeat of a run may come after its end
+_CONFIRMED_S = 0.3  # a heartbeat of a run may come after its end
 _OF_ANOTHER = "it still runs a tree for another market"
 
 
@@ -42,11 +42,11 @@ class _OrphanRun:
 
     Attributes:
         instance: The start of its host.
-        reason: What is known of it, in words.
+        reason: Reason why its host is not free.
         goal: Its goal, as far as it is known.
         blocks: True when its host is not to be asked, as it surely is not free.
         running_since: When the host first reported it, steady time [s]; None while it does not.
-        cancelled_at: When it was last told to stop, steady time [s]; None before.
+        cancelled_at: When it was last cancelled, steady time [s]; None before.
     """
 
     instance: str
@@ -65,9 +65,9 @@ class MarketState:
         epoch: Name of this instance of the market.
         settings: The settings in force.
         registry: The hosts and agents.
-        overrides: What operators have ordered.
+        overrides: Pins, vetoes and awards by operators.
         record: Counters over the decisions so far.
-        effects: What is to be done, in order.
+        effects: Pending effects, in order.
         rounds: How many rounds there have been; the number of the last one.
         previews: How many rounds there have been that only foretold.
         last_scene: The scene that was taken last; None before the first.
@@ -151,7 +151,7 @@ class MarketState:
         )
 
     def outcome(self, decision: Decision, reason_fn: Callable[[], str]) -> PublishAuction:
-        """Return a decision as it is published, with what the record says at this moment."""
+        """Return a decision as it is published, with the statistics of this moment."""
         return PublishAuction(
             decision=decision,
             reason_fn=reason_fn,
@@ -177,7 +177,7 @@ class MarketState:
         return known[2]
 
     def count_run(self, agent: str, decision: Decision) -> None:
-        """Note that an agent runs; ties go to whoever has not run for longest.
+        """Count a run of an agent; ties go to the agent that has not run for longest.
 
         Args:
             agent: Who took the run; not the winner when its host did not.
@@ -191,7 +191,7 @@ class MarketState:
         self.store()
 
     def store(self) -> None:
-        """Have everything kept that outlives this start of the market."""
+        """Store what outlives this start of the market."""
         stored = {
             **self.overrides.to_dict(),
             "runs": self._run_counts.runs,
@@ -201,7 +201,7 @@ class MarketState:
         self.effects.append(StoreOverrides(text=json.dumps(stored, ensure_ascii=False)))
 
     def restore(self, text: str) -> None:
-        """Take over what an earlier start of the market has kept.
+        """Take over what an earlier start of the market has stored.
 
         Raises:
             Refused: ``MALFORMED``; nothing is changed.
@@ -213,7 +213,7 @@ class MarketState:
         except (ValueError, TypeError, KeyError, AttributeError, RecursionError):
             raise Refused(
                 "MALFORMED",
-                "the kept pins, vetoes and counts cannot be read, so none counts; set pins and "
+                "the stored pins, vetoes and counts cannot be read, so none counts; set pins and "
                 "vetoes again",
             ) from None
         self._run_counts.restore(found[0], found[1])
@@ -341,7 +341,7 @@ class MarketState:
 
 
 def _is_due(orphan: _OrphanRun, now: float) -> bool:
-    """Whether a tree is to be told to stop: once that is sure, and then again and again."""
+    """Whether to cancel an orphan now: once it is confirmed, and then repeatedly."""
     if orphan.cancelled_at is not None:
         return now - orphan.cancelled_at >= _CANCEL_AGAIN_S
-    return orphan.running_since is not None and now - orphan.running_since >= _SURE_S
+    return orphan.running_since is not None and now - orphan.running_since >= _CONFIRMED_S

@@ -105,11 +105,11 @@ class OperatorOverrides:
         self._pin, self._vetoes = standing, texts
 
     def veto_of(self, agent: str) -> str:
-        """Return who has vetoed an agent and why; empty when nobody has."""
+        """Return the text of the veto of an agent; empty without one."""
         return self._vetoes.get(agent, "")
 
     def pin(self, command: OperatorCommand) -> str:
-        """Let only one agent bid; return it in words.
+        """Let only one agent bid; return the answer for the operator.
 
         Raises:
             Refused: ``VETOED``.
@@ -121,7 +121,7 @@ class OperatorOverrides:
         return f"only {command.agent} may bid from the next round on, until it is unpinned"
 
     def unpin(self) -> str:
-        """Let all agents bid again; return it in words.
+        """Let all agents bid again; return the answer for the operator.
 
         Raises:
             Refused: ``NOT_PINNED``.
@@ -132,13 +132,13 @@ class OperatorOverrides:
         return f"{agent} is not pinned any more: all agents may bid from the next round on"
 
     def veto(self, command: OperatorCommand) -> str:
-        """Let an agent bid no more; return it in words."""
+        """Let an agent bid no more; return the answer for the operator."""
         self._vetoes[command.agent] = f"{command.who} vetoes {command.agent}{command.because}"
         also = f"; it is pinned, too, so nobody may bid: unpin {command.agent}"
         return f"{command.agent} may not bid" + (also if command.agent == self.pinned else "")
 
     def allow(self, command: OperatorCommand) -> str:
-        """Let an agent bid again; return it in words.
+        """Let an agent bid again; return the answer for the operator.
 
         Raises:
             Refused: ``NOT_VETOED``.
@@ -175,7 +175,7 @@ class OperatorOverrides:
         self._awards.pop(scene_id, None)
 
     def intervention(self, scene_id: str) -> str:
-        """Return what people have ordered that counts for a round, in words; may be empty."""
+        """Return the text of the overrides that apply to a round; may be empty."""
         award = self._awards.get(scene_id)
         standing = [one.text for one in (award, self._pin) if one is not None]
         return "; ".join([*standing, *(self._vetoes[agent] for agent in self.vetoed)])

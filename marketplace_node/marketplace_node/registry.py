@@ -150,7 +150,7 @@ class Registry:
         self._heartbeat_of.pop(host, None)
 
     def heartbeat(self, host: str, instance: str, now: float) -> bool:
-        """Note a heartbeat; return False when it is not from a registered start of a host."""
+        """Take a heartbeat; return False when it is not from a registered start of a host."""
         entry = self._entries.get(host)
         if entry is None or entry.instance != instance:
             return False
@@ -197,7 +197,7 @@ class Registry:
         return tuple(e for e in self._entries.values() if self.is_live(e.host, e.instance, now))
 
     def with_heartbeat(self, now: float) -> tuple[HostEntry, ...]:
-        """Return the hosts within their lease of which a heartbeat was heard."""
+        """Return the hosts within their lease that have sent a heartbeat."""
         return tuple(e for e in self.live(now) if self._heartbeat_of.get(e.host) == e.instance)
 
     def _check_host(self, registration: Registration, now: float) -> None:

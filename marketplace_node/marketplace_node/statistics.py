@@ -15,7 +15,7 @@ class MarketStatistics:
         shadow_rounds: Awarded rounds that the strategies in force, the one that ranks and its
             shadow, have both ranked.
         shadow_disagreements: In how many of these they had another winner.
-        starvation: Who bids in vain.
+        starvation: Counter of bids in vain.
     """
 
     def __init__(self) -> None:
@@ -65,7 +65,7 @@ class Starvation:
         self._warned.discard(winner)
 
     def starved(self, limit: int) -> tuple[str, ...]:
-        """Return who has bid in at least ``limit`` rounds in vain, by name; nobody for 0."""
+        """Return the agents with at least ``limit`` bids in vain, by name; none for 0."""
         if not limit:
             return ()
         if self._found is None or self._found[0] != limit:

@@ -39,7 +39,7 @@ LONGEST_NAME = 200
 
 @dataclass(frozen=True, kw_only=True)
 class Estimated:
-    """An estimate of a value that nobody measures now.
+    """Estimate of a value that is not measured now.
 
     Attributes:
         value: In the unit of the parameter.
@@ -171,7 +171,7 @@ class Memory:
         self._shunned: set[str] = set()
 
     def came(self, person: str, now: float) -> None:
-        """Begin the visit of somebody; ``now`` is in unix time [s], as everywhere here."""
+        """Begin the visit of a person; ``now`` is in unix time [s], as everywhere here."""
         known = self._persons.pop(person, None) or KnownPerson()
         known.visits += 1
         known.seen_at = now
@@ -181,7 +181,7 @@ class Memory:
     def measured(
         self, person: str, parameter: str, value: float, std: float, confidence: float, now: float
     ) -> None:
-        """Take a value that was measured just now of somebody who is here.
+        """Take a value that was measured just now of a present person.
 
         One without any confidence, or of somebody who is to be forgotten, is left out.
         """

@@ -42,7 +42,7 @@ _RULE_TEXTS = {
 
 
 def check_id(person_id: object) -> str:
-    """Return the id of a person, as a tracker says it, when it can be used; 7 is ``"7"``.
+    """Return the id of a person from a tracker as a text if it is usable; 7 is ``"7"``.
 
     Raises:
         Refused: ``NOT_A_TEXT``, ``EMPTY``, ``TOO_LONG`` or ``BAD_ID``.
@@ -246,7 +246,7 @@ class Persons:
 
 
 class Encounters:
-    """Visits of persons, told apart by the ids of a tracker, or of one at a time without ids.
+    """Visits of persons, identified by the ids of a tracker, or of one at a time without ids.
 
     What is measured of whoever is here goes into the memory: what sources say of that person, or
     what no source says of one. The person whom a run began with is kept until the run ends, though
@@ -287,17 +287,17 @@ class Encounters:
 
     @property
     def tracked(self) -> tuple[str, ...]:
-        """Ids of all who are here, in the order they came; empty where nobody tells them apart."""
+        """Ids of all present persons in order of arrival; empty without identification."""
         return self._persons.tracked if self._persons is not None else ()
 
     @property
     def addressee(self) -> str:
-        """Whom a scene is about; :data:`NOBODY` without anybody or without ids."""
+        """Person whom a scene is about; :data:`NOBODY` without a person or without ids."""
         return self._persons.addressee if self._persons is not None else NOBODY
 
     @property
     def reason(self) -> str:
-        """Why this one is the addressee, in words."""
+        """Reason why this person is the addressee."""
         return self._persons.reason if self._persons is not None else ""
 
     @property
@@ -353,7 +353,7 @@ class Encounters:
 
     @property
     def known(self) -> frozenset[str]:
-        """Those who are here, or kept, and whose id is a name by which they come again."""
+        """Present or retained persons whose id is the same at their next visit."""
         return frozenset(self._names)
 
     def _moved(self, now: float) -> tuple[tuple[str, ...], tuple[str, ...]]:
@@ -403,7 +403,7 @@ class Encounters:
             self._observed_at.pop(person, None)
 
     def _forget_others(self) -> None:
-        """Drop what was read of anybody who is neither here, nor listed, nor still awaited."""
+        """Drop readings of persons who are neither present, nor listed, nor still awaited."""
         for person in self._sources.people - {*self.candidates, *self._away}:
             self._sources.forget(person)
 
@@ -418,7 +418,7 @@ class _Departure:
 
 
 def somebody_is_measured(spec: SceneSpec, sources: Sources, now: float) -> bool:
-    """Return whether the sources see somebody, where nobody is told apart.
+    """Return whether the sources measure a person, where persons are not identified.
 
     A person source that is silent or stale sees nobody. Without one somebody is there when
     anything at all is measured.

@@ -41,8 +41,8 @@ def check_given(
 
 
 @dataclass(frozen=True, kw_only=True)
-class GivenScene:
-    """A value that somebody gave, and when, in steady time [s]."""
+class GivenValue:
+    """Value given for a scene, with its steady time of arrival [s]."""
 
     value: float
     at: float
@@ -64,8 +64,8 @@ class SceneInteraction:
 
     scene_id: str
     label: str = ""
-    values: Mapping[str, GivenScene] = field(default_factory=dict)
-    person: GivenScene | None = None
+    values: Mapping[str, GivenValue] = field(default_factory=dict)
+    person: GivenValue | None = None
     urgent: bool = False
     person_id: str = NOBODY
     met: bool = False
@@ -74,8 +74,8 @@ class SceneInteraction:
         self, values: Mapping[str, float], person: bool | None, now: float
     ) -> SceneInteraction:
         """Return the interaction with more values given; a person of None stays as it was."""
-        given = {name: GivenScene(value=value, at=now) for name, value in values.items()}
-        present = self.person if person is None else GivenScene(value=float(person), at=now)
+        given = {name: GivenValue(value=value, at=now) for name, value in values.items()}
+        present = self.person if person is None else GivenValue(value=float(person), at=now)
         return replace(self, values={**self.values, **given}, person=present)
 
 
@@ -264,7 +264,7 @@ class SceneEstimator:
     def _expected(
         self, name: str, interaction: SceneInteraction, place: str, wall: float
     ) -> SceneValue:
-        """Return the estimate or default of a value that nobody measures."""
+        """Return the estimate or default of a value that is not measured."""
         rule = self._spec.missing_rule(name)
         if not interaction.met:
             if name in self._spec.no_person:

@@ -168,12 +168,12 @@ class Sources:
         return found if found is not None and now <= found.stale_at else None
 
     def place(self, now: float) -> str:
-        """Return where the robot is; empty when nobody says so."""
+        """Return the place of the robot; empty when unknown."""
         place = self._spec.place
         return place if isinstance(place, str) else self._text(place, now, "")
 
     def topics(self, people: Iterable[str], now: float) -> dict[tuple[SourceSpec, str], str]:
-        """Return the topics that tell something about each of some persons.
+        """Return the topics with readings of each of some persons.
 
         Args:
             people: Their ids; those that cannot stand in the name of a topic have no topics.

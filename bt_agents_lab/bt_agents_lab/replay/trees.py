@@ -27,7 +27,7 @@ Change = tuple[str, str, str, str]
 
 
 class _Missing(Exception):
-    """Something was not recorded; the text says what."""
+    """Missing part of a recording; the text names it."""
 
 
 def replay_runs(runs: Iterable[RecordedRun]) -> Iterator[ReplayFinding]:

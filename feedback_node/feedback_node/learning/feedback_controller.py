@@ -171,7 +171,7 @@ class FeedbackController:
             self._stop_watching()
 
     def on_run_ended(self, run: AnnouncedRun) -> ReportedMood | None:
-        """Note the end of a run, including one that never started for this node.
+        """Take the end of a run, including one that never started for this node.
 
         Returns:
             Its mood trace; None when it was not traced, or none of its nodes is known.

@@ -378,7 +378,7 @@ class Profiles:
         return LedgerEntry(agent=name, layer=layer, profile=profile, cause=cause)
 
     def _enter(self, agents: Iterable[Agent]) -> Collection[str]:
-        """Have the ledger know what files say that are new; return the names of their agents."""
+        """Record new authored profiles in the ledger; return the names of their agents."""
         changed_agents = [
             agent
             for agent in agents

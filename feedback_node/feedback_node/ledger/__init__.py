@@ -102,7 +102,7 @@ class Ledger(LedgerReader):
     # Changes
 
     def enter(self, profiles: Mapping[str, Mapping[str, float]]) -> dict[str, ProfileRevision]:
-        """Record what the agents' files say and return the current revision of each.
+        """Record authored profiles and return the current revision of each agent.
 
         A new agent starts at revision 0. Where the author has edited a value since the last
         authored revision, the file's profile becomes a new one, so that the edit wins over what

@@ -26,7 +26,7 @@ _LABEL_REACH = 0.05  # of the range
 
 
 def explanation(decision: Decision, space: SceneSpace) -> str:
-    """Return the decision in words for authors and for those who stand around the robot.
+    """Return the explanation of a decision for authors and for people around the robot.
 
     Who won and why in the words of the scene, where each value of the scene comes from, what each
     parameter contributed, who came next and what would have made it win, who may not bid, and what
@@ -254,7 +254,7 @@ def _change(decision: Decision, second: RankedBid, space: SceneSpace) -> Iterato
 
 
 def _others(decision: Decision) -> Iterator[str]:
-    """Yield who has no say in it, unless that is all there is to tell."""
+    """Yield the agents that may not bid, unless the head has named them already."""
     if decision.winner is None:
         return
     for why, (_, agents) in declined(decision).items():

@@ -64,7 +64,7 @@ def preemption_reason(
 
 
 def tie_rule(decision: Decision, winner: RankedBid, tied: Sequence[RankedBid]) -> str:
-    """Return why the winner comes before bids that are as good, in words."""
+    """Return the reason why the winner precedes equally good bids."""
     if decision.terms.tie_break == "name":
         return f"{winner.agent} is first by name"
     if any(bid.last_run == winner.last_run for bid in tied):
@@ -75,7 +75,7 @@ def tie_rule(decision: Decision, winner: RankedBid, tied: Sequence[RankedBid]) -
 
 
 def nobody(decision: Decision) -> list[str]:
-    """Return why nobody bids, in parts of a line."""
+    """Return the reasons why there is no bid, as parts of one line."""
     parts = []
     for first, agents in declined(decision).values():
         names = join_first(agents)

@@ -84,7 +84,7 @@ class Award:
 
     @property
     def unfinished(self) -> str:
-        """Why its host is not free, in words."""
+        """Reason why its host is not free."""
         return f"its run of round {self.goal.round} has not ended"
 
     def end_code(self, outcome: RunOutcome) -> str:

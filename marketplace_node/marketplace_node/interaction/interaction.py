@@ -167,7 +167,7 @@ class Interaction:
         self.collected("feedback is kept until the feedback node is back")
 
     def stop(self, stop: StopRequest, now: float) -> tuple[bool, str]:
-        """Stop what is going on; return whether it will, and the answer in words."""
+        """Stop the interaction; return whether it will stop, and the answer for people."""
         award = self._award
         self._hurries = self._hurries or stop.hurries
         if award is None:

@@ -88,7 +88,7 @@ class OpenRound:
         return self._deadline
 
     def state_text(self) -> str:
-        """Return what the round waits for, in words."""
+        """Return what the round waits for, as a text for people."""
         return "asking for bids" if self.takes_bids else "asking outside for a ranking"
 
     def called(self, now: float) -> None:
@@ -102,7 +102,7 @@ class OpenRound:
         self._deadline += lasted_s
 
     def take(self, bids: Bids) -> None:
-        """Take a host's answer, whatever it looks like; only while bids are taken."""
+        """Take a host's answer, unchecked; only while bids are taken."""
         self._auction.take(bids)
 
     def ranked(self, external: External) -> bool:

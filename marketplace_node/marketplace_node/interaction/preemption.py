@@ -73,7 +73,7 @@ class PreemptionRound:
         return stops, reason
 
     def _no_more(self, decision: Decision) -> dict[str, str]:
-        """Return whom the round after the stop is not for, so that nobody is stopped for itself.
+        """Return the agents excluded after the stop, so that no agent is stopped for itself.
 
         With the same bids the same chance finds the same winner. So it is enough to leave out a
         stopped agent that may bid now and did not; a program outside may say anything, though.

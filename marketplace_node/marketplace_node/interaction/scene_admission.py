@@ -84,7 +84,7 @@ class SceneAdmission:
             self.refuse(waiting.scene.scene_id, SHUTTING_DOWN, reason)
 
     def forget(self, reason: str, now: float) -> str:
-        """End all scenes that wait, as somebody wants an end; return it in words."""
+        """End all queued scenes on request; return a text for the answer."""
         self._give_up_preemption(reason, now)
         count = len(self._line)
         while (waiting := self.next()) is not None:

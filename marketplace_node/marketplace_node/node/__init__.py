@@ -77,7 +77,7 @@ OVERRIDES_FILE = StartParameter(
     "empty for none",
 )
 
-_POLL_S = 0.02  # between two looks whether somebody who starts is found
+_POLL_S = 0.02  # between two polls for hosts that are just starting
 _HEARTBEAT_S = 0.1
 _NOTES_S = 1.0  # one note in so long: a peer that misbehaves must not fill the disk
 _SHOWN = 200  # characters of what is malformed
@@ -327,7 +327,7 @@ class MarketplaceNode(BaseNode):
                 self._publish_call(effect, now)
 
     def _matched(self, hosts: int) -> bool:
-        """Return whether so many hosts hear a call, and are heard; else messages would be lost."""
+        """Return whether so many hosts are matched both ways; else messages would be lost."""
         publishers = int(self._bids.get_publisher_count())
         subscribers = int(self._calls.get_subscription_count())
         return min(publishers, subscribers) >= hosts
@@ -371,7 +371,7 @@ class MarketplaceNode(BaseNode):
 def make_market(
     trees: Path, overrides_file: Path | None = None, **node_kwargs: Any
 ) -> MarketplaceNode:
-    """Return the market of a trees folder; its log says what it cannot use.
+    """Return the market of a trees folder; what it cannot use is logged.
 
     Args:
         trees: The folder.

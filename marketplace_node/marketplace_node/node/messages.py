@@ -75,7 +75,7 @@ def registration_from_msg(request: RegisterHost.Request) -> Registration:
 
 
 def run_end_from_msg(result: RunAgent.Result) -> RunEnd:
-    """Return how a host says that a run ended; the interaction checks it."""
+    """Return the end of a run as its host reports it; the interaction checks it."""
     return RunEnd(
         outcome=result.outcome,
         message=result.message,

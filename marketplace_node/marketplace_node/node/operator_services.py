@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Services of operators, and the file that keeps what they ordered over a restart."""
+"""Services of operators, and the file by which their overrides survive a restart."""
 
 from __future__ import annotations
 
@@ -101,7 +101,7 @@ class OverridesFile:
     """File that is read once and written by a thread of its own.
 
     Args:
-        node: Tells what goes wrong.
+        node: Logs failures.
         path: The file; its folder is made when absent.
     """
 
@@ -112,7 +112,7 @@ class OverridesFile:
         self._worker = WorkerThread("operator overrides")
 
     def read(self) -> str:
-        """Return what was kept; empty when nothing was."""
+        """Return the stored text; empty when there is none."""
         try:
             return self._path.read_text(encoding="utf-8")
         except FileNotFoundError:
@@ -122,7 +122,7 @@ class OverridesFile:
             return ""
 
     def store(self, text: str) -> None:
-        """Write what is to be kept from now on."""
+        """Replace the stored text."""
         self._poller.watch(self._worker.submit(self._write, text), self._report)
 
     def close(self) -> None:

@@ -33,7 +33,7 @@ class OperatorCommands:
         self._awards = 0
 
     def take(self, command: OperatorCommand, interaction: Interaction | None, now: float) -> str:
-        """Do what is asked for; return it in words.
+        """Execute a command; return the answer for the operator.
 
         Raises:
             Refused: Nothing is changed.
@@ -53,7 +53,7 @@ class OperatorCommands:
                 return self._award(command, interaction)
 
     def restore(self, text: str) -> str:
-        """Take over what an earlier market was ordered; return it in words, empty for nothing.
+        """Take over the overrides of an earlier market; return them as a text, empty for none.
 
         Raises:
             Refused: ``MALFORMED``; nothing is changed.
@@ -83,7 +83,7 @@ class OperatorCommands:
             )
 
     def _stop(self, command: OperatorCommand, interaction: Interaction | None, now: float) -> str:
-        """Stop the agent when it has the run, and let the others be asked; return it in words."""
+        """Stop the agent if it has the run and ask the others; return the end of the answer."""
         goal = interaction.goal if interaction is not None else None
         if interaction is None or goal is None or goal.agent != command.agent:
             return ""

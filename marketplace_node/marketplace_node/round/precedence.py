@@ -23,7 +23,7 @@ def applicable_rule(
     person: bool,
     agents: Sequence[str],
 ) -> tuple[int, MarketRule] | None:
-    """Return the first rule that holds and names somebody who bids, with its number from 1.
+    """Return the first rule that holds and names a bidder, with its number from 1.
 
     A condition on a missing value does not hold, nor does one that cannot be worked out.
 

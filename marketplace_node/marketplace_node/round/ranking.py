@@ -99,7 +99,7 @@ def nearest(space: SceneSpace, terms: Terms, table: BidTable) -> tuple[RankedBid
 def _lazily_ranked(
     space: SceneSpace, terms: Terms, table: BidTable, spec: StrategySpec, distance: Sum
 ) -> Ranked:
-    """Find the winner alone; the others when somebody looks at them."""
+    """Rank the winner eagerly and the others lazily."""
 
     @cache
     def rest() -> tuple[RoundModel, Scored, Integers]:
@@ -239,7 +239,7 @@ def _weights(space: SceneSpace, table: BidTable, places: Integers) -> list[tuple
 
 
 def _shadow(model: RoundModel) -> tuple[str, str]:
-    """Return who would have won by the shadow strategy, and why nobody, in words."""
+    """Return the winner by the shadow strategy, and the reason why there is none."""
     terms = model.terms
     if not terms.shadow:
         return "", ""

@@ -158,7 +158,7 @@ class MemoryStore:
         return response
 
     async def _ended(self, write: ThreadFuture[None] | None) -> str:
-        """Wait for a job; return what went wrong in words."""
+        """Wait for a write; return the problem, empty for none."""
         if write is None:
             return ""
         ended = Future(executor=self._node.executor)

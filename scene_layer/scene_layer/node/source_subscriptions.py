@@ -84,7 +84,7 @@ class SourceSubscriptions:
             self._track(spec.persons.tracked)
 
     def subscribe_to_tracked(self) -> None:
-        """Subscribe to the topics of everybody who is tracked now, and of nobody else."""
+        """Subscribe to the topics of the persons tracked now, and of no others."""
         if self._spec.persons is None:
             return
         people = self._encounters.tracked
