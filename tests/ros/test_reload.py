@@ -41,6 +41,12 @@ WAITING = "{wait: '${patience}'}"
 CLEANS_UP = "on_cancel: {log: cleaned up}\n"
 
 
+@pytest.fixture(autouse=True)
+def often_polled(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Have a host poll its folder so often that no test waits for it."""
+    monkeypatch.setattr("bt_agents.host.reload.reload_service.PERIOD_S", 0.05)
+
+
 class Market:
     """Takes every agent, and sends goals when a test wants it."""
 

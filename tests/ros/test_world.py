@@ -70,11 +70,11 @@ def test_lines_of_different_levels_may_be_limited_also_where_files_are_links(
     spec = spec_from_file_location("linked_lines", link)
     assert spec is not None
     assert spec.loader is not None
-    known = [name for name in rcutils_logger._internal_callers if "log_lines" not in name]
+    known = [name for name in rcutils_logger._internal_callers if "quick_logger" not in name]
     monkeypatch.setattr(rcutils_logger, "_internal_callers", known)
     linked = module_from_spec(spec)
     spec.loader.exec_module(linked)
-    lines = linked.LogLines("linked")
+    lines = linked.QuickLogger("linked")
     for told in (True, False):
         assert lines.warning("again and again", throttle_duration_sec=60.0) == told
         assert lines.error("again and again", throttle_duration_sec=60.0) == told

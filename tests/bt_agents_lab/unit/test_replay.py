@@ -418,23 +418,19 @@ def test_a_round_of_format_1_is_decided_again_with_what_its_options_said(tmp_pat
     made = Town(tmp_path / "trees", "softmax", {"temperature": 2.0}, shadow="epsilon_greedy")
     made.round(scene("s1", age=4, familiarity=2, mood=3))
     messages = [
-        of_format_1(published.message)
-        if isinstance(published.message, Auction)
-        else published.message
-        for published in made.published
+        of_format_1(sent.message) if isinstance(sent.message, Auction) else sent.message
+        for sent in made.published
     ]
     recording = index_entries(
         JournalEntry(
-            topic=published.topic,
-            type=f"bt_agents_interfaces/msg/{type(published.message).__name__}",
+            topic=sent.topic,
+            type=f"bt_agents_interfaces/msg/{type(sent.message).__name__}",
             sent_ns=number,
             lost=0,
             data=b"",
             decoder=lambda _, message=message: message,
         )
-        for number, (published, message) in enumerate(
-            zip(made.published, messages, strict=True), 1
-        )
+        for number, (sent, message) in enumerate(zip(made.published, messages, strict=True), 1)
     )
 
     assert recording.problems == []
