@@ -46,7 +46,7 @@ class Binary:
 
 
 @dataclass(frozen=True)
-class Choice:
+class Conditional:
     """``condition ? yes : no``."""
 
     condition: Formula
@@ -62,7 +62,7 @@ class Call:
     arguments: tuple[Formula, ...]
 
 
-Formula = Constant | Name | Unary | Binary | Choice | Call
+Formula = Constant | Name | Unary | Binary | Conditional | Call
 
 COMPARISONS = ("==", "!=", "<", "<=", ">", ">=")
 ARITHMETIC = ("+", "-", "*", "/", "%")
@@ -112,7 +112,7 @@ def names_in_formula(formula: Formula) -> Iterator[str]:
         case Binary(_, left, right):
             yield from names_in_formula(left)
             yield from names_in_formula(right)
-        case Choice(condition, yes, no):
+        case Conditional(condition, yes, no):
             for part in (condition, yes, no):
                 yield from names_in_formula(part)
         case Call(_, arguments):
@@ -146,7 +146,7 @@ def _expression(formula: Formula) -> tuple[str, int]:
             at_left = strength + (operator in COMPARISONS)
             text = f"{_inside(left, at_left)} {operator} {_inside(right, strength + 1)}"
             return text, strength
-        case Choice(condition, yes, no):
+        case Conditional(condition, yes, no):
             either = Binary("and", condition, yes)
             return _expression(Binary("or", either, Binary("and", negated(condition), no)))
         case Call("[", arguments):

@@ -11,7 +11,7 @@ from bt_agents_groot.formulas import (
     ARITHMETIC,
     COMPARISONS,
     Binary,
-    Choice,
+    Conditional,
     Constant,
     Formula,
     Name,
@@ -118,7 +118,7 @@ class TreeNames:
             case Binary(operator, left, right):
                 for one, other in ((left, right), (right, left)):
                     self.read_formula(one, _operand_type(operator, other))
-            case Choice(condition, yes, no):
+            case Conditional(condition, yes, no):
                 self.read_formula(condition, FieldType.BOOLEAN)
                 self.read_formula(yes, field_type)
                 self.read_formula(no, field_type)

@@ -10,7 +10,7 @@ from bt_agents_core.field_types import FieldType
 from bt_agents_groot.formulas import (
     ARITHMETIC,
     Binary,
-    Choice,
+    Conditional,
     Constant,
     Formula,
     Name,
@@ -63,7 +63,7 @@ def as_node(statements: list[Statement], names: TreeNames) -> YamlNode:
 def _nodes(statements: list[Statement], names: TreeNames) -> Iterator[YamlNode]:
     values: dict[str, Data] = {}
     for statement in statements:
-        if isinstance(statement, Assignment) and not isinstance(statement.value, Choice):
+        if isinstance(statement, Assignment) and not isinstance(statement.value, Conditional):
             # The values of one 'set' do not see each other.
             if {statement.name, *names_in_formula(statement.value)} & set(values):
                 yield YamlNode(key="set", value=values)
@@ -94,7 +94,7 @@ def _assigned(statement: Assignment, names: TreeNames) -> Data:
 def _chosen(statement: Assignment, names: TreeNames) -> YamlNode:
     """Return ``name := condition ? yes : no`` as a ``choose``."""
     choice = statement.value
-    assert isinstance(choice, Choice)
+    assert isinstance(choice, Conditional)
     condition = condition_text(choice.condition, names)
     yes = as_node([Assignment(statement.name, choice.yes)], names)
     no = as_node([Assignment(statement.name, choice.no)], names)

@@ -11,7 +11,7 @@ from bt_agents_core.errors import BtAgentsError
 from bt_agents_groot.formulas import (
     COMPARISONS,
     Binary,
-    Choice,
+    Conditional,
     Constant,
     Formula,
     Name,
@@ -211,7 +211,7 @@ class _Parser:
         if self._peek.text != ":":
             raise ScriptError("a ':' is expected here, as in a ? b : c", self._peek.offset)
         self._take()
-        return Choice(condition, yes, self._formula(_STRENGTH["?"]))
+        return Conditional(condition, yes, self._formula(_STRENGTH["?"]))
 
     def _operand(self) -> Formula:
         token = self._take()

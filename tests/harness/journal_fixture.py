@@ -41,7 +41,7 @@ from bt_agents_ros.messages import scene_to_msg, to_time
 from feedback_node.learning.learning_step import PLAIN, Evidence, step
 from marketplace_node.effects import PublishAuction
 from marketplace_node.explanation.explanation import explanation
-from marketplace_node.explanation.reason import reason
+from marketplace_node.explanation.reason import reason_of
 from marketplace_node.node.messages import auction_to_msg
 from marketplace_node.round.decision import AcceptedBid, AuctionOutcome, ClosedBy, Decision, Terms
 from marketplace_node.round.ranking import decide
@@ -174,7 +174,7 @@ class Town:
             auction_to_msg(
                 PublishAuction(
                     decision=decision,
-                    reason_fn=partial(reason, decision),
+                    reason_fn=partial(reason_of, decision),
                     explanation_fn=partial(explanation, decision, SPACE),
                 ),
                 self._stamp(),
@@ -358,6 +358,6 @@ def ticks(path: Path) -> list[int]:
     return [entry.decode().tick for entry in JournalReader([path]).entries()]
 
 
-def story_of(path: Path) -> RecordingIndex:
+def index_of(path: Path) -> RecordingIndex:
     """Return the contents of a journal."""
     return index_entries(JournalReader([path]).entries())

@@ -12,7 +12,7 @@ from rich.console import Console
 
 from bt_agents_core.scene import finite_or_none
 from bt_agents_tools.cli.connection import FIND_LIMIT_S
-from bt_agents_tools.cli.formatting import SceneNames, code_text, print_line
+from bt_agents_tools.cli.formatting import SceneLabels, code_text, print_line
 
 if TYPE_CHECKING:
     from bt_agents_tools.client.observer import Observer
@@ -36,15 +36,15 @@ def last_decisions(observer: Observer) -> list[Any]:
     return auctions
 
 
-def names_of_scenes(auctions: Iterable[Any]) -> SceneNames:
+def names_of_scenes(auctions: Iterable[Any]) -> SceneLabels:
     """Return the names of the scenes of some decisions."""
-    names = SceneNames()
+    names = SceneLabels()
     for auction in auctions:
         names.add(auction.scene)
     return names
 
 
-def show_decision(auction: Any, names: SceneNames | None = None) -> None:
+def show_decision(auction: Any, names: SceneLabels | None = None) -> None:
     """Print a decision: who won, every bid, and why in plain sentences."""
     names = names or names_of_scenes([auction])
     label = f" ({auction.scene.label})" if auction.scene.label else ""
@@ -84,7 +84,7 @@ def last_end_received(observer: Observer, ends: list[Any]) -> bool:
     return not finished or any(end.scene_id == finished for end in ends)
 
 
-def end_text(end: Any, names: SceneNames) -> str:
+def end_text(end: Any, names: SceneLabels) -> str:
     """Return how a scene ended, as text."""
     return f"{code_text(end.code)}: {names.with_names(end.message)}"
 

@@ -15,7 +15,7 @@ from bt_agents_core.scene import SceneSpace
 from bt_agents_tools.cli.formatting import (
     KINDS,
     OUTCOMES,
-    SceneNames,
+    SceneLabels,
     code_text,
     constant_text,
     print_line,
@@ -42,7 +42,7 @@ class EventPrinter:
         self._start: dict[str, Sequence[float]] = {}
         self._now: dict[str, Sequence[float]] = {}
         self._scene_id = ""
-        self._names = SceneNames()
+        self._names = SceneLabels()
         self._queued = 0
         self._under_way = ""
         self._stopping = False

@@ -36,7 +36,7 @@ def counted(number: int, what: str) -> str:
     return f"{number} {what}" if number == 1 else f"{number} {what}s"
 
 
-class SceneNames:
+class SceneLabels:
     """Names of scenes for people: the label, else the values, instead of the id."""
 
     def __init__(self) -> None:

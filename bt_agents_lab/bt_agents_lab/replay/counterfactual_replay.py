@@ -114,7 +114,7 @@ class RoundComparison:
 
 
 @dataclass(kw_only=True)
-class Outlook:
+class CounterfactualResult:
     """Outcome of a counterfactual replay.
 
     Attributes:
@@ -147,30 +147,30 @@ class Outlook:
         return sum(case.was != case.now for case in self.rounds if not case.problem)
 
 
-def what_if(story: RecordingIndex, changes: Changes) -> Outlook:
+def replay_with(recording: RecordingIndex, changes: Changes) -> CounterfactualResult:
     """Decide and learn the contents of a journal with some changes.
 
     Args:
-        story: The contents.
+        recording: The contents.
         changes: The differences; without any everything is as it was.
     """
     changes.check()
-    return _Counterfactual(changes).replay(story)
+    return _Counterfactual(changes).replay(recording)
 
 
 class _Counterfactual:
     def __init__(self, changes: Changes) -> None:
         self._changes = changes
         self._specs = {spec.name: spec for spec in changes.agents or ()}
-        self._outlook = Outlook()
+        self._outlook = CounterfactualResult()
         self._was: dict[_Key, Vector] = {}
         self._now: dict[_Key, Vector] = {}
         self._asked: dict[_Key, list[Vector]] = {}
         self._counts = _RunCounts()
         self._winners: dict[tuple[str, int], str] = {}
 
-    def replay(self, story: RecordingIndex) -> Outlook:
-        for event in _in_order(story):
+    def replay(self, recording: RecordingIndex) -> CounterfactualResult:
+        for event in _in_order(recording):
             if isinstance(event, Round):
                 self._decide(event)
             else:
@@ -277,8 +277,8 @@ class _Counterfactual:
                 return self._now[spec.name, layer]
         return self._now.setdefault((spec.name, ""), spec.profile)
 
-    def _learn(self, lesson: RecordedFeedback) -> None:
-        feedback = lesson.feedback
+    def _learn(self, recorded: RecordedFeedback) -> None:
+        feedback = recorded.feedback
         key = (feedback.agent, feedback.layer)
         before = self._was.get(key, tuple(feedback.before))
         self._was[key] = tuple(feedback.after)
@@ -291,17 +291,17 @@ class _Counterfactual:
             self._outlook.withheld += 1
             return
         self._outlook.given += 1
-        if lesson.parsed is not None and lesson.card is not None:
-            self._now[key] = self._moved(lesson, lesson.parsed.space, before)
+        if recorded.parsed is not None and recorded.card is not None:
+            self._now[key] = self._moved(recorded, recorded.parsed.space, before)
 
-    def _moved(self, lesson: RecordedFeedback, space: SceneSpace, before: Vector) -> Vector:
-        feedback, key = lesson.feedback, (lesson.feedback.agent, lesson.feedback.layer)
+    def _moved(self, recorded: RecordedFeedback, space: SceneSpace, before: Vector) -> Vector:
+        feedback, key = recorded.feedback, (recorded.feedback.agent, recorded.feedback.layer)
         spec = self._specs.get(feedback.agent)
         profile = self._now.get(key, spec.profile if spec is not None else before)
         kind, target = FeedbackKind(feedback.kind), tuple(feedback.target)
-        rule, rate = self._learning(lesson, spec)
+        rule, rate = self._learning(recorded, spec)
         asked_before = self._asked.setdefault(key, [])
-        authored = spec.profile if spec is not None else tuple(lesson.card.profile)
+        authored = spec.profile if spec is not None else tuple(recorded.card.profile)
         again = step(
             kind,
             profile,
@@ -319,16 +319,16 @@ class _Counterfactual:
         return again.after
 
     def _learning(
-        self, lesson: RecordedFeedback, spec: AgentSpec | None
+        self, recorded: RecordedFeedback, spec: AgentSpec | None
     ) -> tuple[LearningRule, float]:
         if spec is not None:
             rule, rate = spec.learning, spec.learning_rate
         else:
-            rule = rule_of(lesson.card, lesson.parameters)
-            rate = lesson.feedback.learning_rate
+            rule = rule_of(recorded.card, recorded.parameters)
+            rate = recorded.feedback.learning_rate
         if (
             self._changes.rate is not None
-            and FeedbackKind(lesson.feedback.kind) is not FeedbackKind.SET
+            and FeedbackKind(recorded.feedback.kind) is not FeedbackKind.SET
         ):
             rate = self._changes.rate
         if self._changes.update is not None:
@@ -394,13 +394,13 @@ _EXCLUDED = ("EXCLUDED", "VETOED", "NOT_PINNED", "NOT_AWARDED")
 """Codes of refusals that do not depend on what an agent bids."""
 
 
-def _in_order(story: RecordingIndex) -> list[Round | RecordedFeedback]:
+def _in_order(recording: RecordingIndex) -> list[Round | RecordedFeedback]:
     """Return rounds and lessons in the order in which they happened."""
     events: list[tuple[int, int, Round | RecordedFeedback]] = []
-    for number, one in enumerate(story.rounds):
+    for number, one in enumerate(recording.rounds):
         events.append((_ns(one.auction.stamp), number, one))
-    for number, lesson in enumerate(story.lessons, len(story.rounds)):
-        events.append((_ns(lesson.feedback.stamp), number, lesson))
+    for number, recorded in enumerate(recording.feedbacks, len(recording.rounds)):
+        events.append((_ns(recorded.feedback.stamp), number, recorded))
     return [event for _, _, event in sorted(events, key=lambda event: event[:2])]
 
 

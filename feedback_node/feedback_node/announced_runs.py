@@ -35,7 +35,7 @@ class AnnouncedRun:
 
 
 class AnnouncedRuns:
-    """Runs as told by their events; at most one is current.
+    """Runs as announced by their events; at most one is current.
 
     Events may be replayed from the history of their topic, so a start can arrive for a run that is
     known to be over.
@@ -48,7 +48,7 @@ class AnnouncedRuns:
         self._ended: deque[tuple[str, int, str]] = deque(maxlen=_REMEMBERED_ENDS)
 
     def started(self, run: AnnouncedRun) -> bool:
-        """Note a start; return True when this run is now the current one and was not before."""
+        """Take a start; return True when this run is now the current one and was not before."""
         if run.key in self._ended or (self.current is not None and self.current.key == run.key):
             return False
         self.current = run
@@ -56,14 +56,14 @@ class AnnouncedRuns:
         return True
 
     def ended(self, run: AnnouncedRun) -> bool:
-        """Note an end; return True when it was the current run."""
-        news = run.key not in self._ended
-        if news:
+        """Take an end; return True when it was the current run."""
+        is_new = run.key not in self._ended
+        if is_new:
             self._ended.append(run.key)
         if self.current is not None and self.current.key == run.key:
             self.current = None
             return True
-        if news and self.current is None:
+        if is_new and self.current is None:
             self._remember(run)
         return False
 

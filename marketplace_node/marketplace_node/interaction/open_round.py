@@ -22,14 +22,14 @@ class OpenRound:
     rank them; the round closes with its answer, or without it after ``external.limit``.
 
     Args:
-        floor: Counts the round and says whom to ask.
+        market_state: Counts the round and says whom to ask.
         scene: What the bids are for.
         now: Steady time [s].
         follows: The round this one continues, 0 for none.
         excluded: Agents that may not bid, with the reason.
         preview: Name of the strategy of a round that only foretells; None for a real round.
         drawn: Number of the round whose chance it draws; 0 for the chance of its own.
-        asks_outside: False when nobody outside is asked to rank, as the order decides nothing.
+        asks_external: False when nobody outside is asked to rank, as the order decides nothing.
 
     Attributes:
         number: Number of the round.
@@ -38,7 +38,7 @@ class OpenRound:
 
     def __init__(
         self,
-        floor: MarketState,
+        market_state: MarketState,
         scene: Scene,
         now: float,
         *,
@@ -46,34 +46,34 @@ class OpenRound:
         excluded: Mapping[str, str] | None = None,
         preview: str | None = None,
         drawn: int = 0,
-        asks_outside: bool = True,
+        asks_external: bool = True,
     ) -> None:
         excluded = excluded or {}
-        terms = floor.terms(
+        terms = market_state.terms(
             scene, now, follows=follows, excluded=excluded, preview=preview, drawn=drawn
         )
-        barred = [*excluded, *(bid.agent for bid in terms.barred)]
-        asked = floor.asked(barred, now)
+        all_excluded = [*excluded, *(bid.agent for bid in terms.operator_exclusions)]
+        asked = market_state.asked(all_excluded, now)
         self.number = terms.round
         self.scene = scene
-        self._floor = floor
+        self._market_state = market_state
         self._terms = terms
-        self._auction = Auction(floor.space, terms, asked)
-        self._limit_s = floor.settings.bid_deadline_s
+        self._auction = Auction(market_state.space, terms, asked)
+        self._limit_s = market_state.settings.bid_deadline_s
         self._opened: float | None = None
         self._bids_closed_by: ClosedBy | None = None
         self._external: External | None = None
-        self._asks_outside = asks_outside
+        self._asks_external = asks_external
         # A call that is never published has to end, too.
         self._deadline = now + 2 * self._limit_s
         if asked:
-            floor.effects.append(
+            market_state.effects.append(
                 OpenCall(
                     round=self.number,
                     scene=scene,
                     deadline_s=self._limit_s,
-                    excluded=tuple(dict.fromkeys(barred)),
-                    hosts=len(floor.registry.live(now)),
+                    excluded=tuple(dict.fromkeys(all_excluded)),
+                    hosts=len(market_state.registry.live(now)),
                 )
             )
 
@@ -88,7 +88,7 @@ class OpenRound:
         return self._deadline
 
     def state_text(self) -> str:
-        """Return what the round waits for, in words."""
+        """Return what the round waits for, as a text for people."""
         return "asking for bids" if self.takes_bids else "asking outside for a ranking"
 
     def called(self, now: float) -> None:
@@ -102,7 +102,7 @@ class OpenRound:
         self._deadline += lasted_s
 
     def take(self, bids: Bids) -> None:
-        """Take a host's answer, whatever it looks like; only while bids are taken."""
+        """Take a host's answer, unchecked; only while bids are taken."""
         self._auction.take(bids)
 
     def ranked(self, external: External) -> bool:
@@ -116,7 +116,7 @@ class OpenRound:
         """Return what closes the round at this time; None while it has to stay open."""
         if self.takes_bids:
             by = self._bids_closing(now)
-            if by is None or not self._ask_outside(by, now):
+            if by is None or not self._request_ranking(by, now):
                 return by
         if self._external is None and now >= self._deadline:
             limit_s = self._terms.options["limit"]
@@ -133,9 +133,9 @@ class OpenRound:
             return ClosedBy.ALL_ANSWERED
         return ClosedBy.DEADLINE if now >= self._deadline else None
 
-    def _ask_outside(self, by: ClosedBy, now: float) -> bool:
+    def _request_ranking(self, by: ClosedBy, now: float) -> bool:
         """Ask for a ranking when the strategy wants one and there is something to rank."""
-        if not self._asks_outside or self._terms.strategy != EXTERNAL:
+        if not self._asks_external or self._terms.strategy != EXTERNAL:
             return False
         bids = self._auction.accepted
         if len(bids) < _LEAST_TO_RANK:
@@ -143,7 +143,7 @@ class OpenRound:
         limit_s = self._terms.options["limit"]
         self._bids_closed_by = by
         self._deadline = now + limit_s
-        self._floor.effects.append(
+        self._market_state.effects.append(
             RequestRanking(
                 round=self.number,
                 scene=self.scene,

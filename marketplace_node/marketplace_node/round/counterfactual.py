@@ -10,8 +10,8 @@ import numpy as np
 
 from bt_agents_core.errors import Refused
 from bt_agents_core.scene import SceneSpace
-from marketplace_node.explanation.piecewise_linear import Intervals, losing_intervals
 from marketplace_node.round.decision import Counterfactual
+from marketplace_node.round.piecewise_linear import Intervals, losing_intervals
 from marketplace_node.round.round_model import RoundModel
 from marketplace_node.settings import EXTERNAL
 from marketplace_node.strategies import LinearScores
@@ -26,7 +26,7 @@ _NUDGES = np.array([0.0, 1e-12, 1e-10, 1e-9, 1e-8, 1e-7])
 
 
 def smallest_change(
-    contest: RoundModel, places: Integers, space: SceneSpace
+    model: RoundModel, places: Integers, space: SceneSpace
 ) -> Counterfactual | None:
     """Return the smallest change of one parameter by which the runner-up wins.
 
@@ -34,33 +34,33 @@ def smallest_change(
     paper, the last digit decides. It has been tried among all bids.
 
     Args:
-        contest: The round.
+        model: The round.
         places: Indices of its bids, best first.
         space: The scene parameters.
 
     Returns:
         None without a runner-up, and where scores are no straight lines (``StrategySpec.lines``).
     """
-    if len(places) < 2 or contest.spec.lines is None:
+    if len(places) < 2 or model.spec.lines is None:
         return None
-    if obstacle := _obstacle(contest):
+    if obstacle := _obstacle(model):
         return Counterfactual(obstacle=obstacle)
     try:
-        lines = contest.lines()
+        lines = model.lines()
         assert lines is not None, "the strategy has lines"
-        return _Search(contest, lines, int(places[1]), space).change()
+        return _Search(model, lines, int(places[1]), space).change()
     except Refused as refused:
         return Counterfactual(obstacle=refused.reason)
 
 
-def _obstacle(contest: RoundModel) -> str:
+def _obstacle(model: RoundModel) -> str:
     """Return why there is nothing to search for; empty when there is."""
-    if np.isnan(contest.field.scene).all():
+    if np.isnan(model.field.scene).all():
         return "no value of the scene is known"
-    external = contest.external
-    if contest.spec.name == EXTERNAL and external and not external.failure:
+    external = model.external
+    if model.spec.name == EXTERNAL and external and not external.failure:
         return "nobody knows how the program outside would have ranked another scene"
-    if contest.field.bids.size > MOST_NUMBERS:
+    if model.field.bids.size > MOST_NUMBERS:
         return "there are too many bids to search for it"
     return ""
 
@@ -69,13 +69,13 @@ class _Search:
     """Visits the ends of the losing stretches of all parameters, the nearest first."""
 
     def __init__(
-        self, contest: RoundModel, lines: LinearScores, one: int, space: SceneSpace
+        self, model: RoundModel, lines: LinearScores, one: int, space: SceneSpace
     ) -> None:
-        self._contest = contest
+        self._model = model
         self._lines = lines
         self._one = one
         self._space = space
-        self._start = contest.field.scene
+        self._start = model.field.scene
         self._low = np.array([parameter.minimum for parameter in space.parameters])
         self._high = np.array([parameter.maximum for parameter in space.parameters])
         self._width = self._high - self._low
@@ -96,7 +96,7 @@ class _Search:
             _, parameter, direction, value, step = heapq.heappop(self._queue)
             nudged = value + direction * _NUDGES * self._width[parameter]
             nudged = np.clip(nudged, self._low[parameter], self._high[parameter])
-            wins = self._contest.winners(self._along(parameter, nudged)) == self._one
+            wins = self._model.winners(self._along(parameter, nudged)) == self._one
             if wins.any():
                 found = float(nudged[np.argmax(wins)])
                 return Counterfactual(names=(self._space.names[parameter],), values=(found,))
@@ -115,7 +115,7 @@ class _Search:
 
     def _lost_along(self, parameter: int) -> Intervals:
         """Return where along a parameter the bid is behind any of the others."""
-        turn = np.argsort(self._contest.order(np.zeros(self._contest.field.shape)))
+        turn = np.argsort(self._model.order(np.zeros(self._model.field.shape)))
         others = np.delete(np.arange(len(turn)), self._one)
         limits = (float(self._low[parameter]), float(self._high[parameter]))
         behind = turn[self._one] > turn[others]

@@ -33,14 +33,14 @@ class OperatorCommand:
     """Command of an operator; fields as in ``OperateMarket.srv``.
 
     Attributes:
-        act: What.
+        action: What.
         agent: Whom it is about; not read by ``UNPIN``.
         author: Who asks; may be empty.
         reason: Why; may be empty.
         scene: Of ``AWARD``; None means the last scene.
     """
 
-    act: OperatorAction
+    action: OperatorAction
     agent: str = ""
     author: str = ""
     reason: str = ""
@@ -58,7 +58,7 @@ class OperatorCommand:
 
 
 @dataclass(frozen=True, kw_only=True)
-class _Standing:
+class _ActiveOverride:
     """Override in force: its agent and its text."""
 
     agent: str
@@ -69,9 +69,9 @@ class OperatorOverrides:
     """Overrides by operators that are in force."""
 
     def __init__(self) -> None:
-        self._pin: _Standing | None = None
+        self._pin: _ActiveOverride | None = None
         self._vetoes: dict[str, str] = {}
-        self._awards: dict[str, _Standing] = {}
+        self._awards: dict[str, _ActiveOverride] = {}
 
     @property
     def pinned(self) -> str:
@@ -98,30 +98,30 @@ class OperatorOverrides:
         pin, vetoes = stored["pinned"], stored["vetoed"]
         standing = None
         if pin is not None:
-            standing = _Standing(
+            standing = _ActiveOverride(
                 agent=_checked_text(pin["agent"]), text=_checked_text(pin["words"])
             )
         texts = {_checked_text(agent): _checked_text(text) for agent, text in vetoes.items()}
         self._pin, self._vetoes = standing, texts
 
     def veto_of(self, agent: str) -> str:
-        """Return who has vetoed an agent and why; empty when nobody has."""
+        """Return the text of the veto of an agent; empty without one."""
         return self._vetoes.get(agent, "")
 
-    def pin(self, order: OperatorCommand) -> str:
-        """Let only one agent bid; return it in words.
+    def pin(self, command: OperatorCommand) -> str:
+        """Let only one agent bid; return the answer for the operator.
 
         Raises:
             Refused: ``VETOED``.
         """
-        self._check_not_vetoed(order.agent)
-        self._pin = _Standing(
-            agent=order.agent, text=f"{order.who} pins {order.agent}{order.because}"
+        self._check_not_vetoed(command.agent)
+        self._pin = _ActiveOverride(
+            agent=command.agent, text=f"{command.who} pins {command.agent}{command.because}"
         )
-        return f"only {order.agent} may bid from the next round on, until it is unpinned"
+        return f"only {command.agent} may bid from the next round on, until it is unpinned"
 
     def unpin(self) -> str:
-        """Let all agents bid again; return it in words.
+        """Let all agents bid again; return the answer for the operator.
 
         Raises:
             Refused: ``NOT_PINNED``.
@@ -131,43 +131,43 @@ class OperatorOverrides:
         agent, self._pin = self._pin.agent, None
         return f"{agent} is not pinned any more: all agents may bid from the next round on"
 
-    def veto(self, order: OperatorCommand) -> str:
-        """Let an agent bid no more; return it in words."""
-        self._vetoes[order.agent] = f"{order.who} vetoes {order.agent}{order.because}"
-        also = f"; it is pinned, too, so nobody may bid: unpin {order.agent}"
-        return f"{order.agent} may not bid" + (also if order.agent == self.pinned else "")
+    def veto(self, command: OperatorCommand) -> str:
+        """Let an agent bid no more; return the answer for the operator."""
+        self._vetoes[command.agent] = f"{command.who} vetoes {command.agent}{command.because}"
+        also = f"; it is pinned, too, so nobody may bid: unpin {command.agent}"
+        return f"{command.agent} may not bid" + (also if command.agent == self.pinned else "")
 
-    def allow(self, order: OperatorCommand) -> str:
-        """Let an agent bid again; return it in words.
+    def allow(self, command: OperatorCommand) -> str:
+        """Let an agent bid again; return the answer for the operator.
 
         Raises:
             Refused: ``NOT_VETOED``.
         """
-        if order.agent not in self._vetoes:
+        if command.agent not in self._vetoes:
             vetoed = f"vetoed: {', '.join(self.vetoed)}" if self._vetoes else "nobody is"
-            raise Refused("NOT_VETOED", f"'{order.agent}' is not vetoed; {vetoed}")
-        del self._vetoes[order.agent]
-        return f"{order.agent} may bid again from the next round on"
+            raise Refused("NOT_VETOED", f"'{command.agent}' is not vetoed; {vetoed}")
+        del self._vetoes[command.agent]
+        return f"{command.agent} may bid again from the next round on"
 
-    def check_award(self, order: OperatorCommand) -> None:
+    def check_award(self, command: OperatorCommand) -> None:
         """Check that the run for a scene may be given to an agent.
 
         Raises:
             Refused: ``VETOED``, or ``NOT_PINNED`` while another agent is pinned.
         """
-        self._check_not_vetoed(order.agent)
-        if self.pinned not in ("", order.agent):
+        self._check_not_vetoed(command.agent)
+        if self.pinned not in ("", command.agent):
             raise Refused(
                 NOT_PINNED,
                 f"only {self.pinned} may bid, as it is pinned; unpin it before another agent is "
                 "given a run",
             )
 
-    def award(self, order: OperatorCommand, scene_id: str) -> None:
+    def award(self, command: OperatorCommand, scene_id: str) -> None:
         """Give the run for a scene that waits to one agent."""
-        self._awards[scene_id] = _Standing(
-            agent=order.agent,
-            text=f"{order.who} gives the run to {order.agent}{order.because}",
+        self._awards[scene_id] = _ActiveOverride(
+            agent=command.agent,
+            text=f"{command.who} gives the run to {command.agent}{command.because}",
         )
 
     def forget(self, scene_id: str) -> None:
@@ -175,7 +175,7 @@ class OperatorOverrides:
         self._awards.pop(scene_id, None)
 
     def intervention(self, scene_id: str) -> str:
-        """Return what people have ordered that counts for a round, in words; may be empty."""
+        """Return the text of the overrides that apply to a round; may be empty."""
         award = self._awards.get(scene_id)
         standing = [one.text for one in (award, self._pin) if one is not None]
         return "; ".join([*standing, *(self._vetoes[agent] for agent in self.vetoed)])
@@ -194,7 +194,7 @@ class OperatorOverrides:
             for code, reason in self._exclusions(agent, award)
         )
 
-    def _exclusions(self, agent: str, award: _Standing | None) -> Iterator[tuple[str, str]]:
+    def _exclusions(self, agent: str, award: _ActiveOverride | None) -> Iterator[tuple[str, str]]:
         if agent in self._vetoes:
             yield VETOED, self._vetoes[agent]
         elif award is not None and award.agent != agent:

@@ -15,7 +15,7 @@ class MarketStatistics:
         shadow_rounds: Awarded rounds that the strategies in force, the one that ranks and its
             shadow, have both ranked.
         shadow_disagreements: In how many of these they had another winner.
-        starvation: Who bids in vain.
+        starvation: Counter of bids in vain.
     """
 
     def __init__(self) -> None:
@@ -45,7 +45,7 @@ class Starvation:
 
     def __init__(self) -> None:
         self._in_vain: dict[str, int] = {}
-        self._told: set[str] = set()
+        self._warned: set[str] = set()
         self._found: tuple[int, tuple[str, ...]] | None = None
 
     @property
@@ -62,10 +62,10 @@ class Starvation:
         self._found = None
         for agent in bidders:
             self._in_vain[agent] = 0 if agent == winner else self._in_vain.get(agent, 0) + 1
-        self._told.discard(winner)
+        self._warned.discard(winner)
 
     def starved(self, limit: int) -> tuple[str, ...]:
-        """Return who has bid in at least ``limit`` rounds in vain, by name; nobody for 0."""
+        """Return the agents with at least ``limit`` bids in vain, by name; none for 0."""
         if not limit:
             return ()
         if self._found is None or self._found[0] != limit:
@@ -73,11 +73,11 @@ class Starvation:
             self._found = (limit, tuple(named))
         return self._found[1]
 
-    def news(self, limit: int) -> list[str]:
+    def newly_starved(self, limit: int) -> list[str]:
         """Return a warning for each agent that has become starved, once until it runs again."""
         starved = self.starved(limit)
-        fresh = [agent for agent in starved if agent not in self._told]
-        self._told = set(starved)
+        fresh = [agent for agent in starved if agent not in self._warned]
+        self._warned = set(starved)
         return [
             f"{agent} is starved: it has bid in {self._in_vain[agent]} awarded rounds and got no "
             "run; a strategy that explores (softmax, ucb) gives it a chance"
@@ -85,7 +85,7 @@ class Starvation:
         ]
 
 
-class Tally:
+class RunCounts:
     """Counter of the runs of each agent, also those of earlier starts of the market.
 
     Attributes:
