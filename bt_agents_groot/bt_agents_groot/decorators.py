@@ -21,8 +21,8 @@ from bt_agents_groot.written import (
     sequence,
 )
 from bt_agents_groot.xml_reader import Element
-from bt_agents_language.model.node_type import FOREVER
 from bt_agents_language.nodes.catalogue import DECORATORS as OWN_DECORATORS
+from bt_agents_language.nodes.node_type import FOREVER
 
 Decorate = Callable[[Translation, Element], YamlNode]
 

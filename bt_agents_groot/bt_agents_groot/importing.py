@@ -28,7 +28,7 @@ from bt_agents_groot.written import (
     yaml_lines,
 )
 from bt_agents_groot.xml_reader import Element
-from bt_agents_language.model.symbols import SymbolTable
+from bt_agents_language.nodes.symbols import SymbolTable
 from bt_agents_language.tools.formatting.formatter import format_source
 from bt_agents_language.yaml.source import Source
 from bt_agents_language.yaml.typed_reader import FORMAT

@@ -11,9 +11,9 @@ from bt_agents_groot.port_types import written_type
 from bt_agents_groot.ports import plain_port
 from bt_agents_groot.words import pascal, port
 from bt_agents_groot.xml_writer import Xml
-from bt_agents_language.model.node_type import NodeField, NodeType
 from bt_agents_language.model.specs import FieldSpec, SkillSpec, SubtreeSpec, Tunable
 from bt_agents_language.nodes.catalogue import DECORATORS, NODE_TYPES
+from bt_agents_language.nodes.node_type import NodeField, NodeType
 
 
 class Models:

@@ -14,8 +14,8 @@ from bt_agents_groot.scopes import TreeNames
 from bt_agents_groot.words import port
 from bt_agents_groot.written import Data, Raw, YamlNode
 from bt_agents_groot.xml_reader import Attribute, Element
-from bt_agents_language.model.node_type import Children, Content, NodeField
 from bt_agents_language.nodes.catalogue import NODE_TYPES
+from bt_agents_language.nodes.node_type import Children, Content, NodeField
 from bt_agents_language.nodes.set import SET
 
 Remarking = Callable[[RemarkLevel, Element | Attribute, str], None]

@@ -14,7 +14,7 @@ from bt_agents_groot.formulas import GROUPS, script_name
 from bt_agents_groot.port_types import quantity
 from bt_agents_groot.written import Data, Raw
 from bt_agents_language.expression.expression_tokens import ExpressionError, TokenKind, tokenize
-from bt_agents_language.model.quantities import QuantityError
+from bt_agents_language.expression.quantities import QuantityError
 from bt_agents_language.yaml.scalars import plain_value
 from bt_agents_language.yaml.source import Source
 from bt_agents_language.yaml.yaml_reader import Mapping, Node, Scalar, Sequence

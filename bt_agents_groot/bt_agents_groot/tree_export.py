@@ -16,10 +16,10 @@ from bt_agents_groot.ports import JSON, as_port
 from bt_agents_groot.remarks import RemarkLevel, Remarks
 from bt_agents_groot.words import port
 from bt_agents_groot.xml_writer import Xml
-from bt_agents_language.model.node_type import Content, NodeField, NodeType, RawNode
 from bt_agents_language.model.specs import FieldSpec, SubtreeSpec
 from bt_agents_language.nodes.catalogue import DECORATORS
 from bt_agents_language.nodes.check import CHECK
+from bt_agents_language.nodes.node_type import Content, NodeField, NodeType, RawNode
 from bt_agents_language.nodes.parallel import PARALLEL
 from bt_agents_language.nodes.random import RANDOM
 from bt_agents_language.nodes.set import SET

@@ -23,7 +23,7 @@ def test_the_project_builds_into_one_wheel_with_every_module(
         assert package.modules <= held
     assert {Path("bt_agents/py.typed"), Path("bt_agents_tools/launcher/loopback.xml")} <= held
     language = Path("bt_agents_language")
-    assert {language / "reference/codes.yaml", language / "templates/agent.yaml"} <= held
+    assert {language / "reference/codes.yaml", language / "tools/templates/agent.yaml"} <= held
 
 
 def test_the_installed_command_says_its_version(installed: Any, pyproject: dict[str, Any]):

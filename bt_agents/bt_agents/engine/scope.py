@@ -13,6 +13,7 @@ from bt_agents_core.field_path import NoSuchField, item_of, value_at
 from bt_agents_core.field_types import FieldType, Plain
 from bt_agents_core.scene import Scene, SceneSpace, Vector, mood_of
 from bt_agents_core.text import quote
+from bt_agents_language.expression import quantities
 from bt_agents_language.expression.expression_values import described
 from bt_agents_language.expression.expressions import (
     EvaluationError,
@@ -21,7 +22,6 @@ from bt_agents_language.expression.expressions import (
     StaleValue,
 )
 from bt_agents_language.expression.name_resolution import resolve
-from bt_agents_language.model import quantities
 from bt_agents_language.model.specs import (
     Computed,
     ListValue,

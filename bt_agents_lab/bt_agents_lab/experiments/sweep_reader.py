@@ -13,9 +13,10 @@ from bt_agents_lab.experiments.random_streams import WrongFeedback
 from bt_agents_lab.experiments.replicas import world_of
 from bt_agents_lab.experiments.simulated_world import NOT_SIMULATED, Person, SimulatedWorld
 from bt_agents_lab.experiments.sweep import Learning, Selection, SweepSpec
+from bt_agents_language.fields.scene_values import read_vector
 from bt_agents_language.files.experiment_reader import read_experiment
 from bt_agents_language.files.folder_reader import read_trees
-from bt_agents_language.model.file_kinds import (
+from bt_agents_language.yaml.field_tables import (
     DURATION,
     NUMBER,
     SHARE,
@@ -30,7 +31,6 @@ from bt_agents_language.model.file_kinds import (
     integer,
     number,
 )
-from bt_agents_language.model.scene_values import read_vector
 from bt_agents_language.yaml.source import read_source
 from bt_agents_language.yaml.typed_reader import TypedReader
 from bt_agents_language.yaml.yaml_reader import Mapping, Node

@@ -10,7 +10,7 @@ from enum import Enum
 
 from bt_agents_core.errors import BtAgentsError
 from bt_agents_core.text import ellipsize
-from bt_agents_language.model.units import dimension_of
+from bt_agents_language.expression.units import dimension_of
 
 MAX_TOKENS = 400
 """Words of an expression; evaluation nests at most half as deep."""

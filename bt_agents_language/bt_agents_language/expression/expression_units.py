@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from bt_agents_language.expression.expression_values import Part
-from bt_agents_language.model.units import Dimension
+from bt_agents_language.expression.units import Dimension
 
 _ADDING = ("+", "-", "%")
 _COMPARING = ("==", "!=", "<", "<=", ">", ">=")

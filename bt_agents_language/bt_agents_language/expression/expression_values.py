@@ -10,7 +10,7 @@ from enum import Enum
 
 from bt_agents_core.text import ellipsize
 from bt_agents_language.expression.expression_tokens import ExpressionError
-from bt_agents_language.model.units import Dimension
+from bt_agents_language.expression.units import Dimension
 
 Lookup = Callable[[str], object]
 """Returns the value of a name."""

@@ -35,7 +35,7 @@ from bt_agents_language.expression.operators import (
     check_between,
     compile_between,
 )
-from bt_agents_language.model.units import Dimension
+from bt_agents_language.expression.units import Dimension
 
 __all__ = [
     "EvaluationError",

@@ -11,7 +11,7 @@ from bt_agents_core.errors import ReadError
 from bt_agents_language.files.agent_reader import read_agent_text
 from bt_agents_language.files.libraries import FolderLibraries
 from bt_agents_language.model.specs import AgentSpec
-from bt_agents_language.model.symbols import Library
+from bt_agents_language.nodes.symbols import Library
 from bt_agents_language.tree.tree_fingerprint import TreeFingerprint, tree_fingerprint
 from bt_agents_language.yaml.source import read_source
 

@@ -6,7 +6,8 @@ from __future__ import annotations
 from bt_agents_core.feedback import LearningRule, Update
 from bt_agents_core.profile_layers import PERSON, PLACE
 from bt_agents_core.scene import MAX_WEIGHT, SceneParameter, SceneSpace
-from bt_agents_language.model.file_kinds import (
+from bt_agents_language.fields.scene_values import read_parameter
+from bt_agents_language.yaml.field_tables import (
     SHARE,
     Choice,
     Entries,
@@ -19,7 +20,6 @@ from bt_agents_language.model.file_kinds import (
     integer,
     number,
 )
-from bt_agents_language.model.scene_values import read_parameter
 from bt_agents_language.yaml.typed_reader import MappingReader, Shape, TypedReader
 from bt_agents_language.yaml.yaml_reader import Scalar
 

@@ -9,7 +9,10 @@ from bt_agents_core.errors import Refused
 from bt_agents_core.feedback import FeedbackKind
 from bt_agents_core.scene import SceneSpace
 from bt_agents_language.expression.expressions import Expression, ExpressionError, ValueKind
-from bt_agents_language.model.file_kinds import (
+from bt_agents_language.fields.scope import NameScope, mood_names, scene_names
+from bt_agents_language.fields.values import read_condition
+from bt_agents_language.model.mood_rule import ACTIONS, MoodAction, MoodRule
+from bt_agents_language.yaml.field_tables import (
     DURATION,
     SHARE,
     Choice,
@@ -18,9 +21,6 @@ from bt_agents_language.model.file_kinds import (
     KeyTable,
     Single,
 )
-from bt_agents_language.model.mood_rule import ACTIONS, MoodAction, MoodRule
-from bt_agents_language.model.scope import NameScope, mood_names, scene_names
-from bt_agents_language.model.values import read_condition
 from bt_agents_language.yaml.typed_reader import MappingReader, TypedReader
 from bt_agents_language.yaml.yaml_reader import Node
 

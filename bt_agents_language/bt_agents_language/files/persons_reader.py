@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from bt_agents_core.field_types import FieldType
+from bt_agents_language.fields.interfaces import Interfaces, MessageFields, Nesting
 from bt_agents_language.files.source_reader import (
     MAP_KEYS,
     TOPIC,
@@ -11,18 +12,6 @@ from bt_agents_language.files.source_reader import (
     SourceContext,
     SourceReader,
 )
-from bt_agents_language.model.file_kinds import (
-    DURATION,
-    LENGTH,
-    TEXT,
-    Choice,
-    Either,
-    Entries,
-    FieldDecl,
-    KeyTable,
-    Shared,
-)
-from bt_agents_language.model.interfaces import Interfaces, MessageFields, Nesting
 from bt_agents_language.model.scene_specs import (
     HOLD_S,
     LOST_AFTER_S,
@@ -32,6 +21,17 @@ from bt_agents_language.model.scene_specs import (
     PersonsSpec,
     SourceSpec,
     TrackedSpec,
+)
+from bt_agents_language.yaml.field_tables import (
+    DURATION,
+    LENGTH,
+    TEXT,
+    Choice,
+    Either,
+    Entries,
+    FieldDecl,
+    KeyTable,
+    Shared,
 )
 from bt_agents_language.yaml.typed_reader import MappingReader, TypedReader
 from bt_agents_language.yaml.yaml_reader import Node, Scalar

@@ -7,6 +7,9 @@ from pathlib import Path
 
 from bt_agents_core.scene import MAX_WEIGHT, SceneParameter, SceneSpace
 from bt_agents_core.text import quote
+from bt_agents_language.diagnostics.collection import did_you_mean
+from bt_agents_language.fields.interfaces import Interfaces
+from bt_agents_language.fields.scene_values import read_values
 from bt_agents_language.files.persons_reader import PERSONS, read_persons
 from bt_agents_language.files.source_reader import (
     SOURCE,
@@ -15,7 +18,15 @@ from bt_agents_language.files.source_reader import (
     SourceContext,
     SourceReader,
 )
-from bt_agents_language.model.file_kinds import (
+from bt_agents_language.model.scene_specs import (
+    PERSON,
+    MissingRule,
+    PersonsSpec,
+    SceneSpec,
+    SourceSpec,
+    TrackedSpec,
+)
+from bt_agents_language.yaml.field_tables import (
     NUMBER,
     TEXT,
     Choice,
@@ -29,17 +40,6 @@ from bt_agents_language.model.file_kinds import (
     Shared,
     number,
 )
-from bt_agents_language.model.interfaces import Interfaces
-from bt_agents_language.model.scene_specs import (
-    PERSON,
-    MissingRule,
-    PersonsSpec,
-    SceneSpec,
-    SourceSpec,
-    TrackedSpec,
-)
-from bt_agents_language.model.scene_values import read_values
-from bt_agents_language.yaml.diagnostics import did_you_mean
 from bt_agents_language.yaml.source import Source
 from bt_agents_language.yaml.typed_reader import MappingReader, TypedReader
 from bt_agents_language.yaml.yaml_reader import Mapping, MappingEntry

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 
 from bt_agents_core.field_types import BindingKind
 from bt_agents_core.text import join_quoted, quote
-from bt_agents_language.files.bindings import (
+from bt_agents_language.diagnostics.collection import did_you_mean
+from bt_agents_language.fields.bindings import (
     INTERFACES,
     RECEIVED,
     Back,
@@ -15,10 +16,9 @@ from bt_agents_language.files.bindings import (
     read_binding,
     what_comes_back,
 )
-from bt_agents_language.model.interfaces import Interfaces, package_of
-from bt_agents_language.model.scope import NameScope
+from bt_agents_language.fields.interfaces import Interfaces, package_of
+from bt_agents_language.fields.scope import NameScope
 from bt_agents_language.model.specs import Binding, SkillSpec
-from bt_agents_language.yaml.diagnostics import did_you_mean
 from bt_agents_language.yaml.typed_reader import MappingReader, TypedReader
 from bt_agents_language.yaml.yaml_reader import Mapping as MappingNode
 from bt_agents_language.yaml.yaml_reader import Node, Scalar, entries_of

@@ -11,9 +11,27 @@ from dataclasses import dataclass, replace
 from bt_agents_core.field_types import BindingKind
 from bt_agents_core.scene import SceneParameter
 from bt_agents_core.text import quote
+from bt_agents_language.diagnostics.collection import did_you_mean
 from bt_agents_language.expression.expressions import EvaluationError, Expression, ValueKind
+from bt_agents_language.fields.interfaces import (
+    Interfaces,
+    MessageFields,
+    Nesting,
+    read_ros_name,
+    read_ros_type,
+)
+from bt_agents_language.fields.references import read_expression
+from bt_agents_language.fields.scope import NameScope
 from bt_agents_language.files.source_mapping import read_points, read_table
-from bt_agents_language.model.file_kinds import (
+from bt_agents_language.model.scene_specs import (
+    LARGEST_STD,
+    MESSAGE,
+    PERSON,
+    SourceSpec,
+    TrackedSpec,
+    path_of,
+)
+from bt_agents_language.yaml.field_tables import (
     BOOLEAN,
     DURATION,
     NUMBER,
@@ -28,24 +46,6 @@ from bt_agents_language.model.file_kinds import (
     Needs,
     Single,
 )
-from bt_agents_language.model.interfaces import (
-    Interfaces,
-    MessageFields,
-    Nesting,
-    read_ros_name,
-    read_ros_type,
-)
-from bt_agents_language.model.scene_specs import (
-    LARGEST_STD,
-    MESSAGE,
-    PERSON,
-    SourceSpec,
-    TrackedSpec,
-    path_of,
-)
-from bt_agents_language.model.scope import NameScope
-from bt_agents_language.tree.references import read_expression
-from bt_agents_language.yaml.diagnostics import did_you_mean
 from bt_agents_language.yaml.scalars import boolean
 from bt_agents_language.yaml.typed_reader import MappingReader, TypedReader
 from bt_agents_language.yaml.yaml_reader import Mapping, Node, Scalar, Sequence

@@ -5,10 +5,10 @@ from __future__ import annotations
 
 from bt_agents_core.field_types import FieldType
 from bt_agents_core.text import join_quoted
-from bt_agents_language.model import quantities
-from bt_agents_language.model.file_kinds import AMOUNT, TEXT, FieldDecl, KeyTable
-from bt_agents_language.model.quantities import spoken
+from bt_agents_language.expression import quantities
+from bt_agents_language.expression.quantities import spoken
 from bt_agents_language.model.specs import Tunable
+from bt_agents_language.yaml.field_tables import AMOUNT, TEXT, FieldDecl, KeyTable
 from bt_agents_language.yaml.scalars import boolean
 from bt_agents_language.yaml.typed_reader import MappingReader, TypedReader, adding, found
 from bt_agents_language.yaml.yaml_reader import MappingEntry, Node, Scalar

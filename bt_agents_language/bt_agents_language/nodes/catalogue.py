@@ -6,7 +6,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from bt_agents_core.field_types import FieldType
-from bt_agents_language.model.node_type import Content, NodeField, NodeType, SiblingKey
 from bt_agents_language.model.specs import NodeSpec
 from bt_agents_language.nodes.action import ACTION
 from bt_agents_language.nodes.case import CASE
@@ -17,6 +16,7 @@ from bt_agents_language.nodes.fail import FAIL
 from bt_agents_language.nodes.give_feedback import GIVE_FEEDBACK
 from bt_agents_language.nodes.invert import INVERT
 from bt_agents_language.nodes.log import LOG
+from bt_agents_language.nodes.node_type import Content, NodeField, NodeType, SiblingKey
 from bt_agents_language.nodes.on_failure import ON_FAILURE
 from bt_agents_language.nodes.once import ONCE
 from bt_agents_language.nodes.parallel import PARALLEL

@@ -5,9 +5,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from bt_agents_language.model.endings import EITHER, FAILURE, SUCCESS, Outcomes, constant
-from bt_agents_language.model.node_type import Content, Mark, NodeField, NodeType
 from bt_agents_language.model.specs import NodeSpec
+from bt_agents_language.nodes.endings import EITHER, FAILURE, SUCCESS, Outcomes, constant
+from bt_agents_language.nodes.node_type import Content, Mark, NodeField, NodeType
 
 
 def _outcomes(spec: NodeSpec, children: Sequence[Outcomes]) -> Outcomes:

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from bt_agents_core.field_types import BindingKind, FieldType
-from bt_agents_language.files.bindings import (
+from bt_agents_language.fields.bindings import (
     RECEIVED,
     SENT,
     Outputs,
@@ -12,9 +12,9 @@ from bt_agents_language.files.bindings import (
     read_binding,
     what_comes_back,
 )
-from bt_agents_language.model.node_type import Content, NodeField, NodeReader, RawNode
-from bt_agents_language.model.scope import NameScope
+from bt_agents_language.fields.scope import NameScope
 from bt_agents_language.model.specs import FieldSpec, NodeSpec, SkillSpec
+from bt_agents_language.nodes.node_type import Content, NodeField, NodeReader, RawNode
 from bt_agents_language.yaml.typed_reader import MappingReader
 from bt_agents_language.yaml.yaml_reader import Scalar
 

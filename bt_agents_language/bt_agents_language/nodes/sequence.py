@@ -3,8 +3,8 @@
 
 from __future__ import annotations
 
-from bt_agents_language.model.endings import Outcome, behind, in_turn
-from bt_agents_language.model.node_type import Children, NodeType, Role
+from bt_agents_language.nodes.endings import Outcome, behind, in_turn
+from bt_agents_language.nodes.node_type import Children, NodeType, Role
 from bt_agents_language.nodes.shared_fields import MEMORY
 
 SEQUENCE = NodeType(

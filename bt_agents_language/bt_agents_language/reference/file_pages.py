@@ -9,7 +9,9 @@ from dataclasses import field as data_field
 from functools import cache
 
 from bt_agents_core.text import join_words
-from bt_agents_language.model.file_kinds import (
+from bt_agents_language.files.file_kinds import FILE_KINDS
+from bt_agents_language.reference.node_pages import FieldEntry
+from bt_agents_language.yaml.field_tables import (
     Choice,
     Either,
     Entries,
@@ -25,8 +27,6 @@ from bt_agents_language.model.file_kinds import (
     Single,
     Value,
 )
-from bt_agents_language.reference.node_pages import FieldEntry
-from bt_agents_language.tools.schema.folder import FILE_KINDS
 
 
 @dataclass(frozen=True, kw_only=True)

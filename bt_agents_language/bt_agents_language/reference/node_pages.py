@@ -9,10 +9,10 @@ from dataclasses import dataclass
 from enum import Enum
 
 from bt_agents_core.field_types import FieldType, Plain
-from bt_agents_language.model.node_type import Children, Content, NodeField, NodeType, Role
 from bt_agents_language.model.specs import FieldSpec, SkillSpec, SubtreeSpec
-from bt_agents_language.model.symbols import SymbolTable
 from bt_agents_language.nodes.catalogue import DECORATORS, NODE_TYPES, SIBLINGS
+from bt_agents_language.nodes.node_type import Children, Content, NodeField, NodeType, Role
+from bt_agents_language.nodes.symbols import SymbolTable
 
 
 class Group(Enum):

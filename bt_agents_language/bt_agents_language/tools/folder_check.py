@@ -10,16 +10,16 @@ from pathlib import Path
 
 from bt_agents_core.diagnostic import Diagnostic, Position, Severity
 from bt_agents_core.errors import ReadError
+from bt_agents_language.fields.interfaces import Interfaces, OfInstalledPackages
 from bt_agents_language.files.folder_reader import TEST_SUFFIXES, Trees, read_trees, yaml_files
 from bt_agents_language.files.market_reader import MARKET_FILE, read_market, unknown_agents
 from bt_agents_language.files.scene_reader import read_scene
 from bt_agents_language.files.script_reader import read_script
 from bt_agents_language.files.skills_reader import read_skills
 from bt_agents_language.files.testing.test_reader import read_test
-from bt_agents_language.model.interfaces import Interfaces, OfInstalledPackages
-from bt_agents_language.model.plugins import installed_plugins
 from bt_agents_language.model.specs import AgentSpec
-from bt_agents_language.model.symbols import ImportProblem, SymbolTable
+from bt_agents_language.nodes.plugin_discovery import installed_plugins
+from bt_agents_language.nodes.symbols import ImportProblem, SymbolTable
 from bt_agents_language.tools.linting.comment_truncation import cut_texts
 from bt_agents_language.tools.linting.lint import lint, unused_inputs
 from bt_agents_language.yaml.source import Source, read_source

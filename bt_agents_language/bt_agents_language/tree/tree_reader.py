@@ -7,9 +7,12 @@ import re
 from collections.abc import Mapping
 
 from bt_agents_core.diagnostic import Position
-from bt_agents_language.model.endings import Outcome
-from bt_agents_language.model.interfaces import Interfaces
-from bt_agents_language.model.node_type import (
+from bt_agents_language.fields.interfaces import Interfaces
+from bt_agents_language.fields.scope import NameScope
+from bt_agents_language.model.specs import NOTHING, Literal, NodeSpec, SubtreeSpec
+from bt_agents_language.nodes.catalogue import DECORATORS
+from bt_agents_language.nodes.endings import Outcome
+from bt_agents_language.nodes.node_type import (
     Children,
     FieldValues,
     NodeType,
@@ -18,10 +21,7 @@ from bt_agents_language.model.node_type import (
     short,
     wrapped,
 )
-from bt_agents_language.model.scope import NameScope
-from bt_agents_language.model.specs import NOTHING, Literal, NodeSpec, SubtreeSpec
-from bt_agents_language.model.symbols import SymbolTable
-from bt_agents_language.nodes.catalogue import DECORATORS
+from bt_agents_language.nodes.symbols import SymbolTable
 from bt_agents_language.tree.assigned_names import AssignedNames, may_write
 from bt_agents_language.tree.calls import CallReader
 from bt_agents_language.tree.node_fields import FieldReader, written_fields

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from bt_agents_language.yaml.diagnostics import Diagnostics
+from bt_agents_language.diagnostics.collection import Diagnostics
 from bt_agents_language.yaml.patched_source import PatchedSource, without_section
 from bt_agents_language.yaml.precheck import looks_like_yaml
 from bt_agents_language.yaml.source import Source

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import re
 
-from bt_agents_language.yaml.diagnostics import Diagnostics
+from bt_agents_language.diagnostics.collection import Diagnostics
 from bt_agents_language.yaml.source import MAX_BYTES, TOO_LARGE, Source
 
 # Also what breaks lines in some programs only (U+0085, U+2028, U+2029), hides (U+FEFF, tags from

@@ -6,7 +6,7 @@ from __future__ import annotations
 import re
 
 from bt_agents_core.field_types import FieldType, Plain
-from bt_agents_language.model import quantities
+from bt_agents_language.expression import quantities
 from bt_agents_language.yaml.yaml_reader import Node, Scalar
 
 _BOOLEANS = {

@@ -13,8 +13,10 @@ from bt_agents_core.diagnostic import Position
 from bt_agents_core.field_types import FieldType
 from bt_agents_core.scene import SceneParameter
 from bt_agents_core.text import join_quoted, join_words, quote
-from bt_agents_language.model import quantities
-from bt_agents_language.model.file_kinds import (
+from bt_agents_language.diagnostics.collection import Diagnostics, did_you_mean, nearest
+from bt_agents_language.expression import quantities
+from bt_agents_language.yaml.document import read_document
+from bt_agents_language.yaml.field_tables import (
     Choice,
     Entries,
     Items,
@@ -23,8 +25,6 @@ from bt_agents_language.model.file_kinds import (
     Single,
     Value,
 )
-from bt_agents_language.yaml.diagnostics import Diagnostics, did_you_mean, nearest
-from bt_agents_language.yaml.document import read_document
 from bt_agents_language.yaml.scalars import boolean
 from bt_agents_language.yaml.source import Source, aligned, read_source
 from bt_agents_language.yaml.suggestions import left_empty, name_meant, other_file, without_value

@@ -22,7 +22,7 @@ from yaml.events import (
 
 from bt_agents_core.diagnostic import Position
 from bt_agents_core.text import quote
-from bt_agents_language.yaml.diagnostics import Diagnostics
+from bt_agents_language.diagnostics.collection import Diagnostics
 from bt_agents_language.yaml.line_hints import SyntaxHint
 from bt_agents_language.yaml.precheck import BAD_CHARACTER, looks_like_yaml
 from bt_agents_language.yaml.source import Source

@@ -10,13 +10,13 @@ from dataclasses import replace
 import yaml
 
 from bt_agents_core.text import quote
+from bt_agents_language.diagnostics.collection import Diagnostics
 from bt_agents_language.yaml.bracket_hints import (
     QUOTE_INSIDE,
     behind_value,
     in_brackets,
     open_quote,
 )
-from bt_agents_language.yaml.diagnostics import Diagnostics
 from bt_agents_language.yaml.line_hints import SyntaxHint, key_hint, line_hint
 from bt_agents_language.yaml.patched_source import Edit
 from bt_agents_language.yaml.source import Source, indentation, line_above, line_at, line_start

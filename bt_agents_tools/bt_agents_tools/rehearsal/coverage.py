@@ -8,10 +8,10 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 
 from bt_agents_core.diagnostic import Position
-from bt_agents_language.model.endings import Outcome
-from bt_agents_language.model.node_type import Mark, Role
 from bt_agents_language.model.specs import AgentSpec, NodeSpec
 from bt_agents_language.nodes.catalogue import type_of
+from bt_agents_language.nodes.endings import Outcome
+from bt_agents_language.nodes.node_type import Mark, Role
 from bt_agents_language.tools.linting.outcomes import outcomes
 
 Marks = Mapping[str, frozenset[Mark]]

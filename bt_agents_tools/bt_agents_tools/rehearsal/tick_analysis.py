@@ -9,9 +9,9 @@ from collections.abc import Iterable, Mapping, Sequence
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
-from bt_agents_language.model.node_type import Mark
 from bt_agents_language.model.specs import NodeSpec
 from bt_agents_language.nodes.catalogue import DECORATORS, type_of
+from bt_agents_language.nodes.node_type import Mark
 
 Ticked = Sequence[tuple[Behaviour, Status]]
 """Nodes of one tick in the order in which they answered, and how."""

@@ -9,7 +9,9 @@ import pytest
 import yaml
 from jsonschema import Draft7Validator
 
-from bt_agents_language.model.file_kinds import (
+from bt_agents_language.files.file_kinds import FILE_KINDS
+from bt_agents_language.tools.schema.generator import file_schema
+from bt_agents_language.yaml.field_tables import (
     NAME,
     TEXT,
     Choice,
@@ -24,8 +26,6 @@ from bt_agents_language.model.file_kinds import (
     number,
     one_of,
 )
-from bt_agents_language.tools.schema.folder import FILE_KINDS
-from bt_agents_language.tools.schema.generator import file_schema
 from bt_agents_language.yaml.source import Source
 from bt_agents_language.yaml.typed_reader import TypedReader
 from tree_harness import SPACE

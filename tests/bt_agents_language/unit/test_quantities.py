@@ -8,7 +8,7 @@ import math
 import pytest
 
 from bt_agents_core.field_types import FieldType
-from bt_agents_language.model.quantities import (
+from bt_agents_language.expression.quantities import (
     QuantityError,
     angle,
     duration,

@@ -8,8 +8,8 @@ import textwrap
 import pytest
 
 from bt_agents_core.errors import ReadError
+from bt_agents_language.diagnostics.collection import Diagnostics
 from bt_agents_language.files.agent_reader import read_agent_text
-from bt_agents_language.yaml.diagnostics import Diagnostics
 from bt_agents_language.yaml.document import MAX_SLIPS, read_document
 from bt_agents_language.yaml.patched_source import Edit, PatchedSource, without_section
 from bt_agents_language.yaml.source import Source

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 
 from bt_agents_core.scene import SceneSpace
 from bt_agents_core.text import ellipsize
+from bt_agents_language.expression.quantities import spoken
 from bt_agents_language.files.agent_file import AgentFile
-from bt_agents_language.model.quantities import spoken
 from bt_agents_language.model.specs import AgentSpec, Tunable
 from bt_agents_language.tree.tree_fingerprint import difference
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from bt_agents_language.diagnostics.renderers import as_hinted_lines
 from bt_agents_language.files.folder_reader import Trees
-from bt_agents_language.yaml.renderers import as_hinted_lines
 
 
 def problems_of(trees: Trees) -> list[str]:

@@ -14,9 +14,9 @@ from bt_agents.host.reload.version_history import (
     first_versions,
 )
 from bt_agents_core.errors import Refused
+from bt_agents_language.diagnostics.renderers import as_hinted_lines
 from bt_agents_language.files.agent_file import AgentFile
 from bt_agents_language.files.folder_reader import Trees
-from bt_agents_language.yaml.renderers import as_hinted_lines
 
 _DEPARTED_KEPT = 100
 

@@ -11,8 +11,8 @@ from enum import Enum
 from bt_agents_core.errors import Refused
 from bt_agents_core.field_types import FieldType
 from bt_agents_core.text import quote
-from bt_agents_language.model import quantities
-from bt_agents_language.model.quantities import MAX_DURATION_S, QuantityError, spoken
+from bt_agents_language.expression import quantities
+from bt_agents_language.expression.quantities import MAX_DURATION_S, QuantityError, spoken
 from bt_agents_language.model.specs import AgentSpec, Tunable
 from bt_agents_language.yaml.precheck import BAD_CHARACTER
 from bt_agents_language.yaml.scalars import boolean

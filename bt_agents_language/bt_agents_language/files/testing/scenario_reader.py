@@ -8,6 +8,11 @@ from dataclasses import dataclass, replace
 
 from bt_agents_core.field_types import FieldType, Plain
 from bt_agents_core.text import quote
+from bt_agents_language.diagnostics.collection import did_you_mean
+from bt_agents_language.fields.interfaces import read_ros_name
+from bt_agents_language.fields.scene_values import read_values
+from bt_agents_language.fields.scope import NameScope
+from bt_agents_language.fields.values import read_value
 from bt_agents_language.files.testing.path_patterns import is_path, matches, nodes_of, path_hint
 from bt_agents_language.files.testing.replacement_reader import AT_ONCE, ReplacementReader
 from bt_agents_language.files.testing.scenarios import (
@@ -18,7 +23,18 @@ from bt_agents_language.files.testing.scenarios import (
     ScriptedAnswer,
     ScriptedEvent,
 )
-from bt_agents_language.model.file_kinds import (
+from bt_agents_language.model.specs import (
+    AgentSpec,
+    ListValue,
+    Literal,
+    MapValue,
+    NodeSpec,
+    SkillSpec,
+    Value,
+)
+from bt_agents_language.nodes.catalogue import NODE_TYPES
+from bt_agents_language.nodes.symbols import SymbolTable
+from bt_agents_language.yaml.field_tables import (
     ANY,
     BOOLEAN,
     DURATION,
@@ -36,22 +52,6 @@ from bt_agents_language.model.file_kinds import (
     Several,
     integer,
 )
-from bt_agents_language.model.interfaces import read_ros_name
-from bt_agents_language.model.scene_values import read_values
-from bt_agents_language.model.scope import NameScope
-from bt_agents_language.model.specs import (
-    AgentSpec,
-    ListValue,
-    Literal,
-    MapValue,
-    NodeSpec,
-    SkillSpec,
-    Value,
-)
-from bt_agents_language.model.symbols import SymbolTable
-from bt_agents_language.model.values import read_value
-from bt_agents_language.nodes.catalogue import NODE_TYPES
-from bt_agents_language.yaml.diagnostics import did_you_mean
 from bt_agents_language.yaml.typed_reader import MappingReader, Shape, TypedReader
 from bt_agents_language.yaml.yaml_reader import Mapping as MappingNode
 from bt_agents_language.yaml.yaml_reader import MappingEntry, Node, Scalar, Sequence

@@ -11,6 +11,7 @@ from bt_agents_core.diagnostic import Position
 from bt_agents_core.feedback import FeedbackKind
 from bt_agents_core.field_types import FieldType, Plain
 from bt_agents_core.text import quote
+from bt_agents_language.diagnostics.collection import did_you_mean
 from bt_agents_language.files.testing.scenario_reader import SCENARIO, ScenarioReader
 from bt_agents_language.files.testing.scenarios import (
     SPOKEN,
@@ -30,7 +31,10 @@ from bt_agents_language.files.testing.scenarios import (
     Visits,
     Within,
 )
-from bt_agents_language.model.file_kinds import (
+from bt_agents_language.model.mood_rule import MoodAction
+from bt_agents_language.model.specs import AgentSpec, SkillSpec
+from bt_agents_language.nodes.symbols import SymbolTable
+from bt_agents_language.yaml.field_tables import (
     ANY,
     BOOLEAN,
     DURATION,
@@ -46,10 +50,6 @@ from bt_agents_language.model.file_kinds import (
     Several,
     Value,
 )
-from bt_agents_language.model.mood_rule import MoodAction
-from bt_agents_language.model.specs import AgentSpec, SkillSpec
-from bt_agents_language.model.symbols import SymbolTable
-from bt_agents_language.yaml.diagnostics import did_you_mean
 from bt_agents_language.yaml.source import Source
 from bt_agents_language.yaml.typed_reader import MappingReader, Shape, TypedReader
 from bt_agents_language.yaml.yaml_reader import Mapping as MappingNode

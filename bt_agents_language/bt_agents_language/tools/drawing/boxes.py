@@ -11,9 +11,9 @@ from bt_agents_core.diagnostic import Position
 from bt_agents_core.field_types import FieldType
 from bt_agents_core.text import excerpt
 from bt_agents_language.expression.expressions import Expression
-from bt_agents_language.model.node_type import Children, Content, Role
 from bt_agents_language.model.specs import Literal, NodeSpec, Value
 from bt_agents_language.nodes.catalogue import type_of
+from bt_agents_language.nodes.node_type import Children, Content, Role
 from bt_agents_language.nodes.skill import SKILL
 from bt_agents_language.tools.drawing.shown_values import LONGEST_TEXT, shown_value
 

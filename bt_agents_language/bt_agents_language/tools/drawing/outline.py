@@ -6,10 +6,10 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 
 from bt_agents_core.scene import SceneSpace
+from bt_agents_language.diagnostics.renderers import columns
 from bt_agents_language.model.specs import AgentSpec, iter_nodes
 from bt_agents_language.tools.drawing.boxes import Box, BoxKind, box_of
 from bt_agents_language.tools.drawing.shown_values import shown_profile, shown_tunable
-from bt_agents_language.yaml.renderers import columns
 
 SIGNS = {
     BoxKind.COMPOSITE: "▼",

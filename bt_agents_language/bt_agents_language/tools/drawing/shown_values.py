@@ -9,7 +9,7 @@ from bt_agents_core.field_types import FieldType, Plain
 from bt_agents_core.scene import SceneSpace, Vector
 from bt_agents_core.text import excerpt
 from bt_agents_language.expression.expressions import Expression
-from bt_agents_language.model.quantities import spoken
+from bt_agents_language.expression.quantities import spoken
 from bt_agents_language.model.specs import (
     Computed,
     ListValue,

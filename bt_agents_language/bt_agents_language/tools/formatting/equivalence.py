@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from bt_agents_language.model.quantities import QuantityError
+from bt_agents_language.expression.quantities import QuantityError
 from bt_agents_language.yaml.scalars import plain_value
 from bt_agents_language.yaml.yaml_reader import Mapping, Node, Scalar, Sequence
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import TypeGuard
 
 from bt_agents_core.errors import BtAgentsError
+from bt_agents_language.diagnostics.collection import Diagnostics
 from bt_agents_language.tools.formatting.block_scalars import reindented, reindented_block
 from bt_agents_language.tools.formatting.comments import Comment, blank_before, find_comments
 from bt_agents_language.tools.formatting.equivalence import same_meaning
@@ -19,7 +20,6 @@ from bt_agents_language.tools.formatting.scalar_style import (
     key_in_one_line,
     quoted,
 )
-from bt_agents_language.yaml.diagnostics import Diagnostics
 from bt_agents_language.yaml.source import Source
 from bt_agents_language.yaml.yaml_reader import (
     Mapping,

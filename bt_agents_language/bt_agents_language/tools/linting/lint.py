@@ -10,13 +10,13 @@ from itertools import chain
 
 from bt_agents_core.diagnostic import Diagnostic, Position, Severity
 from bt_agents_core.field_types import BindingKind
+from bt_agents_core.gc_pause import gc_paused
 from bt_agents_core.text import quote
 from bt_agents_language.files.testing.scenarios import SPOKEN
-from bt_agents_language.gc_pause import gc_paused
-from bt_agents_language.model.endings import Unreached
-from bt_agents_language.model.node_type import NodeType, Role, Waits
 from bt_agents_language.model.specs import AgentSpec, Literal, NodeSpec, UnusedInput, iter_nodes
 from bt_agents_language.nodes.catalogue import type_of
+from bt_agents_language.nodes.endings import Unreached
+from bt_agents_language.nodes.node_type import NodeType, Role, Waits
 from bt_agents_language.tools.linting.outcomes import endless, every_outcome
 from bt_agents_language.tools.linting.reads import names_read, texts_of
 

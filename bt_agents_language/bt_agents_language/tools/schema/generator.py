@@ -6,7 +6,10 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 
 from bt_agents_core.scene import SceneParameter, SceneSpace
-from bt_agents_language.model.file_kinds import (
+from bt_agents_language.fields.scope import mood_names, scene_names
+from bt_agents_language.tools.schema import value_schemas
+from bt_agents_language.tools.schema.value_schemas import Schema, described, mapping
+from bt_agents_language.yaml.field_tables import (
     Choice,
     Either,
     Entries,
@@ -24,9 +27,6 @@ from bt_agents_language.model.file_kinds import (
     Single,
     Value,
 )
-from bt_agents_language.model.scope import mood_names, scene_names
-from bt_agents_language.tools.schema import value_schemas
-from bt_agents_language.tools.schema.value_schemas import Schema, described, mapping
 from bt_agents_language.yaml.typed_reader import FORMAT
 
 DRAFT = "http://json-schema.org/draft-07/schema#"

@@ -7,12 +7,12 @@ from collections.abc import Mapping
 
 from bt_agents_core.field_types import FieldType
 from bt_agents_core.scene import SceneSpace
-from bt_agents_language.model.node_type import Children, Content, NodeField, NodeType
-from bt_agents_language.model.server_timeouts import HEARTBEAT, TIMEOUTS
+from bt_agents_language.fields.server_timeouts import HEARTBEAT, TIMEOUTS
 from bt_agents_language.model.specs import FieldSpec, SkillSpec
-from bt_agents_language.model.symbols import SymbolTable
 from bt_agents_language.nodes.catalogue import DECORATORS, SIBLINGS
+from bt_agents_language.nodes.node_type import Children, Content, NodeField, NodeType
 from bt_agents_language.nodes.skill import SKILL
+from bt_agents_language.nodes.symbols import SymbolTable
 from bt_agents_language.reference.node_pages import NodePage, node_page
 from bt_agents_language.tools.schema import value_schemas
 from bt_agents_language.tools.schema.generator import table_schema

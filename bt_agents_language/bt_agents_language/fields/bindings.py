@@ -8,7 +8,23 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from bt_agents_core.field_types import BindingKind, Plain
-from bt_agents_language.model.file_kinds import (
+from bt_agents_language.fields.interfaces import (
+    Interfaces,
+    MessageFields,
+    read_ros_name,
+    read_ros_type,
+)
+from bt_agents_language.fields.scope import NameScope
+from bt_agents_language.fields.server_timeouts import (
+    HEARTBEAT,
+    TIMEOUTS,
+    read_heartbeat,
+    read_timeouts,
+    timeout_keys,
+)
+from bt_agents_language.fields.values import is_plain, plain, read_condition, read_map
+from bt_agents_language.model.specs import Binding, MapValue
+from bt_agents_language.yaml.field_tables import (
     CONDITION,
     FIELDS,
     ROS_NAME,
@@ -16,22 +32,6 @@ from bt_agents_language.model.file_kinds import (
     FieldDecl,
     KeyTable,
 )
-from bt_agents_language.model.interfaces import (
-    Interfaces,
-    MessageFields,
-    read_ros_name,
-    read_ros_type,
-)
-from bt_agents_language.model.scope import NameScope
-from bt_agents_language.model.server_timeouts import (
-    HEARTBEAT,
-    TIMEOUTS,
-    read_heartbeat,
-    read_timeouts,
-    timeout_keys,
-)
-from bt_agents_language.model.specs import Binding, MapValue
-from bt_agents_language.model.values import is_plain, plain, read_condition, read_map
 from bt_agents_language.yaml.typed_reader import MappingReader, TypedReader
 from bt_agents_language.yaml.yaml_reader import Mapping as MappingNode
 from bt_agents_language.yaml.yaml_reader import MappingEntry, Node, Scalar, Sequence, entries_of

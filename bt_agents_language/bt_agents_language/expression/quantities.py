@@ -9,7 +9,7 @@ import re
 from bt_agents_core.errors import BtAgentsError
 from bt_agents_core.field_types import FieldType
 from bt_agents_core.text import ellipsize
-from bt_agents_language.model.units import (
+from bt_agents_language.expression.units import (
     ANGLE,
     LENGTH,
     TIME,

@@ -13,10 +13,10 @@ from bt_agents_core.diagnostic import Position
 from bt_agents_core.field_types import BindingKind, FieldType, Plain
 from bt_agents_core.text import ellipsize
 from bt_agents_language.expression.expressions import Expression
-from bt_agents_language.model.endings import Outcome, Outcomes, Unreached, as_its_child
-from bt_agents_language.model.interfaces import Interfaces
-from bt_agents_language.model.scope import NameScope
+from bt_agents_language.fields.interfaces import Interfaces
+from bt_agents_language.fields.scope import NameScope
 from bt_agents_language.model.specs import Binding, Literal, NodeSpec, SkillSpec, Value
+from bt_agents_language.nodes.endings import Outcome, Outcomes, Unreached, as_its_child
 from bt_agents_language.yaml.typed_reader import TypedReader
 from bt_agents_language.yaml.yaml_reader import MappingEntry, Node, Scalar
 

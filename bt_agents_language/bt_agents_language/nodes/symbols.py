@@ -10,10 +10,10 @@ from typing import Protocol
 
 from bt_agents_core.errors import BtAgentsError
 from bt_agents_core.scene import SceneSpace
-from bt_agents_language.model.interfaces import Interfaces
-from bt_agents_language.model.node_type import NodeType
+from bt_agents_language.fields.interfaces import Interfaces
 from bt_agents_language.model.specs import SkillSpec, SubtreeSpec, UnusedInput
 from bt_agents_language.nodes.catalogue import NODE_TYPES
+from bt_agents_language.nodes.node_type import NodeType
 
 
 @dataclass(frozen=True, kw_only=True)

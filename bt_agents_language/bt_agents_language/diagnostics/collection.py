@@ -12,7 +12,7 @@ from typing import Protocol
 
 from bt_agents_core.diagnostic import Diagnostic, Position, Severity
 from bt_agents_core.errors import ReadError
-from bt_agents_language.yaml.renderers import MAX_COLLECTED, as_lines, as_text
+from bt_agents_language.diagnostics.renderers import MAX_COLLECTED, as_lines, as_text
 
 _LONGEST_WORD = 64
 _MANY_WORDS = 200
