@@ -297,7 +297,7 @@ def format_value(value: Plain, field_type: FieldType) -> str:
         case bool():
             return "yes" if value else "no"
         case int() | float() if field_type in _QUANTITIES:
-            return quantities.spoken(value, field_type)
+            return quantities.format_quantity(value, field_type)
         case float():
             return f"{value:g}"
         case None:

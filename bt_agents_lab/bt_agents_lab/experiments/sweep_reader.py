@@ -21,13 +21,13 @@ from bt_agents_language.yaml.field_tables import (
     NUMBER,
     SHARE,
     TEXT,
-    Choice,
     Either,
     FieldDecl,
     FileKind,
     Items,
     KeyTable,
     SceneValues,
+    WordChoice,
     integer,
     number,
 )
@@ -45,8 +45,8 @@ _UPDATES = tuple(str(update) for update in Update)
 _STRATEGY = KeyTable(
     what="a strategy",
     fields=(
-        FieldDecl("name", Choice(_SIMULATED), "The strategy.", required=True),
-        FieldDecl("tie_break", Choice(TIES), "Who wins of the best ones.", default=TIES[0]),
+        FieldDecl("name", WordChoice(_SIMULATED), "The strategy.", required=True),
+        FieldDecl("tie_break", WordChoice(TIES), "Who wins of the best ones.", default=TIES[0]),
         *(
             FieldDecl(name, NUMBER, "An option of the strategy.")
             for name in sorted({o.name for one in _SIMULATED for o in STRATEGIES[one].options})
@@ -56,7 +56,7 @@ _STRATEGY = KeyTable(
 _UPDATE = KeyTable(
     what="an update",
     fields=(
-        FieldDecl("name", Choice(_UPDATES), "The learning rule.", required=True),
+        FieldDecl("name", WordChoice(_UPDATES), "The learning rule.", required=True),
         FieldDecl("width", number(0), "Of huber: its width for every parameter."),
         FieldDecl("window", integer(1, 1000), "Of median: so many of the last feedbacks count."),
         FieldDecl("anneal", number(0), "After n feedbacks the rate is rate / (1 + anneal × n)."),
@@ -68,7 +68,7 @@ _WRONG = KeyTable(
         FieldDecl("shares", Items(SHARE), "Shares of feedback that is wrong.", required=True),
         FieldDecl(
             "says",
-            Either((Choice(("any", "another")), SceneValues(every=True))),
+            Either((WordChoice(("any", "another")), SceneValues(every=True))),
             "What wrong feedback says.",
         ),
     ),
@@ -102,13 +102,13 @@ SWEEP = FileKind(
         FieldDecl("seed", integer(0), "Makes the random numbers the same.", required=True),
         FieldDecl(
             "strategies",
-            Items(Either((Choice(_SIMULATED), _STRATEGY))),
+            Items(Either((WordChoice(_SIMULATED), _STRATEGY))),
             "Each by its name, or with its options.",
             required=True,
         ),
         FieldDecl(
             "updates",
-            Items(Either((Choice(_UPDATES), _UPDATE))),
+            Items(Either((WordChoice(_UPDATES), _UPDATE))),
             "Each by its name, or with its options.",
             required=True,
         ),

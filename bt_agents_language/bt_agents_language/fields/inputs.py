@@ -11,14 +11,14 @@ from bt_agents_language.diagnostics.collection import did_you_mean
 from bt_agents_language.fields.scope import RESERVED, NameScope
 from bt_agents_language.fields.values import plain, read_value
 from bt_agents_language.model.specs import FieldSpec
-from bt_agents_language.yaml.field_tables import ANY, TEXT, Choice, Either, FieldDecl, KeyTable
+from bt_agents_language.yaml.field_tables import ANY, TEXT, Either, FieldDecl, KeyTable, WordChoice
 from bt_agents_language.yaml.typed_reader import TypedReader
 from bt_agents_language.yaml.yaml_reader import Mapping, MappingEntry, Node, Scalar
 
 TYPES = tuple(one.value for one in FieldType)
 """Words for types in a file."""
 
-_TYPE = FieldDecl("type", Choice(TYPES), "Its type.", required=True)
+_TYPE = FieldDecl("type", WordChoice(TYPES), "Its type.", required=True)
 _DESCRIPTION = FieldDecl("description", TEXT, "What it means.")
 _INPUT = KeyTable(
     fields=(_TYPE, FieldDecl("default", ANY, "Taken when it is not given."), _DESCRIPTION)

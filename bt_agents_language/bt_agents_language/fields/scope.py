@@ -157,7 +157,7 @@ class NameScope:
         return ("unknown-name", f"there is no name '{name[:80]}' here", hint)
 
     def _hint(self, name: str, known: list[str], maybe_text: bool) -> str:
-        """Return how to mend a name that is not known."""
+        """Return how to fix a name that is not known."""
         if name == "mood.change":
             if "live.person" not in known:
                 return "moods change only while a tree runs; name scene.mood, the mood before it"

@@ -15,11 +15,11 @@ from bt_agents_language.model.mood_rule import ACTIONS, MoodAction, MoodRule
 from bt_agents_language.yaml.field_tables import (
     DURATION,
     SHARE,
-    Choice,
     FieldDecl,
     Form,
     KeyTable,
     Single,
+    WordChoice,
 )
 from bt_agents_language.yaml.typed_reader import MappingReader, TypedReader
 from bt_agents_language.yaml.yaml_reader import Node
@@ -38,13 +38,13 @@ MOOD_RULE = KeyTable(
         FieldDecl("for", DURATION, "How long it must hold without a break."),
         FieldDecl(
             "give",
-            Choice(tuple(_GIVES)),
+            WordChoice(tuple(_GIVES)),
             "positive: the profile moves towards the scene; negative: away.",
             required=True,
         ),
         FieldDecl(
             "then",
-            Choice(tuple(ACTIONS)),
+            WordChoice(tuple(ACTIONS)),
             "; ".join(f"{word}: {text}" for word, (_, text) in ACTIONS.items()) + ".",
         ),
         FieldDecl(

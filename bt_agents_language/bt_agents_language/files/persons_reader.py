@@ -26,12 +26,12 @@ from bt_agents_language.yaml.field_tables import (
     DURATION,
     LENGTH,
     TEXT,
-    Choice,
     Either,
     Entries,
     FieldDecl,
     KeyTable,
     Shared,
+    WordChoice,
 )
 from bt_agents_language.yaml.typed_reader import MappingReader, TypedReader
 from bt_agents_language.yaml.yaml_reader import Node, Scalar
@@ -54,7 +54,7 @@ _ADDRESSEE = KeyTable(
     fields=(
         FieldDecl(
             "rule",
-            Choice(tuple(rule.value for rule in AddresseeRule)),
+            WordChoice(tuple(rule.value for rule in AddresseeRule)),
             "The most engaged, the nearest or the first.",
             required=True,
         ),
@@ -85,7 +85,7 @@ PERSONS = KeyTable(
         FieldDecl("known", Shared("source"), "Whether the id of a person is a name: 0.5 or more."),
         FieldDecl(
             "addressee",
-            Either((Choice((AddresseeRule.FIRST.value,)), _ADDRESSEE)),
+            Either((WordChoice((AddresseeRule.FIRST.value,)), _ADDRESSEE)),
             "Whom of several persons a scene is about.",
         ),
     ),

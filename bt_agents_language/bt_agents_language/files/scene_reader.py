@@ -29,7 +29,6 @@ from bt_agents_language.model.scene_specs import (
 from bt_agents_language.yaml.field_tables import (
     NUMBER,
     TEXT,
-    Choice,
     Either,
     Entries,
     FieldDecl,
@@ -38,6 +37,7 @@ from bt_agents_language.yaml.field_tables import (
     Key,
     KeyTable,
     Shared,
+    WordChoice,
     number,
 )
 from bt_agents_language.yaml.source import Source
@@ -68,7 +68,7 @@ _PARAMETER = KeyTable(
         ),
         FieldDecl(
             "missing",
-            Choice(tuple(rule.value for rule in MissingRule)),
+            WordChoice(tuple(rule.value for rule in MissingRule)),
             "What stands for it while no source measures it: nothing (leave_out), what is known "
             "of the person or the place (estimate), or else the default (default).",
             default=MissingRule.LEAVE_OUT.value,

@@ -19,13 +19,13 @@ from bt_agents_language.model.specs import FieldSpec, SkillSpec
 from bt_agents_language.nodes.catalogue import WORDS
 from bt_agents_language.yaml.field_tables import (
     TEXT,
-    Choice,
     Either,
     Entries,
     FieldDecl,
     Form,
     KeyTable,
     Single,
+    WordChoice,
 )
 from bt_agents_language.yaml.source import Source
 from bt_agents_language.yaml.typed_reader import MappingReader, TypedReader, found
@@ -35,7 +35,7 @@ BINDINGS = tuple(kind.value for kind in BindingKind)
 
 _OUTPUT = KeyTable(
     fields=(
-        FieldDecl("type", Choice(TYPES), "Its type."),
+        FieldDecl("type", WordChoice(TYPES), "Its type."),
         FieldDecl("from", TEXT, "Field of the result, or feedback.x; its own name if left out."),
         FieldDecl("description", TEXT, "What it means."),
     ),
@@ -51,7 +51,9 @@ _SKILL = KeyTable(
         FieldDecl("inputs", Entries(INPUT), "Its inputs and their types."),
         FieldDecl(
             "outputs",
-            Entries(Either((Choice(TYPES), _OUTPUT, Single(Form.NOTHING))), "names and fields"),
+            Entries(
+                Either((WordChoice(TYPES), _OUTPUT, Single(Form.NOTHING))), "names and fields"
+            ),
             "Names that later nodes may use.",
         ),
         *_INTERFACES,

@@ -37,7 +37,6 @@ from bt_agents_language.yaml.field_tables import (
     NUMBER,
     ROS_TYPE,
     TEXT,
-    Choice,
     Entries,
     FieldDecl,
     Form,
@@ -45,6 +44,7 @@ from bt_agents_language.yaml.field_tables import (
     KeyTable,
     Needs,
     Single,
+    WordChoice,
 )
 from bt_agents_language.yaml.scalars import boolean
 from bt_agents_language.yaml.typed_reader import MappingReader, TypedReader
@@ -79,7 +79,9 @@ TOPIC = KeyTable(
 SOURCE = KeyTable(
     fields=(
         FieldDecl(
-            "from", Choice((TRACKED,)), "Read the item of each person in the list of 'tracked'."
+            "from",
+            WordChoice((TRACKED,)),
+            "Read the item of each person in the list of 'tracked'.",
         ),
         *(replace(one, required=False) for one in TOPIC.fields),
         FieldDecl(

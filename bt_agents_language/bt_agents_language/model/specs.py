@@ -40,7 +40,7 @@ class Reference:
     """``${name}``: the value of a name, at the moment it is needed.
 
     Attributes:
-        type: Type of the name as far as it is known; says how the value is spoken in a text.
+        type: Type of the name as far as it is known; says how the value is formatted in a text.
     """
 
     name: str

@@ -37,7 +37,7 @@ class Unreached(NamedTuple):
     Attributes:
         node: The node, or what wraps it.
         why: The reason, in words.
-        hint: How to mend it.
+        hint: How to fix it.
     """
 
     node: NodeSpec

@@ -234,7 +234,7 @@ class NodeReader(Protocol):
     def interfaces(self) -> Interfaces | None:
         """The installed ROS types; None leaves types unchecked."""
 
-    def written(self, raw: RawNode) -> Mapping[str, Node] | None:
+    def written_fields(self, raw: RawNode) -> Mapping[str, Node] | None:
         """Return the written fields of a leaf by name; None when there are none to be read."""
 
     def values(

@@ -39,7 +39,7 @@ class ImportProblem(BtAgentsError):
     Attributes:
         code: Code of the problem at the place of the import.
         message: What was found and what is expected.
-        hint: How to mend it; may be empty.
+        hint: How to fix it; may be empty.
     """
 
     def __init__(self, code: str, message: str, hint: str = "") -> None:

@@ -26,7 +26,7 @@ _NEEDED = ("topic", "type")
 
 
 def _read(reader: NodeReader, raw: RawNode, path: str, names: NameScope) -> NodeSpec | None:
-    nodes = reader.written(raw)
+    nodes = reader.written_fields(raw)
     if nodes is None:
         return None
     message = [key for key in _OF_A_MESSAGE if key in nodes]

@@ -64,7 +64,7 @@ class Code:
     Attributes:
         code: Its name in reports.
         meaning: One sentence.
-        wrong: The smallest file with this problem as its first; see :func:`written`.
+        wrong: The smallest file with this problem as its first; see :func:`example_bytes`.
         right: The same file without it.
         kind: What the examples are. Of an agent or test file they show only what matters; of a
             folder each file comes below a line ``# path``.
@@ -114,7 +114,7 @@ _MARK = re.compile(r"⟨(?:(?P<tab>tab)|U\+(?P<point>[0-9A-F]{4})|byte (?P<byte>
                    r"|(?P<unit>.+?) × (?P<times>[0-9,]+))⟩")  # fmt: skip
 
 
-def written(example: str) -> bytes:
+def example_bytes(example: str) -> bytes:
     """Return an example as it would stand in a file.
 
     Examples stand for what cannot be seen or is too long by marks: ``⟨tab⟩``, ``⟨U+202E⟩`` for a

@@ -12,7 +12,6 @@ from bt_agents_core.text import join_words
 from bt_agents_language.files.file_kinds import FILE_KINDS
 from bt_agents_language.reference.node_pages import FieldEntry
 from bt_agents_language.yaml.field_tables import (
-    Choice,
     Either,
     Entries,
     FieldDecl,
@@ -20,12 +19,13 @@ from bt_agents_language.yaml.field_tables import (
     Form,
     Items,
     KeyTable,
-    SceneNames,
+    SceneNameList,
     SceneValues,
     Several,
     Shared,
     Single,
     Value,
+    WordChoice,
 )
 
 
@@ -127,7 +127,7 @@ def _expected(value: Value) -> str:
             return f"{value.form.value}, {bounds}" if limits else value.form.value
         case Single():
             return value.form.value
-        case Choice():
+        case WordChoice():
             return join_words(value.words, "or")
         case Items():
             return f"list, each: {_expected(value.item)}"
@@ -137,7 +137,7 @@ def _expected(value: Value) -> str:
             return value.of or f"names, each with: {_expected(value.value)}"
         case SceneValues():
             return f"values of {'all ' if value.every else ''}scene parameters"
-        case SceneNames():
+        case SceneNameList():
             return f"list of scene parameters, or {value.every}"
         case Either():
             return ", or ".join(map(_expected, value.options))

@@ -204,7 +204,7 @@ class TreeReader:
             children=tuple([child for child in children if child is not None]),
         )
 
-    def written(self, raw: RawNode) -> Mapping[str, Node] | None:
+    def written_fields(self, raw: RawNode) -> Mapping[str, Node] | None:
         """Return the written fields of a leaf by name; None when there are none to be read."""
         assert raw.type is not None
         what = f"'{raw.type.key}'"
@@ -228,7 +228,7 @@ class TreeReader:
         node_type = raw.type
         assert node_type is not None
         if nodes is None:
-            nodes = self.written(raw)
+            nodes = self.written_fields(raw)
         if nodes is None:
             return None
         first = node_type.main or (node_type.fields[0].name if node_type.fields else "")

@@ -29,7 +29,7 @@ _SIGNS = {
 }
 """Start of a file → what it is, and what to do."""
 
-_LOOKED_AT = 400
+_FORMAT_PREFIX = 400
 
 
 def looks_like_yaml(source: Source, problems: Diagnostics) -> bool:
@@ -65,7 +65,7 @@ def looks_like_yaml(source: Source, problems: Diagnostics) -> bool:
 
 def _foreign_format(text: str) -> tuple[str, str] | None:
     """Return what a file is that is no YAML, and a hint; None when it may be YAML."""
-    start = text[:_LOOKED_AT].lstrip().lower()
+    start = text[:_FORMAT_PREFIX].lstrip().lower()
     tree = start.find("<root btcpp_format")
     if start.startswith("<?xml") and tree > 0:
         start = start[tree:]

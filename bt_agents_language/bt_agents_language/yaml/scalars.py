@@ -80,3 +80,11 @@ def scalar_type(node: Node) -> FieldType:
         case str():
             return FieldType.TEXT
     return FieldType.ANY
+
+
+def value_type(scalar: Scalar) -> type:
+    """Return the type of a value where any type may stand; an error's for an impossible number."""
+    try:
+        return type(plain_value(scalar))
+    except quantities.QuantityError:
+        return quantities.QuantityError

@@ -14,7 +14,6 @@ from bt_agents_language.tools.schema.generator import file_schema
 from bt_agents_language.yaml.field_tables import (
     NAME,
     TEXT,
-    Choice,
     Either,
     Entries,
     FieldDecl,
@@ -22,6 +21,7 @@ from bt_agents_language.yaml.field_tables import (
     Items,
     KeyTable,
     Several,
+    WordChoice,
     integer,
     number,
     one_of,
@@ -34,7 +34,7 @@ CUP = KeyTable(
     what="a cup",
     fields=(
         FieldDecl("size", number(0.1, 2), "How much goes into it.", required=True),
-        FieldDecl("sort", Choice(("tea", "coffee")), "What is in it."),
+        FieldDecl("sort", WordChoice(("tea", "coffee")), "What is in it."),
     ),
 )
 BAR = FileKind(

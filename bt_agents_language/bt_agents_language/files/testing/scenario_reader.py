@@ -41,7 +41,6 @@ from bt_agents_language.yaml.field_tables import (
     FIELDS,
     ROS_NAME,
     TEXT,
-    Choice,
     Either,
     Entries,
     FieldDecl,
@@ -50,6 +49,7 @@ from bt_agents_language.yaml.field_tables import (
     KeyTable,
     SceneValues,
     Several,
+    WordChoice,
     integer,
 )
 from bt_agents_language.yaml.typed_reader import MappingReader, Shape, TypedReader
@@ -65,7 +65,7 @@ _ANSWER = KeyTable(
         FieldDecl("gives", ANY, "Value of the first output."),
         FieldDecl("outputs", Entries(ANY, "outputs and values", keys=Key.ANY), "Output → value."),
         FieldDecl("fails", TEXT, "It fails, for this reason."),
-        FieldDecl("ends", Choice(_ENDS), "How else it ends."),
+        FieldDecl("ends", WordChoice(_ENDS), "How else it ends."),
         FieldDecl("after", DURATION, "How long it takes."),
     ),
 )
@@ -85,7 +85,7 @@ _HAPPENING = KeyTable(
         FieldDecl("person", BOOLEAN, "Whether the person is there from now on."),
         FieldDecl(
             "scene_layer",
-            Choice(tuple(_SILENT)),
+            WordChoice(tuple(_SILENT)),
             "Silent: from now on nothing new is known of the scene.",
         ),
         FieldDecl("publish", _MESSAGE, "A message arrives."),
@@ -117,7 +117,7 @@ SCENARIO = KeyTable(
         ),
         FieldDecl(
             "replace",
-            Entries(Either((Choice(tuple(AT_ONCE)), FIELDS)), "paths and nodes", keys=Key.ANY),
+            Entries(Either((WordChoice(tuple(AT_ONCE)), FIELDS)), "paths and nodes", keys=Key.ANY),
             "Path of a node → what stands in for it.",
         ),
         FieldDecl("during", Items(_HAPPENING), "What happens during the run."),
@@ -383,7 +383,7 @@ class ScenarioReader:
 
     def _values(self, fields: MappingReader, names: Iterable[str]) -> dict[str, float]:
         entries = tuple(
-            # A slip in a name is reported already; it is read as the one that is meant.
+            # A misspelt name is reported already; it is read as the one that is meant.
             MappingEntry(key=replace(fields.keys[name], text=name), value=fields.nodes[name])
             for name in names
             if name in fields.nodes

@@ -39,7 +39,6 @@ from bt_agents_language.yaml.field_tables import (
     BOOLEAN,
     DURATION,
     TEXT,
-    Choice,
     Either,
     Entries,
     FieldDecl,
@@ -49,6 +48,7 @@ from bt_agents_language.yaml.field_tables import (
     KeyTable,
     Several,
     Value,
+    WordChoice,
 )
 from bt_agents_language.yaml.source import Source
 from bt_agents_language.yaml.typed_reader import MappingReader, Shape, TypedReader
@@ -91,11 +91,11 @@ _EXPECT = KeyTable(
         FieldDecl("does_not", Several(_USE), "Skills that it does not use."),
         FieldDecl("visited", Several(TEXT), "Paths of nodes that are ticked."),
         FieldDecl("not_visited", Several(TEXT), "Paths of nodes that are never ticked."),
-        FieldDecl("ends", Choice(OUTCOMES), "How the run ends."),
+        FieldDecl("ends", WordChoice(OUTCOMES), "How the run ends."),
         FieldDecl("because", TEXT, "Words of the reason why it ended."),
         FieldDecl("within", DURATION, "The longest time that it may take."),
         FieldDecl(
-            "feedback", Several(Choice(tuple(_KINDS))), "The feedback that is given, in order."
+            "feedback", Several(WordChoice(tuple(_KINDS))), "The feedback that is given, in order."
         ),
         FieldDecl(
             "cancelled_by",

@@ -10,7 +10,6 @@ from bt_agents_language.fields.scope import mood_names, scene_names
 from bt_agents_language.tools.schema import value_schemas
 from bt_agents_language.tools.schema.value_schemas import Schema, described, mapping
 from bt_agents_language.yaml.field_tables import (
-    Choice,
     Either,
     Entries,
     FieldDecl,
@@ -20,12 +19,13 @@ from bt_agents_language.yaml.field_tables import (
     Key,
     KeyTable,
     Needs,
-    SceneNames,
+    SceneNameList,
     SceneValues,
     Several,
     Shared,
     Single,
     Value,
+    WordChoice,
 )
 from bt_agents_language.yaml.typed_reader import FORMAT
 
@@ -123,7 +123,7 @@ class SchemaGenerator:
         match declared:
             case Single():
                 return self._single(declared)
-            case Choice():
+            case WordChoice():
                 return {"enum": list(declared.words)}
             case Items():
                 schema = _array(self.value(declared.item))
@@ -139,7 +139,7 @@ class SchemaGenerator:
                 return self._entries(declared)
             case SceneValues():
                 return self._scene_values(declared)
-            case SceneNames():
+            case SceneNameList():
                 names: Schema = {"enum": list(self._space.names)}
                 return {"anyOf": [{"const": declared.every}, _array(names)]}
             case Shared():

@@ -23,8 +23,8 @@ def node_definitions(vocabulary: SymbolTable) -> Mapping[str, Schema]:
     """Return the definitions that a schema with trees needs.
 
     A node is one mapping with every key that may stand in it, not one alternative for each kind:
-    so an editor offers all keys at once, and a slip in one field is reported there instead of as
-    a node that fits no alternative.
+    so an editor offers all keys at once, and a mistake in one field is reported there, not as a
+    node that fits no alternative.
     """
     nodes = {
         **{key: _type(one, vocabulary.space) for key, one in vocabulary.node_types.items()},
@@ -185,7 +185,7 @@ def _leaf(
 ) -> Schema:
     """Return the schema of fields in a mapping, or of the main one as a scalar.
 
-    Both stand in one schema where that is possible, which gives one clear message a slip.
+    Both stand in one schema where that is possible, which gives one clear message a mistake.
 
     Args:
         key: The word that they stand behind.
