@@ -4,7 +4,8 @@
 from __future__ import annotations
 
 from bt_agents_core.errors import Refused
-from bt_agents_language.expression.expressions import EvaluationError, MissingValue
+from bt_agents_language.expression.expression_values import EvaluationError
+from bt_agents_language.expression.expressions import MissingValue
 from bt_agents_language.model.specs import NodeSpec
 
 

@@ -14,13 +14,8 @@ from bt_agents_core.field_types import FieldType, Plain
 from bt_agents_core.scene import Scene, SceneSpace, Vector, mood_of
 from bt_agents_core.text import quote
 from bt_agents_language.expression import quantities
-from bt_agents_language.expression.expression_values import described
-from bt_agents_language.expression.expressions import (
-    EvaluationError,
-    Expression,
-    MissingValue,
-    StaleValue,
-)
+from bt_agents_language.expression.expression_values import EvaluationError, described
+from bt_agents_language.expression.expressions import Expression, MissingValue, StaleValue
 from bt_agents_language.expression.name_resolution import resolve
 from bt_agents_language.model.specs import (
     Computed,

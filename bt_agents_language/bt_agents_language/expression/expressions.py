@@ -15,7 +15,6 @@ from bt_agents_language.expression.expression_tokens import (
     tokenize,
 )
 from bt_agents_language.expression.expression_values import (
-    EvaluationError,
     Evaluator,
     Lookup,
     Part,
@@ -34,17 +33,6 @@ from bt_agents_language.expression.operators import (
     compile_between,
 )
 from bt_agents_language.expression.units import Dimension
-
-__all__ = [
-    "EvaluationError",
-    "Expression",
-    "ExpressionError",
-    "Mention",
-    "MissingValue",
-    "StaleValue",
-    "ValueKind",
-    "parse_expression",
-]
 
 MAX_LENGTH = 1000
 """Characters of an expression."""

@@ -8,8 +8,8 @@ from functools import lru_cache
 
 from bt_agents_core.field_types import FieldType
 from bt_agents_core.text import quote
-from bt_agents_language.expression.expression_tokens import NAME
-from bt_agents_language.expression.expressions import Expression, ExpressionError
+from bt_agents_language.expression.expression_tokens import NAME, ExpressionError
+from bt_agents_language.expression.expressions import Expression
 from bt_agents_language.fields.scope import NameScope
 from bt_agents_language.model.specs import Computed, Reference
 from bt_agents_language.yaml.typed_reader import TypedReader

@@ -12,7 +12,8 @@ from bt_agents_core.field_types import FieldType
 from bt_agents_core.scene import SceneSpace
 from bt_agents_language.diagnostics.collection import did_you_mean, nearest
 from bt_agents_language.expression.expression_tokens import NAME, OPERATOR_WORDS
-from bt_agents_language.expression.expressions import Expression, ValueKind, parse_expression
+from bt_agents_language.expression.expression_values import ValueKind
+from bt_agents_language.expression.expressions import Expression, parse_expression
 from bt_agents_language.expression.functions import FUNCTIONS
 from bt_agents_language.expression.units import ANGLE, LENGTH, TIME, Dimension
 from bt_agents_language.fields.interfaces import MessageFields

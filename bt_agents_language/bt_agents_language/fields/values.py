@@ -5,7 +5,8 @@ from __future__ import annotations
 
 from bt_agents_core.field_types import FieldType, Plain
 from bt_agents_language.expression import quantities
-from bt_agents_language.expression.expressions import Expression, ValueKind
+from bt_agents_language.expression.expression_values import ValueKind
+from bt_agents_language.expression.expressions import Expression
 from bt_agents_language.fields.references import Part, read_expression, read_parts
 from bt_agents_language.fields.scope import UNITS, NameScope
 from bt_agents_language.model.specs import (

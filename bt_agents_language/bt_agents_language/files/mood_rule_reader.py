@@ -8,7 +8,9 @@ import math
 from bt_agents_core.errors import Refused
 from bt_agents_core.feedback import FeedbackKind
 from bt_agents_core.scene import SceneSpace
-from bt_agents_language.expression.expressions import Expression, ExpressionError, ValueKind
+from bt_agents_language.expression.expression_tokens import ExpressionError
+from bt_agents_language.expression.expression_values import ValueKind
+from bt_agents_language.expression.expressions import Expression
 from bt_agents_language.fields.scope import NameScope, mood_names, scene_names
 from bt_agents_language.fields.values import read_condition
 from bt_agents_language.model.mood_rule import ACTIONS, MoodAction, MoodRule

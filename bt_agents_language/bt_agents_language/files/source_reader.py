@@ -12,7 +12,8 @@ from bt_agents_core.field_types import BindingKind
 from bt_agents_core.scene import SceneParameter
 from bt_agents_core.text import quote
 from bt_agents_language.diagnostics.collection import did_you_mean
-from bt_agents_language.expression.expressions import EvaluationError, Expression, ValueKind
+from bt_agents_language.expression.expression_values import EvaluationError, ValueKind
+from bt_agents_language.expression.expressions import Expression
 from bt_agents_language.fields.interfaces import (
     Interfaces,
     MessageFields,

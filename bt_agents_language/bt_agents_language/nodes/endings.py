@@ -8,7 +8,8 @@ from enum import Enum
 from itertools import pairwise
 from typing import NamedTuple
 
-from bt_agents_language.expression.expressions import EvaluationError, Expression, MissingValue
+from bt_agents_language.expression.expression_values import EvaluationError
+from bt_agents_language.expression.expressions import Expression, MissingValue
 from bt_agents_language.model.specs import Literal, NodeSpec, Value
 
 

@@ -15,7 +15,8 @@ from hypothesis import strategies as st
 
 from bt_agents_core.errors import ReadError
 from bt_agents_language.diagnostics.collection import Diagnostics
-from bt_agents_language.expression.expressions import ExpressionError, parse_expression
+from bt_agents_language.expression.expression_tokens import ExpressionError
+from bt_agents_language.expression.expressions import parse_expression
 from bt_agents_language.expression.quantities import QuantityError, duration, integer, number
 from bt_agents_language.files.agent_reader import read_agent_text
 from bt_agents_language.files.experiment_reader import read_experiment
