@@ -95,7 +95,7 @@ class TreeExport:
         ports = self._ports(self._fields(raw, own.main), types, texts)
         if own.plugin is not None:
             return Xml(tag=self._models.plugin(own), attributes=ports)
-        what = "Condition" if own.looks_only else "Action"
+        what = "Condition" if own.read_only else "Action"
         return Xml(tag=self._word(raw.key, what, own.key, own.fields), attributes=ports)
 
     def _word(self, where: Node | Scalar, kind: str, key: str, fields: Sequence[NodeField]) -> str:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A stage for trees: an agent written in a test, a scripted world, a clock turned by hand."""
+"""Harness for trees: an agent written in a test, a scripted environment, a clock set by hand."""
 
 from __future__ import annotations
 

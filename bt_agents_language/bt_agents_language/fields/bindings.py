@@ -53,7 +53,7 @@ _FIELD_PATH = re.compile(r"[a-z][a-z0-9_]*(\.[a-z0-9_]+)*(#[A-Za-z_]\w*)?")
 
 
 @dataclass(frozen=True, kw_only=True)
-class Back:
+class ReceivedMessages:
     """What comes back from an interface.
 
     Attributes:
@@ -77,7 +77,9 @@ class Outputs:
     result: dict[str, str] = field(default_factory=dict)
     feedback: dict[str, str] = field(default_factory=dict)
 
-    def read(self, reading: TypedReader, name: str, node: Node, what: str, back: Back) -> None:
+    def read(
+        self, reading: TypedReader, name: str, node: Node, what: str, received: ReceivedMessages
+    ) -> None:
         """Note where an output comes from, unless it is wrong, which is then reported.
 
         Args:
@@ -85,15 +87,15 @@ class Outputs:
             name: The output.
             node: What is written: ``answer``, ``result.answer`` or ``feedback.progress``.
             what: The output, for messages.
-            back: What it may come from.
+            received: What it may come from.
         """
         is_feedback = isinstance(node, Scalar) and node.text.startswith(f"{FEEDBACK}.")
-        if back.feedback is not None and is_feedback:
-            path = read_output(reading, node, what, back.feedback, FEEDBACK)
+        if received.feedback is not None and is_feedback:
+            path = read_output(reading, node, what, received.feedback, FEEDBACK)
             if path is not None:
                 self.feedback[name] = path
             return
-        path = read_output(reading, node, what, back.result)
+        path = read_output(reading, node, what, received.result)
         if path is not None:
             self.result[name] = path
 
@@ -209,12 +211,12 @@ def result_fields(
     return MessageFields(known, kind, type_name or "", RECEIVED.get(kind, ""))
 
 
-def what_comes_back(
+def received_messages(
     kind: BindingKind, type_name: str | None, interfaces: Interfaces | None
-) -> Back:
+) -> ReceivedMessages:
     """Return all that an output may come from."""
     feedback = MessageFields(interfaces, kind, type_name or "", FEEDBACK)
-    return Back(
+    return ReceivedMessages(
         result=result_fields(kind, type_name, interfaces),
         feedback=feedback if kind is BindingKind.ACTION else None,
     )

@@ -135,14 +135,6 @@ def _report_name(
     offset: int,
     problem: tuple[str, str, str],
 ) -> None:
-    """Report where it stands that a name cannot be used here.
-
-    Args:
-        reading: The file.
-        node: The scalar.
-        name: The name.
-        offset: Where it begins in the text of the scalar.
-        problem: Code, message and hint.
-    """
+    """Report where it stands that a name cannot be used here."""
     code, message, hint = problem
     reading.error_in(code, node, offset, len(name), message, hint)

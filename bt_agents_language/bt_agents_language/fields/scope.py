@@ -190,12 +190,7 @@ class NameScope:
 
 @lru_cache(maxsize=1024)
 def _parsed(text: str, types: tuple[FieldType | None, ...]) -> Expression:
-    """Return an expression; files say the same ones again and again.
-
-    Args:
-        text: What is written.
-        types: Type of each word in it, None where it is no name.
-    """
+    """Return an expression; files say the same ones again and again."""
     known = dict(zip(_WORD.findall(text), types, strict=True))
     return parse_expression(
         text,

@@ -198,16 +198,7 @@ def _check_ids(
     path: str,
     of_message: str = _NAME_THE_ID,
 ) -> None:
-    """Report ids that are neither texts nor whole numbers, as far as their type is known.
-
-    Args:
-        reading: The file.
-        node: What is written.
-        what: The ids, for messages.
-        message: The message that has them.
-        path: Where they stand in it.
-        of_message: Hint where they are messages themselves.
-    """
+    """Report ids that are neither texts nor whole numbers, as far as their type is known."""
     nested = message.nested(path)
     found = _NO_IDS.get(message.type_of(path), "") if nested is None else nested.value
     if not found:

@@ -24,8 +24,8 @@ CHECK = NodeType(
     description="Succeeds when a condition is true, else fails.",
     outcomes=_outcomes,
     idle=True,
-    looks_only=True,
-    ways=((Mark.SUCCEEDED, "never true"), (Mark.FAILED, "never false")),
+    read_only=True,
+    to_cover=((Mark.SUCCEEDED, "never true"), (Mark.FAILED, "never false")),
     example="""\
 tree:
   selector:

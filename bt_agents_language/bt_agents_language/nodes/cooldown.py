@@ -16,7 +16,7 @@ COOLDOWN = NodeType(
     derived=("otherwise",),
     outcomes=skippable,
     skips=True,
-    ways=((Mark.LEFT_OUT, "never left out"),),
+    to_cover=((Mark.LEFT_OUT, "never left out"),),
     example="""\
 tree:
   repeat: {until: not live.person, pause: 1 s}

@@ -15,7 +15,7 @@ ONCE = NodeType(
     skips=True,
     unaffected=True,
     single_round=True,
-    ways=((Mark.LEFT_OUT, "never left out"),),
+    to_cover=((Mark.LEFT_OUT, "never left out"),),
     example="""\
 tree:
   repeat: 3

@@ -10,7 +10,7 @@ from bt_agents_language.fields.bindings import (
     Outputs,
     binding_keys,
     read_binding,
-    what_comes_back,
+    received_messages,
 )
 from bt_agents_language.fields.scope import NameScope
 from bt_agents_language.model.specs import FieldSpec, NodeSpec, SkillSpec
@@ -94,9 +94,9 @@ def _skill(
 def _outputs(reader: NodeReader, fields: MappingReader, kind: BindingKind) -> Outputs:
     node = fields.get("type")
     type_name = node.text if isinstance(node, Scalar) else ""
-    back = what_comes_back(kind, type_name, reader.interfaces)
+    received = received_messages(kind, type_name, reader.interfaces)
     outputs = Outputs()
     for entry in fields.entries("outputs", "names and fields"):
         name = entry.key.text
-        outputs.read(reader.reading, name, entry.value, f"output '{name[:40]}'", back)
+        outputs.read(reader.reading, name, entry.value, f"output '{name[:40]}'", received)
     return outputs

@@ -17,7 +17,7 @@ TIMEOUT = NodeType(
     unaffected=True,
     limits=True,
     gives_up=True,
-    ways=((Mark.BROKEN_OFF, "never ran out of time"),),
+    to_cover=((Mark.BROKEN_OFF, "never ran out of time"),),
     example="""\
 tree:
   drive: check-in desk

@@ -22,7 +22,7 @@ WHEN = NodeType(
     outcomes=skippable,
     unreached=never_true,
     skips=True,
-    ways=((Mark.LEFT_OUT, "never left out"),),
+    to_cover=((Mark.LEFT_OUT, "never left out"),),
     example="""\
 tree:
   sequence:

@@ -34,7 +34,7 @@ WHILE = NodeType(
     unreached=never_true,
     limits=True,
     gives_up=True,
-    ways=((Mark.BROKEN_OFF, "never broken off"),),
+    to_cover=((Mark.BROKEN_OFF, "never broken off"),),
     example="""\
 tree:
   while: live.person

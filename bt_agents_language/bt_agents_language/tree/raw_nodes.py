@@ -102,15 +102,7 @@ class RawNodeReader:
         parent: NodeType | None,
         loose_children: bool = False,
     ) -> RawNode:
-        """Return a raw node.
-
-        Args:
-            entry: The node key and its value.
-            word: The node key that is meant.
-            known: The decorators and sibling keys beside it.
-            parent: Type of the composite that it is a child of.
-            loose_children: Whether the children stand beside the node by mistake.
-        """
+        """Return a raw node."""
         node_type = self._types.get(word)
         skill = None if node_type is not None else self._skills[word]
         label = known.pop("name", None)

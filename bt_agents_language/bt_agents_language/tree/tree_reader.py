@@ -124,8 +124,8 @@ class TreeReader:
             if decorator.complete is not None:
                 decorator.complete(self._reading, node, nodes, fields)
         if decorator.skips:
-            goes_on = parent.goes_on if parent is not None else Outcome.SUCCESS
-            fields["otherwise"] = Literal(value=goes_on.name.lower())
+            continues_on = parent.continues_on if parent is not None else Outcome.SUCCESS
+            fields["otherwise"] = Literal(value=continues_on.name.lower())
         return fields
 
     def _handled(

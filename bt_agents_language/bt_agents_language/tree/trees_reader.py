@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Reads the trees and subtrees of an agent or library, and puts the subtrees in place."""
+"""Reader of the trees and subtrees of an agent or library; subtrees are put in place."""
 
 from __future__ import annotations
 

@@ -100,8 +100,8 @@ def coverage(agent: AgentSpec, marks: Iterable[Marks]) -> Coverage:
 def _branches(node: NodeSpec) -> Iterator[tuple[NodeSpec, Mark, str]]:
     """Return what must have been seen of a node besides a tick, as far as it is possible."""
     node_type = type_of(node)
-    possible = outcomes(node) if node_type.ways else frozenset()
-    for mark, text in node_type.ways:
+    possible = outcomes(node) if node_type.to_cover else frozenset()
+    for mark, text in node_type.to_cover:
         if _OUTCOMES.get(mark, Outcome.FAILURE) in possible or mark is Mark.LEFT_OUT:
             yield node, mark, text
     for child in node_type.alternatives(node):

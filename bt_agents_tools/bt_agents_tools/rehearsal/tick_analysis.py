@@ -64,7 +64,7 @@ def _rests(node: Behaviour, status: Status, wakes: Mapping[str, float]) -> bool:
         below = any(child.status is Status.RUNNING for child in node.children)
         return not running or below or spec.path in wakes
     node_type = type_of(spec)
-    return node_type.idle and (running or node_type.looks_only)
+    return node_type.idle and (running or node_type.read_only)
 
 
 def running_leaves(ticked: Iterable[tuple[Behaviour, Status]]) -> list[NodeSpec]:

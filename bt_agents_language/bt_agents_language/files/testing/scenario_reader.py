@@ -12,7 +12,7 @@ from bt_agents_language.diagnostics.collection import did_you_mean
 from bt_agents_language.fields.interfaces import read_ros_name
 from bt_agents_language.fields.scene_values import read_values
 from bt_agents_language.fields.scope import NameScope
-from bt_agents_language.fields.values import read_value
+from bt_agents_language.fields.values import is_plain, plain, read_value
 from bt_agents_language.files.testing.path_patterns import is_path, matches, nodes_of, path_hint
 from bt_agents_language.files.testing.replacement_reader import AT_ONCE, ReplacementReader
 from bt_agents_language.files.testing.scenarios import (
@@ -25,12 +25,9 @@ from bt_agents_language.files.testing.scenarios import (
 )
 from bt_agents_language.model.specs import (
     AgentSpec,
-    ListValue,
     Literal,
-    MapValue,
     NodeSpec,
     SkillSpec,
-    Value,
 )
 from bt_agents_language.nodes.catalogue import NODE_TYPES
 from bt_agents_language.nodes.symbols import SymbolTable
@@ -217,16 +214,15 @@ class ScenarioReader:
         value = read_value(self._reading, node, field_type, NameScope({}), what)
         if value is None:
             return None
-        try:
-            return _plain(value)
-        except ValueError:
-            self._reading.error(
-                "bad-reference",
-                node,
-                f"{what}: a test has no names to put into '${{…}}'",
-                "write the value itself",
-            )
-            return None
+        if is_plain(value):
+            return plain(value)
+        self._reading.error(
+            "bad-reference",
+            node,
+            f"{what}: a test has no names to put into '${{…}}'",
+            "write the value itself",
+        )
+        return None
 
     def _person_of(self, scene: MappingNode) -> bool | None:
         node = None if "person" in self._space.names else scene.get("person")
@@ -453,14 +449,3 @@ def _without_person(scene: MappingNode) -> MappingNode:
 
 def _text(node: Node) -> str:
     return node.text if isinstance(node, Scalar) else "this"
-
-
-def _plain(value: Value) -> Plain:
-    match value:
-        case Literal():
-            return value.value
-        case ListValue():
-            return tuple(_plain(item) for item in value.items)
-        case MapValue():
-            return {key: _plain(item) for key, item in value.items.items()}
-    raise ValueError

@@ -127,13 +127,7 @@ class _Writer:
         return "\n".join(self._with_trailing_comments()) + "\n"
 
     def _block(self, node: Mapping | Sequence, indent: int, outside: int) -> None:
-        """Write a list or mapping over several lines.
-
-        Args:
-            node: The list or mapping.
-            indent: Spaces before its lines.
-            outside: Column of the list or mapping around it in the source, from 0.
-        """
+        """Write a list or mapping over several lines."""
         column = node.position.column - 1
         if isinstance(node, Mapping):
             for entry in self._order.get(node.span, node.entries):

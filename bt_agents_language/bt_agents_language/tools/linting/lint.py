@@ -262,7 +262,7 @@ def _unreached(one: Unreached) -> Diagnostic:
     # A branch has no key of its own.
     is_branch = type_of(one.node).role is Role.BRANCH
     key = one.node.children[0] if is_branch else one.node
-    return _at(key, "never-reached", f"this is never done: {one.why}", one.hint)
+    return _at(key, "never-reached", f"this is never done: {one.reason}", one.hint)
 
 
 def _at(spec: NodeSpec, code: str, message: str, hint: str) -> Diagnostic:
