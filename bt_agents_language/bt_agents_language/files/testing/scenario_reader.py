@@ -23,12 +23,7 @@ from bt_agents_language.files.testing.scenarios import (
     ScriptedAnswer,
     ScriptedEvent,
 )
-from bt_agents_language.model.specs import (
-    AgentSpec,
-    Literal,
-    NodeSpec,
-    SkillSpec,
-)
+from bt_agents_language.model.specs import AgentSpec, Literal, NodeSpec, SkillSpec
 from bt_agents_language.nodes.catalogue import NODE_TYPES
 from bt_agents_language.nodes.symbols import SymbolTable
 from bt_agents_language.yaml.field_tables import (
