@@ -188,7 +188,7 @@ def check_range_units(value: Part, low: Part, high: Part) -> None:
     """Refuse a range of another dimension than the value that may lie in it.
 
     Raises:
-        ExpressionError: As said.
+        ExpressionError: The dimensions differ.
     """
     _same("between", (value, low, high))
 

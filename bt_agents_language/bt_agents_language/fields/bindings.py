@@ -80,7 +80,7 @@ class Outputs:
     def read(
         self, reading: TypedReader, name: str, node: Node, what: str, received: ReceivedMessages
     ) -> None:
-        """Note where an output comes from, unless it is wrong, which is then reported.
+        """Store where an output comes from, unless it is wrong, which is then reported.
 
         Args:
             reading: The file.

@@ -22,7 +22,7 @@ class AgentFile:
 
     Attributes:
         file: Where it is.
-        text: What it said; None when it could not be opened.
+        text: Its text; None when it could not be opened.
         agent: The agent; None when there are errors.
         error: The errors; None when there are none.
         imports: Paths of the libraries that were read for it, one through the other.
@@ -38,7 +38,7 @@ class AgentFile:
 
     @cached_property
     def prints(self) -> tuple[TreeFingerprint, TreeFingerprint]:
-        """By which changes of the tree and of its clean-up can be told."""
+        """Fingerprints of the tree and of its clean-up, by which changes are found."""
         assert self.agent is not None
         return tree_fingerprint(self.agent.tree), tree_fingerprint(self.agent.on_cancel)
 

@@ -170,7 +170,7 @@ class SourceReader:
     Args:
         reading: The file.
         interfaces: The installed ROS types; None leaves types and fields unchecked.
-        tracked: Who is tracked; None where persons are not told apart.
+        tracked: Who is tracked; None where persons are not distinguished.
         placeholders: What may stand in angle brackets in a topic.
     """
 

@@ -28,7 +28,7 @@ class Literal:
     """A value as written, in SI units.
 
     Attributes:
-        type: Type of its place as far as it has one; says with which unit it is shown.
+        type: Type of its place as far as it has one; decides its unit in texts.
     """
 
     value: Plain

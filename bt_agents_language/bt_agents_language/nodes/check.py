@@ -11,8 +11,8 @@ from bt_agents_language.nodes.node_type import Content, Mark, NodeField, NodeTyp
 
 
 def _outcomes(spec: NodeSpec, children: Sequence[Outcomes]) -> Outcomes:
-    said = constant(spec.fields.get("condition"))
-    return EITHER if said is None else SUCCESS if said else FAILURE
+    is_true = constant(spec.fields.get("condition"))
+    return EITHER if is_true is None else SUCCESS if is_true else FAILURE
 
 
 CHECK = NodeType(

@@ -92,9 +92,9 @@ def skippable(spec: NodeSpec, children: Sequence[Outcomes]) -> Outcomes:
     """Return the outcomes of a decorator that skips its node under its ``condition``."""
     inner = children[0]
     skipped = FAILURE if spec.fields.get("otherwise") == Literal(value="failure") else SUCCESS
-    said = constant(spec.fields.get("condition"))
-    if said is not None:
-        return inner if said else skipped
+    is_true = constant(spec.fields.get("condition"))
+    if is_true is not None:
+        return inner if is_true else skipped
     return inner | skipped
 
 

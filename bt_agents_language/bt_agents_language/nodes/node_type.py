@@ -326,7 +326,7 @@ class NodeType:
         idle: Whether nothing but an event or a time changes a running leaf.
         read_only: Whether the leaf has no effect on anything.
         gives_up: Whether a rehearsal shows its failures.
-        to_cover: What tests should have seen it do, and how it is said that they have not.
+        to_cover: What tests should have seen it do, each with the text where they have not.
         resources: What a node uses outside of its tree.
         drawn_key: Word for a node in a picture.
     """

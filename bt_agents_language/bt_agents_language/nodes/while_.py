@@ -11,9 +11,9 @@ from bt_agents_language.nodes.node_type import Content, Mark, NodeField, NodeTyp
 
 
 def _outcomes(spec: NodeSpec, children: Sequence[Outcomes]) -> Outcomes:
-    said = constant(spec.fields.get("condition"))
-    if said is not None:
-        return children[0] if said else FAILURE
+    is_true = constant(spec.fields.get("condition"))
+    if is_true is not None:
+        return children[0] if is_true else FAILURE
     return limited(children[0])
 
 

@@ -23,6 +23,11 @@ from bt_agents_language.yaml.yaml_reader import Node, Scalar
 class CallReader:
     """Reads skill nodes and subtree nodes of one file.
 
+    Args:
+        reading: The file.
+        subtrees: What it can call, by name.
+        vocabulary: Whether there may be more, in an import that has failed or is missing.
+
     Attributes:
         calls: Place of each ``subtree`` node → name of the subtree.
     """
@@ -33,13 +38,6 @@ class CallReader:
         subtrees: Mapping[str, SubtreeSpec],
         vocabulary: SymbolTable,
     ) -> None:
-        """Take the file.
-
-        Args:
-            reading: The file.
-            subtrees: What it can call, by name.
-            vocabulary: Tells whether there are more, in an import that has failed or is missing.
-        """
         self._vocabulary = vocabulary
         self.calls: dict[Position, str] = {}
         self._reading = reading

@@ -123,8 +123,8 @@ def reindented_block(written: str, text: str, indent: int, parent: int) -> list[
         content.pop()
     ends = len(text) - len(text.rstrip("\n"))
     chomping = "-" if ends == 0 else "" if ends == 1 else "+"
-    shown = next(line for line in content if line)
-    indicator = str(indent - parent) if shown[0] in " \t" else ""
+    first_shown = next(line for line in content if line)
+    indicator = str(indent - parent) if first_shown[0] in " \t" else ""
     return [
         f"{written[0]}{indicator}{chomping}",
         *(" " * indent + line if line else "" for line in content),

@@ -155,8 +155,8 @@ def _busy_repeats(tree: _Tree) -> Found:
 
 def _two_voices(tree: _Tree) -> Found:
     for spec in tree.where(lambda one: one.concurrent):
-        spoken = [next(filter(_speaks, iter_nodes(child)), None) for child in spec.children]
-        first, *others = [one for one in spoken if one is not None] or [spec]
+        voices = [next(filter(_speaks, iter_nodes(child)), None) for child in spec.children]
+        first, *others = [one for one in voices if one is not None] or [spec]
         for other in others:
             yield _at(
                 other,
