@@ -12,13 +12,25 @@ from bt_agents_core.diagnostic import Diagnostic, Position, Severity
 from bt_agents_core.field_types import BindingKind
 from bt_agents_core.gc_pause import gc_paused
 from bt_agents_core.text import quote
+from bt_agents_language.expression.expressions import Expression
 from bt_agents_language.files.testing.scenarios import SPOKEN
-from bt_agents_language.model.specs import AgentSpec, Literal, NodeSpec, UnusedInput, iter_nodes
+from bt_agents_language.model.specs import (
+    AgentSpec,
+    Computed,
+    ListValue,
+    Literal,
+    MapValue,
+    NodeSpec,
+    Reference,
+    Text,
+    UnusedInput,
+    Value,
+    iter_nodes,
+)
 from bt_agents_language.nodes.catalogue import type_of
 from bt_agents_language.nodes.endings import Unreached
 from bt_agents_language.nodes.node_type import NodeType, Role, Waits
 from bt_agents_language.tools.linting.outcomes import endless, every_outcome
-from bt_agents_language.tools.linting.reads import names_read, texts_of
 
 _PATIENCE = 20
 """Oftener than that nobody wants to hear the same."""
@@ -184,7 +196,7 @@ def _unmarked_names(agent: AgentSpec, nodes: Sequence[NodeSpec]) -> Found:
         (node, match)
         for node in nodes
         if node.fields
-        for text in texts_of(node)
+        for text in _texts(node)
         if "$" in text or "{" in text
         for match in _UNMARKED.finditer(text)
     ]
@@ -224,7 +236,7 @@ def _unread_tunables(agent: AgentSpec, nodes: Sequence[NodeSpec]) -> Found:
             return
         # The trees of a library see its own names only.
         if node.position.file == agent.file:
-            unread.difference_update(names_read(node))
+            unread.difference_update(_names_read(node))
     for tunable in agent.tunables:
         if tunable.name in unread:
             yield _warning(
@@ -244,6 +256,44 @@ _RULES: tuple[Callable[[_Tree], Found], ...] = (
     _two_voices,
     _not_offered,
 )
+
+
+def _names_read(spec: NodeSpec) -> Iterator[str]:
+    values: list[Value | Expression] = [*spec.fields.values()]
+    # The interface of a ROS leaf stands in the tree; that of a skill names the skill's inputs.
+    binding = spec.skill.binding if spec.skill is not None else None
+    if binding is not None and type_of(spec).interface is not None:
+        values.append(binding.fields)
+        if binding.succeed_when is not None:
+            values.append(binding.succeed_when)
+    for value in _parts(values):
+        match value:
+            case Expression(names=names) | Computed(expression=Expression(names=names)):
+                yield from names
+            case Reference(name=name):
+                yield name
+
+
+def _texts(spec: NodeSpec) -> Iterator[str]:
+    for value in _parts(spec.fields.values()):
+        text = value.value if isinstance(value, Literal) else value
+        if isinstance(text, str):
+            yield text
+
+
+def _parts(values: Iterable[Value | Expression]) -> Iterator[Value | Expression | str]:
+    """Yield values and all that is in them; a plain piece of a text as it is."""
+    waiting: list[Value | Expression | str] = [*values]
+    while waiting:
+        value = waiting.pop()
+        yield value
+        match value:
+            case Text(parts=parts):
+                waiting += parts
+            case ListValue(items=items):
+                waiting += items
+            case MapValue(items=entries):
+                waiting += entries.values()
 
 
 def _speaks(spec: NodeSpec) -> bool:
